@@ -1,0 +1,71 @@
+"""What a fit returns: the answer in words and numbers, and what a figure needs."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from jblast.observations import Observations
+from jblast.scene import Scene
+
+
+@dataclass(frozen=True)
+class Band:
+    """What the posterior says of one quantity along a line away from the charge.
+
+    Attributes:
+        quantity: A key of `observations.QUANTITIES`.
+        axis: "range_m", or "time_s" for `shock_radius_m`.
+        x: Where, increasing.
+        q05: 5 % quantile over the posterior, laws taken as exact; clock times are on
+            the common clock.
+        q50: Median.
+        q95: 95 % quantile.
+        valid: Where the law holds at the median answer.
+    """
+
+    quantity: str
+    axis: str
+    x: Float[np.ndarray, " point"]
+    q05: Float[np.ndarray, " point"]
+    q50: Float[np.ndarray, " point"]
+    q95: Float[np.ndarray, " point"]
+    valid: Bool[np.ndarray, " point"]
+
+
+@dataclass(frozen=True)
+class Fit:
+    """The answer to one log.
+
+    Attributes:
+        answer: What `jblast fit --json` prints; `scene_schema.md` is its contract.
+        observations: The log.
+        scene: The scene at the maximum of the posterior.
+        predicted: The law's value at each row, in the row's unit.
+        distance: Slant range of each row at the answer [m].
+        residual: (measured - predicted - shared effects) / sd of each row.
+        sd: Independent standard deviation of each row: seconds for times, else in ln.
+        shared: The shared effects at each row, same unit as `sd`.
+        draws: Posterior draws of every free parameter, in the order of `answer["free"]`.
+        bands: One for each quantity observed.
+        exit_code: 0 answered, 4 computed but not converged or not identifiable.
+    """
+
+    answer: Mapping[str, Any]
+    observations: Observations
+    scene: Scene
+    predicted: Float[np.ndarray, " row"]
+    distance: Float[np.ndarray, " row"]
+    residual: Float[np.ndarray, " row"]
+    sd: Float[np.ndarray, " row"]
+    shared: Float[np.ndarray, " row"]
+    draws: Mapping[str, Float[np.ndarray, " draw"]] = field(default_factory=dict)
+    bands: tuple[Band, ...] = ()
+
+    @property
+    def exit_code(self) -> int:
+        """Return the exit code of the contract: 0 answered, 4 computed with a doubt."""
+        answered = self.answer["converged"] and self.answer["identifiable"]
+        return 0 if answered else 4

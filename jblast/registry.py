@@ -1,0 +1,90 @@
+"""The table of laws: which law gives which quantity, and how to call it.
+
+Each law registers itself where it is defined. The names of its arguments are the
+attributes of `waves.paths.Path`, so the table needs no knowledge of any law, and this
+file imports nothing of ours.
+"""
+
+import inspect
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+
+@dataclass(frozen=True)
+class Law:
+    """One law for one quantity.
+
+    Attributes:
+        quantity: What it gives, by the name used in observation files.
+        name: The law's name, as in `--law NAME`.
+        function: The law. Its arguments are named as in `waves.paths.Path`.
+        range: Where it holds, in words.
+        source: Where it comes from.
+        valid: True where it holds; its arguments are named likewise.
+        scatter: How far nature departs from it, in ln of the quantity (of the travel
+            time for arrivals): standard deviations of what a whole shot shares, of
+            what one path shares, and of each record. Arguments named likewise.
+        scatter_source: Where the scatter comes from: measured by which script, or
+            declared.
+    """
+
+    quantity: str
+    name: str
+    function: Callable[..., Any]
+    range: str
+    source: str
+    valid: Callable[..., Any]
+    scatter: Callable[..., tuple[Any, Any, Any]]
+    scatter_source: str
+
+    def arguments(self) -> tuple[str, ...]:
+        """Names of what the law depends on, as `waves.paths.Path` calls them."""
+        return tuple(inspect.signature(self.function).parameters)
+
+
+LAWS: dict[tuple[str, str], Law] = {}
+
+
+def register(law: Law) -> Law:
+    """Enter a law into the table; a law of the same quantity and name is replaced."""
+    LAWS[law.quantity, law.name] = law
+    return law
+
+
+def law_for(quantity: str, name: str) -> Law:
+    """Look a law up.
+
+    Raises:
+        ValueError: No such law gives that quantity; the message lists those that do.
+    """
+    if (quantity, name) not in LAWS:
+        raise ValueError(
+            f"no law named {name!r} gives {quantity}; "
+            f"expected one of {', '.join(names_for(quantity)) or '(none yet)'}"
+        )
+    return LAWS[quantity, name]
+
+
+def names_for(quantity: str) -> tuple[str, ...]:
+    """Names of all laws that give a quantity."""
+    return tuple(name for q, name in LAWS if q == quantity)
+
+
+def names() -> tuple[str, ...]:
+    """Names of all laws, each once, in order of registration."""
+    return tuple(dict.fromkeys(name for _, name in LAWS))
+
+
+def call(function: Callable[..., Any], path: Any) -> Any:
+    """Call a law (or its `valid` or `scatter`) with what it asks for of a path."""
+    return function(
+        *(getattr(path, name) for name in inspect.signature(function).parameters)
+    )
+
+
+def declared_scatter(
+    shot: float, record: float
+) -> Callable[[], tuple[float, float, float]]:
+    """Scatter that nobody measured: one standard deviation a shot, one a record."""
+    return lambda: (shot, 0.0, record)

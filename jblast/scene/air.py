@@ -1,0 +1,37 @@
+"""The air: what was measured of it. What follows from that is in `waves.atmosphere`."""
+
+import equinox as eqx
+from jaxtyping import Array, Float
+
+from jblast.constants import STANDARD_PRESSURE, STANDARD_TEMPERATURE
+from jblast.types import as_float_array
+
+
+def _optional(value):
+    return None if value is None else as_float_array(value)
+
+
+class Air(eqx.Module):
+    """Still air, the same everywhere.
+
+    Attributes:
+        temperature: Temperature [K].
+        pressure: Ambient pressure [Pa].
+        relative_humidity: Fraction, 0 to 1.
+        altitude: Height above sea level [m]; where given, temperature and pressure
+            are those of the standard atmosphere there and the two above unused.
+        sound_speed: Measured or fitted sound speed [m/s]; None derives it from
+            temperature and humidity.
+    """
+
+    temperature: Float[Array, ""] = eqx.field(
+        converter=as_float_array, default=STANDARD_TEMPERATURE
+    )
+    pressure: Float[Array, ""] = eqx.field(
+        converter=as_float_array, default=STANDARD_PRESSURE
+    )
+    relative_humidity: Float[Array, ""] = eqx.field(
+        converter=as_float_array, default=0.5
+    )
+    altitude: Float[Array, ""] | None = eqx.field(converter=_optional, default=None)
+    sound_speed: Float[Array, ""] | None = eqx.field(converter=_optional, default=None)

@@ -1,0 +1,19 @@
+"""Array types shared by the whole package."""
+
+import jax.numpy as jnp
+from jaxtyping import Array, ArrayLike, Float
+
+
+def as_float_array(value: ArrayLike) -> Float[Array, "..."]:
+    """Convert a number to a float array of JAX's default precision.
+
+    A bare Python float in a PyTree recompiles at each new value under `eqx.filter_jit`
+    and is skipped by `eqx.filter_grad`, so every field with a unit goes through here.
+    """
+    array = jnp.asarray(value)
+    return array if jnp.issubdtype(array.dtype, jnp.floating) else array.astype(float)
+
+
+def as_float_arrays(*values: ArrayLike) -> tuple[Float[Array, "..."], ...]:
+    """Convert several numbers: the first line of a law that takes plain numbers too."""
+    return tuple(as_float_array(value) for value in values)

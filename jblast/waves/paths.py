@@ -1,0 +1,49 @@
+"""What lies between a charge and a sensor: everything a law may depend on."""
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from jblast.scene.charge import Burst
+
+
+class Path(eqx.Module):
+    """One way from charge to sensor, or many at once: fields broadcast.
+
+    A law's arguments are named after these fields.
+
+    Attributes:
+        slant_range: Straight distance $R$ [m].
+        charge_mass: TNT-equivalent mass $W$ [kg].
+        height_of_burst: Height above ground [m]; negative is buried.
+        ambient_pressure: $P_0$ [Pa].
+        sound_speed: $c_0$ [m/s].
+        air_density: $\\rho_0$ [kg/m3].
+        p_speed: P-wave speed of the ground $c_s$ [m/s].
+        sedov_gamma: Ratio of specific heats behind a strong shock [-].
+        time_since_detonation: When the row was taken [s]; NaN where it has no time.
+        burst: "surface" or "free-air".
+    """
+
+    slant_range: Float[Array, "..."]
+    charge_mass: Float[Array, "..."]
+    height_of_burst: Float[Array, "..."]
+    ambient_pressure: Float[Array, "..."]
+    sound_speed: Float[Array, "..."]
+    air_density: Float[Array, "..."]
+    p_speed: Float[Array, "..."]
+    sedov_gamma: Float[Array, "..."]
+    time_since_detonation: Float[Array, "..."]
+    burst: Burst = eqx.field(static=True, default="surface")
+
+
+def slant_range(
+    source: Float[Array, "... 3"], sensor: Float[Array, "... 3"]
+) -> Float[Array, "..."]:
+    """Return the straight distance between two places [m].
+
+    Its gradient at distance zero is defined, as zero.
+    """
+    squared = jnp.sum(jnp.square(sensor - source), axis=-1)
+    apart = squared > 0
+    return jnp.where(apart, jnp.sqrt(jnp.where(apart, squared, 1.0)), 0.0)
