@@ -8,17 +8,18 @@ from jblast.scene.charge import Burst
 
 
 class Path(eqx.Module):
-    """One way from charge to sensor, or many at once: fields broadcast.
+    r"""One way from charge to sensor, or many at once: fields broadcast.
 
     A law's arguments are named after these fields.
 
     Attributes:
         slant_range: Straight distance $R$ [m].
+        ground_range: Distance along the ground [m].
         charge_mass: TNT-equivalent mass $W$ [kg].
         height_of_burst: Height above ground [m]; negative is buried.
         ambient_pressure: $P_0$ [Pa].
         sound_speed: $c_0$ [m/s].
-        air_density: $\\rho_0$ [kg/m3].
+        air_density: $\rho_0$ [kg/m3].
         p_speed: P-wave speed of the ground $c_s$ [m/s].
         sedov_gamma: Ratio of specific heats behind a strong shock [-].
         time_since_detonation: When the row was taken [s]; NaN where it has no time.
@@ -26,6 +27,7 @@ class Path(eqx.Module):
     """
 
     slant_range: Float[Array, "..."]
+    ground_range: Float[Array, "..."]
     charge_mass: Float[Array, "..."]
     height_of_burst: Float[Array, "..."]
     ambient_pressure: Float[Array, "..."]
@@ -38,7 +40,7 @@ class Path(eqx.Module):
 
 
 def slant_range(
-    source: Float[Array, "... 3"], sensor: Float[Array, "... 3"]
+    source: Float[Array, "... axis"], sensor: Float[Array, "... axis"]
 ) -> Float[Array, "..."]:
     """Return the straight distance between two places [m].
 

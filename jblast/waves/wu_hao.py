@@ -47,7 +47,7 @@ def wu_hao_air_valid(
 
 
 def wu_hao_ground_arrival_time(
-    slant_range: Float[ArrayLike, "..."],
+    ground_range: Float[ArrayLike, "..."],
     charge_mass: Float[ArrayLike, "..."],
     p_speed: Float[ArrayLike, "..."],
 ) -> Float[Array, "..."]:
@@ -56,19 +56,19 @@ def wu_hao_ground_arrival_time(
     $$t_s = 0.91\,R^{1.03}\,Q^{-0.02} / c_s$$
 
     Args:
-        slant_range: Range $R$ [m], positive.
+        ground_range: Distance along the ground $R$ [m], positive.
         charge_mass: TNT-equivalent mass $Q$ [kg], positive.
         p_speed: P-wave speed of the rock $c_s$ [m/s].
     """
-    slant_range, charge_mass, p_speed = as_float_arrays(
-        slant_range, charge_mass, p_speed
+    ground_range, charge_mass, p_speed = as_float_arrays(
+        ground_range, charge_mass, p_speed
     )
-    return 0.91 * slant_range**1.03 * charge_mass**-0.02 / p_speed
+    return 0.91 * ground_range**1.03 * charge_mass**-0.02 / p_speed
 
 
-def wu_hao_ground_valid(slant_range: Float[ArrayLike, "..."]) -> Bool[Array, "..."]:
+def wu_hao_ground_valid(ground_range: Float[ArrayLike, "..."]) -> Bool[Array, "..."]:
     """Return True at every positive range: the paper states no limit we could read."""
-    return as_float_array(slant_range) > 0
+    return as_float_array(ground_range) > 0
 
 
 register(

@@ -1,0 +1,81 @@
+"""Which law answers for which quantity, where the user leaves it to us.
+
+Until the choice is measured it is the rule of the contract: one law a quantity a log.
+"""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+import jblast.waves as _waves  # noqa: F401  laws enter the registry as they are imported
+from jblast.registry import law_for, names_for
+from jblast.scene import Scene
+from jblast.sensors.layout import Layout
+from jblast.sensors.record import path_to
+from jblast.waves.scaling import scaled_distance
+
+ONLY = {
+    "flash_time_s": "light",
+    "ground_arrival_s": "wu_hao",
+    "reflected_pressure_pa": "kingery_bulmash",
+    "reflected_impulse_pa_s": "kingery_bulmash",
+    "shock_radius_m": "sedov_taylor",
+}
+KINGERY_BULMASH_END = 40.0
+FORD_2021_START = 20.0
+
+
+def resolve_laws(scene: Scene, layout: Layout) -> dict[str, tuple[str, str]]:
+    """Return law and reason for every quantity: as the scene says, else chosen.
+
+    Raises:
+        ValueError: The scene names a law that does not give a quantity, or no law gives
+            a quantity yet.
+    """
+    chosen = dict(scene.law)
+    automatic = choose_laws(scene, layout)
+    answer = {}
+    for quantity in layout.quantities():
+        name = chosen.get(quantity, "auto")
+        if name == "auto":
+            answer[quantity] = automatic[quantity]
+        else:
+            law_for(quantity, name)
+            answer[quantity] = (name, "as asked for")
+    return answer
+
+
+def choose_laws(scene: Scene, layout: Layout) -> dict[str, tuple[str, str]]:
+    """Return the automatic law and the reason for every quantity of a layout.
+
+    Raises:
+        ValueError: No law gives a quantity yet.
+    """
+    path = path_to(scene, layout)
+    z = np.asarray(
+        scaled_distance(path.slant_range, path.charge_mass, path.ambient_pressure)
+    )
+    return {
+        quantity: _choose(quantity, z[layout.rows(quantity)[0]])
+        for quantity in layout.quantities()
+    }
+
+
+def _choose(quantity: str, z: np.ndarray) -> tuple[str, str]:
+    if not names_for(quantity):
+        raise ValueError(f"no law gives {quantity}: not supported yet")
+    if quantity in ONLY:
+        return ONLY[quantity], "the only law for it so far"
+    span = f"Z = {z.min():.3g} to {z.max():.3g} m/kg^(1/3)"
+    if quantity in ("air_arrival_s", "peak_overpressure_pa"):
+        if z.max() <= KINGERY_BULMASH_END:
+            return "kingery_bulmash", f"{span}, all within 40"
+        return "shock_kinematics", f"{span}, beyond 40 where Kingery-Bulmash ends"
+    if z.min() >= FORD_2021_START:
+        return "ford_2021", f"{span}, all beyond 20"
+    return "kingery_bulmash", f"{span}, not all beyond 20"
+
+
+def law_names(laws: Mapping[str, tuple[str, str]]) -> dict[str, str]:
+    """Return the names alone."""
+    return {quantity: name for quantity, (name, _) in laws.items()}

@@ -1,0 +1,114 @@
+"""Who records what, and where: the rows of a log before anything was measured."""
+
+from collections.abc import Sequence
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from jblast.observations import Observations
+from jblast.scene import Scene
+
+COMPONENTS: dict[str, tuple[tuple[str, float], ...]] = {
+    "arrival_difference_s": (("air_arrival_s", 1.0), ("ground_arrival_s", -1.0)),
+}
+"""Quantities that are signed sums of others; the rest have a law of their own."""
+
+
+def components(quantity: str) -> tuple[tuple[str, float], ...]:
+    """Return the quantities with a law, and their signs, that make up a quantity."""
+    return COMPONENTS.get(quantity, ((quantity, 1.0),))
+
+
+class Layout(eqx.Module):
+    """The rows of a log: what each records, where, on which clock.
+
+    Attributes:
+        quantity: What each row records.
+        position: East, north, up [m]; not used where `slant_range` is finite.
+        slant_range: Distance from the charge [m]; NaN where positions decide.
+        time: Clock time of the row [s]; NaN except for `shock_radius_m`.
+        clock_offset: Sensor clock minus common clock [s].
+        group: Rows with the same number share the effects of their path.
+    """
+
+    quantity: tuple[str, ...] = eqx.field(static=True)
+    position: Float[Array, "row 3"]
+    slant_range: Float[Array, " row"]
+    time: Float[Array, " row"]
+    clock_offset: Float[Array, " row"]
+    group: tuple[int, ...] = eqx.field(static=True)
+
+    def quantities(self) -> tuple[str, ...]:
+        """Return the quantities a law is needed for, each once."""
+        return tuple(
+            dict.fromkeys(name for q in self.quantity for name, _ in components(q))
+        )
+
+    def rows(self, quantity: str) -> tuple[np.ndarray, np.ndarray]:
+        """Return the rows a quantity with a law takes part in, and with which sign."""
+        found = [
+            (row, sign)
+            for row, q in enumerate(self.quantity)
+            for name, sign in components(q)
+            if name == quantity
+        ]
+        rows, signs = zip(*found, strict=True)
+        return np.array(rows), np.array(signs)
+
+
+def layout_of(observations: Observations, scene: Scene) -> Layout:
+    """Return the rows of a log whose positions are known (see `observations.place`)."""
+    offsets = {sensor.name: sensor.clock_offset for sensor in scene.sensors}
+    groups = {name: i for i, name in enumerate(dict.fromkeys(observations.groups()))}
+    return Layout(
+        quantity=observations.quantity,
+        position=jnp.asarray(np.nan_to_num(observations.position)),
+        slant_range=jnp.asarray(observations.slant_range),
+        time=jnp.asarray(observations.time),
+        clock_offset=jnp.asarray(
+            [float(offsets.get(name, 0.0)) for name in observations.sensor]
+        ),
+        group=tuple(groups[name] for name in observations.groups()),
+    )
+
+
+def planned_layout(scene: Scene) -> tuple[Layout, Float[Array, " row"], Sequence[str]]:
+    """Return the rows a scene's sensors say they record.
+
+    Returns:
+        The layout, the sigma of each row (seconds for times, else relative), and the
+        sensor's name of each row.
+
+    Raises:
+        ValueError: No sensor records anything, or one records a shock radius, which
+            belongs to no sensor.
+    """
+    plan = [
+        (i, sensor, quantity, sigma)
+        for i, sensor in enumerate(scene.sensors)
+        for quantity, sigma in sensor.records
+    ]
+    if not plan:
+        raise ValueError(
+            "no sensor records anything: expected at least one [[sensor]] with "
+            "records = { QUANTITY = SIGMA }"
+        )
+    for _, sensor, quantity, _ in plan:
+        if quantity == "shock_radius_m":
+            raise ValueError(
+                f"sensor {sensor.name!r} records shock_radius_m, which needs a time for "
+                "each row: not supported in a scene yet"
+            )
+    nothing = jnp.full(len(plan), jnp.nan)
+    layout = Layout(
+        quantity=tuple(quantity for _, _, quantity, _ in plan),
+        position=jnp.stack([sensor.position for _, sensor, _, _ in plan]),
+        slant_range=nothing,
+        time=nothing,
+        clock_offset=jnp.stack([sensor.clock_offset for _, sensor, _, _ in plan]),
+        group=tuple(i for i, _, _, _ in plan),
+    )
+    sigma = jnp.asarray([sigma for _, _, _, sigma in plan])
+    return layout, sigma, [sensor.name for _, sensor, _, _ in plan]

@@ -1,0 +1,125 @@
+"""The forward model: what sensors record of a scene, and how far laws are from truth.
+
+Everything that compares a scene with data goes through `record`. A reading is in the
+unit of its quantity; its errors are in seconds for times and in ln for all else.
+"""
+
+from collections.abc import Mapping
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float
+
+from jblast.observations import TIMES
+from jblast.registry import call, law_for
+from jblast.scene import Scene
+from jblast.sensors.layout import Layout
+from jblast.waves.atmosphere import air_density, sound_speed_in_air, standard_atmosphere
+from jblast.waves.paths import Path, slant_range
+
+
+class Recording(eqx.Module):
+    """What every row would read, and how the laws scatter about nature there.
+
+    Attributes:
+        value: The reading without error, in the unit of the row's quantity.
+        slant_range: Distance from the charge [m].
+        valid: Whether the row's laws hold there.
+        record_sd: Law scatter of this row alone; seconds for times, else ln.
+        shot_loading: By quantity, what one standard deviation of the effect shared by
+            the whole shot adds to each row, same unit.
+        path_loading: Likewise for the effect shared by the rows of one path.
+    """
+
+    value: Float[Array, " row"]
+    slant_range: Float[Array, " row"]
+    valid: Bool[Array, " row"]
+    record_sd: Float[Array, " row"]
+    shot_loading: dict[str, Float[Array, " row"]]
+    path_loading: dict[str, Float[Array, " row"]]
+
+
+def path_to(scene: Scene, layout: Layout) -> Path:
+    """Return what lies between the charge and each row's sensor."""
+    charge, air = scene.charge, scene.air
+    place = jnp.stack([charge.east, charge.north, charge.up])[None, :]
+    given = jnp.isfinite(layout.slant_range)
+    slant = slant_range(place, layout.position)
+    ground = slant_range(place[:, :2], layout.position[:, :2])
+    if charge.range is not None:
+        slant = ground = jnp.broadcast_to(charge.range, slant.shape)
+    known = jnp.where(given, layout.slant_range, 1.0)
+    if air.altitude is None:
+        temperature, pressure = air.temperature, air.pressure
+    else:
+        temperature, pressure = standard_atmosphere(air.altitude)
+    sound_speed = air.sound_speed
+    if sound_speed is None:
+        sound_speed = sound_speed_in_air(temperature, pressure, air.relative_humidity)
+    return Path(
+        slant_range=jnp.where(given, known, slant),
+        ground_range=jnp.where(given, known, ground),
+        charge_mass=charge.mass,
+        height_of_burst=charge.up,
+        ambient_pressure=pressure,
+        sound_speed=sound_speed,
+        air_density=air_density(temperature, pressure, air.relative_humidity),
+        p_speed=scene.ground.p_speed,
+        sedov_gamma=scene.sedov_gamma,
+        time_since_detonation=layout.time - layout.clock_offset - charge.time,
+        burst=charge.burst,
+    )
+
+
+def record(scene: Scene, layout: Layout, laws: Mapping[str, str]) -> Recording:
+    """Return what each row of a layout would read of a scene.
+
+    Args:
+        scene: What is there. Its `scatter` says whether laws scatter about nature.
+        layout: Rows of a log.
+        laws: Name of the law for each of `layout.quantities()`.
+
+    Raises:
+        ValueError: No such law.
+    """
+    n = len(layout.quantity)
+    path = path_to(scene, layout)
+    is_clock_time = np.isin(layout.quantity, TIMES)
+    is_difference = np.array([q == "arrival_difference_s" for q in layout.quantity])
+    value = jnp.where(
+        is_clock_time & ~is_difference, scene.charge.time + layout.clock_offset, 0.0
+    )
+    valid = jnp.ones(n, bool)
+    record_variance = jnp.zeros(n)
+    shot: dict[str, Array] = {}
+    along: dict[str, Array] = {}
+    for quantity in layout.quantities():
+        rows, sign = layout.rows(quantity)
+        law = law_for(quantity, laws[quantity])
+        way = _rows_of(path, rows)
+        given = jnp.broadcast_to(call(law.function, way), rows.shape)
+        value = value.at[rows].add(sign * given)
+        valid = valid.at[rows].min(jnp.broadcast_to(call(law.valid, way), rows.shape))
+        unit = given if quantity in TIMES else jnp.ones_like(given)
+        sds = call(law.scatter, way) if scene.scatter else (0.0, 0.0, 0.0)
+        of_shot, of_path, of_record = (sd * unit * sign for sd in sds)
+        if not _is_zero(sds[0]):
+            shot[quantity] = jnp.zeros(n).at[rows].set(of_shot)
+        if not _is_zero(sds[1]):
+            along[quantity] = jnp.zeros(n).at[rows].set(of_path)
+        record_variance = record_variance.at[rows].add(of_record**2)
+    some = record_variance > 0
+    record_sd = jnp.where(some, jnp.sqrt(jnp.where(some, record_variance, 1.0)), 0.0)
+    return Recording(value, path.slant_range, valid, record_sd, shot, along)
+
+
+def _rows_of(path: Path, rows: np.ndarray) -> Path:
+    """Pick the rows of every field that has rows; what all share stays a scalar."""
+    return jax.tree.map(lambda x: x[rows] if x.ndim else x, path)
+
+
+def _is_zero(sd: object) -> bool:
+    """Whether a scatter is left out altogether (a plain 0.0), so needs no effect."""
+    return isinstance(sd, int | float) and sd == 0
