@@ -5,24 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-QUANTITIES: dict[str, str] = {
-    "flash_time_s": "light of the explosion seen, clock time",
-    "air_arrival_s": "air shock or sound arrives, clock time",
-    "ground_arrival_s": "ground wave arrives, clock time",
-    "arrival_difference_s": "air minus ground arrival at one sensor",
-    "peak_overpressure_pa": "incident peak overpressure",
-    "positive_impulse_pa_s": "incident impulse of the positive phase",
-    "positive_duration_s": "duration of the positive phase",
-    "reflected_pressure_pa": "normally reflected peak overpressure",
-    "reflected_impulse_pa_s": "normally reflected impulse",
-    "shock_radius_m": "radius of the shock front at time_s",
-    "ground_peak_velocity_m_s": "peak particle velocity of the ground",
-    "ground_displacement_m": "peak displacement of the ground",
-}
-"""Every quantity a row may hold, and what it means."""
-
-TIMES = ("flash_time_s", "air_arrival_s", "ground_arrival_s", "arrival_difference_s")
-"""Quantities whose errors are in seconds; all others err in ln."""
+from jblast.quantities import QUANTITIES as QUANTITIES
+from jblast.quantities import TIMES as TIMES
 
 
 @dataclass(frozen=True)
@@ -42,7 +26,7 @@ class Observations:
         clock: Name of the recorder; "" for the common clock.
         line: Line of the file each row stood on.
         source: The file, or "" if it was made here.
-        comments: Lines that began with #, kept as provenance.
+        comments: What stood behind the # of comment lines, kept as provenance.
     """
 
     sensor: tuple[str, ...]

@@ -7,6 +7,12 @@ from typing import Any
 import equinox as eqx
 from jaxtyping import Array, ArrayLike, Float
 
+from jblast.constants import (
+    GRANITE_P_SPEED,
+    STANDARD_PRESSURE,
+    STANDARD_SOUND_SPEED,
+    STANDARD_TEMPERATURE,
+)
 from jblast.scene.air import Air
 from jblast.scene.charge import Charge
 from jblast.scene.ground import Ground
@@ -43,27 +49,30 @@ class Place:
     Attributes:
         where: Finds it in a scene.
         positive: Whether it is fitted in ln.
-        default: Its value where the scene file says nothing, for a start.
+        default: Where a fit starts if nothing else is said.
     """
 
     where: Callable[[Scene], Any]
     positive: bool
+    default: float
 
 
 PARAMETERS: dict[str, Place] = {
-    "charge_mass_kg": Place(lambda s: s.charge.mass, True),
-    "charge_east_m": Place(lambda s: s.charge.east, False),
-    "charge_north_m": Place(lambda s: s.charge.north, False),
-    "charge_up_m": Place(lambda s: s.charge.up, False),
-    "charge_range_m": Place(lambda s: s.charge.range, True),
-    "origin_time_s": Place(lambda s: s.charge.time, False),
-    "air_temperature_k": Place(lambda s: s.air.temperature, True),
-    "air_pressure_pa": Place(lambda s: s.air.pressure, True),
-    "air_relative_humidity": Place(lambda s: s.air.relative_humidity, True),
-    "air_altitude_m": Place(lambda s: s.air.altitude, False),
-    "air_sound_speed_m_s": Place(lambda s: s.air.sound_speed, True),
-    "ground_p_speed_m_s": Place(lambda s: s.ground.p_speed, True),
-    "sedov_gamma": Place(lambda s: s.sedov_gamma, True),
+    "charge_mass_kg": Place(lambda s: s.charge.mass, True, 1.0),
+    "charge_east_m": Place(lambda s: s.charge.east, False, 0.0),
+    "charge_north_m": Place(lambda s: s.charge.north, False, 0.0),
+    "charge_up_m": Place(lambda s: s.charge.up, False, 0.0),
+    "charge_range_m": Place(lambda s: s.charge.range, True, 100.0),
+    "origin_time_s": Place(lambda s: s.charge.time, False, 0.0),
+    "air_temperature_k": Place(lambda s: s.air.temperature, True, STANDARD_TEMPERATURE),
+    "air_pressure_pa": Place(lambda s: s.air.pressure, True, STANDARD_PRESSURE),
+    "air_relative_humidity": Place(lambda s: s.air.relative_humidity, True, 0.5),
+    "air_altitude_m": Place(lambda s: s.air.altitude, False, 0.0),
+    "air_sound_speed_m_s": Place(
+        lambda s: s.air.sound_speed, True, STANDARD_SOUND_SPEED
+    ),
+    "ground_p_speed_m_s": Place(lambda s: s.ground.p_speed, True, GRANITE_P_SPEED),
+    "sedov_gamma": Place(lambda s: s.sedov_gamma, True, 1.4),
 }
 """Every number of a scene that can be fitted, by the name it has in the answer."""
 

@@ -1,0 +1,86 @@
+"""Bad input, said in one message: which file and place, what was expected, what came."""
+
+import difflib
+import os
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+
+class InputError(ValueError):
+    """What a user gave cannot be used; the message is one line and stands alone."""
+
+    def __init__(self, message: str):
+        super().__init__(" ".join(message.split()))
+
+
+def shown(value: Any, width: int = 60) -> str:
+    """Return what came, short enough for a message."""
+    try:
+        text = repr(value)
+    except (
+        ValueError,
+        RecursionError,
+    ):  # integers of thousands of digits; deep nesting
+        text = f"a very long {type(value).__name__}"
+    return text if len(text) <= width else text[: width - 4] + " ..."
+
+
+def nearest(name: str, known: Iterable[str]) -> str:
+    """Return "; did you mean ...?" for a misspelt name, or "" if none is close."""
+    by_lower = {word.lower(): word for word in known}
+    close = difflib.get_close_matches(name[:80].lower(), by_lower, n=1, cutoff=0.6)
+    return f"; did you mean {by_lower[close[0]]}?" if close else ""
+
+
+def read_text(path: str | os.PathLike[str], expected: str) -> str:
+    r"""Return the text of a file, its line ends made `\n` and a byte order mark dropped.
+
+    Args:
+        path: The file.
+        expected: What the file should be, for the messages: "a CSV file".
+
+    Raises:
+        InputError: There is no such file, it cannot be read, or is no UTF-8 text.
+    """
+    try:
+        data = Path(path).read_bytes()
+    except FileNotFoundError:
+        raise InputError(f"{path}: no such file; expected {expected}") from None
+    except IsADirectoryError:
+        raise InputError(f"{path}: is a directory; expected {expected}") from None
+    except (OSError, ValueError) as error:  # ValueError: a NUL in the path
+        reason = getattr(error, "strerror", None) or str(error)
+        raise InputError(
+            f"{os.fspath(path)!r}: cannot be read ({reason}); expected {expected}"
+        ) from None
+    if data.startswith((b"\xff\xfe", b"\xfe\xff")):
+        raise InputError(
+            f"{path}: line 1: expected UTF-8 text, got UTF-16; save it as UTF-8"
+        )
+    if data.startswith(b"PK\x03\x04"):
+        raise InputError(
+            f"{path}: line 1: expected {expected}, got a zip archive "
+            "(a spreadsheet's workbook?); export it as plain text"
+        )
+    try:
+        text = data.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        start = error.start + (len(data) - len(error.object))  # past the mark
+        line = data.count(b"\n", 0, start) + 1
+        raise InputError(
+            f"{path}: line {line}: expected UTF-8 text, got the byte "
+            f"0x{data[start]:02x}; save the file as UTF-8"
+        ) from None
+    text = text.replace("\r\n", "\n").replace("\r", "\n")
+    controls = sorted(set(text) & _CONTROLS)
+    if controls:
+        at = min(text.index(control) for control in controls)
+        raise InputError(
+            f"{path}: line {text.count(chr(10), 0, at) + 1}: expected {expected}, "
+            f"got the control character 0x{ord(text[at]):02x}; is this a binary file?"
+        )
+    return text
+
+
+_CONTROLS = {chr(code) for code in (*range(32), 127)} - {"\t", "\n", "\r"}

@@ -1,0 +1,20 @@
+"""What a sensor can measure: the names used in observation and scene files alike."""
+
+QUANTITIES: dict[str, str] = {
+    "flash_time_s": "light of the explosion seen, clock time",
+    "air_arrival_s": "air shock or sound arrives, clock time",
+    "ground_arrival_s": "ground wave arrives, clock time",
+    "arrival_difference_s": "air minus ground arrival at one sensor",
+    "peak_overpressure_pa": "incident peak overpressure",
+    "positive_impulse_pa_s": "incident impulse of the positive phase",
+    "positive_duration_s": "duration of the positive phase",
+    "reflected_pressure_pa": "normally reflected peak overpressure",
+    "reflected_impulse_pa_s": "normally reflected impulse",
+    "shock_radius_m": "radius of the shock front at time_s",
+    "ground_peak_velocity_m_s": "peak particle velocity of the ground",
+    "ground_displacement_m": "peak displacement of the ground",
+}
+"""Every quantity a row may hold, and what it means."""
+
+TIMES = ("flash_time_s", "air_arrival_s", "ground_arrival_s", "arrival_difference_s")
+"""Quantities whose errors are in seconds; all others err in ln, so are positive."""
