@@ -1,4 +1,4 @@
-"""Bad input, said in one message: which file and place, what was expected, what came."""
+"""Bad input, said in one message: where, what was expected, what came."""
 
 import difflib
 import os
@@ -34,7 +34,7 @@ def nearest(name: str, known: Iterable[str]) -> str:
 
 
 def read_text(path: str | os.PathLike[str], expected: str) -> str:
-    r"""Return the text of a file, its line ends made `\n` and a byte order mark dropped.
+    r"""Return the text of a file, its line ends made `\n`, without byte order mark.
 
     Args:
         path: The file.

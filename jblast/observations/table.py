@@ -8,6 +8,11 @@ from jaxtyping import Float
 from jblast.quantities import QUANTITIES as QUANTITIES
 from jblast.quantities import TIMES as TIMES
 
+NEEDED = ("sensor", "quantity", "value", "sigma")
+POSITION = ("east_m", "north_m", "up_m")
+COLUMNS = (*NEEDED, *POSITION, "range_m", "time_s", "path", "shot", "clock")
+"""Every column a file may have, in the order `write` puts them."""
+
 
 @dataclass(frozen=True)
 class Observations:
@@ -47,5 +52,5 @@ class Observations:
         return len(self.value)
 
     def groups(self) -> tuple[str, ...]:
-        """Return what the records of a row share: its path if named, else its sensor."""
+        """Return what the records of a row share: its path, else its sensor."""
         return tuple(p or s for p, s in zip(self.path, self.sensor, strict=True))

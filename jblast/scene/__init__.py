@@ -8,6 +8,7 @@ from jblast.scene.priors import LogNormal as LogNormal
 from jblast.scene.priors import LogUniform as LogUniform
 from jblast.scene.priors import Normal as Normal
 from jblast.scene.priors import Uniform as Uniform
+from jblast.scene.read import read_scene as read_scene
 from jblast.scene.scene import PARAMETERS as PARAMETERS
 from jblast.scene.scene import Scene as Scene
 from jblast.scene.scene import with_values as with_values
@@ -15,3 +16,5 @@ from jblast.scene.sensor import Sensor as Sensor
 from jblast.scene.uncertain import UncertainScene as UncertainScene
 from jblast.scene.uncertain import default_scene as default_scene
 from jblast.scene.uncertain import draw_scene as draw_scene
+from jblast.scene.uncertain import freed as freed
+from jblast.scene.uncertain import with_laws as with_laws

@@ -1,13 +1,14 @@
 """A scene together with what is not known of it."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import jax
 from jaxtyping import PRNGKeyArray
 
+from jblast.errors import InputError, nearest
 from jblast.scene.priors import Belief, Free, draw
-from jblast.scene.scene import Scene, with_values
+from jblast.scene.scene import PARAMETERS, Scene, value_of, with_values
 
 
 @dataclass(frozen=True)
@@ -38,7 +39,7 @@ def draw_scene(key: PRNGKeyArray, uncertain: UncertainScene) -> Scene:
     """Draw every uncertain number of a scene from its prior.
 
     Raises:
-        ValueError: A number is free: nothing says where to draw it from.
+        InputError: A number is free: nothing says where to draw it from.
     """
     names = list(uncertain.beliefs)
     values = {}
@@ -47,8 +48,40 @@ def draw_scene(key: PRNGKeyArray, uncertain: UncertainScene) -> Scene:
     ):
         belief = uncertain.beliefs[name]
         if isinstance(belief, Free):
-            raise ValueError(
-                f"{name} is free and cannot be drawn; give it a value or a prior"
+            raise InputError(
+                f"{uncertain.source or 'scene'}: {name} is free and cannot be drawn; give it a value or a prior"
             )
         values[name] = draw(key_, belief)  # type: ignore[arg-type]
     return with_values(uncertain.scene, values)
+
+
+def freed(uncertain: UncertainScene, names: Sequence[str]) -> UncertainScene:
+    """Free more numbers of a scene: no prior, whatever the scene says of them.
+
+    Raises:
+        InputError: There is no such number, or it has no meaning in this scene.
+    """
+    for name in names:
+        if name not in PARAMETERS:
+            raise InputError(
+                f"--free {name}: expected one of {', '.join(PARAMETERS)}; got {name!r}"
+                f"{nearest(name, PARAMETERS)}"
+            )
+    beliefs = dict(uncertain.beliefs) | {
+        name: Free(positive=PARAMETERS[name].positive) for name in names
+    }
+    unset = {
+        name: PARAMETERS[name].default
+        for name in names
+        if value_of(uncertain.scene, name) is None
+    }
+    return replace(
+        uncertain, scene=with_values(uncertain.scene, unset), beliefs=beliefs
+    )
+
+
+def with_laws(uncertain: UncertainScene, laws: Mapping[str, str]) -> UncertainScene:
+    """Name laws for some quantities, over what the scene says."""
+    law = dict(uncertain.scene.law) | dict(laws)
+    scene = replace(uncertain.scene, law=tuple(law.items()))
+    return replace(uncertain, scene=scene)

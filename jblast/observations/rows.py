@@ -1,0 +1,182 @@
+"""The rows of an observation file: what each column must hold."""
+
+import math
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from jblast.errors import InputError, nearest, shown
+from jblast.observations.foreign import our_name
+from jblast.observations.table import POSITION, QUANTITIES, TIMES, Observations
+
+
+class Rows:
+    """The body of a file by column, and the checks each column has to pass."""
+
+    def __init__(
+        self,
+        path: str,
+        lines: Sequence[int],
+        header: Sequence[str],
+        records: Sequence[Sequence[str]],
+    ):
+        self.path = path
+        self.lines = lines
+        columns = [[field.strip() for field in column] for column in zip(*records)]  # noqa: B905 (checked widths)
+        self.texts = dict(zip(header, columns, strict=True))
+
+    def observations(self, comments: tuple[str, ...]) -> Observations:
+        """Check every column and put the table together."""
+        sensor, quantity = self.text("sensor"), self.text("quantity")
+        self.refuse(
+            [not name for name in sensor], "sensor", lambda _: "a name, got nothing"
+        )
+        self.quantities(quantity)
+        kind = np.array(quantity)
+        in_ln = ~np.isin(kind, TIMES)
+        value = self.number("value", optional=False)
+        self.refuse(
+            in_ln & (value <= 0),
+            "value",
+            lambda row: f"a positive {quantity[row]}, got {self.texts['value'][row]}",
+        )
+        sigma = self.number("sigma")
+        self.refuse(
+            sigma <= 0,
+            "sigma",
+            lambda row: (
+                "a positive number, or nothing for the law's scatter alone, got "
+                + self.texts["sigma"][row]
+            ),
+        )
+        position = np.stack([self.number(name) for name in POSITION], axis=1)
+        slant_range = self.number("range_m")
+        self.places(position, slant_range)
+        time = self.number("time_s")
+        front = kind == "shock_radius_m"
+        self.refuse(
+            front & np.isnan(time),
+            "time_s",
+            lambda _: "the time at which shock_radius_m was taken, got nothing",
+        )
+        self.refuse(
+            ~front & ~np.isnan(time),
+            "time_s",
+            lambda row: (
+                f"nothing, as only shock_radius_m takes a time, got "
+                f"{self.texts['time_s'][row]} for {quantity[row]}"
+            ),
+        )
+        path, shot, clock = map(self.text, ("path", "shot", "clock"))
+        numbers = np.column_stack([value, sigma, position, slant_range, time])
+        self.duplicates(numbers, sensor, quantity, path, shot, clock)
+        return Observations(
+            sensor=sensor,
+            quantity=quantity,
+            value=value,
+            sigma=sigma,
+            position=position,
+            slant_range=slant_range,
+            time=time,
+            path=path,
+            shot=shot,
+            clock=clock,
+            line=tuple(self.lines),
+            source=self.path,
+            comments=comments,
+        )
+
+    def text(self, column: str) -> tuple[str, ...]:
+        """Return a column of names; "" where the file has no such column."""
+        return tuple(self.texts.get(column) or [""] * len(self.lines))
+
+    def number(self, column: str, *, optional: bool = True) -> np.ndarray:
+        """Return a column of finite numbers; NaN where an optional one is empty."""
+        if column not in self.texts:
+            return np.full(len(self.lines), np.nan)
+        texts = self.texts[column]
+        try:
+            numbers = np.array([float(text) if text else np.nan for text in texts])
+        except ValueError:
+            numbers = np.array([_number(text) for text in texts])
+        empty = np.array([not text for text in texts])
+        odd = np.array(["_" in text for text in texts])  # 1_000 is Python, not CSV
+        self.refuse(
+            odd | (~np.isfinite(numbers) & ~(empty & optional)),
+            column,
+            lambda row: (
+                f"a finite number, got {shown(texts[row]) if texts[row] else 'nothing'}"
+                + ("; write a decimal point" if "," in texts[row] else "")
+            ),
+        )
+        return numbers
+
+    def quantities(self, quantity: tuple[str, ...]) -> None:
+        """Refuse a quantity we do not know."""
+        for name in dict.fromkeys(quantity):
+            if name not in QUANTITIES:
+                row = quantity.index(name)
+                ours = our_name(name)
+                advice = (
+                    f"; ours is {ours[0]}: multiply by {ours[1]:g}"
+                    if ours
+                    else nearest(name, QUANTITIES)
+                )
+                raise InputError(
+                    f"{self.path}: line {self.lines[row]}, column quantity: unknown "
+                    f"quantity {shown(name)}{advice}; expected one of "
+                    f"{', '.join(QUANTITIES)}"
+                )
+
+    def places(self, position: np.ndarray, slant_range: np.ndarray) -> None:
+        """Refuse half a position, a position beside a range, and a range below zero."""
+        given = (~np.isnan(position)).sum(axis=1)
+        for index, name in enumerate(POSITION):
+            self.refuse(
+                (given > 0) & np.isnan(position[:, index]),
+                name,
+                lambda _: f"all of {', '.join(POSITION)} or none of them, got nothing",
+            )
+        self.refuse(
+            slant_range <= 0,
+            "range_m",
+            lambda row: (
+                f"a positive slant range in m, got {self.texts['range_m'][row]}"
+            ),
+        )
+        self.refuse(
+            (given > 0) & ~np.isnan(slant_range),
+            "range_m",
+            lambda _: f"either range_m or {', '.join(POSITION)}, got both",
+        )
+
+    def duplicates(self, numbers: np.ndarray, *names: tuple[str, ...]) -> None:
+        """Refuse two rows equal in every field."""
+        # NaN is unequal to itself, so its bytes are compared instead (and -0 is 0).
+        packed = [row.tobytes() for row in numbers + 0.0]
+        first: dict[tuple[object, ...], int] = {}
+        for row, key in enumerate(zip(packed, *names, strict=True)):
+            if first.setdefault(key, row) != row:
+                raise InputError(
+                    f"{self.path}: line {self.lines[row]}: expected a new measurement, "
+                    f"got a duplicate of line {self.lines[first[key]]} in every column"
+                )
+
+    def refuse(
+        self, bad: np.ndarray | list[bool], column: str, expected: Callable[[int], str]
+    ) -> None:
+        """Raise for the first bad row, saying what its column should hold."""
+        if np.any(bad):
+            row = int(np.argmax(bad))
+            raise InputError(
+                f"{self.path}: line {self.lines[row]}, column {column}: "
+                f"expected {expected(row)}"
+            )
+
+
+def _number(text: str) -> float:
+    """Return what a field says; NaN for what is no number."""
+    try:
+        return float(text)
+    except ValueError:
+        return math.nan

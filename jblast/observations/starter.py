@@ -1,0 +1,152 @@
+"""A first scene for a log: what it says already, and what the user may know better."""
+
+import json
+import math
+from pathlib import Path
+
+import numpy as np
+
+from jblast.observations.table import TIMES, Observations
+
+_CLOCK_TIMES = ("flash_time_s", "air_arrival_s", "ground_arrival_s")
+_OF_GROUND = {"ground_arrival_s", "arrival_difference_s"}
+
+
+def starter_scene(observations: Observations) -> str:
+    """Return a commented scene file for a log.
+
+    The mass is free. The place is free too if at least three sensors that do not stand
+    in a line, and four rows, can tell it; the origin time then if three rows are clock
+    readings.
+    """
+    rows: dict[str, list[int]] = {}
+    for row, name in enumerate(observations.sensor):
+        rows.setdefault(name, []).append(row)
+    logs = [_Log(name, observations, np.array(rows[name])) for name in rows]
+    parts = [
+        _head(observations),
+        _charge(observations, [log for log in logs if log.needs_distance]),
+        _AIR,
+        *([_GROUND] if set(observations.quantity) & _OF_GROUND else []),
+        *(_sensor(log) for log in logs),
+        _LAW,
+    ]
+    return "\n".join(parts)
+
+
+class _Log:
+    """What one sensor wrote down.
+
+    Attributes:
+        name: The sensor.
+        sigmas: Median sigma by quantity, as `records` wants it; NaN if there is none.
+        places: The positions the log gives it, each once.
+        ranges: The slant ranges the log gives it, each once.
+        needs_distance: Whether any of its rows depends on where it stands.
+    """
+
+    def __init__(self, name: str, observations: Observations, rows: np.ndarray):
+        self.name = name
+        quantity = np.array([observations.quantity[row] for row in rows])
+        value, sigma = observations.value[rows], observations.sigma[rows]
+        with np.errstate(over="ignore"):  # what overflows counts as not given
+            relative = sigma / np.where(np.isin(quantity, TIMES), 1.0, value)
+        given = np.isfinite(relative)
+        self.sigmas = {
+            q: float(np.median(relative[given & (quantity == q)]))
+            if np.any(given & (quantity == q))
+            else math.nan
+            for q in dict.fromkeys(quantity.tolist())
+        }
+        places = [tuple(place) for place in observations.position[rows].tolist()]
+        self.places = [p for p in dict.fromkeys(places) if not any(map(math.isnan, p))]
+        ranges = dict.fromkeys(observations.slant_range[rows].tolist())
+        self.ranges = [r for r in ranges if not math.isnan(r)]
+        self.needs_distance = bool(np.any(quantity != "shock_radius_m"))
+
+
+def _head(observations: Observations) -> str:
+    source = Path(observations.source).name if observations.source else ""
+    made_for = f" for {json.dumps(source)}" if source else ""
+    return f"""\
+# A starter scene{made_for}: say here what you know.
+# SI units, metres east, north, up. A number may be fixed (15.0), "free", or a prior:
+# {{ lognormal = [median, factor] }}, {{ normal = [mean, sd] }},
+# {{ uniform = [lo, hi] }}, {{ loguniform = [lo, hi] }}.
+schema = 1
+"""
+
+
+def _charge(observations: Observations, logs: list[_Log]) -> str:
+    lines = ["[charge]", 'mass_kg = "free"  # TNT mass; or a value, or a prior']
+    places = {place for log in logs for place in log.places}
+    ranges = {slant_range for log in logs for slant_range in log.ranges}
+    free = len(observations) >= 4 and not ranges and _in_no_line(places)
+    if free:
+        lines.append('position_m = ["free", "free", 0.0]  # or where it was')
+    elif len(logs) == 1 and len(ranges) == 1:
+        lines.append(f"range_m = {ranges.pop()!r}  # as the log says")
+    elif len(logs) == 1 and not ranges and not places:
+        lines.append('range_m = "free"  # slant range to the one sensor')
+    else:
+        lines.append("position_m = [0.0, 0.0, 0.0]  # the log cannot tell it")
+    clocks = sum(quantity in _CLOCK_TIMES for quantity in observations.quantity)
+    if free and clocks >= 3:
+        lines.append('time_s = "free"  # on the clock of the sensors')
+    else:
+        lines.append('time_s = 0.0  # on the clock of the sensors; or "free"')
+    lines.append('burst = "surface"  # or "free-air", before any reflection arrived')
+    return "\n".join(lines) + "\n"
+
+
+def _in_no_line(places: set[tuple[float, ...]]) -> bool:
+    """Return whether at least three places span a plane, seen from above."""
+    if len(places) < 3:
+        return False
+    plan = np.array(sorted(places))[:, :2]
+    spread = np.linalg.svd(plan - plan.mean(axis=0), compute_uv=False)
+    return bool(spread[1] > 1e-3 * spread[0])
+
+
+_AIR = """\
+[air]
+temperature_k = 288.15
+pressure_pa = 101325.0
+relative_humidity = 0.5
+# altitude_m = 1500  # instead of the temperature and pressure above
+# sound_speed_m_s = "free"  # only where it was measured, or is to be fitted
+"""
+
+_GROUND = """\
+[ground]
+p_speed_m_s = 5660.0  # granite; "free" or a prior if it was not measured
+"""
+
+_LAW = """\
+# [law]
+# air_arrival_s = "kingery_bulmash"  # one line a quantity; "auto" chooses
+# scatter = true  # false: the laws are exact
+"""
+
+
+def _sensor(log: _Log) -> str:
+    lines = ["[[sensor]]", f"name = {_toml_text(log.name)}"]
+    if len(log.places) == 1:
+        lines.append(f"position_m = [{', '.join(map(repr, log.places[0]))}]")
+    elif log.places:
+        lines.append("# it moves, so its places are left to the log")
+    elif log.needs_distance and not log.ranges:
+        lines.append("# position_m = [EAST, NORTH, UP]  # the log does not say")
+    records = [f"{q} = {s!r}" for q, s in log.sigmas.items() if s > 0]
+    if records:
+        listed = ", ".join(records)
+        lines.append(f"records = {{ {listed} }}  # sigma: s for times, else relative")
+    silent = [q for q, sigma in log.sigmas.items() if not sigma > 0]
+    if silent:
+        lines.append(f"# the log gives no sigma for {', '.join(silent)}")
+    return "\n".join(lines) + "\n"
+
+
+def _toml_text(text: str) -> str:
+    """Return text as a TOML string: JSON's escapes, and one that JSON leaves out."""
+    return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")

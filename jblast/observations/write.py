@@ -1,0 +1,82 @@
+"""The writer of observation files: what `read` reads, to the last digit."""
+
+import math
+import os
+from collections.abc import Sequence
+from pathlib import Path
+
+from jblast.observations.table import COLUMNS, NEEDED, Observations
+
+
+def write(
+    path: str | os.PathLike[str],
+    observations: Observations,
+    *,
+    comments: Sequence[str] = (),
+) -> None:
+    """Write observations as tidy CSV; columns nobody fills are left out.
+
+    Args:
+        path: The file, replaced if it exists.
+        observations: What to write.
+        comments: Provenance, written before what `observations.comments` holds.
+
+    Raises:
+        ValueError: There are no rows, or a name or comment would not read back: it has
+            line breaks, control characters or outer spaces.
+    """
+    if not len(observations):
+        raise ValueError("observations has no rows; an empty file would not read back")
+    lines = [
+        f"# {_plain(line)}".rstrip() for line in (*comments, *observations.comments)
+    ]
+    columns = _columns(observations)
+    lines.append(",".join(columns))
+    lines.extend(",".join(row) for row in zip(*columns.values(), strict=True))
+    Path(path).write_text("\n".join(lines) + "\n", encoding="utf-8", newline="\n")
+
+
+def _columns(observations: Observations) -> dict[str, list[str]]:
+    """Return the text of every column that holds something."""
+    east, north, up = observations.position.T
+    numbers = {
+        "value": observations.value,
+        "sigma": observations.sigma,
+        "east_m": east,
+        "north_m": north,
+        "up_m": up,
+        "range_m": observations.slant_range,
+        "time_s": observations.time,
+    }
+    names = {
+        "sensor": observations.sensor,
+        "quantity": observations.quantity,
+        "path": observations.path,
+        "shot": observations.shot,
+        "clock": observations.clock,
+    }
+    texts = {column: [_digits(x) for x in numbers[column]] for column in numbers}
+    texts |= {column: [_quoted(x) for x in names[column]] for column in names}
+    return {c: texts[c] for c in COLUMNS if c in NEEDED or any(texts[c])}
+
+
+def _digits(number: float) -> str:
+    return "" if math.isnan(number) else repr(float(number))
+
+
+def _plain(text: str) -> str:
+    unreadable = any(c != "\t" and (ord(c) < 32 or ord(c) == 127) for c in text)
+    if unreadable or text != text.strip():
+        raise ValueError(
+            "a name or comment must be one line without control characters or outer "
+            f"spaces, got {text!r}"
+        )
+    return text
+
+
+def _quoted(name: str) -> str:
+    """Return a name as CSV; a leading # would otherwise make its row a comment."""
+    name = _plain(name)
+    if any(c in name for c in ',"') or name.startswith("#"):
+        return '"' + name.replace('"', '""') + '"'
+    return name

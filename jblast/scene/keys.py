@@ -1,0 +1,115 @@
+"""Every key a scene file may have: the one table its reader goes by."""
+
+import math
+from dataclasses import dataclass
+
+from jblast.quantities import QUANTITIES
+
+KEYS: dict[str, tuple[str, ...]] = {
+    "": ("schema", "charge", "air", "ground", "sensor", "law"),
+    "charge": (
+        "name",
+        "mass_kg",
+        "explosive",
+        "tnt_factor",
+        "position_m",
+        "range_m",
+        "time_s",
+        "burst",
+    ),
+    "air": (
+        "temperature_k",
+        "pressure_pa",
+        "relative_humidity",
+        "altitude_m",
+        "sound_speed_m_s",
+        "wind_m_s",
+    ),
+    "ground": ("p_speed_m_s", "path"),
+    "sensor": ("name", "kind", "position_m", "clock_offset_s", "records"),
+    "law": (*QUANTITIES, "scatter", "sedov_gamma"),
+}
+"""Keys by table; "" is the file itself."""
+
+LATER: dict[str, tuple[str, ...]] = {
+    "": ("camera", "vehicle", "world"),
+    "sensor": ("rate_hz", "sensitivity", "noise_pa", "filter_hz"),
+}
+"""Keys of the contract that nothing uses yet."""
+
+SENSOR_KINDS = ("pressure", "microphone", "anemometer", "geophone", "flash", "imu")
+BURSTS = ("surface", "free-air")
+GROUND_PATHS = ("head",)
+GROUND_PATHS_LATER = ("thesis",)
+
+LAW_NAMES = (
+    "auto",
+    "wu_hao",
+    "kingery_bulmash",
+    "kinney_graham",
+    "swisdak",
+    "sadovsky",
+    "dna_1kt",
+    "point_source",
+    "sedov_taylor",
+    "shock_kinematics",
+    "acoustic",
+    "ford_2021",
+)
+"""Laws of the contract; whether one is built and gives the quantity is asked later."""
+
+LAW_NAMES_LATER = ("euler", "emulator")
+
+
+@dataclass(frozen=True)
+class Number:
+    """A number of the file that may be fixed, free or a prior.
+
+    Attributes:
+        parameter: Its name in `scene.PARAMETERS`.
+        table: Where it stands.
+        key: How it is called there.
+        index: Its place in a list, None where it stands alone.
+        above: It is larger than this.
+        lo: It is at least this.
+        hi: It is at most this.
+    """
+
+    parameter: str
+    table: str
+    key: str
+    index: int | None = None
+    above: float = -math.inf
+    lo: float = -math.inf
+    hi: float = math.inf
+
+    def allows(self, value: float) -> bool:
+        """Return whether a number lies within the bounds."""
+        return self.above < value and self.lo <= value <= self.hi
+
+    def bounds(self) -> str:
+        """Return the bounds in words."""
+        if math.isfinite(self.lo):
+            return f"between {self.lo:g} and {self.hi:g}"
+        if self.above == 0:
+            return "positive"
+        return f"above {self.above:g}"
+
+
+NUMBERS = (
+    Number("charge_mass_kg", "charge", "mass_kg", above=0),
+    Number("charge_east_m", "charge", "position_m", index=0),
+    Number("charge_north_m", "charge", "position_m", index=1),
+    Number("charge_up_m", "charge", "position_m", index=2),
+    Number("charge_range_m", "charge", "range_m", above=0),
+    Number("origin_time_s", "charge", "time_s"),
+    Number("air_temperature_k", "air", "temperature_k", lo=150, hi=400),
+    Number("air_pressure_pa", "air", "pressure_pa", above=0),
+    Number("air_relative_humidity", "air", "relative_humidity", lo=0, hi=1),
+    Number("air_altitude_m", "air", "altitude_m", lo=-500, hi=11_000),
+    Number("air_sound_speed_m_s", "air", "sound_speed_m_s", above=0),
+    Number("ground_p_speed_m_s", "ground", "p_speed_m_s", above=0),
+    Number("sedov_gamma", "law", "sedov_gamma", above=1),
+)
+"""Air temperatures are those of Earth's troposphere, with room to spare; the standard
+atmosphere's lowest layer ends at 11 km."""

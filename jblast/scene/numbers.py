@@ -1,0 +1,114 @@
+"""Numbers of a scene file: fixed, free, or a prior."""
+
+import math
+from typing import Any
+
+from jblast.errors import InputError, nearest, shown
+from jblast.scene.keys import Number
+from jblast.scene.priors import Free, LogNormal, LogUniform, Normal, Prior, Uniform
+from jblast.scene.scene import PARAMETERS
+
+PRIORS = {
+    "lognormal": "[median, factor]",
+    "normal": "[mean, sd]",
+    "uniform": "[lo, hi]",
+    "loguniform": "[lo, hi]",
+}
+"""Kinds of prior, and the two numbers each is written with."""
+
+
+def finite(value: Any, where: str, expected: str = "a finite number") -> float:
+    """Return a TOML value as a float.
+
+    Raises:
+        InputError: It is no number, or infinite, or not a number.
+    """
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise InputError(f"{where}: expected {expected}, got {shown(value)}")
+    try:
+        number = float(value)
+    except OverflowError:
+        number = math.inf
+    if not math.isfinite(number):
+        raise InputError(f"{where}: expected {expected}, got {shown(value)}")
+    return number
+
+
+def read_number(
+    value: Any, number: Number, where: str
+) -> tuple[float, Prior | Free | None]:
+    """Return where a fit of a number starts, and what is believed of it.
+
+    Args:
+        value: What stands in the file.
+        number: What the number is.
+        where: File, table and key, for the messages.
+
+    Returns:
+        The value, with None where it is fixed; the prior's median and the prior; or a
+        default and `Free`.
+
+    Raises:
+        InputError: It is none of the three, or out of bounds.
+    """
+    place = PARAMETERS[number.parameter]
+    if value == "free":
+        return place.default, Free(place.positive)
+    if isinstance(value, dict):
+        return _prior(value, number, where)
+    expected = 'a number, "free" or a prior such as { normal = [mean, sd] }'
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise InputError(f"{where}: expected {expected}, got {shown(value)}")
+    fixed = finite(value, where)
+    _check(fixed, number, where, "a number")
+    return fixed, None
+
+
+def _prior(
+    value: dict[str, Any], number: Number, where: str
+) -> tuple[float, Prior | Free | None]:
+    """Return the median of a prior and the prior."""
+    kinds = list(value)
+    for kind in kinds:
+        if kind not in PRIORS:
+            raise InputError(
+                f"{where}: unknown prior {shown(kind)}{nearest(kind, PRIORS)}; "
+                f"expected one of {', '.join(PRIORS)}"
+            )
+    if len(kinds) != 1:
+        raise InputError(
+            f"{where}: expected one of {', '.join(PRIORS)}, "
+            f"got {' and '.join(kinds) or 'an empty table'}"
+        )
+    kind, form = kinds[0], PRIORS[kinds[0]]
+    pair = value[kind]
+    if not isinstance(pair, list) or len(pair) != 2:
+        raise InputError(f"{where}: expected {kind} = {form}, got {shown(pair)}")
+    expected = f"two finite numbers in {kind} = {form}"
+    a, b = (finite(item, where, expected) for item in pair)
+    if kind == "normal":
+        _check(a, number, where, "a mean")
+        _require(b > 0, where, f"a positive sd in normal = {form}", pair)
+        return a, Normal(a, b)
+    if kind == "lognormal":
+        _require(a > 0, where, f"a positive median in lognormal = {form}", pair)
+        _require(b > 1, where, f"a factor above 1 in lognormal = {form}", pair)
+        _check(a, number, where, "a median")
+        return a, LogNormal(a, b)
+    _require(a < b, where, f"lo < hi in {kind} = {form}", pair)
+    if kind == "loguniform":
+        _require(a > 0, where, f"a positive lo in loguniform = {form}", pair)
+    for end in (a, b):
+        _check(end, number, where, "ends")
+    if kind == "uniform":
+        return 0.5 * a + 0.5 * b, Uniform(a, b)
+    return math.sqrt(a) * math.sqrt(b), LogUniform(a, b)
+
+
+def _check(value: float, number: Number, where: str, what: str) -> None:
+    _require(number.allows(value), where, f"{what} {number.bounds()}", value)
+
+
+def _require(condition: bool, where: str, expected: str, got: Any) -> None:
+    if not condition:
+        raise InputError(f"{where}: expected {expected}, got {shown(got)}")

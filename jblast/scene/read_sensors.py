@@ -1,0 +1,89 @@
+"""The reader of a scene's sensors."""
+
+from typing import Any
+
+import numpy as np
+
+from jblast.errors import InputError, nearest, shown
+from jblast.quantities import QUANTITIES
+from jblast.scene.keys import SENSOR_KINDS
+from jblast.scene.numbers import finite
+from jblast.scene.sensor import Sensor
+from jblast.scene.tables import choice, name_of, not_yet, tables, triple
+
+
+def read_sensors(document: dict[str, Any], source: str) -> tuple[Sensor, ...]:
+    """Read the sensors of a scene file, each with a name of its own.
+
+    Raises:
+        InputError: As in `read_scene`.
+    """
+    sensors: dict[str, Sensor] = {}
+    for index, entry in enumerate(tables(document, "sensor", source), start=1):
+        where = f"{source}: [[sensor]] name"
+        if "name" not in entry:
+            raise InputError(
+                f"{where}: expected a name for sensor {index}, got nothing"
+            )
+        name = name_of(entry["name"], where)
+        if name in sensors:
+            raise InputError(
+                f"{where}: expected each name once, got {shown(name)} twice"
+            )
+        sensors[name] = _sensor(name, entry, f"{source}: [[sensor]] {shown(name)}")
+    return tuple(sensors.values())
+
+
+def _sensor(name: str, entry: dict[str, Any], where: str) -> Sensor:
+    """Read one sensor; a position that is not there is NaN until a log gives it."""
+    offset = entry.get("clock_offset_s", 0.0)
+    if _uncertain(offset):
+        raise not_yet(f"{where} clock_offset_s", "a clock that is free or has a prior")
+    kind = ""
+    if "kind" in entry:
+        kind = choice(entry["kind"], SENSOR_KINDS, f"{where} kind")
+    return Sensor(
+        name=name,
+        position=_position(entry, f"{where} position_m"),
+        kind=kind,
+        clock_offset=finite(offset, f"{where} clock_offset_s"),
+        records=_records(entry.get("records", {}), f"{where} records"),
+    )
+
+
+def _position(entry: dict[str, Any], where: str) -> np.ndarray:
+    if "position_m" not in entry:
+        return np.full(3, np.nan)
+    position = triple(entry["position_m"], where, "three numbers [east, north, up]")
+    if any(map(_uncertain, position)):
+        raise not_yet(where, "a place that is free or has a prior")
+    return np.array(
+        [finite(number, f"{where}[{index}]") for index, number in enumerate(position)]
+    )
+
+
+def _records(records: Any, where: str) -> tuple[tuple[str, float], ...]:
+    if not isinstance(records, dict):
+        raise InputError(
+            f"{where}: expected {{ QUANTITY = sigma }}, got {shown(records)}"
+        )
+    pairs = []
+    for quantity, sigma in records.items():
+        if quantity not in QUANTITIES:
+            raise InputError(
+                f"{where}: unknown quantity {shown(quantity)}"
+                f"{nearest(quantity, QUANTITIES)}; "
+                f"expected one of {', '.join(QUANTITIES)}"
+            )
+        expected = "a positive sigma"
+        number = finite(sigma, f"{where} {quantity}", expected)
+        if number <= 0:
+            raise InputError(
+                f"{where} {quantity}: expected {expected}, got {shown(sigma)}"
+            )
+        pairs.append((quantity, number))
+    return tuple(pairs)
+
+
+def _uncertain(value: Any) -> bool:
+    return value == "free" or isinstance(value, dict)
