@@ -35,12 +35,12 @@ def place(
     position = observations.position.copy()
     sensors = {sensor.name: np.asarray(sensor.position) for sensor in scene.sensors}
     sensors = {name: at for name, at in sensors.items() if not np.isnan(at).any()}
-    missing: np.ndarray = np.isnan(position).any(axis=1)
+    missing = set(np.flatnonzero(np.isnan(position).any(axis=1)).tolist())
     for row, name in enumerate(observations.sensor):
         known = sensors.get(name)
         if known is None:
             continue
-        if missing[row]:
+        if row in missing:
             position[row] = known
         elif np.linalg.norm(position[row] - known) > AGREE:
             raise InputError(

@@ -97,19 +97,19 @@ class Number:
 
 
 NUMBERS = (
-    Number("charge_mass_kg", "charge", "mass_kg", above=0),
+    Number("charge_mass_kg", "charge", "mass_kg", above=0.0),
     Number("charge_east_m", "charge", "position_m", index=0),
     Number("charge_north_m", "charge", "position_m", index=1),
     Number("charge_up_m", "charge", "position_m", index=2),
-    Number("charge_range_m", "charge", "range_m", above=0),
+    Number("charge_range_m", "charge", "range_m", above=0.0),
     Number("origin_time_s", "charge", "time_s"),
-    Number("air_temperature_k", "air", "temperature_k", lo=150, hi=400),
-    Number("air_pressure_pa", "air", "pressure_pa", above=0),
-    Number("air_relative_humidity", "air", "relative_humidity", lo=0, hi=1),
-    Number("air_altitude_m", "air", "altitude_m", lo=-500, hi=11_000),
-    Number("air_sound_speed_m_s", "air", "sound_speed_m_s", above=0),
-    Number("ground_p_speed_m_s", "ground", "p_speed_m_s", above=0),
-    Number("sedov_gamma", "law", "sedov_gamma", above=1),
+    Number("air_temperature_k", "air", "temperature_k", lo=150.0, hi=400.0),
+    Number("air_pressure_pa", "air", "pressure_pa", above=0.0),
+    Number("air_relative_humidity", "air", "relative_humidity", lo=0.0, hi=1.0),
+    Number("air_altitude_m", "air", "altitude_m", lo=-500.0, hi=11_000.0),
+    Number("air_sound_speed_m_s", "air", "sound_speed_m_s", above=0.0),
+    Number("ground_p_speed_m_s", "ground", "p_speed_m_s", above=0.0),
+    Number("sedov_gamma", "law", "sedov_gamma", above=1.0),
 )
 """Air temperatures are those of Earth's troposphere, with room to spare; the standard
 atmosphere's lowest layer ends at 11 km."""

@@ -6,7 +6,7 @@ A free number is flat in its $z$, which is its logarithm where it is positive.
 """
 
 from abc import abstractmethod
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import equinox as eqx
 import jax
@@ -17,6 +17,7 @@ from jaxtyping import Array, ArrayLike, Float, PRNGKeyArray
 from jblast.types import as_float_array
 
 
+@runtime_checkable
 class Belief(Protocol):
     """What `Free`, `Normal`, `LogNormal`, `Uniform` and `LogUniform` have in common."""
 
