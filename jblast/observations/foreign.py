@@ -71,6 +71,8 @@ def our_name(foreign: str) -> tuple[str, float] | None:
     for length in (2, 1):
         word, unit = "_".join(parts[:-length]), "_".join(parts[-length:])
         for dimension, units in UNITS.items():
+            if word in ("value", "sigma") and unit in units:
+                return word, units[unit]  # in the unit its quantity ends in
             if word and unit in units:
                 for contained, ours in WORDS[dimension]:
                     if contained in word:

@@ -77,7 +77,7 @@ def _check_range(
 ) -> None:
     """Refuse a slant range beside a free place, or one the scene contradicts."""
     where = f"{_where(observations, row)}, column range_m"
-    given = observations.slant_range[row]
+    given = float(observations.slant_range[row])
     for name in ("charge_east_m", "charge_north_m"):
         if name in beliefs:
             raise InputError(

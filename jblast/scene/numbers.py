@@ -99,14 +99,14 @@ def _prior(
     if kind == "loguniform":
         _require(a > 0, where, f"a positive lo in loguniform = {form}", pair)
     for end in (a, b):
-        _check(end, number, where, "ends")
+        _check(end, number, where, "an end")
     if kind == "uniform":
         return 0.5 * a + 0.5 * b, Uniform(a, b)
     return math.sqrt(a) * math.sqrt(b), LogUniform(a, b)
 
 
 def _check(value: float, number: Number, where: str, what: str) -> None:
-    _require(number.allows(value), where, f"{what} {number.bounds()}", value)
+    _require(number.allows(value), where, f"{what} that is {number.bounds()}", value)
 
 
 def _require(condition: bool, where: str, expected: str, got: Any) -> None:

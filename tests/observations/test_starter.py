@@ -1,0 +1,148 @@
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from jblast.observations import Observations, place, read, starter_scene
+from jblast.scene import Free, read_scene
+
+BARE = "sensor,quantity,value,sigma\n"
+POSITION = "sensor,quantity,value,sigma,east_m,north_m,up_m\n"
+RANGE = "sensor,quantity,value,sigma,range_m\n"
+
+
+@pytest.fixture
+def start(tmp_path):
+    """Return the log, its starter scene, and that scene as text."""
+
+    def write(text):
+        (tmp_path / "log.csv").write_text(text, encoding="utf-8")
+        observations = read(tmp_path / "log.csv")
+        text = starter_scene(observations)
+        (tmp_path / "scene.toml").write_text(text, encoding="utf-8")
+        return observations, read_scene(tmp_path / "scene.toml"), text
+
+    return write
+
+
+def test_three_sensors_around_the_charge_free_its_place_and_time(start):
+    observations, uncertain, text = start(
+        POSITION
+        + "a,air_arrival_s,1,0.001,30,0,0.1\n"
+        + "b,air_arrival_s,1,0.003,0,30,0.1\n"
+        + "c,air_arrival_s,1,,-30,0,0.1\n"
+        + "a,air_arrival_s,1.1,0.005,30,0,0.1\n"
+        + "b,peak_overpressure_pa,2000,100,0,30,0.1\n"
+    )
+    free = Free(positive=False)
+    assert uncertain.beliefs == {
+        "charge_mass_kg": Free(positive=True),
+        "charge_east_m": free,
+        "charge_north_m": free,
+        "origin_time_s": free,
+    }
+    a, b, c = uncertain.scene.sensors
+    assert (a.name, b.name, c.name) == ("a", "b", "c")
+    assert a.records == (("air_arrival_s", 0.003),)  # the median, in seconds
+    assert b.records == (("air_arrival_s", 0.003), ("peak_overpressure_pa", 0.05))
+    assert c.records == ()
+    assert "no sigma for air_arrival_s" in text
+    assert "[ground]" not in text
+    place(observations, uncertain.scene, uncertain.beliefs)
+
+
+def test_sensors_in_a_line_leave_the_place_fixed(start):
+    _, uncertain, _ = start(
+        POSITION + "".join(f"s{i},air_arrival_s,1,,{i * 10},0,0\n" for i in range(1, 6))
+    )
+    assert set(uncertain.beliefs) == {"charge_mass_kg"}
+
+
+def test_one_range_goes_into_the_scene(start):
+    observations, uncertain, _ = start(RANGE + "a,positive_impulse_pa_s,70,,276.25\n")
+    assert uncertain.scene.charge.range == 276.25
+    placed = place(observations, uncertain.scene, uncertain.beliefs)
+    assert placed.slant_range[0] == 276.25
+
+
+def test_a_sensor_at_an_unknown_range_frees_it(start):
+    observations, uncertain, _ = start(BARE + "a,positive_impulse_pa_s,70,\n")
+    assert set(uncertain.beliefs) == {"charge_mass_kg", "charge_range_m"}
+    place(observations, uncertain.scene, uncertain.beliefs)
+
+
+def test_several_ranges_leave_the_place_fixed(start):
+    observations, uncertain, _ = start(
+        RANGE + "a,positive_impulse_pa_s,70,,276\nb,positive_impulse_pa_s,7,,2760\n"
+    )
+    assert set(uncertain.beliefs) == {"charge_mass_kg"}
+    place(observations, uncertain.scene, uncertain.beliefs)
+
+
+def test_a_shock_radius_alone_leaves_place_and_time_fixed(start):
+    observations, uncertain, text = start(
+        "sensor,quantity,value,sigma,time_s\n"
+        "camera,shock_radius_m,11.1,0.1,1e-4\n"
+        "camera,shock_radius_m,19.9,0.2,3.8e-4\n"
+    )
+    assert set(uncertain.beliefs) == {"charge_mass_kg"}
+    assert "position_m = [EAST" not in text
+    place(observations, uncertain.scene, uncertain.beliefs)
+
+
+def test_places_that_nobody_gave_are_asked_for(start):
+    _, _, text = start(BARE + "a,air_arrival_s,1,\nb,air_arrival_s,2,\n")
+    assert text.count("# position_m = [EAST, NORTH, UP]") == 2
+
+
+def test_the_ground_is_there_where_its_wave_was_heard(start):
+    _, _, text = start(RANGE + "a,ground_arrival_s,1,,20\n")
+    assert "[ground]\np_speed_m_s = 5660.0" in text
+
+
+def test_a_sensor_that_moves_keeps_its_places_in_the_log(start):
+    observations, uncertain, _ = start(
+        POSITION + "a,air_arrival_s,1,,20,0,0\na,air_arrival_s,2,,30,0,0\n"
+    )
+    placed = place(observations, uncertain.scene, uncertain.beliefs)
+    np.testing.assert_array_equal(placed.position, observations.position)
+
+
+def test_a_reading_of_time_zero_and_a_sigma_that_overflows_do_no_harm(start):
+    _, uncertain, _ = start(
+        RANGE + "a,air_arrival_s,0,0.1,20\na,positive_impulse_pa_s,1e-300,1e300,20\n"
+    )
+    assert uncertain.scene.sensors[0].records == (("air_arrival_s", 0.1),)
+
+
+@settings(deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(
+    st.lists(
+        st.text(st.characters(exclude_categories=("Cs",)), min_size=1).filter(
+            lambda name: name == name.strip()
+        ),
+        min_size=1,
+        unique=True,
+    )
+)
+def test_any_name_of_a_sensor_survives_as_toml(tmp_path, names):
+    nan = np.full(len(names), np.nan)
+    unsaid = ("",) * len(names)
+    observations = Observations(
+        sensor=tuple(names),
+        quantity=("air_arrival_s",) * len(names),
+        value=np.ones(len(names)),
+        sigma=nan,
+        position=np.zeros((len(names), 3)),
+        slant_range=nan,
+        time=nan,
+        path=unsaid,
+        shot=unsaid,
+        clock=unsaid,
+        source=f"{names[0]}.csv",
+    )
+    (tmp_path / "scene.toml").write_text(
+        starter_scene(observations), encoding="utf-8", newline="\n"
+    )
+    sensors = read_scene(tmp_path / "scene.toml").scene.sensors
+    assert [sensor.name for sensor in sensors] == names

@@ -1,0 +1,117 @@
+from dataclasses import fields, replace
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from jblast.observations import QUANTITIES, TIMES, Observations, read, write
+
+EXACT = settings(
+    deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+)
+
+FINITE = st.floats(allow_nan=False, allow_infinity=False)
+POSITIVE = st.floats(min_value=0, exclude_min=True, allow_infinity=False)
+NAMES = st.text(
+    st.characters(exclude_categories=("Cc", "Cs")), min_size=1, max_size=8
+).filter(lambda name: name == name.strip())
+MAYBE_NAMES = st.one_of(st.just(""), NAMES)
+
+
+@st.composite
+def rows(draw):
+    """One valid row, in the order of the fields of `Observations`."""
+    quantity = draw(st.sampled_from(list(QUANTITIES)))
+    value = draw(FINITE if quantity in TIMES else POSITIVE)
+    sigma = draw(st.one_of(st.just(np.nan), POSITIVE))
+    position, slant_range = [np.nan] * 3, np.nan
+    place = draw(st.sampled_from(["position", "range", "scene"]))
+    if place == "position":
+        position = draw(st.lists(FINITE, min_size=3, max_size=3))
+    elif place == "range":
+        slant_range = draw(POSITIVE)
+    time = draw(FINITE) if quantity == "shock_radius_m" else np.nan
+    names = [draw(MAYBE_NAMES) for _ in range(3)]
+    return (draw(NAMES), quantity, value, sigma, position, slant_range, time, *names)
+
+
+def key(row):
+    return tuple(map(str, (*row[:4], *(x + 0.0 for x in row[4]), *row[5:])))
+
+
+def table(rows_, comments=()):
+    sensor, quantity, value, sigma, position, slant_range, time, *names = zip(
+        *rows_, strict=True
+    )
+    path, shot, clock = names
+    return Observations(
+        sensor=sensor,
+        quantity=quantity,
+        value=np.array(value, dtype=float),
+        sigma=np.array(sigma, dtype=float),
+        position=np.array(position, dtype=float),
+        slant_range=np.array(slant_range, dtype=float),
+        time=np.array(time, dtype=float),
+        path=path,
+        shot=shot,
+        clock=clock,
+        comments=tuple(comments),
+    )
+
+
+def assert_equal(a, b):
+    for field in fields(Observations):
+        if field.name in ("line", "source"):
+            continue  # where it stood in its file
+        mine, theirs = getattr(a, field.name), getattr(b, field.name)
+        if isinstance(mine, np.ndarray):
+            np.testing.assert_array_equal(mine, theirs, err_msg=field.name)
+        else:
+            assert mine == theirs, field.name
+
+
+@EXACT
+@given(st.lists(rows(), min_size=1, max_size=6, unique_by=key), st.lists(MAYBE_NAMES))
+def test_what_was_written_is_read_back_to_the_last_digit(tmp_path, rows_, comments):
+    observations = table(rows_, comments)
+    write(tmp_path / "log.csv", observations)
+    assert_equal(read(tmp_path / "log.csv"), observations)
+
+
+def one(name="a", **changes):
+    row = (name, "air_arrival_s", 0.1, np.nan, [1.0, 2.0, 3.0], np.nan, np.nan)
+    return replace(table([(*row, "", "", "")]), **changes)
+
+
+def test_only_columns_that_hold_something_are_written(tmp_path):
+    write(tmp_path / "log.csv", one(), comments=["by hand"])
+    assert (tmp_path / "log.csv").read_text() == (
+        "# by hand\n"
+        "sensor,quantity,value,sigma,east_m,north_m,up_m\n"
+        "a,air_arrival_s,0.1,,1.0,2.0,3.0\n"
+    )
+
+
+def test_new_comments_come_before_the_old_ones(tmp_path):
+    write(tmp_path / "log.csv", one(comments=("old",)), comments=["new"])
+    assert read(tmp_path / "log.csv").comments == ("new", "old")
+
+
+def test_a_name_that_begins_like_a_comment_is_no_comment(tmp_path):
+    write(tmp_path / "log.csv", one("#1"))
+    assert read(tmp_path / "log.csv").sensor == ("#1",)
+
+
+@pytest.mark.parametrize("name", [" a", "a\nb", "a\0"])
+def test_a_name_that_would_not_read_back_is_refused(tmp_path, name):
+    with pytest.raises(ValueError, match="one line without control characters"):
+        write(tmp_path / "log.csv", one(name))
+    assert not (tmp_path / "log.csv").exists()
+
+
+def test_a_table_without_rows_is_refused(tmp_path):
+    none = np.empty(0)
+    empty = Observations((), (), none, none, np.empty((0, 3)), none, none, (), (), ())
+    with pytest.raises(ValueError, match="no rows"):
+        write(tmp_path / "log.csv", empty)
