@@ -1,0 +1,86 @@
+import jax
+import jax.numpy as jnp
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from jblast.constants import DRY_AIR_GAS_CONSTANT, STANDARD_PRESSURE
+from jblast.waves.scaling import (
+    log_scaled_distance,
+    sachs_distance_factor,
+    sachs_impulse_factor,
+    sachs_pressure_factor,
+    sachs_time_factor,
+    scaled_distance,
+)
+
+positive = st.floats(1e-3, 1e9)
+pressure = st.floats(1e3, 2e5)
+
+
+def test_eight_kilograms_halve_the_distance():
+    # Hopkinson and Cranz: the cube root of 8 is 2; rounding only.
+    assert scaled_distance(10.0, 8.0) == pytest.approx(5.0, rel=1e-15)
+
+
+def test_an_eighth_of_the_pressure_doubles_the_distance_factor():
+    assert sachs_distance_factor(1.0, STANDARD_PRESSURE / 8) == pytest.approx(
+        2.0, rel=1e-15
+    )
+
+
+def test_every_factor_is_one_for_a_kilogram_in_standard_air():
+    assert sachs_distance_factor(1.0) == 1.0
+    assert sachs_time_factor(1.0) == 1.0
+    assert sachs_pressure_factor(STANDARD_PRESSURE) == 1.0
+    assert sachs_impulse_factor(1.0) == 1.0
+
+
+@settings(deadline=None)  # the first call compiles
+@given(mass=positive, ambient=pressure, temperature=st.floats(200.0, 330.0))
+def test_the_factors_have_the_exponents_of_the_temperature_form(
+    mass, ambient, temperature
+):
+    # formulas.md 8: S_t = S_d (288.15/T)^1/2, S_i = W^1/3 S_p^2/3 (288.15/T)^1/2.
+    # The tabulated 340.29 m/s has five digits, sqrt(1.4 287.05 288.15) = 340.292.
+    sound_speed = (1.4 * DRY_AIR_GAS_CONSTANT * temperature) ** 0.5
+    relative = ambient / STANDARD_PRESSURE
+    warmth = (288.15 / temperature) ** 0.5
+    assert sachs_time_factor(mass, ambient, sound_speed) == pytest.approx(
+        (mass / relative) ** (1 / 3) * warmth, rel=1e-5
+    )
+    assert sachs_impulse_factor(mass, ambient, sound_speed) == pytest.approx(
+        mass ** (1 / 3) * relative ** (2 / 3) * warmth, rel=1e-5
+    )
+
+
+@settings(deadline=None)  # the first call compiles
+@given(distance=positive, mass=positive, ambient=pressure)
+def test_the_logarithm_is_that_of_the_scaled_distance(distance, mass, ambient):
+    # Absolute error of a logarithm up to 30: a few times 30 * 1.1e-16.
+    assert log_scaled_distance(distance, mass, ambient) == pytest.approx(
+        float(jnp.log(scaled_distance(distance, mass, ambient))), abs=2e-14
+    )
+
+
+def test_the_log_slopes_are_one_and_a_third():
+    slopes = jax.grad(
+        lambda x: jnp.log(scaled_distance(*(jnp.exp(x[i]) for i in range(3))))
+    )(jnp.log(jnp.array([20.0, 15.0, 8e4])))
+    assert slopes.tolist() == pytest.approx([1.0, -1 / 3, 1 / 3], rel=1e-14)
+
+
+def test_a_batch_equals_its_loop_and_single_precision_stays_single():
+    distances, masses = jnp.array([1.0, 20.0, 300.0]), jnp.array([1.0, 15.0, 1e3])
+    batch = scaled_distance(distances, masses, 9e4)
+    loop = [
+        float(scaled_distance(r, w, 9e4))
+        for r, w in zip(distances, masses, strict=True)
+    ]
+    assert batch.tolist() == pytest.approx(loop, rel=1e-15)
+    single = scaled_distance(distances.astype("float32"), masses.astype("float32"))
+    assert single.dtype == jnp.float32
+    # A handful of float32 roundings of 6e-8.
+    assert jnp.allclose(
+        single.astype(float), scaled_distance(distances, masses), rtol=5e-7
+    )
