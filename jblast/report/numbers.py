@@ -1,0 +1,151 @@
+"""How a number is printed: its unit, and no more digits than it deserves."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from jblast.constants import TNT_SPECIFIC_ENERGY
+from jblast.report.words import split_name
+
+WIDE_LOG_SD = 0.3
+"""Past this sd in ln an interval spans a factor of three: digits count then."""
+
+
+@dataclass(frozen=True)
+class Unit:
+    """A unit as printed, and what one of it is in SI."""
+
+    symbol: str
+    size: float
+
+
+@dataclass(frozen=True)
+class Printed:
+    """An estimate in words ready for a table.
+
+    Attributes:
+        value: With its unit, "not identified" where there is none.
+        interval: The 90 % interval with its unit, "-" where there is none.
+        beside: The same value in another unit a reader may know, or "".
+    """
+
+    value: str
+    interval: str
+    beside: str
+
+    @property
+    def value_and_beside(self) -> str:
+        """Return the value, with the other unit in brackets."""
+        return f"{self.value} ({self.beside})" if self.beside else self.value
+
+
+LADDERS = {
+    "_kg": ((0.0, Unit("g", 1e-3)), (0.1, Unit("kg", 1.0)), (1e6, Unit("kt", 1e6))),
+    "_m": ((0.0, Unit("mm", 1e-3)), (0.1, Unit("m", 1.0)), (1e4, Unit("km", 1e3))),
+    "_s": ((0.0, Unit("µs", 1e-6)), (1e-3, Unit("ms", 1e-3)), (1.0, Unit("s", 1.0))),
+    "_m_s": ((0.0, Unit("mm/s", 1e-3)), (0.1, Unit("m/s", 1.0))),
+    "_pa": ((0.0, Unit("Pa", 1.0)), (1e3, Unit("kPa", 1e3)), (1e6, Unit("MPa", 1e6))),
+    "_pa_s": ((0.0, Unit("Pa s", 1.0)), (1e4, Unit("kPa s", 1e3))),
+    "_j": (
+        (0.0, Unit("J", 1.0)),
+        (1e3, Unit("kJ", 1e3)),
+        (1e6, Unit("MJ", 1e6)),
+        (1e9, Unit("GJ", 1e9)),
+        (1e12, Unit("TJ", 1e12)),
+    ),
+    "_k": ((0.0, Unit("K", 1.0)),),
+    "": ((0.0, Unit("", 1.0)),),
+}
+"""Units of each suffix, each with the SI value from which a reader wants it."""
+
+
+def finite(number: Any) -> float | None:
+    """Return a number as a float, None where it is null, NaN or infinite."""
+    return None if number is None or not math.isfinite(number) else float(number)
+
+
+def unit_for(name: str, *numbers: float | None) -> Unit:
+    """Choose the unit for numbers of one parameter or quantity, by the largest."""
+    ladder = LADDERS[split_name(name)[1]]
+    largest = max((abs(n) for n in numbers if n is not None), default=0.0)
+    if largest == 0.0:
+        return next(unit for _, unit in ladder if unit.size == 1.0)
+    return [unit for start, unit in ladder if largest >= start][-1]
+
+
+def rounded(number: float, sd: float) -> str:
+    """Print a number to two digits of its standard deviation."""
+    two_digits = float(f"{sd:.1e}")  # 0.0996 is 0.10, so it decides as 0.10 does
+    decimals = 1 - math.floor(math.log10(two_digits)) if sd > 0.0 else 12
+    decimals = min(decimals, 12)
+    if decimals < 0 and abs(number) >= 1e7:
+        digits = math.floor(math.log10(abs(number))) + decimals
+        return scientific(number, max(digits, 1))
+    text = f"{round(number, decimals):.{max(decimals, 0)}f}"
+    return text.lstrip("-") if float(text) == 0.0 else text
+
+
+def significant(number: float, digits: int = 2) -> str:
+    """Print a number to so many significant digits."""
+    if number == 0.0:
+        return "0"
+    exponent = math.floor(math.log10(abs(number)))
+    if not -4 <= exponent < 7:
+        return scientific(number, digits - 1)
+    decimals = digits - 1 - exponent
+    return f"{round(number, decimals):.{max(decimals, 0)}f}"
+
+
+def scientific(number: float, decimals: int) -> str:
+    """Print 2.1e7 rather than 2.1e+07."""
+    mantissa, _, exponent = f"{number:.{decimals}e}".partition("e")
+    return f"{mantissa}e{int(exponent)}"
+
+
+def printed_estimate(name: str, estimate: Mapping[str, Any]) -> Printed:
+    """Print one entry of an answer's `estimates` or `derived`.
+
+    Two digits of the sd decide how far value and interval are printed; where the
+    parameter is uncertain by a factor, each number has two significant digits.
+    """
+    value, sd, low, high = (
+        finite(estimate.get(k)) for k in ("value", "sd", "q05", "q95")
+    )
+    log_sd = finite(estimate.get("log_sd"))
+    unit = unit_for(name, *((low, high) if value is None else (value,)))
+    if sd is None and low is not None and high is not None:
+        sd = (high - low) / 3.29
+
+    def show(number: float) -> str:
+        if (log_sd is not None and log_sd > WIDE_LOG_SD) or not sd:
+            return significant(number / unit.size, 2 if sd else 4)
+        return rounded(number / unit.size, sd / unit.size)
+
+    bare = f" {unit.symbol}" if unit.symbol else ""
+    return Printed(
+        value="not identified" if value is None else show(value) + bare,
+        interval="-"
+        if low is None or high is None
+        else f"{show(low)} to {show(high)}{bare}",
+        beside="" if value is None else _beside(name, value),
+    )
+
+
+def printed_number(name: str, value: float | int, digits: int = 4) -> str:
+    """Print a number with its unit where no uncertainty is known."""
+    value = float(value)
+    unit = unit_for(name, value)
+    text = significant(value / unit.size, digits)
+    if "." in text and "e" not in text:
+        text = text.rstrip("0").rstrip(".")
+    return f"{text} {unit.symbol}".rstrip()
+
+
+def _beside(name: str, value: float) -> str:
+    suffix = split_name(name)[1]
+    if suffix == "_kg" and value >= 1e6:
+        return f"{scientific(value, 2)} kg"
+    if suffix == "_j" and value >= 1e6 * TNT_SPECIFIC_ENERGY:
+        return f"{significant(value / TNT_SPECIFIC_ENERGY / 1e6, 3)} kt of TNT"
+    return ""

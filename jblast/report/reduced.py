@@ -1,0 +1,81 @@
+"""What of a reading a plot shows: an arrival less the time sound would have taken.
+
+Arrivals over two decades of range hide a millisecond; less range over speed, they show
+how much the shock outran sound, and the residuals can be seen.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from jblast.constants import LIGHT_SPEED
+from jblast.inference.fit_result import Fit
+from jblast.scene import Scene
+from jblast.waves.atmosphere import sound_speed_in_air, standard_atmosphere
+
+
+@dataclass(frozen=True)
+class Reduction:
+    """A time that grows with range, to be taken off arrivals.
+
+    Attributes:
+        origin: Constant part, on the common clock [s].
+        slowness: Seconds a metre.
+        label: What the remaining time is called on an axis.
+    """
+
+    origin: float
+    slowness: float
+    label: str
+
+    def __call__(
+        self, time: Float[np.ndarray, " n"], distance: Float[np.ndarray, " n"]
+    ) -> Float[np.ndarray, " n"]:
+        """Return times less what is taken off."""
+        return time - self.origin - distance * self.slowness
+
+
+def axis_sound_speed(scene: Scene) -> float:
+    """Return the speed of sound at the answer [m/s]; the axis names it."""
+    air = scene.air
+    if air.sound_speed is not None:
+        return float(air.sound_speed)
+    temperature, pressure = air.temperature, air.pressure
+    if air.altitude is not None:
+        temperature, pressure = standard_atmosphere(air.altitude)
+    return float(sound_speed_in_air(temperature, pressure, air.relative_humidity))
+
+
+def reduction(fit: Fit, quantity: str) -> Reduction | None:
+    """Return what a plot takes off a quantity; None where it shows the value itself."""
+    t0 = float(fit.scene.charge.time)
+    air = axis_sound_speed(fit.scene)
+    ground = float(fit.scene.ground.p_speed)
+    if quantity == "air_arrival_s":
+        return Reduction(t0, 1 / air, f"travel time − range / {air:.1f} m/s")
+    if quantity == "ground_arrival_s":
+        return Reduction(t0, 1 / ground, f"travel time − range / {ground:.0f} m/s")
+    if quantity == "arrival_difference_s":
+        label = f"difference − range × (1/{air:.1f} − 1/{ground:.0f}) s/m"
+        return Reduction(0.0, 1 / air - 1 / ground, label)
+    if quantity == "flash_time_s":
+        return Reduction(t0, 1 / LIGHT_SPEED, "flash − origin time")
+    return None
+
+
+def common_clock(fit: Fit) -> Float[np.ndarray, " row"]:
+    """Return what to take off each row's clock to read the common clock [s]."""
+    offsets = {s.name: float(s.clock_offset) for s in fit.scene.sensors}
+    clocks = {
+        name.partition(".")[2]: estimate.get("value") or 0.0
+        for name, estimate in fit.answer["estimates"].items()
+        if name.startswith("clock_offset_s.")
+    }
+    table = fit.observations
+    return np.array(
+        [
+            clocks.get(clock, offsets.get(sensor, 0.0))
+            for clock, sensor in zip(table.clock, table.sensor, strict=True)
+        ]
+    )

@@ -1,0 +1,174 @@
+"""The conclusion in sentences, and its limits."""
+
+from collections.abc import Mapping
+from typing import Any
+
+from jblast.inference.fit_result import Fit
+from jblast.report.accepted import Accepted, compare, estimates_of, not_fitted
+from jblast.report.doubts import (
+    ambiguity_sentence,
+    cure_sentence,
+    null_direction_sentence,
+    outlier_lines,
+    practically_unidentified,
+    unidentified,
+)
+from jblast.report.goodness import goodness_sentence
+from jblast.report.laws import law_sentence, validity_sentence
+from jblast.report.numbers import finite, printed_estimate, printed_number, significant
+from jblast.report.words import capitalised, joined, parameter_words, split_name
+from jblast.scene.scene import value_of
+
+SAFETY = (
+    "For safety engineering, forensics and sensing; it designs no explosives. "
+    "Decide nothing that concerns lives from this page alone."
+)
+
+OPENINGS = {
+    "charge_mass_kg": "The charge was {} of TNT",
+    "charge_tnt_mass_kg": "The charge was worth {} of TNT",
+    "charge_energy_j": "Its energy was {}",
+    "charge_east_m": "It stood at east {}",
+    "charge_north_m": "It stood at north {}",
+    "charge_up_m": "It stood at height {}",
+    "charge_range_m": "It stood {} from the sensor",
+    "origin_time_s": "It exploded at {} on the sensors' clock",
+    "air_sound_speed_m_s": "The speed of sound in the air was {}",
+    "ground_p_speed_m_s": "The P-wave speed of the ground was {}",
+}
+"""How a sentence about each parameter begins; others say "The ... was"."""
+
+
+def conclusion(fit: Fit, accepted: Accepted | None = None) -> list[str]:
+    """Return what the fit concludes, most wanted first, one sentence or two an entry.
+
+    Args:
+        fit: The fit.
+        accepted: Published values by parameter name, each with where it comes from.
+    """
+    answer = fit.answer
+    said = (
+        []
+        if answer["converged"]
+        else ["The search did not converge: take no number here as an answer."]
+    )
+    for name, estimate in estimates_of(answer).items():
+        if finite(estimate.get("value")) is not None and not _repeats(name, answer):
+            said.append(_estimate_sentence(name, estimate, accepted))
+    said += _cannot_tell(answer)
+    said.append(goodness_sentence(answer))
+    if outliers := outlier_lines(answer):
+        several = "recordings look" if len(outliers) > 1 else "recording looks"
+        said.append(f"{len(outliers)} {several} wrong: {'; '.join(outliers)}.")
+    said.append(f"{law_sentence(fit)} {validity_sentence(fit)}")
+    return said
+
+
+def limits(fit: Fit) -> list[str]:
+    """Return what the conclusion rests on and does not cover."""
+    how = {
+        "laplace": "Intervals come from the curvature of the posterior at its maximum "
+        "(Laplace); where they span a factor of several, read them as rough.",
+        "emcee": "Intervals come from posterior draws by the emcee sampler.",
+    }
+    lines = [given_sentence(fit)]
+    if posterior := fit.answer.get("posterior"):
+        lines.append(how.get(posterior, f"Intervals come from: {posterior}."))
+    if fit.answer["estimates"]:
+        lines.append(
+            "Intervals count the errors given in the log and the scatter of the laws; "
+            "they do not count a wrong law, a wrong sensor position or reflections."
+        )
+    return lines
+
+
+def given_sentence(fit: Fit) -> str:
+    """Say which numbers were taken as known."""
+    scene, free = fit.scene, set(fit.answer["free"])
+    names = ["charge_mass_kg"]
+    if scene.charge.range is None:
+        names += ["charge_east_m", "charge_north_m", "charge_up_m"]
+    else:
+        names += ["charge_range_m"]
+    names += ["origin_time_s"]
+    if scene.air.sound_speed is not None:
+        names += ["air_sound_speed_m_s"]
+    elif scene.air.altitude is not None:
+        names += ["air_altitude_m"]
+    else:
+        names += ["air_temperature_k", "air_pressure_pa"]
+    if any(q.startswith(("ground", "arrival_diff")) for q in fit.answer["law"]):
+        names += ["ground_p_speed_m_s"]
+    if "sedov_taylor" in fit.answer["law"].values():
+        names += ["sedov_gamma"]
+    known = []
+    for name in names:
+        value = value_of(scene, name)
+        if name not in free and value is not None:
+            shown = printed_number(name, float(value), 6)
+            known.append(f"{parameter_words(name)} {shown}")
+    burst = f"{scene.charge.burst} burst"
+    return f"Taken as known: {joined([*known, burst])}."
+
+
+def _repeats(name: str, answer: Mapping[str, Any]) -> bool:
+    """Tell whether a TNT mass only repeats the charge mass."""
+    mass = answer["estimates"].get("charge_mass_kg", {}).get("value")
+    tnt = answer.get("derived", {}).get("charge_tnt_mass_kg", {}).get("value")
+    return name == "charge_tnt_mass_kg" and mass is not None and mass == tnt
+
+
+def _estimate_sentence(
+    name: str, estimate: Mapping[str, Any], accepted: Accepted | None
+) -> str:
+    printed = printed_estimate(name, estimate)
+    opening = OPENINGS.get(name, f"The {parameter_words(name)} was {{}}")
+    if split_name(name)[2]:
+        opening = f"The {parameter_words(name)} was {{}}"
+    value = printed.value
+    if printed.beside and name == "charge_energy_j":
+        value = f"{value}, as much as {printed.beside},"
+        value = value.removesuffix(",")
+    sentence = opening.format(value)
+    if printed.interval != "-":
+        sentence += f" (90 %: {printed.interval})"
+    comparison = compare(name, estimate, accepted)
+    if comparison is None:
+        return sentence + "."
+    where = {True: "lies inside the interval", False: "lies outside the interval"}
+    verdict = where.get(comparison.inside, "has no interval to lie in")  # type: ignore[arg-type]
+    return (
+        f"{sentence}. The accepted {comparison.value} ({comparison.label}) {verdict}."
+    )
+
+
+def _cannot_tell(answer: Mapping[str, Any]) -> list[str]:
+    said = []
+    if names := unidentified(answer):
+        are = "is" if len(names) == 1 else "are"
+        words = joined([parameter_words(n) for n in names])
+        said.append(f"{capitalised(words)} {are} not identified by these recordings.")
+    for direction in answer.get("null_directions", ()):
+        cure = cure_sentence(direction)
+        said.append(f"{null_direction_sentence(direction)} {cure}".strip())
+    for ambiguity in answer.get("ambiguities", ()):
+        cure = cure_sentence(ambiguity)
+        said.append(f"{ambiguity_sentence(ambiguity)} {cure}".strip())
+    for name in practically_unidentified(answer):
+        factor = significant(
+            2.718281828 ** (1.645 * answer["estimates"][name]["log_sd"])
+        )
+        said.append(
+            f"The {parameter_words(name)} is practically unidentified: known only "
+            f"within a factor of {factor} either way."
+        )
+    return said
+
+
+def accepted_not_fitted(fit: Fit, accepted: Accepted | None) -> list[str]:
+    """Say which accepted values nothing here can be compared with."""
+    return [
+        f"The accepted {parameter_words(name)} ({label}) was not fitted."
+        for name in not_fitted(fit.answer, accepted)
+        for label in [(accepted or {})[name][1]]
+    ]

@@ -1,0 +1,142 @@
+"""The answer as the terminal shows it."""
+
+import textwrap
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from jblast.inference.fit_result import Fit
+from jblast.report.accepted import Accepted, compare
+from jblast.report.doubts import (
+    ambiguity_sentence,
+    cure_sentence,
+    determined_lines,
+    null_direction_sentence,
+    outlier_lines,
+    practically_unidentified,
+    unidentified,
+)
+from jblast.report.goodness import goodness_numbers, goodness_sentence
+from jblast.report.laws import laws_used, validity_sentence
+from jblast.report.numbers import printed_estimate
+from jblast.report.rows import log_name
+from jblast.report.sentences import accepted_not_fitted
+from jblast.report.words import joined, parameter_words
+
+WIDTH = 96
+
+
+def summary(
+    fit: Fit, accepted: Accepted | None = None, out: str | Path | None = None
+) -> str:
+    """Return the answer for the terminal.
+
+    Args:
+        fit: The fit.
+        accepted: Published values by parameter name, each with where it comes from;
+            printed beside the estimates with whether they lie inside.
+        out: Where the figures were written, if they were.
+    """
+    answer = fit.answer
+    lines = [_title(fit), ""]
+    if not answer["converged"]:
+        lines += ["NOT CONVERGED: take no number below as an answer.", ""]
+    lines += _estimate_table(answer, accepted)
+    lines += _section("", accepted_not_fitted(fit, accepted))
+    lines += ["", "Laws"]
+    used = laws_used(fit)
+    column = max((len(law.quantity) for law in used), default=0) + 2
+    for law in used:
+        text = law.law + (f": {law.reason}" if law.reason else "")
+        lines += _hanging(law.quantity.ljust(column) + text, column)
+    lines += _hanging(validity_sentence(fit))
+    lines += ["", "Goodness of fit", *_hanging(goodness_numbers(answer))]
+    lines += _hanging(goodness_sentence(answer))
+    lines += _section("What the recordings cannot tell", _cannot_tell(answer))
+    lines += _section(
+        "What they do tell", determined_lines(answer.get("determined", ()))
+    )
+    lines += _section("Suspected outliers", outlier_lines(answer))
+    lines += _section("Warnings", [str(w) for w in answer.get("warnings", ())])
+    if out is not None:
+        lines += ["", f"Report and figures: {out}"]
+    return "\n".join(line.rstrip() for line in lines) + "\n"
+
+
+def _title(fit: Fit) -> str:
+    answer = fit.answer
+    n, free = answer["n_observations"], list(answer["free"])
+    of = f" of {log_name(fit)}" if log_name(fit) else ""
+    fitted = joined([parameter_words(name) for name in free])
+    recordings = "recording" if n == 1 else "recordings"
+    title = f"Fit{of}: {n} {recordings}, {fitted or 'nothing'} fitted"
+    return "\n".join(textwrap.wrap(title, WIDTH))
+
+
+def _estimate_table(answer: Mapping[str, Any], accepted: Accepted | None) -> list[str]:
+    rows = [("", "value", "90 % interval", "accepted" if accepted else "")]
+    for name, estimate in answer["estimates"].items():
+        rows.append(_table_row(name, estimate, accepted))
+    derived = answer.get("derived", {})
+    for name, estimate in derived.items():
+        rows.append(_table_row(name, estimate, accepted))
+    widths = [max(len(row[i]) for row in rows) + 2 for i in range(3)]
+    lines = []
+    for i, row in enumerate(rows):
+        if derived and i == len(answer["estimates"]) + 1:
+            lines.append("Derived")
+        left = "".join(c.ljust(w) for c, w in zip(row, widths, strict=False))
+        left = (
+            "Estimates".ljust(widths[0] + 2) + left[widths[0] :]
+            if i == 0
+            else "  " + left
+        )
+        if len(left) + len(row[3]) <= WIDTH:
+            lines.append(left + row[3])
+        else:
+            lines += [left, *_hanging(f"accepted: {row[3]}", 2, indent=widths[0] + 2)]
+    return lines
+
+
+def _table_row(
+    name: str, estimate: Mapping[str, Any], accepted: Accepted | None
+) -> tuple[str, str, str, str]:
+    printed = printed_estimate(name, estimate)
+    comparison = compare(name, estimate, accepted)
+    beside = (
+        f"{comparison.value}, {comparison.label}: {comparison.verdict}"
+        if comparison
+        else ""
+    )
+    return parameter_words(name), printed.value_and_beside, printed.interval, beside
+
+
+def _cannot_tell(answer: Mapping[str, Any]) -> list[str]:
+    lines = [f"{parameter_words(n)}: not identified" for n in unidentified(answer)]
+    for name in practically_unidentified(answer):
+        log_sd = answer["estimates"][name]["log_sd"]
+        lines.append(
+            f"{parameter_words(name)}: practically unidentified (sd of ln {log_sd:.2f})"
+        )
+    for direction in answer.get("null_directions", ()):
+        lines += [null_direction_sentence(direction), cure_sentence(direction)]
+    for ambiguity in answer.get("ambiguities", ()):
+        lines += [ambiguity_sentence(ambiguity), cure_sentence(ambiguity)]
+    return [line for line in lines if line]
+
+
+def _section(title: str, entries: Sequence[str]) -> list[str]:
+    if not entries:
+        return []
+    wrapped = [line for entry in entries for line in _hanging(entry, 2)]
+    return ["", title, *wrapped] if title else wrapped
+
+
+def _hanging(text: str, column: int = 0, indent: int = 2) -> list[str]:
+    return textwrap.wrap(
+        text,
+        WIDTH,
+        initial_indent=" " * indent,
+        subsequent_indent=" " * (indent + column),
+        break_on_hyphens=False,
+    ) or [""]

@@ -1,0 +1,94 @@
+"""What parameters, quantities and laws are called in a sentence."""
+
+from collections.abc import Sequence
+
+SUFFIXES = ("_pa_s", "_m_s", "_kg", "_pa", "_m", "_s", "_j", "_k")
+"""Unit suffixes of names, longest first: `_m_s` must be tried before `_s`."""
+
+PARAMETER_WORDS = {
+    "charge_mass_kg": "charge mass",
+    "charge_tnt_mass_kg": "TNT mass of the charge",
+    "charge_energy_j": "energy",
+    "charge_east_m": "charge east",
+    "charge_north_m": "charge north",
+    "charge_up_m": "charge up",
+    "charge_range_m": "range of the charge",
+    "origin_time_s": "origin time",
+    "air_temperature_k": "air temperature",
+    "air_pressure_pa": "air pressure",
+    "air_relative_humidity": "relative humidity",
+    "air_altitude_m": "altitude",
+    "air_sound_speed_m_s": "air sound speed",
+    "wind_east_m_s": "wind to the east",
+    "wind_north_m_s": "wind to the north",
+    "ground_p_speed_m_s": "ground P-wave speed",
+    "clock_offset_s": "clock offset",
+    "sedov_gamma": "ratio of specific heats",
+}
+
+QUANTITY_WORDS = {
+    "flash_time_s": "flash time",
+    "air_arrival_s": "air arrival",
+    "ground_arrival_s": "ground arrival",
+    "arrival_difference_s": "air minus ground arrival",
+    "peak_overpressure_pa": "peak overpressure",
+    "positive_impulse_pa_s": "positive impulse",
+    "positive_duration_s": "positive duration",
+    "reflected_pressure_pa": "reflected pressure",
+    "reflected_impulse_pa_s": "reflected impulse",
+    "shock_radius_m": "shock radius",
+    "ground_peak_velocity_m_s": "peak ground velocity",
+    "ground_displacement_m": "peak ground displacement",
+}
+
+LAW_WORDS = {
+    "wu_hao": "Wu-Hao",
+    "kingery_bulmash": "Kingery-Bulmash",
+    "kinney_graham": "Kinney-Graham",
+    "swisdak": "Swisdak",
+    "sadovsky": "Sadovsky",
+    "dna_1kt": "DNA 1 kt standard",
+    "point_source": "point-source",
+    "sedov_taylor": "Sedov-Taylor",
+    "shock_kinematics": "shock kinematics",
+    "acoustic": "acoustic",
+    "ford_2021": "Ford 2021",
+}
+
+
+def split_name(name: str) -> tuple[str, str, str]:
+    """Split a parameter's name: `clock_offset_s.B` is ("clock_offset", "_s", "B")."""
+    stem, _, label = name.partition(".")
+    for suffix in SUFFIXES:
+        if stem.endswith(suffix):
+            return stem.removesuffix(suffix), suffix, label
+    return stem, "", label
+
+
+def parameter_words(name: str) -> str:
+    """Return a parameter's name in words; an unknown one loses unit and underscores."""
+    stem, suffix, label = split_name(name)
+    words = PARAMETER_WORDS.get(stem + suffix, stem.replace("_", " "))
+    return f"{words} of {label}" if label else words
+
+
+def quantity_words(quantity: str) -> str:
+    """Return a quantity's name in words."""
+    return QUANTITY_WORDS.get(quantity, split_name(quantity)[0].replace("_", " "))
+
+
+def law_words(law: str) -> str:
+    """Return a law's name as its authors are named in a sentence."""
+    return LAW_WORDS.get(law, law.replace("_", " "))
+
+
+def joined(parts: Sequence[str]) -> str:
+    """Join words as a sentence does: "a, b and c"."""
+    if len(parts) < 2:
+        return "".join(parts)
+    return ", ".join(parts[:-1]) + " and " + parts[-1]
+
+
+def capitalised(sentence: str) -> str:
+    """Return a sentence with its first letter large and the rest untouched."""
+    return sentence[:1].upper() + sentence[1:]

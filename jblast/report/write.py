@@ -1,0 +1,140 @@
+"""The report as files: the answer, the figures, and one page with all of it."""
+
+import json
+import math
+import os
+import tempfile
+import warnings
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from jblast.errors import InputError
+from jblast.inference.fit_result import Fit
+from jblast.report.accepted import Accepted
+from jblast.report.corner_plot import corner_figure
+from jblast.report.page import image_bytes, report_page
+from jblast.report.recordings import recordings_figure
+from jblast.report.residuals import residuals_figure
+
+NAMES = ("fit.json", "recordings.png", "residuals.png", "corner.png", "report.html")
+"""What a report may consist of."""
+
+
+def write_report(
+    fit: Fit,
+    directory: str | Path,
+    accepted: Accepted | None = None,
+    force: bool = False,
+) -> list[Path]:
+    """Write a fit's answer, figures and page, the answer first.
+
+    A figure that cannot be drawn costs nothing but itself: a warning names it, here
+    and on the page. Where no parameter has a posterior there is no corner.png.
+
+    Args:
+        fit: The fit.
+        directory: Where to; made if it is not there.
+        accepted: Published values by parameter name, each with where it comes from.
+        force: Whether to write into a directory that holds files. Those of an earlier
+            report are replaced or removed, others left alone.
+
+    Returns:
+        The files written.
+
+    Raises:
+        InputError: The directory holds files and `force` is not set, or is a file.
+    """
+    directory = Path(directory)
+    check_directory(directory, force)
+    directory.mkdir(parents=True, exist_ok=True)
+    for name in NAMES:  # a stale corner plot would look like this fit's
+        (directory / name).unlink(missing_ok=True)
+    written = [_put(directory / "fit.json", answer_json(fit).encode())]
+    failures: list[str] = []
+    figures: dict[str, Figure] = {}
+    drawings: dict[str, Callable[[], Figure | None]] = {
+        "recordings": lambda: recordings_figure(fit),
+        "residuals": lambda: residuals_figure(fit),
+        "corner": lambda: corner_figure(fit, accepted),
+    }
+    for kind, draw in drawings.items():
+        try:
+            figure = draw()
+            if figure is not None:
+                pixels = image_bytes(figure, "png")
+                written.append(_put(directory / f"{kind}.png", pixels))
+                figures[kind] = figure
+        except Exception as error:
+            # whatever went wrong with a picture, the computed answer is kept
+            failures.append(f"{kind}.png was not written: {error!r}")
+    try:
+        page = report_page(fit, figures, accepted, failures)
+        written.append(_put(directory / "report.html", page.encode()))
+    except Exception as error:
+        failures.append(f"report.html was not written: {error!r}")
+    for failure in failures:
+        warnings.warn(failure, stacklevel=2)
+    return written
+
+
+def check_directory(directory: str | Path, force: bool = False) -> None:
+    """Refuse a directory a report must not be written to; call it before a long fit.
+
+    Raises:
+        InputError: It holds files and `force` is not set, or it is a file.
+    """
+    directory = Path(directory)
+    if directory.exists() and not directory.is_dir():
+        raise InputError(
+            f"{directory}: expected a directory for the report, got a file"
+        )
+    if not force and directory.is_dir() and any(directory.iterdir()):
+        raise InputError(
+            f"{directory}: already holds files; expected a new or empty directory for "
+            "the report, or --force to overwrite"
+        )
+
+
+def answer_json(fit: Fit) -> str:
+    """Return the answer as JSON text, with null for what is not a finite number."""
+    return (
+        json.dumps(plain(fit.answer), indent=2, allow_nan=False, ensure_ascii=False)
+        + "\n"
+    )
+
+
+def plain(value: Any) -> Any:
+    """Return what JSON can hold: arrays as lists, NaN and infinities as None."""
+    if isinstance(value, Mapping):
+        return {str(key): plain(entry) for key, entry in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [plain(entry) for entry in value]
+    if isinstance(value, (str, bool, int)) or value is None:
+        return value
+    if isinstance(value, float):
+        return float(value) if math.isfinite(value) else None
+    return plain(np.asarray(value).tolist())
+
+
+def _put(path: Path, data: bytes) -> Path:
+    """Write a file whole or not at all."""
+    handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
+    try:
+        with os.fdopen(handle, "wb") as file:
+            file.write(data)
+        Path(name).chmod(0o666 & ~_umask())
+        Path(name).replace(path)
+    except BaseException:
+        Path(name).unlink(missing_ok=True)
+        raise
+    return path
+
+
+def _umask() -> int:
+    mask = os.umask(0)
+    os.umask(mask)
+    return mask

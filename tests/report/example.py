@@ -1,0 +1,340 @@
+"""Made-up fits: what a report has to cope with, without running any inference."""
+
+from dataclasses import replace
+from typing import Any
+
+import jax.numpy as jnp
+import numpy as np
+
+from jblast.inference.fit_result import Band, Fit
+from jblast.observations import Observations
+from jblast.quantities import TIMES
+from jblast.scene import Charge, Scene, Sensor
+
+SOUND = 340.29
+
+
+def estimate(value, sd=0.0, positive=False) -> dict[str, Any]:
+    """An entry of the answer, its interval normal (in ln if positive)."""
+    if value is None:
+        keys = ("value", "sd", "log_sd", "q05", "q50", "q95")
+        return dict.fromkeys(keys)
+    entry: dict[str, Any] = {"value": value, "sd": sd, "q50": value}
+    if positive:
+        entry["log_sd"] = sd / value
+        low, high = value * np.exp(np.array([-1.645, 1.645]) * sd / value)
+    else:
+        low, high = value - 1.645 * sd, value + 1.645 * sd
+    return entry | {"q05": float(low), "q95": float(high)}
+
+
+def answer(**changes) -> dict[str, Any]:
+    """A plain answer, with some of it changed."""
+    return {
+        "schema": 1,
+        "law": {},
+        "law_reason": {},
+        "law_valid": True,
+        "estimates": {},
+        "derived": {},
+        "free": [],
+        "identifiable": True,
+        "null_directions": [],
+        "ambiguities": [],
+        "determined": [],
+        "posterior": "laplace",
+        "converged": True,
+        "chi2": 9.1,
+        "dof": 9,
+        "n_observations": 12,
+        "suspected_outliers": [],
+        "warnings": [],
+    } | changes
+
+
+LAWS = {
+    "air_arrival_s": lambda r, w: r / SOUND - 1.9e-3 * w ** (1 / 3) * r / (r + 3),
+    "peak_overpressure_pa": lambda r, w: 2.1e6 * (r / w ** (1 / 3)) ** -1.5,
+    "positive_impulse_pa_s": lambda r, w: 230.0 * w ** (2 / 3) / r,
+    "shock_radius_m": lambda t, e: 1.03 * (e / 1.25) ** 0.2 * t**0.4,
+}
+
+
+def log(quantities, distances, mass=200.0, t0=0.0, error=0.06, seed=1, names=None):
+    """Observations of several sensors in a row, and the law's value at each."""
+    rng = np.random.default_rng(seed)
+    rows = [(i, q) for q in quantities for i in range(len(distances))]
+    names = names or [f"m{i + 1}" for i in range(len(distances))]
+    r = np.array([distances[i] for i, _ in rows], float)
+    law = np.array([LAWS[q](x, mass) for (_, q), x in zip(rows, r, strict=True)])
+    times = np.array([q in TIMES for _, q in rows])
+    sd = np.where(times, 0.02 * law + 1e-4, error)
+    noise = sd * rng.standard_normal(len(rows))
+    value = np.where(times, law + noise + t0, law * np.exp(noise))
+    position = np.stack([r, 0 * r, 0 * r], axis=1)
+    radius = np.array([q == "shock_radius_m" for _, q in rows])
+    blank = ("",) * len(rows)
+    table = Observations(
+        sensor=tuple(names[i] for i, _ in rows),
+        quantity=tuple(q for _, q in rows),
+        value=value,
+        sigma=np.where(times, 1e-4, 0.05 * value),
+        position=np.where(radius[:, None], np.nan, position),
+        slant_range=np.full(len(rows), np.nan),
+        time=np.where(radius, r, np.nan),
+        path=blank,
+        shot=blank,
+        clock=blank,
+        line=tuple(range(3, 3 + len(rows))),
+        source="/home/somebody/logs/quarry.csv",
+        comments=("# A made-up log, for tests only.", "# sensors 1.5 m above ground"),
+    )
+    predicted = np.where(times, law + t0, law)
+    return table, predicted, np.where(radius, law, r), noise / sd, sd
+
+
+def band(quantity, x, mass, log_sd, t0=0.0, axis="range_m", valid=None) -> Band:
+    """A band about the law, as wide as the mass is uncertain."""
+    law = LAWS[quantity](x, mass)
+    low = LAWS[quantity](x, mass * np.exp(-1.645 * log_sd))
+    high = LAWS[quantity](x, mass * np.exp(1.645 * log_sd))
+    shift = t0 if quantity in TIMES else 0.0
+    return Band(
+        quantity,
+        axis,
+        x + t0 if axis == "time_s" else x,
+        np.minimum(low, high) + shift,
+        law + shift,
+        np.maximum(low, high) + shift,
+        np.ones(len(x), bool) if valid is None else valid,
+    )
+
+
+def fit_of(made, **parts) -> Fit:
+    """A fit of a made log."""
+    table, predicted, distance, residual, sd = made
+    fields = {"scene": Scene(), "shared": np.zeros(len(table)), **parts}
+    return Fit(
+        observations=table,
+        predicted=predicted,
+        distance=distance,
+        residual=residual,
+        sd=sd,
+        **fields,
+    )
+
+
+REASONS = {
+    "air_arrival_s": "all recordings lie between Z = 2.1 and 38 m/kg^(1/3), where the "
+    "Kingery-Bulmash curves hold",
+    "peak_overpressure_pa": "all Z <= 40 m/kg^(1/3)",
+}
+
+
+def three_parameters() -> Fit:
+    """A good fit of mass, origin time and sound speed, two quantities."""
+    r = np.geomspace(12.0, 230.0, 6)
+    t0, mass = 0.4123, 209.0
+    made = log(["air_arrival_s", "peak_overpressure_pa"], r, mass, t0)
+    rng = np.random.default_rng(3)
+    x = np.geomspace(10.0, 280.0, 80)
+    draws = rng.multivariate_normal(
+        [np.log(mass), t0, np.log(SOUND)],
+        [[0.16**2, 8e-5, -4e-4], [8e-5, 8e-4**2, -2e-6], [-4e-4, -2e-6, 0.006**2]],
+        size=2000,
+        check_valid="ignore",
+    )
+    return fit_of(
+        made,
+        answer=answer(
+            law=dict.fromkeys(REASONS, "kingery_bulmash"),
+            law_reason=REASONS,
+            estimates={
+                "charge_mass_kg": estimate(mass, 33.4, True),
+                "origin_time_s": estimate(t0, 8e-4),
+                "air_sound_speed_m_s": estimate(SOUND, 2.04, True),
+            },
+            derived={
+                "charge_tnt_mass_kg": estimate(mass, 33.4, True),
+                "charge_energy_j": estimate(mass * 4.184e6, 33.4 * 4.184e6, True),
+            },
+            free=["charge_mass_kg", "origin_time_s", "air_sound_speed_m_s"],
+        ),
+        scene=Scene(
+            charge=Charge(mass=mass, time=t0),
+            sensors=tuple(Sensor(f"m{i}", jnp.zeros(3)) for i in range(1, 7)),
+        ),
+        draws={
+            "charge_mass_kg": np.exp(draws[:, 0]),
+            "origin_time_s": draws[:, 1],
+            "air_sound_speed_m_s": np.exp(draws[:, 2]),
+        },
+        bands=tuple(band(q, x, mass, 0.16, t0) for q in REASONS),
+    )
+
+
+def one_parameter() -> Fit:
+    """A poor fit of the mass alone, from impulses, past the range of its law."""
+    r = np.array([1150.0, 1320.0, 1600.0, 1900.0, 2400.0])
+    made = log(["positive_impulse_pa_s"], r, 1000.0, error=0.12)
+    x = np.linspace(1000.0, 2600.0, 60)
+    rng = np.random.default_rng(5)
+    return fit_of(
+        made,
+        answer=answer(
+            law={"positive_impulse_pa_s": "ford_2021"},
+            law_reason={"positive_impulse_pa_s": "all Z >= 20 m/kg^(1/3)"},
+            law_valid=False,
+            estimates={"charge_mass_kg": estimate(1000.0, 620.0, True)},
+            free=["charge_mass_kg"],
+            chi2=41.0,
+            dof=4,
+            n_observations=5,
+            warnings=["poor fit without a scene: try `jblast scene quarry.csv`"],
+        ),
+        scene=Scene(charge=Charge(mass=1000.0)),
+        draws={"charge_mass_kg": 1000.0 * np.exp(0.62 * rng.standard_normal(1500))},
+        bands=(band("positive_impulse_pa_s", x, 1000.0, 0.2, valid=x < 1700.0),),
+    )
+
+
+def not_identifiable() -> Fit:
+    """Arrivals alone by Wu-Hao: mass and sound speed move along (1, -0.2)."""
+    r = np.geomspace(10.0, 50.0, 8)
+    made = log(["air_arrival_s"], r, 15.0, names=[f"gauge {i}" for i in range(8)])
+    x = np.geomspace(9.0, 60.0, 50)
+    return fit_of(
+        made,
+        answer=answer(
+            law={"air_arrival_s": "wu_hao"},
+            law_reason={"air_arrival_s": "asked for"},
+            estimates={
+                "charge_mass_kg": estimate(None),
+                "air_sound_speed_m_s": estimate(None),
+                "origin_time_s": estimate(0.0001, 4e-4),
+            },
+            derived={"charge_energy_j": estimate(None)},
+            free=["charge_mass_kg", "air_sound_speed_m_s", "origin_time_s"],
+            identifiable=False,
+            null_directions=[
+                {
+                    "parameters": {"charge_mass_kg": 1.0, "air_sound_speed_m_s": -0.2},
+                    "space": "ln",
+                    "cure": "measure the air temperature, or record one overpressure",
+                }
+            ],
+            determined=[
+                {
+                    "combination": "0.2 ln charge_mass_kg + ln air_sound_speed_m_s",
+                    "value": 6.37128,
+                    "sd": 0.0051,
+                }
+            ],
+            dof=6,
+            n_observations=8,
+        ),
+        scene=Scene(charge=Charge(mass=15.0)),
+        draws={"origin_time_s": np.random.default_rng(0).normal(1e-4, 4e-4, 800)},
+        bands=(band("air_arrival_s", x, 15.0, 0.05),),
+    )
+
+
+def shock_radius() -> Fit:
+    """Like Trinity: energy and gamma from the radius of the shock against time."""
+    t = np.geomspace(1e-4, 0.062, 24)
+    energy = 8.8e13
+    made = log(["shock_radius_m"], t, energy, error=0.02, names=["camera"] * 24)
+    x = np.geomspace(8e-5, 0.08, 60)
+    rng = np.random.default_rng(2)
+    z = rng.multivariate_normal([0, 0], [[1.0, -0.8], [-0.8, 1.0]], 1500)
+    mass = energy / 4.184e6
+    return fit_of(
+        made,
+        answer=answer(
+            law={"shock_radius_m": "sedov_taylor"},
+            law_reason={"shock_radius_m": "strong shock throughout"},
+            estimates={
+                "charge_mass_kg": estimate(mass, 0.12 * mass, True),
+                "sedov_gamma": estimate(1.31, 0.04, True),
+            },
+            derived={"charge_energy_j": estimate(energy, 0.12 * energy, True)},
+            free=["charge_mass_kg", "sedov_gamma"],
+            chi2=20.3,
+            dof=22,
+            n_observations=24,
+            posterior="emcee",
+        ),
+        scene=Scene(charge=Charge(mass=mass)),
+        draws={
+            "charge_mass_kg": mass * np.exp(0.12 * z[:, 0]),
+            "sedov_gamma": 1.31 + 0.04 * z[:, 1],
+        },
+        bands=(band("shock_radius_m", x, energy, 0.12, axis="time_s"),),
+    )
+
+
+def with_outliers() -> Fit:
+    """The three-parameter fit with one wild pressure, from a sensor with a bad name."""
+    fit = three_parameters()
+    table, row = fit.observations, 9
+    names = list(table.sensor)
+    names[row] = NASTY
+    value, residual = table.value.copy(), fit.residual.copy()
+    value[row] *= 2.4
+    residual[row] += np.log(2.4) / fit.sd[row]
+    outlier = {
+        "sensor": NASTY,
+        "quantity": "peak_overpressure_pa",
+        "sds": float(residual[row]),
+    }
+    other = {"charge_mass_kg": 340.0, "origin_time_s": 0.4101}
+    return replace(
+        fit,
+        answer=dict(fit.answer)
+        | {
+            "suspected_outliers": [outlier],
+            "ambiguities": [
+                {
+                    "parameters": other,
+                    "reason": "mirror image behind a line of sensors",
+                    "cure": "one sensor off the line",
+                }
+            ],
+            "identifiable": False,
+        },
+        observations=replace(table, sensor=tuple(names), value=value),
+        residual=residual,
+    )
+
+
+NASTY = "<script>alert('$x')</script>"
+
+
+def no_draws() -> Fit:
+    """A fit that did not converge: no draws, no bands, NaN where numbers should be."""
+    fit = one_parameter()
+    empty = estimate(None) | {"value": float("nan")}
+    return replace(
+        fit,
+        answer=dict(fit.answer)
+        | {
+            "estimates": {"charge_mass_kg": empty},
+            "converged": False,
+            "chi2": float("nan"),
+            "dof": 0,
+        },
+        draws={},
+        bands=(),
+        predicted=np.full(5, np.nan),
+        residual=np.full(5, np.nan),
+    )
+
+
+EVERY = (
+    three_parameters,
+    one_parameter,
+    not_identifiable,
+    shock_radius,
+    with_outliers,
+    no_draws,
+)

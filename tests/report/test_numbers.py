@@ -1,0 +1,96 @@
+from typing import Any
+
+import pytest
+
+from jblast.report.numbers import (
+    printed_estimate,
+    printed_number,
+    rounded,
+    significant,
+    unit_for,
+)
+from jblast.report.words import joined, parameter_words, quantity_words, split_name
+
+
+@pytest.mark.parametrize(
+    ("number", "sd", "text"),
+    [
+        (209.3, 33.4, "209"),
+        (2093.0, 133.0, "2090"),
+        (0.41230, 8e-4, "0.41230"),
+        (1.0, 0.0996, "1.00"),
+        (-1e-9, 0.1, "0.00"),
+        (3.14159, 0.99, "3.14"),
+        (2.345e9, 1.2e7, "2.345e9"),
+    ],
+)
+def test_two_digits_of_the_sd_decide_how_far_a_number_goes(number, sd, text):
+    assert rounded(number, sd) == text
+
+
+def test_a_number_known_within_a_factor_has_two_significant_digits():
+    estimate = {"value": 3.0, "sd": 4.0, "log_sd": 1.5, "q05": 0.2543, "q95": 35.4}
+    printed = printed_estimate("charge_mass_kg", estimate)
+    assert (printed.value, printed.interval) == ("3.0 kg", "0.25 to 35 kg")
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "text"),
+    [
+        ("charge_mass_kg", 2.1e7, "21 kt"),
+        ("charge_mass_kg", 15.0, "15 kg"),
+        ("origin_time_s", 0.0123, "12.3 ms"),
+        ("clock_offset_s.B", -2.5, "-2.5 s"),
+        ("peak_overpressure_pa", 12500.0, "12.5 kPa"),
+        ("air_sound_speed_m_s", 340.29, "340.3 m/s"),
+        ("charge_energy_j", 8.8e13, "88 TJ"),
+        ("charge_east_m", 0.0, "0 m"),
+        ("sedov_gamma", 1.4, "1.4"),
+        ("air_relative_humidity", 0.5, "0.5"),
+        ("charge_range_m", 12345.0, "12.35 km"),
+    ],
+)
+def test_the_suffix_of_a_name_gives_its_unit(name, value, text):
+    assert printed_number(name, value) == text
+
+
+def test_a_kiloton_is_printed_beside_kilograms_and_an_energy_beside_tnt():
+    mass = {"value": 2.1e7, "sd": 2e6, "log_sd": 0.1, "q05": 1.8e7, "q95": 2.5e7}
+    assert (
+        printed_estimate("charge_mass_kg", mass).value_and_beside
+        == "21.0 kt (2.10e7 kg)"
+    )
+    energy = {k: v * 4.184e6 for k, v in mass.items()} | {"log_sd": 0.1}
+    printed = printed_estimate("charge_energy_j", energy)
+    assert printed.value_and_beside == "87.9 TJ (21.0 kt of TNT)"
+
+
+def test_an_unidentified_number_has_no_value_and_no_interval():
+    nothing: dict[str, Any] = dict.fromkeys(
+        ("value", "sd", "log_sd", "q05", "q50", "q95")
+    )
+    for estimate in (nothing, nothing | {"value": float("nan")}, {}):
+        printed = printed_estimate("charge_mass_kg", estimate)
+        assert (printed.value, printed.interval) == ("not identified", "-")
+
+
+def test_an_estimate_without_an_sd_still_prints():
+    printed = printed_estimate("charge_east_m", {"value": 12.3456, "sd": 0.0})
+    assert printed.value == "12.35 m"
+
+
+def test_units_are_chosen_by_the_largest_number():
+    assert unit_for("_s", 2e-3, -0.5, None).symbol == "ms"
+    assert unit_for("_s").symbol == "s"
+    assert significant(123456789.0, 3) == "1.23e8"
+    assert significant(0.0) == "0"
+
+
+def test_names_become_words():
+    assert parameter_words("charge_mass_kg") == "charge mass"
+    assert parameter_words("charge_mass_kg.second") == "charge mass of second"
+    assert parameter_words("snow_depth_m") == "snow depth"
+    assert quantity_words("positive_impulse_pa_s") == "positive impulse"
+    assert split_name("wind_east_m_s") == ("wind_east", "_m_s", "")
+    assert joined(["a", "b", "c"]) == "a, b and c"
+    assert joined([]) == ""
