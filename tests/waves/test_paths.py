@@ -1,0 +1,32 @@
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from jblast.waves.paths import slant_range
+
+
+def test_slant_range_is_the_length_of_the_difference():
+    assert slant_range(jnp.array([1.0, 2.0, 3.0]), jnp.array([3.0, 5.0, 9.0])) == 7.0
+
+
+def test_gradient_is_the_unit_vector():
+    gradient = jax.grad(slant_range, argnums=1)(
+        jnp.zeros(3), jnp.array([2.0, 3.0, 6.0])
+    )
+    np.testing.assert_allclose(gradient, np.array([2.0, 3.0, 6.0]) / 7.0, rtol=1e-15)
+
+
+def test_gradient_at_distance_zero_is_zero():
+    place = jnp.array([4.0, 5.0, 6.0])
+    assert slant_range(place, place) == 0.0
+    for gradient in jax.grad(slant_range, argnums=(0, 1))(place, place):
+        assert gradient.tolist() == [0.0, 0.0, 0.0]
+
+
+def test_one_source_meets_many_sensors():
+    sensors = jnp.arange(12.0).reshape(4, 3)
+    source = jnp.array([[1.0, 1.0, 1.0]])
+    together = slant_range(source, sensors)
+    assert together.shape == (4,)
+    for sensor, distance in zip(sensors, together, strict=True):
+        assert slant_range(source[0], sensor) == distance
