@@ -1,0 +1,155 @@
+"""Who may import whom, read from the source: inside functions too."""
+
+import ast
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import jblast
+
+PACKAGE = Path(jblast.__file__).parent
+SOURCES = sorted(PACKAGE.rglob("*.py"))
+
+# Each may import what stands above it, and its own.
+ORDER = [
+    ("types", "constants", "registry", "errors", "quantities"),
+    ("scene",),
+    ("waves",),
+    ("fidelity",),
+    ("vehicle",),
+    ("observations",),
+    ("sensors",),
+    ("detect",),
+    ("inference",),
+    ("study",),
+    ("report",),
+    ("cli",),
+]
+LEVEL = {name: level for level, names in enumerate(ORDER) for name in names}
+
+# What a bare GPU machine runs.
+BARE = {"jax", "equinox", "jaxtyping", "numpy", "jblast"}
+
+
+def module_of(path: Path) -> str:
+    """Dotted name of a source file; a package's own is that of its folder."""
+    parts = ("jblast", *path.relative_to(PACKAGE).with_suffix("").parts)
+    return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
+
+
+def imports_of(source: str, package: str) -> set[str]:
+    """Every module a source imports, by its full name; `package` resolves dots."""
+    found = set()
+    for node in ast.walk(ast.parse(source)):
+        if isinstance(node, ast.Import):
+            found |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            above = package.split(".")[: len(package.split(".")) - node.level + 1]
+            prefix = above if node.level else []
+            base = ".".join([*prefix, *([node.module] if node.module else [])])
+            # `from jblast import scene` imports jblast.scene
+            found |= (
+                {f"{base}.{alias.name}" for alias in node.names}
+                if base == "jblast"
+                else {base}
+            )
+    return found
+
+
+def package_of(path: Path) -> str:
+    module = module_of(path)
+    return module if path.name == "__init__.py" else module.rpartition(".")[0]
+
+
+def level_of(module: str) -> int | None:
+    """Place in the order of a module of ours; None for jblast itself and others."""
+    parts = module.split(".")
+    if parts[0] != "jblast" or len(parts) == 1:
+        return None
+    return LEVEL.get(parts[1])
+
+
+def wrong_way(source: str, module: str, package: str) -> list[str]:
+    """Imports of ours that stand below the importer."""
+    own = level_of(module)
+    return sorted(
+        name
+        for name in imports_of(source, package)
+        if (level := level_of(name)) is not None and (own is None or level > own)
+    )
+
+
+@pytest.mark.parametrize("path", SOURCES, ids=module_of)
+def test_imports_point_up_the_list_only(path):
+    assert wrong_way(path.read_text(), module_of(path), package_of(path)) == []
+
+
+def test_every_folder_and_module_has_its_place_in_the_list():
+    tops = {module_of(path).split(".")[1] for path in SOURCES if path.parent != PACKAGE}
+    tops |= {path.stem for path in PACKAGE.glob("*.py")} - {"__init__", "__main__"}
+    assert tops <= set(LEVEL)
+
+
+@pytest.mark.parametrize(
+    ("module", "source"),
+    [
+        ("jblast.waves.wu_hao", "from jblast.inference import fit"),
+        ("jblast.waves.wu_hao", "def late():\n    import jblast.sensors.record"),
+        ("jblast.scene.air", "from jblast import waves"),
+        ("jblast.scene.air", "from ..waves import wu_hao"),
+        ("jblast.registry", "from jblast.scene.air import Air"),
+        ("jblast", "from jblast.scene import Scene"),
+    ],
+)
+def test_an_import_down_the_list_is_found(module, source):
+    assert wrong_way(source, module, module.rpartition(".")[0] or module)
+
+
+@pytest.mark.parametrize(
+    "path",
+    [
+        path
+        for path in SOURCES
+        if path.relative_to(PACKAGE).parts[0] in ("scene", "waves")
+    ],
+    ids=module_of,
+)
+def test_scene_and_waves_need_jax_equinox_and_jaxtyping_alone(path):
+    tops = {
+        name.partition(".")[0]
+        for name in imports_of(path.read_text(), package_of(path))
+    }
+    assert tops - set(sys.stdlib_module_names) <= BARE
+
+
+def modules_after(statement: str, home: Path) -> set[str]:
+    """What is loaded after a statement, run by a fresh Python from an empty home."""
+    run = subprocess.run(
+        [sys.executable, "-B", "-c", f"{statement}; import sys; print(*sys.modules)"],
+        check=True,
+        capture_output=True,
+        text=True,
+        cwd=home,
+        env={**os.environ, "HOME": str(home), "PYTHONPATH": str(PACKAGE.parent)},
+    )
+    return set(run.stdout.split())
+
+
+def test_import_jblast_pulls_in_nothing_heavy_and_writes_nothing(tmp_path):
+    loaded = modules_after("import jblast", tmp_path)
+    assert "jblast" in loaded
+    assert loaded.isdisjoint(
+        {"jax", "numpy", "equinox", "optimistix", "emcee"}
+        | {"warp", "pysindy", "matplotlib"}
+    )
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_laws_pull_in_neither_warp_nor_pysindy_nor_matplotlib(tmp_path):
+    loaded = modules_after("import jblast.waves", tmp_path)
+    assert "jax" in loaded
+    assert loaded.isdisjoint({"warp", "pysindy", "matplotlib", "optimistix"})
+    assert list(tmp_path.iterdir()) == []

@@ -1,0 +1,270 @@
+"""What every registered law must do; importing jblast.waves registers them all."""
+
+import csv
+import math
+from functools import cache
+from importlib.resources import files
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import jblast.waves
+from jblast.constants import STANDARD_PRESSURE, TNT_SPECIFIC_ENERGY
+from jblast.registry import LAWS, Law
+from jblast.waves.sedov_taylor import EARLIEST_TIME
+
+CASES = [
+    pytest.param(law, burst, id=f"{law.quantity}-{law.name}-{burst or 'any'}")
+    for law in LAWS.values()
+    for burst in (("surface", "free-air") if "burst" in law.arguments() else (None,))
+]
+every_law = pytest.mark.parametrize(("law", "burst"), CASES)
+
+
+def _table_ends() -> list[float]:
+    """Ends of every Kingery-Bulmash polynomial, in Z: blends sit astride the joins."""
+    text = files("jblast.waves").joinpath("data/kingery_bulmash.csv").read_text()
+    rows = csv.DictReader(line for line in text.splitlines() if line[:1] != "#")
+    return sorted({float(row[end]) for row in rows for end in ("z_min", "z_max")})
+
+
+# Where a slope or a curvature is not continuous: scaled distances, or scaled times.
+JOINS: dict[str, list[float]] = {
+    "kingery_bulmash": _table_ends(),
+    "shock_kinematics": [*_table_ends(), 20.0],
+    "sedov_taylor": [EARLIEST_TIME],
+}
+
+# Single against double precision, in ln of the result: one rounding is 6e-8. Laws that
+# are one division; products of powers; curves summed in ln, where ln y of up to 20 is
+# rounded to 1e-6 (reflected pressure is worst, 4e-6).
+SINGLE_PRECISION = {
+    "light": 2e-7,
+    "acoustic": 2e-7,
+    "wu_hao": 2e-6,
+    "sedov_taylor": 2e-6,
+    "kingery_bulmash": 1e-5,
+    "shock_kinematics": 1e-5,
+    "ford_2021": 1e-5,
+}
+
+STEP = 1e-5
+
+
+def points(z: np.ndarray, mass: np.ndarray, seed: int = 0) -> dict[str, np.ndarray]:
+    """Everything a path holds, at scaled distances and masses; the rest is drawn."""
+    rng = np.random.default_rng(seed)
+    draw = lambda lo, hi: rng.uniform(lo, hi, z.shape)  # noqa: E731
+    pressure, density = draw(5e4, 1.05e5), draw(0.7, 1.3)
+    distance = z * (mass / (pressure / STANDARD_PRESSURE)) ** (1 / 3)
+    # the time at which a strong shock (alpha = 1) is there
+    time = np.sqrt(density * distance**5 / (TNT_SPECIFIC_ENERGY * mass))
+    return {
+        "slant_range": distance,
+        "ground_range": distance,
+        "charge_mass": mass,
+        "height_of_burst": draw(-0.3, 2.0) * mass ** (1 / 3),
+        "ambient_pressure": pressure,
+        "sound_speed": draw(300.0, 360.0),
+        "air_density": density,
+        "p_speed": draw(2e3, 6e3),
+        "sedov_gamma": draw(1.15, 1.65),
+        "time_since_detonation": time,
+    }
+
+
+def arguments(law: Law) -> list[str]:
+    return [name for name in law.arguments() if name != "burst"]
+
+
+def evaluate(law: Law, burst: str | None, values: dict):
+    """Call a law by name, as `sensors.record` does by position."""
+    chosen = {name: values[name] for name in arguments(law)}
+    return law.function(**chosen, **({"burst": burst} if burst else {}))
+
+
+def shifted(values: dict, steps: dict) -> dict:
+    """Move each number by a step in its ln; heights by a step in W^(1/3) metres."""
+    moved = {name: values[name] * jnp.exp(step) for name, step in steps.items()}
+    if "height_of_burst" in steps:
+        unit = values["charge_mass"] ** (1 / 3)
+        moved["height_of_burst"] = (
+            values["height_of_burst"] + steps["height_of_burst"] * unit
+        )
+    return {**values, **moved}
+
+
+@cache
+def compiled(law: Law, burst: str | None):
+    """ln of a law over a batch of points, and its slopes by reverse mode."""
+
+    def log_value(steps, values):
+        return jnp.log(evaluate(law, burst, shifted(values, steps)))
+
+    def value_and_slopes(values):
+        return jax.value_and_grad(log_value)(dict.fromkeys(arguments(law), 0.0), values)
+
+    return jax.jit(log_value), jax.jit(jax.vmap(value_and_slopes))
+
+
+def quotients(law, burst, values, above: float, below: float) -> dict[str, np.ndarray]:
+    """Difference quotients of ln y between two shifts of each argument in turn."""
+    log_value, _ = compiled(law, burst)
+    names = arguments(law)
+    axes = (len(names), values["charge_mass"].size)
+    steps = {
+        name: np.repeat(np.eye(len(names))[:, [i]], axes[1], axis=1)
+        for i, name in enumerate(names)
+    }
+    spread = {name: np.broadcast_to(value, axes) for name, value in values.items()}
+    ends = [
+        np.asarray(log_value({n: s * shift for n, s in steps.items()}, spread))
+        for shift in (above, below)
+    ]
+    return dict(zip(names, (ends[0] - ends[1]) / (above - below), strict=True))
+
+
+def away_from_joins(law: Law, values: dict) -> np.ndarray:
+    """True where no listed join is within a hundred steps."""
+    distance = values["slant_range"] * np.cbrt(
+        values["ambient_pressure"] / STANDARD_PRESSURE / values["charge_mass"]
+    )
+    time = values["time_since_detonation"] / np.cbrt(values["charge_mass"])
+    scaled = time if law.name == "sedov_taylor" else distance
+    gaps = [abs(np.log(scaled / join)) for join in JOINS.get(law.name, [])]
+    return np.min([np.full(scaled.shape, np.inf), *gaps], axis=0) > 100 * STEP
+
+
+def grid(count: int, seed: int = 0) -> dict[str, np.ndarray]:
+    """Z from 0.01 to 1e5 and masses from 0.1 g to 1 Mt, evenly in ln, paired."""
+    rng = np.random.default_rng(seed + 1)
+    z = np.geomspace(0.01, 1e5, count)
+    return points(z, rng.permutation(np.geomspace(1e-4, 1e9, count)), seed)
+
+
+def sweep(law: Law) -> tuple[dict[str, np.ndarray], np.ndarray]:
+    """The grid, its corners and every join of a law; and which of these are joins.
+
+    One batch for every law, so each compiles once: a law with few joins repeats them.
+    """
+    values = grid(400)
+    corners = points(np.repeat([0.01, 1e5], 2), np.tile([1e-4, 1e9], 2))
+    joins = np.resize(JOINS.get(law.name, [1.0]), 40)
+    at_joins = points(joins, np.full(joins.shape, 3.0), seed=2)
+    at_joins["time_since_detonation"] = joins * np.cbrt(3.0)
+    parts = values, corners, at_joins
+    together = {name: np.concatenate([p[name] for p in parts]) for name in values}
+    return together, np.arange(444) >= 404
+
+
+@every_law
+def test_value_and_slopes_are_finite_from_the_fireball_to_the_far_field(law, burst):
+    value, slopes = compiled(law, burst)[1](sweep(law)[0])
+    assert np.all(np.isfinite(value))
+    for name, slope in slopes.items():
+        assert np.all(np.isfinite(slope)), name
+
+
+@every_law
+def test_log_slopes_are_those_of_finite_differences(law, burst):
+    values, _ = sweep(law)
+    keep = away_from_joins(law, values)
+    assert keep[:404].mean() > 0.98
+    _, slopes = compiled(law, burst)[1](values)
+    differences = quotients(law, burst, values, STEP, -STEP)
+    for name in arguments(law):
+        # truncation: a sixth of the step squared times the third derivative, which
+        # inside a blend (5 % wide, jump 2 %) is up to 1e4; rounding: 1e-9
+        np.testing.assert_allclose(
+            slopes[name][keep], differences[name][keep], rtol=0, atol=1e-6, err_msg=name
+        )
+
+
+@every_law
+def test_at_a_join_the_slope_lies_between_those_of_its_sides(law, burst):
+    values, at_join = sweep(law)
+    _, slopes = compiled(law, burst)[1](values)
+    step = 1e-6  # one-sided: half a step times a curvature of up to 100
+    right = quotients(law, burst, values, step, 0.0)
+    left = quotients(law, burst, values, 0.0, -step)
+    for name, slope in slopes.items():
+        low, high = np.sort([left[name], right[name]], axis=0)
+        assert np.all((slope >= low - 5e-5)[at_join]), name
+        assert np.all((slope <= high + 5e-5)[at_join]), name
+
+
+@every_law
+def test_jit_changes_nothing_and_a_batch_is_a_loop(law, burst):
+    values, _ = sweep(law)
+    # compiled: jit of vmap of a law of numbers; here: the law of arrays, as it stands
+    fused = compiled(law, burst)[1](values)[0]
+    eager = evaluate(law, burst, values)
+    assert eager.shape == fused.shape
+    # In ln, so that a law that spans decades is held equally everywhere. Fused
+    # multiply-adds move the last bits of polynomials that cancel.
+    np.testing.assert_allclose(fused, np.log(eager), rtol=0, atol=1e-12)
+    alone = evaluate(law, burst, {name: float(v[123]) for name, v in values.items()})
+    assert alone.shape == ()
+    np.testing.assert_allclose(alone, eager[123], rtol=1e-12)
+
+
+@every_law
+def test_numbers_broadcast_against_arrays(law, burst):
+    numbers = {name: float(value[1]) for name, value in grid(4, seed=4).items()}
+    for name in arguments(law):
+        together = jax.eval_shape(
+            lambda x, name=name: evaluate(law, burst, {**numbers, name: x}),
+            jax.ShapeDtypeStruct((2, 3), float),
+        )
+        assert together.shape == (2, 3), name
+
+
+@every_law
+def test_single_precision_stays_close_to_double(law, burst):
+    values = {name: v.astype(np.float32) for name, v in sweep(law)[0].items()}
+    single = jax.jit(lambda v: evaluate(law, burst, v))(values)
+    assert single.dtype == np.float32
+    # the same rounded numbers in double, so that rounding the input is not counted
+    double, _ = compiled(law, burst)[1](
+        {name: v.astype(float) for name, v in values.items()}
+    )
+    apart = np.abs(np.log(np.asarray(single, float)) - double)
+    assert apart.max() < SINGLE_PRECISION[law.name]
+
+
+@every_law
+def test_each_says_where_it_holds_and_how_far_nature_departs(law, burst):
+    values = {**grid(60, seed=6), "burst": burst}
+    # Path calls by name; a law without a burst still may have one in `valid`
+    call = lambda f: f(**{n: values[n] for n in Law.arguments(_as_law(law, f))})  # noqa: E731
+    valid = jax.jit(lambda: call(law.valid))()
+    assert valid.shape == (60,)
+    assert valid.dtype == bool
+    assert valid.any()
+    for sd in call(law.scatter):
+        assert np.all(np.isfinite(sd))
+        assert np.all(np.asarray(sd) >= 0)
+    assert law.range
+    assert law.source
+    assert law.scatter_source
+
+
+def _as_law(law, function):
+    return Law(**{**vars(law), "function": function})
+
+
+def test_names_of_arguments_are_those_of_a_path():
+    known = {*jblast.waves.Path.__dataclass_fields__}
+    for law in LAWS.values():
+        assert set(law.arguments()) <= known
+
+
+def test_the_grid_reaches_as_far_as_it_says():
+    values = grid(200)
+    z = values["slant_range"] * np.cbrt(
+        values["ambient_pressure"] / STANDARD_PRESSURE / values["charge_mass"]
+    )
+    assert math.isclose(z.min(), 0.01)
+    assert math.isclose(z.max(), 1e5)
