@@ -34,6 +34,7 @@ def _table_ends() -> list[float]:
 JOINS: dict[str, list[float]] = {
     "kingery_bulmash": _table_ends(),
     "shock_kinematics": [*_table_ends(), 20.0],
+    "ford_2021": [20.0, 1000.0],
     "sedov_taylor": [EARLIEST_TIME],
 }
 
