@@ -10,6 +10,7 @@ from jblast.report.numbers import finite
 
 POOR = 0.001
 """Below this p the fit is called poor; above one minus it, too good."""
+MARGINAL = 0.01
 
 
 def goodness_p(answer: Mapping[str, Any]) -> float | None:
@@ -37,6 +38,11 @@ def goodness_sentence(answer: Mapping[str, Any]) -> str:
         return (
             f"The fit is poor (p {printed_p(p)}): the recordings disagree with the law "
             "by more than their errors allow, and the intervals are likely too narrow."
+        )
+    if p < MARGINAL:
+        return (
+            f"The fit is marginal (p {printed_p(p)}): by luck alone, errors as stated "
+            "seldom disagree with the law so much."
         )
     if p > 1 - POOR:
         return (

@@ -79,7 +79,7 @@ def report_page(
         laws=used,
         registered=any(law.source for law in used),
         validity=validity_sentence(fit),
-        goodness_numbers=capitalised(goodness_numbers(answer)),
+        goodness_numbers=goodness_numbers(answer),
         goodness=goodness_sentence(answer),
         rows=residual_rows(fit),
         n_rows=len(fit.observations),
@@ -156,8 +156,9 @@ def _picture(fit: Fit, kind: str, figure: Figure) -> Picture:
         ),
         "corner": (
             "Posterior",
-            f"Posterior of the fitted parameters: {values}.",
-            absent_note(fit) or "Every fitted parameter, and how pairs move together.",
+            f"Posterior of the fitted parameters: {values}. {absent_note(fit)}".strip(),
+            "Draws of the posterior: how far each number may be off, and what moves "
+            "together with it.",
         ),
     }[kind]
     width = round(96 * figure.get_figwidth())  # pixels of a page are 1/96 inch

@@ -11,7 +11,7 @@ from jaxtyping import Float
 
 from jblast.constants import LIGHT_SPEED
 from jblast.inference.fit_result import Fit
-from jblast.scene import Scene
+from jblast.report.doubts import unidentified
 from jblast.waves.atmosphere import sound_speed_in_air, standard_atmosphere
 
 
@@ -36,10 +36,15 @@ class Reduction:
         return time - self.origin - distance * self.slowness
 
 
-def axis_sound_speed(scene: Scene) -> float:
-    """Return the speed of sound at the answer [m/s]; the axis names it."""
-    air = scene.air
-    if air.sound_speed is not None:
+def axis_sound_speed(fit: Fit) -> float:
+    """Return the speed of sound at the answer [m/s]; the axis names it.
+
+    Where it is not identified, any would fit; then it is that of the air's temperature.
+    """
+    air = fit.scene.air
+    if air.sound_speed is not None and "air_sound_speed_m_s" not in unidentified(
+        fit.answer
+    ):
         return float(air.sound_speed)
     temperature, pressure = air.temperature, air.pressure
     if air.altitude is not None:
@@ -50,7 +55,7 @@ def axis_sound_speed(scene: Scene) -> float:
 def reduction(fit: Fit, quantity: str) -> Reduction | None:
     """Return what a plot takes off a quantity; None where it shows the value itself."""
     t0 = float(fit.scene.charge.time)
-    air = axis_sound_speed(fit.scene)
+    air = axis_sound_speed(fit)
     ground = float(fit.scene.ground.p_speed)
     if quantity == "air_arrival_s":
         return Reduction(t0, 1 / air, f"travel time − range / {air:.1f} m/s")

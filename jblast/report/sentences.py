@@ -52,10 +52,13 @@ def conclusion(fit: Fit, accepted: Accepted | None = None) -> list[str]:
         if answer["converged"]
         else ["The search did not converge: take no number here as an answer."]
     )
+    doubts = _cannot_tell(answer)
+    if unidentified(answer):  # then this is the news, and comes first
+        said, doubts = said + doubts, []
     for name, estimate in estimates_of(answer).items():
         if finite(estimate.get("value")) is not None and not _repeats(name, answer):
             said.append(_estimate_sentence(name, estimate, accepted))
-    said += _cannot_tell(answer)
+    said += doubts
     said.append(goodness_sentence(answer))
     if outliers := outlier_lines(answer):
         several = "recordings look" if len(outliers) > 1 else "recording looks"

@@ -7,18 +7,16 @@ import tempfile
 import warnings
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from matplotlib.figure import Figure
 
 from jblast.errors import InputError
 from jblast.inference.fit_result import Fit
 from jblast.report.accepted import Accepted
-from jblast.report.corner_plot import corner_figure
-from jblast.report.page import image_bytes, report_page
-from jblast.report.recordings import recordings_figure
-from jblast.report.residuals import residuals_figure
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 NAMES = ("fit.json", "recordings.png", "residuals.png", "corner.png", "report.html")
 """What a report may consist of."""
@@ -48,6 +46,12 @@ def write_report(
     Raises:
         InputError: The directory holds files and `force` is not set, or is a file.
     """
+    # here, so that an answer in words alone need not wait for Matplotlib
+    from jblast.report.corner_plot import corner_figure
+    from jblast.report.page import image_bytes, report_page
+    from jblast.report.recordings import recordings_figure
+    from jblast.report.residuals import residuals_figure
+
     directory = Path(directory)
     check_directory(directory, force)
     directory.mkdir(parents=True, exist_ok=True)

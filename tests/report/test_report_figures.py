@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import example
 import numpy as np
 import pytest
@@ -8,6 +10,7 @@ from jblast.report.recordings import recordings_figure, runs
 from jblast.report.reduced import reduction
 from jblast.report.residuals import residuals_figure
 from jblast.report.rows import MOST_ROWS, outlier_rows, residual_rows
+from jblast.scene import with_values
 
 
 def _finite(figure):
@@ -45,6 +48,14 @@ def test_an_arrival_at_the_speed_of_sound_reduces_to_zero():
     origin = float(fit.scene.charge.time)
     assert less(r * less.slowness + origin, r) == pytest.approx([0, 0], abs=1e-12)
     assert reduction(fit, "peak_overpressure_pa") is None
+
+
+def test_an_unidentified_sound_speed_reduces_no_arrival():
+    fit = example.not_identifiable()
+    anywhere = with_values(fit.scene, {"air_sound_speed_m_s": 261.0})
+    less = reduction(replace(fit, scene=anywhere), "air_arrival_s")
+    assert less is not None
+    assert "340.8 m/s" in less.label
 
 
 def test_where_the_law_does_not_hold_the_line_is_dashed():

@@ -4,7 +4,7 @@ import pytest
 import scipy.stats
 
 from jblast.report import summary
-from jblast.report.goodness import goodness_p
+from jblast.report.goodness import goodness_p, goodness_sentence
 from jblast.report.sentences import conclusion, limits
 
 
@@ -120,3 +120,23 @@ def test_p_is_the_survival_of_chi_squared():
         assert ours == pytest.approx(scipy.stats.chi2.sf(chi2, dof), rel=1e-10)
     assert goodness_p({"chi2": 1.0, "dof": 0}) is None
     assert goodness_p({"chi2": np.nan, "dof": 3}) is None
+
+
+def test_what_is_not_identified_is_the_first_thing_concluded():
+    first, second, third, *_ = conclusion(example.not_identifiable())
+    assert first.startswith("Charge mass and air sound speed are not identified")
+    assert "Cure: measure the air temperature" in second
+    assert third.startswith("It exploded at 100 µs")
+
+
+@pytest.mark.parametrize(
+    ("chi2", "words"),
+    [
+        (28.0, "The fit is poor (p < 0.001)"),  # p 0.00095
+        (22.5, "The fit is marginal (p = 0.0074)"),
+        (9.1, "agree with the law within their errors (p = 0.43)"),
+        (0.5, "lie closer to the law than their errors allow (p > 0.999)"),
+    ],
+)
+def test_goodness_is_told_in_words(chi2, words):
+    assert words in goodness_sentence({"chi2": chi2, "dof": 9})

@@ -6,8 +6,8 @@ import example
 import pytest
 
 from jblast.errors import InputError
+from jblast.report import residuals, write_report
 from jblast.report import write as writing
-from jblast.report import write_report
 
 FILES = {"fit.json", "recordings.png", "residuals.png", "corner.png", "report.html"}
 
@@ -157,7 +157,7 @@ def test_a_figure_that_fails_costs_only_itself(tmp_path, monkeypatch):
     def fails(fit):
         raise RuntimeError("no ink <left>")
 
-    monkeypatch.setattr(writing, "residuals_figure", fails)
+    monkeypatch.setattr(residuals, "residuals_figure", fails)
     with pytest.warns(UserWarning, match=r"residuals.png was not written.*no ink"):
         paths = write_report(example.no_draws(), tmp_path)
     assert {p.name for p in paths} == {"fit.json", "recordings.png", "report.html"}
