@@ -42,6 +42,12 @@ class Law:
         """Names of what the law depends on, as `waves.paths.Path` calls them."""
         return tuple(inspect.signature(self.function).parameters)
 
+    def is_exact(self) -> bool:
+        """Whether nature does not depart from it at all."""
+        return not inspect.signature(self.scatter).parameters and not any(
+            self.scatter()
+        )
+
 
 LAWS: dict[tuple[str, str], Law] = {}
 

@@ -48,7 +48,7 @@ class Fit:
         residual: (measured - predicted - shared effects) / sd of each row.
         sd: Independent standard deviation of each row: seconds for times, else in ln.
         shared: The shared effects at each row, same unit as `sd`.
-        draws: Posterior draws of every free parameter, in the order of `answer["free"]`.
+        draws: Posterior draws of every parameter that the data determine.
         bands: One for each quantity observed.
         exit_code: 0 answered, 4 computed but not converged or not identifiable.
     """

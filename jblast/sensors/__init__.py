@@ -8,3 +8,4 @@ from jblast.sensors.layout import planned_layout as planned_layout
 from jblast.sensors.observe import observe as observe
 from jblast.sensors.record import Recording as Recording
 from jblast.sensors.record import record as record
+from jblast.sensors.simulate import simulate as simulate

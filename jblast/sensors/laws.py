@@ -5,10 +5,12 @@ Until the choice is measured it is the rule of the contract: one law a quantity 
 
 from collections.abc import Mapping
 
+import equinox as eqx
 import numpy as np
 
 import jblast.waves as _waves  # noqa: F401  laws enter the registry as they are imported
-from jblast.registry import law_for, names_for
+from jblast.errors import InputError
+from jblast.registry import names_for
 from jblast.scene import Scene
 from jblast.sensors.layout import Layout
 from jblast.sensors.record import path_to
@@ -29,7 +31,7 @@ def resolve_laws(scene: Scene, layout: Layout) -> dict[str, tuple[str, str]]:
     """Return law and reason for every quantity: as the scene says, else chosen.
 
     Raises:
-        ValueError: The scene names a law that does not give a quantity, or no law gives
+        InputError: The scene names a law that does not give a quantity, or no law gives
             a quantity yet.
     """
     chosen = dict(scene.law)
@@ -40,7 +42,12 @@ def resolve_laws(scene: Scene, layout: Layout) -> dict[str, tuple[str, str]]:
         if name == "auto":
             answer[quantity] = automatic[quantity]
         else:
-            law_for(quantity, name)
+            if name not in names_for(quantity):
+                raise InputError(
+                    f"[law] {quantity} = {name!r}: expected auto or one of "
+                    f"{', '.join(names_for(quantity)) or '(none yet)'}; "
+                    "other laws are not supported yet"
+                )
             answer[quantity] = (name, "as asked for")
     return answer
 
@@ -49,21 +56,24 @@ def choose_laws(scene: Scene, layout: Layout) -> dict[str, tuple[str, str]]:
     """Return the automatic law and the reason for every quantity of a layout.
 
     Raises:
-        ValueError: No law gives a quantity yet.
+        InputError: No law gives a quantity yet.
     """
-    path = path_to(scene, layout)
-    z = np.asarray(
-        scaled_distance(path.slant_range, path.charge_mass, path.ambient_pressure)
-    )
+    z = np.asarray(_scaled_distances(scene, layout))
     return {
         quantity: _choose(quantity, z[layout.rows(quantity)[0]])
         for quantity in layout.quantities()
     }
 
 
+@eqx.filter_jit
+def _scaled_distances(scene: Scene, layout: Layout):
+    path = path_to(scene, layout)
+    return scaled_distance(path.slant_range, path.charge_mass, path.ambient_pressure)
+
+
 def _choose(quantity: str, z: np.ndarray) -> tuple[str, str]:
     if not names_for(quantity):
-        raise ValueError(f"no law gives {quantity}: not supported yet")
+        raise InputError(f"no law gives {quantity}: not supported yet")
     if quantity in ONLY:
         return ONLY[quantity], "the only law for it so far"
     span = f"Z = {z.min():.3g} to {z.max():.3g} m/kg^(1/3)"

@@ -7,6 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from jblast.errors import InputError
 from jblast.observations import Observations
 from jblast.scene import Scene
 
@@ -82,7 +83,7 @@ def planned_layout(scene: Scene) -> tuple[Layout, Float[Array, " row"], Sequence
         sensor's name of each row.
 
     Raises:
-        ValueError: No sensor records anything, or one records a shock radius, which
+        InputError: No sensor records anything, or one records a shock radius, which
             belongs to no sensor.
     """
     plan = [
@@ -91,15 +92,15 @@ def planned_layout(scene: Scene) -> tuple[Layout, Float[Array, " row"], Sequence
         for quantity, sigma in sensor.records
     ]
     if not plan:
-        raise ValueError(
+        raise InputError(
             "no sensor records anything: expected at least one [[sensor]] with "
             "records = { QUANTITY = SIGMA }"
         )
     for _, sensor, quantity, _ in plan:
         if quantity == "shock_radius_m":
-            raise ValueError(
-                f"sensor {sensor.name!r} records shock_radius_m, which needs a time for "
-                "each row: not supported in a scene yet"
+            raise InputError(
+                f"sensor {sensor.name!r} records shock_radius_m, which needs a time "
+                "for each row: not supported in a scene yet"
             )
     nothing = jnp.full(len(plan), jnp.nan)
     layout = Layout(

@@ -1,0 +1,1 @@
+"""The command `jblast`: one file a verb, each thin."""

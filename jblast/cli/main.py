@@ -1,0 +1,63 @@
+"""The command line: picks the verb, turns errors into one message and an exit code.
+
+Exit codes: 0 answered; 1 our own failure; 2 bad input; 4 computed, but not converged or
+not identifiable.
+"""
+
+import argparse
+import sys
+import traceback
+from collections.abc import Sequence
+
+from jblast import __version__
+from jblast.cli import fit, scene, simulate
+from jblast.errors import InputError
+
+VERBS = (fit, scene, simulate)
+
+
+def parser() -> argparse.ArgumentParser:
+    """Return the parser of all verbs."""
+    root = argparse.ArgumentParser(
+        prog="jblast",
+        description="Differentiable blast physics: fit a blast from sensor recordings.",
+        epilog="For safety engineering, forensics and sensing; designs no explosives.",
+    )
+    root.add_argument("--version", action="version", version=f"jblast {__version__}")
+    verbs = root.add_subparsers(dest="verb", required=True, metavar="VERB")
+    for module in VERBS:
+        name = module.__name__.rsplit(".", 1)[-1]
+        verb = verbs.add_parser(name, help=module.HELP, description=module.__doc__)
+        module.add_arguments(verb)
+        verb.add_argument(
+            "--debug", action="store_true", help="show the traceback of an error"
+        )
+        verb.set_defaults(run=module.run)
+    return root
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run a command and return its exit code."""
+    asked = parser().parse_args(arguments)
+    try:
+        return asked.run(asked)
+    except InputError as error:
+        if asked.debug:
+            traceback.print_exc()
+        sys.stderr.write(f"jblast: {error}\n")
+        return 2
+    except KeyboardInterrupt:
+        sys.stderr.write("jblast: interrupted\n")
+        return 130
+    except Exception as error:
+        if asked.debug:
+            traceback.print_exc()
+        sys.stderr.write(
+            f"jblast: internal failure: {type(error).__name__}: {error} "
+            "(--debug shows where; please report it)\n"
+        )
+        return 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())

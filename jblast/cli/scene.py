@@ -1,0 +1,37 @@
+"""Write a commented starter scene for a log."""
+
+import argparse
+import sys
+
+HELP = "write a commented starter scene for a log"
+
+
+def add_arguments(verb: argparse.ArgumentParser) -> None:
+    """Say what the verb takes."""
+    verb.add_argument("observations", metavar="OBSERVATIONS.csv")
+    verb.add_argument(
+        "--out", metavar="SCENE.toml", help="file to write (else printed)"
+    )
+    verb.add_argument(
+        "--force", action="store_true", help="overwrite an existing --out"
+    )
+
+
+def run(asked: argparse.Namespace) -> int:
+    """Write the scene and return the exit code."""
+    from jblast.cli.start import start_jax
+
+    start_jax()
+    from jblast.cli.files import write_text
+    from jblast.observations import read, starter_scene
+
+    text = starter_scene(read(asked.observations))
+    if asked.out:
+        write_text(asked.out, text, force=asked.force)
+        sys.stdout.write(
+            f"wrote {asked.out}; edit it, then: "
+            f"jblast fit {asked.observations} --scene {asked.out}\n"
+        )
+    else:
+        sys.stdout.write(text)
+    return 0

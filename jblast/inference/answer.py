@@ -1,0 +1,175 @@
+"""The answer as `jblast fit --json` prints it, key by key of the contract."""
+
+from typing import Any
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Bool, Float
+
+from jblast.constants import TNT_SPECIFIC_ENERGY
+from jblast.inference.cautions import cautions_of
+from jblast.inference.combinations import combination, space_of
+from jblast.inference.cure import cure_of_ambiguity, cure_of_null
+from jblast.inference.fisher import information
+from jblast.inference.goodness import chi_squared, suspected_outliers
+from jblast.inference.identifiability import told_combinations
+from jblast.inference.laplace import marginals
+from jblast.inference.optimum import SEPARATE
+from jblast.inference.solution import Solution
+from jblast.observations import Observations
+from jblast.scene import UncertainScene
+
+NOTHING = dict.fromkeys(("value", "sd", "log_sd", "q05", "q50", "q95"))
+NEAR = 6.0
+"""Another optimum within this of the best, in -2 ln density, is an ambiguity."""
+
+
+def answer_of(
+    observations: Observations,
+    uncertain: UncertainScene,
+    solution: Solution,
+    valid: Bool[np.ndarray, " row"],
+    residual: Float[np.ndarray, " row"],
+    effects: Float[np.ndarray, " effect"],
+) -> dict[str, Any]:
+    """Put a solution into the contract's words.
+
+    Args:
+        observations: The log.
+        uncertain: What was known before.
+        solution: What inference found.
+        valid: Whether each row's laws hold at the answer.
+        residual: What is left of each row, in standard deviations.
+        effects: The most probable shared effects.
+    """
+    z = solution.laplace.z
+    estimates = _estimates(solution)
+    null = _null_directions(solution)
+    doubles = _ambiguities(solution)
+    chi2, dof = chi_squared(
+        solution.posterior, z, residual, effects, solution.identifiability.told.shape[1]
+    )
+    return {
+        "schema": 1,
+        "law": {quantity: name for quantity, (name, _) in solution.laws.items()},
+        "law_reason": {q: reason for q, (_, reason) in solution.laws.items()},
+        "law_valid": bool(valid.all()),
+        "estimates": estimates,
+        "derived": _derived(estimates),
+        "free": list(solution.posterior.parameters.names),
+        "identifiable": not null and not doubles,
+        "null_directions": null,
+        "ambiguities": doubles,
+        "determined": _determined(solution),
+        "posterior": "laplace",
+        "converged": bool(solution.optima.converged[0]) and solution.laplace.proper,
+        "chi2": chi2,
+        "dof": dof,
+        "n_observations": len(observations),
+        "suspected_outliers": suspected_outliers(observations, residual),
+        "warnings": cautions_of(observations, uncertain, solution, valid, chi2, dof),
+    }
+
+
+def _estimates(solution: Solution) -> dict[str, dict[str, float | None]]:
+    """Summarise every free number; one in a null direction has nothing to say."""
+    names = solution.posterior.parameters.names
+    told = marginals(solution.posterior.parameters, solution.laplace)
+    return {
+        name: told[name] if determined else dict(NOTHING)
+        for name, determined in zip(
+            names, solution.identifiability.determined, strict=True
+        )
+    }
+
+
+def _derived(estimates) -> dict[str, dict[str, float | None]]:
+    """What follows from the mass: as TNT, and as energy by the TNT convention."""
+    if "charge_mass_kg" not in estimates:
+        return {}
+    mass = estimates["charge_mass_kg"]
+    energy = {
+        key: value if key == "log_sd" or value is None else value * TNT_SPECIFIC_ENERGY
+        for key, value in mass.items()
+    }
+    return {"charge_tnt_mass_kg": dict(mass), "charge_energy_j": energy}
+
+
+def _null_directions(solution: Solution) -> list[dict[str, Any]]:
+    parameters = solution.posterior.parameters
+    return [
+        {
+            "parameters": {
+                name: float(weight)
+                for name, weight in zip(parameters.names, direction, strict=True)
+                if weight != 0
+            },
+            "space": space_of(parameters.space(), direction),
+            "cure": cure_of_null(solution.posterior, solution.laplace.z, direction),
+        }
+        for direction in solution.identifiability.null
+    ]
+
+
+def _determined(solution: Solution) -> list[dict[str, Any]]:
+    parameters, normal = solution.posterior.parameters, solution.laplace
+    answer = []
+    for form in told_combinations(solution.identifiability):
+        text, is_product = combination(parameters.names, parameters.space(), form)
+        value = float(form @ normal.z)
+        sd = float(np.sqrt(form @ normal.covariance @ form))
+        if is_product:
+            value = float(np.exp(value))
+            sd = value * sd
+        answer.append({"combination": text, "value": value, "sd": sd})
+    return answer
+
+
+def _ambiguities(solution: Solution) -> list[dict[str, Any]]:
+    """Name every other optimum that the data cannot rule out."""
+    found, posterior = solution.optima, solution.posterior
+    best = solution.laplace.z
+    told: list[np.ndarray] = [best]
+    answer = []
+    for z, density, converged in zip(*map(np.asarray, found), strict=True):
+        if not converged or 2 * (found.log_density[0] - density) > NEAR:
+            continue
+        if min(_apart(posterior, other, z) for other in told) < SEPARATE:
+            continue
+        told.append(z)
+        values = posterior.parameters.values(jnp.asarray(z))
+        differ = [
+            name
+            for i, name in enumerate(posterior.parameters.names)
+            if _differs(solution, i, z[i])
+        ]
+        answer.append(
+            {
+                "parameters": {name: float(value) for name, value in values.items()},
+                "reason": _reason(differ, 2 * float(found.log_density[0] - density)),
+                "cure": cure_of_ambiguity(posterior, best, z),
+            }
+        )
+    return answer
+
+
+def _differs(solution: Solution, i: int, other: float) -> bool:
+    sd = np.sqrt(solution.laplace.covariance[i, i])
+    return abs(solution.laplace.z[i] - other) > max(sd, 1e-9)
+
+
+def _apart(posterior, one, other) -> float:
+    """Distance of two places in standard deviations of the first."""
+    away = one - other
+    metric = np.asarray(information(posterior, jnp.asarray(one)))
+    return float(np.sqrt(away @ metric @ away))
+
+
+def _reason(differ: list[str], cost: float) -> str:
+    places = {"charge_east_m", "charge_north_m", "charge_up_m"} & set(differ)
+    what = "another place" if places else "another solution"
+    return (
+        f"{what} of {', '.join(sorted(differ)) or 'all'} explains the log as well "
+        f"(chi squared differs by {cost:.2g}): the layout of the sensors does not tell "
+        "them apart"
+    )

@@ -1,0 +1,77 @@
+"""What the posterior says along a line away from the charge: the bands of a figure."""
+
+from collections.abc import Mapping
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Float
+
+from jblast.inference.fit_result import Band
+from jblast.inference.parameters import Parameters
+from jblast.observations import Observations
+from jblast.sensors import Layout, record
+from jblast.sensors.layout import components
+
+POINTS = 80
+
+
+def bands(
+    parameters: Parameters,
+    draws: Float[np.ndarray, "draw free"],
+    observations: Observations,
+    distance: Float[np.ndarray, " row"],
+    laws: Mapping[str, str],
+) -> tuple[Band, ...]:
+    """Return the band of every quantity of a log, from half to twice its reach.
+
+    Args:
+        parameters: What was fitted.
+        draws: Coordinates drawn from the posterior.
+        observations: The log.
+        distance: Slant range of each row at the answer [m].
+        laws: Name of the law for each quantity.
+    """
+    answer = []
+    for quantity in dict.fromkeys(observations.quantity):
+        rows = np.array([q == quantity for q in observations.quantity])
+        is_radius = quantity == "shock_radius_m"
+        reach = (observations.time if is_radius else distance)[rows]
+        positive = reach[reach > 0]
+        if positive.size == 0:
+            continue
+        x = np.geomspace(positive.min() / 2, positive.max() * 2, POINTS)
+        nothing = np.full(POINTS, np.nan)
+        layout = Layout(
+            quantity=(quantity,) * POINTS,
+            position=jnp.zeros((POINTS, 3)),
+            slant_range=jnp.asarray(nothing if is_radius else x),
+            time=jnp.asarray(x if is_radius else nothing),
+            clock_offset=jnp.zeros(POINTS),
+            group=(0,) * POINTS,
+        )
+        needed = tuple((name, laws[name]) for name, _ in components(quantity))
+        value, valid = _recordings(parameters, jnp.asarray(draws), layout, needed)
+        q05, q50, q95 = np.quantile(np.asarray(value), [0.05, 0.5, 0.95], axis=0)
+        answer.append(
+            Band(
+                quantity=quantity,
+                axis="time_s" if is_radius else "range_m",
+                x=x,
+                q05=q05,
+                q50=q50,
+                q95=q95,
+                valid=np.mean(np.asarray(valid), axis=0) > 0.5,
+            )
+        )
+    return tuple(answer)
+
+
+@eqx.filter_jit
+def _recordings(parameters, draws, layout, laws):
+    def one(z):
+        recording = record(parameters.scene_at(z), layout, dict(laws))
+        return recording.value, recording.valid
+
+    return jax.vmap(one)(draws)

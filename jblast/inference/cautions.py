@@ -1,0 +1,95 @@
+"""What the reader of an answer has to be told beside the numbers."""
+
+import numpy as np
+from jaxtyping import Bool
+
+from jblast.inference.goodness import POOR, chance
+from jblast.inference.solution import Solution
+from jblast.observations import Observations
+from jblast.registry import law_for
+from jblast.scene import UncertainScene
+
+BETWEEN_LIMITS = 1.0
+"""Scaled height of burst below which the ground is felt [m/kg^(1/3)]."""
+
+IDEAL_BURSTS = ("kingery_bulmash", "shock_kinematics")
+
+
+def cautions_of(
+    observations: Observations,
+    uncertain: UncertainScene,
+    solution: Solution,
+    valid: Bool[np.ndarray, " row"],
+    chi2: float,
+    dof: int,
+) -> list[str]:
+    """Collect the warnings of an answer, the gravest first."""
+    told = []
+    p = chance(chi2, dof)
+    if p is not None and p < POOR:
+        told.append(_poor_fit(observations, uncertain, chi2, dof, p))
+    if not valid.all():
+        told.append(_outside(observations, solution, valid))
+    if not solution.optima.converged[0]:
+        told.append(
+            "the search did not arrive at an optimum: the answer is where it ended"
+        )
+    elif not solution.laplace.proper:
+        told.append(
+            "the posterior does not curve down at the answer: the intervals are those "
+            "of the Fisher information"
+        )
+    if not solution.laws_settled:
+        told.append(
+            "the automatic choice of law at the answer differs from the one it was "
+            "fitted with; name one with --law"
+        )
+    if not uncertain.source:
+        told.append(
+            "no scene was given: a surface charge of TNT at the origin at time 0, in "
+            "sea-level air"
+        )
+    between = _height_between_limits(solution)
+    return [*told, between] if between else told
+
+
+def _poor_fit(observations, uncertain, chi2, dof, p) -> str:
+    text = (
+        f"poor fit: chi squared {chi2:.1f} with {dof} degrees of freedom has a chance "
+        f"of {p:.1g}"
+    )
+    if uncertain.source:
+        return text
+    log = observations.source or "OBSERVATIONS.csv"
+    return (
+        f"{text}; `jblast scene {log}` writes a scene that says more about the setting"
+    )
+
+
+def _outside(observations, solution: Solution, valid) -> str:
+    rows = np.flatnonzero(~valid)
+    quantities = dict.fromkeys(observations.quantity[row] for row in rows)
+    limits = [
+        f"{name} holds for {law_for(quantity, name).range}"
+        for quantity, (name, _) in solution.laws.items()
+        if quantity in quantities or quantity in ("air_arrival_s", "ground_arrival_s")
+    ]
+    return (
+        f"{len(rows)} of {len(valid)} rows lie outside their law's range "
+        f"({', '.join(quantities)}); {'; '.join(dict.fromkeys(limits))}"
+    )
+
+
+def _height_between_limits(solution: Solution) -> str | None:
+    """Say which limit was used for a charge that is neither on the ground nor high."""
+    if not {name for name, _ in solution.laws.values()} & set(IDEAL_BURSTS):
+        return None
+    scene = solution.posterior.parameters.scene_at(solution.laplace.z)
+    height = float(scene.charge.up) / float(scene.charge.mass) ** (1 / 3)
+    if not 0 < height < BETWEEN_LIMITS:
+        return None
+    limit = "hemispherical" if scene.charge.burst == "surface" else "spherical"
+    return (
+        f"the charge stood {height:.2g} m/kg^(1/3) above the ground, between the "
+        f"limits of the curves: the {limit} ones were used"
+    )

@@ -1,0 +1,126 @@
+"""Which added datum would tell what a log cannot."""
+
+from collections.abc import Sequence
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from jblast.constants import STANDARD_SOUND_SPEED
+from jblast.inference.posterior import Posterior
+from jblast.inference.starts import layout_size
+from jblast.observations import TIMES
+from jblast.scene import Scene
+from jblast.sensors import Layout, record, resolve_laws
+from jblast.sensors.laws import law_names
+
+CANDIDATES = {
+    "flash_time_s": "a flash time",
+    "air_arrival_s": "an air arrival",
+    "ground_arrival_s": "a ground arrival",
+    "peak_overpressure_pa": "a peak overpressure",
+    "positive_impulse_pa_s": "a positive impulse",
+}
+SEEN = 1e-6
+
+
+def candidates(posterior: Posterior) -> tuple[Layout, list[str]]:
+    """Return rows that could be added to a log, and what each is called.
+
+    Each quantity at a sensor of the log, and at a place off the sensors' line.
+    """
+    layout = posterior.layout
+    position = np.asarray(layout.position)
+    given = np.asarray(layout.slant_range)
+    middle, size = position.mean(axis=0), float(layout_size(posterior))
+    away = position - middle
+    _, _, axes = np.linalg.svd(away[:, :2], full_matrices=True)
+    aside = middle + size * np.array([*axes[-1], 0.0])
+    places = [(position[0], given[0], "at a sensor of the log")]
+    if np.isnan(given).all():
+        places.append((aside, np.nan, "at a new place off the sensors' line"))
+    else:
+        places.append((position[0], 2 * np.nanmax(given), "at a new range"))
+    rows = [(q, *place) for q in CANDIDATES for place in places]
+    names = [f"{CANDIDATES[q]} {where}" for q, _, _, where in rows]
+    return Layout(
+        quantity=tuple(q for q, *_ in rows),
+        position=jnp.asarray(np.array([p for _, p, _, _ in rows])),
+        slant_range=jnp.asarray([r for _, _, r, _ in rows]),
+        time=jnp.full(len(rows), jnp.nan),
+        clock_offset=jnp.zeros(len(rows)),
+        group=tuple(range(len(rows))),
+    ), names
+
+
+def cure_of_null(
+    posterior: Posterior,
+    z: Float[np.ndarray, " free"],
+    direction: Float[np.ndarray, " free"],
+) -> str:
+    """Say which data, or which prior, would end a null direction."""
+    layout, names = candidates(posterior)
+    scene = posterior.parameters.scene_at(jnp.asarray(z))
+    laws = _laws(posterior, scene, layout)
+
+    _, moved = jax.jvp(
+        lambda z: log_reading(posterior, layout, laws, z),
+        (jnp.asarray(z),),
+        (jnp.asarray(direction),),
+    )
+    data = [
+        name for name, seen in zip(names, np.abs(moved) > SEEN, strict=True) if seen
+    ]
+    taking_part = [
+        name
+        for name, weight in zip(posterior.parameters.names, direction, strict=True)
+        if weight != 0
+    ]
+    known = " or ".join(taking_part)
+    added = "; ".join(_shortened(data))
+    return f"a prior on, or a measurement of, {known}" + (
+        f"; or {added}" if added else ""
+    )
+
+
+def _laws(posterior: Posterior, scene: Scene, layout: Layout) -> dict[str, str]:
+    """The log's own laws, and for other quantities those that would be chosen."""
+    return law_names(resolve_laws(scene, layout)) | {
+        q: n for q, n in posterior.laws if q in layout.quantities()
+    }
+
+
+def log_reading(posterior, layout, laws, z) -> Float[Array, " row"]:
+    """Readings of a layout where one unit is one per cent, or a typical time."""
+    scene = posterior.parameters.scene_at(z)
+    value = record(scene, layout, laws).value
+    timed = np.isin(layout.quantity, TIMES)
+    typical = layout_size(posterior) / STANDARD_SOUND_SPEED
+    return jnp.where(timed, value / typical, jnp.log(jnp.where(timed, 1.0, value)))
+
+
+def _shortened(data: Sequence[str]) -> list[str]:
+    """Leave out a new place where a sensor of the log would do."""
+    at_sensor = {name.split(" at ")[0] for name in data if "of the log" in name}
+    return [
+        name
+        for name in data
+        if "of the log" in name or name.split(" at ")[0] not in at_sensor
+    ]
+
+
+def cure_of_ambiguity(
+    posterior: Posterior,
+    here: Float[np.ndarray, " free"],
+    there: Float[np.ndarray, " free"],
+) -> str:
+    """Say which datum differs most between two solutions."""
+    layout, names = candidates(posterior)
+    scene = posterior.parameters.scene_at(jnp.asarray(here))
+    laws = _laws(posterior, scene, layout)
+    apart = np.abs(
+        log_reading(posterior, layout, laws, jnp.asarray(here))
+        - log_reading(posterior, layout, laws, jnp.asarray(there))
+    )
+    return names[int(np.nanargmax(apart))]

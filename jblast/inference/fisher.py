@@ -1,0 +1,54 @@
+r"""Fisher information: what the data can tell, before what they say.
+
+$F = J^T (\mathrm{diag}(s^2) + L L^T)^{-1} J$, $J = \partial\,$prediction$/\partial z$,
+plus one for each number that has a prior. What the size of the errors tells about the
+parameters is left out: it is small, and no layout is planned for it.
+"""
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from jblast.inference.posterior import Posterior
+
+NULL = 1e-10
+"""An eigenvalue of the unit-diagonal information below this is a null direction."""
+
+
+def whitened_jacobian(
+    posterior: Posterior, z: Float[Array, " free"]
+) -> Float[Array, "datum free"]:
+    """Return the sensitivity of each datum in its own standard deviations.
+
+    Rows of the log come first, whitened together; then one row for each parameter,
+    which counts where it has a prior.
+    """
+    misfit = posterior.misfit(z)
+    covariance = jnp.diag(misfit.sd**2) + misfit.loading @ misfit.loading.T
+    jacobian = -jax.jacfwd(lambda z: posterior.misfit(z).residual)(z)
+    root = jnp.linalg.cholesky(covariance)
+    whitened = jax.scipy.linalg.solve_triangular(root, jacobian, lower=True)
+    return jnp.concatenate([whitened, jnp.diag(posterior.parameters.has_prior())])
+
+
+def information(
+    posterior: Posterior, z: Float[Array, " free"]
+) -> Float[Array, "free free"]:
+    """Return the Fisher information of the data and the priors."""
+    jacobian = whitened_jacobian(posterior, z)
+    return jacobian.T @ jacobian
+
+
+def unit_diagonal(
+    matrix: Float[Array, "free free"],
+) -> tuple[Float[Array, " free"], Float[Array, " free"], Float[Array, "free free"]]:
+    """Scale information to a unit diagonal and take it apart.
+
+    Returns:
+        The size of each coordinate (the root of the diagonal; 1 where nothing is
+        known), the eigenvalues, and the eigenvectors as columns.
+    """
+    diagonal = jnp.diagonal(matrix)
+    size = jnp.where(diagonal > 0, jnp.sqrt(jnp.where(diagonal > 0, diagonal, 1)), 1)
+    values, vectors = jnp.linalg.eigh(matrix / size[:, None] / size[None, :])
+    return size, values, vectors

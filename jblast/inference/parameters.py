@@ -1,0 +1,61 @@
+"""What is fitted: the uncertain numbers of a scene as one vector of coordinates.
+
+Each number has its own coordinate $z$ (see `scene.priors`): its logarithm where it is
+free and positive, itself where it is free, a normal score where it has a prior.
+"""
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from jblast.scene import PARAMETERS, Free, Scene, UncertainScene, with_values
+from jblast.scene.priors import Belief
+
+
+class Parameters(eqx.Module):
+    """The uncertain numbers of a scene, in a fixed order.
+
+    Attributes:
+        names: As in `scene.PARAMETERS`.
+        beliefs: One for each name.
+        scene: Holds every number that is fixed.
+    """
+
+    names: tuple[str, ...] = eqx.field(static=True)
+    beliefs: tuple[Belief, ...]
+    scene: Scene
+
+    def values(self, z: Float[Array, " free"]) -> dict[str, Float[Array, ""]]:
+        """Return the numbers by name."""
+        return {
+            name: belief.constrain(z[i])
+            for i, (name, belief) in enumerate(
+                zip(self.names, self.beliefs, strict=True)
+            )
+        }
+
+    def scene_at(self, z: Float[Array, " free"]) -> Scene:
+        """Return the scene with the numbers put in their places."""
+        return with_values(self.scene, self.values(z))
+
+    def log_prior(self, z: Float[Array, " free"]) -> Float[Array, ""]:
+        """Return ln of the prior density per unit of $z$."""
+        terms = [belief.log_density(z[i]) for i, belief in enumerate(self.beliefs)]
+        return sum(terms, start=jnp.zeros((), z.dtype))
+
+    def has_prior(self) -> Float[Array, " free"]:
+        """Return 1 where a number has a distribution, 0 where it is free."""
+        return jnp.array([0.0 if isinstance(b, Free) else 1.0 for b in self.beliefs])
+
+    def space(self) -> tuple[str, ...]:
+        """Return "ln" or "linear" for each number: the space it is told in."""
+        return tuple("ln" if PARAMETERS[n].positive else "linear" for n in self.names)
+
+
+def parameters_of(uncertain: UncertainScene) -> Parameters:
+    """Collect the uncertain numbers of a scene."""
+    return Parameters(
+        names=tuple(uncertain.beliefs),
+        beliefs=tuple(uncertain.beliefs.values()),
+        scene=uncertain.scene,
+    )

@@ -1,0 +1,139 @@
+"""The one log-posterior that every method of inference calls."""
+
+from collections.abc import Mapping
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float
+
+from jblast.errors import InputError
+from jblast.inference.likelihood import log_likelihood
+from jblast.inference.parameters import Parameters
+from jblast.observations import TIMES, Observations
+from jblast.registry import law_for
+from jblast.sensors import Layout, record
+from jblast.sensors.layout import components
+from jblast.sensors.observe import Noise, loadings
+
+
+class Misfit(eqx.Module):
+    """How a scene misses the data, row by row: seconds for times, else ln.
+
+    Attributes:
+        residual: Measured minus predicted.
+        sd: Independent scale: sigma and the law's record scatter in quadrature.
+        loading: What one standard deviation of each shared effect adds.
+        predicted: The reading without error, in the row's unit.
+        valid: Whether the laws hold.
+        slant_range: Distance from the charge [m].
+    """
+
+    residual: Float[Array, " row"]
+    sd: Float[Array, " row"]
+    loading: Float[Array, "row effect"]
+    predicted: Float[Array, " row"]
+    valid: Bool[Array, " row"]
+    slant_range: Float[Array, " row"]
+
+
+class Posterior(eqx.Module):
+    """What a log says of a scene.
+
+    Attributes:
+        parameters: What is fitted.
+        layout: Who recorded what.
+        measured: The readings; in ln unless they are times.
+        sigma: Their instrument error, same unit; 0 where none was given.
+        laws: Pairs of quantity and law name.
+        noise: Distribution of the independent errors.
+    """
+
+    parameters: Parameters
+    layout: Layout
+    measured: Float[Array, " row"]
+    sigma: Float[Array, " row"]
+    laws: tuple[tuple[str, str], ...] = eqx.field(static=True)
+    noise: Noise = eqx.field(static=True, default="student")
+
+    def misfit(self, z: Float[Array, " free"]) -> Misfit:
+        """Return how the scene at $z$ misses the data."""
+        recording = _record(self.parameters.scene_at(z), self.layout, self.laws)
+        predicted = recording.value
+        timed = np.isin(self.layout.quantity, TIMES)
+        positive = jnp.where(timed, 1.0, predicted)
+        return Misfit(
+            residual=self.measured - jnp.where(timed, predicted, jnp.log(positive)),
+            sd=jnp.hypot(self.sigma, recording.record_sd),
+            loading=loadings(recording, self.layout),
+            predicted=predicted,
+            valid=recording.valid,
+            slant_range=recording.slant_range,
+        )
+
+    def log_density(self, z: Float[Array, " free"]) -> Float[Array, ""]:
+        """Return ln of the posterior density per unit of $z$, up to a constant."""
+        misfit = self.misfit(z)
+        likelihood, _ = log_likelihood(
+            misfit.residual, misfit.sd, misfit.loading, self.noise
+        )
+        return likelihood + self.parameters.log_prior(z)
+
+    def effects(self, z: Float[Array, " free"]) -> Float[Array, " effect"]:
+        """Return the most probable shared effects at $z$."""
+        misfit = self.misfit(z)
+        return log_likelihood(misfit.residual, misfit.sd, misfit.loading, self.noise)[1]
+
+
+def posterior_of(
+    parameters: Parameters,
+    layout: Layout,
+    observations: Observations,
+    laws: Mapping[str, str],
+    noise: Noise,
+) -> Posterior:
+    """Put a log, its layout and what is fitted together.
+
+    Raises:
+        InputError: A row has no error at all: no sigma, and a law taken as exact.
+    """
+    _refuse_exact(observations, parameters.scene.scatter, laws)
+    timed = np.isin(observations.quantity, TIMES)
+    value, sigma = observations.value, np.nan_to_num(observations.sigma)
+    return Posterior(
+        parameters=parameters,
+        layout=layout,
+        measured=jnp.asarray(
+            np.where(timed, value, np.log(np.where(timed, 1.0, value)))
+        ),
+        sigma=jnp.asarray(np.where(timed, sigma, sigma / np.abs(value))),
+        laws=tuple(sorted(laws.items())),
+        noise=noise,
+    )
+
+
+def _refuse_exact(
+    observations: Observations, scatter: bool, laws: Mapping[str, str]
+) -> None:
+    """Refuse a row that neither its instrument nor its law gives any error."""
+    for row, quantity in enumerate(observations.quantity):
+        if observations.sigma[row] > 0:
+            continue
+        of_law = [law_for(q, laws[q]) for q, _ in components(quantity)]
+        if not scatter or all(law.is_exact() for law in of_law):
+            why = (
+                f"{' and '.join(law.name for law in of_law)} is exact"
+                if scatter
+                else "the scene says scatter = false"
+            )
+            raise InputError(
+                f"{observations.source or 'observations'}: "
+                f"{observations.sensor[row]}, {quantity}: expected a sigma, since "
+                f"{why}; got none"
+            )
+
+
+@eqx.filter_jit
+def _record(scene, layout, laws):
+    """Trace the physics once: it stands in every derivative of the posterior."""
+    return record(scene, layout, dict(laws))

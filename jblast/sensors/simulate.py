@@ -1,0 +1,62 @@
+"""A whole simulated log: a scene drawn from its priors, recorded with errors."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from jblast.observations import TIMES, Observations
+from jblast.scene import UncertainScene, draw_scene
+from jblast.scene.scene import value_of
+from jblast.sensors.laws import law_names, resolve_laws
+from jblast.sensors.layout import planned_layout
+from jblast.sensors.observe import Noise, observe
+
+
+def simulate(
+    uncertain: UncertainScene, seed: int = 0, *, noise: Noise = "student"
+) -> Observations:
+    """Return what a scene's sensors would write down; comments hold the truth.
+
+    Args:
+        uncertain: The scene; numbers with a prior are drawn from it.
+        seed: Of all draws.
+        noise: Distribution of the independent errors.
+
+    Raises:
+        InputError: A number is free and cannot be drawn, or no sensor records anything.
+    """
+    scene_key, noise_key = jax.random.split(jax.random.key(seed))
+    scene = draw_scene(scene_key, uncertain)
+    layout, sigma, sensors = planned_layout(scene)
+    laws = law_names(resolve_laws(scene, layout))
+    value = np.asarray(_observe(noise_key, scene, layout, laws, sigma, noise))
+    timed = np.isin(layout.quantity, TIMES)
+    n = len(value)
+    truth = [
+        f"truth: {name} = {float(value_of(scene, name))!r}"
+        for name in uncertain.beliefs
+    ]
+    used = ", ".join(f"{quantity} by {law}" for quantity, law in laws.items())
+    return Observations(
+        sensor=tuple(sensors),
+        quantity=layout.quantity,
+        value=value,
+        sigma=np.asarray(jnp.where(timed, sigma, sigma * jnp.abs(value))),
+        position=np.asarray(layout.position),
+        slant_range=np.full(n, np.nan),
+        time=np.full(n, np.nan),
+        path=("",) * n,
+        shot=("",) * n,
+        clock=("",) * n,
+        comments=(
+            f"SIMULATED, not measured: {uncertain.source or 'a scene'}, seed {seed}",
+            f"laws: {used}; independent errors: {noise}",
+            *truth,
+        ),
+    )
+
+
+@eqx.filter_jit
+def _observe(key, scene, layout, laws, sigma, noise):
+    return observe(key, scene, layout, laws, sigma, noise=noise)

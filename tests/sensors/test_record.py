@@ -1,0 +1,146 @@
+import dataclasses
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from jblast.constants import LIGHT_SPEED
+from jblast.scene import Scene, Sensor, with_values
+from jblast.sensors import planned_layout, record, resolve_laws
+from jblast.sensors.laws import law_names
+from jblast.sensors.observe import loadings
+from jblast.waves import (
+    kingery_bulmash_pressure,
+    wu_hao_air_arrival_time,
+    wu_hao_ground_arrival_time,
+)
+
+SCENE = with_values(
+    Scene(
+        sensors=(
+            Sensor(
+                "a",
+                jnp.array([20.0, 0.0, 0.0]),
+                clock_offset=0.25,
+                records=(
+                    ("air_arrival_s", 1e-3),
+                    ("ground_arrival_s", 1e-3),
+                    ("arrival_difference_s", 1e-3),
+                    ("flash_time_s", 1e-3),
+                    ("peak_overpressure_pa", 0.1),
+                ),
+            ),
+        ),
+        law=(("air_arrival_s", "wu_hao"),),
+    ),
+    {
+        "charge_mass_kg": 15.0,
+        "origin_time_s": 2.0,
+        "air_sound_speed_m_s": 340.0,
+        "ground_p_speed_m_s": 6000.0,
+    },
+)
+
+
+def recording(scene=SCENE):
+    layout, _, _ = planned_layout(scene)
+    return record(scene, layout, law_names(resolve_laws(scene, layout))), layout
+
+
+def test_readings_are_the_laws_on_the_sensor_clock():
+    air = wu_hao_air_arrival_time(20.0, 15.0, 340.0)
+    ground = wu_hao_ground_arrival_time(20.0, 15.0, 6000.0)
+    expected = [
+        2.25 + air,
+        2.25 + ground,
+        air - ground,  # a difference knows no clock
+        2.25 + 20.0 / LIGHT_SPEED,
+        kingery_bulmash_pressure(20.0, 15.0),
+    ]
+    np.testing.assert_allclose(recording()[0].value, expected, rtol=1e-12)
+
+
+def test_arrivals_scatter_with_the_travel_time_and_not_with_the_clock():
+    found, _ = recording()
+    air = wu_hao_air_arrival_time(20.0, 15.0, 340.0)
+    ground = wu_hao_ground_arrival_time(20.0, 15.0, 6000.0)
+    expected = [0.01 * air, 0.01 * ground, 0.01 * np.hypot(air, ground), 0.0, 0.10]
+    np.testing.assert_allclose(found.record_sd, expected, rtol=1e-12)
+
+
+def test_a_difference_of_arrivals_shares_the_shot_effects_of_both():
+    found, layout = recording()
+    loading = np.asarray(loadings(found, layout))
+    air, ground = (
+        found.shot_loading["air_arrival_s"],
+        found.shot_loading["ground_arrival_s"],
+    )
+    assert air[2] == air[0] > 0
+    assert ground[2] == -ground[1] < 0
+    assert loading.shape == (5, 3)  # air, ground and pressure; light is exact
+
+
+def test_exact_laws_have_no_scatter_at_all():
+    found, layout = recording(dataclasses.replace(SCENE, scatter=False))
+    assert not found.record_sd.any()
+    assert loadings(found, layout).shape == (5, 0)
+
+
+def test_ground_waves_run_along_the_ground():
+    high = Sensor(
+        "b", jnp.array([3.0, 4.0, 30.0]), records=(("ground_arrival_s", 1e-3),)
+    )
+    found, _ = recording(dataclasses.replace(SCENE, sensors=(high,)))
+    expected = 2.0 + wu_hao_ground_arrival_time(5.0, 15.0, 6000.0)
+    np.testing.assert_allclose(found.value, [expected], rtol=1e-12)
+    np.testing.assert_allclose(found.slant_range, [np.sqrt(925.0)], rtol=1e-12)
+
+
+def test_a_given_range_takes_the_place_of_positions():
+    near = with_values(SCENE, {"charge_range_m": 10.0})
+    found, _ = recording(near)
+    np.testing.assert_allclose(found.slant_range, 10.0)
+
+
+def test_batched_scenes_equal_one_after_the_other():
+    layout, _, _ = planned_layout(SCENE)
+    laws = law_names(resolve_laws(SCENE, layout))
+    masses = jnp.array([1.0, 15.0, 400.0])
+
+    def readings(mass):
+        return record(with_values(SCENE, {"charge_mass_kg": mass}), layout, laws).value
+
+    np.testing.assert_allclose(
+        jax.vmap(readings)(masses), [readings(m) for m in masses], rtol=1e-13
+    )
+
+
+def test_readings_have_the_derivatives_of_finite_differences():
+    layout, _, _ = planned_layout(SCENE)
+    laws = law_names(resolve_laws(SCENE, layout))
+
+    def readings(ln_mass, east, up):
+        values = {
+            "charge_mass_kg": jnp.exp(ln_mass),
+            "charge_east_m": east,
+            "charge_up_m": up,
+        }
+        return record(with_values(SCENE, values), layout, laws).value
+
+    at = (jnp.log(15.0), jnp.asarray(1.0), jnp.asarray(2.0))
+    slopes = jax.jacfwd(readings, argnums=(0, 1, 2))(*at)
+    for i, slope in enumerate(slopes):
+        up = readings(*(x + 1e-6 * (i == j) for j, x in enumerate(at)))
+        down = readings(*(x - 1e-6 * (i == j) for j, x in enumerate(at)))
+        # differences of 1e-6 in float64 are good to 1e-8 of the reading
+        np.testing.assert_allclose(
+            slope, (up - down) / 2e-6, rtol=1e-5, atol=1e-8 * np.max(up)
+        )
+
+
+@pytest.mark.parametrize("quantity", ["ground_peak_velocity_m_s"])
+def test_a_quantity_without_a_law_is_not_supported_yet(quantity):
+    silent = Sensor("c", jnp.array([20.0, 0.0, 0.0]), records=((quantity, 0.1),))
+    with pytest.raises(ValueError, match="not supported yet"):
+        recording(dataclasses.replace(SCENE, sensors=(silent,)))
