@@ -1,0 +1,1 @@
+"""Questions asked of real or published data: one script each, and its table."""

@@ -1,0 +1,114 @@
+"""How do impulse and duration in the far field depend on mass, range and burial?
+
+Run `python -m calibration.ford_2021`. Data: calibration/data/acoustic_ford2021.csv (its
+provenance stands there). No random numbers. Writes jblast/waves/data/ford_2021.json.
+
+A record is the curve of `jblast/waves/ford_curve.py` plus what its site, its shot and
+its path add, plus an error of its own, Student-t with 4 degrees of freedom. A path is
+the same in all shots of a site. The effects are Gaussian and integrated out
+(`random_effects.py`). Forms are compared by AIC at the maximum likelihood, printed
+below. Coefficients, covariance and scatter are then those of the restricted
+likelihood, times a prior on the site and the shot scatter: Gamma of shape 2 and scale
+0.1 in ln, for three sites (two, when one is left out) say next to nothing against zero.
+
+Measured on the way, and left out (AIC of the impulse):
+
+- paths that differ from shot to shot: 42 against -39 for the same path in every shot
+  (printed form); both together -37. Duration: -110 for both against -112.
+- separate slopes above and below ground -51, a shifted knee -51, against -54 for the
+  free ground factor; a shot scatter that also grows above ground -42, or exponentially
+  with depth -51; campaigns in place of sites 1 higher.
+- a bend b5 ln^2(Z/100): -61 against -55 for the impulse, -114 against -110 for the
+  duration. It was chosen by AIC at first. Left-out shots and campaigns then came out
+  worse with it (`leave_out.py`), so the printed power law stands: a choice made after
+  looking. So was the prior: without it, campaigns left out score 0.3 lower, for the
+  scatter of two sites collapses. The free ground factor and the effects came before.
+- for duration a free ground factor wanders off to a straight line, with no gain. Its
+  site scatter and growth with burial gain nothing either (within 3); they are kept so
+  that both quantities have one form.
+- effects of impulse and duration on a shot are correlated by 0.48, but by 0.21 in
+  ranks: HRI-7 and HTP-7, both deep, make the difference; on records by -0.14 in ranks.
+  They are taken as independent, as the error model of a fit has it.
+"""
+
+import json
+from pathlib import Path
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+import jblast.waves
+from calibration.ford_fit import COEFFICIENTS, SCATTERS, Form, fit
+from calibration.ford_records import QUANTITIES, Records, read_records
+from jblast.waves.ford_curve import FordCurve
+
+OUTPUT = Path(jblast.waves.__path__[0]) / "data" / "ford_2021.json"
+
+ADOPTED = {
+    "positive_impulse_pa_s": Form(),
+    "positive_duration_s": Form((("b4", 1.0),)),
+}
+PRINTED = (("b4", 1.0),)
+FORMS = {
+    "printed form, b4 = 1": Form(PRINTED),
+    "free ground factor b4": Form(),
+    "  no site effect": Form((("site", 0.0),)),
+    "  no growth with burial": Form((("burial", 0.0),)),
+    "  Gaussian records": Form((), np.inf),
+    "printed, no growth, no site": Form((*PRINTED, ("burial", 0.0), ("site", 0.0))),
+}
+
+
+def as_json(curves: dict[str, FordCurve], records: Records) -> str:
+    """Return the packaged data file: six significant digits, the same each run."""
+
+    def rounded(array: jax.Array) -> object:
+        return np.vectorize(lambda x: float(f"{x:.6g}"))(np.asarray(array)).tolist()
+
+    content = {
+        "source": "LLNL recordings of S.R. Ford et al. 2021, from "
+        "lanl/MultiPEM_Toolbox (BSD-3-Clause); calibration/data/acoustic_ford2021.csv",
+        "script": "calibration/ford_2021.py",
+        "shots": sorted(set(records.shot.tolist())),
+        "n_records": len(records.shot),
+        "scaled_range": [rounded(f(records.scaled_range())) for f in (np.min, np.max)],
+        "scaled_height": [
+            rounded(f(records.scaled_height())) for f in (np.min, np.max)
+        ],
+        "curves": {
+            quantity: {name: rounded(x) for name, x in vars(curve).items()}
+            for quantity, curve in curves.items()
+        },
+    }
+    return json.dumps(content, indent=1) + "\n"
+
+
+def main() -> None:
+    """Print the tables and write the data file."""
+    jax.config.update("jax_enable_x64", True)
+    curves: dict[str, FordCurve] = {}
+    for quantity in QUANTITIES:
+        print(f"{quantity}\n  {'form':30s}     lnL  free     AIC")
+        for title, form in FORMS.items():
+            try:
+                tried = fit(quantity, form, restricted=False)
+            except RuntimeError as error:
+                print(f"  {title:30s} no maximum: {error}")
+                continue
+            aic = 2 * tried.n_free - 2 * tried.log_likelihood
+            numbers = f"{tried.log_likelihood:7.2f} {tried.n_free:5d} {aic:7.1f}"
+            print(f"  {title:30s} {numbers}")
+        curve = curves[quantity] = fit(quantity, ADOPTED[quantity]).curve
+        for name, value, variance in zip(
+            COEFFICIENTS, curve.coefficients, jnp.diag(curve.covariance), strict=True
+        ):
+            print(f"  {name} = {value:9.4f} +- {jnp.sqrt(variance):.4f}")
+        for name in SCATTERS:
+            print(f"  {name} scatter {getattr(curve, name + '_sd'):.4f}")
+    OUTPUT.write_text(as_json(curves, read_records()), encoding="utf-8")
+    print(f"wrote {OUTPUT.name}")
+
+
+if __name__ == "__main__":
+    main()
