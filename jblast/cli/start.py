@@ -6,7 +6,11 @@ from pathlib import Path
 
 def start_jax() -> None:
     """Turn on float64 and the compilation cache. The library itself touches neither."""
+    import gc
+
     import jax
+
+    gc.disable()  # tracing makes a million short-lived objects; a command ends soon
 
     home = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
     jax.config.update("jax_enable_x64", True)

@@ -13,7 +13,7 @@ from jblast.inference.cure import cure_of_ambiguity, cure_of_null
 from jblast.inference.fisher import information
 from jblast.inference.goodness import chi_squared, suspected_outliers
 from jblast.inference.identifiability import told_combinations
-from jblast.inference.laplace import marginals
+from jblast.inference.laplace import laplace, marginals
 from jblast.inference.optimum import SEPARATE
 from jblast.inference.solution import Solution
 from jblast.observations import Observations
@@ -62,7 +62,7 @@ def answer_of(
         "ambiguities": doubles,
         "determined": _determined(solution),
         "posterior": "laplace",
-        "converged": bool(solution.optima.converged[0]) and solution.laplace.proper,
+        "converged": solution.laplace.converged,
         "chi2": chi2,
         "dof": dof,
         "n_observations": len(observations),
@@ -131,17 +131,22 @@ def _ambiguities(solution: Solution) -> list[dict[str, Any]]:
     best = solution.laplace.z
     told: list[np.ndarray] = [best]
     answer = []
-    for z, density, converged in zip(*map(np.asarray, found), strict=True):
-        if not converged or 2 * (found.log_density[0] - density) > NEAR:
+    for z, density in zip(*map(np.asarray, found), strict=True):
+        if 2 * (found.log_density[0] - density) > NEAR:
             continue
         if min(_apart(posterior, other, z) for other in told) < SEPARATE:
             continue
+        if not laplace(posterior, z, solution.identifiability.told).converged:
+            continue
         told.append(z)
         values = posterior.parameters.values(jnp.asarray(z))
+        sds = np.sqrt(np.diag(solution.laplace.covariance))
         differ = [
             name
-            for i, name in enumerate(posterior.parameters.names)
-            if _differs(solution, i, z[i])
+            for name, moved in zip(
+                posterior.parameters.names, np.abs(z - best) > sds, strict=True
+            )
+            if moved
         ]
         answer.append(
             {
@@ -151,11 +156,6 @@ def _ambiguities(solution: Solution) -> list[dict[str, Any]]:
             }
         )
     return answer
-
-
-def _differs(solution: Solution, i: int, other: float) -> bool:
-    sd = np.sqrt(solution.laplace.covariance[i, i])
-    return abs(solution.laplace.z[i] - other) > max(sd, 1e-9)
 
 
 def _apart(posterior, one, other) -> float:

@@ -1,5 +1,6 @@
 """What the reader of an answer has to be told beside the numbers."""
 
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Bool
 
@@ -30,14 +31,9 @@ def cautions_of(
         told.append(_poor_fit(observations, uncertain, chi2, dof, p))
     if not valid.all():
         told.append(_outside(observations, solution, valid))
-    if not solution.optima.converged[0]:
+    if not solution.laplace.converged:
         told.append(
             "the search did not arrive at an optimum: the answer is where it ended"
-        )
-    elif not solution.laplace.proper:
-        told.append(
-            "the posterior does not curve down at the answer: the intervals are those "
-            "of the Fisher information"
         )
     if not solution.laws_settled:
         told.append(
@@ -84,7 +80,7 @@ def _height_between_limits(solution: Solution) -> str | None:
     """Say which limit was used for a charge that is neither on the ground nor high."""
     if not {name for name, _ in solution.laws.values()} & set(IDEAL_BURSTS):
         return None
-    scene = solution.posterior.parameters.scene_at(solution.laplace.z)
+    scene = solution.posterior.parameters.scene_at(jnp.asarray(solution.laplace.z))
     height = float(scene.charge.up) / float(scene.charge.mass) ** (1 / 3)
     if not 0 < height < BETWEEN_LIMITS:
         return None

@@ -1,15 +1,18 @@
 r"""Fisher information: what the data can tell, before what they say.
 
-$F = J^T (\mathrm{diag}(s^2) + L L^T)^{-1} J$, $J = \partial\,$prediction$/\partial z$,
-plus one for each number that has a prior. What the size of the errors tells about the
-parameters is left out: it is small, and no layout is planned for it.
+$F = J^T (\mathrm{diag}(s^2/k) + L L^T)^{-1} J$ with $J$ the slopes of the predictions,
+plus one for each number that has a prior; $k$ is 1 for normal errors and 5/7 for
+Student-t. What the size of the errors tells about the parameters is left out: it is
+small, and no layout is planned for it.
 """
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from jblast.inference.posterior import Posterior
+from jblast.sensors.observe import STUDENT_FREEDOM, Noise
 
 NULL = 1e-10
 """An eigenvalue of the unit-diagonal information below this is a null direction."""
@@ -24,13 +27,25 @@ def whitened_jacobian(
     which counts where it has a prior.
     """
     misfit = posterior.misfit(z)
-    covariance = jnp.diag(misfit.sd**2) + misfit.loading @ misfit.loading.T
+    variance = misfit.sd**2 / information_of_row(posterior.noise)
+    covariance = jnp.diag(variance) + misfit.loading @ misfit.loading.T
     jacobian = -jax.jacfwd(lambda z: posterior.misfit(z).residual)(z)
     root = jnp.linalg.cholesky(covariance)
     whitened = jax.scipy.linalg.solve_triangular(root, jacobian, lower=True)
     return jnp.concatenate([whitened, jnp.diag(posterior.parameters.has_prior())])
 
 
+def information_of_row(noise: Noise) -> float:
+    r"""Return the information of one standardised error about its mean.
+
+    1 for a normal error, $(\nu + 1)/(\nu + 3)$ for Student-t (Lange, Little & Taylor
+    1989, J. Am. Stat. Assoc. 84:881, appendix B, with one dimension).
+    """
+    nu = STUDENT_FREEDOM
+    return 1.0 if noise == "gaussian" else (nu + 1) / (nu + 3)
+
+
+@eqx.filter_jit
 def information(
     posterior: Posterior, z: Float[Array, " free"]
 ) -> Float[Array, "free free"]:

@@ -1,6 +1,5 @@
 """Fit a blast to a log: the main job."""
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -48,8 +47,8 @@ def fit(
     observations = place(observations, uncertain.scene, uncertain.beliefs)
     solution = solve(observations, uncertain, noise=noise, seed=seed)
     posterior, z = solution.posterior, solution.laplace.z
-    misfit = _misfit(posterior, jnp.asarray(z))
-    effects = np.asarray(_effects(posterior, jnp.asarray(z)))
+    misfit = posterior.misfit(jnp.asarray(z))
+    effects = np.asarray(posterior.effects(jnp.asarray(z)))
     shared = np.asarray(misfit.loading) @ effects
     residual = (np.asarray(misfit.residual) - shared) / np.asarray(misfit.sd)
     parameters = posterior.parameters
@@ -124,7 +123,3 @@ def solve(
     normal = laplace(posterior, z, told.told)
     laws = {q: (name, there[q][1]) for q, (name, _) in laws.items()}
     return Solution(posterior, laws, settled, found, told, normal)
-
-
-_misfit = eqx.filter_jit(lambda posterior, z: posterior.misfit(z))
-_effects = eqx.filter_jit(lambda posterior, z: posterior.effects(z))

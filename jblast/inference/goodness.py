@@ -40,7 +40,13 @@ def chance(chi2: float, dof: int) -> float | None:
 def suspected_outliers(
     observations: Observations, residual: Float[np.ndarray, " row"]
 ) -> list[dict[str, object]]:
-    """Name the readings further off than `WILD` standard deviations, worst first."""
+    """Name the readings further off than `WILD` standard deviations, worst first.
+
+    Where they are more than a third of all, it is the law or the scene that is wrong,
+    and none is named.
+    """
+    if np.sum(np.abs(residual) > WILD) > len(residual) / 3:
+        return []
     return [
         {
             "sensor": observations.sensor[row],

@@ -2,7 +2,6 @@
 
 from dataclasses import dataclass
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -37,12 +36,12 @@ def identifiability(
     posterior: Posterior, z: Float[np.ndarray, " free"]
 ) -> Identifiability:
     """Find the null directions at a place, and confirm each by moving along it."""
-    size, values, vectors = (
-        np.asarray(x) for x in _unit_information(posterior, jnp.asarray(z))
+    size, values, vectors = map(
+        np.asarray, unit_diagonal(information(posterior, jnp.asarray(z)))
     )
     is_null = np.array(
         [
-            value < NULL and _confirmed(posterior, z, vector / size, vectors, size)
+            value < NULL and _confirmed(posterior, z, vector / size, size)
             for value, vector in zip(values, vectors.T, strict=True)
         ],
         dtype=bool,
@@ -55,15 +54,12 @@ def identifiability(
     )
 
 
-_unit_information = eqx.filter_jit(lambda p, z: unit_diagonal(information(p, z)))
-
-
-def _confirmed(posterior, z, direction, vectors, size) -> bool:
+def _confirmed(posterior, z, direction, size) -> bool:
     """Follow a direction for a finite step, on its curve, and see if data move.
 
     A derivative can vanish by symmetry alone (a charge on the line of its sensors);
-    then a finite step is seen. A true invariance may be curved (a charge on a circle about
-    its one sensor), so after the step the told directions are adjusted.
+    then a finite step is seen. A true invariance may be curved (a charge on a circle
+    about its one sensor), so after the step the told directions are adjusted.
     """
     step = STEP * direction / np.max(np.abs(direction) / np.asarray(scales(posterior)))
     started = _whitened_prediction(posterior, z, z)

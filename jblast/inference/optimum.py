@@ -14,7 +14,7 @@ import jax
 import jax.numpy as jnp
 import optimistix as optx
 from jax import lax
-from jaxtyping import Array, Bool, Float, PRNGKeyArray
+from jaxtyping import Array, Float, PRNGKeyArray
 
 from jblast.inference.fisher import NULL, information, unit_diagonal
 from jblast.inference.posterior import Posterior
@@ -29,8 +29,6 @@ SEPARATE = 1.0
 """Optima further apart than this many standard deviations are two answers."""
 NORMAL = 1e8
 """So many degrees of freedom make a Student-t normal."""
-DECREMENT = 1e-6
-"""Converged: one more Newton step would gain less than this in ln-density."""
 
 
 class Optima(NamedTuple):
@@ -39,20 +37,19 @@ class Optima(NamedTuple):
     Attributes:
         z: Coordinates.
         log_density: ln of the posterior density there; -inf for a repeated end.
-        converged: Whether the search arrived.
     """
 
     z: Float[Array, "optimum free"]
     log_density: Float[Array, " optimum"]
-    converged: Bool[Array, " optimum"]
 
 
 @eqx.filter_jit
 def optima(key: PRNGKeyArray, posterior: Posterior) -> Optima:
     """Search a posterior from `STARTS` places and climb from the best few ends."""
     scale = scales(posterior)
-    first = starts(key, posterior, STARTS) / scale
-    effects = jnp.zeros((STARTS, posterior.misfit(first[0] * scale).loading.shape[1]))
+    first = starts(key, posterior, STARTS) / scale[None, :]
+    shape = jax.eval_shape(posterior.misfit, first[0]).loading.shape
+    effects = jnp.zeros((STARTS, shape[1]))
 
     freedoms = (NORMAL, STUDENT_FREEDOM)[: 1 + (posterior.noise == "student")]
 
@@ -71,13 +68,12 @@ def optima(key: PRNGKeyArray, posterior: Posterior) -> Optima:
         return lax.scan(with_freedom, y, jnp.array(freedoms))[0][: scale.size] * scale
 
     ends = jax.vmap(approach)(jnp.concatenate([first, effects], axis=1))
-    finalists, repeated = _distinct(posterior, ends)
-    climbed = jax.vmap(lambda z: _climb(posterior, z))(finalists)
+    finalists, known, repeated = _distinct(posterior, ends)
+    climbed = jax.vmap(lambda z, known: _climb(posterior, z, known))(finalists, known)
     density = jax.vmap(posterior.log_density)(climbed)
     density = jnp.where(jnp.isnan(density) | repeated, -jnp.inf, density)
     order = jnp.argsort(-density)
-    arrived = jax.vmap(lambda z: _decrement(posterior, z) < DECREMENT)(climbed)
-    return Optima(climbed[order], density[order], arrived[order])
+    return Optima(climbed[order], density[order])
 
 
 def _residuals(posterior: Posterior, scale, y, freedom):
@@ -97,30 +93,33 @@ def _residuals(posterior: Posterior, scale, y, freedom):
 
 
 def _distinct(posterior: Posterior, ends):
-    """Pick the best ends that differ by more than `SAME` standard deviations."""
+    """Pick the best ends that differ by more than `SAME` standard deviations.
+
+    Returns:
+        The ends, the information at each, and whether each repeats another because
+        fewer were found.
+    """
     density = jax.vmap(posterior.log_density)(ends)
     density = jnp.where(jnp.isnan(density), -jnp.inf, density)
 
     def pick(left, _):
         best = jnp.argmax(left)
-        away = ends - ends[best]
-        distance = jnp.einsum(
-            "ni,ij,nj->n", away, information(posterior, ends[best]), away
-        )
+        known = information(posterior, ends[best])
+        away = ends - ends[best][None, :]
+        distance = jnp.einsum("ni,ij,nj->n", away, known, away)
         gone = ~(distance > SAME**2)
-        return jnp.where(gone, -jnp.inf, left), (ends[best], left[best] == -jnp.inf)
+        picked = ends[best], known, left[best] == -jnp.inf
+        return jnp.where(gone, -jnp.inf, left), picked
 
-    _, (finalists, repeated) = lax.scan(pick, density, length=FINALISTS)
-    return finalists, repeated
+    return lax.scan(pick, density, length=FINALISTS)[1]
 
 
-def _climb(posterior: Posterior, z):
+def _climb(posterior: Posterior, z, known):
     """Climb the posterior from one place, in coordinates in which it is round."""
-    size, values, vectors = unit_diagonal(information(posterior, z))
-    width = jnp.where(
-        values > NULL, 1 / jnp.sqrt(jnp.where(values > NULL, values, 1)), 1
-    )
-    out = vectors * width / size[:, None]
+    size, values, vectors = unit_diagonal(known)
+    told = values > NULL
+    width = jnp.where(told, 1 / jnp.sqrt(jnp.where(told, values, 1)), 1)
+    out = vectors * width[None, :] / size[:, None]
     found = optx.minimise(
         lambda w, _: -posterior.log_density(z + out @ w),
         optx.BFGS(rtol=1e-10, atol=1e-10),
@@ -129,11 +128,3 @@ def _climb(posterior: Posterior, z):
         throw=False,
     )
     return z + out @ found.value
-
-
-def _decrement(posterior: Posterior, z):
-    """Return what one more Newton step would gain in ln-density."""
-    size, values, vectors = unit_diagonal(information(posterior, z))
-    slope = vectors.T @ (jax.grad(posterior.log_density)(z) / size)
-    known = values > NULL
-    return 0.5 * jnp.sum(jnp.where(known, slope**2 / jnp.where(known, values, 1), 0))

@@ -56,9 +56,13 @@ class Posterior(eqx.Module):
     laws: tuple[tuple[str, str], ...] = eqx.field(static=True)
     noise: Noise = eqx.field(static=True, default="student")
 
+    # Jitted, so that each is traced once however many derivatives are taken of it.
+
+    @eqx.filter_jit
     def misfit(self, z: Float[Array, " free"]) -> Misfit:
         """Return how the scene at $z$ misses the data."""
-        recording = _record(self.parameters.scene_at(z), self.layout, self.laws)
+        scene = self.parameters.scene_at(z)
+        recording = record(scene, self.layout, dict(self.laws))
         predicted = recording.value
         timed = np.isin(self.layout.quantity, TIMES)
         positive = jnp.where(timed, 1.0, predicted)
@@ -71,6 +75,7 @@ class Posterior(eqx.Module):
             slant_range=recording.slant_range,
         )
 
+    @eqx.filter_jit
     def log_density(self, z: Float[Array, " free"]) -> Float[Array, ""]:
         """Return ln of the posterior density per unit of $z$, up to a constant."""
         misfit = self.misfit(z)
@@ -79,6 +84,7 @@ class Posterior(eqx.Module):
         )
         return likelihood + self.parameters.log_prior(z)
 
+    @eqx.filter_jit
     def effects(self, z: Float[Array, " free"]) -> Float[Array, " effect"]:
         """Return the most probable shared effects at $z$."""
         misfit = self.misfit(z)
@@ -131,9 +137,3 @@ def _refuse_exact(
                 f"{observations.sensor[row]}, {quantity}: expected a sigma, since "
                 f"{why}; got none"
             )
-
-
-@eqx.filter_jit
-def _record(scene, layout, laws):
-    """Trace the physics once: it stands in every derivative of the posterior."""
-    return record(scene, layout, dict(laws))

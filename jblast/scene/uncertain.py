@@ -49,7 +49,8 @@ def draw_scene(key: PRNGKeyArray, uncertain: UncertainScene) -> Scene:
         belief = uncertain.beliefs[name]
         if isinstance(belief, Free):
             raise InputError(
-                f"{uncertain.source or 'scene'}: {name} is free and cannot be drawn; give it a value or a prior"
+                f"{uncertain.source or 'scene'}: {name} is free and cannot be drawn; "
+                "give it a value or a prior"
             )
         values[name] = draw(key_, belief)  # type: ignore[arg-type]
     return with_values(uncertain.scene, values)

@@ -4,6 +4,8 @@ from jblast.waves.acoustic import acoustic_arrival_time as acoustic_arrival_time
 from jblast.waves.atmosphere import air_density as air_density
 from jblast.waves.atmosphere import sound_speed_in_air as sound_speed_in_air
 from jblast.waves.atmosphere import standard_atmosphere as standard_atmosphere
+from jblast.waves.ford_2021 import ford_2021_duration as ford_2021_duration
+from jblast.waves.ford_2021 import ford_2021_impulse as ford_2021_impulse
 from jblast.waves.kingery_bulmash import (
     kingery_bulmash_arrival_time as kingery_bulmash_arrival_time,
 )
