@@ -54,17 +54,28 @@ class FordCurve(eqx.Module):
             slant_range, charge_mass, height_of_burst, ambient_pressure
         )
         gradient = log_gradient(self.coefficients, log_range, height)
-        learned = jnp.einsum("...i,ij,...j->...", gradient, self.covariance, gradient)
+        covariance, site, shot, burial, path, own = (
+            jnp.asarray(x, gradient.dtype)
+            for x in (
+                self.covariance,
+                self.site_sd,
+                self.shot_sd,
+                self.burial_sd,
+                self.path_sd,
+                self.record_sd,
+            )
+        )
+        learned = jnp.einsum("...i,ij,...j->...", gradient, covariance, gradient)
         depth = jnp.maximum(-height, 0.0)
-        shot = self.site_sd**2 + self.shot_sd**2 + (self.burial_sd * depth) ** 2
-        return jnp.sqrt(shot + learned), self.path_sd, self.record_sd
+        shared = site**2 + shot**2 + (burial * depth) ** 2
+        return jnp.sqrt(shared + learned), path, own
 
 
 def log_curve(
     coefficients: Float[Array, "4"], log_range: Numbers, height: Numbers
 ) -> Numbers:
     r"""Return $\ln(y/S)$ at $\ln Z$ and $x$: the equation above."""
-    b1, b2, b3, b4 = coefficients
+    b1, b2, b3, b4 = jnp.asarray(coefficients, log_range.dtype)
     ground = b4 * jax.nn.softplus(-b3 * height)
     return b1 + b2 * log_range - ground
 
@@ -73,7 +84,7 @@ def log_gradient(
     coefficients: Float[Array, "4"], log_range: Numbers, height: Numbers
 ) -> Float[Array, "... 4"]:
     """Return the derivative of `log_curve` by each coefficient."""
-    _, _, b3, b4 = coefficients
+    _, _, b3, b4 = jnp.asarray(coefficients, log_range.dtype)
     by_coefficient = (
         jnp.ones_like(log_range),
         log_range,
