@@ -13,6 +13,9 @@ from jblast.scene import UncertainScene
 BETWEEN_LIMITS = 1.0
 """Scaled height of burst below which the ground is felt [m/kg^(1/3)]."""
 
+UNLEARNED = 0.95
+"""A number whose sd is more than this much of its prior's has not been learned."""
+
 IDEAL_BURSTS = ("kingery_bulmash", "shock_kinematics")
 
 
@@ -45,6 +48,7 @@ def cautions_of(
             "no scene was given: a surface charge of TNT at the origin at time 0, in "
             "sea-level air"
         )
+    told += _unlearned(solution)
     between = _height_between_limits(solution)
     return [*told, between] if between else told
 
@@ -74,6 +78,22 @@ def _outside(observations, solution: Solution, valid) -> str:
         f"{len(rows)} of {len(valid)} rows lie outside their law's range "
         f"({', '.join(quantities)}); {'; '.join(dict.fromkeys(limits))}"
     )
+
+
+def _unlearned(solution: Solution) -> list[str]:
+    """Name the numbers that are as uncertain as their priors, log or no log."""
+    parameters = solution.posterior.parameters
+    sds = np.sqrt(np.diag(solution.laplace.covariance))
+    same = [
+        name
+        for name, prior, sd in zip(
+            parameters.names, np.asarray(parameters.has_prior()), sds, strict=True
+        )
+        if prior and sd > UNLEARNED
+    ]
+    if not same:
+        return []
+    return [f"the log tells nothing of {', '.join(same)} beyond the prior"]
 
 
 def _height_between_limits(solution: Solution) -> str | None:

@@ -20,7 +20,7 @@ from jblast.sensors import layout_of, resolve_laws
 from jblast.sensors.laws import law_names
 from jblast.sensors.observe import Noise
 
-DRAWS = 2000
+DRAWS = 8000
 DRAWS_IN_BANDS = 200
 
 

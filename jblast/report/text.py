@@ -52,7 +52,9 @@ def summary(
     lines += _hanging(validity_sentence(fit))
     lines += ["", "Goodness of fit", *_hanging(goodness_numbers(answer))]
     lines += _hanging(goodness_sentence(answer))
-    lines += _section("What the recordings cannot tell", _cannot_tell(answer))
+    nothing = ["nothing: the recordings, or a prior, identify every fitted number"]
+    cannot_tell = _cannot_tell(answer) or nothing
+    lines += _section("What the recordings cannot tell", cannot_tell)
     lines += _section(
         "What they do tell", determined_lines(answer.get("determined", ()))
     )

@@ -18,7 +18,7 @@ def test_each_estimate_is_printed_with_its_interval_and_its_unit():
     assert "870 MJ" in rows["energy"]
     assert "kingery_bulmash: all Z <= 40" in text
     assert "chi2 = 9.1 on 9 degrees of freedom, p = 0.43" in text
-    assert "cannot tell" not in text
+    assert "nothing: the recordings, or a prior, identify" in text
 
 
 def test_an_accepted_value_stands_beside_and_says_whether_it_is_inside():
