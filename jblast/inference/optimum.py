@@ -1,10 +1,14 @@
 """The most probable scenes: every optimum of the posterior worth telling.
 
-Three stages, all batched over starts. Least squares with the shared effects as
+Three stages from each of many starts. Least squares with the shared effects as
 unknowns (Levenberg-Marquardt, normal errors) reaches the right basin from far away;
 the same with the Student-t cost ignores wild readings; BFGS, in coordinates whitened by
 the Fisher information, then climbs the posterior itself, in which the effects are
 integrated out.
+
+Starts are run one after another inside one compiled loop: for 64 starts of a small log
+`vmap` runs in 0.12 s instead of 0.17 s, but takes 1.4 s longer to trace and load. The
+whole search may be batched over logs.
 """
 
 from typing import NamedTuple
@@ -67,10 +71,10 @@ def optima(key: PRNGKeyArray, posterior: Posterior) -> Optima:
 
         return lax.scan(with_freedom, y, jnp.array(freedoms))[0][: scale.size] * scale
 
-    ends = jax.vmap(approach)(jnp.concatenate([first, effects], axis=1))
+    ends = lax.map(approach, jnp.concatenate([first, effects], axis=1))
     finalists, known, repeated = _distinct(posterior, ends)
-    climbed = jax.vmap(lambda z, known: _climb(posterior, z, known))(finalists, known)
-    density = jax.vmap(posterior.log_density)(climbed)
+    climbed = lax.map(lambda start: _climb(posterior, *start), (finalists, known))
+    density = lax.map(posterior.log_density, climbed)
     density = jnp.where(jnp.isnan(density) | repeated, -jnp.inf, density)
     order = jnp.argsort(-density)
     return Optima(climbed[order], density[order])
@@ -99,7 +103,7 @@ def _distinct(posterior: Posterior, ends):
         The ends, the information at each, and whether each repeats another because
         fewer were found.
     """
-    density = jax.vmap(posterior.log_density)(ends)
+    density = lax.map(posterior.log_density, ends)
     density = jnp.where(jnp.isnan(density), -jnp.inf, density)
 
     def pick(left, _):
