@@ -42,6 +42,21 @@ class Law:
         """Names of what the law depends on, as `waves.paths.Path` calls them."""
         return tuple(inspect.signature(self.function).parameters)
 
+    def scatter_words(self) -> str:
+        """Say how far nature departs from the law, and how that is known."""
+        if self.is_exact():
+            return "exact"
+        if inspect.signature(self.scatter).parameters:
+            return f"scatter {self.scatter_source}"
+        parts = ", ".join(
+            f"{100 * sd:g} % {what}"
+            for what, sd in zip(
+                ("a shot", "a path", "a record"), self.scatter(), strict=True
+            )
+            if sd
+        )
+        return f"scatter {self.scatter_source}: {parts}"
+
     def is_exact(self) -> bool:
         """Whether nature does not depart from it at all."""
         return not inspect.signature(self.scatter).parameters and not any(

@@ -137,7 +137,7 @@ def _sensor(log: _Log) -> str:
         lines.append("# it moves, so its places are left to the log")
     elif log.needs_distance and not log.ranges:
         lines.append("# position_m = [EAST, NORTH, UP]  # the log does not say")
-    records = [f"{q} = {s!r}" for q, s in log.sigmas.items() if s > 0]
+    records = [f"{q} = {s:.3g}" for q, s in log.sigmas.items() if s > 0]
     if records:
         listed = ", ".join(records)
         lines.append(f"records = {{ {listed} }}  # sigma: s for times, else relative")

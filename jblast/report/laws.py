@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from jblast.inference.fit_result import Fit
-from jblast.registry import LAWS
+from jblast.registry import LAWS, Law
 from jblast.report.words import joined, law_words, quantity_words
 
 
@@ -18,7 +18,7 @@ class LawUsed:
     reason: str
     range: str
     source: str
-    scatter_source: str
+    scatter: str
 
 
 def laws_used(fit: Fit) -> list[LawUsed]:
@@ -33,10 +33,16 @@ def laws_used(fit: Fit) -> list[LawUsed]:
                 reason=str(fit.answer.get("law_reason", {}).get(quantity, "")),
                 range=law.range if law else "",
                 source=law.source if law else "",
-                scatter_source=law.scatter_source if law else "",
+                scatter=_scatter(fit, law),
             )
         )
     return used
+
+
+def _scatter(fit: Fit, law: Law | None) -> str:
+    if law is None:
+        return ""
+    return law.scatter_words() if fit.scene.scatter else "taken as exact"
 
 
 def law_sentence(fit: Fit) -> str:

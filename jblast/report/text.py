@@ -47,7 +47,8 @@ def summary(
     used = laws_used(fit)
     column = max((len(law.quantity) for law in used), default=0) + 2
     for law in used:
-        text = law.law + (f": {law.reason}" if law.reason else "")
+        text = "; ".join(part for part in (law.reason, law.scatter) if part)
+        text = f"{law.law}: {text}" if text else law.law
         lines += _hanging(law.quantity.ljust(column) + text, column)
     lines += _hanging(validity_sentence(fit))
     lines += ["", "Goodness of fit", *_hanging(goodness_numbers(answer))]
