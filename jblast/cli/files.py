@@ -1,8 +1,20 @@
-"""Files a command writes: never over an existing one unless told so."""
+"""Files a command reads and writes: named, and never over an existing one unasked."""
 
+import argparse
 from pathlib import Path
 
 from jblast.errors import InputError
+
+
+def path(text: str) -> str:
+    """Return the path an argument holds; an empty one is an unset shell variable.
+
+    Raises:
+        ArgumentTypeError: It is empty.
+    """
+    if not text.strip():
+        raise argparse.ArgumentTypeError(f"expected a path, got {text!r}")
+    return text
 
 
 def refuse_existing(path: str | Path, *, force: bool) -> None:
@@ -11,6 +23,14 @@ def refuse_existing(path: str | Path, *, force: bool) -> None:
         raise InputError(
             f"{path}: exists already; expected a new file, or --force to overwrite it"
         )
+
+
+def unwritable(path: str | Path, error: OSError) -> InputError:
+    """Return the error for a file or directory that cannot be written."""
+    reason = error.strerror or str(error)
+    return InputError(
+        f"{path}: cannot be written ({reason}); expected a place to write to"
+    )
 
 
 def write_text(path: str | Path, text: str, *, force: bool) -> None:
@@ -23,4 +43,4 @@ def write_text(path: str | Path, text: str, *, force: bool) -> None:
     try:
         Path(path).write_text(text, encoding="utf-8")
     except OSError as error:
-        raise InputError(f"{path}: cannot be written ({error.strerror})") from None
+        raise unwritable(path, error) from None

@@ -5,8 +5,10 @@ not identifiable.
 """
 
 import argparse
+import os
 import sys
 import traceback
+import warnings
 from collections.abc import Sequence
 
 from jblast import __version__
@@ -14,6 +16,9 @@ from jblast.cli import fit, scene, simulate
 from jblast.errors import InputError
 
 VERBS = (fit, scene, simulate)
+CLOSED_PIPE = 128 + 13
+INTERRUPTED = 128 + 2
+"""What a shell expects of a command that SIGPIPE or SIGINT ended."""
 
 
 def parser() -> argparse.ArgumentParser:
@@ -21,7 +26,9 @@ def parser() -> argparse.ArgumentParser:
     root = argparse.ArgumentParser(
         prog="jblast",
         description="Differentiable blast physics: fit a blast from sensor recordings.",
-        epilog="For safety engineering, forensics and sensing; designs no explosives.",
+        epilog="Start with: jblast fit OBSERVATIONS.csv. Exit codes: 0 answered; 1 our "
+        "own failure; 2 bad input; 4 computed, but not converged or not identifiable. "
+        "For safety engineering, forensics and sensing; designs no explosives.",
     )
     root.add_argument("--version", action="version", version=f"jblast {__version__}")
     verbs = root.add_subparsers(dest="verb", required=True, metavar="VERB")
@@ -38,9 +45,20 @@ def parser() -> argparse.ArgumentParser:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run a command and return its exit code."""
-    asked = parser().parse_args(arguments)
+    root = parser()
+    if not (sys.argv[1:] if arguments is None else arguments):
+        sys.stderr.write(root.format_help())
+        return 2
+    asked = root.parse_args(arguments)
     try:
-        return asked.run(asked)
+        with warnings.catch_warnings():
+            warnings.showwarning = _say
+            code = asked.run(asked)
+        sys.stdout.flush()
+        return code
+    except BrokenPipeError:  # `| head`: who reads has seen enough
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return CLOSED_PIPE
     except InputError as error:
         if asked.debug:
             traceback.print_exc()
@@ -48,7 +66,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return 2
     except KeyboardInterrupt:
         sys.stderr.write("jblast: interrupted\n")
-        return 130
+        return INTERRUPTED
     except Exception as error:
         if asked.debug:
             traceback.print_exc()
@@ -57,6 +75,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
             "(--debug shows where; please report it)\n"
         )
         return 1
+
+
+def _say(message, category, filename, lineno, file=None, line=None) -> None:
+    """Print a warning as one line."""
+    sys.stderr.write(f"jblast: warning: {' '.join(str(message).split())}\n")
 
 
 if __name__ == "__main__":

@@ -3,14 +3,24 @@
 import argparse
 import sys
 
+from jblast.cli.files import path
+
 HELP = "write a commented starter scene for a log"
 
 
 def add_arguments(verb: argparse.ArgumentParser) -> None:
     """Say what the verb takes."""
-    verb.add_argument("observations", metavar="OBSERVATIONS.csv")
     verb.add_argument(
-        "--out", metavar="SCENE.toml", help="file to write (else printed)"
+        "observations",
+        metavar="OBSERVATIONS.csv",
+        type=path,
+        help="the log; its sensors and what they tell decide what is left free",
+    )
+    verb.add_argument(
+        "--out",
+        metavar="SCENE.toml",
+        type=path,
+        help="file to write (else printed)",
     )
     verb.add_argument(
         "--force", action="store_true", help="overwrite an existing --out"
@@ -22,9 +32,11 @@ def run(asked: argparse.Namespace) -> int:
     from jblast.cli.start import start_jax
 
     start_jax()
-    from jblast.cli.files import write_text
+    from jblast.cli.files import refuse_existing, write_text
     from jblast.observations import read, starter_scene
 
+    if asked.out:
+        refuse_existing(asked.out, force=asked.force)
     text = starter_scene(read(asked.observations))
     if asked.out:
         write_text(asked.out, text, force=asked.force)

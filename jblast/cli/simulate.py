@@ -3,17 +3,44 @@
 import argparse
 import sys
 
+from jblast.cli.files import path, unwritable
+
 HELP = "write what a scene's sensors would record"
 
 
 def add_arguments(verb: argparse.ArgumentParser) -> None:
     """Say what the verb takes."""
-    verb.add_argument("scene", metavar="SCENE.toml")
-    verb.add_argument("--out", metavar="OBSERVATIONS.csv", required=True)
-    verb.add_argument("--seed", type=int, default=0, help="of the draws (default: 0)")
+    verb.add_argument(
+        "scene",
+        metavar="SCENE.toml",
+        type=path,
+        help="what is there; every sensor says where it stands and what it records, "
+        "as records = { QUANTITY = SIGMA }",
+    )
+    verb.add_argument(
+        "--out",
+        metavar="OBSERVATIONS.csv",
+        required=True,
+        type=path,
+        help="log to write",
+    )
+    verb.add_argument("--seed", type=_seed, default=0, help="of the draws (default: 0)")
     verb.add_argument(
         "--force", action="store_true", help="overwrite an existing --out"
     )
+
+
+def _seed(text: str) -> int:
+    """Return a seed that JAX can hold."""
+    try:
+        seed = int(text)
+    except ValueError:
+        seed = -1
+    if not 0 <= seed < 2**63:
+        raise argparse.ArgumentTypeError(
+            f"expected a whole number from 0 to 2^63 - 1, got {text!r}"
+        )
+    return seed
 
 
 def run(asked: argparse.Namespace) -> int:
@@ -28,9 +55,12 @@ def run(asked: argparse.Namespace) -> int:
 
     refuse_existing(asked.out, force=asked.force)
     observations = simulate(read_scene(asked.scene), asked.seed)
-    write(asked.out, observations)
+    try:
+        write(asked.out, observations)
+    except OSError as error:
+        raise unwritable(asked.out, error) from None
     sys.stdout.write(
         f"wrote {asked.out}: {len(observations)} simulated readings; fit them with: "
-        f"jblast fit {asked.out}\n"
+        f"jblast fit {asked.out} (jblast scene {asked.out} writes a scene for it)\n"
     )
     return 0

@@ -2,4 +2,5 @@
 
 from jblast.report.text import summary as summary
 from jblast.report.write import check_directory as check_directory
+from jblast.report.write import plain as plain
 from jblast.report.write import write_report as write_report

@@ -89,12 +89,18 @@ def check_directory(directory: str | Path, force: bool = False) -> None:
     """Refuse a directory a report must not be written to; call it before a long fit.
 
     Raises:
-        InputError: It holds files and `force` is not set, or it is a file.
+        InputError: It holds files and `force` is not set, or it is or lies in a file,
+            or in a directory that must not be written to.
     """
     directory = Path(directory)
-    if directory.exists() and not directory.is_dir():
+    there = next(p for p in (directory, *directory.absolute().parents) if p.exists())
+    if not there.is_dir():
+        what = "got a file" if there == directory else f"but {there} is a file"
+        raise InputError(f"{directory}: expected a directory for the report, {what}")
+    if not os.access(there, os.W_OK | os.X_OK):
         raise InputError(
-            f"{directory}: expected a directory for the report, got a file"
+            f"{directory}: expected a directory that may be written to; {there} is "
+            "not one"
         )
     if not force and directory.is_dir() and any(directory.iterdir()):
         raise InputError(

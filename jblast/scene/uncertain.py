@@ -10,6 +10,15 @@ from jblast.errors import InputError, nearest
 from jblast.scene.priors import Belief, Free, draw
 from jblast.scene.scene import PARAMETERS, Scene, value_of, with_values
 
+LATER = ("wind_east_m_s", "wind_north_m_s", "tnt_factor")
+"""Numbers of the contract that cannot be fitted yet."""
+
+TAKES_THE_PLACE_OF = {
+    "air_altitude_m": ("air_temperature_k", "air_pressure_pa"),
+    "charge_range_m": ("charge_east_m", "charge_north_m"),
+}
+"""Where the first is given, the others are not used."""
+
 
 @dataclass(frozen=True)
 class UncertainScene:
@@ -63,11 +72,15 @@ def freed(uncertain: UncertainScene, names: Sequence[str]) -> UncertainScene:
         InputError: There is no such number, or it has no meaning in this scene.
     """
     for name in names:
+        number, of_one, _ = name.partition(".")
+        if name in LATER or (of_one and number in (*PARAMETERS, "clock_offset_s")):
+            raise InputError(f"--free {name}: this is not supported yet")
         if name not in PARAMETERS:
             raise InputError(
                 f"--free {name}: expected one of {', '.join(PARAMETERS)}; got {name!r}"
                 f"{nearest(name, PARAMETERS)}"
             )
+        _refuse_unused(name, uncertain, names)
     beliefs = dict(uncertain.beliefs) | {
         name: Free(positive=PARAMETERS[name].positive) for name in names
     }
@@ -79,6 +92,27 @@ def freed(uncertain: UncertainScene, names: Sequence[str]) -> UncertainScene:
     return replace(
         uncertain, scene=with_values(uncertain.scene, unset), beliefs=beliefs
     )
+
+
+def _refuse_unused(name: str, uncertain: UncertainScene, names: Sequence[str]) -> None:
+    """Refuse to free a number beside one that takes its place."""
+    scene = uncertain.scene
+    for one, others in TAKES_THE_PLACE_OF.items():
+        rivals: list[str] = []
+        if name == one:
+            rivals = [
+                other
+                for other in others
+                if other in (*uncertain.beliefs, *names)
+                or value_of(scene, other) != PARAMETERS[other].default
+            ]
+        elif name in others and value_of(scene, one) is not None:
+            rivals = [one]
+        if rivals:
+            raise InputError(
+                f"--free {name}: expected {one} alone or {' and '.join(others)}, got "
+                f"{name} beside {' and '.join(rivals)}"
+            )
 
 
 def with_laws(uncertain: UncertainScene, laws: Mapping[str, str]) -> UncertainScene:

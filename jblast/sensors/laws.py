@@ -35,6 +35,13 @@ def resolve_laws(scene: Scene, layout: Layout) -> dict[str, tuple[str, str]]:
             a quantity yet.
     """
     chosen = dict(scene.law)
+    for quantity, name in chosen.items():
+        if name != "auto" and name not in names_for(quantity):
+            raise InputError(
+                f"[law] {quantity} = {name!r}: expected auto or one of "
+                f"{', '.join(names_for(quantity)) or '(none yet)'}; "
+                "other laws are not supported yet"
+            )
     automatic = choose_laws(scene, layout)
     answer = {}
     for quantity in layout.quantities():
@@ -42,12 +49,6 @@ def resolve_laws(scene: Scene, layout: Layout) -> dict[str, tuple[str, str]]:
         if name == "auto":
             answer[quantity] = automatic[quantity]
         else:
-            if name not in names_for(quantity):
-                raise InputError(
-                    f"[law] {quantity} = {name!r}: expected auto or one of "
-                    f"{', '.join(names_for(quantity)) or '(none yet)'}; "
-                    "other laws are not supported yet"
-                )
             answer[quantity] = (name, "as asked for")
     return answer
 

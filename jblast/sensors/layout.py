@@ -97,6 +97,11 @@ def planned_layout(scene: Scene) -> tuple[Layout, Float[Array, " row"], Sequence
             "records = { QUANTITY = SIGMA }"
         )
     for _, sensor, quantity, _ in plan:
+        if scene.charge.range is None and not np.isfinite(sensor.position).all():
+            raise InputError(
+                f"sensor {sensor.name!r} records {quantity}: expected position_m = "
+                "[east, north, up] in its [[sensor]], got nothing"
+            )
         if quantity == "shock_radius_m":
             raise InputError(
                 f"sensor {sensor.name!r} records shock_radius_m, which needs a time "
