@@ -11,28 +11,44 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from jblast.inference.posterior import Posterior
+from jblast.inference.posterior import Misfit, Posterior
 from jblast.sensors.observe import STUDENT_FREEDOM, Noise
 
 NULL = 1e-10
 """An eigenvalue of the unit-diagonal information below this is a null direction."""
 
 
+def whitened(
+    posterior: Posterior, misfit: Misfit, columns: Float[Array, "row column"]
+) -> Float[Array, "datum column"]:
+    r"""Measure columns in standard deviations, what shared effects hide left out.
+
+    Shared effects are unknowns that were expected at zero. Projecting them out of the
+    rows $X/s$ leaves $w$ with $w^T w = X^T C^{-1} X$, $C = \mathrm{diag}(s^2) + L L^T$,
+    without a matrix of rows by rows.
+    """
+    sd = misfit.sd / jnp.sqrt(information_of_row(posterior.noise))
+    rows = columns / sd[:, None]
+    count = misfit.loading.shape[1]
+    if count == 0:
+        return rows
+    data = jnp.concatenate([rows, jnp.zeros((count, columns.shape[1]))])
+    shared = jnp.concatenate([misfit.loading / sd[:, None], jnp.eye(count)])
+    basis, _ = jnp.linalg.qr(shared)
+    return data - basis @ (basis.T @ data)
+
+
 def whitened_jacobian(
     posterior: Posterior, z: Float[Array, " free"]
 ) -> Float[Array, "datum free"]:
-    """Return the sensitivity of each datum in its own standard deviations.
+    """Return the sensitivity of the data in standard deviations.
 
-    Rows of the log come first, whitened together; then one row for each parameter,
+    What the log tells comes first (see `whitened`); then one row for each parameter,
     which counts where it has a prior.
     """
-    misfit = posterior.misfit(z)
-    variance = misfit.sd**2 / information_of_row(posterior.noise)
-    covariance = jnp.diag(variance) + misfit.loading @ misfit.loading.T
     jacobian = -jax.jacfwd(lambda z: posterior.misfit(z).residual)(z)
-    root = jnp.linalg.cholesky(covariance)
-    whitened = jax.scipy.linalg.solve_triangular(root, jacobian, lower=True)
-    return jnp.concatenate([whitened, jnp.diag(posterior.parameters.has_prior())])
+    told = whitened(posterior, posterior.misfit(z), jacobian)
+    return jnp.concatenate([told, jnp.diag(posterior.parameters.has_prior())])
 
 
 def information_of_row(noise: Noise) -> float:

@@ -2,12 +2,17 @@
 
 from dataclasses import dataclass
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
-from jblast.inference.fisher import NULL, information, unit_diagonal, whitened_jacobian
+from jblast.inference.fisher import (
+    NULL,
+    information,
+    unit_diagonal,
+    whitened,
+    whitened_jacobian,
+)
 from jblast.inference.posterior import Posterior
 from jblast.inference.starts import scales
 
@@ -76,9 +81,7 @@ def _confirmed(posterior, z, direction, size) -> bool:
 def _whitened_prediction(posterior, z, where):
     """Predictions and prior terms at z, in the standard deviations of elsewhere."""
     at, here = posterior.misfit(jnp.asarray(where)), posterior.misfit(jnp.asarray(z))
-    covariance = jnp.diag(at.sd**2) + at.loading @ at.loading.T
-    root = jnp.linalg.cholesky(covariance)
-    data = jax.scipy.linalg.solve_triangular(root, -here.residual, lower=True)
+    data = whitened(posterior, at, -here.residual[:, None])[:, 0]
     return np.concatenate([data, posterior.parameters.has_prior() * z])
 
 
