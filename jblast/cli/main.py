@@ -5,6 +5,7 @@ not identifiable.
 """
 
 import argparse
+import io
 import os
 import sys
 import traceback
@@ -45,6 +46,10 @@ def parser() -> argparse.ArgumentParser:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run a command and return its exit code."""
+    if sys.stdout is None:  # closed by the shell: `>&-`
+        sys.stdout = open(os.devnull, "w")  # noqa: SIM115 (stays open to the end)
+    if isinstance(sys.stdout, io.TextIOWrapper):  # a terminal may lack a sensor's "é"
+        sys.stdout.reconfigure(errors="backslashreplace")
     root = parser()
     if not (sys.argv[1:] if arguments is None else arguments):
         sys.stderr.write(root.format_help())
@@ -64,6 +69,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
             traceback.print_exc()
         sys.stderr.write(f"jblast: {error}\n")
         return 2
+    except OSError as error:
+        if asked.debug:
+            traceback.print_exc()
+        sys.stderr.write(f"jblast: {error.strerror or error}: cannot go on\n")
+        return 1
     except KeyboardInterrupt:
         sys.stderr.write("jblast: interrupted\n")
         return INTERRUPTED
