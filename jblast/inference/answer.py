@@ -19,7 +19,9 @@ from jblast.inference.solution import Solution
 from jblast.observations import Observations
 from jblast.scene import UncertainScene
 
-NOTHING = dict.fromkeys(("value", "sd", "log_sd", "q05", "q50", "q95"))
+NOTHING: dict[str, float | None] = dict.fromkeys(
+    ("value", "sd", "log_sd", "q05", "q50", "q95")
+)
 NEAR = 6.0
 """Another optimum within this of the best, in -2 ln density, is an ambiguity."""
 

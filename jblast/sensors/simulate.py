@@ -34,7 +34,7 @@ def simulate(
     timed = np.isin(layout.quantity, TIMES)
     n = len(value)
     truth = [
-        f"truth: {name} = {float(value_of(scene, name))!r}"
+        f"truth: {name} = {float(np.asarray(value_of(scene, name)))!r}"
         for name in uncertain.beliefs
     ]
     used = ", ".join(f"{quantity} by {law}" for quantity, law in laws.items())

@@ -26,7 +26,8 @@ def test_independent_errors_have_the_density_of_scipy(noise, reference):
 
 def test_normal_errors_with_shared_effects_are_one_multivariate_normal():
     covariance = np.diag(SD**2) + np.asarray(LOADING @ LOADING.T)
-    expected = stats.multivariate_normal(cov=covariance).logpdf(RESIDUAL)
+    normal = stats.multivariate_normal(cov=covariance)  # pyright: ignore[reportArgumentType]  SciPy's stub says int
+    expected = normal.logpdf(RESIDUAL)
     value, _ = log_likelihood(RESIDUAL, SD, LOADING, "gaussian")
     # exact up to rounding
     np.testing.assert_allclose(value, expected, rtol=1e-12)
@@ -34,7 +35,7 @@ def test_normal_errors_with_shared_effects_are_one_multivariate_normal():
 
 def test_without_shared_effects_rows_are_independent():
     value, effects = log_likelihood(RESIDUAL, SD, jnp.zeros((6, 0)), "student")
-    expected = stats.t(df=4, scale=np.asarray(SD)).logpdf(RESIDUAL).sum()
+    expected = stats.t.logpdf(RESIDUAL, df=4, scale=np.asarray(SD)).sum()
     np.testing.assert_allclose(value, expected, rtol=1e-12)
     assert effects.shape == (0,)
 
@@ -43,7 +44,7 @@ def integral(residual, sd, loading):
     """Student-t rows that share one effect, by adaptive quadrature."""
 
     def density(v):
-        rows = stats.t(df=4, scale=sd).logpdf(residual - loading * v)
+        rows = stats.t.logpdf(residual - loading * v, df=4, scale=sd)
         return np.exp(rows.sum() + stats.norm.logpdf(v))
 
     return np.log(integrate.quad(density, -12, 12, points=[-2, 0, 2], limit=500)[0])
