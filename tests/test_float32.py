@@ -1,0 +1,54 @@
+"""jblast in JAX's default precision, in which GPUs are fast.
+
+The rest of the tests run in float64, which cannot be undone in the same process.
+"""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+
+
+def in_float32(question: str):
+    """Ask `single_precision.py`; promotions are spelled out, warnings errors too."""
+    run = subprocess.run(
+        [sys.executable, "-W", "error", "tests/single_precision.py", question],
+        capture_output=True,
+        text=True,
+        cwd=ROOT,
+        env={
+            **os.environ,
+            "PYTHONPATH": str(ROOT),
+            "JAX_ENABLE_X64": "0",
+            "JAX_NUMPY_DTYPE_PROMOTION": "strict",
+        },
+    )
+    assert run.returncode == 0, run.stderr
+    return json.loads(run.stdout)
+
+
+@pytest.mark.parametrize("question", ["laws", "recording"])
+def test_values_and_gradients_are_finite_and_stay_in_single_precision(question):
+    told = in_float32(question)
+    assert told
+    for name, arrays in told.items():
+        assert arrays, name
+        for dtype, finite in arrays:
+            assert dtype in ("float32", "bool"), name
+            assert finite, name
+
+
+def test_a_fit_gives_the_mass_back():
+    answer = in_float32("fit")
+    mass = answer["estimates"]["charge_mass_kg"]
+    assert answer["converged"]
+    assert answer["identifiable"]
+    # The search ends where one more step gains less than 1e-6 in ln-density: within
+    # 0.0014 sd of the optimum, of 13 % each. Rounding of ln p, 1e-6, is far less.
+    assert mass["value"] == pytest.approx(15.0, rel=3e-4)
+    assert mass["log_sd"] == pytest.approx(0.13127, rel=1e-3)  # that of float64

@@ -1,0 +1,49 @@
+"""Every notebook tells its story from top to bottom."""
+
+from pathlib import Path
+
+import nbformat
+import pytest
+from nbclient import NotebookClient
+
+ROOT = Path(__file__).parents[1]
+NOTEBOOKS = sorted((ROOT / "notebooks").glob("*.ipynb"))
+each = pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
+
+
+def test_there_are_notebooks():
+    assert NOTEBOOKS
+
+
+@each
+def test_outputs_are_stripped(path):
+    for cell in nbformat.read(path, as_version=4).cells:
+        assert not cell.get("outputs")
+        assert cell.get("execution_count") is None
+
+
+@each
+def test_the_first_cell_is_a_title(path):
+    first = nbformat.read(path, as_version=4).cells[0]
+    assert first.cell_type == "markdown"
+    assert first.source.startswith("# ")
+
+
+@pytest.mark.slow
+@each
+def test_runs_from_top_to_bottom(path, tmp_path, monkeypatch):
+    # the kernel is started by this Python, in the notebook's folder, as a reader would
+    monkeypatch.setenv("IPYTHONDIR", str(tmp_path))
+    run = NotebookClient(
+        nbformat.read(path, as_version=4),
+        timeout=300,  # a cell takes seconds, minutes on a busy machine
+        kernel_name="python3",
+        resources={"metadata": {"path": str(path.parent)}},
+    ).execute()  # raises on the first error
+    printed = [
+        output
+        for cell in run.cells
+        for output in cell.get("outputs", [])
+        if output.get("name") == "stderr"
+    ]
+    assert printed == []

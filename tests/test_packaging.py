@@ -1,0 +1,89 @@
+"""What a user installs: versions that agree, pinned packages, data files."""
+
+import re
+import subprocess
+import sys
+import tomllib
+import zipfile
+from importlib.resources import files
+from pathlib import Path
+
+import pytest
+
+import jblast
+
+ROOT = Path(__file__).parents[1]
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+LOCKS = sorted((ROOT / ".ci").glob("*.lock"))
+DATA = sorted(path.name for path in (ROOT / "jblast/waves/data").iterdir())
+each_lock = pytest.mark.parametrize("lock", LOCKS, ids=lambda path: path.name)
+
+
+def requirements(lock: Path) -> dict[str, str]:
+    """By package name: the whole entry, its hashes included."""
+    lines = lock.read_text().replace("\\\n", " ").splitlines()
+    entries = [line for line in lines if line and not line.lstrip().startswith("#")]
+    return {re.split(r"[=<>@ \[;]", entry)[0]: entry for entry in entries}
+
+
+def test_the_version_is_the_same_wherever_it_stands():
+    cited = re.search(r"^version: (\S+)$", (ROOT / "CITATION.cff").read_text(), re.M)
+    assert cited is not None
+    assert PROJECT["version"] == jblast.__version__ == cited[1]
+
+
+def test_there_is_a_run_lock_and_a_development_lock():
+    assert [lock.name for lock in LOCKS] == ["dev.lock", "run.lock"]
+
+
+@each_lock
+def test_every_locked_package_has_one_version_and_its_hashes(lock):
+    for name, entry in requirements(lock).items():
+        assert re.match(r"[\w.-]+==[\w.]+ ", entry), name
+        assert "--hash=sha256:" in entry, name
+
+
+@each_lock
+def test_locks_name_no_place_to_download_from(lock):
+    assert not re.search(r"://|--(extra-)?index-url|--find-links", lock.read_text())
+
+
+@each_lock
+def test_every_dependency_is_locked(lock):
+    names = {re.split(r"[<>=\[ ]", need)[0] for need in PROJECT["dependencies"]}
+    assert names <= requirements(lock).keys()
+
+
+def test_both_locks_pin_the_same_versions():
+    run, dev = (
+        {
+            (name, version)
+            for name, version in re.findall(
+                r"^([\w.-]+)==([\w.]+)", lock.read_text(), re.M
+            )
+        }
+        for lock in reversed(LOCKS)
+    )
+    assert run <= dev
+
+
+@pytest.mark.parametrize("name", DATA)
+def test_data_files_are_found_as_resources(name):
+    assert files("jblast.waves").joinpath("data", name).is_file()
+
+
+@pytest.mark.slow
+def test_the_wheel_holds_the_whole_package_and_its_data(tmp_path):
+    command = [sys.executable, "-m", "build", "--wheel", "--no-isolation"]
+    command += ["--outdir", str(tmp_path), str(ROOT)]
+    subprocess.run(command, check=True, capture_output=True)
+    (wheel,) = tmp_path.glob("*.whl")
+    packed = set(zipfile.ZipFile(wheel).namelist())
+    ours = {
+        path.relative_to(ROOT).as_posix()
+        for path in (ROOT / "jblast").rglob("*")
+        if path.is_file() and path.suffix != ".pyc"
+    }
+    assert {f"jblast/waves/data/{name}" for name in DATA} <= packed
+    assert {name for name in packed if name.startswith("jblast/")} == ours
+    assert any(name.endswith("licenses/LICENSE") for name in packed)
