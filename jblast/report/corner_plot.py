@@ -169,6 +169,10 @@ def _corner(
         _diagonal(grid[i, i], fit, name, units[name])
         if name in truths:
             _accepted_lines(grid, i, truths[name])
+        if scales[i] == "log":
+            log_ticks(grid[-1, i].xaxis, grid[-1, i].get_xlim())
+            if i:
+                log_ticks(grid[i, 0].yaxis, grid[i, 0].get_ylim())
     for axes in figure.axes:
         axes.tick_params(labelsize=8.5, color=MUTED, labelrotation=0)
         axes.xaxis.set_label_coords(0.5, -0.17)
