@@ -17,7 +17,7 @@ def starter_scene(observations: Observations) -> str:
 
     The mass is free. The place is free too if at least three sensors that do not stand
     in a line, and four rows, can tell it; the origin time then if three rows are clock
-    readings.
+    readings, and always if a flash was seen.
     """
     rows: dict[str, list[int]] = {}
     for row, name in enumerate(observations.sensor):
@@ -91,7 +91,7 @@ def _charge(observations: Observations, logs: list[_Log]) -> str:
     else:
         lines.append("position_m = [0.0, 0.0, 0.0]  # the log cannot tell it")
     clocks = sum(quantity in _CLOCK_TIMES for quantity in observations.quantity)
-    if free and clocks >= 3:
+    if (free and clocks >= 3) or "flash_time_s" in observations.quantity:
         lines.append('time_s = "free"  # on the clock of the sensors')
     else:
         lines.append('time_s = 0.0  # on the clock of the sensors; or "free"')
