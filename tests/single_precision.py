@@ -57,7 +57,7 @@ def laws() -> dict[str, list[tuple[str, bool]]]:
 
 def recording() -> dict[str, list[tuple[str, bool]]]:
     """Record a scene, and take the gradient of all readings to all its numbers."""
-    places = ([20.0, 0.0, 1.5], [-40.0, 30.0, 1.5], [0.0, -90.0, 1.5])
+    places = np.array([[20.0, 0.0, 1.5], [-40.0, 30.0, 1.5], [0.0, -90.0, 1.5]])
     records = tuple((quantity, 0.05) for quantity in LAW_NAMES)
     scene = Scene(
         charge=Charge(mass=15.0),

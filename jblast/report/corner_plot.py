@@ -160,7 +160,7 @@ def _corner(
             fill_contours=True,
             contourf_kwargs={"colors": ["white", "#cfe3f0", "#8dbfdf"]},
             smooth1d=1.0,
-            axes_scale=scales,  # type: ignore[arg-type]  # a list will do, one a parameter
+            axes_scale=scales,  # pyright: ignore[reportArgumentType]  a list will do
             max_n_ticks=3,
             label_kwargs={"fontsize": 10, "color": INK},
         )

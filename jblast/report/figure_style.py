@@ -5,6 +5,7 @@ from collections.abc import Iterable
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.figure import Figure
+from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 INK = "#222222"
@@ -23,8 +24,8 @@ def new_figure(width: float, height: float) -> Figure:
     """Return an empty figure, of no pyplot state [inches]."""
     figure = Figure(figsize=(width, height), dpi=DPI, layout="constrained")
     engine = figure.get_layout_engine()
-    assert engine is not None
-    engine.set(w_pad=0.12, h_pad=0.1)  # type: ignore[call-arg]
+    assert isinstance(engine, ConstrainedLayoutEngine)
+    engine.set(w_pad=0.12, h_pad=0.1)
     return figure
 
 

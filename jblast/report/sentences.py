@@ -138,8 +138,11 @@ def _estimate_sentence(
     comparison = compare(name, estimate, accepted)
     if comparison is None:
         return sentence + "."
-    where = {True: "lies inside the interval", False: "lies outside the interval"}
-    verdict = where.get(comparison.inside, "has no interval to lie in")  # type: ignore[arg-type]
+    verdict = {
+        True: "lies inside the interval",
+        False: "lies outside the interval",
+        None: "has no interval to lie in",
+    }[comparison.inside]
     return (
         f"{sentence}. The accepted {comparison.value} ({comparison.label}) {verdict}."
     )

@@ -61,7 +61,7 @@ def draw_scene(key: PRNGKeyArray, uncertain: UncertainScene) -> Scene:
                 f"{uncertain.source or 'scene'}: {name} is free and cannot be drawn; "
                 "give it a value or a prior"
             )
-        values[name] = draw(key_, belief)  # type: ignore[arg-type]
+        values[name] = draw(key_, belief)  # pyright: ignore[reportArgumentType]  a prior, not being free
     return with_values(uncertain.scene, values)
 
 

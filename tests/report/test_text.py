@@ -48,7 +48,7 @@ def test_a_null_direction_is_named_with_what_stays_determined_and_the_cure():
 def test_a_mixed_null_direction_doubles_what_is_in_ln_and_shifts_the_rest():
     direction = {"parameters": {"charge_mass_kg": 0.5, "charge_east_m": -20.0}}
     fit = example.not_identifiable()
-    fit.answer["null_directions"][0] |= direction | {"space": "mixed"}  # type: ignore[index]
+    fit.answer["null_directions"][0] |= direction | {"space": "mixed"}  # pyright: ignore[reportIndexIssue]  a Mapping to its readers
     text = " ".join(summary(fit).split())
     # mass doubles over ln 2 / 0.5 of the direction, so east moves 20 * 2 ln 2
     assert "charge mass times 2.00 and charge east by -27.7 m" in text

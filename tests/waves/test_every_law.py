@@ -57,7 +57,10 @@ STEP = 1e-5
 def points(z: np.ndarray, mass: np.ndarray, seed: int = 0) -> dict[str, np.ndarray]:
     """Everything a path holds, at scaled distances and masses; the rest is drawn."""
     rng = np.random.default_rng(seed)
-    draw = lambda lo, hi: rng.uniform(lo, hi, z.shape)  # noqa: E731
+
+    def draw(lo: float, hi: float) -> np.ndarray:
+        return rng.uniform(lo, hi, z.shape)
+
     pressure, density = draw(5e4, 1.05e5), draw(0.7, 1.3)
     distance = z * (mass / (pressure / STANDARD_PRESSURE)) ** (1 / 3)
     # the time at which a strong shock (alpha = 1) is there
@@ -238,8 +241,11 @@ def test_single_precision_stays_close_to_double(law, burst):
 @every_law
 def test_each_says_where_it_holds_and_how_far_nature_departs(law, burst):
     values = {**grid(60, seed=6), "burst": burst}
+
     # Path calls by name; a law without a burst still may have one in `valid`
-    call = lambda f: f(**{n: values[n] for n in Law.arguments(_as_law(law, f))})  # noqa: E731
+    def call(f):
+        return f(**{n: values[n] for n in Law.arguments(_as_law(law, f))})
+
     valid = jax.jit(lambda: call(law.valid))()
     assert valid.shape == (60,)
     assert valid.dtype == bool
