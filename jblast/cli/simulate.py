@@ -1,6 +1,7 @@
 """Write what a scene's sensors would record, errors and priors drawn."""
 
 import argparse
+import math
 import sys
 
 from jblast.cli.files import path, unwritable
@@ -43,6 +44,25 @@ def _seed(text: str) -> int:
     return seed
 
 
+def _refuse_senseless(observations, asked: argparse.Namespace) -> None:
+    """Refuse readings that no log may hold: of a mass drawn below zero, for one."""
+    from jblast.errors import InputError
+    from jblast.observations import TIMES
+
+    for row, quantity in enumerate(observations.quantity):
+        value, sigma = float(observations.value[row]), float(observations.sigma[row])
+        if not (math.isfinite(value) and 0 < sigma < math.inf) or (
+            quantity not in TIMES and value <= 0
+        ):
+            drawn = ", ".join(c for c in observations.comments if "truth:" in c)
+            raise InputError(
+                f"{asked.scene}: sensor {observations.sensor[row]!r}: "
+                f"seed {asked.seed} makes {quantity} {value:g} with sigma {sigma:g}"
+                f"{f' ({drawn})' if drawn else ''}; expected priors and sigmas that "
+                "allow a reading (lognormal keeps a mass positive)"
+            )
+
+
 def run(asked: argparse.Namespace) -> int:
     """Simulate, write the log and return the exit code."""
     from jblast.cli.start import start_jax
@@ -55,6 +75,7 @@ def run(asked: argparse.Namespace) -> int:
 
     refuse_existing(asked.out, force=asked.force)
     observations = simulate(read_scene(asked.scene), asked.seed)
+    _refuse_senseless(observations, asked)
     try:
         write(asked.out, observations)
     except OSError as error:
