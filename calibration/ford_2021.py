@@ -1,7 +1,9 @@
 """How do impulse and duration in the far field depend on mass, range and burial?
 
-Run `python -m calibration.ford_2021`. Data: calibration/data/acoustic_ford2021.csv (its
-provenance stands there). No random numbers. Writes jblast/waves/data/ford_2021.json.
+    python -m calibration.ford_2021 > calibration/results/ford_2021.txt
+
+Data: calibration/data/acoustic_ford2021.csv (its provenance stands there). No random
+numbers. Writes jblast/waves/data/ford_2021.json.
 
 A record is the curve of `jblast/waves/ford_curve.py` plus what its site, its shot and
 its path add, plus an error of its own, Student-t with 4 degrees of freedom. A path is
@@ -35,27 +37,31 @@ import json
 from pathlib import Path
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 
 import jblast.waves
-from calibration.ford_fit import COEFFICIENTS, SCATTERS, Form, fit
+from calibration.ford_fit import fit
+from calibration.ford_likelihood import COEFFICIENTS, SCATTERS, Form
 from calibration.ford_records import QUANTITIES, Records, read_records
+from jblast.cli.start import start_jax
 from jblast.waves.ford_curve import FordCurve
 
 OUTPUT = Path(jblast.waves.__path__[0]) / "data" / "ford_2021.json"
 
+STRAIGHT = (("b5", 0.0),)
+PRINTED = (("b4", 1.0), *STRAIGHT)
 ADOPTED = {
-    "positive_impulse_pa_s": Form(),
-    "positive_duration_s": Form((("b4", 1.0),)),
+    "positive_impulse_pa_s": Form(STRAIGHT),
+    "positive_duration_s": Form(PRINTED),
 }
-PRINTED = (("b4", 1.0),)
 FORMS = {
     "printed form, b4 = 1": Form(PRINTED),
-    "free ground factor b4": Form(),
-    "  no site effect": Form((("site", 0.0),)),
-    "  no growth with burial": Form((("burial", 0.0),)),
-    "  Gaussian records": Form((), np.inf),
+    "printed form and a bend b5": Form((("b4", 1.0),)),
+    "free ground factor b4": Form(STRAIGHT),
+    "  and a bend b5": Form(),
+    "  no site effect": Form((*STRAIGHT, ("site", 0.0))),
+    "  no growth with burial": Form((*STRAIGHT, ("burial", 0.0))),
+    "  Gaussian records": Form(STRAIGHT, np.inf),
     "printed, no growth, no site": Form((*PRINTED, ("burial", 0.0), ("site", 0.0))),
 }
 
@@ -86,7 +92,7 @@ def as_json(curves: dict[str, FordCurve], records: Records) -> str:
 
 def main() -> None:
     """Print the tables and write the data file."""
-    jax.config.update("jax_enable_x64", True)
+    start_jax()
     curves: dict[str, FordCurve] = {}
     for quantity in QUANTITIES:
         print(f"{quantity}\n  {'form':30s}     lnL  free     AIC")
@@ -99,13 +105,15 @@ def main() -> None:
             aic = 2 * tried.n_free - 2 * tried.log_likelihood
             numbers = f"{tried.log_likelihood:7.2f} {tried.n_free:5d} {aic:7.1f}"
             print(f"  {title:30s} {numbers}")
-        curve = curves[quantity] = fit(quantity, ADOPTED[quantity]).curve
-        for name, value, variance in zip(
-            COEFFICIENTS, curve.coefficients, jnp.diag(curve.covariance), strict=True
+        adopted = fit(quantity, ADOPTED[quantity])
+        curves[quantity] = adopted.curve
+        sds = np.sqrt(np.diag(adopted.covariance))
+        for name, value, sd in zip(
+            COEFFICIENTS, adopted.coefficients, sds, strict=True
         ):
-            print(f"  {name} = {value:9.4f} +- {jnp.sqrt(variance):.4f}")
-        for name in SCATTERS:
-            print(f"  {name} scatter {getattr(curve, name + '_sd'):.4f}")
+            print(f"  {name} = {value:9.4f} +- {sd:.4f}")
+        for name, value in zip(SCATTERS, adopted.scatter, strict=True):
+            print(f"  {name} scatter {value:.4f}")
     OUTPUT.write_text(as_json(curves, read_records()), encoding="utf-8")
     print(f"wrote {OUTPUT.name}")
 
