@@ -21,7 +21,7 @@ from jblast.waves.paths import Path
 
 HALF_WIDTH = 5.0
 """The grid reaches so far to each side of the true ln W."""
-STEP = 0.02
+STEP = 0.05
 NORMAL_GRID = np.linspace(-6.0, 6.0, 49)
 NU = 4.0
 
