@@ -47,7 +47,7 @@ def answer_of(
     z = solution.laplace.z
     estimates = _estimates(solution)
     null = _null_directions(solution)
-    doubles = _ambiguities(solution)
+    doubles = _ambiguities(solution, bool(valid.all()))
     chi2, dof = chi_squared(
         solution.posterior, z, residual, effects, solution.identifiability.told.shape[1]
     )
@@ -68,8 +68,12 @@ def answer_of(
         "chi2": chi2,
         "dof": dof,
         "n_observations": len(observations),
-        "suspected_outliers": suspected_outliers(observations, residual),
-        "warnings": cautions_of(observations, uncertain, solution, valid, chi2, dof),
+        "suspected_outliers": suspected_outliers(
+            observations, residual, solution.posterior.noise
+        ),
+        "warnings": cautions_of(
+            observations, uncertain, solution, valid, chi2, dof, effects
+        ),
     }
 
 
@@ -120,15 +124,27 @@ def _determined(solution: Solution) -> list[dict[str, Any]]:
         text, is_product = combination(parameters.names, parameters.space(), form)
         value = float(form @ normal.z)
         sd = float(np.sqrt(form @ normal.covariance @ form))
+        moved = solution.identifiability.followed @ form - value
+        is_global = np.all(np.abs(moved) < max(sd, 1e-6 * abs(value)))
         if is_product:
-            value = float(np.exp(value))
+            with np.errstate(over="ignore"):
+                value = float(np.exp(value))
             sd = value * sd
-        answer.append({"combination": text, "value": value, "sd": sd})
+        if not np.isfinite([value, sd]).all():
+            continue
+        entry = {"combination": text, "value": value, "sd": sd}
+        if not is_global:
+            entry["note"] = "near the answer only: the invariance is curved"
+        answer.append(entry)
     return answer
 
 
-def _ambiguities(solution: Solution) -> list[dict[str, Any]]:
-    """Name every other optimum that the data cannot rule out."""
+def _ambiguities(solution: Solution, valid: bool) -> list[dict[str, Any]]:
+    """Name every other optimum that the data cannot rule out.
+
+    One that differs in numbers the data do not determine anyway is none, nor is one
+    where a law does not hold, if the best lies where all do.
+    """
     found, posterior = solution.optima, solution.posterior
     best = solution.laplace.z
     told: list[np.ndarray] = [best]
@@ -136,7 +152,9 @@ def _ambiguities(solution: Solution) -> list[dict[str, Any]]:
     for z, density in zip(*map(np.asarray, found), strict=True):
         if 2 * (found.log_density[0] - density) > NEAR:
             continue
-        if min(_apart(posterior, other, z) for other in told) < SEPARATE:
+        if min(_apart(solution, other, z) for other in told) < SEPARATE:
+            continue
+        if valid and not np.asarray(posterior.misfit(jnp.asarray(z)).valid).all():
             continue
         if not laplace(posterior, z, solution.identifiability.told).converged:
             continue
@@ -160,10 +178,14 @@ def _ambiguities(solution: Solution) -> list[dict[str, Any]]:
     return answer
 
 
-def _apart(posterior, one, other) -> float:
-    """Distance of two places in standard deviations of the first."""
-    away = one - other
-    metric = np.asarray(information(posterior, jnp.asarray(one)))
+def _apart(solution: Solution, one, other) -> float:
+    """Distance of two places in standard deviations of what is determined."""
+    away = (one - other)[list(solution.identifiability.determined)]
+    if len(solution.identifiability.null):
+        kept = np.flatnonzero(solution.identifiability.determined)
+        sds = np.sqrt(np.diag(solution.laplace.covariance))[kept]
+        return float(np.max(np.abs(away) / sds, initial=0.0))
+    metric = np.asarray(information(solution.posterior, jnp.asarray(one)))
     return float(np.sqrt(away @ metric @ away))
 
 
@@ -171,7 +193,6 @@ def _reason(differ: list[str], cost: float) -> str:
     places = {"charge_east_m", "charge_north_m", "charge_up_m"} & set(differ)
     what = "another place" if places else "another solution"
     return (
-        f"{what} of {', '.join(sorted(differ)) or 'all'} explains the log as well "
-        f"(chi squared differs by {cost:.2g}): the layout of the sensors does not tell "
-        "them apart"
+        f"{what} of {', '.join(sorted(differ)) or 'all'} explains the log nearly as "
+        f"well (chi squared differs by {cost:.2g})"
     )

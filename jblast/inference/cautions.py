@@ -2,17 +2,21 @@
 
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Bool
+from jaxtyping import Bool, Float
 
 from jblast.inference.goodness import POOR, chance
 from jblast.inference.solution import Solution
 from jblast.observations import Observations
 from jblast.registry import law_for
 from jblast.scene import UncertainScene
+from jblast.scene.uncertain import NO_SCENE
+from jblast.sensors.layout import components
 
 BETWEEN_LIMITS = 1.0
 """Scaled height of burst below which the ground is felt [m/kg^(1/3)]."""
 
+FAR = 4.0
+"""A shared effect larger than this many standard deviations is told of."""
 UNLEARNED = 0.95
 """A number whose sd is more than this much of its prior's has not been learned."""
 
@@ -26,6 +30,7 @@ def cautions_of(
     valid: Bool[np.ndarray, " row"],
     chi2: float,
     dof: int,
+    effects: Float[np.ndarray, " effect"],
 ) -> list[str]:
     """Collect the warnings of an answer, the gravest first."""
     told = []
@@ -43,12 +48,18 @@ def cautions_of(
             "the automatic choice of law at the answer differs from the one it was "
             "fitted with; name one with --law"
         )
-    if not uncertain.source:
+    if uncertain.source == NO_SCENE:
         told.append(
             "no scene was given: a surface charge of TNT at the origin at time 0, in "
             "sea-level air"
         )
     told += _unlearned(solution)
+    if np.abs(effects).max(initial=0.0) > FAR:
+        told.append(
+            f"the whole shot, or a path, departs from its law by "
+            f"{np.abs(effects).max():.1f} times the scatter expected of it: the law "
+            "may not suit this setting"
+        )
     between = _height_between_limits(solution)
     return [*told, between] if between else told
 
@@ -58,7 +69,7 @@ def _poor_fit(observations, uncertain, chi2, dof, p) -> str:
         f"poor fit: chi squared {chi2:.1f} with {dof} degrees of freedom has a chance "
         f"of {p:.1g}"
     )
-    if uncertain.source:
+    if uncertain.source != NO_SCENE:
         return text
     log = observations.source or "OBSERVATIONS.csv"
     return (
@@ -70,9 +81,10 @@ def _outside(observations, solution: Solution, valid) -> str:
     rows = np.flatnonzero(~valid)
     quantities = dict.fromkeys(observations.quantity[row] for row in rows)
     limits = [
-        f"{name} holds for {law_for(quantity, name).range}"
-        for quantity, (name, _) in solution.laws.items()
-        if quantity in quantities or quantity in ("air_arrival_s", "ground_arrival_s")
+        f"{solution.laws[part][0]} holds for "
+        f"{law_for(part, solution.laws[part][0]).range}"
+        for quantity in quantities
+        for part, _ in components(quantity)
     ]
     return (
         f"{len(rows)} of {len(valid)} rows lie outside their law's range "
@@ -102,6 +114,11 @@ def _height_between_limits(solution: Solution) -> str | None:
         return None
     scene = solution.posterior.parameters.scene_at(jnp.asarray(solution.laplace.z))
     height = float(scene.charge.up) / float(scene.charge.mass) ** (1 / 3)
+    if height < 0:
+        return (
+            f"the charge lay {-height:.2g} m/kg^(1/3) deep, of which the laws used "
+            "know nothing but the longer way"
+        )
     if not 0 < height < BETWEEN_LIMITS:
         return None
     limit = "hemispherical" if scene.charge.burst == "surface" else "spherical"

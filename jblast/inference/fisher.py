@@ -71,15 +71,19 @@ def information(
 
 
 def unit_diagonal(
-    matrix: Float[Array, "free free"],
+    matrix: Float[Array, "free free"], scale: Float[Array, " free"]
 ) -> tuple[Float[Array, " free"], Float[Array, " free"], Float[Array, "free free"]]:
     """Scale information to a unit diagonal and take it apart.
 
+    Args:
+        matrix: Information.
+        scale: A typical step of each coordinate. One of which a typical step moves no
+            datum by a standard deviation is scaled by that step instead, so that
+            nothing known of it gives an eigenvalue of zero and not of one.
+
     Returns:
-        The size of each coordinate (the root of the diagonal; 1 where nothing is
-        known), the eigenvalues, and the eigenvectors as columns.
+        The size of each coordinate, the eigenvalues, and the eigenvectors as columns.
     """
-    diagonal = jnp.diagonal(matrix)
-    size = jnp.where(diagonal > 0, jnp.sqrt(jnp.where(diagonal > 0, diagonal, 1)), 1)
+    size = jnp.sqrt(jnp.maximum(jnp.diagonal(matrix), 1 / jnp.square(scale)))
     values, vectors = jnp.linalg.eigh(matrix / size[:, None] / size[None, :])
     return size, values, vectors

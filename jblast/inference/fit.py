@@ -113,6 +113,12 @@ def solve(
             parameters, layout, observations, law_names(laws), noise
         )
         found = optima(key, posterior)
+        if not np.isfinite(found.log_density[0]):
+            raise InputError(
+                f"{observations.source or 'observations'}: no value of "
+                f"{', '.join(parameters.names)} gives the log a probability; expected "
+                "readings, sigmas and a scene that one charge could explain"
+            )
         there = resolve_laws(parameters.scene_at(found.z[0]), layout)
         settled = law_names(there) == law_names(laws)
         if settled or last:
@@ -121,5 +127,8 @@ def solve(
     z = np.asarray(found.z[0])
     told = identifiability(posterior, z)
     normal = laplace(posterior, z, told.told)
-    laws = {q: (name, there[q][1]) for q, (name, _) in laws.items()}
+    laws = {
+        quantity: there[quantity] if there[quantity][0] == name else (name, reason)
+        for quantity, (name, reason) in laws.items()
+    }
     return Solution(posterior, laws, settled, found, told, normal)

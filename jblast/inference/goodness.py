@@ -2,14 +2,15 @@
 
 import jax.numpy as jnp
 import numpy as np
-from jax.scipy.special import gammaincc
+from jax.scipy.special import betainc, gammaincc, ndtr, ndtri
 from jaxtyping import Float
 
 from jblast.inference.posterior import Posterior
 from jblast.observations import Observations
+from jblast.sensors.observe import STUDENT_FREEDOM, Noise
 
-WILD = 4.0
-"""A reading further off than this many standard deviations is suspected."""
+WILD = 0.05
+"""Readings are suspected that so small a share of honest logs would hold."""
 
 POOR = 0.001
 """A fit with a smaller chance than this is called poor."""
@@ -24,12 +25,29 @@ def chi_squared(
 ) -> tuple[float, int]:
     """Return chi squared and its degrees of freedom.
 
-    Shared effects and numbers with a prior count as data that were expected at their
-    means, and as unknowns; so they add to chi squared and leave the freedom alone.
+    Student-t residuals count as the normal scores of their quantiles, so that honest
+    errors of either kind give the same chi squared. Shared effects and numbers with a
+    prior count as data that were expected at their means, and as unknowns; so they add
+    to chi squared and leave the freedom alone.
     """
     priors = np.asarray(posterior.parameters.has_prior())
-    chi2 = float(np.sum(residual**2) + np.sum(effects**2) + np.sum((priors * z) ** 2))
+    scores = normal_scores(residual, posterior.noise)
+    chi2 = float(np.sum(scores**2) + np.sum(effects**2) + np.sum((priors * z) ** 2))
     return chi2, len(residual) + int(priors.sum()) - told
+
+
+def beyond(residual: Float[np.ndarray, " row"], noise: Noise) -> np.ndarray:
+    """Return the chance of an error at least so far from zero, on either side."""
+    square = jnp.square(jnp.asarray(residual))
+    if noise == "gaussian":
+        return np.asarray(2 * ndtr(-jnp.sqrt(square)))
+    nu = STUDENT_FREEDOM
+    return np.asarray(betainc(nu / 2, 0.5, nu / (nu + square)))
+
+
+def normal_scores(residual: Float[np.ndarray, " row"], noise: Noise) -> np.ndarray:
+    """Return the sizes of normal errors as rare as these."""
+    return -np.asarray(ndtri(jnp.asarray(beyond(residual, noise)) / 2))
 
 
 def chance(chi2: float, dof: int) -> float | None:
@@ -38,14 +56,15 @@ def chance(chi2: float, dof: int) -> float | None:
 
 
 def suspected_outliers(
-    observations: Observations, residual: Float[np.ndarray, " row"]
+    observations: Observations, residual: Float[np.ndarray, " row"], noise: Noise
 ) -> list[dict[str, object]]:
-    """Name the readings further off than `WILD` standard deviations, worst first.
+    """Name the readings too far off for errors as stated, worst first.
 
-    Where they are more than a third of all, it is the law or the scene that is wrong,
-    and none is named.
+    One log in twenty without a wild reading has one named. Where more than a third of
+    all readings are so far off, it is the law or the scene that is wrong, and none is.
     """
-    if np.sum(np.abs(residual) > WILD) > len(residual) / 3:
+    wild = beyond(residual, noise) * len(residual) < WILD
+    if wild.sum() > len(residual) / 3:
         return []
     return [
         {
@@ -54,5 +73,5 @@ def suspected_outliers(
             "sds": round(float(residual[row]), 2),
         }
         for row in np.argsort(-np.abs(residual))
-        if abs(residual[row]) > WILD
+        if wild[row]
     ]

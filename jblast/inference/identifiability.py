@@ -16,10 +16,14 @@ from jblast.inference.fisher import (
 from jblast.inference.posterior import Posterior
 from jblast.inference.starts import scales
 
-STEP = 0.1
+STEP = 1.0
 """How far a null direction is followed to confirm it, in typical steps."""
 UNSEEN = 1e-4
 """Data that move by less than this many standard deviations along it have not moved."""
+
+
+ROUNDING = 1e-5
+"""A part of a direction smaller than this, in standard deviations, is rounding."""
 
 
 @dataclass(frozen=True)
@@ -30,39 +34,50 @@ class Identifiability:
         null: One row for each direction along which no datum moves, in coordinates.
         told: Basis of the rest, one column each.
         determined: Whether each parameter is out of every null direction.
+        followed: Where following each null direction for a finite step led.
     """
 
     null: Float[np.ndarray, "null free"]
     told: Float[np.ndarray, "free told"]
     determined: tuple[bool, ...]
+    followed: Float[np.ndarray, "null free"]
 
 
 def identifiability(
     posterior: Posterior, z: Float[np.ndarray, " free"]
 ) -> Identifiability:
-    """Find the null directions at a place, and confirm each by moving along it."""
+    """Find the null directions at a place, and confirm each by moving along it.
+
+    A number with a prior is known, however little beside what the data know; so its
+    information counts as no less than the data's.
+    """
+    scale = scales(posterior)
+    known = np.asarray(information(posterior, jnp.asarray(z)))
+    prior = np.diag(np.asarray(posterior.parameters.has_prior()) * np.diag(known))
     size, values, vectors = map(
-        np.asarray, unit_diagonal(information(posterior, jnp.asarray(z)))
+        np.asarray, unit_diagonal(jnp.asarray(known + prior), scale)
     )
-    is_null = np.array(
-        [
-            value < NULL and _confirmed(posterior, z, vector / size, size)
-            for value, vector in zip(values, vectors.T, strict=True)
-        ],
-        dtype=bool,
-    )
-    hidden = vectors[:, is_null]
+    followed = [
+        _followed(posterior, z, vector / size, size) if value < NULL else None
+        for value, vector in zip(values, vectors.T, strict=True)
+    ]
+    data = len(posterior.measured) + int(np.sum(posterior.parameters.has_prior()))
+    for k in range(z.size - data):  # fewer data than unknowns, whatever was found
+        followed[k] = z if followed[k] is None else followed[k]
+    is_null = np.array([there is not None for there in followed], dtype=bool)
+    null = echelon(vectors[:, is_null].T)
     return Identifiability(
-        null=echelon(hidden.T / size) if is_null.any() else np.zeros((0, z.size)),
+        null=_led_by_one(null / size),
         told=vectors[:, ~is_null] / size[:, None],
-        determined=tuple(bool((np.abs(row) < 1e-4).all()) for row in hidden),
+        determined=tuple(bool((column == 0).all()) for column in null.T),
+        followed=np.array([t for t in followed if t is not None]).reshape(null.shape),
     )
 
 
-def _confirmed(posterior, z, direction, size) -> bool:
-    """Follow a direction for a finite step, on its curve, and see if data move.
+def _followed(posterior, z, direction, size) -> np.ndarray | None:
+    """Follow a direction for a finite step, on its curve; None if data move.
 
-    A derivative can vanish by symmetry alone (a charge on the line of its sensors);
+    A derivative can vanish by symmetry alone (a charge at the height of its sensors);
     then a finite step is seen. A true invariance may be curved (a charge on a circle
     about its one sensor), so after the step the told directions are adjusted.
     """
@@ -71,11 +86,14 @@ def _confirmed(posterior, z, direction, size) -> bool:
     there = z + step
     for _ in range(10):
         miss = _whitened_prediction(posterior, there, z) - started
+        if not np.isfinite(miss).all():
+            return None
         if np.linalg.norm(miss) < UNSEEN:
-            return True
+            away = np.linalg.norm((there - z) * size)
+            return there if away > 0.5 * np.linalg.norm(step * size) else None
         jacobian = np.asarray(whitened_jacobian(posterior, jnp.asarray(there)))
         there = there - np.linalg.pinv(jacobian / size, rcond=1e-6) @ miss / size
-    return False
+    return None
 
 
 def _whitened_prediction(posterior, z, where):
@@ -86,19 +104,17 @@ def _whitened_prediction(posterior, z, where):
 
 
 def echelon(rows: Float[np.ndarray, "row free"]) -> Float[np.ndarray, "row free"]:
-    """Reduce rows so that each leads with a 1 no other row has: the shortest names.
+    """Combine rows so that each leads with a 1 no other row has: the shortest names.
 
-    Exact to rounding; entries below 1e-9 of their row's largest become zero.
+    Rows are of length about 1; what is left of an entry by rounding becomes zero.
     """
     rows = np.array(rows, float)
     lead = 0
     for column in range(rows.shape[1]):
         if lead == len(rows):
             break
-        left = np.abs(rows[lead:, column])
-        norms = np.abs(rows[lead:]).max(axis=1)
-        best = lead + int(np.argmax(left / np.where(norms > 0, norms, 1)))
-        if np.abs(rows[best, column]) <= 1e-7 * np.abs(rows[best]).max():
+        best = lead + int(np.argmax(np.abs(rows[lead:, column])))
+        if np.abs(rows[best, column]) <= ROUNDING:
             continue
         rows[[lead, best]] = rows[[best, lead]]
         rows[lead] /= rows[lead, column]
@@ -106,8 +122,16 @@ def echelon(rows: Float[np.ndarray, "row free"]) -> Float[np.ndarray, "row free"
             if other != lead:
                 rows[other] -= rows[other, column] * rows[lead]
         lead += 1
-    rows[np.abs(rows) < 1e-9 * np.abs(rows).max(axis=1, keepdims=True)] = 0.0
+    sizes = np.abs(rows).max(axis=1, keepdims=True, initial=0.0)
+    rows[np.abs(rows) < ROUNDING * sizes] = 0.0
     return rows
+
+
+def _led_by_one(rows: Float[np.ndarray, "row free"]) -> Float[np.ndarray, "row free"]:
+    """Scale each row so that its first entry is 1."""
+    return np.array([row / row[np.flatnonzero(row)[0]] for row in rows]).reshape(
+        rows.shape
+    )
 
 
 def told_combinations(found: Identifiability) -> Float[np.ndarray, "told free"]:
@@ -120,11 +144,11 @@ def told_combinations(found: Identifiability) -> Float[np.ndarray, "told free"]:
     if not shy:
         return np.zeros((0, len(found.determined)))
     # The forms on the shy parameters that vanish on the null directions; led by the
-    # last parameter, so that speeds and times are told in terms of the mass.
-    null = found.null[:, shy]
-    _, singular, vh = np.linalg.svd(null)
-    forms = vh[np.sum(singular > 1e-9 * singular.max()) :]
+    # last parameter, so that speeds and times are told in terms of the mass. Scaled,
+    # so that a metre and a second count alike.
+    size = np.abs(found.null).max(axis=0)[shy]
+    null = found.null[:, shy] / size
+    forms = np.linalg.svd(null)[2][len(null) :]
     told = np.zeros((len(forms), len(found.determined)))
-    if len(forms):
-        told[:, shy] = echelon(forms[:, ::-1])[:, ::-1]
+    told[:, shy] = _led_by_one(echelon(forms[:, ::-1]) / size[::-1])[:, ::-1]
     return told

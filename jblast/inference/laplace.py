@@ -15,14 +15,16 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
-from jblast.inference.fisher import information
+from jblast.inference.fisher import NULL, information
 from jblast.inference.parameters import Parameters
 from jblast.inference.posterior import Posterior
 from jblast.scene import PARAMETERS
 
 NORMAL_Q95 = 1.6448536269514722
 """95 % quantile of the standard normal."""
-DECREMENT = 1e-6
+FALLS = (0.1, 2.5)
+"""A normal falls by 0.5 in ln-density one sd away; less or more than this is none."""
+DECREMENT = 1e-4
 """Converged: one more Newton step would gain less than this in ln-density."""
 
 
@@ -34,16 +36,18 @@ class Laplace:
         z: Its mean: the optimum.
         covariance: Zero along null directions, of which it says nothing.
         decrement: What one more Newton step would gain in ln-density.
+        peak: Whether the density falls on every side.
     """
 
     z: Float[np.ndarray, " free"]
     covariance: Float[np.ndarray, "free free"]
     decrement: float
+    peak: bool
 
     @property
     def converged(self) -> bool:
         """Whether the mean is an optimum."""
-        return self.decrement < DECREMENT
+        return self.peak and self.decrement < DECREMENT
 
     def draws(
         self, count: int, rng: np.random.Generator
@@ -66,16 +70,45 @@ def laplace(
         z: Its optimum.
         told: Basis of the directions the data tell, one column each.
     """
-    at = jnp.asarray(z)
-    curvature = told.T @ np.asarray(information(posterior, at)) @ told
-    covariance = told @ np.linalg.inv(curvature) @ told.T
-    slope = np.asarray(_slope(posterior, at))
-    return Laplace(z, covariance, float(0.5 * slope @ covariance @ slope))
+    curvature = told.T @ np.asarray(information(posterior, jnp.asarray(z))) @ told
+    values, vectors = np.linalg.eigh(curvature)
+    top, slope = _top(posterior, z)
+    axes = told @ vectors / np.sqrt(np.maximum(values, NULL))
+    for axis in axes.T:  # in place: each becomes one standard deviation long
+        low, high = FALLS
+        if not low < _fall(posterior, z, axis, top) < high:
+            axis *= _half_width(posterior, z, axis, top)
+    peak = all(_fall(posterior, z, axis, top) > FALLS[0] for axis in axes.T)
+    return Laplace(z, axes @ axes.T, float(0.5 * np.sum((slope @ axes) ** 2)), peak)
+
+
+def _top(posterior, z):
+    value, slope = _density_and_slope(posterior, jnp.asarray(z))
+    return float(value), np.asarray(slope)
+
+
+def _fall(posterior, z, axis, top) -> float:
+    """How far ln-density falls one step away, on the side where it falls less."""
+    return min(top - _top(posterior, z + sign * axis)[0] for sign in (-1, 1))
+
+
+def _half_width(posterior, z, axis, top) -> float:
+    """How many steps away ln-density has fallen by 0.5, as a normal's has in one sd.
+
+    The expected information misleads along an axis where predictions stand still by
+    symmetry alone: the height of a charge among sensors at its own height, or its place
+    across the line they stand in.
+    """
+    steps = np.geomspace(1e-6, 1e6, 121)
+    for step in steps:
+        if not _fall(posterior, z, step * axis, top) < 0.5:
+            return step
+    return steps[-1]
 
 
 @eqx.filter_jit
-def _slope(posterior: Posterior, z):
-    return jax.grad(posterior.log_density)(z)
+def _density_and_slope(posterior: Posterior, z):
+    return jax.value_and_grad(posterior.log_density)(z)
 
 
 def marginals(
@@ -97,7 +130,7 @@ def marginals(
         name: {
             "value": float(value[1]),
             "sd": _sd(value[3:], weights),
-            "log_sd": _sd(np.log(value[3:]), weights)
+            "log_sd": _log_sd(value[3:], weights)
             if PARAMETERS[name].positive
             else None,
             "q05": float(value[0]),
@@ -112,4 +145,11 @@ _values = eqx.filter_jit(lambda parameters, z: jax.vmap(parameters.values)(z))
 
 
 def _sd(values, weights) -> float:
-    return float(np.sqrt(weights @ np.square(values - weights @ values)))
+    with np.errstate(over="ignore", invalid="ignore"):  # e.g. a mass nothing bounds
+        return float(np.sqrt(weights @ np.square(values - weights @ values)))
+
+
+def _log_sd(values, weights) -> float:
+    """Sd of ln, without the far nodes where a normal prior reaches below zero."""
+    positive = values > 0
+    return _sd(np.log(values[positive]), weights[positive] / weights[positive].sum())

@@ -17,7 +17,7 @@ from jaxtyping import Array, Float
 from jblast.sensors.observe import STUDENT_FREEDOM, Noise
 
 REWEIGHTINGS = 40
-"""Rounds to find the effects' mode; each shrinks the miss by a factor 2 or more."""
+"""Rounds to find the effects' mode: to rounding, but where readings contradict."""
 
 
 def log_noise(u: Float[Array, "..."], noise: Noise) -> Float[Array, "..."]:

@@ -20,9 +20,9 @@ import optimistix as optx
 from jax import lax
 from jaxtyping import Array, Float, PRNGKeyArray
 
-from jblast.inference.fisher import NULL, information, unit_diagonal
+from jblast.inference.fisher import information
 from jblast.inference.posterior import Posterior
-from jblast.inference.starts import scales, starts
+from jblast.inference.starts import spreads, starts
 from jblast.sensors.observe import STUDENT_FREEDOM
 
 STARTS = 64
@@ -31,6 +31,11 @@ SAME = 0.1
 """Ends closer than this many standard deviations are one optimum."""
 SEPARATE = 1.0
 """Optima further apart than this many standard deviations are two answers."""
+NEARER = 1e-6
+"""Among ends equally probable the one nearest the middle of the starts is preferred: by
+this much ln-density for each spread squared."""
+LONGEST_STEP = 10.0
+"""Where the data tell little, climb by this many typical steps at first."""
 NORMAL = 1e8
 """So many degrees of freedom make a Student-t normal."""
 
@@ -50,14 +55,20 @@ class Optima(NamedTuple):
 @eqx.filter_jit
 def optima(key: PRNGKeyArray, posterior: Posterior) -> Optima:
     """Search a posterior from `STARTS` places and climb from the best few ends."""
-    scale = scales(posterior)
+    scale = spreads(posterior)
     first = starts(key, posterior, STARTS) / scale[None, :]
     shape = jax.eval_shape(posterior.misfit, first[0]).loading.shape
     effects = jnp.zeros((STARTS, shape[1]))
 
-    freedoms = (NORMAL, STUDENT_FREEDOM)[: 1 + (posterior.noise == "student")]
+    # Half of the starts go through normal errors, which see far; half do not, since
+    # where two groups of readings disagree normal errors end between them.
+    student = posterior.noise == "student"
+    stages = ((NORMAL, STUDENT_FREEDOM), (STUDENT_FREEDOM,) * 2) if student else None
+    freedoms = jnp.tile(jnp.array(stages or ((NORMAL,),) * 2), (STARTS // 2, 1))
 
-    def approach(y: Float[Array, " unknown"]) -> Float[Array, " free"]:
+    def approach(start: tuple[Array, Array]) -> Float[Array, " free"]:
+        y, freedoms = start
+
         def with_freedom(y, freedom):
             solution = optx.least_squares(
                 lambda y, freedom: _residuals(posterior, scale, y, freedom),
@@ -69,14 +80,22 @@ def optima(key: PRNGKeyArray, posterior: Posterior) -> Optima:
             )
             return solution.value, None
 
-        return lax.scan(with_freedom, y, jnp.array(freedoms))[0][: scale.size] * scale
+        return lax.scan(with_freedom, y, freedoms)[0][: scale.size] * scale
 
-    ends = lax.map(approach, jnp.concatenate([first, effects], axis=1))
-    finalists, known, repeated = _distinct(posterior, ends)
-    climbed = lax.map(lambda start: _climb(posterior, *start), (finalists, known))
+    unknowns = jnp.concatenate([first, effects], axis=1)
+    ends = lax.map(approach, (unknowns, freedoms))
+
+    def preference(z, density):
+        away = jnp.sum(jnp.square(z / scale[None, :] - first[:1]), axis=1)
+        return jnp.where(jnp.isnan(density), -jnp.inf, density - NEARER * away)
+
+    finalists, known, repeated = _distinct(posterior, ends, preference)
+    climbed = lax.map(
+        lambda start: _climb(posterior, scale, *start), (finalists, known)
+    )
     density = lax.map(posterior.log_density, climbed)
     density = jnp.where(jnp.isnan(density) | repeated, -jnp.inf, density)
-    order = jnp.argsort(-density)
+    order = jnp.argsort(-preference(climbed, density))
     return Optima(climbed[order], density[order])
 
 
@@ -96,15 +115,14 @@ def _residuals(posterior: Posterior, scale, y, freedom):
     return u, effects, z * posterior.parameters.has_prior()
 
 
-def _distinct(posterior: Posterior, ends):
+def _distinct(posterior: Posterior, ends, preference):
     """Pick the best ends that differ by more than `SAME` standard deviations.
 
     Returns:
         The ends, the information at each, and whether each repeats another because
         fewer were found.
     """
-    density = lax.map(posterior.log_density, ends)
-    density = jnp.where(jnp.isnan(density), -jnp.inf, density)
+    density = preference(ends, lax.map(posterior.log_density, ends))
 
     def pick(left, _):
         best = jnp.argmax(left)
@@ -118,12 +136,14 @@ def _distinct(posterior: Posterior, ends):
     return lax.scan(pick, density, length=FINALISTS)[1]
 
 
-def _climb(posterior: Posterior, z, known):
-    """Climb the posterior from one place, in coordinates in which it is round."""
-    size, values, vectors = unit_diagonal(known)
-    told = values > NULL
-    width = jnp.where(told, 1 / jnp.sqrt(jnp.where(told, values, 1)), 1)
-    out = vectors * width[None, :] / size[:, None]
+def _climb(posterior: Posterior, scale, z, known):
+    """Climb the posterior from one place, in coordinates in which it is round.
+
+    Where the data tell little, a step is bounded by a few typical ones.
+    """
+    values, vectors = jnp.linalg.eigh(known * scale[:, None] * scale[None, :])
+    width = 1 / jnp.sqrt(jnp.maximum(values, 0.0) + LONGEST_STEP**-2)
+    out = scale[:, None] * vectors * width[None, :]
     found = optx.minimise(
         lambda w, _: -posterior.log_density(z + out @ w),
         optx.BFGS(rtol=1e-10, atol=1e-10),

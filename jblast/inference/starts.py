@@ -7,7 +7,7 @@ from jaxtyping import Array, Float, PRNGKeyArray
 
 from jblast.constants import STANDARD_SOUND_SPEED
 from jblast.inference.posterior import Posterior
-from jblast.scene import Free
+from jblast.scene import PARAMETERS, Free
 from jblast.scene.scene import value_of
 
 CLOCK_TIMES = ("flash_time_s", "air_arrival_s", "ground_arrival_s")
@@ -52,19 +52,33 @@ def scales(posterior: Posterior) -> Float[Array, " free"]:
     )
 
 
+def spreads(posterior: Posterior) -> Float[Array, " free"]:
+    """Return how far starts are spread in each coordinate, one standard deviation."""
+    parameters = posterior.parameters
+    by_factor = jnp.array(
+        [
+            jnp.log(FACTORS[name])
+            if isinstance(belief, Free) and belief.positive
+            else 1.0
+            for name, belief in zip(parameters.names, parameters.beliefs, strict=True)
+        ]
+    )
+    return scales(posterior) * by_factor
+
+
 def starts(
     key: PRNGKeyArray, posterior: Posterior, count: int
 ) -> Float[Array, "start free"]:
-    """Draw places to start from; the first is the scene's own values.
+    """Draw places to start from; the first is the middle of them all.
 
     A number with a prior is drawn from it. A free one is spread about its start: a
     positive one by a factor, a place over the sensors' surroundings. A free origin
     time is set so that the median clock reading is met.
     """
     parameters = posterior.parameters
-    size = layout_size(posterior)
     middle = posterior.layout.position.mean(axis=0)
-    draws = jax.random.normal(key, (count, len(parameters.names)))
+    draws = jax.random.normal(key, (count, len(parameters.names))).at[0].set(0.0)
+    draws = draws * spreads(posterior)[None, :]
     columns = []
     for i, (name, belief) in enumerate(
         zip(parameters.names, parameters.beliefs, strict=True)
@@ -74,12 +88,14 @@ def starts(
         if not isinstance(belief, Free):
             columns.append(spread)
         elif belief.positive:
-            start = jnp.log(1.0 if value is None else value)
-            columns.append(start + jnp.log(FACTORS[name]) * spread)
+            default = PARAMETERS[name].default
+            known = default if value is None else jnp.where(value > 0, value, default)
+            start = jnp.log(known)
+            columns.append(start + spread)
         elif name in ("charge_east_m", "charge_north_m"):
-            columns.append(middle["en".index(name[7])] + size * spread)
+            columns.append(middle["en".index(name[7])] + spread)
         elif name == "charge_up_m":
-            columns.append(0.1 * size * spread)
+            columns.append(spread)
         else:
             columns.append((0.0 if value is None else value) + 0.0 * spread)
     z = jnp.stack(columns, axis=1)

@@ -9,6 +9,8 @@ from jblast.errors import InputError, shown
 from jblast.observations.table import Observations
 from jblast.scene import Scene
 
+EARLY = 5.0
+"""A reading this many sigmas before the origin time is no error of measurement."""
 AGREE = 1e-3
 """How far a place given twice may differ [m]."""
 
@@ -51,6 +53,10 @@ def place(
         _check_range(observations, int(row), position[row], scene, beliefs)
         position[row] = np.nan  # the slant range is what counts
     _refuse_placeless(observations, position, scene)
+    if not {"charge_east_m", "charge_north_m", "charge_up_m"} & set(beliefs):
+        _refuse_on_charge(observations, position, scene)
+    if "origin_time_s" not in beliefs:
+        _refuse_before_origin(observations, scene)
     return replace(observations, position=position)
 
 
@@ -122,6 +128,38 @@ def _refuse_placeless(
             f"{_where(observations, row)}: expected east_m, north_m, up_m or range_m, "
             f"here or in a [[sensor]] of the scene named {shown(name)}; got neither"
         )
+
+
+def _refuse_on_charge(
+    observations: Observations, position: np.ndarray, scene: Scene
+) -> None:
+    """Refuse a sensor where the charge is fixed: no law holds at distance zero."""
+    charge = scene.charge
+    if charge.range is not None:
+        return
+    at = np.array([float(charge.east), float(charge.north), float(charge.up)])
+    for row in np.flatnonzero(np.linalg.norm(position - at, axis=1) == 0):
+        name = observations.sensor[row]
+        raise InputError(
+            f"{_where(observations, int(row))}: sensor {shown(name)} stands at "
+            f"{_metres(at)}, where the charge is; expected a distance from it"
+        )
+
+
+def _refuse_before_origin(observations: Observations, scene: Scene) -> None:
+    """Refuse a wave that arrives before a fixed origin time, errors allowed for."""
+    offsets = {sensor.name: float(sensor.clock_offset) for sensor in scene.sensors}
+    for row, quantity in enumerate(observations.quantity):
+        if quantity not in ("air_arrival_s", "ground_arrival_s"):
+            continue
+        start = float(scene.charge.time) + offsets.get(observations.sensor[row], 0.0)
+        allowed = EARLY * float(np.nan_to_num(observations.sigma[row]))
+        if observations.value[row] + allowed <= start:
+            raise InputError(
+                f"{_where(observations, row)}: {quantity} is "
+                f"{observations.value[row]:g} s; expected it after the origin time, "
+                f"{start:g} s on this clock (correct it, or free origin_time_s)"
+            )
 
 
 def _where(observations: Observations, row: int) -> str:

@@ -90,7 +90,8 @@ def determined_lines(determined: Sequence[Mapping[str, Any]]) -> list[str]:
             lines.append(f"{entry['combination']} = {significant(value, 4)}")
         else:
             shown = f"{rounded(value, sd)} ± {rounded(sd, sd)}"
-            lines.append(f"{entry['combination']} = {shown}")
+            note = f" ({entry['note']})" if entry.get("note") else ""
+            lines.append(f"{entry['combination']} = {shown}{note}")
     return lines
 
 

@@ -17,6 +17,10 @@ PRIORS = {
 """Kinds of prior, and the two numbers each is written with."""
 
 
+CLEAR_OF_ZERO = 3.0
+"""A normal prior of a positive number keeps this many sds clear of zero."""
+
+
 def finite(value: Any, where: str, expected: str = "a finite number") -> float:
     """Return a TOML value as a float.
 
@@ -68,6 +72,7 @@ def _prior(
     value: dict[str, Any], number: Number, where: str
 ) -> tuple[float, Prior | Free | None]:
     """Return the median of a prior and the prior."""
+    place = PARAMETERS[number.parameter]
     kinds = list(value)
     for kind in kinds:
         if kind not in PRIORS:
@@ -89,6 +94,13 @@ def _prior(
     if kind == "normal":
         _check(a, number, where, "a mean")
         _require(b > 0, where, f"a positive sd in normal = {form}", pair)
+        _require(
+            not place.positive or a >= CLEAR_OF_ZERO * b,
+            where,
+            f"a mean at least {CLEAR_OF_ZERO:g} sd above zero in normal = {form}; "
+            "lognormal suits a positive number",
+            pair,
+        )
         return a, Normal(a, b)
     if kind == "lognormal":
         _require(a > 0, where, f"a positive median in lognormal = {form}", pair)

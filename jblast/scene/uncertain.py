@@ -20,6 +20,10 @@ TAKES_THE_PLACE_OF = {
 """Where the first is given, the others are not used."""
 
 
+NO_SCENE = "the default scene"
+"""Source of the scene that is taken where none is given."""
+
+
 @dataclass(frozen=True)
 class UncertainScene:
     """A scene, and a belief about each of its numbers that is not fixed.
@@ -28,7 +32,8 @@ class UncertainScene:
         scene: Its fixed numbers; an uncertain one holds its prior's median, or a
             place to start from where it is free.
         beliefs: By name of `scene.PARAMETERS`. What is not named is fixed.
-        source: The file it was read from, or "" for the default scene.
+        source: The file it was read from; `NO_SCENE` for the default one, "" for one
+            made in Python.
     """
 
     scene: Scene
@@ -41,7 +46,7 @@ def default_scene() -> UncertainScene:
 
     A surface charge at the origin at time 0, its mass free, in sea-level air.
     """
-    return UncertainScene(Scene(), {"charge_mass_kg": Free(positive=True)})
+    return UncertainScene(Scene(), {"charge_mass_kg": Free(positive=True)}, NO_SCENE)
 
 
 def draw_scene(key: PRNGKeyArray, uncertain: UncertainScene) -> Scene:

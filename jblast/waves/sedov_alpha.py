@@ -16,6 +16,7 @@ p/p_s = x_1^{6/5} x_3^{a_4-2a_1} x_4^{1+a_5}$$
 with $x_2$ running from 0 at the centre to 1 at the shock.
 """
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Float
@@ -24,6 +25,10 @@ from jblast.types import as_float_array
 
 NODES = 24
 """Quadrature nodes. The error falls as 6^-n; 24 reach rounding for gamma from 1.05."""
+
+
+GAMMAS = (1.02, 1.9)
+"""Where the constant is computed; beyond, it goes on as a power of gamma."""
 
 
 def sedov_alpha(sedov_gamma: Float[ArrayLike, "..."]) -> Float[Array, "..."]:
@@ -42,7 +47,10 @@ def sedov_alpha(sedov_gamma: Float[ArrayLike, "..."]) -> Float[Array, "..."]:
         sedov_gamma: Ratio of specific heats $\gamma$ [-], above 1 and below 2 (where
             two exponents of the closed form are infinite).
     """
-    return jnp.vectorize(_alpha)(as_float_array(sedov_gamma))
+    gamma = as_float_array(sedov_gamma)
+    inside = jnp.clip(gamma, *GAMMAS)
+    alpha, slope = jax.jvp(jnp.vectorize(_alpha), (inside,), (inside,))
+    return alpha * jnp.exp(slope / alpha * jnp.log(gamma / inside))
 
 
 def _alpha(gamma: Float[Array, ""]) -> Float[Array, ""]:

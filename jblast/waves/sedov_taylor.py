@@ -13,8 +13,8 @@ from jaxtyping import Array, ArrayLike, Bool, Float
 
 from jblast.constants import TNT_SPECIFIC_ENERGY
 from jblast.registry import Law, declared_scatter, register
-from jblast.types import as_float_arrays
-from jblast.waves.sedov_alpha import sedov_alpha
+from jblast.types import as_float_array, as_float_arrays
+from jblast.waves.sedov_alpha import GAMMAS, sedov_alpha
 
 STRONG_SHOCK = 25.0
 """Least overpressure over ambient pressure.
@@ -119,7 +119,9 @@ def sedov_taylor_valid(
     radius = sedov_taylor_shock_radius(time, mass, air_density, sedov_gamma)
     pressure = sedov_taylor_shock_pressure(radius, mass, sedov_gamma)
     begun = time >= EARLIEST_TIME * jnp.cbrt(mass)
-    return begun & (pressure >= STRONG_SHOCK * ambient)
+    gamma = as_float_array(sedov_gamma)
+    computed = (gamma >= GAMMAS[0]) & (gamma <= GAMMAS[1])
+    return begun & computed & (pressure >= STRONG_SHOCK * ambient)
 
 
 def _continued_time(time, mass):

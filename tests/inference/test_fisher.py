@@ -79,7 +79,7 @@ def test_information_is_the_mean_square_of_the_score():
 
 def test_unit_diagonal_takes_information_apart_and_puts_it_together():
     matrix = jnp.array([[4.0, 2.0, 0.0], [2.0, 9.0, 0.0], [0.0, 0.0, 0.0]])
-    size, values, vectors = unit_diagonal(matrix)
+    size, values, vectors = unit_diagonal(matrix, jnp.ones(3))
     np.testing.assert_allclose(size, [2.0, 3.0, 1.0])
     again = size[:, None] * (vectors * values[None, :]) @ vectors.T * size[None, :]
     np.testing.assert_allclose(again, matrix, atol=1e-14)
@@ -94,7 +94,7 @@ def test_echelon_rows_lead_with_a_one_of_their_own():
 
 def test_told_combinations_stand_still_along_null_directions():
     null = np.array([[1.0, -0.2, 0.0, -0.02]])
-    found = Identifiability(null, np.zeros((4, 3)), (False, False, True, False))
+    found = Identifiability(null, np.zeros((4, 3)), (False, False, True, False), null)
     told = told_combinations(found)
     assert told.shape == (2, 4)
     np.testing.assert_allclose(told @ null.T, 0, atol=1e-12)

@@ -19,6 +19,7 @@ from jblast.scene import (
 from jblast.sensors import simulate
 from jblast.waves import (
     kingery_bulmash_pressure,
+    sedov_taylor_shock_radius,
     shock_kinematics_arrival_time,
     wu_hao_air_arrival_time,
     wu_hao_ground_arrival_time,
@@ -147,6 +148,7 @@ def test_one_datum_tells_one_combination_of_two_unknowns():
     assert "ln(charge_mass_kg)" in told["combination"]
     assert "origin_time_s" in told["combination"]
     assert told["sd"] > 0
+    assert "curved" in told["note"]  # arrival is no power of the mass
 
 
 PLACE = freed(
@@ -272,3 +274,67 @@ def test_a_log_without_any_error_is_refused():
 def test_a_scene_with_nothing_free_is_refused():
     with pytest.raises(ValueError, match="nothing to fit"):
         fit(pressures(15.0, [20.0]), UncertainScene(EXACT, {}))
+
+
+def test_two_groups_that_contradict_one_another_are_two_answers():
+    # Student-t errors believe either group; midway between them is a minimum
+    low = [float(kingery_bulmash_pressure(r, 1.0)) for r in (10.0, 12.0)]
+    high = [float(kingery_bulmash_pressure(r, 100.0)) for r in (10.0, 12.0)]
+    rows = [
+        (f"{name}{r:g}", "peak_overpressure_pa", p, 0.05 * p, r)
+        for name, values in (("low", low), ("high", high))
+        for r, p in zip((10.0, 12.0), values, strict=True)
+    ]
+    answer = fit(log(*rows, at_range=True), MASS_FREE).answer
+    assert not answer["identifiable"]
+    masses = {
+        round(answer["estimates"]["charge_mass_kg"]["value"]),
+        *(round(a["parameters"]["charge_mass_kg"]) for a in answer["ambiguities"]),
+    }
+    assert masses == {1, 100}
+
+
+def test_a_height_that_no_reading_tells_by_symmetry_has_its_own_width():
+    # sensors and charge at one height: every slope in it vanishes, yet a charge that
+    # were far higher would arrive late everywhere
+    places = [(-100.0, -40.0), (0.0, 120.0), (150.0, -30.0), (-80.0, 90.0)]
+    sensors = arrivals(places, 30.0, 20.0)
+    uncertain = freed(PLACE, ["charge_up_m"])
+    answer = fit(sensors, uncertain).answer
+    up = answer["estimates"]["charge_up_m"]
+    assert answer["converged"]
+    assert up["value"] == pytest.approx(0.0, abs=0.5)
+    # 1e-4 s is 3.4 cm of slant range: h^2 / 2R = 3.4 cm at R = 130 m gives 3 m
+    assert 0.5 < up["sd"] < 10
+
+
+def test_a_mirror_image_is_told_beside_a_null_direction():
+    sensors = [(-100.0, 0.0), (0.0, 0.0), (150.0, 0.0)]
+    rows = []
+    for i, (east, north) in enumerate(sensors):
+        t = float(wu_hao_air_arrival_time(np.hypot(east - 30, north - 60), 10.0, 340.0))
+        rows.append((f"s{i}", "air_arrival_s", t, 1e-4, (east, north, 0.0)))
+    uncertain = freed(
+        with_laws(MASS_FREE, {"air_arrival_s": "wu_hao"}),
+        ["charge_east_m", "charge_north_m", "air_sound_speed_m_s"],
+    )
+    answer = fit(log(*rows), uncertain).answer
+    assert len(answer["null_directions"]) == 1
+    (other,) = answer["ambiguities"]
+    assert abs(other["parameters"]["charge_north_m"]) == pytest.approx(60, abs=0.01)
+    north = answer["estimates"]["charge_north_m"]["value"]
+    assert other["parameters"]["charge_north_m"] == pytest.approx(-north, abs=0.01)
+
+
+def test_a_sedov_log_cannot_tell_energy_from_gamma():
+    times = np.array([1e-3, 3e-3, 1e-2])
+    radii = np.asarray(sedov_taylor_shock_radius(times, 2e7, 1.0, 1.3))
+    observed = dataclasses.replace(
+        log(*(("p", "shock_radius_m", r, 0.01 * r, 1.0) for r in radii), at_range=True),
+        slant_range=np.full(3, np.nan),
+        time=times,
+    )
+    answer = fit(observed, freed(MASS_FREE, ["sedov_gamma"])).answer
+    (null,) = answer["null_directions"]
+    assert set(null["parameters"]) == {"charge_mass_kg", "sedov_gamma"}
+    assert answer["estimates"]["charge_mass_kg"]["value"] is None
