@@ -1,0 +1,102 @@
+"""Do 90 % intervals hold the truth in 90 of 100 logs?
+
+    python -m calibration.coverage
+
+Five microphones, four unknowns (mass, place in the plane, time), no prior: few readings
+more than unknowns, where a normal approximation is weakest. 400 logs are simulated with
+the errors the fit assumes, seed 11. The first line of each pair takes the width of the
+interval from the expected information, as `jblast fit` does; the second from the
+curvature of the posterior at the optimum.
+"""
+
+import dataclasses
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from jblast.cli.start import start_jax
+from jblast.inference import Posterior
+from jblast.inference.fisher import information
+from jblast.inference.optimum import optima
+from jblast.inference.parameters import parameters_of
+from jblast.observations import TIMES
+from jblast.scene import Scene, Sensor, UncertainScene, freed, with_values
+from jblast.sensors import observe, planned_layout
+from jblast.sensors.observe import Noise
+
+LOGS = 400
+PLACES = ((60, 0), (-70, 30), (0, 90), (20, -80), (120, 100))
+RECORDS = (("air_arrival_s", 1e-4), ("peak_overpressure_pa", 0.02))
+TRUTH = {
+    "charge_mass_kg": 30.0,
+    "charge_east_m": 10.0,
+    "charge_north_m": -5.0,
+    "origin_time_s": 1.5,
+}
+LAWS = {quantity: "shock_kinematics" for quantity, _ in RECORDS}
+
+
+def scene_with(*, scatter: bool) -> Scene:
+    """Return five microphones about a charge, laws exact or scattering."""
+    sensors = tuple(
+        Sensor(f"m{i}", jnp.array([*place, 1.5]), records=RECORDS)
+        for i, place in enumerate(PLACES)
+    )
+    empty = dataclasses.replace(Scene(), scatter=scatter, sensors=sensors)
+    return with_values(empty, TRUTH)
+
+
+def coverage(scene: Scene, noise: Noise) -> tuple[np.ndarray, np.ndarray]:
+    """Return the share of logs whose interval holds each truth, by both widths."""
+    layout, sigma, _ = planned_layout(scene)
+    keys = jax.random.split(jax.random.key(11), LOGS)
+    draw = eqx.filter_jit(
+        jax.vmap(lambda key: observe(key, scene, layout, LAWS, sigma, noise=noise))
+    )
+    value = np.asarray(draw(keys))
+    timed = np.isin(layout.quantity, TIMES)
+    measured = jnp.asarray(np.where(timed, value, np.log(np.where(timed, 1, value))))
+    parameters = parameters_of(freed(UncertainScene(scene), list(TRUTH)))
+    laws = tuple(LAWS.items())
+    blank = Posterior(parameters, layout, measured[0], sigma, laws, noise)
+
+    @eqx.filter_jit
+    def one(measured):
+        posterior = eqx.tree_at(lambda p: p.measured, blank, measured)
+        z = optima(jax.random.key(0), posterior).z[0]
+        curvature = jax.hessian(lambda z: -posterior.log_density(z))(z)
+        return z, information(posterior, z), curvature
+
+    z, *widths = jax.lax.map(one, measured)
+    truth = [
+        float(belief.unconstrain(jnp.asarray(TRUTH[name])))
+        for name, belief in zip(parameters.names, parameters.beliefs, strict=True)
+    ]
+    away = np.abs(np.asarray(z) - np.array(truth))
+    sds = [np.sqrt(np.diagonal(np.linalg.inv(w), axis1=1, axis2=2)) for w in widths]
+    expected, curved = (np.mean(away < 1.645 * sd, axis=0) for sd in sds)
+    return expected, curved
+
+
+def main() -> None:
+    """Print the table."""
+    start_jax()
+    print(f"share of {LOGS} logs whose 90 % interval holds the truth (+- 0.015)")
+    print(
+        f"{'laws':9s}{'errors':10s}{'width':13s}" + "".join(f"{n:>16s}" for n in TRUTH)
+    )
+    noises: tuple[Noise, ...] = ("gaussian", "student")
+    for scatter in (False, True):
+        for noise in noises:
+            both = coverage(scene_with(scatter=scatter), noise)
+            for width, share in zip(("information", "curvature"), both, strict=True):
+                print(
+                    f"{'scatter' if scatter else 'exact':9s}{noise:10s}{width:13s}"
+                    + "".join(f"{x:16.3f}" for x in share)
+                )
+
+
+if __name__ == "__main__":
+    main()
