@@ -3,25 +3,16 @@
 from collections.abc import Mapping
 from typing import Any
 
-import jax.numpy as jnp
-from jax.scipy.special import gammaincc
-
+from jblast.inference.goodness import POOR, chance
 from jblast.report.numbers import finite
 
-POOR = 0.001
-"""Below this p the fit is called poor; above one minus it, too good."""
 MARGINAL = 0.01
 
 
 def goodness_p(answer: Mapping[str, Any]) -> float | None:
-    r"""Return the chance of a worse chi2 than this by luck; None without freedom.
-
-    $$p = Q(\nu / 2, \chi^2 / 2)$$
-    """
+    """Return the chance of a worse chi2 than this by luck; None without freedom."""
     chi2, dof = finite(answer.get("chi2")), finite(answer.get("dof"))
-    if chi2 is None or dof is None or dof <= 0:
-        return None
-    return float(gammaincc(jnp.asarray(dof / 2), jnp.asarray(chi2 / 2)))
+    return None if chi2 is None or dof is None else chance(chi2, int(dof))
 
 
 def goodness_sentence(answer: Mapping[str, Any]) -> str:
