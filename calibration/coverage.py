@@ -21,10 +21,10 @@ from jblast.inference import Posterior
 from jblast.inference.fisher import information
 from jblast.inference.optimum import optima
 from jblast.inference.parameters import parameters_of
-from jblast.observations import TIMES
 from jblast.scene import Scene, Sensor, UncertainScene, freed, with_values
 from jblast.sensors import observe, planned_layout
 from jblast.sensors.observe import Noise
+from jblast.sensors.record import comparable
 
 LOGS = 400
 PLACES = ((60, 0), (-70, 30), (0, 90), (20, -80), (120, 100))
@@ -55,9 +55,7 @@ def coverage(scene: Scene, noise: Noise) -> tuple[np.ndarray, np.ndarray]:
     draw = eqx.filter_jit(
         jax.vmap(lambda key: observe(key, scene, layout, LAWS, sigma, noise=noise))
     )
-    value = np.asarray(draw(keys))
-    timed = np.isin(layout.quantity, TIMES)
-    measured = jnp.asarray(np.where(timed, value, np.log(np.where(timed, 1, value))))
+    measured = jax.vmap(lambda value: comparable(value, layout.quantity))(draw(keys))
     parameters = parameters_of(freed(UncertainScene(scene), list(TRUTH)))
     laws = tuple(LAWS.items())
     blank = Posterior(parameters, layout, measured[0], sigma, laws, noise)

@@ -60,8 +60,8 @@ def cautions_of(
             f"{np.abs(effects).max():.1f} times the scatter expected of it: the law "
             "may not suit this setting"
         )
-    between = _height_between_limits(solution)
-    return [*told, between] if between else told
+    height = _height_beside_the_curves(solution)
+    return [*told, height] if height else told
 
 
 def _poor_fit(observations, uncertain, chi2, dof, p) -> str:
@@ -108,8 +108,8 @@ def _unlearned(solution: Solution) -> list[str]:
     return [f"the log tells nothing of {', '.join(same)} beyond the prior"]
 
 
-def _height_between_limits(solution: Solution) -> str | None:
-    """Say which limit was used for a charge that is neither on the ground nor high."""
+def _height_beside_the_curves(solution: Solution) -> str | None:
+    """Say what the curves leave out for a charge buried, or neither low nor high."""
     if not {name for name, _ in solution.laws.values()} & set(IDEAL_BURSTS):
         return None
     scene = solution.posterior.parameters.scene_at(jnp.asarray(solution.laplace.z))

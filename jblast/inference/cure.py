@@ -14,6 +14,7 @@ from jblast.observations import TIMES
 from jblast.scene import Scene
 from jblast.sensors import Layout, record, resolve_laws
 from jblast.sensors.laws import law_names
+from jblast.sensors.record import comparable
 
 CANDIDATES = {
     "flash_time_s": "a flash time",
@@ -99,7 +100,7 @@ def log_reading(posterior, layout, laws, z) -> Float[Array, " row"]:
     value = record(scene, layout, laws).value
     timed = np.isin(layout.quantity, TIMES)
     typical = layout_size(posterior) / STANDARD_SOUND_SPEED
-    return jnp.where(timed, value / typical, jnp.log(jnp.where(timed, 1.0, value)))
+    return comparable(jnp.where(timed, value / typical, value), layout.quantity)
 
 
 def _shortened(data: Sequence[str]) -> list[str]:

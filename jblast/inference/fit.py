@@ -53,7 +53,7 @@ def fit(
     residual = (np.asarray(misfit.residual) - shared) / np.asarray(misfit.sd)
     parameters = posterior.parameters
     draws = solution.laplace.draws(DRAWS, np.random.default_rng(seed))
-    values = jax.vmap(parameters.values)(jnp.asarray(draws))
+    values = parameters.values_of_each(jnp.asarray(draws))
     distance = np.asarray(misfit.slant_range)
     return Fit(
         answer=answer_of(

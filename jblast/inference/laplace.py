@@ -76,11 +76,14 @@ def laplace(
     values, vectors = np.linalg.eigh(curvature)
     top, slope = _top(posterior, z)
     axes = told @ vectors / np.sqrt(np.maximum(values, NULL))
+    low, high = FALLS
+    peak = True
     for axis in axes.T:  # in place: each becomes one standard deviation long
-        low, high = FALLS
-        if not low < _fall(posterior, z, axis, top) < high:
+        fall = _fall(posterior, z, axis, top)
+        if not low < fall < high:
             axis *= _half_width(posterior, z, axis, top)
-    peak = all(_fall(posterior, z, axis, top) > FALLS[0] for axis in axes.T)
+            fall = _fall(posterior, z, axis, top)
+        peak &= bool(fall > low)
     return Laplace(z, axes @ axes.T, float(0.5 * np.sum((slope @ axes) ** 2)), peak)
 
 
@@ -126,7 +129,7 @@ def marginals(
     weights = weights / weights.sum()
     sds = np.sqrt(np.diag(normal.covariance))
     steps = np.concatenate([[-NORMAL_Q95, 0.0, NORMAL_Q95], nodes])
-    at = _values(parameters, jnp.asarray(normal.z + steps[:, None] * sds))
+    at = parameters.values_of_each(jnp.asarray(normal.z + steps[:, None] * sds))
     values = {name: np.asarray(at[name]) for name in parameters.names}
     return {
         name: {
@@ -141,9 +144,6 @@ def marginals(
         }
         for name, value in values.items()
     }
-
-
-_values = eqx.filter_jit(lambda parameters, z: jax.vmap(parameters.values)(z))
 
 
 def _sd(values, weights) -> float:

@@ -5,6 +5,7 @@ free and positive, itself where it is free, a normal score where it has a prior.
 """
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
@@ -33,6 +34,13 @@ class Parameters(eqx.Module):
                 zip(self.names, self.beliefs, strict=True)
             )
         }
+
+    @eqx.filter_jit
+    def values_of_each(
+        self, z: Float[Array, "draw free"]
+    ) -> dict[str, Float[Array, " draw"]]:
+        """Return the numbers by name, for many places at once."""
+        return jax.vmap(self.values)(z)
 
     def scene_at(self, z: Float[Array, " free"]) -> Scene:
         """Return the scene with the numbers put in their places."""

@@ -15,6 +15,7 @@ from jblast.registry import law_for
 from jblast.sensors import Layout, record
 from jblast.sensors.layout import components
 from jblast.sensors.observe import Noise, loadings
+from jblast.sensors.record import comparable
 
 
 class Misfit(eqx.Module):
@@ -64,10 +65,8 @@ class Posterior(eqx.Module):
         scene = self.parameters.scene_at(z)
         recording = record(scene, self.layout, dict(self.laws))
         predicted = recording.value
-        timed = np.isin(self.layout.quantity, TIMES)
-        positive = jnp.where(timed, 1.0, predicted)
         return Misfit(
-            residual=self.measured - jnp.where(timed, predicted, jnp.log(positive)),
+            residual=self.measured - comparable(predicted, self.layout.quantity),
             sd=jnp.hypot(self.sigma, recording.record_sd),
             loading=loadings(recording, self.layout),
             predicted=predicted,
@@ -109,9 +108,7 @@ def posterior_of(
     return Posterior(
         parameters=parameters,
         layout=layout,
-        measured=jnp.asarray(
-            np.where(timed, value, np.log(np.where(timed, 1.0, value)))
-        ),
+        measured=comparable(value, observations.quantity),
         sigma=jnp.asarray(np.where(timed, sigma, sigma / np.abs(value))),
         laws=tuple(sorted(laws.items())),
         noise=noise,

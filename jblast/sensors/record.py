@@ -4,13 +4,13 @@ Everything that compares a scene with data goes through `record`. A reading is i
 unit of its quantity; its errors are in seconds for times and in ln for all else.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, ArrayLike, Bool, Float
 
 from jblast.observations import TIMES
 from jblast.registry import call, law_for
@@ -39,6 +39,14 @@ class Recording(eqx.Module):
     record_sd: Float[Array, " row"]
     shot_loading: dict[str, Float[Array, " row"]]
     path_loading: dict[str, Float[Array, " row"]]
+
+
+def comparable(
+    value: Float[ArrayLike, " row"], quantity: Sequence[str]
+) -> Float[Array, " row"]:
+    """Return readings in the space their errors live in: times as they are, else ln."""
+    timed = np.isin(quantity, TIMES)
+    return jnp.where(timed, value, jnp.log(jnp.where(timed, 1.0, value)))
 
 
 def path_to(scene: Scene, layout: Layout) -> Path:
@@ -82,7 +90,7 @@ def record(scene: Scene, layout: Layout, laws: Mapping[str, str]) -> Recording:
         laws: Name of the law for each of `layout.quantities()`.
 
     Raises:
-        ValueError: No such law.
+        ValueError: A name in `laws` is no law of its quantity.
     """
     n = len(layout.quantity)
     path = path_to(scene, layout)

@@ -178,9 +178,9 @@ def kingery_bulmash_valid(
     burst: str = "surface",
 ) -> Bool[Array, "..."]:
     """Return where the tables of all quantities but duration hold."""
-    curve = kingery_bulmash_curve("incident_pressure", burst)
-    z = scaled_distance(slant_range, charge_mass, ambient_pressure)
-    return (z >= curve.z_min) & (z <= curve.z_max)
+    return _tabulated(
+        "incident_pressure", burst, slant_range, charge_mass, ambient_pressure
+    )
 
 
 def kingery_bulmash_duration_valid(
@@ -190,7 +190,16 @@ def kingery_bulmash_duration_valid(
     burst: str = "surface",
 ) -> Bool[Array, "..."]:
     """Return where the table of duration holds: it starts later than the others."""
-    curve = kingery_bulmash_curve("positive_phase_duration", burst)
+    return _tabulated(
+        "positive_phase_duration", burst, slant_range, charge_mass, ambient_pressure
+    )
+
+
+def _tabulated(
+    quantity: str, burst: str, slant_range, charge_mass, ambient_pressure
+) -> Bool[Array, "..."]:
+    """Return where a curve has its table."""
+    curve = kingery_bulmash_curve(quantity, burst)
     z = scaled_distance(slant_range, charge_mass, ambient_pressure)
     return (z >= curve.z_min) & (z <= curve.z_max)
 
