@@ -27,6 +27,8 @@ class Law:
             what one path shares, and of each record. Arguments named likewise.
         scatter_source: Where the scatter comes from: measured by which script, or
             declared.
+        joins: Scaled distances [m/kg^(1/3)] where slope or curvature is not continuous
+            (scaled times [s/kg^(1/3)] for a `shock_radius_m`).
     """
 
     quantity: str
@@ -37,6 +39,7 @@ class Law:
     valid: Callable[..., Any]
     scatter: Callable[..., tuple[Any, Any, Any]]
     scatter_source: str
+    joins: tuple[float, ...] = ()
 
     def arguments(self) -> tuple[str, ...]:
         """Names of what the law depends on, as `waves.paths.Path` calls them."""

@@ -77,7 +77,9 @@ def path_to(scene: Scene, layout: Layout) -> Path:
         p_speed=scene.ground.p_speed,
         sedov_gamma=scene.sedov_gamma,
         time_since_detonation=layout.time - layout.clock_offset - charge.time,
+        sensor_height=jnp.where(given, 0.0, layout.position[:, 2]),
         burst=charge.burst,
+        ground_path=scene.ground.path,
     )
 
 

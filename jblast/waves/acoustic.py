@@ -13,12 +13,14 @@ from jaxtyping import Array, ArrayLike, Bool, Float
 from jblast.constants import STANDARD_PRESSURE
 from jblast.registry import Law, declared_scatter, register
 from jblast.types import as_float_arrays
+from jblast.waves.arguments import checked
 from jblast.waves.scaling import scaled_distance
 
 NEAREST_SCALED_DISTANCE = 500.0
 """Where the lead of the shock has become less than the declared 1 % [m/kg^(1/3)]."""
 
 
+@checked
 def acoustic_arrival_time(
     slant_range: Float[ArrayLike, "..."],
     sound_speed: Float[ArrayLike, "..."],

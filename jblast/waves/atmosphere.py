@@ -17,6 +17,7 @@ from jblast.constants import (
     STANDARD_TEMPERATURE,
 )
 from jblast.types import as_float_array, as_float_arrays
+from jblast.waves.arguments import checked
 
 LAPSE_RATE = 0.0065
 """Fall of temperature with height below the tropopause [K/m]. ISO 2533:1975."""
@@ -40,6 +41,7 @@ TRIPLE_POINT = 273.16
 """Temperature of the triple point of water [K]. ISO 9613-1:1993, annex B."""
 
 
+@checked
 def standard_atmosphere(
     altitude: Float[ArrayLike, "..."],
 ) -> tuple[Float[Array, "..."], Float[Array, "..."]]:
@@ -93,6 +95,7 @@ def water_vapour_fraction(
     return relative_humidity * saturation_pressure(temperature) / pressure
 
 
+@checked
 def sound_speed_in_air(
     temperature: Float[ArrayLike, "..."],
     pressure: Float[ArrayLike, "..."],
@@ -127,6 +130,7 @@ def sound_speed_in_air(
     return jnp.sqrt(gamma * _gas_constant(fraction) * temperature)
 
 
+@checked
 def air_density(
     temperature: Float[ArrayLike, "..."],
     pressure: Float[ArrayLike, "..."],

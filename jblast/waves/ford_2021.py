@@ -27,6 +27,7 @@ from jaxtyping import Array, Bool
 
 from jblast.registry import Law, register
 from jblast.types import as_float_arrays
+from jblast.waves.arguments import checked
 from jblast.waves.ford_curve import (
     FordCurve,
     Number,
@@ -72,6 +73,7 @@ def ford_2021() -> Ford2021:
     return Ford2021(curves["positive_impulse_pa_s"], curves["positive_duration_s"])
 
 
+@checked
 def ford_2021_impulse(
     slant_range: Number,
     charge_mass: Number,
@@ -98,6 +100,7 @@ def ford_2021_impulse(
     return factor * jnp.exp(log_curve(curve.coefficients, *place))
 
 
+@checked
 def ford_2021_duration(
     slant_range: Number,
     charge_mass: Number,
@@ -193,6 +196,7 @@ def ford_2021_laws(calibration: Ford2021 | None, name: str) -> list[Law]:
             valid=ford_2021_valid,
             scatter=scatter,
             scatter_source=SCATTER_SOURCE,
+            joins=(20.0, 1000.0),
         )
         for quantity, function, scatter in (
             ("positive_impulse_pa_s", impulse, impulse_scatter),

@@ -26,7 +26,11 @@ from jaxtyping import Array, ArrayLike, Bool, Float
 from jblast.constants import STANDARD_PRESSURE, STANDARD_SOUND_SPEED
 from jblast.registry import Law, declared_scatter, register
 from jblast.types import as_float_array
-from jblast.waves.kingery_bulmash_table import kingery_bulmash_curve
+from jblast.waves.arguments import checked
+from jblast.waves.kingery_bulmash_table import (
+    kingery_bulmash_curve,
+    kingery_bulmash_joins,
+)
 from jblast.waves.scaling import (
     log_scaled_distance,
     sachs_impulse_factor,
@@ -52,6 +56,7 @@ def _scaled_value(
     return jnp.exp(kingery_bulmash_curve(quantity, burst).log_value(log_z))
 
 
+@checked
 def kingery_bulmash_pressure(
     slant_range: Float[ArrayLike, "..."],
     charge_mass: Float[ArrayLike, "..."],
@@ -73,6 +78,7 @@ def kingery_bulmash_pressure(
     )
 
 
+@checked
 def kingery_bulmash_reflected_pressure(
     slant_range: Float[ArrayLike, "..."],
     charge_mass: Float[ArrayLike, "..."],
@@ -85,6 +91,7 @@ def kingery_bulmash_reflected_pressure(
     )
 
 
+@checked
 def kingery_bulmash_impulse(
     slant_range: Float[ArrayLike, "..."],
     charge_mass: Float[ArrayLike, "..."],
@@ -108,6 +115,7 @@ def kingery_bulmash_impulse(
     )
 
 
+@checked
 def kingery_bulmash_reflected_impulse(
     slant_range: Float[ArrayLike, "..."],
     charge_mass: Float[ArrayLike, "..."],
@@ -123,6 +131,7 @@ def kingery_bulmash_reflected_impulse(
     )
 
 
+@checked
 def kingery_bulmash_duration(
     slant_range: Float[ArrayLike, "..."],
     charge_mass: Float[ArrayLike, "..."],
@@ -138,6 +147,7 @@ def kingery_bulmash_duration(
     )
 
 
+@checked
 def kingery_bulmash_arrival_time(
     slant_range: Float[ArrayLike, "..."],
     charge_mass: Float[ArrayLike, "..."],
@@ -154,6 +164,7 @@ def kingery_bulmash_arrival_time(
     )
 
 
+@checked
 def kingery_bulmash_shock_speed(
     slant_range: Float[ArrayLike, "..."],
     charge_mass: Float[ArrayLike, "..."],
@@ -228,5 +239,6 @@ for _quantity, _function in {
             ),
             scatter=declared_scatter(shot=_sd, record=_sd),
             scatter_source="declared",
+            joins=kingery_bulmash_joins(),
         )
     )

@@ -48,6 +48,16 @@ def kingery_bulmash_curve(quantity: str, burst: str) -> LogCurve:
     )
 
 
+@cache
+def kingery_bulmash_joins() -> tuple[float, ...]:
+    """Return where any curve starts, joins or ends [m/kg^(1/3)]."""
+    text = files("jblast.waves").joinpath("data/kingery_bulmash.csv").read_text()
+    rows = csv.DictReader(line for line in text.splitlines() if line[:1] != "#")
+    return tuple(
+        sorted({float(row[end]) for row in rows for end in ("z_min", "z_max")})
+    )
+
+
 def _segment(row: dict[str, str]) -> LogPolynomial:
     """Turn a row of decimal logarithms in the table's unit into natural ones in SI."""
     coefficients = [

@@ -6,8 +6,10 @@ from jaxtyping import Array, ArrayLike, Bool, Float
 from jblast.constants import LIGHT_SPEED
 from jblast.registry import Law, declared_scatter, register
 from jblast.types import as_float_array
+from jblast.waves.arguments import checked
 
 
+@checked
 def light_arrival_time(slant_range: Float[ArrayLike, "..."]) -> Float[Array, "..."]:
     r"""Return the travel time of light [s].
 

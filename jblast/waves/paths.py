@@ -5,6 +5,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from jblast.scene.charge import Burst
+from jblast.scene.ground import GroundPath
 
 
 class Path(eqx.Module):
@@ -23,7 +24,9 @@ class Path(eqx.Module):
         p_speed: P-wave speed of the ground $c_s$ [m/s].
         sedov_gamma: Ratio of specific heats behind a strong shock [-].
         time_since_detonation: When the row was taken [s]; NaN where it has no time.
+        sensor_height: Height of the sensor above the ground [m].
         burst: "surface" or "free-air".
+        ground_path: "head" (along the ground) or "thesis" (ground leg, then up).
     """
 
     slant_range: Float[Array, "..."]
@@ -36,7 +39,9 @@ class Path(eqx.Module):
     p_speed: Float[Array, "..."]
     sedov_gamma: Float[Array, "..."]
     time_since_detonation: Float[Array, "..."]
+    sensor_height: Float[Array, "..."]
     burst: Burst = eqx.field(static=True, default="surface")
+    ground_path: GroundPath = eqx.field(static=True, default="head")
 
 
 def slant_range(

@@ -12,8 +12,10 @@ from jaxtyping import Array, ArrayLike, Float
 
 from jblast.constants import STANDARD_PRESSURE, STANDARD_SOUND_SPEED
 from jblast.types import as_float_array, as_float_arrays
+from jblast.waves.arguments import checked
 
 
+@checked
 def scaled_distance(
     slant_range: Float[ArrayLike, "..."],
     charge_mass: Float[ArrayLike, "..."],
@@ -52,6 +54,7 @@ def log_scaled_distance(
     )
 
 
+@checked
 def sachs_pressure_factor(
     ambient_pressure: Float[ArrayLike, "..."],
 ) -> Float[Array, "..."]:
@@ -63,6 +66,7 @@ def sachs_pressure_factor(
     return as_float_array(ambient_pressure) / STANDARD_PRESSURE
 
 
+@checked
 def sachs_distance_factor(
     charge_mass: Float[ArrayLike, "..."],
     ambient_pressure: Float[ArrayLike, "..."] = STANDARD_PRESSURE,
@@ -78,6 +82,7 @@ def sachs_distance_factor(
     return (charge_mass / sachs_pressure_factor(ambient_pressure)) ** (1.0 / 3.0)
 
 
+@checked
 def sachs_time_factor(
     charge_mass: Float[ArrayLike, "..."],
     ambient_pressure: Float[ArrayLike, "..."] = STANDARD_PRESSURE,
@@ -98,6 +103,7 @@ def sachs_time_factor(
     return distance_factor * (STANDARD_SOUND_SPEED / sound_speed)
 
 
+@checked
 def sachs_impulse_factor(
     charge_mass: Float[ArrayLike, "..."],
     ambient_pressure: Float[ArrayLike, "..."] = STANDARD_PRESSURE,

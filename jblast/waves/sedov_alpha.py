@@ -22,6 +22,7 @@ import numpy as np
 from jaxtyping import Array, ArrayLike, Float
 
 from jblast.types import as_float_array
+from jblast.waves.arguments import checked
 
 NODES = 24
 """Quadrature nodes. The error falls as 6^-n; 24 reach rounding for gamma from 1.05."""
@@ -31,6 +32,7 @@ GAMMAS = (1.02, 1.9)
 """Where the constant is computed; beyond, it goes on as a power of gamma."""
 
 
+@checked
 def sedov_alpha(sedov_gamma: Float[ArrayLike, "..."]) -> Float[Array, "..."]:
     r"""Return $\alpha$ of a spherical point explosion, $E = \alpha\rho_0 R^5/t^2$ [-].
 

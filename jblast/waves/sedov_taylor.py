@@ -14,6 +14,7 @@ from jaxtyping import Array, ArrayLike, Bool, Float
 from jblast.constants import TNT_SPECIFIC_ENERGY
 from jblast.registry import Law, declared_scatter, register
 from jblast.types import as_float_array, as_float_arrays
+from jblast.waves.arguments import checked
 from jblast.waves.sedov_alpha import GAMMAS, sedov_alpha
 
 STRONG_SHOCK = 25.0
@@ -30,6 +31,7 @@ The shock has gone 0.033 m/kg^(1/3) by then: less than the radius of a TNT charg
 """
 
 
+@checked
 def sedov_taylor_energy(
     shock_radius: Float[ArrayLike, "..."],
     time_since_detonation: Float[ArrayLike, "..."],
@@ -52,6 +54,7 @@ def sedov_taylor_energy(
     return sedov_alpha(sedov_gamma) * density * radius**5 / time**2
 
 
+@checked
 def sedov_taylor_shock_radius(
     time_since_detonation: Float[ArrayLike, "..."],
     charge_mass: Float[ArrayLike, "..."],
@@ -85,6 +88,7 @@ def sedov_taylor_shock_radius(
     return jnp.where(missing, jnp.nan, radius)
 
 
+@checked
 def sedov_taylor_shock_pressure(
     slant_range: Float[ArrayLike, "..."],
     charge_mass: Float[ArrayLike, "..."],
@@ -146,5 +150,6 @@ register(
         # no shock is a perfect sphere: 1 % shared by the shot, 1 % each photograph.
         scatter=declared_scatter(shot=0.01, record=0.01),
         scatter_source="declared (luminous front for shock front)",
+        joins=(EARLIEST_TIME,),
     )
 )

@@ -35,19 +35,24 @@ from jaxtyping import Array, ArrayLike, Bool, Float
 from jblast.constants import STANDARD_PRESSURE, STANDARD_SOUND_SPEED
 from jblast.registry import Law, declared_scatter, register
 from jblast.types import as_float_array
-from jblast.waves.kingery_bulmash_table import kingery_bulmash_curve
+from jblast.waves.arguments import checked
+from jblast.waves.kingery_bulmash_table import (
+    kingery_bulmash_curve,
+    kingery_bulmash_joins,
+)
 from jblast.waves.scaling import (
     log_scaled_distance,
     sachs_pressure_factor,
     scaled_distance,
 )
 from jblast.waves.shock_arrival import log_sound_fraction
-from jblast.waves.shock_front import front_log_pressure, front_mach_number
+from jblast.waves.shock_front import JOIN, front_log_pressure, front_mach_number
 
 LAST_VALID = 1e4
 """Scaled distance up to which absorption may be forgotten [m/kg^(1/3)]."""
 
 
+@checked
 def shock_kinematics_pressure(
     slant_range: Float[ArrayLike, "..."],
     charge_mass: Float[ArrayLike, "..."],
@@ -68,6 +73,7 @@ def shock_kinematics_pressure(
     )
 
 
+@checked
 def shock_kinematics_shock_speed(
     slant_range: Float[ArrayLike, "..."],
     charge_mass: Float[ArrayLike, "..."],
@@ -88,6 +94,7 @@ def shock_kinematics_shock_speed(
     return as_float_array(sound_speed) * front_mach_number(log_z, burst)
 
 
+@checked
 def shock_kinematics_arrival_time(
     slant_range: Float[ArrayLike, "..."],
     charge_mass: Float[ArrayLike, "..."],
@@ -135,5 +142,6 @@ for _quantity, _function, _sd in (
             valid=shock_kinematics_valid,
             scatter=declared_scatter(shot=_sd, record=_sd),
             scatter_source="declared",
+            joins=(*kingery_bulmash_joins(), JOIN),
         )
     )

@@ -9,10 +9,12 @@ from jaxtyping import Array, ArrayLike, Bool, Float
 
 from jblast.registry import Law, declared_scatter, register
 from jblast.types import as_float_array, as_float_arrays
+from jblast.waves.arguments import checked
 
 SOURCE = "Wu & Hao 2005, as quoted in Parab's thesis, eqs. 3.3-3.4"
 
 
+@checked
 def wu_hao_air_arrival_time(
     slant_range: Float[ArrayLike, "..."],
     charge_mass: Float[ArrayLike, "..."],
@@ -46,6 +48,7 @@ def wu_hao_air_valid(
     return slant_range**0.4 <= charge_mass**0.2 / 0.34
 
 
+@checked
 def wu_hao_ground_arrival_time(
     ground_range: Float[ArrayLike, "..."],
     charge_mass: Float[ArrayLike, "..."],

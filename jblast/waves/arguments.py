@@ -1,0 +1,129 @@
+"""What the laws' arguments are called, in which unit, and where they may lie.
+
+A law's arguments have one name, unit and meaning wherever they occur, so one table
+checks them all. Values are looked at outside `jit` only: inside it, a law has no way to
+raise, and answers NaN or nonsense for what is refused here.
+"""
+
+import functools
+import inspect
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import ParamSpec, TypeVar
+
+import jax
+import numpy as np
+
+P = ParamSpec("P")
+R = TypeVar("R")
+
+
+@dataclass(frozen=True)
+class Argument:
+    """One argument.
+
+    Attributes:
+        unit: SI unit.
+        usual: Where it lies in most scenes; the tests sweep that span.
+        above: It has to be larger than this.
+        at_least: It has to be at least this.
+        at_most: It has to be at most this.
+    """
+
+    unit: str
+    usual: tuple[float, float]
+    above: float = -math.inf
+    at_least: float = -math.inf
+    at_most: float = math.inf
+
+    def allows(self, values: np.ndarray) -> np.ndarray:
+        """Return where values lie within the bounds; NaN is left to propagate."""
+        low = (values > self.above) & (values >= self.at_least)
+        return np.isnan(values) | (low & (values <= self.at_most))
+
+    def bounds(self) -> str:
+        """Return the bounds in words."""
+        if math.isfinite(self.at_most):
+            return f"between {self.at_least:g} and {self.at_most:g}"
+        if self.above == 0:
+            return "positive"
+        if math.isfinite(self.above):
+            return f"above {self.above:g}"
+        return "not negative" if self.at_least == 0 else f"at least {self.at_least:g}"
+
+
+def _positive(unit: str, low: float, high: float) -> Argument:
+    return Argument(unit, (low, high), above=0.0)
+
+
+ARGUMENTS: dict[str, Argument] = {
+    # the way from charge to sensor (waves.paths.Path)
+    "slant_range": _positive("m", 0.1, 1e4),
+    "ground_range": Argument("m", (0.1, 1e4), at_least=0.0),
+    "sensor_height": Argument("m", (0.0, 10.0)),
+    "charge_mass": _positive("kg", 1e-2, 1e6),
+    "height_of_burst": Argument("m", (-1.0, 5.0)),
+    "time_since_detonation": Argument("s", (1e-4, 1.0)),
+    # air and ground
+    "ambient_pressure": _positive("Pa", 5e4, 1.05e5),
+    "pressure": _positive("Pa", 5e4, 1.05e5),
+    "temperature": _positive("K", 255.0, 320.0),
+    "relative_humidity": Argument("1", (0.05, 0.95), at_least=0.0, at_most=1.0),
+    "altitude": Argument("m", (0.0, 1e4)),
+    "sound_speed": _positive("m/s", 300.0, 360.0),
+    "air_density": _positive("kg/m3", 0.7, 1.3),
+    "p_speed": _positive("m/s", 2e3, 6e3),
+    "wind_along": Argument("m/s", (-20.0, 20.0)),
+    "sedov_gamma": Argument("1", (1.15, 1.65), above=1.0),
+    # the shape of a wave
+    "time": Argument("s", (-0.005, 0.02)),
+    "peak_overpressure": _positive("Pa", 1e2, 1e6),
+    "reflected_pressure": _positive("Pa", 1e3, 5e6),
+    "duration": _positive("s", 1e-3, 1e-2),
+    "impulse": _positive("Pa s", 10.0, 1e3),
+    "decay": Argument("1", (0.0, 5.0)),
+    "rise_time": _positive("s", 1e-5, 1e-3),
+    "negative_pressure": _positive("Pa", 1e2, 5e4),
+    "negative_duration": _positive("s", 5e-3, 5e-2),
+    "incidence_angle": Argument("rad", (0.05, 1.5), at_least=0.0, at_most=math.pi / 2),
+    "mach_number": Argument("1", (1.01, 10.0), at_least=1.0),
+    # sound on its way
+    "frequency": _positive("Hz", 1.0, 1e4),
+    "reference_range": _positive("m", 0.1, 10.0),
+}
+"""By name. `burst` is "surface" or "free-air"."""
+
+
+def checked(law: Callable[P, R]) -> Callable[P, R]:
+    """Make a law raise for arguments that no scene can have.
+
+    Raises:
+        ValueError: An argument lies outside the bounds of `ARGUMENTS`, or is of none
+            of the bursts; the message names it, what was expected and what came.
+    """
+    signature = inspect.signature(law)
+
+    @functools.wraps(law)
+    def checking(*args: P.args, **kwargs: P.kwargs) -> R:
+        for name, value in signature.bind(*args, **kwargs).arguments.items():
+            if name == "burst":
+                if value not in ("surface", "free-air"):
+                    raise ValueError(
+                        f"burst must be 'surface' or 'free-air', got {value!r}"
+                    )
+            elif name in ARGUMENTS and not isinstance(value, jax.core.Tracer):
+                _check(name, np.atleast_1d(np.asarray(value, float)))
+        return law(*args, **kwargs)
+
+    return checking
+
+
+def _check(name: str, values: np.ndarray) -> None:
+    argument = ARGUMENTS[name]
+    good = argument.allows(values)
+    if not good.all():
+        unit = "" if argument.unit == "1" else f" {argument.unit}"
+        raise ValueError(
+            f"{name} must be {argument.bounds()}, got {values[~good][0]:g}{unit}"
+        )
