@@ -8,9 +8,10 @@ from jblast.cli.files import path, unwritable
 HELP = "fit a blast to a log of sensor readings"
 
 FREE = (
-    "charge_mass_kg, charge_east_m, charge_north_m, charge_up_m, charge_range_m, "
-    "origin_time_s, air_temperature_k, air_pressure_pa, air_relative_humidity, "
-    "air_altitude_m, air_sound_speed_m_s, ground_p_speed_m_s, sedov_gamma"
+    "charge_mass_kg, tnt_factor, charge_east_m, charge_north_m, charge_up_m, "
+    "charge_range_m, origin_time_s, air_temperature_k, air_pressure_pa, "
+    "air_relative_humidity, air_altitude_m, air_sound_speed_m_s, wind_east_m_s, "
+    "wind_north_m_s, ground_p_speed_m_s, sedov_gamma"
 )
 """The names of `scene.PARAMETERS`, here so that --help need not wait for JAX."""
 
@@ -35,7 +36,8 @@ def add_arguments(verb: argparse.ArgumentParser) -> None:
         "--free",
         metavar="PARAMETER,...",
         default="",
-        help=f"fit these too, with no prior: some of {FREE}",
+        help=f"fit these too, with no prior: some of {FREE}; of one of several "
+        "charges charge_mass_kg.NAME and so on; of a clock clock_offset_s.NAME",
     )
     verb.add_argument(
         "--law",

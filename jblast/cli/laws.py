@@ -6,7 +6,7 @@ import jblast.waves as _waves  # noqa: F401  laws enter the registry as they are
 from jblast.errors import InputError, nearest
 from jblast.quantities import QUANTITIES
 from jblast.registry import LAWS, names, names_for
-from jblast.scene.keys import LAW_NAMES, LAW_NAMES_LATER
+from jblast.scene.keys import LAW_NAMES_LATER
 from jblast.sensors.layout import components
 
 
@@ -76,4 +76,4 @@ def _for_all(name: str) -> dict[str, str]:
 
 def _waits(name: str) -> bool:
     """Return whether a law is of the contract and not built yet."""
-    return name in (*LAW_NAMES, *LAW_NAMES_LATER) and name not in names()
+    return name in LAW_NAMES_LATER and name not in names()

@@ -22,6 +22,12 @@ from jblast.scene import UncertainScene
 NOTHING: dict[str, float | None] = dict.fromkeys(
     ("value", "sd", "log_sd", "q05", "q50", "q95")
 )
+TNT_MASS_BY = {
+    "pressure": "peak_overpressure_pa",
+    "impulse": "positive_impulse_pa_s",
+    "energy": "shock_radius_m",
+}
+"""A quantity of each kind that explosives have a factor of their own for."""
 NEAR = 6.0
 """Another optimum within this of the best, in -2 ln density, is an ambiguity."""
 
@@ -57,7 +63,7 @@ def answer_of(
         "law_reason": {q: reason for q, (_, reason) in solution.laws.items()},
         "law_valid": bool(valid.all()),
         "estimates": estimates,
-        "derived": _derived(estimates),
+        "derived": _derived(estimates, solution),
         "free": list(solution.posterior.parameters.names),
         "identifiable": not null and not doubles,
         "null_directions": null,
@@ -89,16 +95,45 @@ def _estimates(solution: Solution) -> dict[str, dict[str, float | None]]:
     }
 
 
-def _derived(estimates) -> dict[str, dict[str, float | None]]:
-    """What follows from the mass: as TNT, and as energy by the TNT convention."""
-    if "charge_mass_kg" not in estimates:
-        return {}
-    mass = estimates["charge_mass_kg"]
-    energy = {
-        key: value if key == "log_sd" or value is None else value * TNT_SPECIFIC_ENERGY
-        for key, value in mass.items()
+def _derived(estimates, solution: Solution) -> dict[str, dict[str, float | None]]:
+    """What follows from each mass: as TNT by pressure, and as energy by convention.
+
+    The TNT mass by impulse is told where it differs.
+    """
+    z = solution.laplace.z
+    parameters = solution.posterior.parameters
+    scene = parameters.scene_at(jnp.asarray(z))
+    derived = {}
+    for charge in scene.charges:
+        label = f".{charge.name}" if scene.others else ""
+        mass, factor = f"charge_mass_kg{label}", f"tnt_factor{label}"
+        if mass not in estimates:
+            continue
+        if factor in parameters.names:  # the product is not normal in one coordinate
+            continue
+        per_kg = {
+            what: float(charge.tnt_mass(quantity) / charge.mass)
+            for what, quantity in TNT_MASS_BY.items()
+        }
+        derived[f"charge_tnt_mass_kg{label}"] = _times(
+            estimates[mass], per_kg["pressure"]
+        )
+        if per_kg["impulse"] != per_kg["pressure"]:
+            derived[f"charge_tnt_mass_by_impulse_kg{label}"] = _times(
+                estimates[mass], per_kg["impulse"]
+            )
+        derived[f"charge_energy_j{label}"] = _times(
+            estimates[mass], per_kg["energy"] * TNT_SPECIFIC_ENERGY
+        )
+    return derived
+
+
+def _times(estimate: dict[str, float | None], factor: float):
+    """Multiply an estimate; its sd in ln stays."""
+    return {
+        key: value if key == "log_sd" or value is None else value * factor
+        for key, value in estimate.items()
     }
-    return {"charge_tnt_mass_kg": dict(mass), "charge_energy_j": energy}
 
 
 def _null_directions(solution: Solution) -> list[dict[str, Any]]:

@@ -1,6 +1,6 @@
 """What the posterior says along a line away from the charge: the bands of a figure."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import equinox as eqx
 import jax
@@ -22,20 +22,25 @@ def bands(
     draws: Float[np.ndarray, "draw free"],
     observations: Observations,
     distance: Float[np.ndarray, " row"],
+    shot: Sequence[int],
     laws: Mapping[str, str],
 ) -> tuple[Band, ...]:
-    """Return the band of every quantity of a log, from half to twice its reach.
+    """Return the band of every quantity and charge of a log.
+
+    It goes from half to twice the reach of the readings, through still air: along a
+    range alone the wind has no direction.
 
     Args:
         parameters: What was fitted.
         draws: Coordinates drawn from the posterior.
         observations: The log.
         distance: Slant range of each row at the answer [m].
+        shot: Which of the scene's charges each row is of.
         laws: Name of the law for each quantity.
     """
     answer = []
-    for quantity in dict.fromkeys(observations.quantity):
-        rows = np.array([q == quantity for q in observations.quantity])
+    for quantity, of in dict.fromkeys(zip(observations.quantity, shot, strict=True)):
+        rows = np.isin(observations.quantity, quantity) & (np.array(shot) == of)
         is_radius = quantity == "shock_radius_m"
         reach = (observations.time if is_radius else distance)[rows]
         positive = reach[reach > 0]
@@ -48,8 +53,9 @@ def bands(
             position=jnp.zeros((POINTS, 3)),
             slant_range=jnp.asarray(nothing if is_radius else x),
             time=jnp.asarray(x if is_radius else nothing),
-            clock_offset=jnp.zeros(POINTS),
             group=(0,) * POINTS,
+            shot=(of,) * POINTS,
+            clock=("",) * POINTS,
         )
         needed = tuple((name, laws[name]) for name, _ in components(quantity))
         value, valid = _recordings(parameters, jnp.asarray(draws), layout, needed)
@@ -57,6 +63,7 @@ def bands(
         answer.append(
             Band(
                 quantity=quantity,
+                shot=of,
                 axis="time_s" if is_radius else "range_m",
                 x=x,
                 q05=q05,

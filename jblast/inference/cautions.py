@@ -8,7 +8,8 @@ from jblast.inference.goodness import POOR, chance
 from jblast.inference.solution import Solution
 from jblast.observations import Observations
 from jblast.registry import law_for
-from jblast.scene import UncertainScene
+from jblast.scene import Charge, UncertainScene
+from jblast.scene.parameters import CLOCK_OFFSET
 from jblast.scene.uncertain import NO_SCENE
 from jblast.sensors.layout import components
 
@@ -60,8 +61,10 @@ def cautions_of(
             f"{np.abs(effects).max():.1f} times the scatter expected of it: the law "
             "may not suit this setting"
         )
-    height = _height_beside_the_curves(solution)
-    return [*told, height] if height else told
+    scene = solution.posterior.parameters.scene_at(jnp.asarray(solution.laplace.z))
+    for charge in scene.charges:
+        told += _height_beside_the_curves(solution, charge)
+    return told + _clocks_taken_as_right(observations, uncertain)
 
 
 def _poor_fit(observations, uncertain, chi2, dof, p) -> str:
@@ -108,21 +111,37 @@ def _unlearned(solution: Solution) -> list[str]:
     return [f"the log tells nothing of {', '.join(same)} beyond the prior"]
 
 
-def _height_beside_the_curves(solution: Solution) -> str | None:
+def _height_beside_the_curves(solution: Solution, charge: Charge) -> list[str]:
     """Say what the curves leave out for a charge buried, or neither low nor high."""
     if not {name for name, _ in solution.laws.values()} & set(IDEAL_BURSTS):
-        return None
-    scene = solution.posterior.parameters.scene_at(jnp.asarray(solution.laplace.z))
-    height = float(scene.charge.up) / float(scene.charge.mass) ** (1 / 3)
+        return []
+    height = float(charge.up) / float(charge.mass) ** (1 / 3)
+    which = f"the charge {charge.name}" if charge.name else "the charge"
     if height < 0:
-        return (
-            f"the charge lay {-height:.2g} m/kg^(1/3) deep, of which the laws used "
+        return [
+            f"{which} lay {-height:.2g} m/kg^(1/3) deep, of which the laws used "
             "know nothing but the longer way"
-        )
+        ]
     if not 0 < height < BETWEEN_LIMITS:
-        return None
-    limit = "hemispherical" if scene.charge.burst == "surface" else "spherical"
-    return (
-        f"the charge stood {height:.2g} m/kg^(1/3) above the ground, between the "
+        return []
+    limit = "hemispherical" if charge.burst == "surface" else "spherical"
+    return [
+        f"{which} stood {height:.2g} m/kg^(1/3) above the ground, between the "
         f"limits of the curves: the {limit} ones were used"
-    )
+    ]
+
+
+def _clocks_taken_as_right(
+    observations: Observations, uncertain: UncertainScene
+) -> list[str]:
+    """Name the recorders of a log whose clocks nobody left open."""
+    clocks = list(dict.fromkeys(clock for clock in observations.clock if clock))
+    known = uncertain.scene.clock_offsets()
+    unsaid = [clock for clock in clocks[1:] if clock not in known]
+    if not unsaid:
+        return []
+    free = ",".join(f"{CLOCK_OFFSET}.{clock}" for clock in unsaid)
+    return [
+        f"the clocks {', '.join(clocks)} were taken to agree; "
+        f"--free {free} fits what they differ by"
+    ]

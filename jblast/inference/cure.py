@@ -51,8 +51,9 @@ def candidates(posterior: Posterior) -> tuple[Layout, list[str]]:
         position=jnp.asarray(np.array([p for _, p, _, _ in rows])),
         slant_range=jnp.asarray([r for _, _, r, _ in rows]),
         time=jnp.full(len(rows), jnp.nan),
-        clock_offset=jnp.zeros(len(rows)),
         group=tuple(range(len(rows))),
+        shot=(0,) * len(rows),
+        clock=("",) * len(rows),
     ), names
 
 

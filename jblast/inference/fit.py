@@ -71,6 +71,7 @@ def fit(
         residual=residual,
         sd=np.asarray(misfit.sd),
         shared=shared,
+        shot=posterior.layout.shot,
         draws={
             name: np.asarray(values[name])
             for name, told in zip(
@@ -83,6 +84,7 @@ def fit(
             draws[:DRAWS_IN_BANDS],
             observations,
             distance,
+            posterior.layout.shot,
             law_names(solution.laws),
         ),
     )

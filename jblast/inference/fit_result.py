@@ -17,6 +17,7 @@ class Band:
 
     Attributes:
         quantity: A key of `observations.QUANTITIES`.
+        shot: Of which of the scene's charges.
         axis: "range_m", or "time_s" for `shock_radius_m`.
         x: Where, increasing.
         q05: 5 % quantile over the posterior, laws taken as exact; clock times are on
@@ -27,6 +28,7 @@ class Band:
     """
 
     quantity: str
+    shot: int
     axis: str
     x: Float[np.ndarray, " point"]
     q05: Float[np.ndarray, " point"]
@@ -49,7 +51,8 @@ class Fit:
         sd: Independent standard deviation of each row: seconds for times, else in ln.
         shared: The shared effects at each row, same unit as `sd`.
         draws: Posterior draws of every parameter that the data determine.
-        bands: One for each quantity observed.
+        shot: Which of the scene's charges each row is of.
+        bands: One for each quantity observed, and charge.
         exit_code: 0 answered, 4 computed but not converged or not identifiable.
     """
 
@@ -61,8 +64,15 @@ class Fit:
     residual: Float[np.ndarray, " row"]
     sd: Float[np.ndarray, " row"]
     shared: Float[np.ndarray, " row"]
+    shot: tuple[int, ...]
     draws: Mapping[str, Float[np.ndarray, " draw"]] = field(default_factory=dict)
     bands: tuple[Band, ...] = ()
+
+    @property
+    def origin_time(self) -> Float[np.ndarray, " row"]:
+        """When the charge of each row exploded, on the common clock [s]."""
+        times = np.array([float(charge.time) for charge in self.scene.charges])
+        return times[list(self.shot)]
 
     @property
     def exit_code(self) -> int:

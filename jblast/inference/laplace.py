@@ -20,7 +20,7 @@ from jaxtyping import Float
 from jblast.inference.fisher import NULL, information
 from jblast.inference.parameters import Parameters
 from jblast.inference.posterior import Posterior
-from jblast.scene import PARAMETERS
+from jblast.scene import place_of
 
 NORMAL_Q95 = 1.6448536269514722
 """95 % quantile of the standard normal."""
@@ -135,9 +135,7 @@ def marginals(
         name: {
             "value": float(value[1]),
             "sd": _sd(value[3:], weights),
-            "log_sd": _log_sd(value[3:], weights)
-            if PARAMETERS[name].positive
-            else None,
+            "log_sd": _log_sd(value[3:], weights) if place_of(name).positive else None,
             "q05": float(value[0]),
             "q50": float(value[1]),
             "q95": float(value[2]),

@@ -9,7 +9,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from jblast.scene import PARAMETERS, Free, Scene, UncertainScene, with_values
+from jblast.scene import Free, Scene, UncertainScene, place_of, with_values
 from jblast.scene.priors import Belief
 
 
@@ -57,7 +57,7 @@ class Parameters(eqx.Module):
 
     def space(self) -> tuple[str, ...]:
         """Return "ln" or "linear" for each number: the space it is told in."""
-        return tuple("ln" if PARAMETERS[n].positive else "linear" for n in self.names)
+        return tuple("ln" if place_of(n).positive else "linear" for n in self.names)
 
 
 def parameters_of(uncertain: UncertainScene) -> Parameters:

@@ -7,14 +7,14 @@ from jaxtyping import Array, Float, PRNGKeyArray
 
 from jblast.constants import STANDARD_SOUND_SPEED
 from jblast.inference.posterior import Posterior
-from jblast.scene import PARAMETERS, Free
-from jblast.scene.scene import value_of
-
-CLOCK_TIMES = ("flash_time_s", "air_arrival_s", "ground_arrival_s")
+from jblast.observations import CLOCK_TIMES
+from jblast.scene import Free, place_of
+from jblast.scene.parameters import CLOCK_OFFSET, value_of
 
 # Spread of a free positive number about its start: a factor, one standard deviation.
 FACTORS = {
     "charge_mass_kg": 100.0,
+    "tnt_factor": 1.5,
     "charge_range_m": 10.0,
     "air_sound_speed_m_s": 1.05,
     "air_temperature_k": 1.05,
@@ -23,6 +23,10 @@ FACTORS = {
     "ground_p_speed_m_s": 1.5,
     "sedov_gamma": 1.05,
 }
+
+
+WIND = 5.0
+"""A typical wind [m/s]."""
 
 
 def layout_size(posterior: Posterior) -> Float[Array, ""]:
@@ -38,6 +42,9 @@ def scales(posterior: Posterior) -> Float[Array, " free"]:
     size = layout_size(posterior)
     lengths = {
         "origin_time_s": size / STANDARD_SOUND_SPEED,
+        "clock_offset_s": size / STANDARD_SOUND_SPEED,
+        "wind_east_m_s": WIND,
+        "wind_north_m_s": WIND,
         "charge_up_m": 0.1 * size,
         "air_altitude_m": 1000.0,
     }
@@ -46,7 +53,7 @@ def scales(posterior: Posterior) -> Float[Array, " free"]:
         [
             1.0
             if not isinstance(belief, Free) or belief.positive
-            else lengths.get(name, size)
+            else lengths.get(_base(name), size)
             for name, belief in zip(parameters.names, parameters.beliefs, strict=True)
         ]
     )
@@ -57,7 +64,7 @@ def spreads(posterior: Posterior) -> Float[Array, " free"]:
     parameters = posterior.parameters
     by_factor = jnp.array(
         [
-            jnp.log(FACTORS[name])
+            jnp.log(FACTORS[_base(name)])
             if isinstance(belief, Free) and belief.positive
             else 1.0
             for name, belief in zip(parameters.names, parameters.beliefs, strict=True)
@@ -73,7 +80,7 @@ def starts(
 
     A number with a prior is drawn from it. A free one is spread about its start: a
     positive one by a factor, a place over the sensors' surroundings. A free origin
-    time is set so that the median clock reading is met.
+    time, or clock, is set so that the median reading of its rows is met.
     """
     parameters = posterior.parameters
     middle = posterior.layout.position.mean(axis=0)
@@ -88,32 +95,44 @@ def starts(
         if not isinstance(belief, Free):
             columns.append(spread)
         elif belief.positive:
-            default = PARAMETERS[name].default
+            default = place_of(name).default
             known = default if value is None else jnp.where(value > 0, value, default)
             start = jnp.log(known)
             columns.append(start + spread)
-        elif name in ("charge_east_m", "charge_north_m"):
+        elif _base(name) in ("charge_east_m", "charge_north_m"):
             columns.append(middle["en".index(name[7])] + spread)
-        elif name == "charge_up_m":
+        elif _base(name) == "charge_up_m":
             columns.append(spread)
         else:
             columns.append((0.0 if value is None else value) + 0.0 * spread)
     z = jnp.stack(columns, axis=1)
-    if "origin_time_s" in parameters.names:
-        index = parameters.names.index("origin_time_s")
-        if isinstance(parameters.beliefs[index], Free):
-            z = z.at[:, index].add(_late_by(posterior, z))
+    clocks = [n.partition(".")[2] for n in parameters.names if _base(n) == CLOCK_OFFSET]
+    layout = posterior.layout
+    timed = np.isin(layout.quantity, CLOCK_TIMES)
+    # first the origin times, by clocks that are known, then the clocks that are not
+    for wanted in ("origin_time_s", CLOCK_OFFSET):
+        for i, name in enumerate(parameters.names):
+            if _base(name) != wanted or not isinstance(parameters.beliefs[i], Free):
+                continue
+            label = name.partition(".")[2]
+            if wanted == CLOCK_OFFSET:
+                rows = timed & (np.array(layout.clock) == label)
+            else:
+                named = [c.name if label else "" for c in parameters.scene.charges]
+                rows = timed & (np.array(named)[list(layout.shot)] == label)
+                known = rows & ~np.isin(layout.clock, clocks)
+                rows = known if known.any() else rows
+            if rows.any():
+                z = z.at[:, i].add(_late_by(posterior, z, np.flatnonzero(rows)))
     return z
 
 
-def _late_by(posterior, z):
-    """By how much the median clock reading is later than each start predicts."""
-    rows = [
-        row
-        for row, quantity in enumerate(posterior.layout.quantity)
-        if quantity in CLOCK_TIMES
-    ]
-    if not rows:
-        return jnp.zeros(z.shape[0])
+def _late_by(posterior, z, rows):
+    """By how much the median reading of some rows is later than each start predicts."""
     residual = jax.vmap(lambda z: posterior.misfit(z).residual)(z)
-    return jnp.median(residual[:, np.array(rows)], axis=1)
+    return jnp.median(residual[:, rows], axis=1)
+
+
+def _base(name: str) -> str:
+    """Return a number's name without the charge or clock it is of."""
+    return name.partition(".")[0]

@@ -4,13 +4,18 @@ from collections.abc import Collection
 from dataclasses import replace
 
 import numpy as np
+from jaxtyping import Bool, Float, Int
 
 from jblast.errors import InputError, shown
-from jblast.observations.table import Observations
-from jblast.scene import Scene
+from jblast.observations.clocks import check_clocks
+from jblast.observations.table import TIMES, Observations
+from jblast.scene import PARAMETERS, Charge, Scene
+from jblast.scene.parameters import CLOCK_OFFSET
 
 EARLY = 5.0
 """A reading this many sigmas before the origin time is no error of measurement."""
+WIND_FELT = ("positive_impulse_pa_s", "positive_duration_s", "reflected_impulse_pa_s")
+"""What changes with the speed of sound, and so with the wind, beside times."""
 AGREE = 1e-3
 """How far a place given twice may differ [m]."""
 
@@ -32,8 +37,8 @@ def place(
         InputError: A sensor's place is missing, or given twice and differently; or the
             log holds what nothing is built for yet.
     """
-    _refuse_several(observations, "shot", observations.shot)
-    _refuse_several(observations, "clock", observations.clock)
+    shots = _shots(observations, scene)
+    check_clocks(observations, scene, beliefs)
     position = observations.position.copy()
     sensors = {sensor.name: np.asarray(sensor.position) for sensor in scene.sensors}
     sensors = {name: at for name, at in sensors.items() if not np.isnan(at).any()}
@@ -49,69 +54,84 @@ def place(
                 f"{_where(observations, row)}: sensor {shown(name)} stands at "
                 f"{_metres(position[row])}; expected {_metres(known)} as in the scene"
             )
-    for row in np.flatnonzero(~np.isnan(observations.slant_range)):
-        _check_range(observations, int(row), position[row], scene, beliefs)
-        position[row] = np.nan  # the slant range is what counts
-    _refuse_placeless(observations, position, scene)
-    if not {"charge_east_m", "charge_north_m", "charge_up_m"} & set(beliefs):
-        _refuse_on_charge(observations, position, scene)
-    if "origin_time_s" not in beliefs:
-        _refuse_before_origin(observations, scene)
+    for shot, charge in enumerate(scene.charges):
+        here = shots == shot
+        label = f".{charge.name}" if scene.others else ""
+        free = {base for base in PARAMETERS if base + label in beliefs}
+        for row in np.flatnonzero(here & ~np.isnan(observations.slant_range)):
+            _check_range(observations, int(row), position[row], charge, free)
+            position[row] = np.nan  # the slant range is what counts
+        _refuse_placeless(observations, position, charge, here)
+        if not {"charge_east_m", "charge_north_m", "charge_up_m"} & free:
+            _refuse_on_charge(observations, position, charge, here)
+        if "origin_time_s" not in free:
+            _refuse_before_origin(observations, scene, charge, here, beliefs)
+    _refuse_wind_without_place(observations, position, scene, beliefs)
     return replace(observations, position=position)
 
 
-def _refuse_several(
-    observations: Observations, column: str, names: tuple[str, ...]
-) -> None:
-    """Refuse a log of several shots or clocks."""
-    distinct = list(dict.fromkeys(names))
+def _shots(observations: Observations, scene: Scene) -> Int[np.ndarray, " row"]:
+    """Return which of the scene's charges each row is of."""
+    names = [charge.name for charge in scene.charges]
+    if scene.others:
+        for row, shot in enumerate(observations.shot):
+            if shot not in names:
+                raise InputError(
+                    f"{_where(observations, row)}, column shot: expected one of the "
+                    f"scene's charges, {', '.join(map(shown, names))}; got "
+                    f"{shown(shot) if shot else 'nothing'}"
+                )
+        return np.array([names.index(shot) for shot in observations.shot])
+    distinct = list(dict.fromkeys(observations.shot))
     if len(distinct) > 1:
-        row = names.index(distinct[1])
+        row = observations.shot.index(distinct[1])
         raise InputError(
-            f"{_where(observations, row)}, column {column}: more than one {column} in "
-            f"a log is not supported yet; expected {shown(distinct[0])} as in the rows "
-            f"before, got {shown(distinct[1])}"
+            f"{_where(observations, row)}, column shot: expected {shown(distinct[0])} "
+            f"as in the rows before, got {shown(distinct[1])}: several shots in a log "
+            "need a scene with a [[charge]] named for each"
         )
+    return np.zeros(len(observations), int)
 
 
 def _check_range(
     observations: Observations,
     row: int,
     position: np.ndarray,
-    scene: Scene,
-    beliefs: Collection[str],
+    charge: Charge,
+    free: Collection[str],
 ) -> None:
     """Refuse a slant range beside a free place, or one the scene contradicts."""
     where = f"{_where(observations, row)}, column range_m"
     given = float(observations.slant_range[row])
     for name in ("charge_east_m", "charge_north_m"):
-        if name in beliefs:
+        if name in free:
             raise InputError(
                 f"{where}: a range cannot place a charge: {name} is not fixed, so "
                 f"expected east_m, north_m, up_m; got range_m = {given:g}"
             )
-    if "charge_range_m" in beliefs:
+    if "charge_range_m" in free:
         raise InputError(
             f"{where}: got {given:g}, but [charge] range_m of the scene is not fixed; "
             "expected one of the two"
         )
-    charge = scene.charge
     told = None
     if charge.range is not None:
         told = float(charge.range)
-    elif not np.isnan(position).any() and "charge_up_m" not in beliefs:
-        at = np.array([float(charge.east), float(charge.north), float(charge.up)])
-        told = float(np.linalg.norm(position - at))
+    elif not np.isnan(position).any() and "charge_up_m" not in free:
+        told = float(np.linalg.norm(position - _place(charge)))
     if told is not None and abs(given - told) > AGREE:
         raise InputError(f"{where}: got {given!r}; expected {told!r} as in the scene")
 
 
 def _refuse_placeless(
-    observations: Observations, position: np.ndarray, scene: Scene
+    observations: Observations,
+    position: np.ndarray,
+    charge: Charge,
+    here: Bool[np.ndarray, " row"],
 ) -> None:
     """Refuse rows that no distance from the charge can be found for."""
-    needs = np.array([q != "shock_radius_m" for q in observations.quantity])
-    if scene.charge.range is not None:
+    needs = here & np.array([q != "shock_radius_m" for q in observations.quantity])
+    if charge.range is not None:
         names = list(dict.fromkeys(np.array(observations.sensor, dtype=object)[needs]))
         if len(names) > 1:
             raise InputError(
@@ -131,14 +151,17 @@ def _refuse_placeless(
 
 
 def _refuse_on_charge(
-    observations: Observations, position: np.ndarray, scene: Scene
+    observations: Observations,
+    position: np.ndarray,
+    charge: Charge,
+    here: Bool[np.ndarray, " row"],
 ) -> None:
     """Refuse a sensor where the charge is fixed: no law holds at distance zero."""
-    charge = scene.charge
     if charge.range is not None:
         return
-    at = np.array([float(charge.east), float(charge.north), float(charge.up)])
-    for row in np.flatnonzero(np.linalg.norm(position - at, axis=1) == 0):
+    at = _place(charge)
+    apart = np.linalg.norm(position - at, axis=1)
+    for row in np.flatnonzero(here & (apart == 0)):
         name = observations.sensor[row]
         raise InputError(
             f"{_where(observations, int(row))}: sensor {shown(name)} stands at "
@@ -146,20 +169,56 @@ def _refuse_on_charge(
         )
 
 
-def _refuse_before_origin(observations: Observations, scene: Scene) -> None:
+def _refuse_before_origin(
+    observations: Observations,
+    scene: Scene,
+    charge: Charge,
+    here: Bool[np.ndarray, " row"],
+    beliefs: Collection[str],
+) -> None:
     """Refuse a wave that arrives before a fixed origin time, errors allowed for."""
-    offsets = {sensor.name: float(sensor.clock_offset) for sensor in scene.sensors}
-    for row, quantity in enumerate(observations.quantity):
-        if quantity not in ("air_arrival_s", "ground_arrival_s"):
+    offsets = {name: float(offset) for name, offset in scene.clock_offsets().items()}
+    clocks = observations.clocks()
+    for row in np.flatnonzero(here):
+        quantity, clock = observations.quantity[row], clocks[row]
+        waves = ("air_arrival_s", "ground_arrival_s")
+        if quantity not in waves or f"{CLOCK_OFFSET}.{clock}" in beliefs:
             continue
-        start = float(scene.charge.time) + offsets.get(observations.sensor[row], 0.0)
+        start = float(charge.time) + offsets.get(clock, 0.0)
         allowed = EARLY * float(np.nan_to_num(observations.sigma[row]))
         if observations.value[row] + allowed <= start:
             raise InputError(
-                f"{_where(observations, row)}: {quantity} is "
+                f"{_where(observations, int(row))}: {quantity} is "
                 f"{observations.value[row]:g} s; expected it after the origin time, "
                 f"{start:g} s on this clock (correct it, or free origin_time_s)"
             )
+
+
+def _refuse_wind_without_place(
+    observations: Observations,
+    position: np.ndarray,
+    scene: Scene,
+    beliefs: Collection[str],
+) -> None:
+    """Refuse wind where nobody knows which way the sound went."""
+    wind = float(scene.air.wind_east), float(scene.air.wind_north)
+    free = {"wind_east_m_s", "wind_north_m_s"} & set(beliefs)
+    if not free and wind == (0.0, 0.0):
+        return
+    ranged = any(charge.range is not None for charge in scene.charges)
+    lost = np.full(len(observations), ranged) | np.isnan(position).any(axis=1)
+    lost &= np.isin(observations.quantity, (*TIMES, *WIND_FELT))
+    if lost.any():
+        row = int(np.argmax(lost))
+        raise InputError(
+            f"{_where(observations, row)}: expected east_m, north_m, up_m, since the "
+            f"scene has {'a free' if free else 'a'} wind; got a range alone, which has "
+            "no direction"
+        )
+
+
+def _place(charge: Charge) -> Float[np.ndarray, "3"]:
+    return np.array([float(charge.east), float(charge.north), float(charge.up)])
 
 
 def _where(observations: Observations, row: int) -> str:

@@ -6,9 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from jblast.observations.table import TIMES, Observations
+from jblast.observations.table import CLOCK_TIMES, TIMES, Observations
 
-_CLOCK_TIMES = ("flash_time_s", "air_arrival_s", "ground_arrival_s")
 _OF_GROUND = {"ground_arrival_s", "arrival_difference_s"}
 
 
@@ -23,12 +22,14 @@ def starter_scene(observations: Observations) -> str:
     for row, name in enumerate(observations.sensor):
         rows.setdefault(name, []).append(row)
     logs = [_Log(name, observations, np.array(rows[name])) for name in rows]
+    shots = list(dict.fromkeys(observations.shot))
     parts = [
         _head(observations),
-        _charge(observations, [log for log in logs if log.needs_distance]),
+        *(_charge(observations, logs, shot) for shot in shots),
         _AIR,
         *([_GROUND] if set(observations.quantity) & _OF_GROUND else []),
         *(_sensor(log) for log in logs),
+        *_clocks(observations),
         _LAW,
     ]
     return "\n".join(parts)
@@ -77,11 +78,21 @@ schema = 1
 """
 
 
-def _charge(observations: Observations, logs: list[_Log]) -> str:
-    lines = ["[charge]", 'mass_kg = "free"  # TNT mass; or a value, or a prior']
+def _charge(observations: Observations, logs: list[_Log], shot: str) -> str:
+    logs = [log for log in logs if log.needs_distance]
+    lines = ["[charge]"]
+    if len(set(observations.shot)) > 1:
+        lines = ["[[charge]]", f"name = {_toml_text(shot)}  # as the log's shot"]
+    quantities = [
+        quantity
+        for quantity, of in zip(observations.quantity, observations.shot, strict=True)
+        if of == shot
+    ]
+    lines.append('mass_kg = "free"  # of the explosive; or a value, or a prior')
+    lines.append('explosive = "TNT"  # or "C4", "ANFO", ...; or tnt_factor = 1.1')
     places = {place for log in logs for place in log.places}
     ranges = {slant_range for log in logs for slant_range in log.ranges}
-    free = len(observations) >= 4 and not ranges and _in_no_line(places)
+    free = len(quantities) >= 4 and not ranges and _in_no_line(places)
     if free:
         lines.append('position_m = ["free", "free", 0.0]  # or where it was')
     elif len(logs) == 1 and len(ranges) == 1:
@@ -90,13 +101,25 @@ def _charge(observations: Observations, logs: list[_Log]) -> str:
         lines.append('range_m = "free"  # slant range to the one sensor')
     else:
         lines.append("position_m = [0.0, 0.0, 0.0]  # the log cannot tell it")
-    clocks = sum(quantity in _CLOCK_TIMES for quantity in observations.quantity)
-    if (free and clocks >= 3) or "flash_time_s" in observations.quantity:
+    clocks = sum(quantity in CLOCK_TIMES for quantity in quantities)
+    if (free and clocks >= 3) or "flash_time_s" in quantities:
         lines.append('time_s = "free"  # on the clock of the sensors')
     else:
         lines.append('time_s = 0.0  # on the clock of the sensors; or "free"')
     lines.append('burst = "surface"  # or "free-air", before any reflection arrived')
     return "\n".join(lines) + "\n"
+
+
+def _clocks(observations: Observations) -> list[str]:
+    """Say how the clocks of several recorders are fitted: a scene cannot."""
+    named = list(dict.fromkeys(clock for clock in observations.clock if clock))
+    if len(named) < 2:
+        return []
+    free = ",".join(f"clock_offset_s.{clock}" for clock in named[1:])
+    return [
+        f"# The clocks {', '.join(named)} are taken to agree; if they do not, "
+        f"fit with\n# --free {free}\n"
+    ]
 
 
 def _in_no_line(places: set[tuple[float, ...]]) -> bool:
@@ -115,6 +138,7 @@ pressure_pa = 101325.0
 relative_humidity = 0.5
 # altitude_m = 1500  # instead of the temperature and pressure above
 # sound_speed_m_s = "free"  # only where it was measured, or is to be fitted
+wind_m_s = [0.0, 0.0]  # towards east, north; each may be free
 """
 
 _GROUND = """\

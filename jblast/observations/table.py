@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
+from jblast.quantities import CLOCK_TIMES as CLOCK_TIMES
 from jblast.quantities import QUANTITIES as QUANTITIES
 from jblast.quantities import TIMES as TIMES
 
@@ -50,6 +51,10 @@ class Observations:
 
     def __len__(self) -> int:
         return len(self.value)
+
+    def clocks(self) -> tuple[str, ...]:
+        """Return the name of each row's clock: its recorder, else its sensor."""
+        return tuple(c or s for c, s in zip(self.clock, self.sensor, strict=True))
 
     def groups(self) -> tuple[str, ...]:
         """Return what the records of a row share: its path, else its sensor."""

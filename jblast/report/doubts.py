@@ -6,7 +6,7 @@ from typing import Any
 
 from jblast.report.numbers import finite, printed_number, rounded, significant
 from jblast.report.words import capitalised, joined, parameter_words, quantity_words
-from jblast.scene import PARAMETERS
+from jblast.scene import place_of
 
 UNIDENTIFIED_LOG_SD = 0.5
 """A positive parameter with a larger sd in ln is called practically unidentified."""
@@ -51,8 +51,7 @@ def null_direction_sentence(direction: Mapping[str, Any]) -> str:
 
 
 def _in_ln(name: str, space: str) -> bool:
-    place = PARAMETERS.get(name.partition(".")[0])
-    return space != "linear" and (place is None or place.positive)
+    return space != "linear" and place_of(name).positive
 
 
 def _signed(name: str, step: float) -> str:

@@ -26,31 +26,35 @@ from jblast.report.words import capitalised, law_words, quantity_words
 
 
 def recordings_figure(fit: Fit) -> Figure:
-    """Draw one panel a quantity: points with errors, median and 5-95 % band.
+    """Draw one panel a quantity and charge: points with errors, median and 5-95 % band.
 
     The line is dashed where the law does not hold; suspected outliers are ringed.
     """
-    quantities = list(dict.fromkeys(fit.observations.quantity))
-    columns = min(len(quantities), 2)
-    rows = -(-len(quantities) // columns)
+    panels = list(dict.fromkeys(zip(fit.observations.quantity, fit.shot, strict=True)))
+    columns = min(len(panels), 2)
+    rows = -(-len(panels) // columns)
     figure = new_figure(7.2 if columns == 1 else 10.5, 4.0 * rows + 0.3)
     grid = figure.subplots(rows, columns, squeeze=False)
-    for axes, quantity in zip(grid.flat, quantities, strict=False):
-        _panel(axes, fit, quantity)
-    for axes in list(grid.flat)[len(quantities) :]:
+    for axes, (quantity, shot) in zip(grid.flat, panels, strict=False):
+        _panel(axes, fit, quantity, shot)
+    for axes in list(grid.flat)[len(panels) :]:
         axes.set_axis_off()
     _key(figure, fit, columns)
     return figure
 
 
-def _panel(axes: Axes, fit: Fit, quantity: str) -> None:
+def _panel(axes: Axes, fit: Fit, quantity: str, shot: int) -> None:
     table = fit.observations
-    rows = np.flatnonzero([q == quantity for q in table.quantity])
-    band = next((b for b in fit.bands if b.quantity == quantity), None)
+    rows = np.flatnonzero(
+        np.isin(table.quantity, quantity) & (np.array(fit.shot) == shot)
+    )
+    band = next(
+        (b for b in fit.bands if (b.quantity, b.shot) == (quantity, shot)), None
+    )
     against_time = quantity == "shock_radius_m"
-    less = reduction(fit, quantity)
+    less = reduction(fit, quantity, shot)
     clock = common_clock(fit)[rows]
-    t0 = float(fit.scene.charge.time)
+    t0 = float(fit.scene.charges[shot].time)
     if against_time:
         x, value = table.time[rows] - clock - t0, table.value[rows]
         band_x = None if band is None else band.x - t0
@@ -91,7 +95,8 @@ def _panel(axes: Axes, fit: Fit, quantity: str) -> None:
     along = "time after detonation" if against_time else "slant range"
     axes.set_xlabel(_with_unit(along, x_unit))
     law = fit.answer["law"].get(quantity, "")
-    titled(axes, capitalised(quantity_words(quantity)), law_words(law))
+    of = f" of {fit.scene.charges[shot].name}" if fit.scene.others else ""
+    titled(axes, capitalised(quantity_words(quantity)) + of, law_words(law))
 
 
 def _error_bars(
@@ -210,6 +215,11 @@ def _key(figure: Figure, fit: Fit, columns: int) -> None:
         key += ["line: median", "band: 5 to 95 % of the posterior"]
     if any(not np.all(band.valid) for band in fit.bands):
         key.append("dashed: outside the law's range")
+    if fit.bands and (
+        float(fit.scene.air.wind_east),
+        float(fit.scene.air.wind_north),
+    ) != (0.0, 0.0):
+        key.append("band: in still air")
     if outlier_rows(fit):
         key.append("ringed: suspected outlier")
     a_line = 3 if columns == 1 else 5

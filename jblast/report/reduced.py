@@ -52,9 +52,9 @@ def axis_sound_speed(fit: Fit) -> float:
     return float(sound_speed_in_air(temperature, pressure, air.relative_humidity))
 
 
-def reduction(fit: Fit, quantity: str) -> Reduction | None:
+def reduction(fit: Fit, quantity: str, shot: int) -> Reduction | None:
     """Return what a plot takes off a quantity; None where it shows the value itself."""
-    t0 = float(fit.scene.charge.time)
+    t0 = float(fit.scene.charges[shot].time)
     air = axis_sound_speed(fit)
     ground = float(fit.scene.ground.p_speed)
     if quantity == "air_arrival_s":
@@ -71,16 +71,10 @@ def reduction(fit: Fit, quantity: str) -> Reduction | None:
 
 def common_clock(fit: Fit) -> Float[np.ndarray, " row"]:
     """Return what to take off each row's clock to read the common clock [s]."""
-    offsets = {s.name: float(s.clock_offset) for s in fit.scene.sensors}
-    clocks = {
-        name.partition(".")[2]: estimate.get("value") or 0.0
-        for name, estimate in fit.answer["estimates"].items()
-        if name.startswith("clock_offset_s.")
-    }
-    table = fit.observations
-    return np.array(
-        [
-            clocks.get(clock, offsets.get(sensor, 0.0))
-            for clock, sensor in zip(table.clock, table.sensor, strict=True)
-        ]
-    )
+    offsets = fit.scene.clock_offsets()
+    told = [
+        0.0 if f"clock_offset_s.{clock}" in unidentified(fit.answer) else offset
+        for clock, offset in offsets.items()
+    ]
+    by_name = dict(zip(offsets, map(float, told), strict=True))
+    return np.array([by_name.get(clock, 0.0) for clock in fit.observations.clocks()])

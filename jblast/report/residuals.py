@@ -42,7 +42,7 @@ def _panel(axes: Axes, fit: Fit, panel: list[str], quantities: list[str]) -> Non
     against_time = panel == ["shock_radius_m"]
     along = fit.distance
     if against_time:
-        along = table.time - common_clock(fit) - float(fit.scene.charge.time)
+        along = table.time - common_clock(fit) - fit.origin_time
     here = np.array([q in panel for q in table.quantity])
     here &= np.isfinite(along) & np.isfinite(fit.residual)
     unit = unit_for("_s" if against_time else "_m", *map(float, along[here]))

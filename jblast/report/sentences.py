@@ -17,7 +17,8 @@ from jblast.report.goodness import goodness_sentence
 from jblast.report.laws import law_sentence, validity_sentence
 from jblast.report.numbers import finite, printed_estimate, printed_number, significant
 from jblast.report.words import capitalised, joined, parameter_words, split_name
-from jblast.scene.scene import value_of
+from jblast.scene import EXPLOSIVES, Charge
+from jblast.scene.parameters import value_of
 
 SAFETY = (
     "For safety engineering, forensics and sensing; it designs no explosives. "
@@ -57,7 +58,8 @@ def conclusion(fit: Fit, accepted: Accepted | None = None) -> list[str]:
         said, doubts = said + doubts, []
     for name, estimate in estimates_of(answer).items():
         if finite(estimate.get("value")) is not None and not _repeats(name, answer):
-            said.append(_estimate_sentence(name, estimate, accepted))
+            made_of = fit.scene.charge.explosive if name == "charge_mass_kg" else ""
+            said.append(_estimate_sentence(name, estimate, accepted, made_of))
     said += doubts
     said.append(goodness_sentence(answer))
     if outliers := outlier_lines(answer):
@@ -88,18 +90,23 @@ def limits(fit: Fit) -> list[str]:
 def given_sentence(fit: Fit) -> str:
     """Say which numbers were taken as known."""
     scene, free = fit.scene, set(fit.answer["free"])
-    names = ["charge_mass_kg"]
-    if scene.charge.range is None:
-        names += ["charge_east_m", "charge_north_m", "charge_up_m"]
-    else:
-        names += ["charge_range_m"]
-    names += ["origin_time_s"]
+    names = []
+    for charge in scene.charges:
+        label = f".{charge.name}" if scene.others else ""
+        places = ["charge_east_m", "charge_north_m", "charge_up_m"]
+        if charge.range is not None:
+            places = ["charge_range_m"]
+        names += [f"{n}{label}" for n in ("charge_mass_kg", *places, "origin_time_s")]
+        if charge.tnt_factor is not None:
+            names.append(f"tnt_factor{label}")
     if scene.air.sound_speed is not None:
         names += ["air_sound_speed_m_s"]
     elif scene.air.altitude is not None:
         names += ["air_altitude_m"]
     else:
         names += ["air_temperature_k", "air_pressure_pa"]
+    if float(scene.air.wind_east) or float(scene.air.wind_north):
+        names += ["wind_east_m_s", "wind_north_m_s"]
     if any(q.startswith(("ground", "arrival_diff")) for q in fit.answer["law"]):
         names += ["ground_p_speed_m_s"]
     if "sedov_taylor" in fit.answer["law"].values():
@@ -110,22 +117,40 @@ def given_sentence(fit: Fit) -> str:
         if name not in free and value is not None:
             shown = printed_number(name, float(value), 6)
             known.append(f"{parameter_words(name)} {shown}")
-    burst = f"{scene.charge.burst} burst"
-    return f"Taken as known: {joined([*known, burst])}."
+    known += [_explosive_words(charge) for charge in scene.charges]
+    return f"Taken as known: {joined([k for k in known if k])}."
+
+
+def _explosive_words(charge: Charge) -> str:
+    """Say what a charge is of, what that is worth in TNT, and which curves hold."""
+    of = f"{charge.name}: " if charge.name else ""
+    if charge.explosive == "TNT":
+        return f"{of}{charge.burst} burst"
+    factors = EXPLOSIVES[charge.explosive]
+    return (
+        f"{of}{charge.burst} burst of {charge.explosive}, worth {factors.pressure:g} "
+        f"of its mass in TNT by pressure and {factors.impulse:g} by impulse "
+        f"({factors.source})"
+    )
 
 
 def _repeats(name: str, answer: Mapping[str, Any]) -> bool:
     """Tell whether a TNT mass only repeats the charge mass."""
-    mass = answer["estimates"].get("charge_mass_kg", {}).get("value")
-    tnt = answer.get("derived", {}).get("charge_tnt_mass_kg", {}).get("value")
-    return name == "charge_tnt_mass_kg" and mass is not None and mass == tnt
+    base, dot, label = name.partition(".")
+    of_mass = answer["estimates"].get(f"charge_mass_kg{dot}{label}", {})
+    mass, tnt = of_mass.get("value"), answer.get("derived", {}).get(name, {})
+    return base == "charge_tnt_mass_kg" and mass is not None and mass == tnt.get("value")
 
 
 def _estimate_sentence(
-    name: str, estimate: Mapping[str, Any], accepted: Accepted | None
+    name: str,
+    estimate: Mapping[str, Any],
+    accepted: Accepted | None,
+    explosive: str = "",
 ) -> str:
     printed = printed_estimate(name, estimate)
     opening = OPENINGS.get(name, f"The {parameter_words(name)} was {{}}")
+    opening = opening.replace("of TNT", f"of {explosive}") if explosive else opening
     if split_name(name)[2]:
         opening = f"The {parameter_words(name)} was {{}}"
     value = printed.value

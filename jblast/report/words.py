@@ -8,7 +8,9 @@ SUFFIXES = ("_pa_s", "_m_s", "_kg", "_pa", "_m", "_s", "_j", "_k")
 PARAMETER_WORDS = {
     "charge_mass_kg": "charge mass",
     "charge_tnt_mass_kg": "TNT mass of the charge",
+    "charge_tnt_mass_by_impulse_kg": "TNT mass by impulse",
     "charge_energy_j": "energy",
+    "tnt_factor": "TNT factor",
     "charge_east_m": "charge east",
     "charge_north_m": "charge north",
     "charge_up_m": "charge up",
@@ -39,6 +41,12 @@ QUANTITY_WORDS = {
     "shock_radius_m": "shock radius",
     "ground_peak_velocity_m_s": "peak ground velocity",
     "ground_displacement_m": "peak ground displacement",
+    "friedlander_decay": "Friedlander decay b",
+    "negative_pressure_pa": "negative-phase pressure",
+    "negative_impulse_pa_s": "negative-phase impulse",
+    "negative_duration_s": "negative-phase duration",
+    "reflected_negative_pressure_pa": "reflected negative-phase pressure",
+    "reflected_negative_impulse_pa_s": "reflected negative-phase impulse",
 }
 
 LAW_WORDS = {

@@ -12,7 +12,7 @@ def _optional(value):
 
 
 class Air(eqx.Module):
-    """Still air, the same everywhere.
+    """Air, the same everywhere.
 
     Attributes:
         temperature: Temperature [K].
@@ -22,6 +22,8 @@ class Air(eqx.Module):
             are those of the standard atmosphere there and the two above unused.
         sound_speed: Measured or fitted sound speed [m/s]; None derives it from
             temperature and humidity.
+        wind_east: Speed of the air towards east [m/s].
+        wind_north: Towards north [m/s].
     """
 
     temperature: Float[Array, ""] = eqx.field(
@@ -35,3 +37,5 @@ class Air(eqx.Module):
     )
     altitude: Float[Array, ""] | None = eqx.field(converter=_optional, default=None)
     sound_speed: Float[Array, ""] | None = eqx.field(converter=_optional, default=None)
+    wind_east: Float[Array, ""] = eqx.field(converter=as_float_array, default=0.0)
+    wind_north: Float[Array, ""] = eqx.field(converter=as_float_array, default=0.0)

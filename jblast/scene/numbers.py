@@ -4,9 +4,13 @@ import math
 from typing import Any
 
 from jblast.errors import InputError, nearest, shown
-from jblast.scene.keys import Number
+from jblast.scene.keys import NUMBERS, Number
+from jblast.scene.parameters import place_of
 from jblast.scene.priors import Free, LogNormal, LogUniform, Normal, Prior, Uniform
-from jblast.scene.scene import PARAMETERS
+from jblast.scene.tables import number_list
+
+Uncertain = tuple[float, Prior | Free | None]
+"""Where a fit of a number starts, and what is believed of it; None: it is fixed."""
 
 PRIORS = {
     "lognormal": "[median, factor]",
@@ -16,6 +20,9 @@ PRIORS = {
 }
 """Kinds of prior, and the two numbers each is written with."""
 
+
+LISTS = {"position_m": "[east, north, up]", "wind_m_s": "[east, north]"}
+"""Keys that hold a list of numbers, and how it is written."""
 
 CLEAR_OF_ZERO = 3.0
 """A normal prior of a positive number keeps this many sds clear of zero."""
@@ -38,9 +45,25 @@ def finite(value: Any, where: str, expected: str = "a finite number") -> float:
     return number
 
 
-def read_number(
-    value: Any, number: Number, where: str
-) -> tuple[float, Prior | Free | None]:
+def read_numbers(entry: dict[str, Any], table: str, where: str) -> dict[str, Uncertain]:
+    """Read every number that stands in a table of the file, by parameter name.
+
+    Raises:
+        InputError: As in `read_number`.
+    """
+    numbers = {}
+    for number in NUMBERS:
+        if number.table != table or number.key not in entry:
+            continue
+        value, at = entry[number.key], f"{where} {number.key}"
+        if number.index is not None:
+            value = number_list(value, at, LISTS[number.key])[number.index]
+            at += f"[{number.index}]"
+        numbers[number.parameter] = read_number(value, number, at)
+    return numbers
+
+
+def read_number(value: Any, number: Number, where: str) -> Uncertain:
     """Return where a fit of a number starts, and what is believed of it.
 
     Args:
@@ -55,7 +78,7 @@ def read_number(
     Raises:
         InputError: It is none of the three, or out of bounds.
     """
-    place = PARAMETERS[number.parameter]
+    place = place_of(number.parameter)
     if value == "free":
         return place.default, Free(place.positive)
     if isinstance(value, dict):
@@ -68,11 +91,9 @@ def read_number(
     return fixed, None
 
 
-def _prior(
-    value: dict[str, Any], number: Number, where: str
-) -> tuple[float, Prior | Free | None]:
+def _prior(value: dict[str, Any], number: Number, where: str) -> Uncertain:
     """Return the median of a prior and the prior."""
-    place = PARAMETERS[number.parameter]
+    place = place_of(number.parameter)
     kinds = list(value)
     for kind in kinds:
         if kind not in PRIORS:

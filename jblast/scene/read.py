@@ -6,29 +6,14 @@ from typing import Any
 
 from jblast.errors import InputError, read_text, shown
 from jblast.quantities import QUANTITIES
-from jblast.scene.air import Air
-from jblast.scene.charge import Charge
-from jblast.scene.keys import (
-    BURSTS,
-    GROUND_PATHS,
-    GROUND_PATHS_LATER,
-    LAW_NAMES,
-    LAW_NAMES_LATER,
-    NUMBERS,
-)
-from jblast.scene.numbers import finite, read_number
-from jblast.scene.priors import Belief
+from jblast.scene.ground import Ground
+from jblast.scene.keys import GROUND_PATHS, LAW_NAMES_LATER
+from jblast.scene.numbers import read_numbers
+from jblast.scene.parameters import with_values
+from jblast.scene.read_charges import read_charges
 from jblast.scene.read_sensors import read_sensors
-from jblast.scene.scene import Scene, with_values
-from jblast.scene.tables import (
-    choice,
-    known_keys,
-    name_of,
-    not_yet,
-    table,
-    tables,
-    triple,
-)
+from jblast.scene.scene import Scene
+from jblast.scene.tables import choice, known_keys, name_of, not_yet, table
 from jblast.scene.uncertain import UncertainScene
 
 
@@ -63,117 +48,47 @@ def scene_from_document(document: dict[str, Any], source: str) -> UncertainScene
     schema = document.get("schema", 1)
     if isinstance(schema, bool) or schema != 1:
         raise InputError(f"{source}: schema: expected 1, got {shown(schema)}")
-    single = {
-        "charge": _the_charge(document, source),
-        **{name: table(document, name, source) for name in ("air", "ground", "law")},
-    }
-    single["charge"].setdefault("mass_kg", "free")
-    sensors = read_sensors(document, source)
-    _check_charge(single["charge"], f"{source}: [charge]", len(sensors))
-    _check_air(single["air"], f"{source}: [air]")
+    single = {name: table(document, name, source) for name in ("air", "ground", "law")}
+    for name in ("temperature_k", "pressure_pa"):
+        if name in single["air"] and "altitude_m" in single["air"]:
+            raise InputError(
+                f"{source}: [air] altitude_m: expected either altitude_m or {name}, "
+                "got both"
+            )
     if "path" in single["ground"]:
-        where = f"{source}: [ground] path"
-        choice(single["ground"]["path"], GROUND_PATHS, where, GROUND_PATHS_LATER)
+        choice(single["ground"]["path"], GROUND_PATHS, f"{source}: [ground] path")
+    sensors, clocks = read_sensors(document, source)
+    charges, numbers = read_charges(document, source, len(sensors))
     law, scatter = _law(single["law"], f"{source}: [law]")
-    values, beliefs = _numbers(single, source)
+    for name, entry in single.items():
+        numbers |= read_numbers(entry, name, f"{source}: [{name}]")
+    numbers |= clocks
     scene = Scene(
-        charge=Charge(burst=single["charge"].get("burst", "surface")),
-        air=Air(),
+        charge=charges[0],
+        others=charges[1:],
+        ground=Ground(path=single["ground"].get("path", "head")),
         sensors=sensors,
         law=law,
         scatter=scatter,
     )
+    values = {name: value for name, (value, _) in numbers.items()}
+    beliefs = {
+        name: belief for name, (_, belief) in numbers.items() if belief is not None
+    }
     return UncertainScene(with_values(scene, values), beliefs, source)
 
 
-def _numbers(
-    single: dict[str, dict[str, Any]], source: str
-) -> tuple[dict[str, float], dict[str, Belief]]:
-    """Read every number that stands in the file, and what is believed of it."""
-    values: dict[str, float] = {}
-    beliefs: dict[str, Belief] = {}
-    for number in NUMBERS:
-        if number.key not in single[number.table]:
-            continue
-        value = single[number.table][number.key]
-        where = f"{source}: [{number.table}] {number.key}"
-        if number.index is not None:
-            value = triple(value, where, "[east, north, up]")[number.index]
-            where += f"[{number.index}]"
-        values[number.parameter], belief = read_number(value, number, where)
-        if belief is not None:
-            beliefs[number.parameter] = belief
-    return values, beliefs
-
-
-def _the_charge(document: dict[str, Any], source: str) -> dict[str, Any]:
-    """Return the one charge, written [charge] or [[charge]]."""
-    if not isinstance(document.get("charge"), list):
-        return dict(table(document, "charge", source))
-    charges = tables(document, "charge", source)
-    if len(charges) > 1:
-        raise not_yet(f"{source}: [[charge]]", f"more than one charge ({len(charges)})")
-    if not charges:
-        raise InputError(f"{source}: [[charge]]: expected a charge, got an empty list")
-    return dict(charges[0])
-
-
-def _check_charge(charge: dict[str, Any], where: str, n_sensors: int) -> None:
-    """Check what of a charge is no number, and what may not stand together."""
-    if "name" in charge:
-        name_of(charge["name"], f"{where} name")
-    if "burst" in charge:
-        choice(charge["burst"], BURSTS, f"{where} burst")
-    explosive = charge.get("explosive", "TNT")
-    if not isinstance(explosive, str):
-        raise InputError(
-            f"{where} explosive: expected a name in quotes, got {shown(explosive)}"
-        )
-    if explosive != "TNT":
-        raise not_yet(f"{where} explosive", f'other than "TNT" ({shown(explosive)})')
-    factor = charge.get("tnt_factor", 1.0)
-    if factor == "free" or isinstance(factor, dict):
-        raise not_yet(f"{where} tnt_factor", "other than 1.0")
-    if finite(factor, f"{where} tnt_factor") <= 0:
-        raise InputError(
-            f"{where} tnt_factor: expected a positive number, got {shown(factor)}"
-        )
-    if factor != 1:
-        raise not_yet(f"{where} tnt_factor", f"other than 1.0 ({shown(factor)})")
-    if "range_m" in charge and "position_m" in charge:
-        raise InputError(
-            f"{where} range_m: expected either range_m or position_m, got both"
-        )
-    if "range_m" in charge and n_sensors > 1:
-        raise InputError(
-            f"{where} range_m: expected one sensor, to which it is the distance, "
-            f"got {n_sensors}"
-        )
-
-
-def _check_air(air: dict[str, Any], where: str) -> None:
-    """Check the wind, and that altitude stands alone."""
-    for key in ("temperature_k", "pressure_pa"):
-        if key in air and "altitude_m" in air:
-            raise InputError(
-                f"{where} altitude_m: expected either altitude_m or {key}, got both"
-            )
-    wind = air.get("wind_m_s", [0.0, 0.0])
-    where = f"{where} wind_m_s"
-    if not isinstance(wind, list) or len(wind) != 2:
-        raise InputError(f"{where}: expected [east, north], got {shown(wind)}")
-    for speed in wind:
-        if speed == "free" or isinstance(speed, dict) or finite(speed, where) != 0:
-            raise not_yet(where, f"other than [0.0, 0.0] ({shown(wind)})")
-
-
 def _law(law: dict[str, Any], where: str) -> tuple[tuple[tuple[str, str], ...], bool]:
-    """Return the laws asked for, and whether they scatter."""
-    names = [
-        (key, choice(law[key], LAW_NAMES, f"{where} {key}", LAW_NAMES_LATER))
-        for key in law
-        if key in QUANTITIES
-    ]
+    """Return the laws asked for, and whether they scatter.
+
+    Whether there is such a law is asked where laws are known: `sensors.resolve_laws`.
+    """
+    names = []
+    for key in (key for key in law if key in QUANTITIES):
+        name = name_of(law[key], f"{where} {key}")
+        if name in LAW_NAMES_LATER:
+            raise not_yet(f"{where} {key}", f'"{name}"')
+        names.append((key, name))
     scatter = law.get("scatter", True)
     if not isinstance(scatter, bool):
         raise InputError(

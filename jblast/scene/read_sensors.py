@@ -6,19 +6,25 @@ import numpy as np
 
 from jblast.errors import InputError, nearest, shown
 from jblast.quantities import QUANTITIES
-from jblast.scene.keys import SENSOR_KINDS
-from jblast.scene.numbers import finite
+from jblast.scene.keys import SENSOR_KINDS, Number
+from jblast.scene.numbers import LISTS, Uncertain, finite, read_number
+from jblast.scene.parameters import CLOCK_OFFSET
 from jblast.scene.sensor import Sensor
-from jblast.scene.tables import choice, name_of, not_yet, tables, triple
+from jblast.scene.tables import choice, name_of, not_yet, number_list, tables
+
+OFFSET = Number("clock_offset_s", "sensor", "clock_offset_s")
 
 
-def read_sensors(document: dict[str, Any], source: str) -> tuple[Sensor, ...]:
-    """Read the sensors of a scene file, each with a name of its own.
+def read_sensors(
+    document: dict[str, Any], source: str
+) -> tuple[tuple[Sensor, ...], dict[str, Uncertain]]:
+    """Read the sensors of a scene file, and the offsets of their clocks.
 
     Raises:
         InputError: As in `read_scene`.
     """
     sensors: dict[str, Sensor] = {}
+    offsets: dict[str, Uncertain] = {}
     for index, entry in enumerate(tables(document, "sensor", source), start=1):
         where = f"{source}: [[sensor]] name"
         if "name" not in entry:
@@ -30,15 +36,16 @@ def read_sensors(document: dict[str, Any], source: str) -> tuple[Sensor, ...]:
             raise InputError(
                 f"{where}: expected each name once, got {shown(name)} twice"
             )
-        sensors[name] = _sensor(name, entry, f"{source}: [[sensor]] {shown(name)}")
-    return tuple(sensors.values())
+        where = f"{source}: [[sensor]] {shown(name)}"
+        sensors[name] = _sensor(name, entry, where)
+        if OFFSET.key in entry:
+            number = read_number(entry[OFFSET.key], OFFSET, f"{where} {OFFSET.key}")
+            offsets[f"{CLOCK_OFFSET}.{name}"] = number
+    return tuple(sensors.values()), offsets
 
 
 def _sensor(name: str, entry: dict[str, Any], where: str) -> Sensor:
     """Read one sensor; a position that is not there is NaN until a log gives it."""
-    offset = entry.get("clock_offset_s", 0.0)
-    if _uncertain(offset):
-        raise not_yet(f"{where} clock_offset_s", "a clock that is free or has a prior")
     kind = ""
     if "kind" in entry:
         kind = choice(entry["kind"], SENSOR_KINDS, f"{where} kind")
@@ -46,7 +53,6 @@ def _sensor(name: str, entry: dict[str, Any], where: str) -> Sensor:
         name=name,
         position=_position(entry, f"{where} position_m"),
         kind=kind,
-        clock_offset=finite(offset, f"{where} clock_offset_s"),
         records=_records(entry.get("records", {}), f"{where} records"),
     )
 
@@ -54,7 +60,7 @@ def _sensor(name: str, entry: dict[str, Any], where: str) -> Sensor:
 def _position(entry: dict[str, Any], where: str) -> np.ndarray:
     if "position_m" not in entry:
         return np.full(3, np.nan)
-    position = triple(entry["position_m"], where, "three numbers [east, north, up]")
+    position = number_list(entry["position_m"], where, LISTS["position_m"])
     if any(map(_uncertain, position)):
         raise not_yet(where, "a place that is free or has a prior")
     return np.array(

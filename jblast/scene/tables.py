@@ -75,9 +75,9 @@ def name_of(value: Any, where: str) -> str:
     return value.strip()
 
 
-def triple(value: Any, where: str, expected: str) -> list[Any]:
-    """Return a list of three."""
-    if not isinstance(value, list) or len(value) != 3:
+def number_list(value: Any, where: str, expected: str) -> list[Any]:
+    """Return a list as long as the one written in what is expected: "[east, north]"."""
+    if not isinstance(value, list) or len(value) != expected.count(",") + 1:
         raise InputError(f"{where}: expected {expected}, got {shown(value)}")
     return value
 

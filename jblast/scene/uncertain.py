@@ -7,11 +7,16 @@ import jax
 from jaxtyping import PRNGKeyArray
 
 from jblast.errors import InputError, nearest
+from jblast.scene.clock import Clock
+from jblast.scene.parameters import (
+    CLOCK_OFFSET,
+    names_in,
+    place_of,
+    value_of,
+    with_values,
+)
 from jblast.scene.priors import Belief, Free, draw
-from jblast.scene.scene import PARAMETERS, Scene, value_of, with_values
-
-LATER = ("wind_east_m_s", "wind_north_m_s", "tnt_factor")
-"""Numbers of the contract that cannot be fitted yet."""
+from jblast.scene.scene import Scene
 
 TAKES_THE_PLACE_OF = {
     "air_altitude_m": ("air_temperature_k", "air_pressure_pa"),
@@ -73,43 +78,48 @@ def draw_scene(key: PRNGKeyArray, uncertain: UncertainScene) -> Scene:
 def freed(uncertain: UncertainScene, names: Sequence[str]) -> UncertainScene:
     """Free more numbers of a scene: no prior, whatever the scene says of them.
 
+    Args:
+        uncertain: The scene.
+        names: As in the answer. `clock_offset_s.NAME` of no sensor is the clock that a
+            log names so in its `clock` column.
+
     Raises:
         InputError: There is no such number, or it has no meaning in this scene.
     """
+    scene = uncertain.scene
+    clocks = [n.partition(".")[2] for n in names if n.startswith(f"{CLOCK_OFFSET}.")]
+    added = dict.fromkeys(c for c in clocks if c and c not in scene.clock_offsets())
+    scene = replace(scene, clocks=(*scene.clocks, *map(Clock, added)))
+    known = names_in(scene)
     for name in names:
-        number, of_one, _ = name.partition(".")
-        if name in LATER or (of_one and number in (*PARAMETERS, "clock_offset_s")):
-            raise InputError(f"--free {name}: this is not supported yet")
-        if name not in PARAMETERS:
+        if name not in known:
             raise InputError(
-                f"--free {name}: expected one of {', '.join(PARAMETERS)}; got {name!r}"
-                f"{nearest(name, PARAMETERS)}"
+                f"--free {name}: expected one of {', '.join(known)} or "
+                f"{CLOCK_OFFSET}.NAME; got {name!r}{nearest(name, known)}"
             )
         _refuse_unused(name, uncertain, names)
     beliefs = dict(uncertain.beliefs) | {
-        name: Free(positive=PARAMETERS[name].positive) for name in names
+        name: Free(positive=place_of(name).positive) for name in names
     }
     unset = {
-        name: PARAMETERS[name].default
-        for name in names
-        if value_of(uncertain.scene, name) is None
+        name: place_of(name).default for name in names if value_of(scene, name) is None
     }
-    return replace(
-        uncertain, scene=with_values(uncertain.scene, unset), beliefs=beliefs
-    )
+    return replace(uncertain, scene=with_values(scene, unset), beliefs=beliefs)
 
 
 def _refuse_unused(name: str, uncertain: UncertainScene, names: Sequence[str]) -> None:
     """Refuse to free a number beside one that takes its place."""
     scene = uncertain.scene
+    _, dot, label = name.partition(".")
     for one, others in TAKES_THE_PLACE_OF.items():
+        one, others = one + dot + label, tuple(o + dot + label for o in others)
         rivals: list[str] = []
         if name == one:
             rivals = [
                 other
                 for other in others
                 if other in (*uncertain.beliefs, *names)
-                or value_of(scene, other) != PARAMETERS[other].default
+                or value_of(scene, other) != place_of(other).default
             ]
         elif name in others and value_of(scene, one) is not None:
             rivals = [one]

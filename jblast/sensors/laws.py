@@ -6,10 +6,12 @@ Until the choice is measured it is the rule of the contract: one law a quantity 
 from collections.abc import Mapping
 
 import equinox as eqx
+import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array, Float
 
 import jblast.waves as _waves  # noqa: F401  laws enter the registry as they are imported
-from jblast.errors import InputError
+from jblast.errors import InputError, nearest
 from jblast.registry import names_for
 from jblast.scene import Scene
 from jblast.sensors.layout import Layout
@@ -39,8 +41,8 @@ def resolve_laws(scene: Scene, layout: Layout) -> dict[str, tuple[str, str]]:
         if name != "auto" and name not in names_for(quantity):
             raise InputError(
                 f"[law] {quantity} = {name!r}: expected auto or one of "
-                f"{', '.join(names_for(quantity)) or '(none yet)'}; "
-                "other laws are not supported yet"
+                f"{', '.join(names_for(quantity)) or '(none yet)'}"
+                f"{nearest(name, names_for(quantity))}"
             )
     automatic = choose_laws(scene, layout)
     answer = {}
@@ -59,24 +61,29 @@ def choose_laws(scene: Scene, layout: Layout) -> dict[str, tuple[str, str]]:
     Raises:
         InputError: No law gives a quantity yet.
     """
-    z = np.asarray(_scaled_distances(scene, layout))
-    return {
-        quantity: _choose(quantity, z[layout.rows(quantity)[0]])
-        for quantity in layout.quantities()
-    }
+    z = {name: np.asarray(each) for name, each in _distances(scene, layout).items()}
+    return {quantity: _choose(quantity, z[quantity]) for quantity in z}
 
 
 @eqx.filter_jit
-def _scaled_distances(scene: Scene, layout: Layout):
-    path = path_to(scene, layout)
-    return scaled_distance(path.slant_range, path.charge_mass, path.ambient_pressure)
+def _distances(scene: Scene, layout: Layout) -> dict[str, Float[Array, " n"]]:
+    """Return the scaled distances of the rows that each quantity takes part in."""
+    answer: dict[str, list[Array]] = {name: [] for name in layout.quantities()}
+    for shot, charge in enumerate(scene.charges):
+        path = path_to(scene, layout, charge)
+        for quantity, found in answer.items():
+            rows, _ = layout.rows(quantity, shot)
+            mass = charge.tnt_mass(quantity)
+            z = scaled_distance(path.slant_range, mass, path.ambient_pressure)
+            found.append(z[rows])
+    return {name: jnp.concatenate(found) for name, found in answer.items()}
 
 
 def _choose(quantity: str, z: np.ndarray) -> tuple[str, str]:
     if not names_for(quantity):
         raise InputError(f"no law gives {quantity}: not supported yet")
     if quantity in ONLY:
-        return ONLY[quantity], "the only law for it so far"
+        return ONLY[quantity], "the law taken unless told otherwise"
     span = f"Z = {z.min():.3g} to {z.max():.3g} m/kg^(1/3)"
     if quantity in ("air_arrival_s", "peak_overpressure_pa"):
         if z.max() <= KINGERY_BULMASH_END:

@@ -30,16 +30,18 @@ class Layout(eqx.Module):
         position: East, north, up [m]; not used where `slant_range` is finite.
         slant_range: Distance from the charge [m]; NaN where positions decide.
         time: Clock time of the row [s]; NaN except for `shock_radius_m`.
-        clock_offset: Sensor clock minus common clock [s].
         group: Rows with the same number share the effects of their path.
+        shot: Which of the scene's charges each row is of.
+        clock: Name of the clock of each row; one the scene does not know is right.
     """
 
     quantity: tuple[str, ...] = eqx.field(static=True)
     position: Float[Array, "row 3"]
     slant_range: Float[Array, " row"]
     time: Float[Array, " row"]
-    clock_offset: Float[Array, " row"]
     group: tuple[int, ...] = eqx.field(static=True)
+    shot: tuple[int, ...] = eqx.field(static=True)
+    clock: tuple[str, ...] = eqx.field(static=True)
 
     def quantities(self) -> tuple[str, ...]:
         """Return the quantities a law is needed for, each once."""
@@ -47,36 +49,37 @@ class Layout(eqx.Module):
             dict.fromkeys(name for q in self.quantity for name, _ in components(q))
         )
 
-    def rows(self, quantity: str) -> tuple[np.ndarray, np.ndarray]:
-        """Return the rows a quantity with a law takes part in, and with which sign."""
+    def rows(self, quantity: str, shot: int) -> tuple[np.ndarray, np.ndarray]:
+        """Return the rows of a charge a quantity takes part in, and with which sign."""
         found = [
             (row, sign)
             for row, q in enumerate(self.quantity)
             for name, sign in components(q)
-            if name == quantity
+            if name == quantity and self.shot[row] == shot
         ]
-        rows, signs = zip(*found, strict=True)
-        return np.array(rows), np.array(signs)
+        rows, signs = np.array(found, float).reshape(-1, 2).T
+        return rows.astype(int), signs
 
 
 def layout_of(observations: Observations, scene: Scene) -> Layout:
     """Return the rows of a log whose positions are known (see `observations.place`)."""
-    offsets = {sensor.name: sensor.clock_offset for sensor in scene.sensors}
-    groups = {name: i for i, name in enumerate(dict.fromkeys(observations.groups()))}
+    shots = [charge.name for charge in scene.charges]
+    shot = tuple(shots.index(s) if scene.others else 0 for s in observations.shot)
+    ways = list(zip(shot, observations.groups(), strict=True))
+    groups = {way: i for i, way in enumerate(dict.fromkeys(ways))}
     return Layout(
         quantity=observations.quantity,
         position=jnp.asarray(np.nan_to_num(observations.position)),
         slant_range=jnp.asarray(observations.slant_range),
         time=jnp.asarray(observations.time),
-        clock_offset=jnp.asarray(
-            [float(offsets.get(name, 0.0)) for name in observations.sensor]
-        ),
-        group=tuple(groups[name] for name in observations.groups()),
+        group=tuple(groups[way] for way in ways),
+        shot=shot,
+        clock=observations.clocks(),
     )
 
 
 def planned_layout(scene: Scene) -> tuple[Layout, Float[Array, " row"], Sequence[str]]:
-    """Return the rows a scene's sensors say they record.
+    """Return the rows a scene's sensors say they record, of each charge.
 
     Returns:
         The layout, the sigma of each row (seconds for times, else relative), and the
@@ -87,7 +90,8 @@ def planned_layout(scene: Scene) -> tuple[Layout, Float[Array, " row"], Sequence
             belongs to no sensor.
     """
     plan = [
-        (i, sensor, quantity, sigma)
+        (shot, i, sensor, quantity, sigma)
+        for shot in range(len(scene.charges))
         for i, sensor in enumerate(scene.sensors)
         for quantity, sigma in sensor.records
     ]
@@ -96,8 +100,9 @@ def planned_layout(scene: Scene) -> tuple[Layout, Float[Array, " row"], Sequence
             "no sensor records anything: expected at least one [[sensor]] with "
             "records = { QUANTITY = SIGMA }"
         )
-    for _, sensor, quantity, _ in plan:
-        if scene.charge.range is None and not np.isfinite(sensor.position).all():
+    for shot, _, sensor, quantity, _ in plan:
+        placed = scene.charges[shot].range is not None
+        if not placed and not np.isfinite(sensor.position).all():
             raise InputError(
                 f"sensor {sensor.name!r} records {quantity}: expected position_m = "
                 "[east, north, up] in its [[sensor]], got nothing"
@@ -109,12 +114,13 @@ def planned_layout(scene: Scene) -> tuple[Layout, Float[Array, " row"], Sequence
             )
     nothing = jnp.full(len(plan), jnp.nan)
     layout = Layout(
-        quantity=tuple(quantity for _, _, quantity, _ in plan),
-        position=jnp.stack([sensor.position for _, sensor, _, _ in plan]),
+        quantity=tuple(quantity for *_, quantity, _ in plan),
+        position=jnp.stack([sensor.position for _, _, sensor, _, _ in plan]),
         slant_range=nothing,
         time=nothing,
-        clock_offset=jnp.stack([sensor.clock_offset for _, sensor, _, _ in plan]),
-        group=tuple(i for i, _, _, _ in plan),
+        group=tuple(shot * len(scene.sensors) + i for shot, i, *_ in plan),
+        shot=tuple(shot for shot, *_ in plan),
+        clock=tuple(sensor.name for _, _, sensor, _, _ in plan),
     )
-    sigma = jnp.asarray([sigma for _, _, _, sigma in plan])
-    return layout, sigma, [sensor.name for _, sensor, _, _ in plan]
+    sigma = jnp.asarray([sigma for *_, sigma in plan])
+    return layout, sigma, [sensor.name for _, _, sensor, _, _ in plan]

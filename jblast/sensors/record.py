@@ -5,6 +5,7 @@ unit of its quantity; its errors are in seconds for times and in ln for all else
 """
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import equinox as eqx
 import jax
@@ -12,12 +13,13 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Bool, Float
 
-from jblast.observations import TIMES
+from jblast.observations import CLOCK_TIMES, TIMES
 from jblast.registry import call, law_for
-from jblast.scene import Scene
+from jblast.scene import Charge, Scene
 from jblast.sensors.layout import Layout
 from jblast.waves.atmosphere import air_density, sound_speed_in_air, standard_atmosphere
 from jblast.waves.paths import Path, slant_range
+from jblast.waves.wind import effective_sound_speed
 
 
 class Recording(eqx.Module):
@@ -28,8 +30,8 @@ class Recording(eqx.Module):
         slant_range: Distance from the charge [m].
         valid: Whether the row's laws hold there.
         record_sd: Law scatter of this row alone; seconds for times, else ln.
-        shot_loading: By quantity, what one standard deviation of the effect shared by
-            the whole shot adds to each row, same unit.
+        shot_loading: By quantity (and charge, if several), what one standard deviation
+            of the effect shared by the whole shot adds to each row, same unit.
         path_loading: Likewise for the effect shared by the rows of one path.
     """
 
@@ -49,9 +51,13 @@ def comparable(
     return jnp.where(timed, value, jnp.log(jnp.where(timed, 1.0, value)))
 
 
-def path_to(scene: Scene, layout: Layout) -> Path:
-    """Return what lies between the charge and each row's sensor."""
-    charge, air = scene.charge, scene.air
+def path_to(scene: Scene, layout: Layout, charge: Charge | None = None) -> Path:
+    """Return what lies between a charge (the first) and the sensor of each row.
+
+    The sound speed is the effective one along the path, wind included. The mass is
+    that of the explosive: what it is worth in TNT depends on the quantity.
+    """
+    charge, air = charge or scene.charge, scene.air
     place = jnp.stack([charge.east, charge.north, charge.up])[None, :]
     given = jnp.isfinite(layout.slant_range)
     slant = slant_range(place, layout.position)
@@ -66,21 +72,35 @@ def path_to(scene: Scene, layout: Layout) -> Path:
     sound_speed = air.sound_speed
     if sound_speed is None:
         sound_speed = sound_speed_in_air(temperature, pressure, air.relative_humidity)
+    wind = jnp.stack([air.wind_east, air.wind_north])
+    along = jnp.where(slant > 0, slant, 1.0)[:, None]
+    along = (layout.position - place)[:, :2] / along @ wind
+    is_placed = ~given if charge.range is None else jnp.zeros_like(given)
     return Path(
         slant_range=jnp.where(given, known, slant),
         ground_range=jnp.where(given, known, ground),
         charge_mass=charge.mass,
         height_of_burst=charge.up,
         ambient_pressure=pressure,
-        sound_speed=sound_speed,
+        sound_speed=effective_sound_speed(
+            sound_speed, jnp.where(is_placed, along, 0.0)
+        ),
         air_density=air_density(temperature, pressure, air.relative_humidity),
         p_speed=scene.ground.p_speed,
         sedov_gamma=scene.sedov_gamma,
-        time_since_detonation=layout.time - layout.clock_offset - charge.time,
-        sensor_height=jnp.where(given, 0.0, layout.position[:, 2]),
+        time_since_detonation=layout.time - clock_offsets(scene, layout) - charge.time,
+        sensor_height=jnp.where(is_placed, layout.position[:, 2], 0.0),
         burst=charge.burst,
         ground_path=scene.ground.path,
     )
+
+
+def clock_offsets(scene: Scene, layout: Layout) -> Float[Array, " row"]:
+    """Return what each row's clock shows more than the common one [s]."""
+    known = scene.clock_offsets()
+    names = list(dict.fromkeys(layout.clock))
+    offsets = jnp.stack([known.get(name, jnp.zeros(())) for name in names])
+    return offsets[np.array([names.index(name) for name in layout.clock])]
 
 
 def record(scene: Scene, layout: Layout, laws: Mapping[str, str]) -> Recording:
@@ -95,34 +115,40 @@ def record(scene: Scene, layout: Layout, laws: Mapping[str, str]) -> Recording:
         ValueError: A name in `laws` is no law of its quantity.
     """
     n = len(layout.quantity)
-    path = path_to(scene, layout)
-    is_clock_time = np.isin(layout.quantity, TIMES)
-    is_difference = np.array([q == "arrival_difference_s" for q in layout.quantity])
-    value = jnp.where(
-        is_clock_time & ~is_difference, scene.charge.time + layout.clock_offset, 0.0
-    )
-    valid = jnp.ones(n, bool)
+    offsets = clock_offsets(scene, layout)
+    is_clock_time = np.isin(layout.quantity, CLOCK_TIMES)
+    value, valid, distance = jnp.zeros(n), jnp.ones(n, bool), jnp.zeros(n)
     record_variance = jnp.zeros(n)
-    shot: dict[str, Array] = {}
-    along: dict[str, Array] = {}
-    for quantity in layout.quantities():
-        rows, sign = layout.rows(quantity)
-        law = law_for(quantity, laws[quantity])
-        way = _rows_of(path, rows)
-        given = jnp.broadcast_to(call(law.function, way), rows.shape)
-        value = value.at[rows].add(sign * given)
-        valid = valid.at[rows].min(jnp.broadcast_to(call(law.valid, way), rows.shape))
-        unit = given if quantity in TIMES else jnp.ones_like(given)
-        sds = call(law.scatter, way) if scene.scatter else (0.0, 0.0, 0.0)
-        of_shot, of_path, of_record = (sd * unit * sign for sd in sds)
-        if not _is_zero(sds[0]):
-            shot[quantity] = jnp.zeros(n).at[rows].set(of_shot)
-        if not _is_zero(sds[1]):
-            along[quantity] = jnp.zeros(n).at[rows].set(of_path)
-        record_variance = record_variance.at[rows].add(of_record**2)
+    of_shots: dict[str, Array] = {}
+    of_paths: dict[str, Array] = {}
+    for shot, charge in enumerate(scene.charges):
+        path = path_to(scene, layout, charge)
+        here = np.array(layout.shot) == shot
+        distance = jnp.where(here, path.slant_range, distance)
+        value = jnp.where(here & is_clock_time, charge.time + offsets, value)
+        for quantity in layout.quantities():
+            rows, sign = layout.rows(quantity, shot)
+            if not rows.size:
+                continue
+            law = law_for(quantity, laws[quantity])
+            way = replace(_rows_of(path, rows), charge_mass=charge.tnt_mass(quantity))
+            given = jnp.broadcast_to(call(law.function, way), rows.shape)
+            value = value.at[rows].add(sign * given)
+            valid = valid.at[rows].min(
+                jnp.broadcast_to(call(law.valid, way), rows.shape)
+            )
+            unit = given if quantity in TIMES else jnp.ones_like(given)
+            sds = call(law.scatter, way) if scene.scatter else (0.0, 0.0, 0.0)
+            of_shot, of_path, of_record = (sd * unit * sign for sd in sds)
+            name = f"{quantity}.{charge.name}" if scene.others else quantity
+            if not _is_zero(sds[0]):
+                of_shots[name] = jnp.zeros(n).at[rows].set(of_shot)
+            if not _is_zero(sds[1]):
+                of_paths[name] = jnp.zeros(n).at[rows].set(of_path)
+            record_variance = record_variance.at[rows].add(of_record**2)
     some = record_variance > 0
     record_sd = jnp.where(some, jnp.sqrt(jnp.where(some, record_variance, 1.0)), 0.0)
-    return Recording(value, path.slant_range, valid, record_sd, shot, along)
+    return Recording(value, distance, valid, record_sd, of_shots, of_paths)
 
 
 def _rows_of(path: Path, rows: np.ndarray) -> Path:

@@ -7,7 +7,7 @@ import numpy as np
 
 from jblast.observations import TIMES, Observations
 from jblast.scene import UncertainScene, draw_scene
-from jblast.scene.scene import value_of
+from jblast.scene.parameters import value_of
 from jblast.sensors.laws import law_names, resolve_laws
 from jblast.sensors.layout import planned_layout
 from jblast.sensors.observe import Noise, observe
@@ -47,7 +47,7 @@ def simulate(
         slant_range=np.full(n, np.nan),
         time=np.full(n, np.nan),
         path=("",) * n,
-        shot=("",) * n,
+        shot=tuple(scene.charges[shot].name for shot in layout.shot),
         clock=("",) * n,
         comments=(
             f"SIMULATED, not measured: {uncertain.source or 'a scene'}, seed {seed}",

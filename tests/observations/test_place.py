@@ -3,7 +3,7 @@ import pytest
 
 from jblast.errors import InputError
 from jblast.observations import place, read
-from jblast.scene import Charge, Scene, Sensor
+from jblast.scene import Air, Charge, Scene, Sensor
 
 BARE = "sensor,quantity,value,sigma\n"
 POSITION = "sensor,quantity,value,sigma,east_m,north_m,up_m\n"
@@ -95,11 +95,37 @@ def test_a_range_in_the_log_must_agree_with_a_sensor_of_the_scene(log):
         place(observations, scene(a=[6.0, 8.0, 0.0]))
 
 
-@pytest.mark.parametrize("column", ["shot", "clock"])
-def test_several_shots_or_clocks_wait_to_be_built(log, column):
-    text = RANGE.replace("\n", f",{column}\n")
+SHOTS = RANGE.replace("\n", ",shot\n")
+
+
+def test_several_shots_need_a_charge_named_for_each(log):
     rows = ["a,air_arrival_s,1,,20,one\n", "a,air_arrival_s,2,,20,two\n"]
-    assert len(place(log(text + rows[0]), Scene())) == 1
-    message = f"line 3, column {column}.*not supported yet; expected 'one'.*'two'"
+    assert len(place(log(SHOTS + rows[0]), Scene())) == 1
+    observations = log(SHOTS + "".join(rows))
+    message = r"line 3, column shot: expected 'one'.*got 'two'.*\[\[charge\]\]"
     with pytest.raises(InputError, match=message):
-        place(log(text + "".join(rows)), Scene())
+        place(observations, Scene())
+    two = Scene(charge=Charge(name="one"), others=(Charge(name="two", time=1.5),))
+    assert len(place(observations, two)) == 2
+    other = Scene(charge=Charge(name="one"), others=(Charge(name="three"),))
+    with pytest.raises(InputError, match="line 3.*'one', 'three'; got 'two'"):
+        place(observations, other)
+
+
+def test_each_charge_is_asked_about_its_own_origin_time(log):
+    observations = log(
+        SHOTS + "a,air_arrival_s,1,.1,20,one\na,air_arrival_s,2,.1,20,two\n"
+    )
+    late = Scene(charge=Charge(name="one"), others=(Charge(name="two", time=9.0),))
+    with pytest.raises(InputError, match="line 3.*after the origin time, 9 s"):
+        place(observations, late)
+    assert len(place(observations, late, {"origin_time_s.two"})) == 2
+
+
+def test_wind_needs_a_direction_but_only_for_what_it_changes(log):
+    windy = Scene(air=Air(wind_north=4.0))
+    with pytest.raises(InputError, match="line 2.*range alone, which has no direction"):
+        place(log(RANGE + "a,air_arrival_s,1,,20\n"), windy)
+    with pytest.raises(InputError, match="a free wind"):
+        place(log(RANGE + "a,air_arrival_s,1,,20\n"), Scene(), {"wind_east_m_s"})
+    assert len(place(log(RANGE + "a,peak_overpressure_pa,1,,20\n"), windy)) == 1

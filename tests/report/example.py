@@ -101,6 +101,7 @@ def band(quantity, x, mass, log_sd, t0=0.0, axis="range_m", valid=None) -> Band:
     shift = t0 if quantity in TIMES else 0.0
     return Band(
         quantity,
+        0,
         axis,
         x + t0 if axis == "time_s" else x,
         np.minimum(low, high) + shift,
@@ -120,6 +121,7 @@ def fit_of(made, **parts) -> Fit:
         distance=distance,
         residual=residual,
         sd=sd,
+        shot=(0,) * len(table),
         **fields,
     )
 

@@ -42,18 +42,18 @@ def test_one_panel_a_quantity_with_units_on_its_axes():
 
 def test_an_arrival_at_the_speed_of_sound_reduces_to_zero():
     fit = example.three_parameters()
-    less = reduction(fit, "air_arrival_s")
+    less = reduction(fit, "air_arrival_s", 0)
     assert less is not None
     r = np.array([10.0, 1000.0])
     origin = float(fit.scene.charge.time)
     assert less(r * less.slowness + origin, r) == pytest.approx([0, 0], abs=1e-12)
-    assert reduction(fit, "peak_overpressure_pa") is None
+    assert reduction(fit, "peak_overpressure_pa", 0) is None
 
 
 def test_an_unidentified_sound_speed_reduces_no_arrival():
     fit = example.not_identifiable()
     anywhere = with_values(fit.scene, {"air_sound_speed_m_s": 261.0})
-    less = reduction(replace(fit, scene=anywhere), "air_arrival_s")
+    less = reduction(replace(fit, scene=anywhere), "air_arrival_s", 0)
     assert less is not None
     assert "340.8 m/s" in less.label
 

@@ -5,7 +5,7 @@ import pytest
 
 from jblast.scene import PARAMETERS, Scene, with_values
 from jblast.scene.keys import NUMBERS
-from jblast.scene.scene import value_of
+from jblast.scene.parameters import value_of
 
 DERIVED = ("charge_range_m", "air_altitude_m", "air_sound_speed_m_s")
 

@@ -1,0 +1,49 @@
+"""The clocks of a log: which there are, and which a scene may leave open."""
+
+from collections.abc import Collection
+
+from jblast.errors import InputError, nearest, shown
+from jblast.observations.table import Observations
+from jblast.scene import Scene
+from jblast.scene.parameters import CLOCK_OFFSET
+
+
+def check_clocks(
+    observations: Observations, scene: Scene, beliefs: Collection[str]
+) -> None:
+    """Refuse clocks that the log does not have, that nothing sets, or set twice.
+
+    The first clock of the log is the common one: all others are set by it.
+
+    Raises:
+        InputError: As said; the message names the clock.
+    """
+    source = observations.source or "observations"
+    named = list(dict.fromkeys(clock for clock in observations.clock if clock))
+    sensors = {sensor.name: sensor for sensor in scene.sensors}
+    for clock in scene.clocks:
+        known = list(dict.fromkeys(observations.clocks()))
+        if clock.name not in known:
+            raise InputError(
+                f"{CLOCK_OFFSET}.{clock.name}: {source} has no such clock"
+                f"{nearest(clock.name, known)}; expected one of {', '.join(known)}"
+            )
+    if named and f"{CLOCK_OFFSET}.{named[0]}" in beliefs:
+        others = " or ".join(f"{CLOCK_OFFSET}.{other}" for other in named[1:])
+        raise InputError(
+            f"{CLOCK_OFFSET}.{named[0]}: {shown(named[0])} is the first clock of "
+            f"{source}, by which the others are set; expected {others or 'no clock'}"
+        )
+    for row, (clock, sensor) in enumerate(
+        zip(observations.clock, observations.sensor, strict=True)
+    ):
+        own = sensors.get(sensor)
+        if not clock or clock == sensor or own is None:
+            continue
+        if float(own.clock_offset) != 0 or f"{CLOCK_OFFSET}.{sensor}" in beliefs:
+            line = observations.line[row] if observations.line else row + 1
+            raise InputError(
+                f"{source}: line {line}, column clock: got {shown(clock)}, but the "
+                f"scene gives sensor {shown(sensor)} a clock_offset_s of its own; "
+                "expected one of the two"
+            )
