@@ -21,5 +21,8 @@ LIGHT_SPEED = 299_792_458.0
 TNT_SPECIFIC_ENERGY = 4.184e6
 """Energy of 1 kg of TNT [J/kg], by convention: 1 kt = 4.184 TJ."""
 
+TNT_DENSITY = 1630.0
+"""Density of cast TNT [kg/m3]: a charge of 1 kg has a radius of 0.0527 m."""
+
 GRANITE_P_SPEED = 5660.0
 """P-wave speed of granite in situ [m/s]. Wu and Hao (2005); 6000 m/s is intact core."""

@@ -16,5 +16,21 @@ QUANTITIES: dict[str, str] = {
 }
 """Every quantity a row may hold, and what it means."""
 
-TIMES = ("flash_time_s", "air_arrival_s", "ground_arrival_s", "arrival_difference_s")
+DERIVED_QUANTITIES: dict[str, str] = {
+    "shock_speed_m_s": "speed of the shock front",
+    "blast_wind_m_s": "speed of the air behind the front",
+    "dynamic_pressure_pa": "dynamic pressure of the blast wind behind the front",
+    "friedlander_decay": "decay of the Friedlander pulse of a law's other numbers",
+    "negative_pressure_pa": "incident peak underpressure of the negative phase",
+    "negative_impulse_pa_s": "incident impulse of the negative phase",
+    "negative_duration_s": "duration of the negative phase",
+    "reflected_negative_pressure_pa": "normally reflected peak underpressure",
+    "reflected_negative_impulse_pa_s": "normally reflected impulse, negative phase",
+}
+"""What laws give and no row of a log holds; suffixes name the units likewise."""
+
+CLOCK_TIMES = ("flash_time_s", "air_arrival_s", "ground_arrival_s")
+"""Quantities that are readings of a clock."""
+
+TIMES = (*CLOCK_TIMES, "arrival_difference_s")
 """Quantities whose errors are in seconds; all others err in ln, so are positive."""

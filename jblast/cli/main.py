@@ -13,10 +13,10 @@ import warnings
 from collections.abc import Sequence
 
 from jblast import __version__
-from jblast.cli import fit, scene, simulate
+from jblast.cli import calc, fit, scene, simulate
 from jblast.errors import InputError
 
-VERBS = (fit, scene, simulate)
+VERBS = (fit, calc, scene, simulate)
 CLOSED_PIPE = 128 + 13
 INTERRUPTED = 128 + 2
 """What a shell expects of a command that SIGPIPE or SIGINT ended."""
@@ -27,8 +27,9 @@ def parser() -> argparse.ArgumentParser:
     root = argparse.ArgumentParser(
         prog="jblast",
         description="Differentiable blast physics: fit a blast from sensor recordings.",
-        epilog="Start with: jblast fit OBSERVATIONS.csv. Exit codes: 0 answered; 1 our "
-        "own failure; 2 bad input; 4 computed, but not converged or not identifiable. "
+        epilog="Start with: jblast fit OBSERVATIONS.csv, or jblast calc --mass 15 "
+        "--range 20. Exit codes: 0 answered; 1 our own failure; 2 bad input; "
+        "4 computed, but not converged or not identifiable. "
         "For safety engineering, forensics and sensing; designs no explosives.",
     )
     root.add_argument("--version", action="version", version=f"jblast {__version__}")

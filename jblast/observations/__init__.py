@@ -3,8 +3,10 @@
 from jblast.observations.place import place as place
 from jblast.observations.read import read as read
 from jblast.observations.starter import starter_scene as starter_scene
-from jblast.observations.table import CLOCK_TIMES as CLOCK_TIMES
-from jblast.observations.table import QUANTITIES as QUANTITIES
-from jblast.observations.table import TIMES as TIMES
-from jblast.observations.table import Observations as Observations
+from jblast.observations.table import (
+    CLOCK_TIMES as CLOCK_TIMES,
+    QUANTITIES as QUANTITIES,
+    TIMES as TIMES,
+    Observations as Observations,
+)
 from jblast.observations.write import write as write

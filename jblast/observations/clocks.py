@@ -41,9 +41,8 @@ def check_clocks(
         if not clock or clock == sensor or own is None:
             continue
         if float(own.clock_offset) != 0 or f"{CLOCK_OFFSET}.{sensor}" in beliefs:
-            line = observations.line[row] if observations.line else row + 1
             raise InputError(
-                f"{source}: line {line}, column clock: got {shown(clock)}, but the "
+                f"{observations.where(row)}, column clock: got {shown(clock)}, but the "
                 f"scene gives sensor {shown(sensor)} a clock_offset_s of its own; "
                 "expected one of the two"
             )

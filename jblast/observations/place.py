@@ -4,20 +4,21 @@ from collections.abc import Collection
 from dataclasses import replace
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Int
 
 from jblast.errors import InputError, shown
 from jblast.observations.clocks import check_clocks
-from jblast.observations.table import TIMES, Observations
-from jblast.scene import PARAMETERS, Charge, Scene
-from jblast.scene.parameters import CLOCK_OFFSET
-
-EARLY = 5.0
-"""A reading this many sigmas before the origin time is no error of measurement."""
-WIND_FELT = ("positive_impulse_pa_s", "positive_duration_s", "reflected_impulse_pa_s")
-"""What changes with the speed of sound, and so with the wind, beside times."""
-AGREE = 1e-3
-"""How far a place given twice may differ [m]."""
+from jblast.observations.misplaced import (
+    AGREE,
+    check_range,
+    metres,
+    refuse_before_origin,
+    refuse_on_charge,
+    refuse_placeless,
+    refuse_wind_without_place,
+)
+from jblast.observations.table import Observations
+from jblast.scene import PARAMETERS, Scene
 
 
 def place(
@@ -51,22 +52,22 @@ def place(
             position[row] = known
         elif np.linalg.norm(position[row] - known) > AGREE:
             raise InputError(
-                f"{_where(observations, row)}: sensor {shown(name)} stands at "
-                f"{_metres(position[row])}; expected {_metres(known)} as in the scene"
+                f"{observations.where(row)}: sensor {shown(name)} stands at "
+                f"{metres(position[row])}; expected {metres(known)} as in the scene"
             )
     for shot, charge in enumerate(scene.charges):
         here = shots == shot
         label = f".{charge.name}" if scene.others else ""
         free = {base for base in PARAMETERS if base + label in beliefs}
         for row in np.flatnonzero(here & ~np.isnan(observations.slant_range)):
-            _check_range(observations, int(row), position[row], charge, free)
+            check_range(observations, int(row), position[row], charge, free)
             position[row] = np.nan  # the slant range is what counts
-        _refuse_placeless(observations, position, charge, here)
+        refuse_placeless(observations, position, charge, here)
         if not {"charge_east_m", "charge_north_m", "charge_up_m"} & free:
-            _refuse_on_charge(observations, position, charge, here)
+            refuse_on_charge(observations, position, charge, here)
         if "origin_time_s" not in free:
-            _refuse_before_origin(observations, scene, charge, here, beliefs)
-    _refuse_wind_without_place(observations, position, scene, beliefs)
+            refuse_before_origin(observations, scene, charge, here, beliefs)
+    refuse_wind_without_place(observations, position, scene, beliefs)
     return replace(observations, position=position)
 
 
@@ -77,7 +78,7 @@ def _shots(observations: Observations, scene: Scene) -> Int[np.ndarray, " row"]:
         for row, shot in enumerate(observations.shot):
             if shot not in names:
                 raise InputError(
-                    f"{_where(observations, row)}, column shot: expected one of the "
+                    f"{observations.where(row)}, column shot: expected one of the "
                     f"scene's charges, {', '.join(map(shown, names))}; got "
                     f"{shown(shot) if shot else 'nothing'}"
                 )
@@ -86,148 +87,8 @@ def _shots(observations: Observations, scene: Scene) -> Int[np.ndarray, " row"]:
     if len(distinct) > 1:
         row = observations.shot.index(distinct[1])
         raise InputError(
-            f"{_where(observations, row)}, column shot: expected {shown(distinct[0])} "
+            f"{observations.where(row)}, column shot: expected {shown(distinct[0])} "
             f"as in the rows before, got {shown(distinct[1])}: several shots in a log "
             "need a scene with a [[charge]] named for each"
         )
     return np.zeros(len(observations), int)
-
-
-def _check_range(
-    observations: Observations,
-    row: int,
-    position: np.ndarray,
-    charge: Charge,
-    free: Collection[str],
-) -> None:
-    """Refuse a slant range beside a free place, or one the scene contradicts."""
-    where = f"{_where(observations, row)}, column range_m"
-    given = float(observations.slant_range[row])
-    for name in ("charge_east_m", "charge_north_m"):
-        if name in free:
-            raise InputError(
-                f"{where}: a range cannot place a charge: {name} is not fixed, so "
-                f"expected east_m, north_m, up_m; got range_m = {given:g}"
-            )
-    if "charge_range_m" in free:
-        raise InputError(
-            f"{where}: got {given:g}, but [charge] range_m of the scene is not fixed; "
-            "expected one of the two"
-        )
-    told = None
-    if charge.range is not None:
-        told = float(charge.range)
-    elif not np.isnan(position).any() and "charge_up_m" not in free:
-        told = float(np.linalg.norm(position - _place(charge)))
-    if told is not None and abs(given - told) > AGREE:
-        raise InputError(f"{where}: got {given!r}; expected {told!r} as in the scene")
-
-
-def _refuse_placeless(
-    observations: Observations,
-    position: np.ndarray,
-    charge: Charge,
-    here: Bool[np.ndarray, " row"],
-) -> None:
-    """Refuse rows that no distance from the charge can be found for."""
-    needs = here & np.array([q != "shock_radius_m" for q in observations.quantity])
-    if charge.range is not None:
-        names = list(dict.fromkeys(np.array(observations.sensor, dtype=object)[needs]))
-        if len(names) > 1:
-            raise InputError(
-                f"{observations.source or 'observations'}: [charge] range_m of the "
-                "scene is the distance to one sensor; got the sensors "
-                f"{', '.join(map(shown, names[:5]))}"
-            )
-        return
-    needs &= np.isnan(position).any(axis=1) & np.isnan(observations.slant_range)
-    if needs.any():
-        row = int(np.argmax(needs))
-        name = observations.sensor[row]
-        raise InputError(
-            f"{_where(observations, row)}: expected east_m, north_m, up_m or range_m, "
-            f"here or in a [[sensor]] of the scene named {shown(name)}; got neither"
-        )
-
-
-def _refuse_on_charge(
-    observations: Observations,
-    position: np.ndarray,
-    charge: Charge,
-    here: Bool[np.ndarray, " row"],
-) -> None:
-    """Refuse a sensor where the charge is fixed: no law holds at distance zero."""
-    if charge.range is not None:
-        return
-    at = _place(charge)
-    apart = np.linalg.norm(position - at, axis=1)
-    for row in np.flatnonzero(here & (apart == 0)):
-        name = observations.sensor[row]
-        raise InputError(
-            f"{_where(observations, int(row))}: sensor {shown(name)} stands at "
-            f"{_metres(at)}, where the charge is; expected a distance from it"
-        )
-
-
-def _refuse_before_origin(
-    observations: Observations,
-    scene: Scene,
-    charge: Charge,
-    here: Bool[np.ndarray, " row"],
-    beliefs: Collection[str],
-) -> None:
-    """Refuse a wave that arrives before a fixed origin time, errors allowed for."""
-    offsets = {name: float(offset) for name, offset in scene.clock_offsets().items()}
-    clocks = observations.clocks()
-    for row in np.flatnonzero(here):
-        quantity, clock = observations.quantity[row], clocks[row]
-        waves = ("air_arrival_s", "ground_arrival_s")
-        if quantity not in waves or f"{CLOCK_OFFSET}.{clock}" in beliefs:
-            continue
-        start = float(charge.time) + offsets.get(clock, 0.0)
-        allowed = EARLY * float(np.nan_to_num(observations.sigma[row]))
-        if observations.value[row] + allowed <= start:
-            raise InputError(
-                f"{_where(observations, int(row))}: {quantity} is "
-                f"{observations.value[row]:g} s; expected it after the origin time, "
-                f"{start:g} s on this clock (correct it, or free origin_time_s)"
-            )
-
-
-def _refuse_wind_without_place(
-    observations: Observations,
-    position: np.ndarray,
-    scene: Scene,
-    beliefs: Collection[str],
-) -> None:
-    """Refuse wind where nobody knows which way the sound went."""
-    wind = float(scene.air.wind_east), float(scene.air.wind_north)
-    free = {"wind_east_m_s", "wind_north_m_s"} & set(beliefs)
-    if not free and wind == (0.0, 0.0):
-        return
-    ranged = any(charge.range is not None for charge in scene.charges)
-    lost = np.full(len(observations), ranged) | np.isnan(position).any(axis=1)
-    lost &= np.isin(observations.quantity, (*TIMES, *WIND_FELT))
-    if lost.any():
-        row = int(np.argmax(lost))
-        raise InputError(
-            f"{_where(observations, row)}: expected east_m, north_m, up_m, since the "
-            f"scene has {'a free' if free else 'a'} wind; got a range alone, which has "
-            "no direction"
-        )
-
-
-def _place(charge: Charge) -> Float[np.ndarray, "3"]:
-    return np.array([float(charge.east), float(charge.north), float(charge.up)])
-
-
-def _where(observations: Observations, row: int) -> str:
-    """Name the file and line of a row, or the row of a table made here."""
-    source = observations.source or "observations"
-    if observations.line:
-        return f"{source}: line {observations.line[row]}"
-    return f"{source}: row {row + 1}"
-
-
-def _metres(position: np.ndarray) -> str:
-    return "[" + ", ".join(f"{x:.10g}" for x in position.tolist()) + "] m"

@@ -5,9 +5,11 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from jblast.quantities import CLOCK_TIMES as CLOCK_TIMES
-from jblast.quantities import QUANTITIES as QUANTITIES
-from jblast.quantities import TIMES as TIMES
+from jblast.quantities import (
+    CLOCK_TIMES as CLOCK_TIMES,
+    QUANTITIES as QUANTITIES,
+    TIMES as TIMES,
+)
 
 NEEDED = ("sensor", "quantity", "value", "sigma")
 POSITION = ("east_m", "north_m", "up_m")
@@ -51,6 +53,13 @@ class Observations:
 
     def __len__(self) -> int:
         return len(self.value)
+
+    def where(self, row: int) -> str:
+        """Name the file and line of a row, or the row of a table made here."""
+        source = self.source or "observations"
+        if self.line:
+            return f"{source}: line {self.line[row]}"
+        return f"{source}: row {row + 1}"
 
     def clocks(self) -> tuple[str, ...]:
         """Return the name of each row's clock: its recorder, else its sensor."""

@@ -138,8 +138,9 @@ def _repeats(name: str, answer: Mapping[str, Any]) -> bool:
     """Tell whether a TNT mass only repeats the charge mass."""
     base, dot, label = name.partition(".")
     of_mass = answer["estimates"].get(f"charge_mass_kg{dot}{label}", {})
-    mass, tnt = of_mass.get("value"), answer.get("derived", {}).get(name, {})
-    return base == "charge_tnt_mass_kg" and mass is not None and mass == tnt.get("value")
+    mass = of_mass.get("value")
+    tnt = answer.get("derived", {}).get(name, {}).get("value")
+    return base == "charge_tnt_mass_kg" and mass is not None and mass == tnt
 
 
 def _estimate_sentence(

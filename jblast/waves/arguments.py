@@ -65,6 +65,7 @@ ARGUMENTS: dict[str, Argument] = {
     "charge_mass": _positive("kg", 1e-2, 1e6),
     "height_of_burst": Argument("m", (-1.0, 5.0)),
     "time_since_detonation": Argument("s", (1e-4, 1.0)),
+    "shock_radius": _positive("m", 0.1, 1e4),
     # air and ground
     "ambient_pressure": _positive("Pa", 5e4, 1.05e5),
     "pressure": _positive("Pa", 5e4, 1.05e5),
@@ -82,7 +83,7 @@ ARGUMENTS: dict[str, Argument] = {
     "reflected_pressure": _positive("Pa", 1e3, 5e6),
     "duration": _positive("s", 1e-3, 1e-2),
     "impulse": _positive("Pa s", 10.0, 1e3),
-    "decay": Argument("1", (0.0, 5.0)),
+    "decay": Argument("1", (0.1, 5.0)),
     "rise_time": _positive("s", 1e-5, 1e-3),
     "negative_pressure": _positive("Pa", 1e2, 5e4),
     "negative_duration": _positive("s", 5e-3, 5e-2),

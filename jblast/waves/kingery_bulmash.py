@@ -222,9 +222,10 @@ for _quantity, _function in {
     "positive_duration_s": kingery_bulmash_duration,
     "reflected_pressure_pa": kingery_bulmash_reflected_pressure,
     "reflected_impulse_pa_s": kingery_bulmash_reflected_impulse,
+    "shock_speed_m_s": kingery_bulmash_shock_speed,
 }.items():
     _is_duration = _quantity == "positive_duration_s"
-    _sd = 0.01 if _quantity == "air_arrival_s" else 0.10
+    _sd = 0.01 if _quantity in ("air_arrival_s", "shock_speed_m_s") else 0.10
     register(
         Law(
             quantity=_quantity,

@@ -8,13 +8,36 @@ and outside the table the curve goes on as a power law with its end slope.
 
 import math
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Protocol, runtime_checkable
 
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 BLEND_WIDTH = 0.05
 """Width of a blend, in z: from join / sqrt(1.05) to join * sqrt(1.05)."""
+
+
+@runtime_checkable
+class Segment(Protocol):
+    """One stretch of a curve: a `LogPolynomial` or a `ReciprocalPolynomial`."""
+
+    @property
+    def z_min(self) -> float:
+        """Where it starts."""
+        ...
+
+    @property
+    def z_max(self) -> float:
+        """Where it ends."""
+        ...
+
+    def log_value(self, log_z: Any) -> Any:
+        """Return ln y: floats, NumPy and JAX arrays alike."""
+        ...
+
+    def log_slope(self, log_z: float) -> float:
+        """Return d ln y / d ln z."""
+        ...
 
 
 @dataclass(frozen=True)
@@ -59,7 +82,7 @@ class LogCurve:
         segments: In order of z.
     """
 
-    segments: tuple[LogPolynomial, ...]
+    segments: tuple[Segment, ...]
 
     @property
     def z_min(self) -> float:

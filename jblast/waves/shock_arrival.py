@@ -19,6 +19,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from jblast.constants import STANDARD_PRESSURE, STANDARD_SOUND_SPEED
+from jblast.waves.chebyshev import chebyshev_sum
 from jblast.waves.kingery_bulmash_table import kingery_bulmash_curve
 from jblast.waves.shock_front import (
     JOIN,
@@ -105,13 +106,13 @@ def log_sound_fraction(log_z: Float[Array, "..."], burst: str) -> Float[Array, "
     join = math.log(tail.join)
 
     inside = jnp.clip(log_z, table.near_start, join)
-    near = _chebyshev(table.near, inside, table.near_start, join)
+    near = chebyshev_sum(table.near, inside, table.near_start, join)
     near = near + (table.inner_slope - 1.0) * jnp.minimum(log_z - inside, 0.0)
 
     far_log_z = jnp.maximum(log_z, join)
     q = jnp.sqrt(far_log_z - math.log(tail.length))
     inside = jnp.minimum(q, table.far_end)
-    head_start = _chebyshev(table.far, inside, table.far_start, table.far_end)
+    head_start = chebyshev_sum(table.far, inside, table.far_start, table.far_end)
     head_start = head_start + table.far_slope * (q - inside)
     return jnp.where(log_z < join, near, jnp.log1p(-head_start * jnp.exp(-far_log_z)))
 
@@ -128,14 +129,3 @@ def log_sound_fraction_jvp(burst, primals, tangents):
         jnp.exp(-fraction) / front_mach_number(log_z, burst),
     )
     return fraction, (slope - 1.0) * tangent
-
-
-def _chebyshev(
-    coefficients: Sequence[float], x: Float[Array, "..."], start: float, end: float
-) -> Float[Array, "..."]:
-    """Sum a Chebyshev series on [start, end] by Clenshaw's recurrence."""
-    t = (2.0 * x - (start + end)) / (end - start)
-    last, previous = jnp.zeros_like(t), jnp.zeros_like(t)
-    for coefficient in reversed(coefficients[1:]):
-        last, previous = 2.0 * t * last - previous + coefficient, last
-    return t * last - previous + coefficients[0]

@@ -131,6 +131,7 @@ def shock_kinematics_valid(
 for _quantity, _function, _sd in (
     ("air_arrival_s", shock_kinematics_arrival_time, 0.01),
     ("peak_overpressure_pa", shock_kinematics_pressure, 0.10),
+    ("shock_speed_m_s", shock_kinematics_shock_speed, 0.01),
 ):
     register(
         Law(

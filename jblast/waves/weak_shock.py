@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from jblast.waves.log_curve import LogPolynomial
+from jblast.waves.log_curve import Segment
 
 
 @dataclass(frozen=True)
@@ -40,7 +40,7 @@ class WeakShockTail:
         )
 
 
-def weak_shock_tail(pressure: LogPolynomial, join: float) -> WeakShockTail:
+def weak_shock_tail(pressure: Segment, join: float) -> WeakShockTail:
     """Return the tail that meets a pressure curve in value and slope.
 
     The slope decides $b$, then the value decides $A$.

@@ -108,7 +108,7 @@ def test_several_shots_need_a_charge_named_for_each(log):
     two = Scene(charge=Charge(name="one"), others=(Charge(name="two", time=1.5),))
     assert len(place(observations, two)) == 2
     other = Scene(charge=Charge(name="one"), others=(Charge(name="three"),))
-    with pytest.raises(InputError, match="line 3.*'one', 'three'; got 'two'"):
+    with pytest.raises(InputError, match=r"line 3.*'one', 'three'; got 'two'"):
         place(observations, other)
 
 
@@ -117,14 +117,16 @@ def test_each_charge_is_asked_about_its_own_origin_time(log):
         SHOTS + "a,air_arrival_s,1,.1,20,one\na,air_arrival_s,2,.1,20,two\n"
     )
     late = Scene(charge=Charge(name="one"), others=(Charge(name="two", time=9.0),))
-    with pytest.raises(InputError, match="line 3.*after the origin time, 9 s"):
+    with pytest.raises(InputError, match=r"line 3.*after the origin time, 9 s"):
         place(observations, late)
     assert len(place(observations, late, {"origin_time_s.two"})) == 2
 
 
 def test_wind_needs_a_direction_but_only_for_what_it_changes(log):
     windy = Scene(air=Air(wind_north=4.0))
-    with pytest.raises(InputError, match="line 2.*range alone, which has no direction"):
+    with pytest.raises(
+        InputError, match=r"line 2.*range alone, which has no direction"
+    ):
         place(log(RANGE + "a,air_arrival_s,1,,20\n"), windy)
     with pytest.raises(InputError, match="a free wind"):
         place(log(RANGE + "a,air_arrival_s,1,,20\n"), Scene(), {"wind_east_m_s"})

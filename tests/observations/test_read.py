@@ -3,8 +3,7 @@ from contextlib import suppress
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
-from hypothesis import strategies as st
+from hypothesis import HealthCheck, given, settings, strategies as st
 
 from jblast.errors import InputError
 from jblast.observations import QUANTITIES, TIMES, read

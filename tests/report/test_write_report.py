@@ -6,8 +6,7 @@ import example
 import pytest
 
 from jblast.errors import InputError
-from jblast.report import residuals, write_report
-from jblast.report import write as writing
+from jblast.report import residuals, write as writing, write_report
 
 FILES = {"fit.json", "recordings.png", "residuals.png", "corner.png", "report.html"}
 

@@ -3,8 +3,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 import scipy.stats
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from jblast.scene import Free, LogNormal, LogUniform, Normal, Uniform
 from jblast.scene.priors import draw

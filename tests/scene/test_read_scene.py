@@ -2,8 +2,7 @@ from contextlib import suppress
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from jblast.errors import InputError
 from jblast.scene import (
@@ -16,8 +15,8 @@ from jblast.scene import (
     read_scene,
 )
 from jblast.scene.keys import KEYS, LATER, NUMBERS
-from jblast.scene.read import scene_from_document
 from jblast.scene.parameters import PARAMETERS, value_of, with_values
+from jblast.scene.read import scene_from_document
 
 
 @pytest.fixture

@@ -6,11 +6,13 @@ import numpy as np
 import pytest
 
 from jblast.constants import LIGHT_SPEED
-from jblast.scene import Scene, Sensor, with_values
+from jblast.scene import Air, Charge, Ground, Scene, Sensor, with_values
 from jblast.sensors import planned_layout, record, resolve_laws
 from jblast.sensors.laws import law_names
 from jblast.sensors.observe import loadings
 from jblast.waves import (
+    acoustic_arrival_time,
+    dual_path_ground_arrival_time,
     kingery_bulmash_pressure,
     wu_hao_air_arrival_time,
     wu_hao_ground_arrival_time,
@@ -144,3 +146,71 @@ def test_a_quantity_without_a_law_is_not_supported_yet(quantity):
     silent = Sensor("c", jnp.array([20.0, 0.0, 0.0]), records=((quantity, 0.1),))
     with pytest.raises(ValueError, match="not supported yet"):
         recording(dataclasses.replace(SCENE, sensors=(silent,)))
+
+
+def test_wind_adds_to_the_speed_of_sound_along_the_path():
+    places = [(300.0, 0.0, 0.0), (0.0, 400.0, 0.0), (-300.0, -400.0, 0.0)]
+    sensors = tuple(
+        Sensor(f"s{i}", jnp.array(place), records=(("air_arrival_s", 1e-3),))
+        for i, place in enumerate(places)
+    )
+    scene = Scene(
+        sensors=sensors,
+        air=Air(sound_speed=340.0, wind_east=5.0, wind_north=-2.0),
+        law=(("air_arrival_s", "acoustic"),),
+    )
+    along = np.array([5.0, -2.0, -5.0 * 0.6 + 2.0 * 0.8])
+    expected = acoustic_arrival_time(np.array([300.0, 400.0, 500.0]), 340.0 + along)
+    # np.array / np.array in float64: roundings
+    np.testing.assert_allclose(recording(scene)[0].value, expected, rtol=1e-14)
+
+
+def test_gradient_to_the_wind_is_minus_the_time_over_the_speed():
+    sensor = Sensor(
+        "a", jnp.array([0.0, 400.0, 0.0]), records=(("air_arrival_s", 1.0),)
+    )
+    scene = Scene(
+        sensors=(sensor,),
+        air=Air(sound_speed=340.0),
+        law=(("air_arrival_s", "acoustic"),),
+    )
+
+    def reading(north):
+        return recording(with_values(scene, {"wind_north_m_s": north}))[0].value[0]
+
+    assert jax.grad(reading)(3.0) == pytest.approx(-400.0 / 343.0**2, rel=1e-12)
+
+
+def test_the_thesis_path_climbs_to_the_sensor_and_the_head_wave_does_not():
+    sensor = Sensor(
+        "a", jnp.array([20.0, 0.0, 1.5]), records=(("ground_arrival_s", 1e-3),)
+    )
+    head = Scene(
+        charge=Charge(mass=15.0),
+        sensors=(sensor,),
+        air=Air(sound_speed=340.0),
+        ground=Ground(p_speed=6000.0),
+    )
+    thesis = dataclasses.replace(head, ground=Ground(p_speed=6000.0, path="thesis"))
+    along = wu_hao_ground_arrival_time(20.0, 15.0, 6000.0)
+    slant = float(np.hypot(20.0, 1.5))
+    climbing = dual_path_ground_arrival_time(slant, 20.0, 1.5, 15.0, 340.0, 6000.0)
+    assert recording(head)[0].value[0] == pytest.approx(float(along), rel=1e-14)
+    assert recording(thesis)[0].value[0] == pytest.approx(float(climbing), rel=1e-14)
+
+
+def test_each_charge_is_worth_its_own_tnt():
+    sensor = Sensor(
+        "a", jnp.array([30.0, 0.0, 0.0]), records=(("peak_overpressure_pa", 0.1),)
+    )
+    scene = Scene(
+        charge=Charge(name="one", mass=10.0, explosive="C4"),
+        others=(Charge(name="two", mass=10.0, tnt_factor=0.5),),
+        sensors=(sensor,),
+    )
+    expected = [kingery_bulmash_pressure(30.0, mass) for mass in (13.7, 5.0)]
+    got, layout = recording(scene)
+    np.testing.assert_allclose(got.value, expected, rtol=1e-12)
+    assert layout.shot == (0, 1)
+    # each shot has a scatter of its own: one column and one row a charge
+    np.testing.assert_allclose(loadings(got, layout), 0.1 * np.eye(2))

@@ -1,12 +1,20 @@
+import inspect
+
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from jax.test_util import check_grads
 
+from jblast.registry import call, law_for
+from jblast.waves.paths import Path
 from jblast.waves.wu_hao import (
+    dual_path_ground_arrival_time,
     wu_hao_air_arrival_time,
     wu_hao_air_valid,
     wu_hao_ground_arrival_time,
+    wu_hao_ground_path_arrival_time,
+    wu_hao_ground_path_valid,
     wu_hao_ground_valid,
 )
 
@@ -69,3 +77,93 @@ def test_the_ground_law_has_no_value_behind_the_charge():
         False,
         True,
     ]
+
+
+def _thesis_case(height):
+    """15 kg at a slant range of 20 m, the sensor at a height; 340 and 6000 m/s."""
+    ground_range = jnp.sqrt(20.0**2 - height**2)
+    return 20.0, ground_range, height, 15.0, 340.0, 6000.0
+
+
+def test_the_dual_path_explains_the_difference_the_thesis_observed():
+    # table 4.1 prints 32.43 ms "observed"; the sensor was 1.558 m up (inferred)
+    air = wu_hao_air_arrival_time(20.0, 15.0, 340.0)
+    difference = air - dual_path_ground_arrival_time(*_thesis_case(1.558))
+    np.testing.assert_allclose(difference, 0.03243, atol=5e-6)
+
+
+def test_the_climb_is_at_the_mean_speed_of_the_air_shock():
+    on_ground, up = (
+        dual_path_ground_arrival_time(20.0, 19.0, h, 15.0, 340.0, 6000.0)
+        for h in (0.0, 5.0)
+    )
+    assert on_ground == wu_hao_ground_arrival_time(19.0, 15.0, 6000.0)
+    mean_speed = 20.0 / wu_hao_air_arrival_time(20.0, 15.0, 340.0)
+    np.testing.assert_allclose(up - on_ground, 5.0 / mean_speed, rtol=1e-12)
+
+
+def test_straight_above_the_charge_both_waves_take_the_same_time():
+    # no way along the ground: up the slant range at the speed of the air shock
+    up = dual_path_ground_arrival_time(9.0, 0.0, 9.0, 15.0, 340.0, 6000.0)
+    np.testing.assert_allclose(up, wu_hao_air_arrival_time(9.0, 15.0, 340.0), 1e-13)
+
+
+def test_a_buried_sensor_counts_as_on_the_ground():
+    rest = (15.0, 340.0, 6000.0)
+    ground = wu_hao_ground_arrival_time(20.0, 15.0, 6000.0)
+    assert dual_path_ground_arrival_time(20.0, 20.0, -3.0, *rest) == ground
+    slope = jax.grad(dual_path_ground_arrival_time, argnums=2)
+    below, at, above = (slope(20.0, 20.0, h, *rest) for h in (-1.0, 0.0, 1.0))
+    assert below == 0.0
+    assert at == 0.5 * above
+    np.testing.assert_allclose(
+        above, wu_hao_air_arrival_time(20.0, 15.0, 340.0) / 20.0, rtol=1e-12
+    )
+
+
+def test_a_scene_names_the_way_of_the_ground_wave():
+    law = law_for("ground_arrival_s", "wu_hao")
+    fields = _thesis_case(jnp.array([0.0, 1.558]))
+    names = list(inspect.signature(dual_path_ground_arrival_time).parameters)
+    numbers = {
+        **dict.fromkeys(Path.__dataclass_fields__, jnp.array(1.0)),
+        **dict(zip(names, map(jnp.asarray, fields), strict=True)),
+        "burst": "surface",
+    }
+    head, thesis = (
+        call(law.function, Path(**{**numbers, "ground_path": way}))
+        for way in ("head", "thesis")
+    )
+    assert head.tolist() == (
+        wu_hao_ground_arrival_time(numbers["ground_range"], 15.0, 6000.0).tolist()
+    )
+    assert thesis.tolist() == dual_path_ground_arrival_time(*fields).tolist()
+    assert thesis[0] == head[0]
+    # 1.558 m at 519 m/s, four digits
+    np.testing.assert_allclose(thesis[1] - head[1], 3.004e-3, atol=5e-7)
+
+
+def test_a_way_that_is_none_is_refused():
+    with pytest.raises(ValueError, match="ground_path must be 'head' or 'thesis', got"):
+        wu_hao_ground_path_arrival_time(*_thesis_case(1.0), ground_path="direct")
+    with pytest.raises(ValueError, match="slant_range must be positive"):
+        dual_path_ground_arrival_time(0.0, 0.0, 1.0, 15.0, 340.0, 6000.0)
+
+
+def test_the_climb_needs_an_air_shock_faster_than_sound():
+    ranges = np.array([57.4, 57.6, 57.6])  # the limit is 57.5 m for 15 kg
+    height = np.array([2.0, 2.0, 0.0])
+    valid = (
+        wu_hao_ground_path_valid(ranges, ranges, height, 15.0, way).tolist()
+        for way in ("head", "thesis")
+    )
+    assert list(valid) == [[True, True, True], [True, False, True]]
+
+
+def test_gradients_of_the_dual_path_are_the_derivatives():
+    at = jnp.array(_thesis_case(1.558))
+    check_grads(
+        jax.jit(lambda x: jnp.log(dual_path_ground_arrival_time(*(x * at)))),
+        (jnp.ones(6),),
+        order=2,
+    )

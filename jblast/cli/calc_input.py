@@ -1,0 +1,225 @@
+"""From the words after `jblast calc` to a question, or one message."""
+
+import argparse
+import math
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from jblast.cli.calc import MEASURED, PLOTS
+from jblast.cli.files import refuse_existing
+from jblast.errors import InputError, nearest, shown
+from jblast.report.numbers import printed_number
+from jblast.scene import Air, Charge, Ground, Scene
+from jblast.scene.explosives import explosive_named
+from jblast.scene.keys import BURSTS, NUMBERS
+from jblast.sensors.inverse import Roots
+from jblast.sensors.question import Question, charge_radius
+
+MOST_ROWS = 100_000
+DRY = {"relative_humidity": 0.0}
+"""The standard atmosphere, which the tables are for, is dry; a scene's air is not."""
+
+
+def question_of(asked: argparse.Namespace) -> Question:
+    """Return what is asked.
+
+    Raises:
+        InputError: A number is no number or out of bounds, options contradict each
+            other or are too few, or a range lies inside the charge.
+    """
+    measured = [name for name in MEASURED if _given(asked, name) is not None]
+    _check_options(asked, measured)
+    defaults = set()
+    for field, options in {
+        "air": ("temperature", "pressure", "altitude", "humidity", "sound_speed"),
+        "ground": ("p_speed",),
+        "burst": ("burst",),
+        "explosive": ("explosive",),
+    }.items():
+        if all(_given(asked, option) is None for option in options):
+            defaults.add(field)
+    quantity, target = "", math.nan
+    if measured:
+        quantity = MEASURED[measured[0]][0]
+        target = _positive(_given(asked, measured[0]), f"--{measured[0]}")
+    question = Question(
+        scene=_scene(asked),
+        slant_range=_several(asked.range or (), "--range"),
+        charge_mass=_several(asked.mass or (), "--mass"),
+        quantity=quantity,
+        target=target,
+        defaults=frozenset(defaults),
+    )
+    _check_rows(question, measured)
+    return question
+
+
+def check_plot(file: str, question: Question, *, force: bool) -> None:
+    """Refuse a plot that cannot be drawn or written.
+
+    Raises:
+        InputError: It is of no kind we draw, exists already, or does not suit.
+    """
+    if Path(file).suffix.lower() not in PLOTS:
+        raise InputError(f"--plot {file}: expected a name in {', '.join(PLOTS)}")
+    refuse_existing(file, force=force)
+    if question.quantity or len(question.charge_mass) != 1:
+        raise InputError(
+            "--plot: it draws all laws against range; expected one --mass, and --range"
+        )
+
+
+def check_roots(question: Question, found: dict[str, Roots]) -> None:
+    """Refuse a value that no law takes where it holds, and say which ones they do.
+
+    Raises:
+        InputError: No root is valid.
+    """
+    if any(root.valid.any() for root in found.values()):
+        return
+    spans = [root.attained for root in found.values() if root.attained]
+    option = next(name for name, (q, *_) in MEASURED.items() if q == question.quantity)
+    target = printed_number(question.quantity, question.target)
+    if not spans:
+        raise InputError(f"--{option}: no law that holds here gives it; got {target}")
+    low = printed_number(question.quantity, min(low for low, _ in spans), 3)
+    high = printed_number(question.quantity, max(high for _, high in spans), 3)
+    raise InputError(
+        f"--{option}: expected a value that some law takes inside its range, "
+        f"from {low} to {high}; got {target}"
+    )
+
+
+def _given(asked: argparse.Namespace, option: str) -> str | None:
+    return getattr(asked, option.replace("-", "_"))
+
+
+def _check_options(asked: argparse.Namespace, measured: Sequence[str]) -> None:
+    """Refuse options that contradict each other, or too few."""
+    options = ", ".join(f"--{name}" for name in MEASURED)
+    if len(measured) > 1:
+        both = " and ".join(f"--{name}" for name in measured)
+        raise InputError(f"expected one of {options}; got {both}")
+    if measured and bool(asked.range) == bool(asked.mass):
+        got = "both" if asked.range else "neither"
+        raise InputError(
+            f"--{measured[0]}: expected --mass (which asks for the range) or --range "
+            f"(which asks for the mass) beside it; got {got}"
+        )
+    if not measured and not (asked.range and asked.mass):
+        got = "--range" if asked.range else "--mass" if asked.mass else "neither"
+        raise InputError(
+            f"expected --mass and --range, or one of them and one of {options}; "
+            f"got {got}{'' if got == 'neither' else ' alone'}"
+        )
+    if asked.json and asked.csv:
+        raise InputError("expected --json or --csv, got both")
+    for rival in ("pressure", "temperature"):
+        if asked.altitude is not None and _given(asked, rival) is not None:
+            raise InputError(
+                f"--altitude: expected it alone or --temperature and --pressure; got "
+                f"it beside --{rival}"
+            )
+
+
+def _check_rows(question: Question, measured: Sequence[str]) -> None:
+    """Refuse too many rows, and ranges inside the charge."""
+    ranges, masses = question.slant_range, question.charge_mass
+    if measured:
+        if len(ranges) + len(masses) > 1:
+            raise InputError(
+                f"--{measured[0]}: expected one --mass or one --range beside it; got "
+                f"{len(ranges) + len(masses)}"
+            )
+        return
+    if len(ranges) * len(masses) > MOST_ROWS:
+        raise InputError(
+            f"--range and --mass: expected at most {MOST_ROWS} combinations, got "
+            f"{len(ranges)} times {len(masses)}"
+        )
+    radius = float(charge_radius(max(masses)))
+    if min(ranges) <= radius:
+        raise InputError(
+            f"--range: expected a range outside the charge, whose radius is "
+            f"{radius:.4g} m ({max(masses):g} kg as a sphere of TNT at 1630 kg/m3); "
+            f"got {min(ranges):g} m"
+        )
+
+
+def _scene(asked: argparse.Namespace) -> Scene:
+    burst = "surface" if asked.burst is None else asked.burst
+    if burst not in BURSTS:
+        raise InputError(
+            f"--burst: expected one of {', '.join(BURSTS)}; got {shown(burst)}"
+            f"{nearest(burst, BURSTS)}"
+        )
+    air = {
+        key: _bounded(asked, option, f"air_{name}")
+        for key, option, name in (
+            ("temperature", "temperature", "temperature_k"),
+            ("pressure", "pressure", "pressure_pa"),
+            ("altitude", "altitude", "altitude_m"),
+            ("relative_humidity", "humidity", "relative_humidity"),
+            ("sound_speed", "sound_speed", "sound_speed_m_s"),
+        )
+        if _given(asked, option) is not None
+    }
+    ground = Ground()
+    if asked.p_speed is not None:
+        ground = Ground(p_speed=_bounded(asked, "p_speed", "ground_p_speed_m_s"))
+    height = 0.0 if asked.height is None else _number(asked.height, "--height")
+    explosive = "TNT"
+    if asked.explosive is not None:
+        explosive = explosive_named(asked.explosive, "--explosive")
+    charge = Charge(up=height, burst=burst, explosive=explosive)
+    return Scene(charge=charge, air=Air(**DRY | air), ground=ground)
+
+
+def _bounded(asked: argparse.Namespace, option: str, parameter: str) -> float:
+    """Return an option that a scene file may hold too, within its bounds there."""
+    bounds = next(number for number in NUMBERS if number.parameter == parameter)
+    where = f"--{option.replace('_', '-')}"
+    value = _number(_given(asked, option), where)
+    if not bounds.allows(value):
+        raise InputError(
+            f"{where}: expected a number that is {bounds.bounds()}, got {value:g}"
+        )
+    return value
+
+
+def _several(words: Sequence[str], where: str) -> tuple[float, ...]:
+    """Return the values of `1 2 5`, `1,2,5` or `1:100:20`."""
+    values: list[float] = []
+    for word in (part for text in words for part in text.split(",")):
+        if ":" not in word:
+            values.append(_positive(word, where))
+            continue
+        ends = word.split(":")
+        count = ends[2] if len(ends) == 3 else ""
+        if not (count.isascii() and count.isdigit() and 2 <= int(count) <= MOST_ROWS):
+            raise InputError(
+                f"{where}: expected FROM:TO:COUNT with a COUNT of 2 to {MOST_ROWS}, "
+                f"got {shown(word)}"
+            )
+        low, high = (_positive(end, where) for end in ends[:2])
+        values += np.geomspace(low, high, int(count)).tolist()
+    return tuple(values)
+
+
+def _positive(word: str | None, where: str) -> float:
+    value = _number(word, where)
+    if value <= 0:
+        raise InputError(f"{where}: expected a positive number, got {value:g}")
+    return value
+
+
+def _number(word: str | None, where: str) -> float:
+    try:
+        value = float(word or "")
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise InputError(f"{where}: expected a finite number, got {shown(word)}")
+    return value

@@ -1,0 +1,151 @@
+"""What a log and a scene may not say together of places and times."""
+
+from collections.abc import Collection
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from jblast.errors import InputError, shown
+from jblast.observations.table import TIMES, Observations
+from jblast.scene import Charge, Scene
+from jblast.scene.parameters import CLOCK_OFFSET
+
+EARLY = 5.0
+"""A reading this many sigmas before the origin time is no error of measurement."""
+WIND_FELT = ("positive_impulse_pa_s", "positive_duration_s", "reflected_impulse_pa_s")
+"""What changes with the speed of sound, and so with the wind, beside times."""
+AGREE = 1e-3
+"""How far a place given twice may differ [m]."""
+
+
+def check_range(
+    observations: Observations,
+    row: int,
+    position: np.ndarray,
+    charge: Charge,
+    free: Collection[str],
+) -> None:
+    """Refuse a slant range beside a free place, or one the scene contradicts."""
+    where = f"{observations.where(row)}, column range_m"
+    given = float(observations.slant_range[row])
+    for name in ("charge_east_m", "charge_north_m"):
+        if name in free:
+            raise InputError(
+                f"{where}: a range cannot place a charge: {name} is not fixed, so "
+                f"expected east_m, north_m, up_m; got range_m = {given:g}"
+            )
+    if "charge_range_m" in free:
+        raise InputError(
+            f"{where}: got {given:g}, but [charge] range_m of the scene is not fixed; "
+            "expected one of the two"
+        )
+    told = None
+    if charge.range is not None:
+        told = float(charge.range)
+    elif not np.isnan(position).any() and "charge_up_m" not in free:
+        told = float(np.linalg.norm(position - _place(charge)))
+    if told is not None and abs(given - told) > AGREE:
+        raise InputError(f"{where}: got {given!r}; expected {told!r} as in the scene")
+
+
+def refuse_placeless(
+    observations: Observations,
+    position: np.ndarray,
+    charge: Charge,
+    here: Bool[np.ndarray, " row"],
+) -> None:
+    """Refuse rows that no distance from the charge can be found for."""
+    needs = here & np.array([q != "shock_radius_m" for q in observations.quantity])
+    if charge.range is not None:
+        names = list(dict.fromkeys(np.array(observations.sensor, dtype=object)[needs]))
+        if len(names) > 1:
+            raise InputError(
+                f"{observations.source or 'observations'}: [charge] range_m of the "
+                "scene is the distance to one sensor; got the sensors "
+                f"{', '.join(map(shown, names[:5]))}"
+            )
+        return
+    needs &= np.isnan(position).any(axis=1) & np.isnan(observations.slant_range)
+    if needs.any():
+        row = int(np.argmax(needs))
+        name = observations.sensor[row]
+        raise InputError(
+            f"{observations.where(row)}: expected east_m, north_m, up_m or range_m, "
+            f"here or in a [[sensor]] of the scene named {shown(name)}; got neither"
+        )
+
+
+def refuse_on_charge(
+    observations: Observations,
+    position: np.ndarray,
+    charge: Charge,
+    here: Bool[np.ndarray, " row"],
+) -> None:
+    """Refuse a sensor where the charge is fixed: no law holds at distance zero."""
+    if charge.range is not None:
+        return
+    at = _place(charge)
+    apart = np.linalg.norm(position - at, axis=1)
+    for row in np.flatnonzero(here & (apart == 0)):
+        name = observations.sensor[row]
+        raise InputError(
+            f"{observations.where(int(row))}: sensor {shown(name)} stands at "
+            f"{metres(at)}, where the charge is; expected a distance from it"
+        )
+
+
+def refuse_before_origin(
+    observations: Observations,
+    scene: Scene,
+    charge: Charge,
+    here: Bool[np.ndarray, " row"],
+    beliefs: Collection[str],
+) -> None:
+    """Refuse a wave that arrives before a fixed origin time, errors allowed for."""
+    offsets = {name: float(offset) for name, offset in scene.clock_offsets().items()}
+    clocks = observations.clocks()
+    for row in np.flatnonzero(here):
+        quantity, clock = observations.quantity[row], clocks[row]
+        waves = ("air_arrival_s", "ground_arrival_s")
+        if quantity not in waves or f"{CLOCK_OFFSET}.{clock}" in beliefs:
+            continue
+        start = float(charge.time) + offsets.get(clock, 0.0)
+        allowed = EARLY * float(np.nan_to_num(observations.sigma[row]))
+        if observations.value[row] + allowed <= start:
+            raise InputError(
+                f"{observations.where(int(row))}: {quantity} is "
+                f"{observations.value[row]:g} s; expected it after the origin time, "
+                f"{start:g} s on this clock (correct it, or free origin_time_s)"
+            )
+
+
+def refuse_wind_without_place(
+    observations: Observations,
+    position: np.ndarray,
+    scene: Scene,
+    beliefs: Collection[str],
+) -> None:
+    """Refuse wind where nobody knows which way the sound went."""
+    wind = float(scene.air.wind_east), float(scene.air.wind_north)
+    free = {"wind_east_m_s", "wind_north_m_s"} & set(beliefs)
+    if not free and wind == (0.0, 0.0):
+        return
+    ranged = any(charge.range is not None for charge in scene.charges)
+    lost = np.full(len(observations), ranged) | np.isnan(position).any(axis=1)
+    lost &= np.isin(observations.quantity, (*TIMES, *WIND_FELT))
+    if lost.any():
+        row = int(np.argmax(lost))
+        raise InputError(
+            f"{observations.where(row)}: expected east_m, north_m, up_m, since the "
+            f"scene has {'a free' if free else 'a'} wind; got a range alone, which has "
+            "no direction"
+        )
+
+
+def _place(charge: Charge) -> Float[np.ndarray, "3"]:
+    return np.array([float(charge.east), float(charge.north), float(charge.up)])
+
+
+def metres(position: np.ndarray) -> str:
+    """Return a position as a message shows it."""
+    return "[" + ", ".join(f"{x:.10g}" for x in position.tolist()) + "] m"

@@ -1,0 +1,87 @@
+import numpy as np
+import pytest
+
+from jblast.report.calculator_plot import (
+    LABEL_GAP,
+    LAW_COLOURS,
+    calculator_figure,
+    spread,
+)
+from jblast.scene import Scene
+from jblast.sensors.calculate import calculate, calculated_laws
+from jblast.sensors.question import Question
+
+
+@pytest.fixture(scope="module")
+def figure():
+    return calculator_figure(Question(Scene(), (20.0,), (15.0,)))
+
+
+def panel(figure, title):
+    (found,) = [axes for axes in figure.axes if axes.get_title("left") == title]
+    return found
+
+
+def test_one_panel_a_quantity_but_light(figure):
+    drawn = [axes for axes in figure.axes if axes.axison]
+    assert len(drawn) == len(calculate(Scene(), np.ones(1), np.ones(1))) - 1
+    assert panel(figure, "Peak overpressure").get_ylabel() == "kPa"
+    assert panel(figure, "Peak overpressure").get_xscale() == "log"
+
+
+def test_every_law_is_named_and_every_line_finite(figure):
+    axes = panel(figure, "Peak overpressure")
+    names = {law.name for law in calculated_laws("peak_overpressure_pa")}
+    assert {text.get_text() for text in axes.texts} == names
+    for axes in figure.axes:
+        assert np.isfinite([*axes.get_xlim(), *axes.get_ylim()]).all()
+        for line in axes.lines:
+            assert np.isfinite(np.asarray(line.get_xydata(), float)).all()
+
+
+def test_lines_are_solid_where_the_law_holds_only():
+    # Kingery and Bulmash's table ends at 40 m for 1 kg
+    figure = calculator_figure(Question(Scene(), (10.0, 200.0), (1.0,)))
+    (dashed, solid) = sorted(
+        (
+            line
+            for line in panel(figure, "Reflected impulse").lines
+            if line.get_color() == _colour(figure, "kingery_bulmash")
+        ),
+        key=lambda line: line.get_linewidth(),
+    )
+    assert dashed.get_linestyle() != "-"
+    assert solid.get_linestyle() == "-"
+    assert np.max(solid.get_xdata()) == pytest.approx(40.0, rel=0.02)  # a point more
+    assert np.max(dashed.get_xdata()) == pytest.approx(200.0)
+
+
+def _colour(figure, name):
+    (label,) = [
+        text
+        for text in panel(figure, "Reflected impulse").texts
+        if text.get_text() == name
+    ]
+    return label.get_color()
+
+
+def test_a_lone_range_is_marked_with_a_decade_to_each_side(figure):
+    axes = panel(figure, "Positive impulse")
+    assert axes.get_xlim() == pytest.approx((2.0, 200.0))
+    assert any(list(line.get_xdata()) == [20.0, 20.0] for line in axes.lines)
+
+
+def test_labels_keep_apart_in_order_and_beside_the_panel():
+    heights = np.array([0.0, 0.5, 0.51, 0.49, 1.0, 1.0, 0.02])
+    places = spread(heights)
+    order = np.argsort(heights, kind="stable")
+    assert (np.diff(places[order]) >= LABEL_GAP - 1e-12).all()
+    assert places.min() >= 0.0
+    assert places.max() <= 1.0
+    assert places[[3, 1, 2]].mean() == pytest.approx(0.5)
+    np.testing.assert_allclose(spread(np.array([0.3, 0.7])), [0.3, 0.7], rtol=1e-12)
+
+
+def test_there_is_a_colour_for_each_law():
+    assert len({law.name for law in calculated_laws()} - {"light"}) <= len(LAW_COLOURS)
+    assert len(set(LAW_COLOURS)) == len(LAW_COLOURS)

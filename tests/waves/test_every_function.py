@@ -1,0 +1,185 @@
+"""What every public function of jblast.waves must do, registered or not.
+
+Functions are found by inspection, and their arguments drawn by name from the spans of
+`waves.arguments`: one that is new is tested, or fails for an argument nobody described.
+"""
+
+import inspect
+from types import ModuleType
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import jblast.waves
+from jblast.waves.arguments import ARGUMENTS
+
+WORDS = {"burst": ("surface", "free-air"), "ground_path": ("head", "thesis")}
+POINTS = 200
+
+PUBLIC = {
+    name: value
+    for name, value in vars(jblast.waves).items()
+    if callable(value)
+    and not isinstance(value, type | ModuleType)
+    and not name.startswith("_")
+}
+NOT_ELEMENTWISE = {"slant_range"}
+"""Takes places, not numbers: tests/waves/test_paths.py."""
+
+FUNCTIONS = [
+    pytest.param(f, word, id=f"{name}-{word or 'any'}")
+    for name, f in PUBLIC.items()
+    if name not in NOT_ELEMENTWISE
+    for key in [next((k for k in WORDS if k in inspect.signature(f).parameters), "")]
+    for word in WORDS.get(key, (None,))
+]
+every_function = pytest.mark.parametrize(("f", "word"), FUNCTIONS)
+
+# Single against double precision, relative to the largest value; one rounding is 6e-8.
+SINGLE_PRECISION = 1e-5
+BLUNTER = {
+    "friedlander_decay": 3e-5,  # about i/(Ps td) = 1/2, from which b is a difference
+}
+
+
+def numbers_of(f) -> list[str]:
+    """Arguments that are numbers: all but words, and what has a default of its own."""
+    return [
+        name
+        for name, parameter in inspect.signature(f).parameters.items()
+        if name not in WORDS
+        and (name in ARGUMENTS or parameter.default is inspect.Parameter.empty)
+    ]
+
+
+def drawn(f, count: int = POINTS, seed: int = 0) -> dict[str, np.ndarray]:
+    """Draw arguments from their usual spans; what belongs together is kept together."""
+    rng = np.random.default_rng(seed)
+    values = {}
+    for name in sorted(ARGUMENTS):
+        low, high = ARGUMENTS[name].usual
+        u = rng.uniform(size=count)
+        values[name] = (
+            low * (high / low) ** u
+            if low > 0 and high > 30 * low
+            else low + (high - low) * u
+        )
+    # an impulse is the pressure times a part of the duration; a wall at least doubles
+    part = rng.uniform(0.05, 0.6, count)
+    values["impulse"] = part * values["peak_overpressure"] * values["duration"]
+    values["reflected_pressure"] = values["peak_overpressure"] * rng.uniform(
+        2, 8, count
+    )
+    # what lies on one way
+    values["ground_range"] = 0.9 * values["slant_range"]
+    return {name: values[name] for name in numbers_of(f)}
+
+
+def call(f, word, values):
+    key = next((k for k in WORDS if k in inspect.signature(f).parameters), None)
+    return f(**values, **({key: word} if key else {}))
+
+
+def as_one(answer):
+    """Stack what a function of several answers gives; complex as two."""
+    leaves = [jnp.asarray(leaf) for leaf in jax.tree.leaves(answer)]
+    leaves = [leaf.astype(float) if leaf.dtype == bool else leaf for leaf in leaves]
+    parts = [
+        part
+        for leaf in leaves
+        for part in ((leaf.real, leaf.imag) if jnp.iscomplexobj(leaf) else (leaf,))
+    ]
+    return jnp.stack(jnp.broadcast_arrays(*parts), axis=-1)
+
+
+def is_flag(f, word) -> bool:
+    answer = jax.eval_shape(lambda: call(f, word, drawn(f, 2)))
+    return any(leaf.dtype == bool for leaf in jax.tree.leaves(answer))
+
+
+@every_function
+def test_jit_changes_nothing_and_a_batch_is_a_loop(f, word):
+    values = drawn(f)
+    eager = np.asarray(as_one(call(f, word, values)))
+    assert eager.shape[0] == POINTS
+    fused = jax.jit(lambda v: as_one(call(f, word, v)))(values)
+    scale = np.abs(eager).max(axis=0)
+    assert np.all(np.abs(fused - eager) <= 1e-11 * np.maximum(scale, np.abs(eager)))
+    for row in (0, 57):
+        alone = as_one(call(f, word, {n: float(v[row]) for n, v in values.items()}))
+        np.testing.assert_allclose(
+            alone, eager[row], rtol=1e-9, atol=1e-12 * scale.max()
+        )
+
+
+@every_function
+def test_numbers_broadcast_against_arrays(f, word):
+    numbers = {name: float(value[0]) for name, value in drawn(f, 1).items()}
+    for name in numbers:
+        together = jax.eval_shape(
+            lambda x, name=name: call(f, word, {**numbers, name: x}),
+            jax.ShapeDtypeStruct((2, 3), float),
+        )
+        for leaf in jax.tree.leaves(together):
+            assert leaf.shape == (2, 3), name
+
+
+@every_function
+def test_slopes_are_those_of_finite_differences_and_curvatures_finite(f, word):
+    if is_flag(f, word):
+        pytest.skip("says yes or no")
+    values = drawn(f)
+    scale = np.abs(as_one(call(f, word, values))).max(axis=0)
+    for name in values:
+        low, high = ARGUMENTS[name].usual
+        unit = np.abs(values[name]) if low > 0 else np.full(POINTS, high - low)
+
+        def moved(step, name=name, unit=unit):
+            return as_one(call(f, word, values | {name: values[name] + step * unit}))
+
+        step = 1e-5
+        value, slope = jax.jvp(moved, (0.0,), (1.0,))
+        quotient = (moved(step) - moved(-step)) / (2 * step)
+        # truncation step^2 times a third derivative of up to 1e3; rounding 1e-15/step.
+        # Relative to the value where it is not small, as d ln y/d ln x is.
+        size = np.maximum(np.abs(value), 1e-3 * scale)
+        apart = np.abs(slope - quotient) / size
+        near_a_kink = np.sort(apart.max(axis=1))[-4:]
+        assert np.sort(apart.max(axis=1))[-5] < 1e-6, (name, near_a_kink)
+        curvature = jax.jvp(lambda s: jax.jvp(moved, (s,), (1.0,))[1], (0.0,), (1.0,))[
+            1
+        ]
+        assert np.all(np.isfinite(slope)), name
+        assert np.all(np.isfinite(curvature)), name
+
+
+@every_function
+def test_single_precision_stays_close_to_double(f, word):
+    if is_flag(f, word):
+        pytest.skip("says yes or no")
+    single = {name: v.astype(np.float32) for name, v in drawn(f).items()}
+    answer = np.asarray(as_one(call(f, word, single)))
+    assert answer.dtype == np.float32
+    double = np.asarray(
+        as_one(call(f, word, {name: v.astype(float) for name, v in single.items()}))
+    )
+    scale = np.maximum(np.abs(double), 1e-3 * np.abs(double).max(axis=0))
+    bound = BLUNTER.get(f.__name__, SINGLE_PRECISION)
+    assert np.max(np.abs(answer - double) / scale) < bound
+
+
+@every_function
+def test_what_no_scene_can_have_is_refused(f, word):
+    if is_flag(f, word):
+        pytest.skip("it says no")
+    values = {name: float(value[0]) for name, value in drawn(f, 1).items()}
+    for name in values:
+        argument = ARGUMENTS[name]
+        for bound in (argument.above, argument.at_least, argument.at_most):
+            if not np.isfinite(bound):
+                continue
+            beyond = bound + 1.0 if bound == argument.at_most else bound - 1.0
+            with pytest.raises(ValueError, match=f"{name} must be"):
+                call(f, word, values | {name: beyond})

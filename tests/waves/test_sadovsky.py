@@ -1,0 +1,100 @@
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from jblast.registry import law_for
+from jblast.waves.kingery_bulmash import kingery_bulmash_pressure
+from jblast.waves.sadovsky import (
+    sadovsky_duration,
+    sadovsky_duration_valid,
+    sadovsky_pressure,
+    sadovsky_valid,
+)
+
+BURSTS = ("surface", "free-air")
+
+
+def test_the_ground_form_has_the_printed_coefficients_in_kilopascals():
+    z = np.array([1.0, 2.0, 5.0, 10.0, 15.0])
+    printed = 93.2 / z + 383.0 / z**2 + 1275.0 / z**3
+    # three digits: 0.04/93.2 and 0.5/383 at most
+    np.testing.assert_allclose(sadovsky_pressure(z, 1.0) / 1e3, printed, rtol=1.4e-3)
+
+
+@pytest.mark.parametrize(("z", "ratio"), [(1, 1.42), (2, 1.17), (5, 1.12), (10, 1.06)])
+def test_the_ground_form_rounded_to_megapascals_has_the_printed_ratios(z, ratio):
+    z = float(z)
+    rounded = 1e6 * (0.1 / z + 0.43 / z**2 + 1.4 / z**3)
+    reference = float(kingery_bulmash_pressure(z, 1.0))
+    assert rounded / reference == pytest.approx(ratio, abs=5.1e-3)
+    # 8 to 10 % above what we have in kgf/cm2, as the docstring says
+    assert 1.08 < rounded / float(sadovsky_pressure(z, 1.0)) < 1.105
+
+
+@pytest.mark.parametrize(("z", "ratio"), [(1, 1.13), (2, 1.01), (5, 1.06), (10, 1.06)])
+def test_the_air_form_has_the_printed_ratios_to_kingery_bulmash(z, ratio):
+    z = float(z)
+    pressure, reference = (
+        float(law(z, 1.0, burst="free-air"))
+        for law in (sadovsky_pressure, kingery_bulmash_pressure)
+    )
+    # the printed ratios are of the form rounded to MPa, all of it 1/0.980665 as much
+    assert pressure / reference / 0.980665 == pytest.approx(ratio, abs=5.1e-3)
+
+
+@pytest.mark.parametrize(
+    ("burst", "ratios"),
+    [("surface", [1.29, 1.06, 1.02, 0.97]), ("free-air", [1.11, 0.99, 1.04, 1.04])],
+)
+def test_ratios_to_kingery_bulmash_are_those_of_the_docstring(burst, ratios):
+    z = np.array([1.0, 2.0, 5.0, 10.0])
+    got = sadovsky_pressure(z, 1.0, burst=burst) / kingery_bulmash_pressure(
+        z, 1.0, burst=burst
+    )
+    np.testing.assert_allclose(got, ratios, atol=5.1e-3)
+
+
+@pytest.mark.parametrize("burst", BURSTS)
+def test_outside_its_range_it_is_a_power_law_with_the_end_slope(burst):
+    slope = jax.vmap(
+        jax.grad(lambda x: jnp.log(sadovsky_pressure(jnp.exp(x), 1.0, burst=burst)))
+    )
+    near, start, end, far = slope(jnp.log(jnp.array([0.05, 1.001, 14.99, 1e3])))
+    # 0.1 % inside: a thousandth times a curvature below 1
+    np.testing.assert_allclose([near, far], [start, end], rtol=0, atol=1e-3)
+    assert -3 < near < far < -1
+
+
+def test_the_duration_is_the_printed_one_for_metres_and_kilograms():
+    # 1.7e-3 * 64^(1/6) * 25^(1/2) = 1.7e-3 * 2 * 5 s
+    assert float(sadovsky_duration(25.0, 64.0)) == pytest.approx(0.017, rel=1e-13)
+
+
+def test_times_and_pressures_follow_sachs():
+    mass, ambient, sound = 8.0, 50_662.5, 680.58  # S_p = 1/2, S_d = 16^(1/3), c twice
+    size = 16.0 ** (1 / 3)
+    assert float(sadovsky_pressure(3.0 * size, mass, ambient)) == pytest.approx(
+        0.5 * float(sadovsky_pressure(3.0, 1.0)), rel=1e-12
+    )
+    assert float(sadovsky_duration(3.0 * size, mass, ambient, sound)) == pytest.approx(
+        0.5 * size * float(sadovsky_duration(3.0, 1.0)), rel=1e-12
+    )
+
+
+def test_valid_from_1_to_15_and_the_duration_on_the_ground_only():
+    z = np.array([0.99, 1.01, 14.9, 15.1])
+    assert sadovsky_valid(z, 1.0).tolist() == [False, True, True, False]
+    assert sadovsky_duration_valid(z, 1.0).tolist() == [False, True, True, False]
+    assert not sadovsky_duration_valid(z, 1.0, burst="free-air").any()
+
+
+def test_a_distance_of_zero_is_refused():
+    with pytest.raises(ValueError, match="slant_range must be positive, got 0 m"):
+        sadovsky_pressure(0.0, 1.0)
+
+
+def test_the_registry_marks_what_is_from_memory():
+    assert "memory" in law_for("peak_overpressure_pa", "sadovsky").range
+    for quantity in ("peak_overpressure_pa", "positive_duration_s"):
+        assert law_for(quantity, "sadovsky").scatter() == (0.10, 0.0, 0.10)
