@@ -83,6 +83,7 @@ def estimate(log: Records, laws: list[Law]) -> MassEstimate:
         p_speed=nothing,
         sedov_gamma=nothing,
         time_since_detonation=nothing,
+        sensor_height=nothing,
     )
     of_path = jnp.asarray(np.unique(log.path)[:, None] == log.path[None, :], float)
     total = np.zeros(len(grid))

@@ -12,8 +12,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import ParamSpec, TypeVar
 
-import jax
 import numpy as np
+from jax.core import Tracer
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -90,7 +90,7 @@ ARGUMENTS: dict[str, Argument] = {
     "incidence_angle": Argument("rad", (0.05, 1.5), at_least=0.0, at_most=math.pi / 2),
     "mach_number": Argument("1", (1.01, 10.0), at_least=1.0),
     # sound on its way
-    "frequency": _positive("Hz", 1.0, 1e4),
+    "frequency": Argument("Hz", (1.0, 1e4), at_least=0.0),
     "reference_range": _positive("m", 0.1, 10.0),
 }
 """By name. `burst` is "surface" or "free-air"."""
@@ -113,7 +113,7 @@ def checked(law: Callable[P, R]) -> Callable[P, R]:
                     raise ValueError(
                         f"burst must be 'surface' or 'free-air', got {value!r}"
                     )
-            elif name in ARGUMENTS and not isinstance(value, jax.core.Tracer):
+            elif name in ARGUMENTS and not isinstance(value, Tracer):
                 _check(name, np.atleast_1d(np.asarray(value, float)))
         return law(*args, **kwargs)
 

@@ -34,7 +34,8 @@ from jaxtyping import Array, ArrayLike, Bool, Float
 from jblast.constants import STANDARD_PRESSURE, STANDARD_SOUND_SPEED
 from jblast.registry import Law, declared_scatter, register
 from jblast.waves.arguments import checked
-from jblast.waves.log_spline import LogSpline, natural_log_spline
+from jblast.waves.hermite_curve import HermiteCurve
+from jblast.waves.log_spline import natural_log_spline
 from jblast.waves.scaling import (
     log_scaled_distance,
     sachs_impulse_factor,
@@ -53,7 +54,7 @@ SI_UNITS = {"kPa": 1e3, "kPa_ms_kg13": 1.0, "ms_kg13": 1e-3}
 
 
 @cache
-def ufc_curve(column: str) -> LogSpline:
+def ufc_curve(column: str) -> HermiteCurve:
     """Read one curve, as ln of the SI value at standard air and 1 kg against ln Z.
 
     Args:
@@ -84,7 +85,7 @@ def _scaled_value(
 ) -> Float[Array, "..."]:
     """Return a curve's value at the scaled distance."""
     log_z = log_scaled_distance(slant_range, charge_mass, ambient_pressure)
-    return jnp.exp(ufc_curve(column).log_value(log_z))
+    return jnp.exp(ufc_curve(column).value(log_z))
 
 
 @checked

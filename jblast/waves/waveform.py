@@ -9,9 +9,8 @@ table would give up to 1.85 times the tabulated impulse (Z = 0.5 to 2).
 At the end of the positive phase the pressure is continuous, its slope is not. The
 pressure never falls below vacuum.
 
-The negative table is for free air. On the surface it is read for 1.8 times the mass, as
-the ground reflects: a mid-range average. By the peaks of Kingery and Bulmash the factor
-is 1.46 at Z = 0.5, 1.65 at 2, 1.88 at 10 and 2.01 at 20 m/kg^(1/3).
+The negative table is for free air. On the surface it is read for the mass that makes
+the same peak there: `ground_factor` times as much, 1.4 near the charge to 2.0 far away.
 
 Range: Z = 0.178 to 40 m/kg^(1/3) on the surface, 0.147 to 36.975 in free air, where all
 its parts hold; finite elsewhere. In single precision the time since arrival is the
@@ -26,6 +25,7 @@ from jblast.constants import STANDARD_PRESSURE, STANDARD_SOUND_SPEED
 from jblast.types import as_float_arrays
 from jblast.waves.arguments import checked
 from jblast.waves.friedlander import friedlander_decay, modified_friedlander_pressure
+from jblast.waves.ground_factor import ground_factor
 from jblast.waves.kingery_bulmash import (
     kingery_bulmash_arrival_time,
     kingery_bulmash_duration,
@@ -34,9 +34,6 @@ from jblast.waves.kingery_bulmash import (
 )
 from jblast.waves.negative_phase import negative_phase_pressure
 from jblast.waves.negative_phase_ufc import ufc_negative_impulse, ufc_negative_pressure
-
-MASS_FACTOR = {"surface": 1.8, "free-air": 1.0}
-"""What the ground does to the negative phase, as a factor on the mass."""
 
 
 @checked
@@ -66,7 +63,9 @@ def blast_pressure(
     duration = kingery_bulmash_duration(distance, mass, ambient, speed, burst)
     decay = friedlander_decay(peak, impulse, duration)
 
-    seen_mass = MASS_FACTOR[burst] * mass
+    seen_mass = mass
+    if burst == "surface":
+        seen_mass = ground_factor(distance, mass, ambient) * mass
     suction = ufc_negative_pressure(distance, seen_mass, ambient)
     suction_impulse = ufc_negative_impulse(distance, seen_mass, ambient, speed)
     suction_duration = 16.0 / 9.0 * suction_impulse / suction

@@ -70,7 +70,7 @@ def arguments(law: Law) -> list[str]:
 def evaluate(law: Law, word: str | None, values: dict):
     """Call a law by name, as `sensors.record` does by position."""
     chosen = {name: values[name] for name in arguments(law)}
-    return law.function(**chosen, **({_words(law): word} if word else {}))
+    return law.function(**chosen, **{key: word for key in [_words(law)] if key})
 
 
 def shifted(values: dict, steps: dict) -> dict:
@@ -316,8 +316,8 @@ FALLING = ("peak_overpressure_pa", "reflected_pressure_pa", "reflected_impulse_p
 FALLING += ("shock_speed_m_s", "blast_wind_m_s", "dynamic_pressure_pa")
 RISING = ("air_arrival_s", "ground_arrival_s", "flash_time_s")
 DIPS = {
-    # as printed: the first leaves the speed of sound past its table, the second turns up
-    # at its end
+    # as printed: the first leaves the speed of sound past its table, the second turns
+    # up at its end
     ("shock_speed_m_s", "kingery_bulmash", "surface"): (0.0, 40.0),
     ("shock_speed_m_s", "swisdak", None): (0.0, 38.0),
 }

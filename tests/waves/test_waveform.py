@@ -6,6 +6,7 @@ from scipy.integrate import quad
 
 from jblast.constants import STANDARD_PRESSURE
 from jblast.waves import kingery_bulmash as kb, negative_phase_ufc as ufc
+from jblast.waves.ground_factor import ground_factor
 from jblast.waves.waveform import blast_pressure
 
 BURSTS = ("surface", "free-air")
@@ -16,7 +17,9 @@ AIR = (RANGE, MASS, AMBIENT, SPEED)
 
 def phases(burst):
     """Return arrival, duration, and length of the negative phase."""
-    mass = MASS * (1.8 if burst == "surface" else 1.0)
+    mass = MASS
+    if burst == "surface":
+        mass = float(ground_factor(RANGE, MASS, AMBIENT)) * MASS
     suction = ufc.ufc_negative_pressure(RANGE, mass, AMBIENT)
     impulse = ufc.ufc_negative_impulse(RANGE, mass, AMBIENT, SPEED)
     return (
