@@ -10,6 +10,7 @@ import math
 import os
 import time
 from collections.abc import Callable
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -55,9 +56,10 @@ LAWS: dict[str, tuple[Law, int, int]] = {
 """Law, number of its arguments, evaluations it counts as."""
 
 
-def laws_text(points: int = POINTS) -> str:
+def laws_text() -> str:
     """Measure and return the table."""
     device = jax.devices()[0]
+    points = POINTS if device.platform == "cpu" else 16 * POINTS
     name = device.device_kind if device.platform == "gpu" else f"{os.cpu_count()} cores"
     columns = {"float64": jnp.float64, "float32": jnp.float32}
     rates = {
@@ -75,7 +77,22 @@ def laws_text(points: int = POINTS) -> str:
         row = "".join(f"{value:10.2g}" for value in values)
         lines.append(f"{law:36}{row}{values[0] / loop:12,.0f}")
     lines.append(f"{'arrival + pressure, Swisdak, a loop':36}{loop:10.2g}")
+    if device.platform != "cpu":
+        lines += ["", f"Largest difference to this machine's CPU: {apart(device):.1e}"]
     return "\n".join(lines)
+
+
+def apart(device: Any) -> float:
+    """Return the largest relative difference of any law between a device and a CPU."""
+    worst = 0.0
+    with jax.enable_x64(True):
+        for law, n, _ in LAWS.values():
+            there, here = (
+                np.asarray(jax.jit(law)(*jax.device_put(draws(4096)[:n], where)))
+                for where in (device, jax.devices("cpu")[0])
+            )
+            worst = max(worst, float(np.max(np.abs(there / here - 1.0))))
+    return worst
 
 
 def rate(law: Law, arguments: int, points: int, dtype) -> float:
