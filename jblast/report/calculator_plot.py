@@ -9,7 +9,6 @@ from matplotlib.figure import Figure
 
 from jblast.report.calculator_header import title
 from jblast.report.figure_style import (
-    COLOURS,
     INK,
     MUTED,
     log_ticks,
@@ -17,22 +16,13 @@ from jblast.report.figure_style import (
     quiet,
     titled,
 )
+from jblast.report.law_curves import NOT_DRAWN, draw_curve, law_colours, name_curves
 from jblast.report.numbers import unit_for
-from jblast.report.recordings import runs
 from jblast.report.words import capitalised, quantity_words
 from jblast.sensors.calculate import Calculated, calculate
 from jblast.sensors.question import Question, charge_radius
 
 POINTS = 512
-NOT_DRAWN = ("flash_time_s",)
-"""Light is there at once."""
-LAW_COLOURS = (
-    *(*COLOURS, INK, "#882255", "#117733", "#332288", "#999933", "#AA4499"),
-    *("#8C510A", "#44AA99", "#661100", "#888888"),
-)
-"""One a law, as long as they last: Okabe and Ito's, then mostly Tol's muted ones."""
-LABEL_GAP = 0.062
-"""Between two labels, as a fraction of a panel's height."""
 
 
 def calculator_figure(question: Question) -> Figure:
@@ -49,10 +39,7 @@ def calculator_figure(question: Question) -> Figure:
         for quantity, by_law in answer.items()
         if quantity not in NOT_DRAWN
     ]
-    names = dict.fromkeys(name for _, by_law in panels for name in by_law)
-    colours = {
-        name: LAW_COLOURS[i % len(LAW_COLOURS)] for i, name in enumerate(sorted(names))
-    }
+    colours = law_colours()
     columns = 2 if len(panels) <= 8 else 3
     rows = -(-len(panels) // columns)
     figure = new_figure(6.0 * columns, 3.7 * rows + 0.6)
@@ -95,17 +82,7 @@ def _panel(
     unit = unit_for(quantity, float(np.median(np.abs(seen))))
     for name, of_law in by_law.items():
         value = of_law.value / unit.size
-        for start, stop, valid in runs(of_law.valid):
-            part = slice(start, stop)
-            axes.plot(
-                ranges[part],
-                value[part],
-                color=colours[name],
-                linewidth=1.7 if valid else 1.0,
-                linestyle="-" if valid else (0, (3, 2.5)),
-                alpha=1.0 if valid else 0.55,
-                zorder=3 if valid else 2,
-            )
+        draw_curve(axes, ranges, value, of_law.valid, colours[name])
     quiet(axes)
     axes.set_xscale("log")
     axes.set_xlim(ranges[0], ranges[-1])
@@ -121,71 +98,9 @@ def _panel(
     axes.set_xlabel("slant range (m)")
     axes.set_ylabel(unit.symbol)
     titled(axes, capitalised(quantity_words(quantity)))
-    _labels(axes, by_law, unit.size, colours)
-
-
-def _labels(
-    axes: Axes,
-    by_law: Mapping[str, Calculated],
-    unit: float,
-    colours: Mapping[str, str],
-) -> None:
-    """Name each curve at its right end, names pushed apart where ends meet."""
-    names = list(by_law)
-    ends = np.array([[1.0, by_law[name].value[-1] / unit] for name in names])
-    heights = axes.transAxes.inverted().transform(
-        axes.transData.transform(np.nan_to_num(ends))
-    )[:, 1]
-    heights = np.clip(np.nan_to_num(heights), 0.0, 1.0)
-    for name, end, place in zip(names, heights, spread(heights), strict=True):
-        valid = bool(by_law[name].valid.any())
-        axes.annotate(
-            name,
-            xy=(1.0, end),
-            xytext=(1.05, place),
-            xycoords="axes fraction",
-            textcoords="axes fraction",
-            fontsize=8.5,
-            color=colours[name],
-            alpha=1.0 if valid else 0.7,
-            va="center",
-            annotation_clip=False,
-            arrowprops={
-                "arrowstyle": "-",
-                "color": colours[name],
-                "linewidth": 0.6,
-                "alpha": 0.6,
-                "relpos": (0.0, 0.5),
-                "shrinkA": 1,
-                "shrinkB": 0,
-            },
-        )
-
-
-def spread(heights: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
-    """Return places at least `LABEL_GAP` apart, in the same order, near the heights.
-
-    Blocks of labels that touch are centred on the mean of what they name.
-    """
-    order = np.argsort(heights, kind="stable")
-    blocks: list[list[float]] = []  # each: wanted heights of its labels
-    for wanted in heights[order]:
-        blocks.append([float(wanted)])
-        while len(blocks) > 1 and _top(blocks[-2]) > _bottom(blocks[-1]):
-            upper = blocks.pop()
-            blocks[-1] = blocks[-1] + upper
-    places = [_bottom(b) + LABEL_GAP * (i + 0.5) for b in blocks for i in range(len(b))]
-    result = np.empty_like(heights)
-    result[order] = places
-    return result
-
-
-def _bottom(block: list[float]) -> float:
-    """Return where a block of labels starts, the whole of it beside its panel."""
-    height = LABEL_GAP * len(block)
-    middle = float(np.mean(block))
-    return min(max(middle - 0.5 * height, 0.0), max(1.0 - height, 0.0))
-
-
-def _top(block: list[float]) -> float:
-    return _bottom(block) + LABEL_GAP * len(block)
+    ends = {
+        name: (float(ranges[-1]), float(of_law.value[-1]) / unit.size)
+        for name, of_law in by_law.items()
+    }
+    nowhere = [name for name, of_law in by_law.items() if not of_law.valid.any()]
+    name_curves(axes, ends, colours, quieter=nowhere)

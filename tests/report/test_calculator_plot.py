@@ -1,12 +1,7 @@
 import numpy as np
 import pytest
 
-from jblast.report.calculator_plot import (
-    LABEL_GAP,
-    LAW_COLOURS,
-    calculator_figure,
-    spread,
-)
+from jblast.report.calculator_plot import calculator_figure
 from jblast.scene import Scene
 from jblast.sensors.calculate import calculate, calculated_laws
 from jblast.sensors.question import Question
@@ -69,19 +64,3 @@ def test_a_lone_range_is_marked_with_a_decade_to_each_side(figure):
     axes = panel(figure, "Positive impulse")
     assert axes.get_xlim() == pytest.approx((2.0, 200.0))
     assert any(list(line.get_xdata()) == [20.0, 20.0] for line in axes.lines)
-
-
-def test_labels_keep_apart_in_order_and_beside_the_panel():
-    heights = np.array([0.0, 0.5, 0.51, 0.49, 1.0, 1.0, 0.02])
-    places = spread(heights)
-    order = np.argsort(heights, kind="stable")
-    assert (np.diff(places[order]) >= LABEL_GAP - 1e-12).all()
-    assert places.min() >= 0.0
-    assert places.max() <= 1.0
-    assert places[[3, 1, 2]].mean() == pytest.approx(0.5)
-    np.testing.assert_allclose(spread(np.array([0.3, 0.7])), [0.3, 0.7], rtol=1e-12)
-
-
-def test_there_is_a_colour_for_each_law():
-    assert len({law.name for law in calculated_laws()} - {"light"}) <= len(LAW_COLOURS)
-    assert len(set(LAW_COLOURS)) == len(LAW_COLOURS)
