@@ -5,9 +5,8 @@ import math
 from collections.abc import Sequence
 from pathlib import Path
 
-import numpy as np
-
 from jblast.cli.calc import MEASURED, PLOTS
+from jblast.cli.calc_numbers import MOST_ROWS, number, positive, several
 from jblast.cli.files import refuse_existing
 from jblast.errors import InputError, nearest, shown
 from jblast.report.numbers import printed_number
@@ -16,8 +15,8 @@ from jblast.scene.explosives import explosive_named
 from jblast.scene.keys import BURSTS, NUMBERS
 from jblast.sensors.inverse import Roots
 from jblast.sensors.question import Question, charge_radius
+from jblast.waves.atmosphere import water_vapour_fraction
 
-MOST_ROWS = 100_000
 DRY = {"relative_humidity": 0.0}
 """The standard atmosphere, which the tables are for, is dry; a scene's air is not."""
 
@@ -43,11 +42,11 @@ def question_of(asked: argparse.Namespace) -> Question:
     quantity, target = "", math.nan
     if measured:
         quantity = MEASURED[measured[0]][0]
-        target = _positive(_given(asked, measured[0]), f"--{measured[0]}")
+        target = positive(_given(asked, measured[0]), f"--{measured[0]}")
     question = Question(
         scene=_scene(asked),
-        slant_range=_several(asked.range or (), "--range"),
-        charge_mass=_several(asked.mass or (), "--mass"),
+        slant_range=several(asked.range or (), "--range"),
+        charge_mass=several(asked.mass or (), "--mass"),
         quantity=quantity,
         target=target,
         defaults=frozenset(defaults),
@@ -169,57 +168,38 @@ def _scene(asked: argparse.Namespace) -> Scene:
     ground = Ground()
     if asked.p_speed is not None:
         ground = Ground(p_speed=_bounded(asked, "p_speed", "ground_p_speed_m_s"))
-    height = 0.0 if asked.height is None else _number(asked.height, "--height")
+    height = 0.0 if asked.height is None else number(asked.height, "--height")
     explosive = "TNT"
     if asked.explosive is not None:
         explosive = explosive_named(asked.explosive, "--explosive")
     charge = Charge(up=height, burst=burst, explosive=explosive)
-    return Scene(charge=charge, air=Air(**DRY | air), ground=ground)
+    mixed = Air(**DRY | air)
+    _check_vapour(mixed)
+    return Scene(charge=charge, air=mixed, ground=ground)
+
+
+def _check_vapour(air: Air) -> None:
+    """Refuse steam: the sound speed of humid air means nothing for it."""
+    if air.altitude is not None:  # never so warm or thin
+        return
+    kelvin, pascal, humidity = (
+        x.item() for x in (air.temperature, air.pressure, air.relative_humidity)
+    )
+    most = 1.0 / water_vapour_fraction(kelvin, pascal, 1.0).item()
+    if humidity >= most:
+        raise InputError(
+            f"--humidity: expected less than {most:.3g}, where water boils at "
+            f"{kelvin:g} K and {pascal:g} Pa; got {humidity:g}"
+        )
 
 
 def _bounded(asked: argparse.Namespace, option: str, parameter: str) -> float:
     """Return an option that a scene file may hold too, within its bounds there."""
-    bounds = next(number for number in NUMBERS if number.parameter == parameter)
+    bounds = next(known for known in NUMBERS if known.parameter == parameter)
     where = f"--{option.replace('_', '-')}"
-    value = _number(_given(asked, option), where)
+    value = number(_given(asked, option), where)
     if not bounds.allows(value):
         raise InputError(
             f"{where}: expected a number that is {bounds.bounds()}, got {value:g}"
         )
-    return value
-
-
-def _several(words: Sequence[str], where: str) -> tuple[float, ...]:
-    """Return the values of `1 2 5`, `1,2,5` or `1:100:20`."""
-    values: list[float] = []
-    for word in (part for text in words for part in text.split(",")):
-        if ":" not in word:
-            values.append(_positive(word, where))
-            continue
-        ends = word.split(":")
-        count = ends[2] if len(ends) == 3 else ""
-        if not (count.isascii() and count.isdigit() and 2 <= int(count) <= MOST_ROWS):
-            raise InputError(
-                f"{where}: expected FROM:TO:COUNT with a COUNT of 2 to {MOST_ROWS}, "
-                f"got {shown(word)}"
-            )
-        low, high = (_positive(end, where) for end in ends[:2])
-        values += np.geomspace(low, high, int(count)).tolist()
-    return tuple(values)
-
-
-def _positive(word: str | None, where: str) -> float:
-    value = _number(word, where)
-    if value <= 0:
-        raise InputError(f"{where}: expected a positive number, got {value:g}")
-    return value
-
-
-def _number(word: str | None, where: str) -> float:
-    try:
-        value = float(word or "")
-    except ValueError:
-        value = math.nan
-    if not math.isfinite(value):
-        raise InputError(f"{where}: expected a finite number, got {shown(word)}")
     return value

@@ -144,6 +144,7 @@ wind_m_s = [0.0, 0.0]  # towards east, north; each may be free
 _GROUND = """\
 [ground]
 p_speed_m_s = 5660.0  # granite; "free" or a prior if it was not measured
+# path = "thesis"  # to a raised sensor: along the ground, then up as the air shock
 """
 
 _LAW = """\

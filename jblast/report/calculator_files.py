@@ -84,7 +84,8 @@ def _value(of_law: Calculated) -> dict[str, Any]:
 
 def _comments(question: Question) -> str:
     said = [title(question), *(f"{name}: {text}" for name, text in header(question))]
-    return "".join(f"# {line}\n" for line in [*said, *notes(question)])
+    said += notes(question, beside=False)
+    return "".join(f"# {line}\n" for line in said)
 
 
 def _csv(lines: list[tuple[str, ...]]) -> str:

@@ -57,10 +57,11 @@ def title(question: Question) -> str:
     if not question.quantity:
         return f"{masses} of {explosive} at {ranges}"
     target = printed_number(question.quantity, question.target)
-    what = f"{quantity_words(question.quantity)} of {target}"
+    words = quantity_words(question.quantity)
+    what = f"{'an' if words[0] in 'aeiou' else 'a'} {words} of {target}"
     if masses:
-        return f"Range at which {masses} of {explosive} makes a {what}"
-    return f"Mass of {explosive} that makes a {what} at {ranges}"
+        return f"Range at which {masses} of {explosive} makes {what}"
+    return f"Mass of {explosive} that makes {what} at {ranges}"
 
 
 def _values(name: str, values: tuple[float, ...]) -> str:

@@ -15,8 +15,13 @@ def between_limits(question: Question) -> bool:
     return bool(question.charge_mass) and high > 0.0 and low < FREE_HEIGHT
 
 
-def notes(question: Question) -> list[str]:
-    """Return, in sentences, what no number of the answer says by itself."""
+def notes(question: Question, *, beside: bool = True) -> list[str]:
+    """Return, in sentences, what no number of the answer says by itself.
+
+    Args:
+        question: What was asked.
+        beside: Whether the answer has room for what the other curve set gives.
+    """
     burst = question.scene.charge.burst
     low, high = _scaled_heights(question)
     height = f"{low:.2g}" if low == high else f"{low:.2g} to {high:.2g}"
@@ -24,8 +29,8 @@ def notes(question: Question) -> list[str]:
     said = []
     if high < 0.0:
         said.append(
-            "the charge is buried: the curves of a charge on the ground were used; "
-            "ford_2021 alone takes the depth into account"
+            f"the charge is buried: the {burst} curves were used; ford_2021 alone "
+            "takes the depth into account"
         )
     elif low > 0.0 and not question.charge_mass:
         said.append(
@@ -37,7 +42,7 @@ def notes(question: Question) -> list[str]:
         said.append(
             f"the charge bursts {height} m/kg^(1/3) above the ground, between the "
             f"limits: on the ground, and in free air from {limit} on; the {burst} "
-            f"curves were used; {_other_set(question)}"
+            f"curves were used; {_other_set(question, beside)}"
         )
     elif low >= FREE_HEIGHT and burst == "surface":
         said.append(
@@ -52,8 +57,8 @@ def notes(question: Question) -> list[str]:
     return said
 
 
-def _other_set(question: Question) -> str:
-    if question.quantity or len(question.rows()[0]) > 1:
+def _other_set(question: Question, beside: bool) -> str:
+    if not beside or question.quantity or len(question.rows()[0]) > 1:
         return "compare with the other --burst"
     return "beside a law of two curve sets stands what the other set gives"
 

@@ -4,11 +4,10 @@ Where it comes from, which misprints were found and which digit is unresolved st
 the head of that file.
 """
 
-import csv
 import math
 from functools import cache
-from importlib.resources import files
 
+from jblast.waves.data_table import data_rows
 from jblast.waves.log_curve import LogCurve, LogPolynomial
 
 TABLE_NAMES = {"surface": "hemispherical", "free-air": "spherical"}
@@ -33,14 +32,10 @@ def kingery_bulmash_curve(quantity: str, burst: str) -> LogCurve:
     """
     if burst not in TABLE_NAMES:
         raise ValueError(f"burst must be 'surface' or 'free-air', got {burst!r}")
-    text = files("jblast.waves").joinpath("data/kingery_bulmash.csv").read_text()
-    rows = csv.DictReader(
-        line for line in text.splitlines() if not line.startswith("#")
-    )
     return LogCurve(
         tuple(
             _segment(row)
-            for row in rows
+            for row in data_rows("kingery_bulmash")
             if row["burst"] == TABLE_NAMES[burst]
             and row["quantity"] == quantity
             and row["variant"] == "brl1984"
@@ -51,8 +46,7 @@ def kingery_bulmash_curve(quantity: str, burst: str) -> LogCurve:
 @cache
 def kingery_bulmash_joins() -> tuple[float, ...]:
     """Return where any curve starts, joins or ends [m/kg^(1/3)]."""
-    text = files("jblast.waves").joinpath("data/kingery_bulmash.csv").read_text()
-    rows = csv.DictReader(line for line in text.splitlines() if line[:1] != "#")
+    rows = data_rows("kingery_bulmash")
     return tuple(
         sorted({float(row[end]) for row in rows for end in ("z_min", "z_max")})
     )

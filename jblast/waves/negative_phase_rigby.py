@@ -16,16 +16,13 @@ Bulmash, Z = 0.0674 (free-air 0.0531) to 40 m/kg^(1/3). Outside it is a power la
 the end slope, finite and not valid.
 """
 
-import math
-from dataclasses import dataclass
-
 import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike, Bool, Float
 
 from jblast.constants import STANDARD_PRESSURE, STANDARD_SOUND_SPEED
 from jblast.registry import Law, declared_scatter, register
 from jblast.waves.arguments import checked
-from jblast.waves.log_curve import BLEND_WIDTH, smooth_step
+from jblast.waves.negative_phase_rigby_curves import CURVES, ENDS, SI_UNITS
 from jblast.waves.scaling import (
     log_scaled_distance,
     sachs_impulse_factor,
@@ -34,119 +31,11 @@ from jblast.waves.scaling import (
     scaled_distance,
 )
 
-ENDS = {"surface": (0.0674, 40.0), "free-air": (0.0531, 40.0)}
-"""First and last scaled distance [m/kg^(1/3)]: assumed."""
-
-
-@dataclass(frozen=True)
-class _Parabola:
-    """y = a Z^2 + b Z + c."""
-
-    a: float
-    b: float
-    c: float
-
-    def log_value(self, log_z):
-        """Return ln y."""
-        z = jnp.exp(log_z)
-        return jnp.log((self.a * z + self.b) * z + self.c)
-
-    def log_slope(self, z: float) -> float:
-        """Return d ln y/d ln Z."""
-        return (2 * self.a * z + self.b) * z / ((self.a * z + self.b) * z + self.c)
-
-
-@dataclass(frozen=True)
-class _Power:
-    """y = a Z^n."""
-
-    a: float
-    n: float = 0.0
-
-    def log_value(self, log_z):
-        """Return ln y."""
-        return math.log(self.a) + self.n * log_z
-
-    def log_slope(self, z: float) -> float:
-        """Return d ln y/d ln Z."""
-        return self.n
-
-
-# Pieces, and between them the Z where one ends and the next begins.
-# kPa; kPa-ms/kg^(1/3); ms/kg^(1/3)
-CURVES = {
-    ("pressure", "surface"): (
-        _Power(100.0),
-        0.669,
-        _Parabola(-32.91, 13.0, 106.0),
-        1.27,
-        _Power(93.0, -1.215),
-        2.78,
-        _Power(72.99, -0.978),
-    ),
-    ("impulse", "surface"): (
-        _Parabola(-724.37, 445.34, 553.0),
-        0.58,
-        _Parabola(11.356, -314.76, 752.0),
-        1.19,
-        _Power(461.8, -0.88),
-        5.25,
-        _Power(433.6, -0.842),
-    ),
-    ("duration", "surface"): (
-        _Power(10.57),
-        0.267,
-        _Parabola(-0.474, 2.745, 9.87),
-        2.9,
-        _Power(13.9),
-    ),
-    ("pressure", "free-air"): (
-        _Power(100.0),
-        0.7,
-        _Parabola(-29.078, 0.0352, 114.0),
-        1.469,
-        _Power(84.132, -1.286),
-        2.754,
-        _Power(59.559, -0.945),
-    ),
-    ("impulse", "free-air"): (
-        _Power(496.0),
-        0.304,
-        _Parabola(36.919, -298.72, 583.0),
-        1.44,
-        _Power(316.36, -0.879),
-    ),
-    ("duration", "free-air"): (
-        _Parabola(0.382, 2.952, 7.917),
-        0.537,
-        _Parabola(-0.309, 1.6443, 8.818),
-        2.83,
-        _Power(11.0),
-    ),
-}
-SI_UNITS = {"pressure": 1e3, "impulse": 1.0, "duration": 1e-3}
-
 
 def _scaled_value(quantity, burst, slant_range, charge_mass, ambient_pressure):
     """Return a curve's SI value at the scaled distance."""
     log_z = log_scaled_distance(slant_range, charge_mass, ambient_pressure)
-    parts = CURVES[quantity, burst]
-    pieces, joins = parts[::2], parts[1::2]
-    first, last = ENDS[burst]
-    half = 0.5 * math.log1p(BLEND_WIDTH)
-    inside = jnp.clip(log_z, math.log(first), math.log(last))
-    # No piece sees more than its own stretch and its blends: parabolas turn negative.
-    value = pieces[0].log_value(jnp.minimum(inside, math.log(joins[0]) + half))
-    for k, join in enumerate(joins, start=1):
-        end = joins[k] if k < len(joins) else last
-        stretch = math.log(join) - half, math.log(end) + half
-        piece = pieces[k].log_value(jnp.clip(inside, *stretch))
-        value = value + smooth_step(inside, join) * (piece - value)
-    end_slope = jnp.where(
-        log_z < 0.0, pieces[0].log_slope(first), pieces[-1].log_slope(last)
-    ).astype(log_z.dtype)
-    # Exactly on an end each of the two terms gives half of the slope: together one.
-    return SI_UNITS[quantity] * jnp.exp(value + end_slope * (log_z - inside))
+    return SI_UNITS[quantity] * jnp.exp(CURVES[quantity, burst].log_value(log_z))
 
 
 @checked
@@ -225,7 +114,7 @@ def rigby_valid(
     return (z >= first) & (z <= last)
 
 
-for _quantity, _curve, _function in (
+for _quantity, _what, _function in (
     ("reflected_negative_pressure_pa", "pressure", rigby_reflected_negative_pressure),
     ("reflected_negative_impulse_pa_s", "impulse", rigby_reflected_negative_impulse),
     ("negative_duration_s", "duration", rigby_negative_duration),
@@ -244,7 +133,10 @@ for _quantity, _curve, _function in (
             joins=tuple(
                 z
                 for burst, ends in ENDS.items()
-                for z in sorted({*ends, *CURVES[_curve, burst][1::2]})
+                for z in (
+                    ends[0],
+                    *(piece.z_max for piece in CURVES[_what, burst].segments),
+                )
             ),
         )
     )

@@ -22,10 +22,8 @@ Range: free air, Z = 0.05 to 36.975 m/kg^(1/3). Outside it is a power law with t
 slope, finite and not valid.
 """
 
-import csv
 import math
 from functools import cache
-from importlib.resources import files
 
 import jax.numpy as jnp
 import numpy as np
@@ -34,6 +32,7 @@ from jaxtyping import Array, ArrayLike, Bool, Float
 from jblast.constants import STANDARD_PRESSURE, STANDARD_SOUND_SPEED
 from jblast.registry import Law, declared_scatter, register
 from jblast.waves.arguments import checked
+from jblast.waves.data_table import data_rows
 from jblast.waves.hermite_curve import HermiteCurve
 from jblast.waves.log_spline import natural_log_spline
 from jblast.waves.scaling import (
@@ -60,8 +59,7 @@ def ufc_curve(column: str) -> HermiteCurve:
     Args:
         column: As the table calls it, with its unit: "Pso_neg_kPa", ...
     """
-    text = files("jblast.waves").joinpath("data/negative_phase_ufc.csv").read_text()
-    rows = list(csv.DictReader(line for line in text.splitlines() if line[:1] != "#"))
+    rows = data_rows("negative_phase_ufc")
     unit = SI_UNITS[column.partition("_neg_")[2]]
     value = unit * np.array([float(row[column]) for row in rows])
     if column.endswith("kPa"):

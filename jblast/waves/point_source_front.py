@@ -15,16 +15,15 @@ $$\frac{c_0 t}{R_0} = \int_0^\lambda \frac{d\lambda}{M}, \qquad
 summed as a series below 0.1 and tabulated from there; its derivative is $1/M$ itself.
 """
 
-import csv
 import math
 from functools import cache
-from importlib.resources import files
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from jblast.waves.data_table import data_rows
 from jblast.waves.hermite_curve import HermiteCurve, hermite_curve
 
 SEDOV_ALPHA = 0.851071854758
@@ -40,8 +39,7 @@ SPACING = 0.02
 @cache
 def _pressure_curve() -> HermiteCurve:
     """Read ln x against ln(lambda)."""
-    text = files("jblast.waves").joinpath("data/point_source.csv").read_text()
-    rows = csv.DictReader(line for line in text.splitlines() if line[:1] != "#")
+    rows = data_rows("point_source")
     table = np.array([[float(value) for value in row.values()] for row in rows])
     distance, pressure, slopes = table.T
     # The printed slope there, to more digits: that of the strong limit and a constant.

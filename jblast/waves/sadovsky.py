@@ -129,7 +129,7 @@ register(
         quantity="positive_duration_s",
         name="sadovsky",
         function=sadovsky_duration,
-        range="on the ground, Z = 1 to 15 m/kg^(1/3)",
+        range="surface, Z = 1 to 15 m/kg^(1/3)",
         source="Sadovsky 1952, second-hand",
         valid=sadovsky_duration_valid,
         scatter=declared_scatter(shot=0.10, record=0.10),

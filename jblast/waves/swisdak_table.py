@@ -1,10 +1,9 @@
 """Swisdak's table as curves: `data/swisdak_1994.csv`, read in SI units."""
 
-import csv
 import math
 from functools import cache
-from importlib.resources import files
 
+from jblast.waves.data_table import data_rows
 from jblast.waves.kingery_bulmash_table import SI_UNITS
 from jblast.waves.log_curve import LogCurve, LogPolynomial
 
@@ -16,10 +15,7 @@ def swisdak_curve(quantity: str) -> LogCurve:
     Args:
         quantity: As the table calls it: "incident_pressure", "arrival_time", ...
     """
-    text = files("jblast.waves").joinpath("data/swisdak_1994.csv").read_text()
-    rows = csv.DictReader(
-        line for line in text.splitlines() if not line.startswith("#")
-    )
+    rows = data_rows("swisdak_1994")
     return LogCurve(tuple(_segment(row) for row in rows if row["quantity"] == quantity))
 
 

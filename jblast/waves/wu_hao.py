@@ -43,14 +43,16 @@ def wu_hao_air_arrival_time(
 
 
 def wu_hao_air_valid(
-    slant_range: Float[ArrayLike, "..."], charge_mass: Float[ArrayLike, "..."]
+    slant_range: Float[ArrayLike, "..."],
+    charge_mass: Float[ArrayLike, "..."],
+    burst: str = "surface",
 ) -> Bool[Array, "..."]:
     r"""Return where the air shock is not slower than sound: $R \le 14.8\sqrt{Q}$.
 
-    $R/t_a \ge c_a$ means $R^{0.4} \le Q^{0.2}/0.34$.
+    $R/t_a \ge c_a$ means $R^{0.4} \le Q^{0.2}/0.34$. Nowhere in free air.
     """
     slant_range, charge_mass = as_float_arrays(slant_range, charge_mass)
-    return slant_range**0.4 <= charge_mass**0.2 / 0.34
+    return (slant_range**0.4 <= charge_mass**0.2 / 0.34) & (burst == "surface")
 
 
 @checked
@@ -160,9 +162,13 @@ def wu_hao_ground_path_valid(
     sensor_height: Float[ArrayLike, "..."],
     charge_mass: Float[ArrayLike, "..."],
     ground_path: str = "head",
+    burst: str = "surface",
 ) -> Bool[Array, "..."]:
-    """Return where both legs hold; the way up needs an air shock faster than sound."""
-    along = wu_hao_ground_valid(ground_range)
+    """Return where both legs hold; the way up needs an air shock faster than sound.
+
+    Nowhere in free air: a charge there does not shake the rock as one on it does.
+    """
+    along = wu_hao_ground_valid(ground_range) & (burst == "surface")
     if ground_path == "head":
         return along
     climbs = as_float_array(sensor_height) > 0
@@ -174,7 +180,7 @@ register(
         quantity="air_arrival_s",
         name="wu_hao",
         function=wu_hao_air_arrival_time,
-        range="R <= 14.8 sqrt(Q) m (faster than sound)",
+        range="charge on rock, R <= 14.8 sqrt(Q) m (faster than sound)",
         source=SOURCE,
         valid=wu_hao_air_valid,
         scatter=declared_scatter(shot=0.01, record=0.01),
@@ -186,7 +192,7 @@ register(
         quantity="ground_arrival_s",
         name="wu_hao",
         function=wu_hao_ground_path_arrival_time,
-        range="stated for rock surfaces; no limit known (thesis path: as in air)",
+        range="charge on rock; no limit of R known (thesis path: as in air)",
         source=SOURCE,
         valid=wu_hao_ground_path_valid,
         scatter=declared_scatter(shot=0.01, record=0.01),

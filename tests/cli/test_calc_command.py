@@ -156,10 +156,18 @@ def test_a_burst_between_the_limits_says_what_the_other_set_gives(numbers, calc)
     assert "(free-air)" in calc("--mass 15 --range 20 --height 1")
 
 
+def test_a_note_of_a_csv_promises_no_more_than_stands_there(calc):
+    head = calc("--mass 15 --range 20 --height 1 --csv").partition("range_m,")[0]
+    assert "compare with the other --burst" in head
+    assert "beside" not in head
+
+
 @pytest.mark.parametrize(
     ("words", "said"),
     [
         ("--height -1", "buried"),
+        ("--height -1e-1", "buried"),
+        ("--height -1 --burst free-air", "the free-air curves were used"),
         ("--height 30", "--burst free-air is nearer"),
         ("--height 30 --burst free-air", "until the reflection"),
     ],
@@ -222,6 +230,17 @@ def test_an_inverse_of_an_explosive_gives_its_own_mass(numbers):
     assert rdx == pytest.approx(tnt / 1.09, rel=1e-9)
 
 
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        ("--arrival 0.01", "makes an air arrival of 10 ms"),
+        ("--impulse 300", "makes a positive impulse of 300 Pa s"),
+    ],
+)
+def test_an_inverse_is_titled_in_a_sentence(calc, words, said):
+    assert said in calc(f"--mass 15 {words}").splitlines()[0]
+
+
 def test_all_roots_and_laws_without_one_are_shown(numbers, calc):
     words = "--mass 15 --duration 0.001"
     found = numbers(words)["quantities"]["range_m"]
@@ -267,8 +286,11 @@ def test_a_plot_is_written_once(jblast, calc, tmp_path):
 
 
 BAD = {
+    "a mass past all powers": ("--mass 1e300 --range 1", ["--mass", "1e+30", "1e300"]),
+    "next to no air": ("--mass 1 --range 9 --pressure 1e-300", ["--pressure", "1e-30"]),
     "no number": ("--mass x --range 1", ["--mass", "finite number", "'x'"]),
     "a negative mass": ("--mass -5 --range 1", ["--mass", "positive", "-5"]),
+    "a negative mass with an exponent": ("--mass -5e-1 --range 1", ["--mass", "-0.5"]),
     "a mass of zero": ("--mass 0 --range 1", ["--mass", "positive", "got 0"]),
     "a range of zero": ("--mass 5 --range 0", ["--range", "positive"]),
     "a negative range in a list": ("--mass 5 --range 3,-1", ["--range", "-1"]),
@@ -278,6 +300,10 @@ BAD = {
     "a temperature in Celsius": (
         "--mass 5 --range 9 --temperature 15",
         ["150 and 400"],
+    ),
+    "steam": (
+        "--mass 5 --range 9 --temperature 380 --humidity 0.9",
+        ["--humidity", "less than 0.78", "380 K", "got 0.9"],
     ),
     "a humidity in percent": ("--mass 5 --range 9 --humidity 50", ["between 0 and 1"]),
     "a height of infinity": ("--mass 5 --range 9 --height inf", ["--height"]),

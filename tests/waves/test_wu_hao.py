@@ -59,6 +59,16 @@ def test_the_limit_grows_as_the_root_of_the_mass():
     assert not wu_hao_air_valid(1.001 * limit, mass).any()
 
 
+def test_both_laws_are_of_a_charge_on_rock_not_in_free_air():
+    assert wu_hao_air_valid(20.0, 15.0, "surface")
+    assert not wu_hao_air_valid(20.0, 15.0, "free-air")
+    for height in (0.0, 2.0):
+        for way in ("head", "thesis"):
+            at = (20.0, 20.0, height, 15.0, way)
+            assert wu_hao_ground_path_valid(*at, "surface")
+            assert not wu_hao_ground_path_valid(*at, "free-air")
+
+
 def test_no_arrival_tells_mass_from_both_wave_speeds():
     # the null direction (1, -0.2, -0.02) in (ln Q, ln c_a, ln c_s)
     air = wu_hao_air_arrival_time(20.0, 15.0, 340.0)

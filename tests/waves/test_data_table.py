@@ -1,0 +1,32 @@
+from importlib.resources import files
+
+import pytest
+
+from jblast.waves.data_table import data_rows
+
+NAMES = sorted(
+    file.name.removesuffix(".csv")
+    for file in files("jblast.waves").joinpath("data").iterdir()
+    if file.name.endswith(".csv")
+)
+
+
+def test_rows_come_by_column_without_the_head_of_comments():
+    rows = data_rows("point_source")
+    assert len(rows) == 9
+    assert rows[2] == {
+        "lambda": "1",
+        "overpressure_ratio": "0.4986",
+        "log_slope": "-1.73",
+    }
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_every_table_says_where_it_comes_from_and_is_complete(name):
+    text = files("jblast.waves").joinpath(f"data/{name}.csv").read_text()
+    assert text.startswith("#")
+    rows = data_rows(name)
+    assert rows
+    for row in rows:  # no cell missing, none too many
+        assert None not in row
+        assert None not in row.values()
