@@ -21,9 +21,17 @@ def add_arguments(verb: argparse.ArgumentParser) -> None:
     verb.add_argument(
         "observations",
         metavar="OBSERVATIONS.csv",
+        nargs="+",
         type=path,
         help="one measurement a row: sensor,quantity,value,sigma and where it stood: "
-        "east_m,north_m,up_m or range_m",
+        "east_m,north_m,up_m or range_m; several files, or a column shot, are as many "
+        "logs and give one table",
+    )
+    verb.add_argument(
+        "--one-event",
+        action="store_true",
+        help="the files are recordings of one event, each with a clock of its own, "
+        "free but for the first",
     )
     verb.add_argument(
         "--scene",
@@ -53,10 +61,18 @@ def add_arguments(verb: argparse.ArgumentParser) -> None:
         help="distribution of the independent errors (default: student)",
     )
     verb.add_argument(
+        "--posterior",
+        choices=("laplace", "emcee", "auto"),
+        default="laplace",
+        help="how intervals are found: a normal approximation (default), walkers, or "
+        "walkers where the approximation is found wanting",
+    )
+    verb.add_argument(
         "--out",
         metavar="DIR",
         type=path,
-        help="write fit.json, figures, report.html",
+        help="write fit.json, figures, report.html; of several logs fits.json and "
+        "answers.csv. A walk that was cut short goes on there",
     )
     verb.add_argument("--json", action="store_true", help="print the answer as JSON")
     verb.add_argument(
@@ -69,33 +85,80 @@ def run(asked: argparse.Namespace) -> int:
     from jblast.cli.start import start_jax
 
     start_jax()
-    import json
     from pathlib import Path
 
+    from jblast.cli.fit_logs import WALK, logs_of, only_a_walk, progress
     from jblast.cli.laws import chosen_laws
-    from jblast.inference import fit
-    from jblast.observations import read
-    from jblast.report import check_directory, plain, summary, write_report
+    from jblast.errors import InputError
+    from jblast.inference import fit, fit_each
+    from jblast.report import check_directory, summary, write_report
     from jblast.scene import default_scene, freed, read_scene, with_laws
 
     out = Path(asked.out) if asked.out else None
-    if out:
+    if out and not only_a_walk(out):
         check_directory(out, asked.force)
-    observations = read(asked.observations)
     uncertain = read_scene(asked.scene) if asked.scene else default_scene()
+    logs, uncertain = logs_of(asked.observations, uncertain, together=asked.one_event)
     free = [name.strip() for name in asked.free.split(",") if name.strip()]
     uncertain = freed(uncertain, free)
-    laws = chosen_laws(asked.law, observations.quantity)
-    uncertain = with_laws(uncertain, laws)
-    answer = fit(observations, uncertain, noise=asked.noise)
+    readable = {k: log for k, log in logs.items() if not isinstance(log, InputError)}
+    held = {quantity for log in readable.values() for quantity in log.quantity}
+    if readable:
+        uncertain = with_laws(uncertain, chosen_laws(asked.law, held))
+    if len(logs) > 1:
+        done = progress(list(readable))
+        fitted = fit_each(
+            readable,
+            uncertain,
+            noise=asked.noise,
+            posterior=asked.posterior,
+            done=done,
+        )
+        answers = {name: fitted.get(name, logs[name]) for name in logs}
+        return _many(answers, out, asked)
+    (observations,) = readable.values()
+    answer = fit(
+        observations,
+        uncertain,
+        noise=asked.noise,
+        posterior=asked.posterior,
+        store=out / WALK if out else None,
+        progress=sys.stderr.isatty(),
+    )
     if asked.json:
-        text = json.dumps(plain(answer.answer), indent=1, allow_nan=False)
-        sys.stdout.write(text + "\n")
+        _print_json(answer.answer)
     if out:
         try:
-            write_report(answer, out, force=asked.force)
+            write_report(answer, out, force=asked.force or only_a_walk(out))
         except OSError as error:
             raise unwritable(out, error) from None
     if not asked.json:
         sys.stdout.write(summary(answer, out=out) + "\n")
     return answer.exit_code
+
+
+def _many(answers, out, asked: argparse.Namespace) -> int:
+    """Print and write the answers of several logs; the worst decides the exit code."""
+    from jblast.cli.fit_logs import write_answers
+    from jblast.errors import InputError
+    from jblast.report.table import answers_document, answers_text
+
+    if out:
+        write_answers(answers, out)
+    if asked.json:
+        _print_json(answers_document(answers))
+    else:
+        sys.stdout.write(answers_text(answers))
+    fits = [fit for fit in answers.values() if not isinstance(fit, InputError)]
+    if not fits:
+        raise InputError(f"none of {len(answers)} logs could be fitted")
+    return 4 if len(fits) < len(answers) else max(fit.exit_code for fit in fits)
+
+
+def _print_json(document) -> None:
+    import json
+
+    from jblast.report import plain
+
+    text = json.dumps(plain(document), indent=1, allow_nan=False)
+    sys.stdout.write(text + "\n")

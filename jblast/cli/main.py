@@ -7,16 +7,18 @@ not identifiable.
 import argparse
 import io
 import os
+import re
 import sys
 import traceback
 import warnings
 from collections.abc import Sequence
 
 from jblast import __version__
-from jblast.cli import calc, fit, scene, simulate
+from jblast.cli import bound, calc, fit, scene, simulate
 from jblast.errors import InputError
 
-VERBS = (fit, calc, scene, simulate)
+VERBS = (fit, calc, bound, scene, simulate)
+NEGATIVE = re.compile(r"-(\d+\.?\d*|\.\d+)(e[+-]?\d+)?$", re.IGNORECASE)
 CLOSED_PIPE = 128 + 13
 INTERRUPTED = 128 + 2
 """What a shell expects of a command that SIGPIPE or SIGINT ended."""
@@ -37,6 +39,8 @@ def parser() -> argparse.ArgumentParser:
     for module in VERBS:
         name = module.__name__.rsplit(".", 1)[-1]
         verb = verbs.add_parser(name, help=module.HELP, description=module.__doc__)
+        # argparse itself takes -1 for a number, but -1e-1 for an option
+        verb._negative_number_matcher = NEGATIVE
         module.add_arguments(verb)
         verb.add_argument(
             "--debug", action="store_true", help="show the traceback of an error"

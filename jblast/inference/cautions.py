@@ -12,6 +12,8 @@ from jblast.scene import Charge, UncertainScene
 from jblast.scene.parameters import CLOCK_OFFSET
 from jblast.scene.uncertain import NO_SCENE
 from jblast.sensors.layout import components
+from jblast.sensors.record import path_to
+from jblast.waves.scaling import sachs_distance_factor
 
 BETWEEN_LIMITS = 1.0
 """Scaled height of burst below which the ground is felt [m/kg^(1/3)]."""
@@ -39,7 +41,7 @@ def cautions_of(
     if p is not None and p < POOR:
         told.append(_poor_fit(observations, uncertain, chi2, dof, p))
     if not valid.all():
-        told.append(_outside(observations, solution, valid))
+        told.append(outside(observations, solution, valid))
     if not solution.laplace.converged:
         told.append(
             "the search did not arrive at an optimum: the answer is where it ended"
@@ -63,7 +65,7 @@ def cautions_of(
         )
     scene = solution.posterior.parameters.scene_at(jnp.asarray(solution.laplace.z))
     for charge in scene.charges:
-        told += _height_beside_the_curves(solution, charge)
+        told += height_beside_the_curves(solution, charge)
     return told + _clocks_taken_as_right(observations, uncertain)
 
 
@@ -80,7 +82,8 @@ def _poor_fit(observations, uncertain, chi2, dof, p) -> str:
     )
 
 
-def _outside(observations, solution: Solution, valid) -> str:
+def outside(observations, solution: Solution, valid) -> str:
+    """Say how many rows lie where their laws do not hold, and where these do."""
     rows = np.flatnonzero(~valid)
     quantities = dict.fromkeys(observations.quantity[row] for row in rows)
     limits = [
@@ -111,11 +114,14 @@ def _unlearned(solution: Solution) -> list[str]:
     return [f"the log tells nothing of {', '.join(same)} beyond the prior"]
 
 
-def _height_beside_the_curves(solution: Solution, charge: Charge) -> list[str]:
+def height_beside_the_curves(solution: Solution, charge: Charge) -> list[str]:
     """Say what the curves leave out for a charge buried, or neither low nor high."""
     if not {name for name, _ in solution.laws.values()} & set(IDEAL_BURSTS):
         return []
-    height = float(charge.up) / float(charge.mass) ** (1 / 3)
+    mass = charge.tnt_mass("peak_overpressure_pa")
+    scene = solution.posterior.parameters.scene_at(jnp.asarray(solution.laplace.z))
+    path = path_to(scene, solution.posterior.layout, charge)
+    height = float(charge.up / sachs_distance_factor(mass, path.ambient_pressure))
     which = f"the charge {charge.name}" if charge.name else "the charge"
     if height < 0:
         return [

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -35,13 +36,11 @@ def candidates(posterior: Posterior) -> tuple[Layout, list[str]]:
     layout = posterior.layout
     position = np.asarray(layout.position)
     given = np.asarray(layout.slant_range)
-    middle, size = position.mean(axis=0), float(layout_size(posterior))
-    away = position - middle
-    _, _, axes = np.linalg.svd(away[:, :2], full_matrices=True)
-    aside = middle + size * np.array([*axes[-1], 0.0])
     places = [(position[0], given[0], "at a sensor of the log")]
     if np.isnan(given).all():
-        places.append((aside, np.nan, "at a new place off the sensors' line"))
+        places.append(
+            (aside(posterior), np.nan, "at a new place off the sensors' line")
+        )
     else:
         places.append((position[0], 2 * np.nanmax(given), "at a new range"))
     rows = [(q, *place) for q in CANDIDATES for place in places]
@@ -57,6 +56,19 @@ def candidates(posterior: Posterior) -> tuple[Layout, list[str]]:
     ), names
 
 
+def aside(posterior: Posterior, reach: float = 0.0) -> Float[np.ndarray, "3"]:
+    """Return a place off the sensors' line, as far from their middle as they spread.
+
+    Args:
+        posterior: Knows the sensors.
+        reach: It is no nearer than this [m].
+    """
+    position = np.asarray(posterior.layout.position)
+    middle, size = position.mean(axis=0), max(float(layout_size(posterior)), reach)
+    _, _, axes = np.linalg.svd((position - middle)[:, :2], full_matrices=True)
+    return middle + size * np.array([*axes[-1], 0.0])
+
+
 def cure_of_null(
     posterior: Posterior,
     z: Float[np.ndarray, " free"],
@@ -65,7 +77,7 @@ def cure_of_null(
     """Say which data, or which prior, would end a null direction."""
     layout, names = candidates(posterior)
     scene = posterior.parameters.scene_at(jnp.asarray(z))
-    laws = _laws(posterior, scene, layout)
+    laws = laws_beside(posterior, scene, layout)
 
     scale = np.asarray(scales(posterior))
     _, moved = jax.jvp(
@@ -88,13 +100,14 @@ def cure_of_null(
     )
 
 
-def _laws(posterior: Posterior, scene: Scene, layout: Layout) -> dict[str, str]:
-    """The log's own laws, and for other quantities those that would be chosen."""
+def laws_beside(posterior: Posterior, scene: Scene, layout: Layout) -> dict[str, str]:
+    """Return the log's own laws, and those that would be chosen for the rest."""
     return law_names(resolve_laws(scene, layout)) | {
         q: n for q, n in posterior.laws if q in layout.quantities()
     }
 
 
+@eqx.filter_jit
 def log_reading(posterior, layout, laws, z) -> Float[Array, " row"]:
     """Readings of a layout in ln, or in units of a typical travel time."""
     scene = posterior.parameters.scene_at(z)
@@ -122,7 +135,7 @@ def cure_of_ambiguity(
     """Say which datum differs most between two solutions."""
     layout, names = candidates(posterior)
     scene = posterior.parameters.scene_at(jnp.asarray(here))
-    laws = _laws(posterior, scene, layout)
+    laws = laws_beside(posterior, scene, layout)
     apart = np.abs(
         log_reading(posterior, layout, laws, jnp.asarray(here))
         - log_reading(posterior, layout, laws, jnp.asarray(there))

@@ -9,13 +9,15 @@ small, and no layout is planned for it.
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
 from jblast.inference.posterior import Misfit, Posterior
 from jblast.sensors.observe import STUDENT_FREEDOM, Noise
 
 NULL = 1e-10
 """An eigenvalue of the unit-diagonal information below this is a null direction."""
+TAKES_PART = 1e-5
+"""A smaller part of a null direction, in standard deviations, is rounding."""
 
 
 def whitened(
@@ -87,3 +89,34 @@ def unit_diagonal(
     size = jnp.sqrt(jnp.maximum(jnp.diagonal(matrix), 1 / jnp.square(scale)))
     values, vectors = jnp.linalg.eigh(matrix / size[:, None] / size[None, :])
     return size, values, vectors
+
+
+@jax.jit
+def known_covariance(
+    matrix: Float[Array, "free free"],
+    has_prior: Float[Array, " free"],
+    scale: Float[Array, " free"],
+) -> tuple[Float[Array, "free free"], Bool[Array, " free"]]:
+    """Return the covariance that information leaves, and of what it tells nothing.
+
+    Null directions are judged at the place alone, without following them (as
+    `identifiability` does), so that this may be batched.
+
+    Args:
+        matrix: Information.
+        has_prior: 1 where a number has a prior; its information counts as no less
+            than the data's, so that a weak one is not taken for nothing.
+        scale: A typical step of each coordinate, see `unit_diagonal`.
+
+    Returns:
+        The covariance without null directions, and whether each coordinate takes part
+        in one.
+    """
+    judged = matrix + jnp.diag(has_prior * jnp.diagonal(matrix))
+    size, values, vectors = unit_diagonal(judged, scale)
+    is_null = values < NULL
+    basis = jnp.where(is_null[None, :], 0.0, vectors / size[:, None])
+    told = basis.T @ matrix @ basis + jnp.diag(jnp.where(is_null, 1.0, 0.0))
+    part = jnp.where(is_null[None, :], jnp.abs(vectors), 0.0)
+    unknown = jnp.any(part > TAKES_PART, axis=1)
+    return basis @ jnp.linalg.inv(told) @ basis.T, unknown

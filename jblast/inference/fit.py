@@ -1,5 +1,8 @@
 """Fit a blast to a log: the main job."""
 
+import os
+from collections.abc import Callable
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -8,6 +11,7 @@ from jblast.errors import InputError
 from jblast.inference.answer import answer_of
 from jblast.inference.bands import bands
 from jblast.inference.fit_result import Fit
+from jblast.inference.how_sure import Method, how_sure
 from jblast.inference.identifiability import identifiability
 from jblast.inference.laplace import laplace
 from jblast.inference.optimum import optima
@@ -20,7 +24,6 @@ from jblast.sensors import layout_of, resolve_laws
 from jblast.sensors.laws import law_names
 from jblast.sensors.observe import Noise
 
-DRAWS = 8000
 DRAWS_IN_BANDS = 200
 
 
@@ -29,7 +32,10 @@ def fit(
     uncertain: UncertainScene | None = None,
     *,
     noise: Noise = "student",
+    posterior: Method = "laplace",
     seed: int = 0,
+    store: str | os.PathLike[str] | None = None,
+    progress: bool | Callable[..., None] = False,
 ) -> Fit:
     """Find out what a log says of a blast.
 
@@ -38,7 +44,11 @@ def fit(
         uncertain: The scene and what is not known of it; without one, a surface charge
             of unknown mass at the origin at time 0, in sea-level air.
         noise: Distribution of the independent errors.
+        posterior: How intervals are found: "laplace" (a normal approximation), "emcee"
+            (walkers), or "auto": walkers where the approximation is found wanting.
         seed: Of the starts of the search and the draws of the posterior.
+        store: Folder in which a walk is kept, to be gone on with if it is cut short.
+        progress: Whether to tell on stderr how far a walk is, or what to call.
 
     Raises:
         ValueError: The log and the scene do not go together; the message says how.
@@ -46,13 +56,22 @@ def fit(
     uncertain = uncertain or default_scene()
     observations = place(observations, uncertain.scene, uncertain.beliefs)
     solution = solve(observations, uncertain, noise=noise, seed=seed)
-    posterior, z = solution.posterior, solution.laplace.z
-    misfit = posterior.misfit(jnp.asarray(z))
-    effects = np.asarray(posterior.effects(jnp.asarray(z)))
+    density, z = solution.posterior, solution.laplace.z
+    misfit = density.misfit(jnp.asarray(z))
+    effects = np.asarray(density.effects(jnp.asarray(z)))
     shared = np.asarray(misfit.loading) @ effects
     residual = (np.asarray(misfit.residual) - shared) / np.asarray(misfit.sd)
-    parameters = posterior.parameters
-    draws = solution.laplace.draws(DRAWS, np.random.default_rng(seed))
+    parameters = density.parameters
+    names = [
+        f"{sensor}, {quantity}"
+        for sensor, quantity in zip(
+            observations.sensor, observations.quantity, strict=True
+        )
+    ]
+    sure = how_sure(
+        solution, posterior, seed=seed, rows=names, store=store, progress=progress
+    )
+    draws = sure.z
     values = parameters.values_of_each(jnp.asarray(draws))
     distance = np.asarray(misfit.slant_range)
     return Fit(
@@ -60,6 +79,7 @@ def fit(
             observations,
             uncertain,
             solution,
+            sure,
             np.asarray(misfit.valid),
             residual,
             effects,
@@ -71,7 +91,7 @@ def fit(
         residual=residual,
         sd=np.asarray(misfit.sd),
         shared=shared,
-        shot=posterior.layout.shot,
+        shot=density.layout.shot,
         draws={
             name: np.asarray(values[name])
             for name, told in zip(
@@ -79,12 +99,15 @@ def fit(
             )
             if told
         },
+        posterior_reason=sure.reason,
+        ensemble=sure.ensemble,
+        density=density,
         bands=bands(
             parameters,
-            draws[:DRAWS_IN_BANDS],
+            draws[:: max(len(draws) // DRAWS_IN_BANDS, 1)],
             observations,
             distance,
-            posterior.layout.shot,
+            density.layout.shot,
             law_names(solution.laws),
         ),
     )

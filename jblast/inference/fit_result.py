@@ -53,6 +53,9 @@ class Fit:
         draws: Posterior draws of every parameter that the data determine.
         shot: Which of the scene's charges each row is of.
         bands: One for each quantity observed, and charge.
+        posterior_reason: Why intervals come from the normal approximation, or a walk.
+        ensemble: The walk the draws are from, where there was one.
+        density: The posterior.
         exit_code: 0 answered, 4 computed but not converged or not identifiable.
     """
 
@@ -67,6 +70,9 @@ class Fit:
     shot: tuple[int, ...]
     draws: Mapping[str, Float[np.ndarray, " draw"]] = field(default_factory=dict)
     bands: tuple[Band, ...] = ()
+    posterior_reason: str = ""
+    ensemble: Any = None
+    density: Any = None
 
     @property
     def origin_time(self) -> Float[np.ndarray, " row"]:

@@ -81,14 +81,14 @@ def laplace(
     for axis in axes.T:  # in place: each becomes one standard deviation long
         fall = _fall(posterior, z, axis, top)
         if not low < fall < high:
-            axis *= _half_width(posterior, z, axis, top)
+            axis *= half_width(posterior, z, axis, top)
             fall = _fall(posterior, z, axis, top)
         peak &= bool(fall > low)
     return Laplace(z, axes @ axes.T, float(0.5 * np.sum((slope @ axes) ** 2)), peak)
 
 
 def _top(posterior, z):
-    value, slope = _density_and_slope(posterior, jnp.asarray(z))
+    value, slope = density_and_slope(posterior, jnp.asarray(z))
     return float(value), np.asarray(slope)
 
 
@@ -97,7 +97,7 @@ def _fall(posterior, z, axis, top) -> float:
     return min(top - _top(posterior, z + sign * axis)[0] for sign in (-1, 1))
 
 
-def _half_width(posterior, z, axis, top) -> float:
+def half_width(posterior, z, axis, top) -> float:
     """How many steps away ln-density has fallen by 0.5, as a normal's has in one sd.
 
     The expected information misleads along an axis where predictions stand still by
@@ -112,7 +112,8 @@ def _half_width(posterior, z, axis, top) -> float:
 
 
 @eqx.filter_jit
-def _density_and_slope(posterior: Posterior, z):
+def density_and_slope(posterior: Posterior, z):
+    """Return ln of the density per unit of z, and its gradient."""
     return jax.value_and_grad(posterior.log_density)(z)
 
 

@@ -74,11 +74,13 @@ def limits(fit: Fit) -> list[str]:
     how = {
         "laplace": "Intervals come from the curvature of the posterior at its maximum "
         "(Laplace); where they span a factor of several, read them as rough.",
-        "emcee": "Intervals come from posterior draws by the emcee sampler.",
+        "emcee": "Intervals come from draws of the posterior by an ensemble of walkers "
+        "(emcee).",
     }
     lines = [given_sentence(fit)]
     if posterior := fit.answer.get("posterior"):
-        lines.append(how.get(posterior, f"Intervals come from: {posterior}."))
+        why = f" Why: {fit.posterior_reason}." if fit.posterior_reason else ""
+        lines.append(how.get(posterior, f"Intervals come from: {posterior}.") + why)
     if fit.answer["estimates"]:
         lines.append(
             "Intervals count the errors given in the log and the scatter of the laws; "

@@ -42,28 +42,33 @@ def summary(
     if not answer["converged"]:
         lines += ["NOT CONVERGED: take no number below as an answer.", ""]
     lines += _estimate_table(answer, accepted)
-    lines += _section("", accepted_not_fitted(fit, accepted))
+    lines += section("", accepted_not_fitted(fit, accepted))
     lines += ["", "Laws"]
     used = laws_used(fit)
     column = max((len(law.quantity) for law in used), default=0) + 2
     for law in used:
         text = "; ".join(part for part in (law.reason, law.scatter) if part)
         text = f"{law.law}: {text}" if text else law.law
-        lines += _hanging(law.quantity.ljust(column) + text, column)
-    lines += _hanging(validity_sentence(fit))
-    lines += ["", "Goodness of fit", *_hanging(goodness_numbers(answer))]
-    lines += _hanging(goodness_sentence(answer))
+        lines += hanging(law.quantity.ljust(column) + text, column)
+    lines += hanging(validity_sentence(fit))
+    lines += ["", "Goodness of fit", *hanging(goodness_numbers(answer))]
+    lines += hanging(goodness_sentence(answer))
+    lines += section("Intervals", _intervals(fit))
     nothing = ["nothing: the recordings, or a prior, identify every fitted number"]
-    cannot_tell = _cannot_tell(answer) or nothing
-    lines += _section("What the recordings cannot tell", cannot_tell)
-    lines += _section(
+    lines += section("What the recordings cannot tell", cannot_tell(answer) or nothing)
+    lines += section(
         "What they do tell", determined_lines(answer.get("determined", ()))
     )
-    lines += _section("Suspected outliers", outlier_lines(answer))
-    lines += _section("Warnings", [str(w) for w in answer.get("warnings", ())])
+    lines += section("Suspected outliers", outlier_lines(answer))
+    lines += section("Warnings", [str(w) for w in answer.get("warnings", ())])
     if out is not None:
         lines += ["", f"Report and figures: {out}"]
     return "\n".join(line.rstrip() for line in lines) + "\n"
+
+
+def _intervals(fit: Fit) -> list[str]:
+    reason = fit.posterior_reason
+    return [f"{fit.answer['posterior']}: {reason}"] if reason else []
 
 
 def _title(fit: Fit) -> str:
@@ -97,7 +102,7 @@ def _estimate_table(answer: Mapping[str, Any], accepted: Accepted | None) -> lis
         if len(left) + len(row[3]) <= WIDTH:
             lines.append(left + row[3])
         else:
-            lines += [left, *_hanging(f"accepted: {row[3]}", 2, indent=widths[0] + 2)]
+            lines += [left, *hanging(f"accepted: {row[3]}", 2, indent=widths[0] + 2)]
     return lines
 
 
@@ -114,7 +119,8 @@ def _table_row(
     return parameter_words(name), printed.value_and_beside, printed.interval, beside
 
 
-def _cannot_tell(answer: Mapping[str, Any]) -> list[str]:
+def cannot_tell(answer: Mapping[str, Any]) -> list[str]:
+    """Return a line for each number, direction or second solution left open."""
     lines = [f"{parameter_words(n)}: not identified" for n in unidentified(answer)]
     for name in practically_unidentified(answer):
         log_sd = answer["estimates"][name]["log_sd"]
@@ -128,14 +134,16 @@ def _cannot_tell(answer: Mapping[str, Any]) -> list[str]:
     return [line for line in lines if line]
 
 
-def _section(title: str, entries: Sequence[str]) -> list[str]:
+def section(title: str, entries: Sequence[str]) -> list[str]:
+    """Return a titled list of entries, nothing if there are none."""
     if not entries:
         return []
-    wrapped = [line for entry in entries for line in _hanging(entry, 2)]
+    wrapped = [line for entry in entries for line in hanging(entry, 2)]
     return ["", title, *wrapped] if title else wrapped
 
 
-def _hanging(text: str, column: int = 0, indent: int = 2) -> list[str]:
+def hanging(text: str, column: int = 0, indent: int = 2) -> list[str]:
+    """Break a text into lines of `WIDTH`, all but the first further in by `column`."""
     return textwrap.wrap(
         text,
         WIDTH,

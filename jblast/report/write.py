@@ -18,7 +18,9 @@ from jblast.report.accepted import Accepted
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+DRAWS = "posterior.nc"
 NAMES = ("fit.json", "recordings.png", "residuals.png", "corner.png", "report.html")
+NAMES += (DRAWS,)
 """What a report may consist of."""
 
 
@@ -59,6 +61,11 @@ def write_report(
         (directory / name).unlink(missing_ok=True)
     written = [_put(directory / "fit.json", answer_json(fit).encode())]
     failures: list[str] = []
+    if fit.ensemble is not None:
+        try:
+            written.append(_write_draws(fit, directory / DRAWS))
+        except Exception as error:
+            failures.append(f"{DRAWS} was not written: {error!r}")
     figures: dict[str, Figure] = {}
     drawings: dict[str, Callable[[], Figure | None]] = {
         "recordings": lambda: recordings_figure(fit),
@@ -83,6 +90,15 @@ def write_report(
     for failure in failures:
         warnings.warn(failure, stacklevel=2)
     return written
+
+
+def _write_draws(fit: Fit, path: Path) -> Path:
+    """Write the walk as NetCDF in the schema of ArviZ."""
+    from jblast.inference.inference_data import inference_data, write_inference_data
+
+    tree = inference_data(fit.ensemble, fit.density, fit.observations)
+    write_inference_data(tree, path)
+    return path
 
 
 def check_directory(directory: str | Path, force: bool = False) -> None:

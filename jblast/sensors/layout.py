@@ -49,6 +49,18 @@ class Layout(eqx.Module):
             dict.fromkeys(name for q in self.quantity for name, _ in components(q))
         )
 
+    def beside(self, more: "Layout") -> "Layout":
+        """Return these rows and, after them, those of another layout."""
+        return Layout(
+            quantity=self.quantity + more.quantity,
+            position=jnp.concatenate([self.position, more.position]),
+            slant_range=jnp.concatenate([self.slant_range, more.slant_range]),
+            time=jnp.concatenate([self.time, more.time]),
+            group=self.group + more.group,
+            shot=self.shot + more.shot,
+            clock=self.clock + more.clock,
+        )
+
     def rows(self, quantity: str, shot: int) -> tuple[np.ndarray, np.ndarray]:
         """Return the rows of a charge a quantity takes part in, and with which sign."""
         found = [

@@ -1,15 +1,18 @@
 """A whole simulated log: a scene drawn from its priors, recorded with errors."""
 
+from collections.abc import Sequence
+from dataclasses import replace
+
 import equinox as eqx
 import jax
-import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Float
 
 from jblast.observations import TIMES, Observations
-from jblast.scene import UncertainScene, draw_scene
+from jblast.scene import Scene, UncertainScene, draw_scene
 from jblast.scene.parameters import value_of
 from jblast.sensors.laws import law_names, resolve_laws
-from jblast.sensors.layout import planned_layout
+from jblast.sensors.layout import Layout, planned_layout
 from jblast.sensors.observe import Noise, observe
 
 
@@ -31,29 +34,49 @@ def simulate(
     layout, sigma, sensors = planned_layout(scene)
     laws = law_names(resolve_laws(scene, layout))
     value = np.asarray(_observe(noise_key, scene, layout, laws, sigma, noise))
-    timed = np.isin(layout.quantity, TIMES)
-    n = len(value)
     truth = [
         f"truth: {name} = {float(np.asarray(value_of(scene, name)))!r}"
         for name in uncertain.beliefs
     ]
     used = ", ".join(f"{quantity} by {law}" for quantity, law in laws.items())
+    comments = (
+        f"SIMULATED, not measured: {uncertain.source or 'a scene'}, seed {seed}",
+        f"laws: {used}; independent errors: {noise}",
+        *truth,
+    )
+    log = written(scene, layout, value, np.asarray(sigma), sensors)
+    return replace(log, comments=comments)
+
+
+def written(
+    scene: Scene,
+    layout: Layout,
+    value: Float[np.ndarray, " row"],
+    sigma: Float[np.ndarray, " row"],
+    sensors: Sequence[str],
+) -> Observations:
+    """Return readings of a planned layout as a log.
+
+    Args:
+        scene: What is there.
+        layout: Rows planned, see `planned_layout`.
+        value: Their readings.
+        sigma: Error of each: seconds for times, relative otherwise.
+        sensors: Name of each row's sensor.
+    """
+    n = len(value)
+    timed = np.isin(layout.quantity, TIMES)
     return Observations(
         sensor=tuple(sensors),
         quantity=layout.quantity,
         value=value,
-        sigma=np.asarray(jnp.where(timed, sigma, sigma * jnp.abs(value))),
+        sigma=np.where(timed, sigma, sigma * np.abs(value)),
         position=np.asarray(layout.position),
         slant_range=np.full(n, np.nan),
         time=np.full(n, np.nan),
         path=("",) * n,
         shot=tuple(scene.charges[shot].name for shot in layout.shot),
         clock=("",) * n,
-        comments=(
-            f"SIMULATED, not measured: {uncertain.source or 'a scene'}, seed {seed}",
-            f"laws: {used}; independent errors: {noise}",
-            *truth,
-        ),
     )
 
 

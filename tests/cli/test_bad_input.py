@@ -45,11 +45,6 @@ LOGS = {
         HEADER + "a,air_arival_s,abc,-1,30\nb,impulse_kPa_ms,nan,0,1,2,3\n",
         ["line 2"],
     ),
-    "two shots": (
-        "sensor,quantity,value,sigma,range_m,shot\n"
-        "a,air_arrival_s,1,.1,300,1\na,air_arrival_s,1,.1,300,2\n",
-        ["line 3, column shot", "expected '1'", "got '2'", "[[charge]]"],
-    ),
     "what no law gives": (
         HEADER + "a,ground_displacement_m,1,0.1,30,0,1\n",
         ["ground_displacement_m", "not supported yet"],

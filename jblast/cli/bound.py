@@ -1,0 +1,131 @@
+"""Say what a planned layout of sensors could tell, before any shot."""
+
+import argparse
+import math
+import sys
+from collections.abc import Sequence
+
+from jblast.cli.calc import PLOTS
+from jblast.cli.files import path
+
+HELP = "say what a planned layout of sensors could tell"
+
+
+def add_arguments(verb: argparse.ArgumentParser) -> None:
+    """Say what the verb takes."""
+    verb.add_argument(
+        "scene",
+        metavar="SCENE.toml",
+        type=path,
+        help="what is there and what is not known of it; every sensor says where it "
+        "stands and what it records, as records = { QUANTITY = SIGMA }",
+    )
+    verb.add_argument(
+        "--at",
+        action="append",
+        default=[],
+        metavar="PARAMETER=VALUE",
+        help="number taken for true, as charge_mass_kg=15; needed for all that is free "
+        "(default: the median of the prior); may be repeated",
+    )
+    verb.add_argument(
+        "--map",
+        metavar="FILE",
+        type=path,
+        help="draw the sd of mass, and of place, over where a next sensor could stand "
+        "(.png, .svg or .pdf)",
+    )
+    verb.add_argument(
+        "--law",
+        action="append",
+        default=[],
+        metavar="auto|NAME|QUANTITY=NAME",
+        help="law for all it gives, or for one quantity; may be repeated",
+    )
+    verb.add_argument(
+        "--noise",
+        choices=("student", "gaussian"),
+        default="student",
+        help="distribution of the independent errors (default: student)",
+    )
+    verb.add_argument("--json", action="store_true", help="print the answer as JSON")
+    verb.add_argument(
+        "--force", action="store_true", help="overwrite an existing --map"
+    )
+
+
+def run(asked: argparse.Namespace) -> int:
+    """Compute the bound, print it, and return the exit code."""
+    from jblast.cli.start import start_jax
+
+    start_jax()
+    import json
+
+    from jblast.cli.laws import chosen_laws
+    from jblast.inference import bound
+    from jblast.report import plain
+    from jblast.report.bound_text import bound_text
+    from jblast.scene import read_scene, with_laws
+
+    if asked.map:
+        _check_map(asked.map, force=asked.force)
+    at = _values(asked.at)
+    uncertain = read_scene(asked.scene)
+    held = {q for sensor in uncertain.scene.sensors for q, _ in sensor.records}
+    if held:  # else the message that nothing is recorded comes first
+        uncertain = with_laws(uncertain, chosen_laws(asked.law, held))
+    found = bound(uncertain, at, noise=asked.noise)
+    if asked.map:
+        _draw(asked.map, found)
+    if asked.json:
+        text = json.dumps(plain(found.answer), indent=1, allow_nan=False)
+        sys.stdout.write(text + "\n")
+    else:
+        sys.stdout.write(bound_text(found, plot=asked.map))
+    return found.exit_code
+
+
+def _values(words: Sequence[str]) -> dict[str, float]:
+    """Return the numbers after each `--at`; one may hold several, after commas."""
+    from jblast.errors import InputError
+
+    values = {}
+    for word in (part.strip() for item in words for part in item.split(",")):
+        name, equals, number = word.partition("=")
+        try:
+            value = float(number)
+        except ValueError:
+            value = math.nan
+        if not (equals and name.strip() and math.isfinite(value)):
+            raise InputError(
+                f"--at {word}: expected PARAMETER=VALUE with a finite number, as "
+                "charge_mass_kg=15"
+            )
+        if name.strip() in values:
+            raise InputError(f"--at {name.strip()}: expected one value, got several")
+        values[name.strip()] = value
+    return values
+
+
+def _check_map(file: str, *, force: bool) -> None:
+    """Refuse a map that cannot be written, before anything is computed."""
+    from pathlib import Path
+
+    from jblast.cli.files import refuse_existing
+    from jblast.errors import InputError
+
+    if Path(file).suffix.lower() not in PLOTS:
+        raise InputError(f"--map {file}: expected a name in {', '.join(PLOTS)}")
+    refuse_existing(file, force=force)
+
+
+def _draw(file: str, found) -> None:
+    from jblast.cli.files import unwritable
+    from jblast.inference import bound_map
+    from jblast.report.bound_figure import bound_figure
+
+    figure = bound_figure(bound_map(found))
+    try:
+        figure.savefig(file)
+    except OSError as error:
+        raise unwritable(file, error) from None

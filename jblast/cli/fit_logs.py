@@ -1,0 +1,110 @@
+"""Which logs a fit is of: one, several, the shots of one, or one event's recordings."""
+
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from jblast.cli.files import unwritable
+from jblast.errors import InputError
+from jblast.inference.fit_result import Fit
+from jblast.observations import Observations, read
+from jblast.observations.together import by_shot, one_event
+from jblast.scene import UncertainScene, freed
+from jblast.scene.parameters import CLOCK_OFFSET
+
+WALK = "walk"
+"""Folder within `--out` in which a walk is kept."""
+
+Logs = dict[str, Observations | InputError]
+
+
+def logs_of(
+    files: Sequence[str], uncertain: UncertainScene, *, together: bool
+) -> tuple[Logs, UncertainScene]:
+    """Read the logs, and take them apart or put them together.
+
+    A log of several shots is as many logs, unless the scene names its charges.
+
+    Args:
+        files: What to read.
+        uncertain: The scene of all of them.
+        together: Whether the files are recordings of one event.
+
+    Returns:
+        Logs by name, or why one cannot be read; and the scene, its clocks free where
+        the recordings are of one event.
+
+    Raises:
+        InputError: The only log, or any of one event, cannot be read.
+    """
+    if together:
+        whole, clocks = one_event([read(file) for file in files])
+        free = [f"{CLOCK_OFFSET}.{clock}" for clock in clocks]
+        return {whole.source: whole}, freed(uncertain, free)
+    logs: Logs = {}
+    for file, name in zip(files, _names(files), strict=True):
+        try:
+            log = read(file)
+        except InputError as error:
+            if len(files) == 1:
+                raise
+            logs[name] = error
+            continue
+        shots = {} if uncertain.scene.others else by_shot(log)
+        if len(shots) < 2:
+            logs[name] = log
+        else:
+            logs |= {f"{name}: {shot or 'no shot'}": of for shot, of in shots.items()}
+    return logs, uncertain
+
+
+def progress(names: Sequence[str]):
+    """Return what tells on a terminal how many logs are through."""
+    through = 0
+
+    def done(name: str) -> None:
+        nonlocal through
+        through += 1
+        end = "\n" if through == len(names) else ""
+        sys.stderr.write(f"\r{through} of {len(names)} logs{end}")
+        sys.stderr.flush()
+
+    return done if sys.stderr.isatty() else lambda name: None
+
+
+def write_answers(answers: dict[str, Fit | InputError], directory: Path) -> None:
+    """Write fits.json and answers.csv.
+
+    Raises:
+        InputError: The directory cannot be written to.
+    """
+    import json
+
+    from jblast.report import plain
+    from jblast.report.table import answers_csv, answers_document
+
+    try:
+        directory.mkdir(parents=True, exist_ok=True)
+        text = json.dumps(plain(answers_document(answers)), indent=1, allow_nan=False)
+        (directory / "fits.json").write_text(text + "\n", encoding="utf-8")
+        (directory / "answers.csv").write_text(answers_csv(answers), encoding="utf-8")
+    except OSError as error:
+        raise unwritable(directory, error) from None
+
+
+def only_a_walk(directory: Path) -> bool:
+    """Return whether a directory holds an earlier walk and nothing else."""
+    return directory.is_dir() and [p.name for p in directory.iterdir()] == [WALK]
+
+
+def _names(files: Sequence[str]) -> list[str]:
+    """Name logs after their files, by the whole path where that is needed."""
+    stems = [Path(file).stem for file in files]
+    names = [
+        stem if stems.count(stem) == 1 else file
+        for stem, file in zip(stems, files, strict=True)
+    ]
+    for name in names:
+        if names.count(name) > 1:
+            raise InputError(f"{name}: expected each log once, got it twice")
+    return names

@@ -1,0 +1,156 @@
+r"""Has an ensemble of walkers said enough: autocorrelation, R-hat, error of quantiles.
+
+The autocorrelation time $\tau = 1 + 2 \sum \rho_t$ is Sokal's, cut off at the first lag
+beyond $5 \tau$ (Goodman & Weare 2010, Comm. App. Math. Comp. Sci. 5:65; Foreman-Mackey
+et al. 2013, PASP 125:306). Deviations are taken from the mean of *all* walkers, not
+each from its own as emcee does: a walker that never leaves its mode then counts as one
+draw, however long it stays. $\hat R$ is that of ranks (Vehtari et al. 2021, Bayesian
+Analysis 16:667) over two halves of the walkers and two halves of the steps.
+"""
+
+from dataclasses import dataclass
+
+import jax.numpy as jnp
+import numpy as np
+from jax.scipy.special import ndtri
+from jaxtyping import Bool, Float
+
+WINDOW = 5.0
+LONG_ENOUGH = 50.0
+"""So many autocorrelation times make an estimate of one trustworthy."""
+WARM_UP = 5.0
+"""So many autocorrelation times after the start are left out."""
+ALIKE = 1.01
+"""R-hat below this: the halves agree."""
+WATCHED = 64
+"""Walkers whose autocorrelation is averaged: more tell no more and cost time."""
+RANKED = 100_000
+TAILS = (0.05, 0.95)
+
+
+@dataclass(frozen=True)
+class Convergence:
+    """How far an ensemble has come; one number for each coordinate.
+
+    Attributes:
+        steps: Steps behind the numbers, after the warm-up.
+        warm_up: Steps left out before them.
+        tau: Autocorrelation time [steps].
+        ess: Effective sample size: independent draws that tell as much of the mean.
+        r_hat: Of ranks, over halves of the walkers and of the steps.
+        error: Monte Carlo error of the 5 % or 95 % quantile, the larger, in posterior
+            standard deviations.
+    """
+
+    steps: int
+    warm_up: int
+    tau: Float[np.ndarray, " free"]
+    ess: Float[np.ndarray, " free"]
+    r_hat: Float[np.ndarray, " free"]
+    error: Float[np.ndarray, " free"]
+
+    def reached(self, precision: float) -> bool:
+        """Whether the quantiles are as precise as wanted, and may be believed."""
+        return bool(
+            np.all(self.error <= precision)
+            and np.all(self.steps >= LONG_ENOUGH * self.tau)
+            and np.all(self.r_hat < ALIKE)
+        )
+
+    def steps_wanted(self, precision: float) -> float:
+        """Return about how many steps after the warm-up the precision takes."""
+        by_error = self.steps * np.max(np.square(self.error / precision))
+        by_halves = self.steps * np.max((self.r_hat - 1) / (ALIKE - 1))
+        return float(max(by_error, by_halves, LONG_ENOUGH * np.max(self.tau)))
+
+
+def convergence(chain: Float[np.ndarray, "step walker free"]) -> Convergence:
+    """Judge an ensemble.
+
+    Args:
+        chain: Every step from the first on, in any coordinates.
+    """
+    steps, walkers, free = chain.shape
+    columns = range(free)
+    late = chain[steps // 2 :]
+    slowest = max(autocorrelation_time(late[:, :, i]) for i in columns)
+    warm_up = int(min(np.ceil(WARM_UP * min(slowest, steps)), steps // 2))
+    kept = chain[warm_up:]
+    tau = np.array([autocorrelation_time(kept[:, :, i]) for i in columns])
+    return Convergence(
+        steps=steps - warm_up,
+        warm_up=warm_up,
+        tau=tau,
+        ess=(steps - warm_up) * walkers / tau,
+        r_hat=np.array([r_hat(kept[:, :, i]) for i in columns]),
+        error=np.array([_worst_tail(kept[:, :, i]) for i in columns]),
+    )
+
+
+def autocorrelation_time(
+    x: Float[np.ndarray, "step walker"] | Bool[np.ndarray, "step walker"],
+) -> float:
+    """Return the autocorrelation time of an ensemble [steps]; inf if nothing moves."""
+    steps, walkers = x.shape
+    some = np.linspace(0, walkers - 1, min(walkers, WATCHED)).astype(int)
+    away = x[:, some] - x.mean()
+    length = 1 << (2 * steps - 1).bit_length()  # so that the ends do not meet
+    power = np.square(np.abs(np.fft.rfft(away, length, axis=0))).mean(axis=1)
+    covariance = np.fft.irfft(power, length)[:steps] / np.arange(steps, 0, -1)
+    if not covariance[0] > 0 or (x == x[0]).all():
+        return np.inf
+    tau = 2 * np.cumsum(covariance / covariance[0]) - 1
+    beyond = np.flatnonzero(np.arange(steps) >= WINDOW * tau)
+    return max(float(tau[beyond[0] if len(beyond) else -1]), 1.0)
+
+
+def r_hat(x: Float[np.ndarray, "step walker"]) -> float:
+    """Return R-hat of ranks over two halves of the walkers and two of the steps."""
+    steps, walkers = x.shape
+    stride = -(-steps * walkers // RANKED)
+    x = x[::stride]
+    half, pack = len(x) // 2, walkers // 2
+    if half < 2:
+        return np.inf
+    parts = np.array(
+        [
+            x[rows, columns].ravel()
+            for rows in (slice(0, half), slice(half, 2 * half))
+            for columns in (slice(0, pack), slice(pack, 2 * pack))
+        ]
+    )
+    # the same for what lies far from the middle, so that unequal spreads are seen too
+    folded = np.abs(parts - np.median(parts))
+    return max(_r_hat_of(_normal_scores(part)) for part in (parts, folded))
+
+
+def _normal_scores(x: np.ndarray) -> np.ndarray:
+    """Replace numbers by the normal scores of their ranks; equal ones share theirs."""
+    _, place, count = np.unique(x, return_inverse=True, return_counts=True)
+    rank = (np.cumsum(count) - 0.5 * (count - 1))[place].reshape(x.shape)
+    return np.asarray(ndtri(jnp.asarray((rank - 0.375) / (x.size + 0.25))))
+
+
+def _r_hat_of(chains: np.ndarray) -> float:
+    within = np.mean(np.var(chains, axis=1, ddof=1))
+    between = np.var(chains.mean(axis=1), ddof=1)
+    count = chains.shape[1]
+    return float(np.sqrt((count - 1) / count + between / within)) if within else np.inf
+
+
+def _worst_tail(x: Float[np.ndarray, "step walker"]) -> float:
+    """Return the Monte Carlo error of the worse outer quantile, in standard deviations.
+
+    The share of draws below a quantile is known to a standard error; the quantiles of
+    those shares differ by twice the quantile's (Vehtari et al. 2021, section 4.4).
+    """
+    sd = x.std()
+    if not sd > 0:
+        return np.inf
+    errors = []
+    for share in TAILS:
+        effective = x.size / autocorrelation_time(x <= np.quantile(x, share))
+        step = np.sqrt(share * (1 - share) / effective) if effective else 1.0
+        low, high = np.quantile(x, np.clip([share - step, share + step], 0, 1))
+        errors.append(0.5 * (high - low) / sd)
+    return float(max(errors))

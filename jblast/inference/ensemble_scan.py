@@ -1,0 +1,114 @@
+r"""The same moves as emcee's inside one `lax.scan`: no Python between the steps.
+
+Half of the walkers, drawn anew each step, move by the other half, then those by them.
+Each move is drawn for itself; `walk.SHARES` says how often.
+"""
+
+from collections.abc import Callable
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import lax
+from jaxtyping import Array, Float, PRNGKeyArray
+
+from jblast.inference.walk import SHARES, State, Stretch
+from jblast.inference.whitening import Density, densities
+
+A = 2.0
+"""Longest stretch; the shortest is its inverse."""
+JITTER = 1e-5
+"""Relative sd of the length of a difference, so that no lattice can be all there is."""
+BLOCK = 100
+"""Steps in one compiled call."""
+
+
+def first_random(seed: int) -> dict[str, np.ndarray]:
+    """Return what the random numbers start from, as arrays."""
+    return {"seed": np.array(seed), "step": np.array(0)}
+
+
+def walk(
+    density: Density, state: State, steps: int, tick: Callable[[], None]
+) -> Stretch:
+    """Walk on; Ctrl-C loses the block it falls into.
+
+    Args:
+        density: Where to walk.
+        state: Where the walkers stand.
+        steps: How many steps.
+        tick: Called after each block.
+    """
+    w, value = jnp.asarray(state.walkers), jnp.asarray(state.log_density)
+    key = jax.random.key(int(state.random["seed"]))
+    first = int(state.random["step"])
+    chain, log_density = [], []
+    interrupted = False
+    try:
+        for start in range(first, first + steps, BLOCK):
+            (w, value), (places, values) = _block(
+                density, w, value, key, jnp.asarray(start)
+            )
+            both = np.asarray(places), np.asarray(values)
+            chain.append(both[0])
+            log_density.append(both[1])
+            tick()
+    except KeyboardInterrupt:
+        interrupted = True
+    done = min(len(log_density) * BLOCK, steps)
+    shape = state.walkers.shape
+    return Stretch(
+        np.concatenate([np.zeros((0, *shape)), *chain])[:done],
+        np.concatenate([np.zeros((0, shape[0])), *log_density])[:done],
+        {**state.random, "step": np.array(first + done)},
+        interrupted,
+    )
+
+
+@jax.jit
+def _block(density, w, value, key, first):
+    def step(carry, number):
+        moved = _step(jax.random.fold_in(key, number), density, *carry)
+        return moved, moved
+
+    return lax.scan(step, (w, value), first + jnp.arange(BLOCK))
+
+
+def _step(key: PRNGKeyArray, density, w: Float[Array, "walker free"], value):
+    """Move every walker once."""
+    shuffle_key, *keys = jax.random.split(key, 3)
+    order = jax.random.permutation(shuffle_key, len(w))
+    half = len(w) // 2
+    for key, mine, others in (
+        (keys[0], order[:half], order[half:]),
+        (keys[1], order[half:], order[:half]),
+    ):
+        propose_key, accept_key = jax.random.split(key)
+        there, factor = _proposal(propose_key, w[mine], w[others])
+        found = densities(density, there)
+        gain = factor + found - value[mine]
+        accepted = gain > jnp.log(jax.random.uniform(accept_key, gain.shape))
+        w = w.at[mine].set(jnp.where(accepted[:, None], there, w[mine]))
+        value = value.at[mine].set(jnp.where(accepted, found, value[mine]))
+    return w, value
+
+
+def _proposal(key: PRNGKeyArray, mine, others):
+    """Propose a place for each walker, and ln of what its volume counts."""
+    count, free = mine.shape
+    kind, one, two, long, far = jax.random.split(key, 5)
+    first = jax.random.randint(one, (count,), 0, len(others))
+    apart = jax.random.randint(two, (count,), 1, len(others))
+    second = (first + apart) % len(others)
+    jitter = 1 + JITTER * jax.random.normal(long, (count,), mine.dtype)
+    stretch = jnp.square((A - 1) * jax.random.uniform(far, (count,), mine.dtype) + 1)
+    stretch = (stretch / A)[:, None]
+
+    u = jax.random.uniform(kind, (count, 1), mine.dtype)
+    is_stretch = u < SHARES["stretch"]
+    is_jump = u < SHARES["stretch"] + SHARES["jump"]
+    length = jnp.where(is_jump, 1.0, 2.38 / (2 * free) ** 0.5) * jitter[:, None]
+    by_difference = mine + length * (others[first] - others[second])
+    by_stretch = others[first] + stretch * (mine - others[first])
+    factor = jnp.where(is_stretch, (free - 1) * jnp.log(stretch), 0.0)[:, 0]
+    return jnp.where(is_stretch, by_stretch, by_difference), factor

@@ -1,0 +1,45 @@
+"""Many logs, one after the other: a bad one fails alone."""
+
+from collections.abc import Callable, Mapping
+
+from jblast.errors import InputError
+from jblast.inference.fit import fit
+from jblast.inference.fit_result import Fit
+from jblast.inference.how_sure import Method
+from jblast.observations import Observations
+from jblast.scene import UncertainScene
+from jblast.sensors.observe import Noise
+
+
+def fit_each(
+    logs: Mapping[str, Observations],
+    uncertain: UncertainScene | None = None,
+    *,
+    noise: Noise = "student",
+    posterior: Method = "laplace",
+    seed: int = 0,
+    done: Callable[[str], None] = lambda name: None,
+) -> dict[str, Fit | InputError]:
+    """Fit every log with the same scene. Logs of the same rows compile once.
+
+    Args:
+        logs: By name.
+        uncertain: As for `fit`.
+        noise: As for `fit`.
+        posterior: As for `fit`.
+        seed: As for `fit`.
+        done: Called with the name of each log that is through.
+
+    Returns:
+        By name, the fit; or why that log could not be fitted.
+    """
+    answers: dict[str, Fit | InputError] = {}
+    for name, observations in logs.items():
+        try:
+            answers[name] = fit(
+                observations, uncertain, noise=noise, posterior=posterior, seed=seed
+            )
+        except InputError as error:
+            answers[name] = error
+        done(name)
+    return answers

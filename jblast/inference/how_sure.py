@@ -1,0 +1,121 @@
+"""How sure the answer is: by the normal approximation, or by walkers where it fails."""
+
+import os
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Float
+
+from jblast.inference.importance import (
+    GOOD_SHAPE,
+    NARROW,
+    importance,
+    laplace_holds,
+    largest_log_sd,
+)
+from jblast.inference.laplace import marginals
+from jblast.inference.solution import Solution
+from jblast.inference.weighted import marginals_of_draws
+
+Method = Literal["laplace", "emcee", "auto"]
+DRAWS = 8000
+
+
+@dataclass(frozen=True)
+class HowSure:
+    """What is known of every number, and by which method.
+
+    Attributes:
+        method: "laplace" or "emcee".
+        reason: Why that one.
+        z: Draws of the coordinates.
+        marginals: By number: value (the most probable), sd, log_sd, q05, q50, q95.
+        converged: Whether the method reached what it should.
+        why: Sentences about what the draws showed: modes, a ridge, doubts.
+        ensemble: The walk, where there was one.
+    """
+
+    method: str
+    reason: str
+    z: Float[np.ndarray, "draw free"]
+    marginals: dict[str, dict[str, float | None]]
+    converged: bool
+    why: tuple[str, ...] = ()
+    ensemble: Any = None
+
+
+def how_sure(
+    solution: Solution,
+    method: Method,
+    *,
+    seed: int = 0,
+    rows: Sequence[str] = (),
+    store: str | os.PathLike[str] | None = None,
+    progress: bool | Callable[..., None] = False,
+) -> HowSure:
+    """Draw from the posterior by the method wanted.
+
+    Args:
+        solution: What inference found.
+        method: "auto" takes the normal approximation where importance sampling finds
+            nothing against it and numbers are narrow, and walkers else.
+        seed: Of the draws.
+        rows: What to call each row of the log in messages.
+        store: Folder in which a walk is kept, to be gone on with if it is cut short.
+        progress: Whether to tell on stderr how far a walk is, or what to call.
+    """
+    normal = solution.laplace
+    if len(solution.identifiability.null):
+        reason = "nothing else can be said of a log that leaves a direction untold"
+        return _by_normal(solution, reason, seed)
+    if method == "auto":
+        k_hat = importance(solution.posterior, normal, seed=seed).k_hat
+        log_sd = largest_log_sd(solution.posterior, normal)
+        said = f"importance sampling k-hat {k_hat:.2f}, largest sd in ln {log_sd:.2g}"
+        limits = f"the limits are {GOOD_SHAPE:g} and {NARROW:g}"
+        if laplace_holds(k_hat, log_sd):
+            return _by_normal(solution, f"{said}: {limits}", seed)
+        reason = f"the normal approximation does not do ({said}; {limits})"
+    elif method == "laplace":
+        return _by_normal(solution, "as asked for", seed)
+    else:
+        reason = "as asked for"
+
+    from jblast.inference.ensemble import ensemble  # which imports emcee
+
+    walk = ensemble(
+        solution.posterior,
+        normal,
+        solution.identifiability,
+        solution.optima,
+        seed=seed,
+        rows=rows,
+        store=store,
+        progress=progress,
+    )
+    parameters = solution.posterior.parameters
+    told = marginals_of_draws(parameters, walk.draws())
+    best = parameters.values(jnp.asarray(normal.z))
+    return HowSure(
+        method="emcee",
+        reason=reason,
+        z=walk.draws(DRAWS),
+        marginals={n: told[n] | {"value": float(best[n])} for n in parameters.names},
+        converged=walk.converged,
+        why=(reason, *walk.why) if method == "auto" else walk.why,
+        ensemble=walk,
+    )
+
+
+def _by_normal(solution: Solution, reason: str, seed: int) -> HowSure:
+    normal = solution.laplace
+    return HowSure(
+        method="laplace",
+        reason=reason,
+        z=normal.draws(DRAWS, np.random.default_rng(seed)),
+        marginals=marginals(solution.posterior.parameters, normal),
+        converged=normal.converged,
+    )

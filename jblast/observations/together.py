@@ -1,0 +1,87 @@
+"""Logs taken apart by shot, and recordings of one event put together."""
+
+from collections.abc import Sequence
+from dataclasses import fields, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from jblast.errors import InputError, shown
+from jblast.observations.table import Observations
+
+PER_ROW = tuple(
+    f.name for f in fields(Observations) if f.name not in ("source", "comments")
+)
+"""Fields of a log that have one entry a row."""
+
+
+def by_shot(observations: Observations) -> dict[str, Observations]:
+    """Return one log for each shot of a log, in order of appearance."""
+    shots = np.array(observations.shot)
+    return {
+        str(shot): _rows(observations, np.flatnonzero(shots == shot))
+        for shot in dict.fromkeys(observations.shot)
+    }
+
+
+def one_event(logs: Sequence[Observations]) -> tuple[Observations, tuple[str, ...]]:
+    """Put recordings of one event together, each with the clock of its file.
+
+    Args:
+        logs: Recordings, each by one recorder; the clock of the first is the common
+            one.
+
+    Returns:
+        One log, and the names of the clocks that are to be found: all but the first.
+
+    Raises:
+        InputError: Two files have the same name, one names clocks of its own, or the
+            logs tell shots apart.
+    """
+    names = [Path(log.source).stem or f"recorder {i}" for i, log in enumerate(logs, 1)]
+    for log, name in zip(logs, names, strict=True):
+        if names.count(name) > 1:
+            raise InputError(
+                f"{log.source}: --one-event names clocks after the files; expected "
+                f"each name once, got {shown(name)} twice"
+            )
+        if any(log.clock):
+            raise InputError(
+                f"{log.source}: column clock: --one-event makes the file the clock; "
+                "expected no such column"
+            )
+        if len(set(log.shot)) > 1:
+            raise InputError(
+                f"{log.source}: column shot: --one-event is of one shot; expected one "
+                f"name, got {', '.join(map(shown, dict.fromkeys(log.shot)))}"
+            )
+    clocked = [
+        replace(log, clock=(name,) * len(log), shot=("",) * len(log))
+        for log, name in zip(logs, names, strict=True)
+    ]
+    joined: dict[str, Any] = {}
+    for column in PER_ROW:
+        parts = [getattr(log, column) for log in clocked]
+        if isinstance(parts[0], np.ndarray):
+            joined[column] = np.concatenate(parts)
+        else:
+            joined[column] = tuple(entry for part in parts for entry in part)
+    joined["line"] = ()  # lines of several files are nobody's
+    return Observations(
+        **joined,
+        source=" + ".join(log.source for log in logs),
+        comments=tuple(line for log in logs for line in log.comments),
+    ), tuple(names[1:])
+
+
+def _rows(observations: Observations, rows: np.ndarray) -> Observations:
+    """Return some rows of a log."""
+    picked = {}
+    for name in PER_ROW:
+        column = getattr(observations, name)
+        if isinstance(column, np.ndarray):
+            picked[name] = column[rows]
+        elif column:
+            picked[name] = tuple(column[row] for row in rows)
+    return replace(observations, **picked)

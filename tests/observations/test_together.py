@@ -1,0 +1,59 @@
+import numpy as np
+import pytest
+
+from jblast.errors import InputError
+from jblast.observations import read
+from jblast.observations.together import by_shot, one_event
+
+HEADER = "sensor,quantity,value,sigma,range_m"
+SHOTS = f"""# kept
+{HEADER},shot
+a,air_arrival_s,1,.1,300,x
+a,air_arrival_s,2,.1,600,y
+b,air_arrival_s,3,.1,900,x
+"""
+
+
+@pytest.fixture
+def log(tmp_path):
+    def write(text, name="log.csv"):
+        path = tmp_path / name
+        path.write_text(text)
+        return read(path)
+
+    return write
+
+
+def test_each_shot_is_a_log_of_its_own_rows_with_their_lines(log):
+    parts = by_shot(log(SHOTS))
+    assert list(parts) == ["x", "y"]
+    assert parts["x"].sensor == ("a", "b")
+    np.testing.assert_array_equal(parts["x"].value, [1, 3])
+    assert parts["x"].line == (3, 5)
+    assert parts["y"].where(0).endswith("line 4")
+    assert parts["y"].comments == ("kept",)
+
+
+def test_recordings_of_one_event_keep_their_rows_and_get_clocks(log):
+    row = "\n{},air_arrival_s,{},.1,300\n"
+    logs = [
+        log(HEADER + row.format("a", 1), "north.csv"),
+        log(HEADER + row.format("b", 2), "south.csv"),
+    ]
+    together, free = one_event(logs)
+    assert together.sensor == ("a", "b")
+    assert together.clock == ("north", "south")
+    assert free == ("south",)
+    np.testing.assert_array_equal(together.value, [1, 2])
+    assert together.source.endswith("south.csv")
+
+
+def test_what_makes_no_event_is_refused(log, tmp_path):
+    plain = log(f"{HEADER}\na,air_arrival_s,1,.1,300\n")
+    with pytest.raises(InputError, match="'log' twice"):
+        one_event([plain, plain])
+    clocked = log(f"{HEADER},clock\na,air_arrival_s,1,.1,300,c\n", "c.csv")
+    with pytest.raises(InputError, match="expected no such column"):
+        one_event([plain, clocked])
+    with pytest.raises(InputError, match="got 'x', 'y'"):
+        one_event([log(SHOTS, "s.csv")])
