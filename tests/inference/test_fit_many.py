@@ -20,6 +20,8 @@ from jblast.inference.posterior import posterior_of
 from jblast.scene import LogNormal, Scene, Sensor, UncertainScene, freed, with_values
 from jblast.sensors import observe, planned_layout
 
+pytestmark = pytest.mark.slow  # each problem compiles a program of its own
+
 FREE = ["charge_mass_kg", "charge_east_m", "charge_north_m", "origin_time_s"]
 TRUTH = {
     "charge_mass_kg": 30.0,

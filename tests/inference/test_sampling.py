@@ -8,6 +8,8 @@ from jblast.inference import ensemble_emcee
 from jblast.inference.chains import Store
 from jblast.inference.sampling import Start, sample
 
+pytestmark = pytest.mark.slow  # each problem compiles a program of its own
+
 SAMPLERS = ("emcee", "scan")
 
 
