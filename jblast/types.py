@@ -14,6 +14,11 @@ def as_float_array(value: ArrayLike) -> Float[Array, "..."]:
     return array if jnp.issubdtype(array.dtype, jnp.floating) else array.astype(float)
 
 
+def as_optional_float_array(value: ArrayLike | None) -> Float[Array, "..."] | None:
+    """Convert a number that may be left out: None stays None."""
+    return None if value is None else as_float_array(value)
+
+
 def as_float_arrays(*values: ArrayLike) -> tuple[Float[Array, "..."], ...]:
     """Convert several numbers: the first line of a law that takes plain numbers too."""
     return tuple(as_float_array(value) for value in values)

@@ -99,7 +99,7 @@ def _derived(estimates, solution: Solution) -> dict[str, dict[str, float | None]
     scene = parameters.scene_at(jnp.asarray(z))
     derived = {}
     for charge in scene.charges:
-        label = f".{charge.name}" if scene.others else ""
+        label = scene.label(charge)
         mass, factor = f"charge_mass_kg{label}", f"tnt_factor{label}"
         if mass not in estimates:
             continue

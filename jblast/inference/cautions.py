@@ -13,10 +13,8 @@ from jblast.scene.parameters import CLOCK_OFFSET
 from jblast.scene.uncertain import NO_SCENE
 from jblast.sensors.layout import components
 from jblast.sensors.record import path_to
+from jblast.waves.ground_factor import FREE_HEIGHT
 from jblast.waves.scaling import sachs_distance_factor
-
-BETWEEN_LIMITS = 1.0
-"""Scaled height of burst below which the ground is felt [m/kg^(1/3)]."""
 
 FAR = 4.0
 """A shared effect larger than this many standard deviations is told of."""
@@ -128,7 +126,7 @@ def height_beside_the_curves(solution: Solution, charge: Charge) -> list[str]:
             f"{which} lay {-height:.2g} m/kg^(1/3) deep, of which the laws used "
             "know nothing but the longer way"
         ]
-    if not 0 < height < BETWEEN_LIMITS:
+    if not 0 < height < FREE_HEIGHT:
         return []
     limit = "hemispherical" if charge.burst == "surface" else "spherical"
     return [

@@ -57,7 +57,7 @@ def place(
             )
     for shot, charge in enumerate(scene.charges):
         here = shots == shot
-        label = f".{charge.name}" if scene.others else ""
+        label = scene.label(charge)
         free = {base for base in PARAMETERS if base + label in beliefs}
         for row in np.flatnonzero(here & ~np.isnan(observations.slant_range)):
             check_range(observations, int(row), position[row], charge, free)

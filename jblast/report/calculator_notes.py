@@ -3,10 +3,8 @@
 import numpy as np
 
 from jblast.sensors.question import Question, scene_path, tnt_factor_in
+from jblast.waves.ground_factor import FREE_HEIGHT
 from jblast.waves.scaling import sachs_distance_factor
-
-FREE_HEIGHT = 1.0
-"""Height of burst past which the ground's reflection comes late [m/kg^(1/3)]."""
 
 
 def between_limits(question: Question) -> bool:

@@ -94,7 +94,7 @@ def given_sentence(fit: Fit) -> str:
     scene, free = fit.scene, set(fit.answer["free"])
     names = []
     for charge in scene.charges:
-        label = f".{charge.name}" if scene.others else ""
+        label = scene.label(charge)
         places = ["charge_east_m", "charge_north_m", "charge_up_m"]
         if charge.range is not None:
             places = ["charge_range_m"]

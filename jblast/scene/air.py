@@ -4,11 +4,7 @@ import equinox as eqx
 from jaxtyping import Array, Float
 
 from jblast.constants import STANDARD_PRESSURE, STANDARD_TEMPERATURE
-from jblast.types import as_float_array
-
-
-def _optional(value):
-    return None if value is None else as_float_array(value)
+from jblast.types import as_float_array, as_optional_float_array
 
 
 class Air(eqx.Module):
@@ -35,7 +31,11 @@ class Air(eqx.Module):
     relative_humidity: Float[Array, ""] = eqx.field(
         converter=as_float_array, default=0.5
     )
-    altitude: Float[Array, ""] | None = eqx.field(converter=_optional, default=None)
-    sound_speed: Float[Array, ""] | None = eqx.field(converter=_optional, default=None)
+    altitude: Float[Array, ""] | None = eqx.field(
+        converter=as_optional_float_array, default=None
+    )
+    sound_speed: Float[Array, ""] | None = eqx.field(
+        converter=as_optional_float_array, default=None
+    )
     wind_east: Float[Array, ""] = eqx.field(converter=as_float_array, default=0.0)
     wind_north: Float[Array, ""] = eqx.field(converter=as_float_array, default=0.0)

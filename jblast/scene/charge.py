@@ -6,13 +6,9 @@ import equinox as eqx
 from jaxtyping import Array, Float
 
 from jblast.scene.explosives import tnt_factor
-from jblast.types import as_float_array
+from jblast.types import as_float_array, as_optional_float_array
 
 Burst = Literal["surface", "free-air"]
-
-
-def _optional(value):
-    return None if value is None else as_float_array(value)
 
 
 class Charge(eqx.Module):
@@ -38,10 +34,14 @@ class Charge(eqx.Module):
     north: Float[Array, ""] = eqx.field(converter=as_float_array, default=0.0)
     up: Float[Array, ""] = eqx.field(converter=as_float_array, default=0.0)
     time: Float[Array, ""] = eqx.field(converter=as_float_array, default=0.0)
-    range: Float[Array, ""] | None = eqx.field(converter=_optional, default=None)
+    range: Float[Array, ""] | None = eqx.field(
+        converter=as_optional_float_array, default=None
+    )
     burst: Burst = eqx.field(static=True, default="surface")
     explosive: str = eqx.field(static=True, default="TNT")
-    tnt_factor: Float[Array, ""] | None = eqx.field(converter=_optional, default=None)
+    tnt_factor: Float[Array, ""] | None = eqx.field(
+        converter=as_optional_float_array, default=None
+    )
     name: str = eqx.field(static=True, default="")
 
     def tnt_mass(self, quantity: str) -> Float[Array, ""]:

@@ -83,11 +83,11 @@ def place_of(name: str) -> Place:
 
 def names_in(scene: Scene) -> tuple[str, ...]:
     """Return the names of all numbers of a scene."""
-    several = [charge.name for charge in scene.charges] if scene.others else [""]
+    labels = [scene.label(charge) for charge in scene.charges]
     names = [
-        f"{base}.{label}" if label else base
+        base + label
         for base, place in PARAMETERS.items()
-        for label in (several if place.of_charge else [""])
+        for label in (labels if place.of_charge else [""])
     ]
     return (*names, *(f"{CLOCK_OFFSET}.{clock}" for clock in scene.clock_offsets()))
 

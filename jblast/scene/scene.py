@@ -41,6 +41,10 @@ class Scene(eqx.Module):
         """All charges; rows of a log tell them apart by their `shot`."""
         return (self.charge, *self.others)
 
+    def label(self, charge: Charge) -> str:
+        """Return what follows a number's name to say of which charge; "" if of one."""
+        return f".{charge.name}" if self.others else ""
+
     def clock_offsets(self) -> dict[str, Float[Array, ""]]:
         """Return the offset of every clock by name: a sensor's own, or a recorder's."""
         own = {sensor.name: sensor.clock_offset for sensor in self.sensors}

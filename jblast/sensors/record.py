@@ -140,7 +140,7 @@ def record(scene: Scene, layout: Layout, laws: Mapping[str, str]) -> Recording:
             unit = given if quantity in TIMES else jnp.ones_like(given)
             sds = call(law.scatter, way) if scene.scatter else (0.0, 0.0, 0.0)
             of_shot, of_path, of_record = (sd * unit * sign for sd in sds)
-            name = f"{quantity}.{charge.name}" if scene.others else quantity
+            name = quantity + scene.label(charge)
             if not _is_zero(sds[0]):
                 of_shots[name] = jnp.zeros(n).at[rows].set(of_shot)
             if not _is_zero(sds[1]):
