@@ -17,7 +17,12 @@ from jaxtyping import Array, Float
 from jblast.sensors.observe import STUDENT_FREEDOM, Noise
 
 REWEIGHTINGS = 40
-"""Rounds to find the effects' mode: to rounding, but where readings contradict."""
+"""Rounds to find the effects' mode, at most: few, but where readings contradict."""
+SETTLED = 1e-5
+"""Effects that move by less, in standard deviations, are left to Newton's steps, of
+which the first leaves the square of that."""
+WRITTEN_OUT = 16
+"""Systems of no more effects are solved without LAPACK."""
 
 
 def log_noise(u: Float[Array, "..."], noise: Noise) -> Float[Array, "..."]:
@@ -53,11 +58,30 @@ def log_likelihood(
     # the mode, which the loop above does not.
     for _ in range(2 if noise == "student" else 1):
         gradient, hessian = _slopes(v, r, load, noise)
-        v = v - jnp.linalg.solve(hessian, gradient)
-    _, hessian = _slopes(v, r, load, noise)
-    _, log_determinant = jnp.linalg.slogdet(hessian)
+        v = v - _solved(hessian, gradient)[0]
+    gradient, hessian = _slopes(v, r, load, noise)
+    _, log_determinant = _solved(hessian, gradient)
     joint = jnp.sum(log_noise(r - load @ v, noise) - jnp.log(sd)) - 0.5 * v @ v
     return joint - 0.5 * log_determinant, v
+
+
+def _solved(matrix, right):
+    """Solve, and return ln of the determinant's size beside it.
+
+    Few unknowns are eliminated one after another (Gauss-Jordan; positive definite
+    matrices need no pivoting) in operations on whole matrices, which a batch runs
+    through ten times as fast as through LAPACK.
+    """
+    count = len(right)
+    if count > WRITTEN_OUT:
+        return jnp.linalg.solve(matrix, right), jnp.linalg.slogdet(matrix)[1]
+    both = jnp.concatenate([matrix, right[:, None]], axis=1)
+    pivots = []
+    for i in range(count):
+        pivots.append(both[i, i])
+        row = both[i] / both[i, i]
+        both = both - jnp.outer(both[:, i] - jnp.eye(count)[i], row)
+    return both[:, -1], jnp.sum(jnp.log(jnp.abs(jnp.stack(pivots))))
 
 
 def _slopes(v, r, load, noise):
@@ -83,14 +107,20 @@ def _reweighted(r, load, noise):
 
     def solve(weight):
         precision = jnp.eye(load.shape[1]) + load.T @ (weight[:, None] * load)
-        return jax.scipy.linalg.solve(precision, load.T @ (weight * r), assume_a="pos")
+        return _solved(precision, load.T @ (weight * r))[0]
 
     start = solve(jnp.ones_like(r))
     if noise == "gaussian":
         return start
 
-    def again(_, v):
+    def again(state):
+        rounds, v, _ = state
         u = r - load @ v
-        return solve((STUDENT_FREEDOM + 1) / (STUDENT_FREEDOM + jnp.square(u)))
+        new = solve((STUDENT_FREEDOM + 1) / (STUDENT_FREEDOM + jnp.square(u)))
+        return rounds + 1, new, jnp.max(jnp.abs(new - v))
 
-    return lax.fori_loop(0, REWEIGHTINGS, again, start)
+    def unsettled(state):
+        rounds, _, moved = state
+        return (rounds < REWEIGHTINGS) & (moved > SETTLED)
+
+    return lax.while_loop(unsettled, again, (0, start, jnp.inf))[1]
