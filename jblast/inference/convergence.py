@@ -10,10 +10,9 @@ Analysis 16:667) over two halves of the walkers and two halves of the steps.
 
 from dataclasses import dataclass
 
-import jax.numpy as jnp
 import numpy as np
-from jax.scipy.special import ndtri
 from jaxtyping import Bool, Float
+from scipy.special import ndtri
 
 WINDOW = 5.0
 LONG_ENOUGH = 50.0
@@ -128,7 +127,8 @@ def _normal_scores(x: np.ndarray) -> np.ndarray:
     """Replace numbers by the normal scores of their ranks; equal ones share theirs."""
     _, place, count = np.unique(x, return_inverse=True, return_counts=True)
     rank = (np.cumsum(count) - 0.5 * (count - 1))[place].reshape(x.shape)
-    return np.asarray(ndtri(jnp.asarray((rank - 0.375) / (x.size + 0.25))))
+    # by scipy: jax.scipy's would be compiled anew for every length of a walk
+    return ndtri((rank - 0.375) / (x.size + 0.25))
 
 
 def _r_hat_of(chains: np.ndarray) -> float:
