@@ -35,8 +35,12 @@ def logs_of(
         the recordings are of one event.
 
     Raises:
-        InputError: The only log, or any of one event, cannot be read.
+        InputError: The only log, or any of one event, cannot be read, or a file is a
+            scene.
     """
+    for file in files:
+        if Path(file).suffix.lower() == ".toml":
+            raise InputError(f"{file}: expected a log; a scene stands after --scene")
     if together:
         whole, clocks = one_event([read(file) for file in files])
         free = [f"{CLOCK_OFFSET}.{clock}" for clock in clocks]
