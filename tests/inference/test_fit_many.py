@@ -12,7 +12,7 @@ from jblast.errors import InputError
 from jblast.inference.fisher import information
 from jblast.inference.many import fit_many
 from jblast.inference.many.closed_form import closed_form
-from jblast.inference.many.fit_many import engine_for
+from jblast.inference.many.engine import engine_for
 from jblast.inference.many.rows import rows_of
 from jblast.inference.optimum import optima
 from jblast.inference.parameters import parameters_of

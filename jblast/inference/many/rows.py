@@ -9,20 +9,16 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from jblast.inference.fisher import information_of_row
-from jblast.inference.likelihood import _noise_slopes, log_noise
+from jblast.inference.many.alike import Alike, alike_rows, free_clocks
 from jblast.inference.many.fold import Cell, over_cells
+from jblast.inference.many.loss import TermLoss
+from jblast.inference.many.row_program import row_program
 from jblast.inference.parameters import Parameters
 from jblast.observations import CLOCK_TIMES
-from jblast.scene import Free, with_values
-from jblast.scene.parameters import CLOCK_OFFSET
+from jblast.scene import Free
 from jblast.sensors import Layout
-from jblast.sensors.observe import Noise, loadings
-from jblast.sensors.record import clock_offsets, comparable, record
-
-LEAST_CURVATURE = 0.1
-"""A wild reading's cost bends downwards; a step counts it as this much of its weight,
-which bends upwards."""
+from jblast.sensors.observe import Noise
+from jblast.sensors.record import clock_offsets, comparable
 
 
 class Miss(NamedTuple):
@@ -38,14 +34,6 @@ class Miss(NamedTuple):
 
     residual: Float[Array, "term lane"]
     columns: tuple[Float[Array, "term lane"], ...]
-
-
-class _Alike(NamedTuple):
-    """Rows that differ by numbers alone, which one program serves."""
-
-    layout: Layout
-    rows: np.ndarray
-    slots: tuple[np.ndarray, ...]
 
 
 @dataclass(frozen=True)
@@ -68,7 +56,7 @@ class Rows:
     layout: Layout
     laws: tuple[tuple[str, str], ...]
     noise: Noise
-    alike: tuple[_Alike, ...]
+    alike: tuple[Alike, ...]
     effects: int
     offsets: np.ndarray
 
@@ -88,6 +76,11 @@ class Rows:
     def varies(self) -> bool:
         """Whether the size of the errors may depend on what is fitted."""
         return self.parameters.scene.scatter
+
+    @property
+    def loss(self) -> TermLoss:
+        """What each term costs."""
+        return TermLoss(self.noise, len(self.layout.quantity), self.scored)
 
     @property
     def scored(self) -> int:
@@ -149,86 +142,11 @@ class Rows:
         value = jax.vmap(lambda r: comparable(r, self.layout.quantity))(readings)
         return (value - late[None, :]).T
 
-    def loss(self, residual: Float[Array, "term lane"]) -> tuple[Array, Array, Array]:
-        """Return minus ln density, up to a constant, its slope and its curvature."""
-        return self._loss(residual, LEAST_CURVATURE)
-
-    def true_loss(
-        self, residual: Float[Array, "term lane"]
-    ) -> tuple[Array, Array, Array]:
-        """Return the same, with the curvature that wild readings really have."""
-        return self._loss(residual, None)
-
-    def information(self, residual: Float[Array, "term lane"]) -> np.ndarray:
-        """Return the expected curvature of each term."""
-        n = len(self.layout.quantity)
-        of_rows = np.full(n, information_of_row(self.noise))
-        rest = np.ones(residual.shape[0] - n)
-        return np.concatenate([of_rows, rest]).astype(residual.dtype)[:, None]
-
-    def _loss(self, residual, least):
-        n, m = len(self.layout.quantity), self.scored
-        u, normal, scale = residual[:n], residual[n:m], residual[m:]
-        slope, curvature = _noise_slopes(u, self.noise)
-        if self.noise == "student" and least is not None:
-            weight = slope / jnp.where(u == 0, 1.0, u)
-            curvature = jnp.maximum(curvature, least * weight)
-        value = log_noise(jnp.zeros((), u.dtype), self.noise) - log_noise(u, self.noise)
-        one, zero = jnp.ones_like(normal), jnp.zeros_like(scale)
-        return (
-            jnp.concatenate([value, 0.5 * jnp.square(normal), scale]),
-            jnp.concatenate([slope, normal, zero + 1]),
-            jnp.concatenate([curvature, one, zero]),
-        )
-
-    def _part(self, part: _Alike, y, measured, sigma, *, told):
+    def _part(self, part: Alike, y, measured, sigma, *, told):
         """Run the program of some rows over lanes."""
         n, rows, layout = len(self.parameters.names), part.rows, self.layout
         slots = len(part.slots)
-
-        def one(*numbers):
-            z, v = list(numbers[:n]), list(numbers[n : n + slots])
-            east, north, up, slant, time, reading, error = numbers[n + slots :]
-            here = Layout(
-                quantity=part.layout.quantity,
-                position=jnp.stack([east, north, up])[None],
-                slant_range=slant[None],
-                time=time[None],
-                group=(0,),
-                shot=part.layout.shot,
-                clock=part.layout.clock,
-            )
-
-            def miss(*unknowns):
-                beliefs = zip(
-                    self.parameters.names, self.parameters.beliefs, strict=True
-                )
-                scene = with_values(
-                    self.parameters.scene,
-                    {
-                        name: belief.constrain(at)
-                        for (name, belief), at in zip(beliefs, unknowns, strict=False)
-                    },
-                )
-                recording = record(scene, here, dict(self.laws))
-                sd = jnp.hypot(error, recording.record_sd[0])
-                shared = loadings(recording, here)[0]
-                if told:
-                    sd, shared = jax.lax.stop_gradient((sd, shared))
-                rest = reading - comparable(recording.value, here.quantity)[0]
-                for j in range(slots):
-                    rest = rest - shared[j] * unknowns[n + j]
-                return rest / sd, jnp.log(sd)
-
-            out, slopes = miss(*z, *v), []
-            unknowns = [*z, *v]
-            for k, at in enumerate(unknowns):
-                # one at a time: what does not depend on it drops out
-                def along(x, k=k):
-                    return miss(*unknowns[:k], x, *unknowns[k + 1 :])
-
-                slopes.append(jax.jvp(along, (at,), (jnp.ones_like(at),))[1])
-            return [*out, *(s[0] for s in slopes), *(s[1] for s in slopes)]
+        program = row_program(self.parameters, self.laws, part, told=told)
 
         def column(x):
             return np.asarray(x, y.dtype)[rows][:, None]
@@ -239,92 +157,39 @@ class Rows:
             for x, i in zip(shared, part.slots, strict=True)
         ]
         cells = over_cells(
-            one,
+            program,
             [
                 *(y[k : k + 1] for k in range(n)),
                 *shared,
                 *(column(np.asarray(layout.position)[:, i]) for i in range(3)),
                 column(layout.slant_range),
                 column(np.asarray(layout.time) - self.offsets),
-                _picked(measured, rows),
-                _picked(sigma, rows),
+                part.of(measured),
+                part.of(sigma),
             ],
         )
         u, ln_sd, slopes = cells[0], cells[1], cells[2:]
         return (
             u,
-            self._spread(part, slopes[: n + slots], y.dtype),
+            part.spread(slopes[: n + slots], self.effects, y.dtype),
             ln_sd,
-            self._spread(part, slopes[n + slots :], y.dtype),
+            part.spread(slopes[n + slots :], self.effects, y.dtype),
         )
-
-    def _spread(self, part: _Alike, slopes: list[Cell], dtype) -> list[Cell]:
-        """Give the slopes to a row's own effects to the effects of the log."""
-        n = len(self.parameters.names)
-        nothing = np.zeros((1, 1), dtype)
-        columns = [*slopes[:n], *[nothing] * self.effects]
-        for slope, of_row in zip(slopes[n:], part.slots, strict=True):
-            for effect in np.unique(of_row):
-                mask = (of_row == effect).astype(dtype)[:, None]
-                columns[n + effect] = columns[n + effect] + mask * slope
-        return columns
 
 
 def rows_of(
     parameters: Parameters, layout: Layout, laws: Mapping[str, str], noise: Noise
 ) -> Rows:
     """Sort the rows of a layout into parts that are alike."""
-    free = [name.partition(".")[2] for name in parameters.names if _is_clock(name)]
+    alike, effects = alike_rows(parameters, layout, laws)
     offsets = np.asarray(clock_offsets(parameters.scene, layout))
-    fixed = ~np.isin(layout.clock, free)
-    found: dict[tuple[str, int, str], list[int]] = {}
-    kinds = zip(layout.quantity, layout.shot, layout.clock, strict=True)
-    for row, (quantity, shot, clock) in enumerate(kinds):
-        key = (quantity, shot, clock if clock in free else "")
-        found.setdefault(key, []).append(row)
-    effects: dict[tuple, int] = {}
-    alike = []
-    for (quantity, shot, clock), at in found.items():
-        rows = np.array(at)
-        one = Layout(
-            quantity=(quantity,),
-            position=layout.position[rows[:1]],
-            slant_range=layout.slant_range[rows[:1]],
-            time=layout.time[rows[:1]],
-            group=(0,),
-            shot=(shot,),
-            clock=(clock,),
-        )
-        shape = jax.eval_shape(lambda s, o=one: record(s, o, laws), parameters.scene)
-        keys = [[("shot", name)] * len(at) for name in shape.shot_loading]
-        keys += [
-            [("path", name, layout.group[row]) for row in at]
-            for name in shape.path_loading
-        ]
-        slots = tuple(
-            np.array([effects.setdefault(key, len(effects)) for key in of_row])
-            for of_row in keys
-        )
-        alike.append(_Alike(one, rows, slots))
+    fixed = ~np.isin(layout.clock, free_clocks(parameters))
     return Rows(
         parameters=parameters,
         layout=layout,
         laws=tuple(sorted(laws.items())),
         noise=noise,
-        alike=tuple(alike),
-        effects=len(effects),
+        alike=alike,
+        effects=effects,
         offsets=np.where(fixed, offsets, 0.0),
     )
-
-
-def _picked(x, rows: np.ndarray):
-    """Pick rows, by a slice if one will do."""
-    steps = np.unique(np.diff(rows))
-    if rows.size > 1 and steps.size > 1:
-        return x[rows]
-    step = int(steps[0]) if rows.size > 1 else 1
-    return x[int(rows[0]) : int(rows[-1]) + 1 : step]
-
-
-def _is_clock(name: str) -> bool:
-    return name.partition(".")[0] == CLOCK_OFFSET

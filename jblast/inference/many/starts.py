@@ -1,111 +1,70 @@
-"""Where fits of many logs of one layout begin.
+"""Where each try of each log begins: given, in closed form, or by a library."""
 
-The layout is the same for all logs, so places to start from are too: a library of them
-is drawn (as `inference.starts` draws), what each would read is computed once, and a log
-starts from those whose readings are nearest to its own, in standard deviations. A free
-origin time is left out of the comparison, and set so that the log is late by nothing.
-"""
-
+import functools
+from collections.abc import Callable
 from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, PRNGKeyArray
+from jaxtyping import Array, Float
 
-from jblast.inference.many.rows import Rows
-from jblast.inference.posterior import Posterior
-from jblast.inference.starts import starts
-from jblast.observations import CLOCK_TIMES
-from jblast.scene import Free
+from jblast.errors import InputError
+from jblast.inference.many.library import Library
+from jblast.inference.many.some_lanes import picked
 
-LIBRARY = 64
-"""Size of the library."""
-AT_ONCE = 4096
-"""Logs compared with it together: what stays in a cache."""
+Z = Float[Array, "free lane"]
 
 
-class Library(NamedTuple):
-    """Places, and what would be read of them.
+class Starts(NamedTuple):
+    """Where tries of logs begin.
 
     Attributes:
-        z: Places.
-        projected: Readings in standard deviations, without what an origin time adds.
-        half_square: Half of their squared length.
-        weight: What turns a log's readings into the same.
-        late: Mean lateness of a log's readings.
-        late_of_place: And of the places'.
-        clock: 1 for the coordinate that is the origin time.
+        given: Places by try, if the caller gives them.
+        in_closed_form: Whether the first try begins where the loop itself does.
+        library: Draws the library, once it is needed.
     """
 
-    z: Float[Array, "place free"]
-    projected: Float[Array, "row place"]
-    half_square: Float[Array, " place"]
-    weight: Float[Array, "row row"]
-    late: Float[Array, " row"]
-    late_of_place: Float[Array, " place"]
-    clock: Float[Array, " free"]
+    given: Float[Array, "try free log"] | None
+    in_closed_form: bool
+    library: Callable[[], Library]
 
-    def nearest(
-        self, measured: Float[Array, "row lane"], skipped: int = 0
-    ) -> Float[Array, "free lane"]:
-        """Return the places nearest to logs, but for so many that are nearer."""
-        return jax.lax.map(
-            lambda log: self._nearest(log, skipped), measured.T, batch_size=AT_ONCE
-        ).T
+    def at(
+        self, which: int, measured: Float[Array, "row lane"], lanes: np.ndarray
+    ) -> Z:
+        """Return where some logs begin again.
 
-    def _nearest(self, log: Float[Array, " row"], skipped: int):
-        away = self.half_square - (self.weight @ log) @ self.projected
-        for _ in range(skipped):
-            away = away.at[jnp.argmin(away)].set(jnp.inf)
-        best = jnp.argmin(away)
-        return self.z[best] + self.clock * (self.late @ log - self.late_of_place[best])
+        Args:
+            which: The number of the try, 1 or more.
+            measured: Readings of these logs.
+            lanes: Which logs they are.
+        """
+        if self.given is not None:
+            return picked(self.given[which], lanes)
+        return _nearest(self.library(), measured, which - self.in_closed_form)
+
+    def first(self, measured: Float[Array, "row lane"]) -> Z | None:
+        """Return where all logs begin, nothing for the closed form."""
+        if self.given is not None:
+            return self.given[0]
+        return None if self.in_closed_form else _nearest(self.library(), measured, 0)
 
 
-def library(
-    key: PRNGKeyArray,
-    posterior: Posterior,
-    rows: Rows,
-    sigma: Float[np.ndarray, " row"],
-    count: int = LIBRARY,
-) -> Library:
-    """Draw a library.
+@functools.partial(jax.jit, static_argnums=2)
+def _nearest(library: Library, measured, skipped: int) -> Z:
+    return library.nearest(measured, skipped)
 
-    Args:
-        key: Random key.
-        posterior: Of any log of the layout.
-        rows: The layout.
-        sigma: Instrument errors of a typical log.
-        count: How many places.
+
+def given_starts(starts, logs: int, free: int) -> Float[Array, "try free log"]:
+    """Return starts as the engine has them.
+
+    Raises:
+        InputError: They are not (log, free) or (try, log, free).
     """
-    z = starts(key, posterior, count)
-    misfit = jax.vmap(posterior.misfit)(z)
-    scale = np.hypot(sigma, np.median(np.asarray(misfit.sd), axis=0))
-    readings = rows.comparable(misfit.predicted)
-    good = np.isfinite(np.asarray(readings)).all(axis=0)
-    z, readings = z[good], readings[:, good]
-    timed = np.isin(rows.layout.quantity, CLOCK_TIMES)
-    clock = [
-        name == "origin_time_s" and isinstance(belief, Free)
-        for name, belief in zip(
-            rows.parameters.names, rows.parameters.beliefs, strict=True
+    starts = jnp.asarray(starts)
+    if starts.shape[-2:] != (logs, free) or starts.ndim not in (2, 3):
+        raise InputError(
+            f"starts: expected ({logs}, {free}), or as many for each try, "
+            f"got {starts.shape}"
         )
-    ]
-    late = timed / scale**2
-    late = late / late.sum() if any(clock) and timed.any() else 0 * late
-    weight = (np.eye(scale.size) - timed[:, None] * late[None, :]) / scale[:, None]
-    projected = weight @ np.asarray(readings)
-    return Library(
-        z,
-        *map(
-            jnp.asarray,
-            (
-                projected,
-                0.5 * np.sum(projected**2, axis=0),
-                weight,
-                late,
-                late @ np.asarray(readings),
-                np.array(clock, float),
-            ),
-        ),
-    )
+    return jnp.moveaxis(starts.reshape(-1, logs, free), 2, 1)

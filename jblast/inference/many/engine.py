@@ -1,0 +1,200 @@
+"""What fits logs of one layout: compiled once, and kept."""
+
+import functools
+from collections.abc import Mapping
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from jblast.errors import InputError
+from jblast.inference.many.blocks import Blocks
+from jblast.inference.many.closed_form import closed_form
+from jblast.inference.many.ends import Ends, better, doubtful, told
+from jblast.inference.many.expansion import half_square
+from jblast.inference.many.library import Library, library
+from jblast.inference.many.loop import Loop, with_effects
+from jblast.inference.many.many_fits import ManyFits
+from jblast.inference.many.normal_equations import MOST_UNKNOWNS
+from jblast.inference.many.readings import Readings, checked, faults_of, read
+from jblast.inference.many.rows import Rows, rows_of
+from jblast.inference.many.solver import LaneLevenbergMarquardt
+from jblast.inference.many.some_lanes import lanes_where, picked, put
+from jblast.inference.many.starts import Starts, given_starts
+from jblast.inference.parameters import parameters_of
+from jblast.inference.posterior import Posterior
+from jblast.scene import UncertainScene
+from jblast.sensors import Layout
+from jblast.sensors.observe import Noise
+
+KEPT = 16
+"""Layouts whose compiled programs are kept."""
+STRAGGLERS = 0.02
+"""A loop does not wait for this share of its logs; they go on together later."""
+TOGETHER = 1024
+"""Not more logs than this go through all their other tries at once."""
+
+_ENGINES: dict[Any, "Engine"] = {}
+
+
+def engine_for(
+    uncertain: UncertainScene, layout: Layout, laws: Mapping[str, str], noise: Noise
+) -> "Engine":
+    """Return what fits logs of a layout; compiled once for each."""
+    leaves, tree = jax.tree.flatten((uncertain, layout))
+    arrays = [np.asarray(leaf) for leaf in leaves]
+    key = (
+        str(tree),
+        tuple((a.dtype.str, a.shape, a.tobytes()) for a in arrays),
+        tuple(sorted(laws.items())),
+        noise,
+        jnp.zeros(()).dtype.str,
+    )
+    if key not in _ENGINES:
+        parameters = parameters_of(uncertain)
+        if not parameters.names:
+            raise InputError("nothing to fit: every number of the scene is fixed")
+        rows = rows_of(parameters, layout, laws, noise)
+        if rows.unknowns > MOST_UNKNOWNS:
+            raise InputError(
+                f"{len(parameters.names)} free numbers and {rows.effects} effects that "
+                f"rows share: expected at most {MOST_UNKNOWNS} together; fit such logs "
+                "one by one"
+            )
+        while len(_ENGINES) >= KEPT:
+            del _ENGINES[next(iter(_ENGINES))]
+        _ENGINES[key] = Engine(rows)
+    return _ENGINES[key]
+
+
+class Engine:
+    """Fits logs of one layout, compiled once for each size of batch."""
+
+    def __init__(self, rows: Rows) -> None:
+        self.rows = rows
+        plain = rows.noise == "gaussian" and not rows.varies
+        loss = half_square if plain else rows.loss
+        self.solver = LaneLevenbergMarquardt(loss=loss, jacobian="aux")
+        self.form = closed_form(rows)
+        self.read = jax.jit(functools.partial(read, rows))
+        self.doubtful = jax.jit(
+            functools.partial(doubtful, rows.noise, len(rows.layout.quantity))
+        )
+        self.told = jax.jit(functools.partial(told, rows))
+        self.blocks: dict[Any, Blocks] = {}
+        self.libraries: dict[Any, Library] = {}
+
+    def fit(self, values, sigma, *, starts, tries: int, seed: int) -> ManyFits:
+        """Fit logs; see `fit_many`."""
+        rows = self.rows
+        values, sigma = checked(rows.layout, values, sigma)
+        readings = self.read(values, sigma)
+        blocks = self._blocks(sigma)
+        if starts is not None:
+            starts = given_starts(starts, len(values), len(rows.parameters.names))
+            tries = min(tries, len(starts))
+        given = starts is not None
+        where = Starts(
+            starts,
+            self.form is not None and not given,
+            lambda: self._library(sigma, seed),
+        )
+        z = where.first(readings.measured)
+        y = None if z is None else with_effects(rows, z)
+        best = self._solve(blocks, y, readings)
+        best = self._again(blocks, where, best, readings, range(1, tries), None)
+        z, covariance, numbers, cost, misfit = self.told(best, readings.bad)
+        return ManyFits(
+            names=rows.parameters.names,
+            z=z,
+            values=numbers,
+            cost=cost,
+            misfit=misfit,
+            covariance=covariance,
+            converged=best.converged,
+            tolerance=best.tolerance,
+            steps=best.steps,
+            bad=readings.bad,
+            faults=faults_of(rows.layout, values, sigma, readings.bad),
+        )
+
+    def straight(
+        self, values: Float[Array, "log row"] | Float[np.ndarray, "log row"]
+    ) -> Float[Array, "log free"]:
+        """Return the starts in closed form.
+
+        Raises:
+            InputError: The closed form does not apply to this layout.
+        """
+        if self.form is None:
+            raise InputError("expected a layout to which the closed form applies")
+        return self.form.start(self.rows, self.rows.comparable(jnp.asarray(values))).T
+
+    def _solve(
+        self, blocks: Blocks, y: Array | None, readings: Readings, times: int = 3
+    ) -> Ends:
+        """Solve all lanes but for stragglers, then these, and wait for the last."""
+        ends = blocks.run(y, readings, STRAGGLERS if times else 0.0)
+        lanes = lanes_where(~ends.done) if times else np.zeros(0, int)
+        if lanes.size == 0:
+            return ends
+        left = picked(ends, lanes)
+        again = self._solve(blocks, left.y, picked(readings, lanes), times - 1)
+        return put(ends, again._replace(steps=again.steps + left.steps), lanes)
+
+    def _again(
+        self,
+        blocks: Blocks,
+        where: Starts,
+        best: Ends,
+        readings: Readings,
+        tries: range,
+        logs: np.ndarray | None,
+    ) -> Ends:
+        """Start again where an end is doubtful; the lowest end of each log counts."""
+        if not tries:
+            return best
+        lanes = lanes_where(self.doubtful(best, readings.bad))
+        if lanes.size == 0:
+            return best
+        logs = lanes if logs is None else logs[lanes]
+        few, some = picked(best, lanes), picked(readings, lanes)
+        # a loop over few lanes takes as long as its slowest, however many they are
+        now = len(tries) if lanes.size <= TOGETHER else 1
+        z = [where.at(which, some.measured, logs) for which in tries[:now]]
+        y = with_effects(self.rows, jnp.concatenate(z, axis=1))
+        ends = self._solve(blocks, y, picked(readings, np.tile(lanes, now)))
+        for one in np.split(np.arange(now * lanes.size), now):
+            few = better(few, picked(ends, one))
+        few = self._again(blocks, where, few, some, tries[now:], logs)
+        return put(best, few, lanes)
+
+    def _blocks(self, sigma) -> Blocks:
+        """Return what runs lanes with these errors; they are constants of it."""
+        fixed = sigma[:, None] if isinstance(sigma, np.ndarray) else None
+        key = None if fixed is None else fixed.tobytes()
+        if key not in self.blocks:
+            self.blocks[key] = Blocks(Loop(self.rows, self.solver, self.form, fixed))
+        return self.blocks[key]
+
+    def _library(self, sigma, seed: int) -> Library:
+        """Return the library, drawn once."""
+        typical = np.asarray(sigma)
+        if typical.ndim == 2:
+            typical = np.nanmedian(np.where(typical >= 0, typical, np.nan), axis=0)
+        key = seed, typical.tobytes()
+        if key not in self.libraries:
+            layout = self.rows.layout
+            blank = Posterior(
+                self.rows.parameters,
+                layout,
+                jnp.zeros(len(layout.quantity)),
+                jnp.asarray(typical),
+                self.rows.laws,
+                self.rows.noise,
+            )
+            key_of_draws = jax.random.key(seed)
+            self.libraries[key] = library(key_of_draws, blank, self.rows, typical)
+        return self.libraries[key]

@@ -1,0 +1,119 @@
+"""One loop over lanes: Levenberg-Marquardt, and what its ends are worth."""
+
+from dataclasses import dataclass
+
+import jax.numpy as jnp
+import numpy as np
+import optimistix as optx
+from jaxtyping import Array, Float
+
+from jblast.inference.many.closed_form import ClosedForm
+from jblast.inference.many.ends import Ends
+from jblast.inference.many.expansion import Expansion, expansion, half_square, triangle
+from jblast.inference.many.normal_equations import Triangle, cholesky, inverse_of
+from jblast.inference.many.readings import Readings
+from jblast.inference.many.rows import Rows
+from jblast.inference.many.solver import LaneLevenbergMarquardt
+
+MOST_STEPS = 200
+
+Inputs = tuple[Float[Array, "unknown lane"] | None, Readings]
+"""Where lanes start, or nothing where that is the closed form; and their readings."""
+
+
+def with_effects(
+    rows: Rows, z: Float[Array, "free lane"]
+) -> Float[Array, "unknown lane"]:
+    """Return a place by its coordinates, the shared effects at zero."""
+    return jnp.concatenate([z, jnp.zeros((rows.effects, z.shape[1]), z.dtype)])
+
+
+@dataclass(frozen=True)
+class Loop:
+    """Fits lanes of one layout.
+
+    Attributes:
+        rows: The layout.
+        solver: With the loss of these rows.
+        form: Where lanes start that are not told where.
+        sigma: Instrument errors if all logs have the same.
+    """
+
+    rows: Rows
+    solver: LaneLevenbergMarquardt
+    form: ClosedForm | None
+    sigma: Float[np.ndarray, "row 1"] | None
+
+    def fit(self, stragglers: Float[Array, ""], lanes: Inputs) -> Ends:
+        """Fit lanes, but for the share of them that is not waited for."""
+        y, (measured, errors, bad) = lanes
+        if y is None:
+            # here, and not beforehand: where the readings are in a cache
+            y = self._begin(measured)
+        sigma = self._sigma(errors)
+        bad = bad | ~jnp.isfinite(y).all(axis=0)
+        y = jnp.where(jnp.isfinite(y), y, 0.0)
+        eps = jnp.finfo(y.dtype).eps
+        # a reading minus a prediction is as wrong as the reading's last digit
+        scale = jnp.where(sigma > 0, sigma, 1.0)  # 0: the law's scatter is all there is
+        floor = eps * jnp.sqrt(jnp.sum(jnp.square(measured / scale), axis=0))
+        options = {"floor": floor, "skip": bad, "stragglers": stragglers}
+
+        def residuals(y, args):
+            return self.rows.miss(y, args[0], self._sigma(args[1]))
+
+        found = optx.least_squares(
+            residuals,
+            self.solver,
+            y,
+            (measured, errors),
+            options=options,
+            has_aux=True,
+            max_steps=MOST_STEPS,
+            throw=False,
+        )
+        state, free = found.state, len(self.rows.parameters.names)
+        true, misfit, known = self._end(found.value, state.info, measured, sigma, floor)
+        # by the curvature that the solver goes by; the true one may be less than it
+        converged = self.solver.at_optimum(state.info) & cholesky(true.hessian).positive
+        factor = cholesky(known)
+        columns = inverse_of(factor)
+        covariance = jnp.stack([jnp.stack(c[:free]) for c in columns[:free]])
+        return Ends(
+            y=found.value,
+            cost=true.f,
+            misfit=misfit,
+            covariance=jnp.where(factor.positive, covariance, jnp.nan),
+            converged=converged & jnp.isfinite(true.f) & ~bad,
+            tolerance=jnp.sqrt(self.solver.square_tolerance(state.info)),
+            steps=state.steps,
+            done=state.done | bad,
+        )
+
+    def _sigma(self, errors: Array | None) -> Array | np.ndarray:
+        """Return the instrument errors, constants where all logs have the same."""
+        sigma = self.sigma if errors is None else errors
+        assert sigma is not None
+        return sigma
+
+    def _begin(
+        self, measured: Float[Array, "row lane"]
+    ) -> Float[Array, "unknown lane"]:
+        """Return where lanes start in closed form."""
+        assert self.form is not None
+        z = self.form.start(self.rows, measured)
+        return with_effects(self.rows, z)
+
+    def _end(
+        self, y, info: Expansion, measured, sigma, floor
+    ) -> tuple[Expansion, Float[Array, " lane"], Triangle]:
+        """Return the true cost about an end, the misfit, and what the data tell."""
+        rows, loss = self.rows, self.rows.loss
+        if self.solver.loss is half_square:
+            # what the solver knows of the end is all there is to know
+            return info, info.f, info.hessian
+        miss = rows.miss(y, measured, sigma)
+        true = expansion(loss.true, y, *miss, floor)
+        misfit = jnp.sum(loss(miss.residual)[0][: rows.scored], axis=0)
+        told = rows.miss(y, measured, sigma, told=True) if rows.varies else miss
+        return true, misfit, triangle(told.columns, loss.information(told.residual))
