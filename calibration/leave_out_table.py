@@ -8,14 +8,28 @@ from calibration.mass_posterior import MassEstimate
 
 
 class Judged(NamedTuple):
-    """A shot estimated from the others: what `jblast fit` says, and two checks."""
+    """A shot estimated from the others: what `jblast fit` says, and two checks.
+
+    Attributes:
+        shot: Its name.
+        campaign: Its campaign's.
+        n_records: How many the log has, of each quantity.
+        scaled_height: Height of burst h/W^(1/3) [m/kg^(1/3)].
+        log_mass: The recorded mass, ln of kg.
+        laplace: By `jblast fit`.
+        emcee: By `jblast fit --posterior emcee`.
+        valid: Whether these are marked valid.
+        exact: By quadrature.
+        exact_of_impulse: The same from the impulses alone.
+    """
 
     shot: str
     campaign: str
     n_records: int
     scaled_height: float
     log_mass: float
-    fitted: MassEstimate
+    laplace: MassEstimate
+    emcee: MassEstimate
     valid: bool
     exact: MassEstimate
     exact_of_impulse: MassEstimate
@@ -27,18 +41,19 @@ def inside(one: Judged, told: MassEstimate) -> bool:
 
 
 def show(judged: list[Judged]) -> None:
-    """Print one line a shot."""
-    print(
-        "  shot   records  h/W^1/3   W kg  est kg  ln est/W     sd  90 %  score  mark"
-    )
+    """Print one line a shot: by Laplace's method, then by emcee."""
+    each = "  ln est/W     sd  90 %  score"
+    print(f"{'':35s}{'Laplace':>32s}{'emcee':>33s}")
+    print(f"  shot   records  h/W^1/3   W kg{each} |{each}  mark")
     for one in judged:
-        told = one.fitted
+        told = " |".join(
+            f"{of.mean - one.log_mass:+10.3f} {of.sd:6.3f} "
+            f"{'in' if inside(one, of) else 'OUT':>5s} {of.log_density_at_truth:+6.2f}"
+            for of in (one.laplace, one.emcee)
+        )
         print(
             f"  {one.shot:6s} {one.n_records:7d} {one.scaled_height:8.2f} "
-            f"{np.exp(one.log_mass):6.0f} {np.exp(told.mean):7.0f} "
-            f"{told.mean - one.log_mass:+9.3f} {told.sd:6.3f} "
-            f"{'in' if inside(one, told) else 'OUT':>5s} "
-            f"{told.log_density_at_truth:+6.2f}{'' if one.valid else ' outside'}"
+            f"{np.exp(one.log_mass):6.0f}{told}{'' if one.valid else ' outside'}"
         )
 
 
@@ -67,8 +82,9 @@ def summarise(judged: list[Judged], by_campaign: bool) -> None:
         "  summary                       median |ln est/W|    mean score       inside"
     )
     for title, which in (
-        ("jblast fit", "fitted"),
-        ("by quadrature, not Laplace", "exact"),
+        ("jblast fit, Laplace", "laplace"),
+        ("jblast fit, emcee", "emcee"),
+        ("by quadrature", "exact"),
         ("  from the impulse alone", "exact_of_impulse"),
     ):
         told: list[MassEstimate] = [getattr(one, which) for one in judged]
@@ -86,11 +102,18 @@ def summarise(judged: list[Judged], by_campaign: bool) -> None:
 
 
 def compare(judged: list[Judged]) -> None:
-    """Print how far Laplace's approximation lies from the quadrature at most."""
-    mean = [(one.fitted.mean - one.exact.mean) / one.exact.sd for one in judged]
-    sd = [one.fitted.sd / one.exact.sd - 1 for one in judged]
-    worst = max(mean, key=abs), max(sd, key=abs)
-    print(
-        f"  fit less quadrature, largest: mean {worst[0]:+.2f} sd, "
-        f"sd {100 * worst[1]:+.1f} %"
-    )
+    """Print how far both methods lie from the quadrature at most."""
+    print("  less quadrature, largest [its sd]    mean      sd     5 %    95 %   score")
+    for title, which in (("Laplace", "laplace"), ("emcee", "emcee")):
+        told: list[MassEstimate] = [getattr(one, which) for one in judged]
+        away = np.array(
+            [
+                [
+                    *(np.array(of[:4]) - np.array(one.exact[:4])) / one.exact.sd,
+                    of.log_density_at_truth - one.exact.log_density_at_truth,
+                ]
+                for one, of in zip(judged, told, strict=True)
+            ]
+        )
+        worst = away[np.argmax(np.abs(away), axis=0), range(away.shape[1])]
+        print(f"    {title:31s}" + "".join(f"{x:+8.3f}" for x in worst))
