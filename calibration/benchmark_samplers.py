@@ -24,6 +24,7 @@ from jblast.inference.convergence import convergence
 from jblast.inference.identifiability import identifiability
 from jblast.inference.importance import importance
 from jblast.inference.laplace import laplace
+from jblast.inference.mixture import Mixture, mixture_of
 from jblast.inference.optimum import optima
 from jblast.inference.parameters import parameters_of
 from jblast.inference.walk import State, Stretch
@@ -101,7 +102,7 @@ def _text() -> str:
         ("emcee, stretch move alone", _stretch_alone, ensemble_emcee, density),
         (
             "emcee, density free",
-            _numpy_free(ensemble_emcee.moves()),
+            _numpy_free(ensemble_emcee.moves(_normal(len(z)))),
             ensemble_emcee,
             free,
         ),
@@ -150,17 +151,23 @@ def _ends(chain):
     return np.quantile(chain.reshape(-1, chain.shape[-1]), SHARES, axis=0)
 
 
+def _normal(free: int) -> Mixture:
+    """Return the unit normal: the posterior's approximation where it is round."""
+    return mixture_of(np.zeros((1, free)), np.eye(free)[None], np.ones(1))
+
+
 def _walk(walk, engine, density, steps, seed=0, repeats=REPEATS):
     """Walk, and return the chain and the seconds it took at best, once compiled."""
     free = 4 if isinstance(density, Free) else len(density.center)
     w = np.random.default_rng(seed).standard_normal((WALKERS, free))
     value = np.array(densities(density, jnp.asarray(w)))
     state = State(w, value, engine.first_random(seed))
-    state = walk(density, state, ensemble_scan.BLOCK, lambda: None).end
+    about = _normal(free)
+    state = walk(density, about, state, ensemble_scan.BLOCK, lambda: None).end
     chain, best = state.walkers[None], np.inf
     for _ in range(repeats):  # each the same walk
         start = time.perf_counter()
-        chain = walk(density, state, steps, lambda: None).chain
+        chain = walk(density, about, state, steps, lambda: None).chain
         best = min(best, time.perf_counter() - start)
     return chain, best
 
@@ -170,15 +177,15 @@ def _numpy_free(moves):
     return _emcee(lambda _: lambda w: -0.5 * np.einsum("ij,ij->i", w, w), moves)
 
 
-def _stretch_alone(density, state, steps, tick):
+def _stretch_alone(density, mixture, state, steps, tick):
     return _emcee(
         lambda density: lambda w: np.asarray(densities(density, w)),
         emcee.moves.StretchMove(),
-    )(density, state, steps, tick)
+    )(density, mixture, state, steps, tick)
 
 
 def _emcee(function_of, moves):
-    def walk(density, state, steps, tick):
+    def walk(density, mixture, state, steps, tick):
         count, free = state.walkers.shape
         sampler = emcee.EnsembleSampler(
             count, free, function_of(density), moves=moves, vectorize=True

@@ -2,8 +2,10 @@
 
 from collections.abc import Callable, Mapping
 
+import jax.numpy as jnp
 import numpy as np
 
+from jblast.inference.mixture import Mixture, anew
 from jblast.inference.walk import SHARES, State, Stretch
 from jblast.inference.whitening import Density, densities
 
@@ -18,24 +20,35 @@ def first_random(seed: int) -> dict[str, np.ndarray]:
     }
 
 
-def moves() -> list:
+def moves(mixture: Mixture) -> list:
     """Return emcee's moves, each with its share."""
-    from emcee.moves import DEMove, StretchMove
+    from emcee.moves import DEMove, MHMove, StretchMove
+
+    def draw_anew(w, random):
+        rank, unit = random.uniform(size=len(w)), random.standard_normal(w.shape)
+        there, factor = anew(mixture, *map(jnp.asarray, (w, rank, unit)))
+        return np.asarray(there, float), np.asarray(factor, float)
 
     return [
         (DEMove(), SHARES["near"]),
         (DEMove(gamma0=1.0), SHARES["jump"]),
         (StretchMove(), SHARES["stretch"]),
+        (MHMove(draw_anew), SHARES["anew"]),
     ]
 
 
 def walk(
-    density: Density, state: State, steps: int, tick: Callable[[], None]
+    density: Density,
+    mixture: Mixture,
+    state: State,
+    steps: int,
+    tick: Callable[[], None],
 ) -> Stretch:
     """Walk on; Ctrl-C ends the stretch after the last whole step.
 
     Args:
         density: Where to walk.
+        mixture: Of the normals about its known optima.
         state: Where the walkers stand.
         steps: How many steps.
         tick: Called after each.
@@ -47,7 +60,7 @@ def walk(
         walkers,
         free,
         lambda w: np.asarray(densities(density, w), float),
-        moves=moves(),
+        moves=moves(mixture),
         vectorize=True,
     )
     start = emcee.State(

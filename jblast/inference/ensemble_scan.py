@@ -12,6 +12,7 @@ import numpy as np
 from jax import lax
 from jaxtyping import Array, Float, PRNGKeyArray
 
+from jblast.inference.mixture import Mixture, anew
 from jblast.inference.walk import SHARES, State, Stretch
 from jblast.inference.whitening import Density, densities
 
@@ -29,12 +30,17 @@ def first_random(seed: int) -> dict[str, np.ndarray]:
 
 
 def walk(
-    density: Density, state: State, steps: int, tick: Callable[[], None]
+    density: Density,
+    mixture: Mixture,
+    state: State,
+    steps: int,
+    tick: Callable[[], None],
 ) -> Stretch:
     """Walk on; Ctrl-C loses the block it falls into.
 
     Args:
         density: Where to walk.
+        mixture: Of the normals about its known optima.
         state: Where the walkers stand.
         steps: How many steps.
         tick: Called after each block.
@@ -47,7 +53,7 @@ def walk(
     try:
         for start in range(first, first + steps, BLOCK):
             (w, value), (places, values) = _block(
-                density, w, value, key, jnp.asarray(start)
+                density, mixture, w, value, key, jnp.asarray(start)
             )
             both = np.asarray(places), np.asarray(values)
             chain.append(both[0])
@@ -66,15 +72,15 @@ def walk(
 
 
 @jax.jit
-def _block(density, w, value, key, first):
+def _block(density, mixture, w, value, key, first):
     def step(carry, number):
-        moved = _step(jax.random.fold_in(key, number), density, *carry)
+        moved = _step(jax.random.fold_in(key, number), density, mixture, *carry)
         return moved, moved
 
     return lax.scan(step, (w, value), first + jnp.arange(BLOCK))
 
 
-def _step(key: PRNGKeyArray, density, w: Float[Array, "walker free"], value):
+def _step(key: PRNGKeyArray, density, mixture, w: Float[Array, "walker free"], value):
     """Move every walker once."""
     shuffle_key, *keys = jax.random.split(key, 3)
     order = jax.random.permutation(shuffle_key, len(w))
@@ -84,7 +90,7 @@ def _step(key: PRNGKeyArray, density, w: Float[Array, "walker free"], value):
         (keys[1], order[half:], order[:half]),
     ):
         propose_key, accept_key = jax.random.split(key)
-        there, factor = _proposal(propose_key, w[mine], w[others])
+        there, factor = _proposal(propose_key, mixture, w[mine], w[others])
         found = densities(density, there)
         gain = factor + found - value[mine]
         accepted = gain > jnp.log(jax.random.uniform(accept_key, gain.shape))
@@ -93,10 +99,10 @@ def _step(key: PRNGKeyArray, density, w: Float[Array, "walker free"], value):
     return w, value
 
 
-def _proposal(key: PRNGKeyArray, mine, others):
-    """Propose a place for each walker, and ln of what its volume counts."""
+def _proposal(key: PRNGKeyArray, mixture, mine, others):
+    """Propose a place for each walker, and ln of what the density ratio is times."""
     count, free = mine.shape
-    kind, one, two, long, far = jax.random.split(key, 5)
+    kind, one, two, long, far, which, where = jax.random.split(key, 7)
     first = jax.random.randint(one, (count,), 0, len(others))
     apart = jax.random.randint(two, (count,), 1, len(others))
     second = (first + apart) % len(others)
@@ -107,8 +113,13 @@ def _proposal(key: PRNGKeyArray, mine, others):
     u = jax.random.uniform(kind, (count, 1), mine.dtype)
     is_stretch = u < SHARES["stretch"]
     is_jump = u < SHARES["stretch"] + SHARES["jump"]
+    is_anew = u > 1 - SHARES["anew"]
     length = jnp.where(is_jump, 1.0, 2.38 / (2 * free) ** 0.5) * jitter[:, None]
     by_difference = mine + length * (others[first] - others[second])
     by_stretch = others[first] + stretch * (mine - others[first])
-    factor = jnp.where(is_stretch, (free - 1) * jnp.log(stretch), 0.0)[:, 0]
-    return jnp.where(is_stretch, by_stretch, by_difference), factor
+    rank = jax.random.uniform(which, (count,), mine.dtype)
+    unit = jax.random.normal(where, mine.shape, mine.dtype)
+    there, of_mixture = anew(mixture, mine, rank, unit)
+    there = jnp.where(is_anew, there, jnp.where(is_stretch, by_stretch, by_difference))
+    of_stretch = jnp.where(is_stretch, (free - 1) * jnp.log(stretch), 0.0)[:, 0]
+    return there, jnp.where(is_anew[:, 0], of_mixture, of_stretch)

@@ -12,6 +12,7 @@ from jblast.errors import InputError
 from jblast.inference import ensemble_emcee, ensemble_scan
 from jblast.inference.chains import Store
 from jblast.inference.convergence import Convergence, convergence
+from jblast.inference.mixture import Mixture, mixture_of
 from jblast.inference.progress import Pace, Report, nothing
 from jblast.inference.walk import State, Stretch
 from jblast.inference.whitening import Density, densities
@@ -35,7 +36,7 @@ SAME = 1e-6
 
 
 class Start(NamedTuple):
-    """Where some of the walkers start: from a normal.
+    """Where some of the walkers start, and return to now and then: a normal.
 
     Attributes:
         center: Its mean.
@@ -107,6 +108,7 @@ def sample(
     done = [] if store is None else _kept(store, density, sampler, walkers, axes)
     state = done[-1].end if done else _first(density, starts, seed, walkers, sampler)
     steps = resumed = sum(len(stretch.chain) for stretch in done)
+    mixture = _mixture(starts)
     checks = _checks(most_steps)
     pace = Pace(steps, most_steps, walkers, precision, checks)
 
@@ -125,7 +127,7 @@ def sample(
                 report(pace.now())
             # so that a stretch cut short changes nothing of what follows
             ahead = min(BLOCK - steps % BLOCK, most_steps - steps)
-            stretch = engine.walk(density, state, ahead, tick)
+            stretch = engine.walk(density, mixture, state, ahead, tick)
             interrupted = stretch.interrupted
             if len(stretch.chain):
                 if store is not None:
@@ -174,6 +176,12 @@ def _checks(most_steps: int) -> list[int]:
 
 def _judged(done: Sequence[Stretch], axes) -> Convergence:
     return convergence(np.concatenate([stretch.chain for stretch in done]) @ axes.T)
+
+
+def _mixture(starts: Sequence[Start]) -> Mixture:
+    """Return what walkers draw from when they go anew: the normals they start from."""
+    center, root, share = zip(*starts, strict=True)
+    return mixture_of(np.array(center), np.array(root), np.array(share))
 
 
 def _first(density, starts: Sequence[Start], seed, walkers, sampler) -> State:

@@ -1,7 +1,7 @@
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from densities_by_hand import COVARIANCE, Nowhere, Two, banana, gaussian
+from densities_by_hand import COVARIANCE, Nowhere, Two, Unlike, banana, gaussian
 
 from jblast.errors import InputError
 from jblast.inference import ensemble_emcee
@@ -62,6 +62,20 @@ def test_jumps_carry_walkers_from_mode_to_mode(sampler):
     # two thirds, though half of the walkers started there
     error = np.sqrt(2 / 9 / found.convergence.ess[0])
     assert np.mean(right) == pytest.approx(2 / 3, abs=4 * error)
+
+
+@pytest.mark.parametrize("sampler", SAMPLERS)
+def test_modes_unlike_in_size_are_both_reached_by_going_anew(sampler):
+    # a difference of two walkers of the wide mode never hits the narrow one
+    wide = Start(np.zeros(2), np.eye(2), 0.5)
+    narrow = Start(np.array([8.0, 0.0]), 0.02 * np.eye(2), 0.5)
+    found = sample(
+        Unlike(jnp.array(0.02)), [wide, narrow], np.eye(2), sampler=sampler, seed=1
+    )
+    assert found.reached
+    inside = drawn(found)[:, 0] > 6
+    error = np.sqrt(0.3 * 0.7 / found.convergence.ess[0])
+    assert np.mean(inside) == pytest.approx(0.3, abs=4 * error)
 
 
 def test_the_same_seed_walks_the_same_way_and_another_does_not():
