@@ -1,6 +1,6 @@
 """How fast: each benchmark prints a table of rates, and of their ratios in that run.
 
-python -m calibration.benchmarks laws fit_many samplers
+python -m calibration.benchmarks laws fit_many samplers euler
 """
 
 import argparse
@@ -9,7 +9,7 @@ import os
 
 import jax
 
-BENCHMARKS = ("laws", "fit_many", "samplers")
+BENCHMARKS = ("laws", "fit_many", "samplers", "euler")
 """Each `calibration.benchmark_NAME` has a function `NAME_text`."""
 
 
@@ -20,7 +20,8 @@ def main() -> None:
     asked = parser.parse_args().name or list(BENCHMARKS)
     if unknown := [name for name in asked if name not in BENCHMARKS]:
         parser.error(f"no benchmark {unknown[0]!r}: expected {', '.join(BENCHMARKS)}")
-    if "fit_many" in asked and "device_count" not in os.environ.get("XLA_FLAGS", ""):
+    split = {"fit_many", "euler"} & {*asked}
+    if split and "device_count" not in os.environ.get("XLA_FLAGS", ""):
         jax.config.update("jax_num_cpu_devices", os.cpu_count())
     for name in asked:
         module = importlib.import_module(f"calibration.benchmark_{name}")

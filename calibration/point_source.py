@@ -1,0 +1,247 @@
+r"""What is the blast of a point source? The solver's answer, beside the printed ones.
+
+    python -m calibration.point_source
+    python -m calibration.point_source --json
+    python -m calibration.point_source --table FILE --figure FILE
+
+The solver of `jblast.waves.euler` runs from $\lambda = R\,(P_0/E)^{1/3} = 0.02$, where
+it starts from Sedov's solution, to 100, each time with twice the cells; the last three
+give a limit (Richardson's, with the order that is observed). Compared are the seven
+values of `jblast/waves/data/point_source.csv`, rows of the table they were read off
+(S. Hancock, blast-ips, S1x4, by the method of characteristics; relative error 7e-7),
+and the curve through the seven that `point_source` interpolates.
+"""
+
+import argparse
+import json
+import math
+import time
+from pathlib import Path
+
+import jax.numpy as jnp
+import numpy as np
+
+from jblast.cli.start import start_jax
+from jblast.waves.euler import (
+    Decay,
+    decay_at,
+    extrapolated,
+    far_field,
+    point_source_march,
+)
+from jblast.waves.euler.march import March
+from jblast.waves.point_source_front import log_overpressure_ratio, log_sound_fraction
+
+CELLS = (100, 200, 400, 800)
+QUICK_CELLS = (100, 200, 400)
+"""For `--json`, which prints their limit."""
+END = 100.0
+NODES = np.exp(np.linspace(math.log(0.1), math.log(END), 70))
+"""Spaced by 0.1 in the logarithm: cubics between leave 1e-6."""
+NODES[[0, -1]] = 0.1, END
+PRINTED = {
+    0.1: 157.8,
+    0.3: 6.721,
+    1.0: 0.4986,
+    3.0: 0.09463,
+    10.0: 0.02046,
+    30.0: 5.64e-3,
+    100.0: 1.459e-3,
+}
+HANCOCK = (
+    (-2.24488609, 4.88903814),
+    (-1.16721453, 1.8076004),
+    (-0.04646313, -0.61610893),
+    (0.81621598, -1.96631546),
+    (1.16804146, -2.45239933),
+    (2.24458777, -3.81944261),
+    (3.4025784, -5.17912911),
+    (4.52354898, -6.43996798),
+)
+"""ln lambda and ln p/P0: rows of table S1x4."""
+FAR = (
+    (5.43056776, -7.43661636),
+    (6.49895373, -8.59281068),
+    (7.10500217, -9.24234754),
+    (7.76583484, -9.94650281),
+    (9.27687624, -11.54402759),
+    (13.25893219, -15.69966066),
+)
+"""Rows past the grid; 7.77 is lambda = 2359 (Z = 8150), the nearest within Z = 1e4."""
+
+
+def runs(cells: tuple[int, ...]) -> tuple[list[March], list[float]]:
+    """Return a run for each number of cells, and how long it took [s]."""
+    marches, seconds = [], []
+    for number in cells:
+        start = time.perf_counter()
+        marches.append(point_source_march(number, END))
+        seconds.append(time.perf_counter() - start)
+        if marches[-1].lost:
+            raise SystemExit(marches[-1].lost)
+    return marches, seconds
+
+
+def limit_at(scaled: np.ndarray, marches: list[March]) -> Decay:
+    """Return the limit of the last three runs."""
+    return extrapolated(*(decay_at(scaled, run) for run in marches[-3:]))
+
+
+def text(marches: list[March], seconds: list[float]) -> str:
+    """Return the tables."""
+    lines = ["The point source, gamma 1.4, from lambda = 0.02 to 100", ""]
+    lines += ["cells   records   seconds   energy gained / its change expected - 1"]
+    for run, took in zip(marches, seconds, strict=True):
+        count = run.state.volume.shape[0]
+        lines.append(
+            f"{count:5d}{len(run.history.clock):10d}{took:10.1f}"
+            f"{energy_error(run):14.1e}"
+        )
+    lines += ["", "p/P0 by cells, their limit, and the last run's distance from it"]
+    lines += ["  lambda" + "".join(f"{c:>11d}" for c in CELLS) + "      limit   apart"]
+    scaled = np.array([*PRINTED])
+    values = [decay_at(scaled, run).overpressure_ratio for run in marches]
+    limit = limit_at(scaled, marches)
+    for i, lam in enumerate(scaled):
+        lines.append(
+            f"{lam:8g}"
+            + "".join(f"{v[i]:11.6g}" for v in values)
+            + f"{limit.overpressure_ratio[i]:11.6g}"
+            + f"{values[-1][i] / limit.overpressure_ratio[i] - 1:9.1e}"
+        )
+    lines += ["", "observed order, from three runs: 100-200-400 and 200-400-800"]
+    for i, lam in enumerate(scaled):
+        steps = np.diff([math.log(v[i]) for v in values])
+        orders = np.log2(np.abs(steps[:-1] / steps[1:]))
+        lines.append(f"{lam:8g}" + "".join(f"{order:8.2f}" for order in orders))
+    lines += ["", "against the seven printed values: 100 (solver/printed - 1) %"]
+    lines += ["  lambda    printed     solver       %    slope"]
+    for i, (lam, printed) in enumerate(PRINTED.items()):
+        ratio = limit.overpressure_ratio[i]
+        lines.append(
+            f"{lam:8g}{printed:11.5g}{ratio:11.6g}{100 * (ratio / printed - 1):8.3f}"
+            f"{limit.slope[i]:9.4f}"
+        )
+    lines += ["", "against rows of the table those were read off (blast-ips, S1x4)"]
+    lines += ["  lambda      S1x4     solver  solver/S1x4 - 1: limit, " + str(CELLS)]
+    x, y = np.array(HANCOCK).T
+    near = limit_at(np.exp(x), marches)
+    each = [decay_at(np.exp(x), run).overpressure_ratio for run in marches]
+    for i in range(len(x)):
+        lines.append(
+            f"{math.exp(x[i]):8.4f}{math.exp(y[i]):11.6g}"
+            f"{near.overpressure_ratio[i]:11.6g}"
+            + "".join(
+                f"{v[i] / math.exp(y[i]) - 1:9.1e}"
+                for v in (near.overpressure_ratio, *each)
+            )
+        )
+    lines += ["", *interpolant_lines(marches), "", *far_lines(limit)]
+    return "\n".join(lines)
+
+
+def energy_error(run: March) -> float:
+    """Return what the energy is off, as a share of the whole."""
+    whole = float(run.state.energy.sum())
+    swept = float(run.state.clock) ** 3 / 3.0 / 0.4
+    return (whole - swept - 1.0 / (4.0 * math.pi)) / whole
+
+
+def interpolant_lines(marches: list[March]) -> list[str]:
+    """Compare the curve through seven values and slopes with the solver."""
+    scaled = np.geomspace(0.1, END * (1 - 1e-9), 1000)
+    limit, log_scaled = limit_at(scaled, marches), jnp.log(scaled)
+    curve = np.exp(np.asarray(log_overpressure_ratio(log_scaled)))
+    pressure = curve / limit.overpressure_ratio - 1.0
+    arrival = np.exp(np.asarray(log_sound_fraction(log_scaled))) * scaled
+    arrival = arrival / limit.arrival - 1.0
+    own = limit_at(NODES, marches).pressure_curve()
+    between = np.exp(np.asarray(own.value(log_scaled))) / limit.overpressure_ratio - 1
+    lines = ["the curve point_source interpolates now, over the solver's limit"]
+    for name, off in (("pressure", pressure), ("arrival", arrival)):
+        worst = int(np.argmax(np.abs(off)))
+        lines.append(
+            f"  {name:9s} mean {100 * np.mean(np.abs(off)):.3f} %, worst "
+            f"{100 * off[worst]:.2f} % at lambda = {scaled[worst]:.3g}"
+        )
+    lines.append(
+        f"the solver's own {len(NODES)} nodes, cubic between: worst "
+        f"{np.max(np.abs(between)):.1e}"
+    )
+    return lines
+
+
+def far_lines(limit: Decay) -> list[str]:
+    """Compare the weak-shock continuation with the table past the grid."""
+    tail = far_field(END, limit.overpressure_ratio[-1], limit.slope[-1])
+    lines = [
+        "the weak-shock law that leaves lambda = 100: "
+        f"{tail.amplitude:.5f}/(lambda sqrt(ln(lambda/{tail.length:.4f})))",
+        "  lambda       S1x4        law   law/S1x4 - 1",
+    ]
+    for x, y in FAR:
+        law = math.exp(float(tail.log_pressure(jnp.asarray(x))))
+        lines.append(
+            f"{math.exp(x):9.4g}{math.exp(y):11.5g}{law:11.5g}"
+            f"{law / math.exp(y) - 1:12.1e}"
+        )
+    for lam, printed in ((1000.0, 1.196e-4), (1e6, 8.54e-8)):
+        law = math.exp(float(tail.log_pressure(jnp.log(lam))))
+        lines.append(f"{lam:9.4g}  printed {printed:.4g}: {law / printed - 1:.1e}")
+    return lines
+
+
+def table(decay: Decay, apart: float) -> str:
+    """Return the data file."""
+    head = (
+        "# Shock front of a point source in uniform air of gamma 1.4, spherical: "
+        "`python -m calibration.point_source --table`.\n"
+        "# lambda = R (P0/E)^(1/3); overpressure_ratio = (p - P0)/P0; log_slope = "
+        "d ln(overpressure_ratio)/d ln(lambda); arrival = c0 t (P0/E)^(1/3).\n"
+        f"# jblast.waves.euler, limit of {CELLS[-3]} to {CELLS[-1]} cells; the last "
+        f"is within {apart:.0e} of it.\n"
+        "lambda,overpressure_ratio,log_slope,arrival\n"
+    )
+    columns = (
+        decay.scaled,
+        decay.overpressure_ratio,
+        decay.slope,
+        decay.arrival,
+    )
+    rows = zip(*columns, strict=True)
+    return head + "".join(
+        f"{lam:.8g},{ratio:.7g},{slope:.5f},{arrival:.7g}\n"
+        for lam, ratio, slope, arrival in rows
+    )
+
+
+def main() -> None:
+    """Print the tables or the JSON, and write what was asked for."""
+    parser = argparse.ArgumentParser(description="The point source by the solver.")
+    parser.add_argument("--json", action="store_true", help="the decay alone, as JSON")
+    parser.add_argument("--table", type=Path, help="write the nodes as CSV")
+    parser.add_argument("--figure", type=Path, help="draw decay and profiles")
+    asked = parser.parse_args()
+    start_jax()
+    marches, seconds = runs(QUICK_CELLS if asked.json else CELLS)
+    limit = limit_at(NODES, marches)
+    if asked.json:
+        columns = {
+            "lambda": limit.scaled.tolist(),
+            "overpressure_ratio": limit.overpressure_ratio.tolist(),
+        }
+        print(json.dumps(columns))
+        return
+    print(text(marches, seconds))
+    if asked.table:
+        last = decay_at(NODES, marches[-1]).overpressure_ratio
+        apart = float(np.max(np.abs(last / limit.overpressure_ratio - 1.0)))
+        asked.table.write_text(table(limit, apart))
+    if asked.figure:
+        from calibration.point_source_figure import point_source_figure
+
+        point_source_figure(limit, marches[-1]).savefig(asked.figure, dpi=110)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,189 @@
+import dataclasses
+import math
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from jblast.errors import InputError
+from jblast.waves.euler import (
+    Ambient,
+    IdealGas,
+    Primitives,
+    march,
+    primitives,
+    riemann_profile,
+    run,
+    simple_wave_means,
+    start_sedov,
+    start_simple_wave,
+    start_sod,
+    start_sphere,
+    start_tube,
+)
+from jblast.waves.euler.start_tube import SOD_LEFT, SOD_RIGHT
+from jblast.waves.sedov_alpha import sedov_alpha
+
+AIR = Ambient(jnp.ones(()), jnp.ones(()), IdealGas())
+
+
+def wave_error(cells, overtaking):
+    flow, state = start_simple_wave(cells, overtaking=overtaking)
+    end = march(state, flow, 1.5).state
+    exact = simple_wave_means(end.radius, 1.5)
+    density = primitives(end, flow.gas).density
+    return float(jnp.sum(jnp.abs(density - exact.density) * jnp.diff(end.radius)))
+
+
+@pytest.mark.parametrize("overtaking", [0.0, 0.2])
+def test_smooth_flow_converges_with_second_order(overtaking):
+    coarse, fine = wave_error(150, overtaking), wave_error(300, overtaking)
+    # 2.0 to 2.1 from 240 cells on; 1.9 where the limiter still shows at the crest
+    assert math.log2(coarse / fine) > 1.85
+    assert fine < 7e-4
+
+
+def test_sods_tube_converges_to_its_exact_solution():
+    left, right = (Primitives(*map(jnp.asarray, q)) for q in (SOD_LEFT, SOD_RIGHT))
+    errors = []
+    for cells in (100, 200):
+        flow, state = start_sod(cells)
+        end = march(state, flow, 0.2).state
+        middles = 0.5 * (end.radius[1:] + end.radius[:-1])
+        exact = riemann_profile(left, right, IdealGas(), middles / 0.2)
+        off = jnp.abs(primitives(end, flow.gas).density - exact.density)
+        errors.append(float(jnp.sum(off * jnp.diff(end.radius))))
+    assert errors[1] < 4e-3
+    # a captured shock and the corners of the fan: first order
+    assert math.log2(errors[0] / errors[1]) > 0.85
+
+
+def test_still_air_stays_still_while_faces_pass_through_it():
+    faces = jnp.linspace(0.0, 1.0, 21)
+    rate = 0.2 * faces * (1.0 - faces)
+    flow, state = start_tube(
+        faces,
+        Primitives(jnp.ones(20), jnp.zeros(20), jnp.ones(20)),
+        IdealGas(),
+        rate=rate,
+    )
+    end = march(state, flow, 1.0).state
+    cells = primitives(end, flow.gas)
+    assert float(jnp.max(jnp.abs(end.radius - faces))) > 0.01
+    np.testing.assert_allclose(cells.pressure, 1.0, rtol=1e-13)
+    np.testing.assert_allclose(cells.density, 1.0, rtol=1e-13)
+    np.testing.assert_allclose(cells.velocity, 0.0, atol=1e-13)
+
+
+def test_a_strong_point_source_goes_where_sedov_says():
+    cold = Ambient(jnp.asarray(1e-12), jnp.ones(()), IdealGas())
+    flow, state = start_sedov(1.0, cold, 0.1, cells=50, length=100.0)
+    end = march(state, flow, 1.0)
+    radius = (float(end.state.time) ** 2 / float(sedov_alpha(1.4))) ** 0.2
+    # asked for 0.1 %; 0.0005 % from 0.02 on
+    assert radius == pytest.approx(1.0, rel=2e-5)
+
+
+@pytest.mark.parametrize("source", ["point", "sphere"])
+def test_mass_volume_and_energy_grow_by_what_the_shock_overtakes(source):
+    if source == "point":
+        flow, state = start_sedov(1.0, AIR, 0.02, cells=40)
+        end = 2.0
+    else:
+        flow, state = start_sphere(1.0, 50.0, 8.0, AIR, core_cells=30, air_cells=40)
+        end = 4.0
+    last = march(state, flow, end).state
+    grown = float(last.clock**3 - state.clock**3) / 3.0
+    for name, gain in (("mass", 1.0), ("volume", 1.0), ("energy", 2.5)):
+        before, after = (float(getattr(s, name).sum()) for s in (state, last))
+        # the users ask for 1e-10 of the whole; rounding of 5,000 steps
+        assert after - before == pytest.approx(gain * grown, abs=1e-12 * after)
+    shells = jnp.diff(last.radius**3) / 3.0
+    np.testing.assert_allclose(shells, last.volume, rtol=1e-6)
+
+
+def test_the_peak_follows_the_energy_as_similarity_demands():
+    def log_peak(log_energy, end):
+        flow, state = start_sedov(jnp.exp(log_energy), AIR, 0.02, cells=80, length=1.0)
+        state, _ = run(state, flow, end, records=20, stride=200)
+        _, history = run(state, flow, end, records=1)
+        return jnp.log(history.front_pressure[0] - 1.0), history.clock[0]
+
+    peak = jax.jit(log_peak)
+    zero, one = jnp.zeros(()), jnp.ones(())
+    (_, clock), (forward, _) = jax.jvp(
+        lambda x: peak(x, jnp.asarray(0.5)), (zero,), (one,)
+    )
+    assert float(clock) == 0.5
+    step = 0.1
+    near, far = (
+        (
+            peak(zero, 0.5 * jnp.exp(n * step))[0]
+            - peak(zero, 0.5 * jnp.exp(-n * step))[0]
+        )
+        / (2 * n * step)
+        for n in (1, 2)
+    )
+    slope = (4.0 * near - far) / 3.0
+    # 1e-3 is asked for; the scheme is off by 1.3e-3 with 40 cells, a third with 80
+    assert float(forward) == pytest.approx(-float(slope) / 3.0, rel=1e-3)
+
+
+@pytest.mark.slow  # half a minute of compilation
+def test_reverse_mode_gives_what_forward_mode_gives():
+    flow, state = start_sedov(1.0, AIR, 0.02, cells=30, length=1.0)
+
+    def final(log_energy):
+        hotter = eqx.tree_at(
+            lambda s: s.energy, state, state.energy * jnp.exp(log_energy)
+        )
+        last, _ = run(hotter, flow, 1.0, records=3, stride=4)
+        return jnp.log(primitives(last, flow.gas).pressure[-1])
+
+    zero = jnp.zeros(())
+    reverse = jax.jit(jax.grad(final))(zero)
+    forward = jax.jit(jax.jacfwd(final))(zero)
+    assert float(reverse) == pytest.approx(float(forward), rel=1e-10)
+
+
+def test_a_batch_by_vmap_is_its_members():
+    def final(energy):
+        flow, state = start_sedov(energy, AIR, 0.02, cells=30, length=1.0)
+        return run(state, flow, 1.0, records=3, stride=5)[0].energy
+
+    energies = jnp.array([0.5, 1.0, 2.0])
+    together = jax.jit(jax.vmap(final))(energies)
+    for energy, row in zip(energies, together, strict=True):
+        np.testing.assert_allclose(jax.jit(final)(energy), row, rtol=1e-12)
+
+
+def test_a_step_beyond_the_limit_is_refused():
+    flow, state = start_sod(20)
+    with pytest.raises(InputError, match=r"courant: expected at most 1, .* got 1\.2"):
+        run(state, flow, 0.1, records=1, courant=1.2)
+
+
+def test_a_run_that_loses_positivity_says_where_and_keeps_what_it_wrote():
+    # halves torn apart at 20 speeds of sound: faster than any gas can follow
+    faces = jnp.linspace(-1.0, 1.0, 41)
+    velocity = jnp.where(jnp.arange(40) < 20, -20.0, 20.0)
+    filled = Primitives(jnp.ones(40), velocity, jnp.ones(40))
+    flow, state = start_tube(faces, filled, IdealGas())
+    flow = dataclasses.replace(flow, limited=False)
+    end = march(state, flow, 0.05, stride=1)
+    assert "positivity lost at r = " in end.lost
+    assert not bool(end.state.alive)
+    assert float(end.state.time) < 0.05
+    assert len(end.history.clock) >= 1
+    assert np.all(np.isfinite(end.history.front_pressure))
+
+
+def test_the_state_stays_while_the_end_is_reached():
+    flow, state = start_sedov(1.0, AIR, 0.02, cells=30)
+    f = eqx.filter_jit(lambda s, e: run(s, flow, e, records=2, stride=30)[0])
+    there = f(state, 0.0205)
+    again = f(there, 0.0205)
+    assert float(there.clock) == 0.0205
+    np.testing.assert_array_equal(there.energy, again.energy)
