@@ -7,6 +7,7 @@ from collections.abc import Sequence
 
 from jblast.cli.calc import PLOTS
 from jblast.cli.files import path
+from jblast.cli.free import add_free, names_to_free
 
 HELP = "say what a planned layout of sensors could tell"
 
@@ -28,6 +29,7 @@ def add_arguments(verb: argparse.ArgumentParser) -> None:
         help="number taken for true, as charge_mass_kg=15; needed for all that is free "
         "(default: the median of the prior); may be repeated",
     )
+    add_free(verb)
     verb.add_argument(
         "--map",
         metavar="FILE",
@@ -65,12 +67,12 @@ def run(asked: argparse.Namespace) -> int:
     from jblast.inference import bound
     from jblast.report import plain
     from jblast.report.bound_text import bound_text
-    from jblast.scene import read_scene, with_laws
+    from jblast.scene import freed, read_scene, with_laws
 
     if asked.map:
         _check_map(asked.map, force=asked.force)
     at = _values(asked.at)
-    uncertain = read_scene(asked.scene)
+    uncertain = freed(read_scene(asked.scene), names_to_free(asked.free))
     held = {q for sensor in uncertain.scene.sensors for q, _ in sensor.records}
     if held:  # else the message that nothing is recorded comes first
         uncertain = with_laws(uncertain, chosen_laws(asked.law, held))

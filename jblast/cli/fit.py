@@ -4,16 +4,9 @@ import argparse
 import sys
 
 from jblast.cli.files import path, unwritable
+from jblast.cli.free import add_free, names_to_free
 
 HELP = "fit a blast to a log of sensor readings"
-
-FREE = (
-    "charge_mass_kg, tnt_factor, charge_east_m, charge_north_m, charge_up_m, "
-    "charge_range_m, origin_time_s, air_temperature_k, air_pressure_pa, "
-    "air_relative_humidity, air_altitude_m, air_sound_speed_m_s, wind_east_m_s, "
-    "wind_north_m_s, ground_p_speed_m_s, sedov_gamma"
-)
-"""The names of `scene.PARAMETERS`, here so that --help need not wait for JAX."""
 
 
 def add_arguments(verb: argparse.ArgumentParser) -> None:
@@ -40,13 +33,7 @@ def add_arguments(verb: argparse.ArgumentParser) -> None:
         help="what is known of the scene; jblast scene writes one to start from "
         "(default: a surface charge of unknown mass at the origin at time 0)",
     )
-    verb.add_argument(
-        "--free",
-        metavar="PARAMETER,...",
-        default="",
-        help=f"fit these too, with no prior: some of {FREE}; of one of several "
-        "charges charge_mass_kg.NAME and so on; of a clock clock_offset_s.NAME",
-    )
+    add_free(verb)
     verb.add_argument(
         "--law",
         action="append",
@@ -99,8 +86,7 @@ def run(asked: argparse.Namespace) -> int:
         check_directory(out, asked.force)
     uncertain = read_scene(asked.scene) if asked.scene else default_scene()
     logs, uncertain = logs_of(asked.observations, uncertain, together=asked.one_event)
-    free = [name.strip() for name in asked.free.split(",") if name.strip()]
-    uncertain = freed(uncertain, free)
+    uncertain = freed(uncertain, names_to_free(asked.free))
     readable = {k: log for k, log in logs.items() if not isinstance(log, InputError)}
     held = {quantity for log in readable.values() for quantity in log.quantity}
     if readable:

@@ -1,15 +1,25 @@
-"""What we conclude: one posterior, its optima, and how sure they are."""
+"""What we conclude: one posterior, its optima, and how sure they are.
+
+Under `jit` and `vmap` go what computes: every method of `Posterior` (over places, and
+over the readings of logs of one layout), `information_of_layout`, and the search
+`optimum.optima`. `fit`, `solve`, `bound` and `ensemble` decide things in Python between
+such programs, so they take one log; many go through `fit_many`, which compiles its own,
+or `fit_each`.
+"""
 
 from jblast.inference.bound import Bound as Bound, bound as bound
 from jblast.inference.bound_map import BoundMap as BoundMap, bound_map as bound_map
 from jblast.inference.bound_spread import (
     information_of_layout as information_of_layout,
 )
-from jblast.inference.fit import fit as fit
+from jblast.inference.ensemble import Ensemble as Ensemble, ensemble as ensemble
+from jblast.inference.fit import fit as fit, solve as solve
 from jblast.inference.fit_each import fit_each as fit_each
 from jblast.inference.fit_result import Band as Band, Fit as Fit
 from jblast.inference.many import ManyFits as ManyFits, fit_many as fit_many
+from jblast.inference.many.batch import Batch as Batch, batch_of as batch_of
 from jblast.inference.posterior import (
     Posterior as Posterior,
     posterior_of as posterior_of,
 )
+from jblast.inference.solution import Solution as Solution

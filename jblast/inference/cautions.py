@@ -1,10 +1,13 @@
 """What the reader of an answer has to be told beside the numbers."""
 
+from collections.abc import Collection, Mapping
+
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Bool, Float
 
 from jblast.inference.goodness import POOR, chance
+from jblast.inference.prior_conflict import against_priors
 from jblast.inference.solution import Solution
 from jblast.observations import Observations
 from jblast.registry import law_for
@@ -35,9 +38,17 @@ def cautions_of(
 ) -> list[str]:
     """Collect the warnings of an answer, the gravest first."""
     told = []
+    against: Mapping[str, float] = {}
     p = chance(chi2, dof)
     if p is not None and p < POOR:
         told.append(_poor_fit(observations, uncertain, chi2, dof, p))
+        against = against_priors(solution)
+    if against:
+        at = ", ".join(f"{name} = {value:.4g}" for name, value in against.items())
+        told.append(
+            f"without priors the log fits well, at {at}: a prior rules that out; widen "
+            "or correct it, or the readings"
+        )
     if not valid.all():
         told.append(outside(observations, solution, valid))
     if not solution.laplace.converged:
@@ -54,7 +65,7 @@ def cautions_of(
             "no scene was given: a surface charge of TNT at the origin at time 0, in "
             "sea-level air"
         )
-    told += _unlearned(solution)
+    told += _unlearned(solution, against)
     if np.abs(effects).max(initial=0.0) > FAR:
         told.append(
             f"the whole shot, or a path, departs from its law by "
@@ -96,7 +107,7 @@ def outside(observations, solution: Solution, valid) -> str:
     )
 
 
-def _unlearned(solution: Solution) -> list[str]:
+def _unlearned(solution: Solution, against: Collection[str]) -> list[str]:
     """Name the numbers that are as uncertain as their priors, log or no log."""
     parameters = solution.posterior.parameters
     sds = np.sqrt(np.diag(solution.laplace.covariance))
@@ -105,7 +116,7 @@ def _unlearned(solution: Solution) -> list[str]:
         for name, prior, sd in zip(
             parameters.names, np.asarray(parameters.has_prior()), sds, strict=True
         )
-        if prior and sd > UNLEARNED
+        if prior and sd > UNLEARNED and name not in against
     ]
     if not same:
         return []

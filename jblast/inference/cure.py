@@ -11,8 +11,9 @@ from jaxtyping import Array, Float
 from jblast.constants import STANDARD_SOUND_SPEED
 from jblast.inference.posterior import Posterior
 from jblast.inference.starts import layout_size, scales
-from jblast.observations import TIMES
+from jblast.observations import CLOCK_TIMES, TIMES
 from jblast.scene import Scene
+from jblast.scene.parameters import CLOCK_OFFSET
 from jblast.sensors import Layout, record, resolve_laws
 from jblast.sensors.laws import law_names
 from jblast.sensors.record import comparable
@@ -28,19 +29,23 @@ SEEN = 0.03
 """A datum is a cure if a typical step along the direction moves it by 3 %."""
 
 
-def candidates(posterior: Posterior) -> tuple[Layout, list[str]]:
+def candidates(
+    posterior: Posterior, z: Float[np.ndarray, " free"]
+) -> tuple[Layout, list[str]]:
     """Return rows that could be added to a log, and what each is called.
 
-    Each quantity at a sensor of the log, and at a place off the sensors' line.
+    Each quantity at a sensor of the log, and at a place off the sensors' line, no
+    nearer to them than the nearest is to the charge.
     """
     layout = posterior.layout
     position = np.asarray(layout.position)
     given = np.asarray(layout.slant_range)
     places = [(position[0], given[0], "at a sensor of the log")]
     if np.isnan(given).all():
-        places.append(
-            (aside(posterior), np.nan, "at a new place off the sensors' line")
-        )
+        reach = float(np.min(posterior.misfit(jnp.asarray(z)).slant_range))
+        apart = float(np.max(np.ptp(position, axis=0))) > 0
+        where = "at a new place" + (" off the sensors' line" if apart else "")
+        places.append((aside(posterior, reach), np.nan, where))
     else:
         places.append((position[0], 2 * np.nanmax(given), "at a new range"))
     rows = [(q, *place) for q in CANDIDATES for place in places]
@@ -75,7 +80,7 @@ def cure_of_null(
     direction: Float[np.ndarray, " free"],
 ) -> str:
     """Say which data, or which prior, would end a null direction."""
-    layout, names = candidates(posterior)
+    layout, names = candidates(posterior, z)
     scene = posterior.parameters.scene_at(jnp.asarray(z))
     laws = laws_beside(posterior, scene, layout)
 
@@ -94,6 +99,12 @@ def cure_of_null(
         if weight != 0
     ]
     known = " or ".join(taking_part)
+    if any(name.startswith(f"{CLOCK_OFFSET}.") for name in taking_part):
+        timed = tuple(CANDIDATES[quantity] for quantity in CLOCK_TIMES)
+        data = [
+            f"{name}, on a clock that is right" if name.startswith(timed) else name
+            for name in data
+        ]
     added = "; ".join(_shortened(data))
     return f"a prior on, or a measurement of, {known}" + (
         f"; or {added}" if added else ""
@@ -133,7 +144,7 @@ def cure_of_ambiguity(
     there: Float[np.ndarray, " free"],
 ) -> str:
     """Say which datum differs most between two solutions."""
-    layout, names = candidates(posterior)
+    layout, names = candidates(posterior, here)
     scene = posterior.parameters.scene_at(jnp.asarray(here))
     laws = laws_beside(posterior, scene, layout)
     apart = np.abs(

@@ -1,7 +1,7 @@
 """Fit a blast to a log: the main job."""
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import jax
 import jax.numpy as jnp
@@ -18,6 +18,8 @@ from jblast.inference.optimum import optima
 from jblast.inference.parameters import parameters_of
 from jblast.inference.posterior import posterior_of
 from jblast.inference.solution import Solution
+from jblast.inference.starts import starts
+from jblast.inference.whitening import non_finite_rows
 from jblast.observations import Observations, place
 from jblast.scene import UncertainScene, default_scene
 from jblast.sensors import layout_of, resolve_laws
@@ -139,10 +141,14 @@ def solve(
         )
         found = optima(key, posterior)
         if not np.isfinite(found.log_density[0]):
+            start = np.asarray(starts(key, posterior, 1)[0])
+            wrong = non_finite_rows(posterior, start)
+            rows = [observations.where(row) for row in wrong]
             raise InputError(
                 f"{observations.source or 'observations'}: no value of "
                 f"{', '.join(parameters.names)} gives the log a probability; expected "
                 "readings, sigmas and a scene that one charge could explain"
+                + (f", got no number for {_shortly(rows)}" if rows else "")
             )
         there = resolve_laws(parameters.scene_at(found.z[0]), layout)
         settled = law_names(there) == law_names(laws)
@@ -157,3 +163,9 @@ def solve(
         for quantity, (name, reason) in laws.items()
     }
     return Solution(posterior, laws, settled, found, told, normal)
+
+
+def _shortly(names: Sequence[str], most: int = 5) -> str:
+    """Join names, the first few of them."""
+    more = f" and {len(names) - most} more" if len(names) > most else ""
+    return ", ".join(names[:most]) + more

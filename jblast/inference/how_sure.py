@@ -3,20 +3,24 @@
 import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Literal
 
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
+from jblast.inference.ensemble import Ensemble, ensemble
 from jblast.inference.importance import (
+    ENDS,
     GOOD_SHAPE,
     NARROW,
+    ends_off,
     importance,
     laplace_holds,
     largest_log_sd,
 )
 from jblast.inference.laplace import marginals
+from jblast.inference.sampling import WALKERS
 from jblast.inference.solution import Solution
 from jblast.inference.weighted import marginals_of_draws
 
@@ -44,7 +48,7 @@ class HowSure:
     marginals: dict[str, dict[str, float | None]]
     converged: bool
     why: tuple[str, ...] = ()
-    ensemble: Any = None
+    ensemble: Ensemble | None = None
 
 
 def how_sure(
@@ -72,11 +76,15 @@ def how_sure(
         reason = "nothing else can be said of a log that leaves a direction untold"
         return _by_normal(solution, reason, seed)
     if method == "auto":
-        k_hat = importance(solution.posterior, normal, seed=seed).k_hat
+        weighted = importance(solution.posterior, normal, seed=seed)
+        k_hat, off = weighted.k_hat, ends_off(weighted, normal)
         log_sd = largest_log_sd(solution.posterior, normal)
-        said = f"importance sampling k-hat {k_hat:.2f}, largest sd in ln {log_sd:.2g}"
-        limits = f"the limits are {GOOD_SHAPE:g} and {NARROW:g}"
-        if laplace_holds(k_hat, log_sd):
+        said = (
+            f"importance sampling k-hat {k_hat:.2f}, largest sd in ln {log_sd:.2g}, "
+            f"ends of intervals off by {off:.2f} sd"
+        )
+        limits = f"the limits are {GOOD_SHAPE:g}, {NARROW:g} and {ENDS:g}"
+        if laplace_holds(k_hat, log_sd, off):
             return _by_normal(solution, f"{said}: {limits}", seed)
         reason = f"the normal approximation does not do ({said}; {limits})"
     elif method == "laplace":
@@ -84,14 +92,13 @@ def how_sure(
     else:
         reason = "as asked for"
 
-    from jblast.inference.ensemble import ensemble  # which imports emcee
-
     walk = ensemble(
         solution.posterior,
         normal,
         solution.identifiability,
         solution.optima,
         seed=seed,
+        walkers=max(WALKERS, 4 * normal.z.size),
         rows=rows,
         store=store,
         progress=progress,

@@ -8,20 +8,34 @@ fit is that of Zhang & Stephens 2009, Technometrics 51:316).
 
 from dataclasses import dataclass
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
 from jblast.inference.laplace import Laplace
 from jblast.inference.posterior import Posterior
+from jblast.inference.weighted import weighted_quantiles
 from jblast.inference.whitening import Whitened, densities, root_of
 from jblast.scene import place_of
 
 DRAWS = 4000
+FEWEST = 500
+"""Draws for a long log: k-hat is then told by a tail of 67."""
+HELD = 40_000_000
+"""Numbers (8 bytes) that the densities of some draws at a time may need."""
+WORK = 4_000_000_000
+"""Numbers that all draws may need before there are fewer of them."""
 GOOD_SHAPE = 0.5
 """Below this k-hat the normal is close enough to be taken for the posterior."""
 NARROW = 0.1
 """Below this sd in ln a posterior has little room to be other than normal."""
+ENDS = 0.3
+"""Ends of 90 % intervals that are off by less, in standard deviations, will do: of 327
+simulated logs that passed, 89 % of the intervals held the truth, and of 394 logs judged
+by the other two limits alone 86 % (`calibration/scenes/pressure.toml`)."""
+TAIL = 1.6448536269514722
+"""The 95 % quantile of a unit normal."""
 
 
 @dataclass(frozen=True)
@@ -50,9 +64,14 @@ def importance(
     posterior has to be proper for its weights to mean anything.
     """
     root = root_of(normal)
+    misfit = jax.eval_shape(posterior.misfit, jnp.asarray(normal.z))
+    of_one = misfit.loading.size + 8 * misfit.residual.size
+    draws = min(draws, max(WORK // of_one, FEWEST))
     w = np.random.default_rng(seed).standard_normal((draws, normal.z.size))
     density = Whitened(posterior, jnp.asarray(normal.z), jnp.asarray(root))
-    log_ratio = np.asarray(densities(density, w)) + 0.5 * np.sum(w**2, axis=1)
+    parts = np.array_split(w, -(-draws * of_one // HELD))
+    value = np.concatenate([np.asarray(densities(density, part)) for part in parts])
+    log_ratio = value + 0.5 * np.sum(w**2, axis=1)
     log_weights, k_hat = pareto_smoothed(log_ratio)
     weights = np.exp(log_weights)
     return Importance(
@@ -63,14 +82,26 @@ def importance(
     )
 
 
-def laplace_holds(k_hat: float, log_sd: float) -> bool:
+def laplace_holds(k_hat: float, log_sd: float, off: float) -> bool:
     """Whether the normal approximation may be taken for the posterior.
 
     Args:
         k_hat: Shape of the tail of the importance weights.
         log_sd: The largest sd in ln of any number (see `largest_log_sd`).
+        off: By how much its intervals are off (see `ends_off`).
     """
-    return k_hat < GOOD_SHAPE and log_sd < NARROW
+    return k_hat < GOOD_SHAPE and log_sd < NARROW and off < ENDS
+
+
+def ends_off(found: Importance, normal: Laplace) -> float:
+    """Return by how much an end of a 90 % interval is off at most, in sds.
+
+    The ends of the normal approximation, beside those of its weighted draws.
+    """
+    sd = np.sqrt(np.diag(normal.covariance))
+    ends = [weighted_quantiles(z, found.weights, (0.05, 0.95)) for z in found.z.T]
+    off = (np.array(ends).T - normal.z) / sd - np.array([[-TAIL], [TAIL]])
+    return float(np.max(np.abs(off)))
 
 
 def largest_log_sd(posterior: Posterior, normal: Laplace) -> float:

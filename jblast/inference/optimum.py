@@ -5,6 +5,7 @@ unknowns: with normal errors, which reach the right basin from far away, and the
 the Student-t cost, which ignores wild readings; from half of the starts with that
 alone. BFGS, in coordinates whitened by the Fisher information, then climbs the
 posterior itself, in which the effects are integrated out, from the best few ends.
+A long log is searched by some of its rows (`thinned`), and then climbed by all.
 
 Starts are run one after another inside one compiled loop: for 64 starts of a small log
 `vmap` runs in 0.12 s instead of 0.17 s, but takes 1.4 s longer to trace and load. The
@@ -23,6 +24,7 @@ from jaxtyping import Array, Float, PRNGKeyArray
 from jblast.inference.fisher import information
 from jblast.inference.posterior import Posterior
 from jblast.inference.starts import spreads, starts
+from jblast.inference.thinned import is_long, thinned
 from jblast.sensors.observe import STUDENT_FREEDOM
 
 STARTS = 64
@@ -36,6 +38,9 @@ NEARER = 1e-6
 this much ln-density for each spread squared."""
 LONGEST_STEP = 10.0
 """Where the data tell little, climb by this many typical steps at first."""
+HOPELESS = 10.0
+"""An end whose density by some of the rows is so much lower in ln is left out: by all
+rows it is further behind."""
 NORMAL = 1e8
 """So many degrees of freedom make a Student-t normal."""
 
@@ -55,6 +60,26 @@ class Optima(NamedTuple):
 @eqx.filter_jit
 def optima(key: PRNGKeyArray, posterior: Posterior) -> Optima:
     """Search a posterior from `STARTS` places and climb from the best few ends."""
+    if not is_long(posterior):
+        return _searched(key, posterior)[0]
+    found, middle = _searched(key, thinned(posterior))
+    scale = spreads(posterior)
+
+    def climb(end):
+        z, density = end
+        return lax.cond(
+            density > found.log_density[0] - HOPELESS,
+            lambda: _climb(posterior, scale, z, information(posterior, z)),
+            lambda: jnp.full_like(z, jnp.nan),
+        )
+
+    preference = _preference(scale, middle)
+    ends, _, repeated = _distinct(posterior, lax.map(climb, found), preference)
+    return _in_order(posterior, ends, repeated, preference)
+
+
+def _searched(key: PRNGKeyArray, posterior: Posterior):
+    """Return the optima, and the middle of the starts."""
     scale = spreads(posterior)
     first = starts(key, posterior, STARTS) / scale[None, :]
     shape = jax.eval_shape(posterior.misfit, first[0]).loading.shape
@@ -83,19 +108,30 @@ def optima(key: PRNGKeyArray, posterior: Posterior) -> Optima:
 
     unknowns = jnp.concatenate([first, effects], axis=1)
     ends = lax.map(approach, (unknowns, freedoms))
-
-    def preference(z, density):
-        away = jnp.sum(jnp.square(z / scale[None, :] - first[:1]), axis=1)
-        return jnp.where(jnp.isnan(density), -jnp.inf, density - NEARER * away)
-
+    preference = _preference(scale, first[0])
     finalists, known, repeated = _distinct(posterior, ends, preference)
     climbed = lax.map(
         lambda start: _climb(posterior, scale, *start), (finalists, known)
     )
-    density = lax.map(posterior.log_density, climbed)
+    return _in_order(posterior, climbed, repeated, preference), first[0]
+
+
+def _preference(scale, middle):
+    """Return what ranks ends by density, and equal ones by how near the middle."""
+
+    def preference(z, density):
+        away = jnp.sum(jnp.square(z / scale[None, :] - middle[None, :]), axis=1)
+        return jnp.where(jnp.isnan(density), -jnp.inf, density - NEARER * away)
+
+    return preference
+
+
+def _in_order(posterior: Posterior, ends, repeated, preference) -> Optima:
+    """Put ends in order, the best first."""
+    density = lax.map(posterior.log_density, ends)
     density = jnp.where(jnp.isnan(density) | repeated, -jnp.inf, density)
-    order = jnp.argsort(-preference(climbed, density))
-    return Optima(climbed[order], density[order])
+    order = jnp.argsort(-preference(ends, density))
+    return Optima(ends[order], density[order])
 
 
 def _residuals(posterior: Posterior, scale, y, freedom):

@@ -127,14 +127,15 @@ def values_at(uncertain: UncertainScene, at: Mapping[str, float]) -> dict[str, f
     if not beliefs:
         raise InputError(
             f"{source}: nothing to bound: every number of the scene is fixed; expected "
-            'at least one that is "free" or has a prior'
+            'at least one that is "free", has a prior, or is named by --free'
         )
     for name in at:
         if name not in beliefs:
-            why = "fixed" if name in names_in(uncertain.scene) else "no number"
+            fixed = name in names_in(uncertain.scene)
             raise InputError(
-                f"--at {name}: {name} is {why} in the scene; expected one of "
-                f"{', '.join(beliefs)}{nearest(name, beliefs)}"
+                f"--at {name}: {name} is {'fixed' if fixed else 'no number'} in the "
+                f"scene; expected one of {', '.join(beliefs)}{nearest(name, beliefs)}"
+                + (f", or --free {name} beside it" if fixed else "")
             )
     open_ = [n for n, b in beliefs.items() if isinstance(b, Free) and n not in at]
     if open_:

@@ -12,10 +12,19 @@ from jblast.inference.likelihood import log_likelihood
 from jblast.inference.parameters import Parameters
 from jblast.observations import TIMES, Observations
 from jblast.registry import law_for
+from jblast.scene import Scene
 from jblast.sensors import Layout, record
+from jblast.sensors.effects import count_effects
 from jblast.sensors.layout import components
 from jblast.sensors.observe import Noise, loadings
 from jblast.sensors.record import comparable
+
+HELD = 30_000_000
+"""Rows times shared effects, of which a few times as many numbers (0.24 GB each) are
+held in memory: a log with more is refused."""
+WORK = 5_000_000_000
+"""Rows times the square of the effects, gone through several times for each density:
+with four times as much a fit took more than five minutes on two cores."""
 
 
 class Misfit(eqx.Module):
@@ -100,9 +109,11 @@ def posterior_of(
     """Put a log, its layout and what is fitted together.
 
     Raises:
-        InputError: A row has no error at all: no sigma, and a law taken as exact.
+        InputError: A row has no error at all: no sigma, and a law taken as exact. Or
+            rows times shared effects are more than `HELD`.
     """
-    _refuse_exact(observations, parameters.scene.scatter, laws)
+    refuse_exact(observations, parameters.scene.scatter, laws)
+    _refuse_vast(observations, parameters.scene, layout, laws)
     timed = np.isin(observations.quantity, TIMES)
     value, sigma = observations.value, np.nan_to_num(observations.sigma)
     return Posterior(
@@ -115,15 +126,20 @@ def posterior_of(
     )
 
 
-def _refuse_exact(
+def refuse_exact(
     observations: Observations, scatter: bool, laws: Mapping[str, str]
 ) -> None:
-    """Refuse a row that neither its instrument nor its law gives any error."""
-    for row, quantity in enumerate(observations.quantity):
-        if observations.sigma[row] > 0:
-            continue
+    """Refuse a row that neither its instrument nor its law gives any error.
+
+    Raises:
+        InputError: As said; the message names the first such row.
+    """
+    for quantity in dict.fromkeys(observations.quantity):
         of_law = [law_for(q, laws[q]) for q, _ in components(quantity)]
-        if not scatter or all(law.is_exact() for law in of_law):
+        if scatter and not all(law.is_exact() for law in of_law):
+            continue
+        of_kind = np.array([q == quantity for q in observations.quantity])
+        for row in np.flatnonzero(of_kind & ~(observations.sigma > 0)):
             why = (
                 f"{' and '.join(law.name for law in of_law)} is exact"
                 if scatter
@@ -134,3 +150,18 @@ def _refuse_exact(
                 f"{observations.sensor[row]}, {quantity}: expected a sigma, since "
                 f"{why}; got none"
             )
+
+
+def _refuse_vast(
+    observations: Observations, scene: Scene, layout: Layout, laws: Mapping[str, str]
+) -> None:
+    """Refuse a log whose rows and effects of paths no memory holds."""
+    rows, effects = len(observations), count_effects(scene, layout, laws)
+    if rows * effects > HELD or rows * effects**2 > WORK:
+        raise InputError(
+            f"{observations.source or 'observations'}: {rows} rows of "
+            f"{len(set(layout.group))} paths share {effects} effects; expected rows "
+            f"times effects to be at most {HELD:.0e}, and times their square "
+            f"{WORK:.0e}: put the mean of a path's readings, and its sigma, in place "
+            "of them all; or name a law that does not scatter from path to path"
+        )

@@ -103,14 +103,15 @@ def refuse_before_origin(
 ) -> None:
     """Refuse a wave that arrives before a fixed origin time, errors allowed for."""
     offsets = {name: float(offset) for name, offset in scene.clock_offsets().items()}
+    origin, sigma = float(charge.time), np.nan_to_num(observations.sigma)
     clocks = observations.clocks()
     for row in np.flatnonzero(here):
         quantity, clock = observations.quantity[row], clocks[row]
         waves = ("air_arrival_s", "ground_arrival_s")
         if quantity not in waves or f"{CLOCK_OFFSET}.{clock}" in beliefs:
             continue
-        start = float(charge.time) + offsets.get(clock, 0.0)
-        allowed = EARLY * float(np.nan_to_num(observations.sigma[row]))
+        start = origin + offsets.get(clock, 0.0)
+        allowed = EARLY * float(sigma[row])
         if observations.value[row] + allowed <= start:
             raise InputError(
                 f"{observations.where(int(row))}: {quantity} is "

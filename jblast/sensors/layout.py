@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Int
 
 from jblast.errors import InputError
 from jblast.observations import Observations
@@ -61,16 +61,29 @@ class Layout(eqx.Module):
             clock=self.clock + more.clock,
         )
 
+    def only(self, rows: Int[np.ndarray, " kept"]) -> "Layout":
+        """Return some of the rows."""
+        return Layout(
+            quantity=tuple(self.quantity[row] for row in rows),
+            position=self.position[rows],
+            slant_range=self.slant_range[rows],
+            time=self.time[rows],
+            group=tuple(self.group[row] for row in rows),
+            shot=tuple(self.shot[row] for row in rows),
+            clock=tuple(self.clock[row] for row in rows),
+        )
+
     def rows(self, quantity: str, shot: int) -> tuple[np.ndarray, np.ndarray]:
         """Return the rows of a charge a quantity takes part in, and with which sign."""
-        found = [
-            (row, sign)
-            for row, q in enumerate(self.quantity)
+        signs = {
+            q: sign
+            for q in dict.fromkeys(self.quantity)
             for name, sign in components(q)
-            if name == quantity and self.shot[row] == shot
-        ]
-        rows, signs = np.array(found, float).reshape(-1, 2).T
-        return rows.astype(int), signs
+            if name == quantity
+        }
+        given = np.array([signs.get(q, 0.0) for q in self.quantity])
+        rows = np.flatnonzero((given != 0) & (np.array(self.shot) == shot))
+        return rows, given[rows]
 
 
 def layout_of(observations: Observations, scene: Scene) -> Layout:

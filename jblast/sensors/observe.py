@@ -16,7 +16,7 @@ from jaxtyping import Array, Float, PRNGKeyArray
 from jblast.observations import TIMES
 from jblast.scene import Scene
 from jblast.sensors.layout import Layout
-from jblast.sensors.record import Recording, record
+from jblast.sensors.record import Recording, known, record
 
 Noise = Literal["student", "gaussian"]
 
@@ -30,12 +30,10 @@ def loadings(recording: Recording, layout: Layout) -> Float[Array, "row effect"]
     There is one effect for the shot and one for each path, for each quantity whose law
     scatters so.
     """
-    group = np.array(layout.group)
+    group, groups = known(np.array(layout.group)), dict.fromkeys(layout.group)
     columns = list(recording.shot_loading.values())
     for of_path in recording.path_loading.values():
-        columns += [
-            jnp.where(group == g, of_path, 0.0) for g in dict.fromkeys(layout.group)
-        ]
+        columns += [jnp.where(group == g, of_path, 0.0) for g in groups]
     if not columns:
         return jnp.zeros((len(layout.quantity), 0))
     return jnp.stack(columns, axis=1)

@@ -11,6 +11,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax import lax
 from jaxtyping import Array, ArrayLike, Bool, Float
 
 from jblast.observations import CLOCK_TIMES, TIMES
@@ -20,6 +21,10 @@ from jblast.sensors.layout import Layout
 from jblast.waves.atmosphere import air_density, sound_speed_in_air, standard_atmosphere
 from jblast.waves.paths import Path, slant_range
 from jblast.waves.wind import effective_sound_speed
+
+LONG = 1000
+"""An array of more rows than these that is known beforehand is kept from XLA until the
+program runs: it would compute with it, slowly, while it compiles."""
 
 
 class Recording(eqx.Module):
@@ -48,7 +53,15 @@ def comparable(
 ) -> Float[Array, " row"]:
     """Return readings in the space their errors live in: times as they are, else ln."""
     timed = np.isin(quantity, TIMES)
+    if timed.all():
+        return jnp.asarray(value)
+    timed = known(timed)
     return jnp.where(timed, value, jnp.log(jnp.where(timed, 1.0, value)))
+
+
+def known(rows: np.ndarray) -> np.ndarray | Array:
+    """Return what is known of rows beforehand as a program should hold it (`LONG`)."""
+    return lax.optimization_barrier(jnp.asarray(rows)) if rows.size > LONG else rows
 
 
 def path_to(scene: Scene, layout: Layout, charge: Charge | None = None) -> Path:
@@ -64,7 +77,7 @@ def path_to(scene: Scene, layout: Layout, charge: Charge | None = None) -> Path:
     ground = slant_range(place[:, :2], layout.position[:, :2])
     if charge.range is not None:
         slant = ground = jnp.broadcast_to(charge.range, slant.shape)
-    known = jnp.where(given, layout.slant_range, 1.0)
+    told = jnp.where(given, layout.slant_range, 1.0)
     if air.altitude is None:
         temperature, pressure = air.temperature, air.pressure
     else:
@@ -77,8 +90,8 @@ def path_to(scene: Scene, layout: Layout, charge: Charge | None = None) -> Path:
     along = (layout.position - place)[:, :2] / along @ wind
     is_placed = ~given if charge.range is None else jnp.zeros_like(given)
     return Path(
-        slant_range=jnp.where(given, known, slant),
-        ground_range=jnp.where(given, known, ground),
+        slant_range=jnp.where(given, told, slant),
+        ground_range=jnp.where(given, told, ground),
         charge_mass=charge.mass,
         height_of_burst=charge.up,
         ambient_pressure=pressure,
@@ -97,10 +110,12 @@ def path_to(scene: Scene, layout: Layout, charge: Charge | None = None) -> Path:
 
 def clock_offsets(scene: Scene, layout: Layout) -> Float[Array, " row"]:
     """Return what each row's clock shows more than the common one [s]."""
-    known = scene.clock_offsets()
-    names = list(dict.fromkeys(layout.clock))
-    offsets = jnp.stack([known.get(name, jnp.zeros(())) for name in names])
-    return offsets[np.array([names.index(name) for name in layout.clock])]
+    told = scene.clock_offsets()
+    if not told:
+        return jnp.zeros(len(layout.clock))
+    place = {name: i for i, name in enumerate(told, start=1)}
+    offsets = jnp.stack([jnp.zeros(()), *told.values()])
+    return offsets[known(np.array([place.get(name, 0) for name in layout.clock]))]
 
 
 def record(scene: Scene, layout: Layout, laws: Mapping[str, str]) -> Recording:
@@ -117,19 +132,22 @@ def record(scene: Scene, layout: Layout, laws: Mapping[str, str]) -> Recording:
     n = len(layout.quantity)
     offsets = clock_offsets(scene, layout)
     is_clock_time = np.isin(layout.quantity, CLOCK_TIMES)
+    shots = np.array(layout.shot)
     value, valid, distance = jnp.zeros(n), jnp.ones(n, bool), jnp.zeros(n)
     record_variance = jnp.zeros(n)
     of_shots: dict[str, Array] = {}
     of_paths: dict[str, Array] = {}
     for shot, charge in enumerate(scene.charges):
         path = path_to(scene, layout, charge)
-        here = np.array(layout.shot) == shot
-        distance = jnp.where(here, path.slant_range, distance)
-        value = jnp.where(here & is_clock_time, charge.time + offsets, value)
+        here = shots == shot
+        distance = jnp.where(known(here), path.slant_range, distance)
+        starts = known(here & is_clock_time)
+        value = jnp.where(starts, charge.time + offsets, value)
         for quantity in layout.quantities():
             rows, sign = layout.rows(quantity, shot)
             if not rows.size:
                 continue
+            rows, sign = known(rows), known(sign)
             law = law_for(quantity, laws[quantity])
             way = replace(_rows_of(path, rows), charge_mass=charge.tnt_mass(quantity))
             given = jnp.broadcast_to(call(law.function, way), rows.shape)
@@ -151,7 +169,7 @@ def record(scene: Scene, layout: Layout, laws: Mapping[str, str]) -> Recording:
     return Recording(value, distance, valid, record_sd, of_shots, of_paths)
 
 
-def _rows_of(path: Path, rows: np.ndarray) -> Path:
+def _rows_of(path: Path, rows: np.ndarray | Array) -> Path:
     """Pick the rows of every field that has rows; what all share stays a scalar."""
     return jax.tree.map(lambda x: x[rows] if x.ndim else x, path)
 

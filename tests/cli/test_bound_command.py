@@ -24,6 +24,7 @@ ANSWER = {
     "mass_exponents": dict,
     "warnings": list,
 }
+CLOCK = "clock_offset_s.z=0"
 FREE = '[charge]\nmass_kg = "free"\n' + SENSORS
 PRIOR = "[charge]\nmass_kg = { lognormal = [15.0, 3.0] }\n" + SENSORS
 
@@ -61,6 +62,22 @@ def test_json_has_every_key_and_stdout_holds_nothing_else(jblast):
     assert normal["parameters"]["charge_mass_kg"]["log_sd"] < wide
     named = json.loads(jblast(*asked, "--law", "peak_overpressure_pa=swisdak")[1])
     assert named["law"]["peak_overpressure_pa"] == "swisdak"
+
+
+def test_a_number_freed_beside_the_scene_is_as_if_the_scene_had_it_free(jblast):
+    scene = jblast.file("plan.toml", FREE)
+    bare = jblast.file("bare.toml", FREE.replace('"free"', "2.0"))
+    at = ("--at", "charge_mass_kg=15", "--json")
+    told = of_contract(jblast("bound", scene, *at)[1])
+    assert (
+        of_contract(jblast("bound", bare, "--free", "charge_mass_kg", *at)[1]) == told
+    )
+    # one beside that of the scene
+    at = ("--at", "charge_mass_kg=15, origin_time_s=0", "--json")
+    both = of_contract(jblast("bound", scene, "--free", "origin_time_s", *at)[1])
+    assert both["free"] == ["charge_mass_kg", "origin_time_s"]
+    wider = both["parameters"]["charge_mass_kg"]["log_sd"]
+    assert wider > told["parameters"]["charge_mass_kg"]["log_sd"]
 
 
 def test_text_and_map_say_the_same_and_fit_the_terminal(jblast, tmp_path):
@@ -102,7 +119,9 @@ def test_bad_input_exits_2_with_one_message(jblast):
     cases = {
         (): "--at charge_mass_kg=VALUE",
         ("--at", "charge_mas_kg=3"): "did you mean charge_mass_kg?",
-        ("--at", "charge_mass_kg=15,charge_up_m=3"): "charge_up_m is fixed",
+        ("--at", "charge_mass_kg=15,charge_up_m=3"): "or --free charge_up_m beside it",
+        ("--free", "charge_up_m", "--at", "charge_mass_kg=3"): "--at charge_up_m=VALUE",
+        ("--free", "nobody", "--at", "charge_mass_kg=3"): "--free nobody",
         ("--at", "charge_mass_kg"): "PARAMETER=VALUE",
         ("--at", "charge_mass_kg=x"): "PARAMETER=VALUE",
         ("--at", "charge_mass_kg=nan"): "finite",
@@ -115,6 +134,8 @@ def test_bad_input_exits_2_with_one_message(jblast):
         assert said in jblast.refused("bound", scene, *words)
     bare = jblast.file("bare.toml", "[charge]\nmass_kg = 15.0\n" + SENSORS)
     assert "nothing to bound" in jblast.refused("bound", bare)
+    said = jblast.refused("bound", bare, "--free", "clock_offset_s.z", "--at", CLOCK)
+    assert "no such clock" in said
     mute = jblast.file("mute.toml", '[charge]\nmass_kg = "free"\n')
     said = jblast.refused("bound", mute, "--at", "charge_mass_kg=3")
     assert "no sensor records anything" in said

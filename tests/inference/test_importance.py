@@ -6,6 +6,7 @@ import pytest
 from shots import five_solved
 
 from jblast.inference.importance import (
+    ends_off,
     generalised_pareto,
     importance,
     laplace_holds,
@@ -70,10 +71,21 @@ def test_weights_turn_a_normal_too_wide_into_the_posterior():
 
 
 def test_laplace_holds_where_it_fits_and_the_answer_is_narrow():
-    assert laplace_holds(0.3, 0.05)
-    assert not laplace_holds(0.6, 0.05)
-    assert not laplace_holds(0.3, 0.2)
-    assert not laplace_holds(np.inf, 0.05)
+    assert laplace_holds(0.3, 0.05, 0.1)
+    assert not laplace_holds(0.6, 0.05, 0.1)
+    assert not laplace_holds(0.3, 0.2, 0.1)
+    assert not laplace_holds(0.3, 0.05, 0.4)
+    assert not laplace_holds(np.inf, 0.05, 0.1)
+
+
+@pytest.mark.parametrize("wider", [1.0, 1.25])
+def test_the_ends_of_a_normal_too_wide_are_off_by_what_it_is_too_wide(wider):
+    posterior, normal, _, _ = five_solved("gaussian")
+    wide = dataclasses.replace(normal, covariance=wider**2 * normal.covariance)
+    # 1.645 of its sds instead of 1.645/wider; the end is known to 2.1/sqrt(4000) = 0.03
+    # sd, and here the posterior bends by as much
+    off = ends_off(importance(posterior, wide), wide)
+    assert off == pytest.approx(1.645 * (1 - 1 / wider), abs=0.12)
 
 
 def test_the_largest_log_sd_is_of_the_mass_or_of_the_place_over_its_range():

@@ -1,0 +1,101 @@
+"""Logs of one layout put together, as `fit_many` takes them."""
+
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+
+from jblast.errors import InputError
+from jblast.inference.posterior import refuse_exact
+from jblast.observations import TIMES, Observations, place
+from jblast.registry import names_for
+from jblast.scene import Scene, UncertainScene
+from jblast.sensors import Layout, layout_of, resolve_laws
+from jblast.sensors.laws import ONLY, law_names
+
+SAME = ("sensor", "quantity", "path", "shot", "clock")
+PLACED = ("position", "slant_range", "time")
+
+
+class Batch(NamedTuple):
+    """What `fit_many` takes after the scene, in its order.
+
+    Attributes:
+        layout: Who recorded what, the same in every log.
+        values: The readings.
+        sigma: Their instrument errors: seconds for times, relative otherwise; 0 where
+            the law's scatter is all there is.
+        laws: Name of the law for each of `layout.quantities()`.
+    """
+
+    layout: Layout
+    values: Float[np.ndarray, "log row"]
+    sigma: Float[np.ndarray, "log row"]
+    laws: Mapping[str, str]
+
+
+def batch_of(logs: Sequence[Observations], uncertain: UncertainScene) -> Batch:
+    """Put logs together: `fit_many(uncertain, *batch_of(logs, uncertain))` fits them.
+
+    All logs share their laws, so the scene has to name them (`scene.with_laws`): the
+    automatic choice depends on the answer of each.
+
+    Args:
+        logs: Each of a blast of its own: the same rows in the same order.
+        uncertain: The scene and what is not known of it, the same for all.
+
+    Raises:
+        InputError: There is no log, one has other rows than the first, one and the
+            scene do not go together, or the choice of a law is left open.
+    """
+    if not logs:
+        raise InputError("logs: expected at least one, got none")
+    first = place(logs[0], uncertain.scene, uncertain.beliefs)
+    layout = layout_of(first, uncertain.scene)
+    laws = _named_laws(uncertain.scene, layout)
+    for number, log in enumerate(logs):
+        _refuse_other_rows(log, logs[0], number)
+        refuse_exact(log, uncertain.scene.scatter, laws)
+    values = np.array([log.value for log in logs])
+    sigma = np.nan_to_num(np.array([log.sigma for log in logs]))
+    timed = np.isin(layout.quantity, TIMES)
+    return Batch(layout, values, np.where(timed, sigma, sigma / np.abs(values)), laws)
+
+
+def _named_laws(scene: Scene, layout: Layout) -> dict[str, str]:
+    """Return the law of every quantity, if there is no choice left."""
+    named = dict(scene.law)
+    for quantity in layout.quantities():
+        if named.get(quantity, "auto") == "auto" and quantity not in ONLY:
+            raise InputError(
+                f"[law] {quantity}: expected a name, one of "
+                f"{', '.join(names_for(quantity))}, as all logs of a batch share their "
+                "laws; got auto"
+            )
+    return law_names(resolve_laws(scene, layout))
+
+
+def _refuse_other_rows(log: Observations, first: Observations, number: int) -> None:
+    """Refuse a log whose rows are not those of the first."""
+    name = log.source or f"log {number}"
+    if len(log) != len(first):
+        raise InputError(
+            f"{name}: expected {len(first)} rows as in the first log, got {len(log)}; "
+            "fit logs of different rows with fit_each"
+        )
+    other = np.zeros(len(log), bool)
+    for field in SAME:
+        other |= np.array(getattr(log, field)) != np.array(getattr(first, field))
+    for field in PLACED:
+        pair = getattr(log, field), getattr(first, field)
+        same = np.isclose(*pair, rtol=0, atol=0, equal_nan=True)
+        other |= ~same.reshape(len(log), -1).all(axis=1)
+    if other.any():
+        row = int(np.argmax(other))
+        raise InputError(
+            f"{name}: row {row + 1}: expected {first.sensor[row]}, "
+            f"{first.quantity[row]}, placed as in the first log; got "
+            f"{log.sensor[row]}, {log.quantity[row]}; fit logs of different rows with "
+            "fit_each"
+        )

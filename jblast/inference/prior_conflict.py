@@ -1,0 +1,58 @@
+"""Is it a prior that a poor fit comes from: the same log, nothing believed of it."""
+
+from dataclasses import replace
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from jblast.inference.goodness import POOR, chance, chi_squared
+from jblast.inference.identifiability import identifiability
+from jblast.inference.optimum import optima
+from jblast.inference.parameters import Parameters
+from jblast.inference.posterior import Posterior
+from jblast.inference.solution import Solution
+from jblast.scene import Free, place_of
+
+FAR = 3.0
+"""A number further than this from its prior's middle, in its sds, is not believed."""
+
+
+def against_priors(solution: Solution) -> dict[str, float]:
+    """Return numbers by which a log fits well, but which their priors rule out.
+
+    The search is made once more with every number free. Those are named that the log
+    alone tells.
+    """
+    parameters = solution.posterior.parameters
+    believed = [not isinstance(belief, Free) for belief in parameters.beliefs]
+    if not any(believed):
+        return {}
+    free = Parameters(
+        parameters.names,
+        tuple(Free(positive=place_of(name).positive) for name in parameters.names),
+        parameters.scene_at(jnp.asarray(solution.laplace.z)),
+    )
+    posterior = replace(solution.posterior, parameters=free)
+    z = np.asarray(optima(jax.random.key(0), posterior).z[0])
+    told = identifiability(posterior, z)
+    p = chance(*_goodness(posterior, z, told.told.shape[1]))
+    if p is not None and p < POOR:
+        return {}
+    values = free.values(jnp.asarray(z))
+    against = {}
+    for name, belief, is_told in zip(
+        parameters.names, parameters.beliefs, told.determined, strict=True
+    ):
+        away = float(belief.unconstrain(values[name]))
+        if is_told and not isinstance(belief, Free) and not abs(away) < FAR:
+            against[name] = float(values[name])
+    return against
+
+
+def _goodness(posterior: Posterior, z, told: int) -> tuple[float, int]:
+    misfit = posterior.misfit(jnp.asarray(z))
+    effects = np.asarray(posterior.effects(jnp.asarray(z)))
+    shared = np.asarray(misfit.loading) @ effects
+    residual = (np.asarray(misfit.residual) - shared) / np.asarray(misfit.sd)
+    return chi_squared(posterior, z, residual, effects, told)
