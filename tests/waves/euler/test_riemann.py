@@ -42,7 +42,8 @@ def test_a_contact_that_stands_in_the_gas_lets_nothing_through():
 def test_weak_waves_meet_at_the_exact_star_state():
     left, right = side(1.0, 0.01, 1.01), side(1.0, 0.0, 1.0)
     flux = face_flux(left, right, jnp.zeros(1), GAS, GAS)
-    p, u = star_state(*(Primitives(*(q[0] for q in s)) for s in (left, right)), GAS)
+    first, second = (Primitives(*(q[0] for q in s)) for s in (left, right))
+    p, u = star_state(first, second, GAS)
     # of second order in the jumps of 1 %
     assert float(flux.volume[0]) == pytest.approx(float(u), abs=1e-4)
     assert float(-flux.momentum[0]) == pytest.approx(float(p), abs=1e-4)
