@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 from logs import log
 
+from jblast.errors import InputError
 from jblast.inference import fit
 from jblast.scene import (
     Free,
@@ -269,6 +270,13 @@ def test_a_log_without_any_error_is_refused():
     bare = log(("a", "air_arrival_s", 0.1, None, 40.0), at_range=True)
     with pytest.raises(ValueError, match="expected a sigma"):
         fit(bare, MASS_FREE)
+
+
+def test_a_reading_that_gives_no_density_anywhere_is_named():
+    made = pressures(15.0, [10.0, 20.0, 40.0])
+    made.value[1] = np.nan
+    with pytest.raises(InputError, match=r"no value of charge_mass_kg .* row 2$"):
+        fit(made, MASS_FREE)
 
 
 def test_a_scene_with_nothing_free_is_refused():
