@@ -22,7 +22,7 @@ def test_auto_says_which_it_took_and_why(jblast):
     scene = jblast.file("scene.toml", EXACT)
     narrow = jblast.file("narrow.csv", HEADER + ROWS.format(9000, 2000, 700))
     wide = jblast.file("wide.csv", HEADER + ROWS.format(90000, 20000, 7000))
-    asked = ("--scene", scene, "--posterior", "auto")
+    asked = ("--scene", scene, "--posterior", "auto", "--noise", "gaussian")
     for log, method in ((narrow, "laplace"), (wide, "emcee")):
         code, out, err = jblast("fit", log, *asked)
         assert (code, err) == (0, "")
