@@ -17,6 +17,7 @@ from jblast.report.figure_style import BLUE, INK, VERMILLION, new_figure, quiet,
 CURVES = 4000
 """Sets of uniform ranks simulated for the band."""
 FEWEST = 50
+"""Fewer logs that the normal approximation answered are not drawn."""
 
 
 def away(ranks: Int[np.ndarray, "*set log"]) -> Float[np.ndarray, "*set rank"]:

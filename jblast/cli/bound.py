@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 from jblast.cli.calc import PLOTS
 from jblast.cli.files import path
-from jblast.cli.free import add_free, names_to_free
+from jblast.cli.options import add_free, add_law, add_noise, names_to_free
 
 HELP = "say what a planned layout of sensors could tell"
 
@@ -37,19 +37,8 @@ def add_arguments(verb: argparse.ArgumentParser) -> None:
         help="draw the sd of mass, and of place, over where a next sensor could stand "
         "(.png, .svg or .pdf)",
     )
-    verb.add_argument(
-        "--law",
-        action="append",
-        default=[],
-        metavar="auto|NAME|QUANTITY=NAME",
-        help="law for all it gives, or for one quantity; may be repeated",
-    )
-    verb.add_argument(
-        "--noise",
-        choices=("student", "gaussian"),
-        default="student",
-        help="distribution of the independent errors (default: student)",
-    )
+    add_law(verb)
+    add_noise(verb)
     verb.add_argument("--json", action="store_true", help="print the answer as JSON")
     verb.add_argument(
         "--force", action="store_true", help="overwrite an existing --map"

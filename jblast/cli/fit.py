@@ -4,7 +4,7 @@ import argparse
 import sys
 
 from jblast.cli.files import path, unwritable
-from jblast.cli.free import add_free, names_to_free
+from jblast.cli.options import add_free, add_law, add_noise, names_to_free
 
 HELP = "fit a blast to a log of sensor readings"
 
@@ -34,19 +34,8 @@ def add_arguments(verb: argparse.ArgumentParser) -> None:
         "(default: a surface charge of unknown mass at the origin at time 0)",
     )
     add_free(verb)
-    verb.add_argument(
-        "--law",
-        action="append",
-        default=[],
-        metavar="auto|NAME|QUANTITY=NAME",
-        help="law for all it gives, or for one quantity; may be repeated",
-    )
-    verb.add_argument(
-        "--noise",
-        choices=("student", "gaussian"),
-        default="student",
-        help="distribution of the independent errors (default: student)",
-    )
+    add_law(verb)
+    add_noise(verb)
     verb.add_argument(
         "--posterior",
         choices=("laplace", "emcee", "auto"),

@@ -11,6 +11,7 @@ from jblast.errors import InputError
 from jblast.inference.answer import answer_of
 from jblast.inference.bands import bands
 from jblast.inference.fit_result import Fit
+from jblast.inference.goodness import left_of
 from jblast.inference.how_sure import Method, how_sure
 from jblast.inference.identifiability import identifiability
 from jblast.inference.laplace import laplace
@@ -60,9 +61,7 @@ def fit(
     solution = solve(observations, uncertain, noise=noise, seed=seed)
     density, z = solution.posterior, solution.laplace.z
     misfit = density.misfit(jnp.asarray(z))
-    effects = np.asarray(density.effects(jnp.asarray(z)))
-    shared = np.asarray(misfit.loading) @ effects
-    residual = (np.asarray(misfit.residual) - shared) / np.asarray(misfit.sd)
+    left = left_of(density, z)
     parameters = density.parameters
     names = [
         f"{sensor}, {quantity}"
@@ -83,16 +82,16 @@ def fit(
             solution,
             sure,
             np.asarray(misfit.valid),
-            residual,
-            effects,
+            left.residual,
+            left.effects,
         ),
         observations=observations,
         scene=parameters.scene_at(jnp.asarray(z)),
         predicted=np.asarray(misfit.predicted),
         distance=distance,
-        residual=residual,
+        residual=left.residual,
         sd=np.asarray(misfit.sd),
-        shared=shared,
+        shared=left.shared,
         shot=density.layout.shot,
         draws={
             name: np.asarray(values[name])

@@ -1,5 +1,7 @@
 """How well the answer fits, and which readings it does not believe."""
 
+from typing import NamedTuple
+
 import jax.numpy as jnp
 import numpy as np
 from jax.scipy.special import betainc, gammaincc, ndtr, ndtri
@@ -14,6 +16,29 @@ WILD = 0.05
 
 POOR = 0.001
 """A fit with a smaller chance than this is called poor."""
+
+
+class Left(NamedTuple):
+    """What a scene leaves of a log.
+
+    Attributes:
+        effects: The most probable shared effects.
+        shared: What they add to each row.
+        residual: What is left of each row beside them, in standard deviations.
+    """
+
+    effects: Float[np.ndarray, " effect"]
+    shared: Float[np.ndarray, " row"]
+    residual: Float[np.ndarray, " row"]
+
+
+def left_of(posterior: Posterior, z: Float[np.ndarray, " free"]) -> Left:
+    """Return what the scene at a place leaves of its log."""
+    misfit = posterior.misfit(jnp.asarray(z))
+    effects = np.asarray(posterior.effects(jnp.asarray(z)))
+    shared = np.asarray(misfit.loading) @ effects
+    residual = (np.asarray(misfit.residual) - shared) / np.asarray(misfit.sd)
+    return Left(effects, shared, residual)
 
 
 def chi_squared(

@@ -13,7 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
-from jblast.inference.laplace import Laplace
+from jblast.inference.laplace import NORMAL_Q95, Laplace
 from jblast.inference.posterior import Posterior
 from jblast.inference.weighted import weighted_quantiles
 from jblast.inference.whitening import Whitened, densities, root_of
@@ -34,8 +34,6 @@ ENDS = 0.3
 """Ends of 90 % intervals that are off by less, in standard deviations, will do: of 327
 simulated logs that passed, 89 % of the intervals held the truth, and of 394 logs judged
 by the other two limits alone 86 % (`calibration/scenes/pressure.toml`)."""
-TAIL = 1.6448536269514722
-"""The 95 % quantile of a unit normal."""
 
 
 @dataclass(frozen=True)
@@ -100,7 +98,7 @@ def ends_off(found: Importance, normal: Laplace) -> float:
     """
     sd = np.sqrt(np.diag(normal.covariance))
     ends = [weighted_quantiles(z, found.weights, (0.05, 0.95)) for z in found.z.T]
-    off = (np.array(ends).T - normal.z) / sd - np.array([[-TAIL], [TAIL]])
+    off = (np.array(ends).T - normal.z) / sd - np.array([[-NORMAL_Q95], [NORMAL_Q95]])
     return float(np.max(np.abs(off)))
 
 

@@ -6,11 +6,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jblast.inference.goodness import POOR, chance, chi_squared
+from jblast.inference.goodness import POOR, chance, chi_squared, left_of
 from jblast.inference.identifiability import identifiability
 from jblast.inference.optimum import optima
 from jblast.inference.parameters import Parameters
-from jblast.inference.posterior import Posterior
 from jblast.inference.solution import Solution
 from jblast.scene import Free, place_of
 
@@ -36,7 +35,10 @@ def against_priors(solution: Solution) -> dict[str, float]:
     posterior = replace(solution.posterior, parameters=free)
     z = np.asarray(optima(jax.random.key(0), posterior).z[0])
     told = identifiability(posterior, z)
-    p = chance(*_goodness(posterior, z, told.told.shape[1]))
+    left = left_of(posterior, z)
+    p = chance(
+        *chi_squared(posterior, z, left.residual, left.effects, told.told.shape[1])
+    )
     if p is not None and p < POOR:
         return {}
     values = free.values(jnp.asarray(z))
@@ -48,11 +50,3 @@ def against_priors(solution: Solution) -> dict[str, float]:
         if is_told and not isinstance(belief, Free) and not abs(away) < FAR:
             against[name] = float(values[name])
     return against
-
-
-def _goodness(posterior: Posterior, z, told: int) -> tuple[float, int]:
-    misfit = posterior.misfit(jnp.asarray(z))
-    effects = np.asarray(posterior.effects(jnp.asarray(z)))
-    shared = np.asarray(misfit.loading) @ effects
-    residual = (np.asarray(misfit.residual) - shared) / np.asarray(misfit.sd)
-    return chi_squared(posterior, z, residual, effects, told)

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from jblast.inference.bound import Bound
+from jblast.inference.laplace import NORMAL_Q95
 from jblast.registry import LAWS
 from jblast.report.bound_data import NOT, data_lines, shown_sd
 from jblast.report.doubts import determined_lines
@@ -14,7 +15,6 @@ from jblast.report.numbers import printed_estimate, printed_number
 from jblast.report.text import cannot_tell, hanging, section
 from jblast.report.words import joined, parameter_words, quantity_words
 
-QUANTILE_95 = 1.6448536269514722
 SAID_OF_THE_MASS = {"air_arrival_s": "the air shock's travel time"}
 
 
@@ -60,7 +60,7 @@ def _estimates(answer: Mapping[str, Any]) -> dict[str, dict[str, float | None]]:
         value, sd, log_sd = answer["at"][name], spread["sd"], spread["log_sd"]
         entry: dict[str, float | None] = dict.fromkeys(("value", "q05", "q95"))
         if sd is not None:
-            step = QUANTILE_95 * np.array([-1.0, 1.0])
+            step = NORMAL_Q95 * np.array([-1.0, 1.0])
             with np.errstate(over="ignore"):
                 ends = (
                     value + step * sd

@@ -173,7 +173,7 @@ def test_no_verb_and_an_unknown_verb_exit_2_and_say_which_there_are(jblast):
 
 
 def test_help_names_every_parameter_that_can_be_freed(jblast):
-    from jblast.cli.free import NAMES
+    from jblast.cli.options import NAMES
     from jblast.scene import PARAMETERS
 
     assert tuple(NAMES.split(", ")) == tuple(PARAMETERS)

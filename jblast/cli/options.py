@@ -1,4 +1,4 @@
-"""The option `--free`: which more numbers of a scene are not known."""
+"""Options that verbs share; read without JAX, so that --help need not wait for it."""
 
 import argparse
 
@@ -8,7 +8,7 @@ NAMES = (
     "air_relative_humidity, air_altitude_m, air_sound_speed_m_s, wind_east_m_s, "
     "wind_north_m_s, ground_p_speed_m_s, sedov_gamma"
 )
-"""The names of `scene.PARAMETERS`, here so that --help need not wait for JAX."""
+"""The names of `scene.PARAMETERS`."""
 
 
 def add_free(verb: argparse.ArgumentParser) -> None:
@@ -26,3 +26,24 @@ def add_free(verb: argparse.ArgumentParser) -> None:
 def names_to_free(words: str) -> list[str]:
     """Return the names after `--free`, which stand between commas."""
     return [name.strip() for name in words.split(",") if name.strip()]
+
+
+def add_law(verb: argparse.ArgumentParser) -> None:
+    """Let a verb take `--law` (`laws.chosen_laws` reads it)."""
+    verb.add_argument(
+        "--law",
+        action="append",
+        default=[],
+        metavar="auto|NAME|QUANTITY=NAME",
+        help="law for all it gives, or for one quantity; may be repeated",
+    )
+
+
+def add_noise(verb: argparse.ArgumentParser) -> None:
+    """Let a verb take `--noise`."""
+    verb.add_argument(
+        "--noise",
+        choices=("student", "gaussian"),
+        default="student",
+        help="distribution of the independent errors (default: student)",
+    )
