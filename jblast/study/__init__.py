@@ -1,0 +1,1 @@
+"""Many times over: what methods cost, how far they are off, where they break."""

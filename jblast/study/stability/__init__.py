@@ -1,0 +1,1 @@
+"""Where each method breaks, measured, and what jblast does there."""
