@@ -18,9 +18,8 @@ from jblast.observations import CLOCK_TIMES, TIMES
 from jblast.registry import call, law_for
 from jblast.scene import Charge, Scene
 from jblast.sensors.layout import Layout
-from jblast.waves.atmosphere import air_density, sound_speed_in_air, standard_atmosphere
-from jblast.waves.paths import Path, slant_range
-from jblast.waves.wind import effective_sound_speed
+from jblast.waves.between import path_between
+from jblast.waves.paths import Path
 
 LONG = 1000
 """An array of more rows than these that is known beforehand is kept from XLA until the
@@ -65,47 +64,10 @@ def known(rows: np.ndarray) -> np.ndarray | Array:
 
 
 def path_to(scene: Scene, layout: Layout, charge: Charge | None = None) -> Path:
-    """Return what lies between a charge (the first) and the sensor of each row.
-
-    The sound speed is the effective one along the path, wind included. The mass is
-    that of the explosive: what it is worth in TNT depends on the quantity.
-    """
-    charge, air = charge or scene.charge, scene.air
-    place = jnp.stack([charge.east, charge.north, charge.up])[None, :]
-    given = jnp.isfinite(layout.slant_range)
-    slant = slant_range(place, layout.position)
-    ground = slant_range(place[:, :2], layout.position[:, :2])
-    if charge.range is not None:
-        slant = ground = jnp.broadcast_to(charge.range, slant.shape)
-    told = jnp.where(given, layout.slant_range, 1.0)
-    if air.altitude is None:
-        temperature, pressure = air.temperature, air.pressure
-    else:
-        temperature, pressure = standard_atmosphere(air.altitude)
-    sound_speed = air.sound_speed
-    if sound_speed is None:
-        sound_speed = sound_speed_in_air(temperature, pressure, air.relative_humidity)
-    wind = jnp.stack([air.wind_east, air.wind_north])
-    along = jnp.where(slant > 0, slant, 1.0)[:, None]
-    along = (layout.position - place)[:, :2] / along @ wind
-    is_placed = ~given if charge.range is None else jnp.zeros_like(given)
-    return Path(
-        slant_range=jnp.where(given, told, slant),
-        ground_range=jnp.where(given, told, ground),
-        charge_mass=charge.mass,
-        height_of_burst=charge.up,
-        ambient_pressure=pressure,
-        sound_speed=effective_sound_speed(
-            sound_speed, jnp.where(is_placed, along, 0.0)
-        ),
-        air_density=air_density(temperature, pressure, air.relative_humidity),
-        p_speed=scene.ground.p_speed,
-        sedov_gamma=scene.sedov_gamma,
-        time_since_detonation=layout.time - clock_offsets(scene, layout) - charge.time,
-        sensor_height=jnp.where(is_placed, layout.position[:, 2], 0.0),
-        burst=charge.burst,
-        ground_path=scene.ground.path,
-    )
+    """Return what lies between a charge (the first) and the sensor of each row."""
+    charge = charge or scene.charge
+    since = layout.time - clock_offsets(scene, layout) - charge.time
+    return path_between(scene, charge, layout.position, layout.slant_range, since)
 
 
 def clock_offsets(scene: Scene, layout: Layout) -> Float[Array, " row"]:

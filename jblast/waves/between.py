@@ -1,0 +1,67 @@
+"""What lies between a charge of a scene and places near it."""
+
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from jblast.scene import Charge, Scene
+from jblast.waves.atmosphere import air_density, sound_speed_in_air, standard_atmosphere
+from jblast.waves.paths import Path, slant_range
+from jblast.waves.wind import effective_sound_speed
+
+
+def path_between(
+    scene: Scene,
+    charge: Charge,
+    position: Float[Array, "place 3"],
+    told_range: Float[Array, " place"],
+    time_since_detonation: Float[Array, " place"],
+) -> Path:
+    """Return what lies between a charge and some places.
+
+    The sound speed is the effective one along the path, wind included. The mass is
+    that of the explosive: what it is worth in TNT depends on the quantity.
+
+    Args:
+        scene: Air and ground.
+        charge: One charge of the scene. Its `range`, where it has one, is the distance
+            of every place.
+        position: East, north, up [m]; not used where `told_range` is finite.
+        told_range: Distance from the charge [m]; NaN where positions decide.
+        time_since_detonation: When a place is asked about [s]; NaN if at no time.
+    """
+    air = scene.air
+    source = jnp.stack([charge.east, charge.north, charge.up])[None, :]
+    given = jnp.isfinite(told_range)
+    slant = slant_range(source, position)
+    ground = slant_range(source[:, :2], position[:, :2])
+    if charge.range is not None:
+        slant = ground = jnp.broadcast_to(charge.range, slant.shape)
+    told = jnp.where(given, told_range, 1.0)
+    if air.altitude is None:
+        temperature, pressure = air.temperature, air.pressure
+    else:
+        temperature, pressure = standard_atmosphere(air.altitude)
+    sound_speed = air.sound_speed
+    if sound_speed is None:
+        sound_speed = sound_speed_in_air(temperature, pressure, air.relative_humidity)
+    wind = jnp.stack([air.wind_east, air.wind_north])
+    along = jnp.where(slant > 0, slant, 1.0)[:, None]
+    along = (position - source)[:, :2] / along @ wind
+    is_placed = ~given if charge.range is None else jnp.zeros_like(given)
+    return Path(
+        slant_range=jnp.where(given, told, slant),
+        ground_range=jnp.where(given, told, ground),
+        charge_mass=charge.mass,
+        height_of_burst=charge.up,
+        ambient_pressure=pressure,
+        sound_speed=effective_sound_speed(
+            sound_speed, jnp.where(is_placed, along, 0.0)
+        ),
+        air_density=air_density(temperature, pressure, air.relative_humidity),
+        p_speed=scene.ground.p_speed,
+        sedov_gamma=scene.sedov_gamma,
+        time_since_detonation=time_since_detonation,
+        sensor_height=jnp.where(is_placed, position[:, 2], 0.0),
+        burst=charge.burst,
+        ground_path=scene.ground.path,
+    )
