@@ -16,9 +16,12 @@ from jblast.scene import Air, Charge, Scene
 from jblast.scene.charge import Burst
 from jblast.sensors.question import scene_path, with_rows
 from jblast.waves.paths import Path
+from jblast.waves.weak_shock_iso import HUMIDITY
 
 MASS = 15.0
-"""Of the charge [kg]: scaled by its cube root, only Wu-Hao's laws depend on it."""
+"""Of the charge [kg]: scaled by its cube root, few laws depend on it."""
+UNSCALED = ("weak_shock_iso", "wu_hao")
+"""Those that do."""
 SCALED_DISTANCE = np.geomspace(0.05, 1e4, 600)
 SCALED_TIME = np.geomspace(1e-6, 1e-2, 600)
 BURSTS: tuple[Burst, Burst] = ("surface", "free-air")
@@ -91,11 +94,18 @@ def _size() -> float:
 
 
 def _path(burst: Burst) -> Path:
-    """Return the ways from a charge of TNT in dry standard air, on granite."""
+    """Return the ways from a charge of TNT in dry standard air, on granite.
+
+    Air without any vapour absorbs much more than any outdoors: absorption is that at
+    `HUMIDITY`.
+    """
     scene = Scene(charge=Charge(burst=burst), air=Air(relative_humidity=0.0))
     ranges, times = (jnp.asarray(_size() * x) for x in (SCALED_DISTANCE, SCALED_TIME))
     path = with_rows(scene_path(scene), ranges, jnp.full_like(ranges, MASS))
-    return dataclasses.replace(path, time_since_detonation=times)
+    humidity = jnp.asarray(HUMIDITY)
+    return dataclasses.replace(
+        path, time_since_detonation=times, relative_humidity=humidity
+    )
 
 
 def _factor(quantity: str) -> float | Float[np.ndarray, " point"]:

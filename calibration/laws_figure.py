@@ -12,6 +12,7 @@ from calibration.laws_curves import (
     SCALED_DISTANCE,
     SCALED_TIME,
     SPEEDS,
+    UNSCALED,
     Curve,
     Curves,
 )
@@ -181,8 +182,11 @@ def _label(quantity: str, unit: Unit) -> str:
 
 def _key(quantity: str, panels: Mapping[str, Curves]) -> str:
     parts = ["solid: where the law holds", "dashed: outside its range"]
-    if any("wu_hao" in curves for curves in panels.values()):
-        parts.append(f"wu_hao: {MASS:g} kg")
+    parts += [
+        f"{name}: {MASS:g} kg"
+        for name in UNSCALED
+        if any(name in curves for curves in panels.values())
+    ]
     if quantity == "shock_radius_m":
         parts.append("all but sedov_taylor: arrivals read the other way round")
     if len(panels) > 1:

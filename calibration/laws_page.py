@@ -29,8 +29,9 @@ Written by `python -m calibration.laws_page` from the registry, `jblast/registry
 
 Z is the scaled distance R/W^(1/3) for W kilograms of TNT at sea level. The figures are
 for dry air at 15 °C and 101325 Pa; times and impulses are divided by W^(1/3), arrivals
-by the time that sound, or a P wave in granite, takes. Only Wu and Hao's laws are no
-functions of Z: they are drawn for 15 kg. Ford's are drawn for a charge on the ground,
+by the time that sound, or a P wave in granite, takes. Only Wu and Hao's laws and what
+the air absorbs in `weak_shock_iso` are no functions of Z: they are drawn for 15 kg, the
+absorption for 50 % relative humidity. Ford's are drawn for a charge on the ground,
 Sedov's for a ratio of specific heats of 1.4. A law without a set for the other burst is
 missing there. The lower panels compare laws where both hold, and are cut off at 45 %,
 at 15 % for arrivals and shock speeds: near the charge the laws of nuclear shots and of

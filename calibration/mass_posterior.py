@@ -84,6 +84,8 @@ def estimate(log: Records, laws: list[Law]) -> MassEstimate:
         sedov_gamma=nothing,
         time_since_detonation=nothing,
         sensor_height=nothing,
+        temperature=nothing,
+        relative_humidity=nothing,
     )
     of_path = jnp.asarray(np.unique(log.path)[:, None] == log.path[None, :], float)
     total = np.zeros(len(grid))

@@ -4,6 +4,7 @@ import jax.numpy as jnp
 import numpy as np
 from matplotlib.figure import Figure
 
+from calibration.point_source import HANCOCK, law_over
 from jblast.report.figure_style import (
     BLUE,
     INK,
@@ -22,7 +23,7 @@ from jblast.waves.euler import (
     primitives,
 )
 from jblast.waves.euler.march import March
-from jblast.waves.point_source_front import log_overpressure_ratio, point_source_nodes
+from jblast.waves.point_source_front import log_overpressure_ratio
 
 PROFILES = (0.3, 1.0, 3.0, 10.0)
 """Radii of the shock whose profiles are drawn, lambda."""
@@ -32,27 +33,30 @@ def point_source_figure(decay: Decay, run: March) -> Figure:
     """Draw four plots: decay, differences, profiles, and the last profile's wave.
 
     Args:
-        decay: The solver's, at nodes.
+        decay: The solver's, between the nodes of its table.
         run: To lambda = 100.
     """
     figure = new_figure(11.0, 8.0)
     (above, apart), (inside, wave) = figure.subplots(2, 2)
     above.loglog(decay.scaled, decay.overpressure_ratio, color=BLUE)
-    printed = np.array(point_source_nodes()[:-2])
-    curve = np.exp(np.asarray(log_overpressure_ratio(jnp.log(printed))))
-    above.loglog(printed, curve, "o", color=VERMILLION, markersize=5)
-    above.set_ylabel("p/P0")
-    titled(above, "Decay", "line: solver; dots: printed")
-    fine = np.geomspace(0.1, 100.0, 500)
-    solver = np.exp(np.asarray(decay.pressure_curve().value(jnp.log(fine))))
-    now = np.exp(np.asarray(log_overpressure_ratio(jnp.log(fine))))
-    apart.semilogx(fine, 100.0 * (now / solver - 1.0), color=INK)
-    at_nodes = np.exp(np.asarray(decay.pressure_curve().value(jnp.log(printed))))
-    apart.semilogx(
-        printed, 100.0 * (curve / at_nodes - 1.0), "o", color=VERMILLION, markersize=5
+    log_scaled, log_ratio = np.array(HANCOCK).T
+    above.loglog(
+        np.exp(log_scaled), np.exp(log_ratio), "o", color=VERMILLION, markersize=5
     )
-    apart.set_ylabel("over the solver - 1 [%]")
-    titled(apart, "Interpolated now", "dots: the printed values")
+    above.set_ylabel("p/P0")
+    titled(above, "Decay", "line: solver; dots: blast-ips, table S1x4")
+    pressure, _ = law_over(decay)
+    apart.semilogx(decay.scaled, 1e6 * pressure, color=INK, linewidth=0.9)
+    curve = np.asarray(log_overpressure_ratio(jnp.asarray(log_scaled)))
+    apart.semilogx(
+        np.exp(log_scaled),
+        1e6 * np.expm1(curve - log_ratio),
+        "o",
+        color=VERMILLION,
+        markersize=5,
+    )
+    apart.set_ylabel("point_source over it - 1, millionths")
+    titled(apart, "Between the nodes", "line: over the solver; dots: over S1x4")
     for axes in (above, apart):
         axes.set_xlabel(r"$\lambda$")
         log_ticks(axes.xaxis, (0.1, 100.0))

@@ -42,6 +42,8 @@ def laws() -> dict[str, list[tuple[str, bool]]]:
         ground_range=along,
         time_since_detonation=along,
         sensor_height=jnp.array(0.0),
+        temperature=jnp.asarray(280.0),
+        relative_humidity=jnp.asarray(0.5),
         charge_mass=jnp.asarray(15.0),
         height_of_burst=jnp.asarray(0.5),
         ambient_pressure=jnp.asarray(9e4),

@@ -59,6 +59,7 @@ LAW_WORDS = {
     "point_source": "point-source",
     "sedov_taylor": "Sedov-Taylor",
     "shock_kinematics": "shock kinematics",
+    "weak_shock_iso": "weak shock with ISO 9613-1",
     "acoustic": "acoustic",
     "ford_2021": "Ford 2021",
 }

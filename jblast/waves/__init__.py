@@ -149,6 +149,9 @@ from jblast.waves.transmission_loss import (
 from jblast.waves.waveform import (
     blast_pressure as blast_pressure,
 )
+from jblast.waves.weak_shock_iso import (
+    weak_shock_iso_pressure as weak_shock_iso_pressure,
+)
 from jblast.waves.weak_shock_pressure import (
     weak_shock_pressure as weak_shock_pressure,
 )

@@ -62,6 +62,8 @@ def path_between(
         sedov_gamma=scene.sedov_gamma,
         time_since_detonation=time_since_detonation,
         sensor_height=jnp.where(is_placed, position[:, 2], 0.0),
+        temperature=temperature,
+        relative_humidity=air.relative_humidity,
         burst=charge.burst,
         ground_path=scene.ground.path,
     )

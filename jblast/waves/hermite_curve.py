@@ -2,7 +2,8 @@ r"""A curve through printed values with printed slopes: cubic between neighbours
 
 Value and slope are continuous, curvature jumps at the nodes. With values and slopes
 exact, the error over a spacing $h$ is $h^4/384$ times the fourth derivative. Outside
-the nodes the curve is a straight line.
+the nodes the curve is a straight line. Between evenly spaced nodes the stretch is found
+by arithmetic, else by a search.
 """
 
 from dataclasses import dataclass
@@ -28,25 +29,38 @@ class HermiteCurve:
     slope_before: float
     slope_after: float
 
-    def piece(
-        self, stretch: int, fraction: Float[np.ndarray, "..."]
-    ) -> Float[np.ndarray, "..."]:
-        """Return the value at fractions of one stretch, in NumPy."""
-        return np.polynomial.polynomial.polyval(fraction, self.coefficients[stretch])
+    def inside(self, x: Float[np.ndarray, "..."]) -> Float[np.ndarray, "..."]:
+        """Return the value between the nodes, in NumPy."""
+        stretch = np.searchsorted(self.nodes[1:-1], x, side="right")
+        t = (x - self.nodes[stretch]) / np.diff(self.nodes)[stretch]
+        return (self.coefficients[stretch] * t[..., None] ** np.arange(4)).sum(-1)
 
     def value(self, x: Float[Array, "..."]) -> Float[Array, "..."]:
         """Return the value anywhere."""
-        nodes, spacing, coefficients = (
-            jnp.asarray(array, x.dtype)
-            for array in (self.nodes, np.diff(self.nodes), self.coefficients)
+        nodes, spacing = (
+            jnp.asarray(array, x.dtype) for array in (self.nodes, np.diff(self.nodes))
         )
         inside = jnp.minimum(jnp.maximum(x, nodes[0]), nodes[-1])
-        stretch = jnp.searchsorted(nodes[1:-1], inside, side="right")
-        c0, c1, c2, c3 = jnp.moveaxis(coefficients[stretch], -1, 0)
-        t = (inside - nodes[stretch]) / spacing[stretch]
+        if self._is_even():  # a search and its gathers take most of the time
+            way = (inside - nodes[0]) / spacing[0]
+            stretch = jnp.minimum(way.astype(jnp.int32), spacing.size - 1)
+            t = way - stretch.astype(x.dtype)
+        else:
+            stretch = jnp.searchsorted(nodes[1:-1], inside, side="right")
+            t = (inside - nodes[stretch]) / spacing[stretch]
+        # By columns, which XLA reads twice as fast as rows; a stretch is never outside.
+        c0, c1, c2, c3 = (
+            jnp.asarray(column, x.dtype).at[stretch].get(mode="promise_in_bounds")
+            for column in self.coefficients.T
+        )
         outer = jnp.where(x < nodes[1], self.slope_before, self.slope_after)
         # Exactly on an end each of the two terms gives half of the slope: together one.
         return c0 + t * (c1 + t * (c2 + t * c3)) + outer.astype(x.dtype) * (x - inside)
+
+    def _is_even(self) -> bool:
+        """Whether the nodes are evenly spaced, but for rounding."""
+        even = np.linspace(self.nodes[0], self.nodes[-1], self.nodes.size)
+        return bool(np.allclose(self.nodes, even, rtol=0, atol=1e-12 * np.ptp(even)))
 
 
 def hermite_curve(

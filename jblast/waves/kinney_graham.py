@@ -17,11 +17,13 @@ compare with. Farther out the pressure falls as 1/Z, slower than a weak shock: 1
 times `shock_kinematics` at Z = 100, 1.7 at 500. That hardly moves the shock any more:
 its arrival stays within 0.2 % of `shock_kinematics` from Z = 7 on. So speed and arrival
 hold to 1e4, past which absorption counts, and from 0.06: at the surface the arrival is
-zero. Duration: from 0.5, where the formula turns up towards the charge (to 5 times
-Kingery's and Bulmash's at 0.2, and 0.98 s for 1 kg at none), to 40.
+zero. Duration: Z = 4.2 to 33, where it is less than 30 % short of Kingery's and
+Bulmash's.
 
-Outside, the duration goes on as a power law from Z = 0.5 and 300, the arrival from
-0.06; all others are powers of Z by themselves at both ends and go on as printed.
+Outside, the duration goes on as printed to Z = 0.5, where the formula turns up towards
+the charge (to 5 times Kingery's and Bulmash's at 0.2, and 0.98 s for 1 kg at none), and
+to 300; past these as a power law, as the arrival inside 0.06. All others are powers of
+Z by themselves at both ends and go on as printed.
 
 Against Kingery and Bulmash in free air at Z = 0.5, 1, 2, 5, 10, 40: pressure 1.03,
 1.08, 1.07, 0.93, 0.90, 1.23; duration 0.26, 0.29, 0.63, 0.74, 0.83, 0.67, far shorter
@@ -62,6 +64,9 @@ from jblast.waves.scaling import (
 SOURCE = "Kinney & Graham 1985 (Explosive Shocks in Air), over two transcriptions"
 LAST_COMPARED = 40.0
 """Scaled distance to which there is a table to compare with [m/kg^(1/3)]."""
+DURATION_COMPARES = (4.2, 33.0)
+"""Scaled distances between which the duration is within 30 % of Kingery's and Bulmash's
+[m/kg^(1/3)]; at 0.7 it is 23 % of theirs."""
 LAST_UNABSORBED = 1e4
 """Scaled distance up to which absorption may be forgotten [m/kg^(1/3)]."""
 
@@ -170,9 +175,10 @@ def kinney_graham_duration_valid(
     ambient_pressure: Float[ArrayLike, "..."] = STANDARD_PRESSURE,
     burst: str = "free-air",
 ) -> Bool[Array, "..."]:
-    """Return where the duration holds: it starts later than the others."""
+    """Return where the duration holds: not as near nor as far as the others."""
     z = scaled_distance(slant_range, charge_mass, ambient_pressure)
-    return (z >= DURATION.z_min) & (z <= LAST_COMPARED) & (burst == "free-air")
+    first, last = DURATION_COMPARES
+    return (z >= first) & (z <= last) & (burst == "free-air")
 
 
 def kinney_graham_arrival_valid(
@@ -187,7 +193,7 @@ def kinney_graham_arrival_valid(
 
 
 _RANGE = "free air, Z = 0.053 to 40 m/kg^(1/3) (ours)"
-_DURATION_RANGE = "free air, Z = 0.5 to 40 m/kg^(1/3) (ours)"
+_DURATION_RANGE = "free air, Z = 4.2 to 33 m/kg^(1/3) (ours)"
 _ARRIVAL_RANGE = "free air, Z = 0.06 to 1e4 m/kg^(1/3) (ours); no absorption"
 
 for _quantity, _function, _valid, _range, _sd, _joins in (

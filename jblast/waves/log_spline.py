@@ -1,8 +1,8 @@
 r"""Curves printed as points, made smooth and safe to leave.
 
-Through the points runs the natural cubic spline of $\ln y$ in $\ln z$. Its curvature
-is zero at both ends, where it goes on as a power law with the end slope: so value,
-slope and curvature are continuous everywhere, and there are no joins to speak of.
+Through the points runs a cubic spline of $\ln y$ in $\ln z$, which goes on as a power
+law with the end slope. The natural one has no curvature at its ends: so value, slope
+and curvature are continuous everywhere, and there are no joins to speak of.
 """
 
 import numpy as np
@@ -20,14 +20,41 @@ def natural_log_spline(
         z: Positive and rising.
         y: Positive.
     """
-    x, f = np.log(z), np.log(y)
+    return _spline(np.log(z), np.log(y), None)
+
+
+def clamped_log_spline(
+    z: Float[np.ndarray, " point"],
+    y: Float[np.ndarray, " point"],
+    start_slope: float,
+    end_slope: float,
+) -> HermiteCurve:
+    """Return the same with given slopes d ln y/d ln z at the ends, for curved ones.
+
+    Args:
+        z: Positive and rising.
+        y: Positive.
+        start_slope: At the first point.
+        end_slope: At the last point.
+    """
+    return _spline(np.log(z), np.log(y), (start_slope, end_slope))
+
+
+def _spline(
+    x: np.ndarray, f: np.ndarray, slopes: tuple[float, float] | None
+) -> HermiteCurve:
     h, rise = np.diff(x), np.diff(f) / np.diff(x)
     # Half the curvature at each point: continuous slopes give one equation for each
-    # point but the ends, where it is zero.
+    # point but the ends, where it is zero or follows from the slope.
     equations, right = np.eye(x.size), np.zeros(x.size)
     for i in range(1, x.size - 1):
         equations[i, i - 1 : i + 2] = h[i - 1], 2.0 * (h[i - 1] + h[i]), h[i]
         right[i] = 3.0 * (rise[i] - rise[i - 1])
+    if slopes is not None:
+        equations[0, :2] = 2.0 * h[0], h[0]
+        equations[-1, -2:] = h[-1], 2.0 * h[-1]
+        right[[0, -1]] = 3.0 * (rise[0] - slopes[0]), 3.0 * (slopes[1] - rise[-1])
     half = np.linalg.solve(equations, right)
     start = rise - h * (2.0 * half[:-1] + half[1:]) / 3.0
-    return hermite_curve(x, f, np.append(start, start[-1] + h[-1] * half[-2]))
+    end = start[-1] + h[-1] * (half[-2] + half[-1])
+    return hermite_curve(x, f, np.append(start, end))

@@ -25,6 +25,8 @@ class Path(eqx.Module):
         sedov_gamma: Ratio of specific heats behind a strong shock [-].
         time_since_detonation: When the row was taken [s]; NaN where it has no time.
         sensor_height: Height of the sensor above the ground [m].
+        temperature: Of the air [K].
+        relative_humidity: Of the air, fraction, 0 to 1.
         burst: "surface" or "free-air".
         ground_path: "head" (along the ground) or "thesis" (ground leg, then up).
     """
@@ -40,6 +42,8 @@ class Path(eqx.Module):
     sedov_gamma: Float[Array, "..."]
     time_since_detonation: Float[Array, "..."]
     sensor_height: Float[Array, "..."]
+    temperature: Float[Array, "..."]
+    relative_humidity: Float[Array, "..."]
     burst: Burst = eqx.field(static=True, default="surface")
     ground_path: GroundPath = eqx.field(static=True, default="head")
 

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from jblast.errors import InputError
 from jblast.waves.log_curve import Segment
 
 
@@ -40,26 +41,38 @@ class WeakShockTail:
         )
 
 
+def tail_from(join: float, pressure: float, slope: float) -> WeakShockTail:
+    r"""Return the tail that leaves a point: the slope decides $b$, then the value $A$.
+
+    Args:
+        join: Distance there, in any unit; $b$ is in the same.
+        pressure: $p$ there, in any unit; $A$ is in its product with that of distance.
+        slope: $d\ln p/d\ln Z$ there [-].
+
+    Raises:
+        InputError: The slope is flatter than that of 1/Z, which no tail's is.
+    """
+    if not slope < -1.0:
+        raise InputError(f"slope at join must be steeper than -1, got {slope:g}")
+    log_reach = -0.5 / (slope + 1.0)
+    return WeakShockTail(
+        join=join,
+        amplitude=pressure * join * math.sqrt(log_reach),
+        length=join * math.exp(-log_reach),
+    )
+
+
 def weak_shock_tail(pressure: Segment, join: float) -> WeakShockTail:
     """Return the tail that meets a pressure curve in value and slope.
-
-    The slope decides $b$, then the value decides $A$.
 
     Args:
         pressure: The curve, ln Pa against ln Z.
         join: Where they meet [m/kg^(1/3)].
 
     Raises:
-        ValueError: The curve is flatter than 1/Z there, which no tail is.
+        InputError: The curve is flatter than 1/Z there, which no tail is.
     """
-    slope = pressure.log_slope(math.log(join))
-    if slope >= -1.0:
-        raise ValueError(f"slope at join must be steeper than -1, got {slope}")
-    log_reach = -0.5 / (slope + 1.0)
-    return WeakShockTail(
-        join=join,
-        amplitude=math.exp(pressure.log_value(math.log(join)))
-        * join
-        * math.sqrt(log_reach),
-        length=join * math.exp(-log_reach),
+    log_z = math.log(join)
+    return tail_from(
+        join, math.exp(pressure.log_value(log_z)), pressure.log_slope(log_z)
     )

@@ -89,6 +89,8 @@ def test_laws_over_cells_are_the_laws(quantity, name):
             sedov_gamma=jnp.asarray(1.4),
             time_since_detonation=jnp.asarray(0.01),
             sensor_height=jnp.zeros(()),
+            temperature=jnp.asarray(280.0),
+            relative_humidity=jnp.asarray(0.5),
             burst="surface",
             ground_path="head",
         )

@@ -12,12 +12,13 @@ NAMES = sorted(
 
 
 def test_rows_come_by_column_without_the_head_of_comments():
-    rows = data_rows("point_source")
-    assert len(rows) == 9
-    assert rows[2] == {
-        "lambda": "1",
-        "overpressure_ratio": "0.4986",
-        "log_slope": "-1.73",
+    rows = data_rows("point_source_euler")
+    assert len(rows) == 139
+    assert rows[0] == {
+        "lambda": "0.1",
+        "overpressure_ratio": "157.7283",
+        "log_slope": "-2.97994",
+        "arrival": "0.003440707",
     }
 
 

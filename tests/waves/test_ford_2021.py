@@ -191,6 +191,8 @@ def test_table_of_laws_calls_the_packaged_and_a_refitted_set():
         sedov_gamma=nothing,
         time_since_detonation=nothing,
         sensor_height=jnp.array(0.0),
+        temperature=nothing,
+        relative_humidity=nothing,
     )
     packaged = law_for("positive_impulse_pa_s", "ford_2021")
     direct = ford_2021_impulse(path.slant_range, 200.0, 1.0, *STANDARD)

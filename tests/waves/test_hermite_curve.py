@@ -47,13 +47,43 @@ def test_value_and_slope_at_a_node_are_the_given_ones():
     np.testing.assert_allclose(jax.vmap(jax.grad(curve.value))(x), SLOPES, rtol=1e-13)
 
 
-def test_a_piece_is_the_curve_on_its_stretch():
+def test_inside_it_is_the_same_in_numpy():
     curve = hermite_curve(NODES, VALUES, SLOPES)
-    fraction = np.array([0.0, 0.3, 1.0])
-    x = NODES[1] + fraction * (NODES[2] - NODES[1])
+    x = np.linspace(-1.0, 3.0, 61).reshape(1, 61)
     np.testing.assert_allclose(
-        curve.piece(1, fraction), curve.value(jnp.asarray(x)), rtol=1e-14
+        curve.inside(x), curve.value(jnp.asarray(x)), rtol=0, atol=1e-13
     )
+
+
+@pytest.mark.parametrize("dtype", ["float32", "float64"])
+def test_evenly_spaced_nodes_are_found_without_a_search(dtype):
+    nodes = np.linspace(-1.0, 2.0, 8)
+    curve = hermite_curve(nodes, np.exp(nodes), np.exp(nodes))
+    # the nodes themselves, both sides of each, and beyond the ends
+    x = jnp.asarray(
+        [*nodes, *(nodes + 1e-6), *(nodes - 1e-6), *np.linspace(-2, 3, 50)], dtype
+    )
+    program = str(jax.make_jaxpr(curve.value)(x))
+    assert "search" not in program
+    assert "while" not in program
+    uneven = np.append(nodes, 2.5)
+    searched = hermite_curve(uneven, np.exp(uneven), np.exp(uneven))
+    assert "search" in str(jax.make_jaxpr(searched.value)(x))
+    between = x[(x >= -1.0) & (x <= 2.0)]
+    rounding = 1e-13 if dtype == "float64" else 1e-5  # of positions, by slopes up to 7
+    np.testing.assert_allclose(
+        curve.value(between), searched.value(between), rtol=0, atol=rounding
+    )
+    line = np.exp(2.0) * (1.0 + np.array([0.5, 1.0]))
+    np.testing.assert_allclose(
+        curve.value(jnp.asarray([2.5, 3.0], dtype)), line, rtol=rounding
+    )
+
+
+def test_what_is_no_number_stays_none():
+    nodes = np.linspace(-1.0, 2.0, 8)
+    curve = hermite_curve(nodes, np.exp(nodes), np.exp(nodes))
+    assert np.isnan(curve.value(jnp.array(np.nan)))
 
 
 def test_nodes_that_do_not_ascend_are_refused():

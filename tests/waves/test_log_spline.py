@@ -1,9 +1,9 @@
 import jax
 import jax.numpy as jnp
 import numpy as np
-from scipy.interpolate import CubicSpline
+from scipy.interpolate import CubicSpline, make_interp_spline
 
-from jblast.waves.log_spline import natural_log_spline
+from jblast.waves.log_spline import clamped_log_spline, natural_log_spline
 
 Z = np.array([0.1, 0.3, 0.5, 2.0, 3.0, 20.0])
 Y = np.array([50.0, 48.0, 30.0, 4.0, 2.5, 0.1])
@@ -18,6 +18,20 @@ def test_it_is_the_natural_spline_of_scipy_with_two_derivatives():
         np.testing.assert_allclose(
             jax.vmap(function)(log_z), REFERENCE(log_z, order), rtol=1e-12, atol=1e-12
         )
+
+
+def test_with_slopes_at_its_ends_it_is_the_clamped_spline_of_scipy():
+    spline = clamped_log_spline(Z, Y, -0.7, -2.0)
+    ends = [(1, -0.7)], [(1, -2.0)]
+    reference = make_interp_spline(np.log(Z), np.log(Y), bc_type=ends)
+    log_z = jnp.asarray(np.linspace(np.log(0.1) + 1e-6, np.log(20.0) - 1e-6, 300))
+    first = jax.grad(spline.value)
+    for order, function in enumerate((spline.value, first, jax.grad(first))):
+        np.testing.assert_allclose(
+            jax.vmap(function)(log_z), reference(log_z, order), rtol=1e-12, atol=1e-11
+        )
+    ends = [spline.slope_before, spline.slope_after]
+    np.testing.assert_allclose(ends, [-0.7, -2.0], rtol=1e-14)
 
 
 def test_it_goes_through_its_points():

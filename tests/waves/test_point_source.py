@@ -1,7 +1,5 @@
-import csv
 import math
 import os
-from importlib.resources import files
 from pathlib import Path
 
 import jax
@@ -16,6 +14,8 @@ from jblast.constants import (
     TNT_SPECIFIC_ENERGY,
 )
 from jblast.registry import law_for
+from jblast.waves.data_table import data_rows
+from jblast.waves.euler import decay_at, extrapolated, point_source_march
 from jblast.waves.kingery_bulmash import kingery_bulmash_pressure
 from jblast.waves.point_source import (
     LENGTH,
@@ -24,12 +24,13 @@ from jblast.waves.point_source import (
     point_source_shock_speed,
     point_source_valid,
 )
+from jblast.waves.point_source_arrival import log_sound_fraction
 from jblast.waves.point_source_front import (
+    ENDS,
     SEDOV_ALPHA,
     log_overpressure_ratio,
-    log_sound_fraction,
+    point_source_curve,
     point_source_mach_number,
-    point_source_nodes,
 )
 from jblast.waves.sedov_alpha import sedov_alpha
 from jblast.waves.sedov_taylor import sedov_taylor_shock_pressure
@@ -45,6 +46,26 @@ PRINTED = {
     1000.0: (1.196e-4, -1.071),
     1e6: (8.54e-8, -1.035),
 }
+"""p/P0 and its log slope: formulas.md, section 11."""
+HANCOCK = np.array(
+    [
+        (-2.24488609, 4.88903814),
+        (-1.16721453, 1.8076004),
+        (-0.04646313, -0.61610893),
+        (0.81621598, -1.96631546),
+        (1.16804146, -2.45239933),
+        (2.24458777, -3.81944261),
+        (3.4025784, -5.17912911),
+        (4.52354898, -6.43996798),
+        (5.43056776, -7.43661636),
+        (7.76583484, -9.94650281),
+    ]
+)
+"""ln lambda and ln p/P0: S. Hancock, blast-ips, table S1x4."""
+TABLE = {
+    name: np.array([float(row[name]) for row in data_rows("point_source_euler")])
+    for name in ("lambda", "overpressure_ratio", "log_slope", "arrival")
+}
 
 
 def overpressure_ratio(scaled):
@@ -56,55 +77,101 @@ def log_slope(scaled):
     return slope(jnp.log(jnp.asarray(scaled)))
 
 
-def test_values_and_slopes_at_the_nodes_are_the_printed_ones():
-    scaled = np.array([*PRINTED])
-    values, slopes = np.array([*PRINTED.values()]).T
-    np.testing.assert_allclose(overpressure_ratio(scaled), values, rtol=1e-12)
-    # two digits after the point at 0.1, where ours joins the strong limit
-    np.testing.assert_allclose(log_slope(scaled), slopes, rtol=0, atol=5e-3)
-    np.testing.assert_allclose(log_slope(scaled[1:]), slopes[1:], rtol=0, atol=1e-12)
+@pytest.mark.parametrize("scaled", PRINTED)
+def test_it_meets_the_printed_values_and_slopes(scaled):
+    value, slope = PRINTED[scaled]
+    # the print is good to 0.11 %; past 100 the weak-shock law falls behind
+    off = {1000.0: 1.5e-3, 1e6: 8.2e-3}.get(scaled, 1.1e-3)
+    assert float(overpressure_ratio(scaled)) == pytest.approx(value, rel=off)
+    # two or three digits after the point, the solver's to 0.005
+    assert float(log_slope([scaled])[0]) == pytest.approx(slope, abs=5e-3)
 
 
-def test_the_nodes_are_those_of_the_data_file():
-    text = (files("jblast.waves") / "data" / "point_source.csv").read_text()
-    rows = list(csv.reader(line for line in text.splitlines() if line[:1] != "#"))
-    assert rows[0] == ["lambda", "overpressure_ratio", "log_slope"]
-    np.testing.assert_allclose(point_source_nodes(), [float(r[0]) for r in rows[1:]])
+def test_it_is_the_method_of_characteristics_to_a_millionth_inside_the_table():
+    x, y = HANCOCK[:-2].T
+    np.testing.assert_allclose(log_overpressure_ratio(jnp.asarray(x)), y, atol=1e-6)
+
+
+def test_the_weak_shock_law_past_the_table_errs_as_it_says():
+    x, y = HANCOCK[-2:].T
+    off = 100 * np.expm1(np.asarray(log_overpressure_ratio(jnp.asarray(x))) - y)
+    np.testing.assert_allclose(off, [-0.02, -0.22], rtol=0, atol=5e-3)
+
+
+def test_it_runs_through_the_table_of_the_solver():
+    assert TABLE["lambda"][[0, -1]].tolist() == [*ENDS]
+    np.testing.assert_allclose(
+        np.exp(point_source_curve().nodes), TABLE["lambda"], rtol=1e-7
+    )
+    # seven digits of the values, at nodes that the print moves by 4e-8
+    np.testing.assert_allclose(
+        overpressure_ratio(TABLE["lambda"]), TABLE["overpressure_ratio"], rtol=2e-7
+    )
+    # the solver's slopes are parabolas through records, the first the strong limit's
+    np.testing.assert_allclose(
+        log_slope(TABLE["lambda"]), TABLE["log_slope"], rtol=0, atol=1e-3
+    )
+    # the solver's time and the integral of one over its speed
+    arrival = TABLE["lambda"] * np.exp(log_sound_fraction(jnp.log(TABLE["lambda"])))
+    np.testing.assert_allclose(arrival, TABLE["arrival"], rtol=6e-6)
+
+
+def test_the_table_is_what_the_solver_gives():
+    few = slice(5, 46, 8)  # 0.13 to 0.95
+    decay = decay_at(TABLE["lambda"][few], point_source_march(60, 1.0))
+    # 60 cells: 6e-4 of the strong shock, 1.3e-3 near 1
+    for name, got in (
+        ("overpressure_ratio", decay.overpressure_ratio),
+        ("arrival", decay.arrival),
+    ):
+        np.testing.assert_allclose(got, TABLE[name][few], rtol=2e-3, err_msg=name)
+    np.testing.assert_allclose(decay.slope, TABLE["log_slope"][few], rtol=0, atol=5e-3)
+
+
+@pytest.mark.slow
+def test_the_whole_table_is_the_limit_of_the_solver():
+    runs = [point_source_march(cells, ENDS[1]) for cells in (200, 400, 800)]
+    limit = extrapolated(*(decay_at(TABLE["lambda"], run) for run in runs))
+    # half of the seventh digit, 5e-7, and nodes that the print moves by 4e-8
+    for name, got in (
+        ("overpressure_ratio", limit.overpressure_ratio),
+        ("arrival", limit.arrival),
+    ):
+        np.testing.assert_allclose(got, TABLE[name], rtol=7e-7, err_msg=name)
+    np.testing.assert_allclose(limit.slope, TABLE["log_slope"], rtol=0, atol=2e-5)
+    scaled = np.geomspace(*ENDS, 1000)[1:-1]
+    between = extrapolated(*(decay_at(scaled, run) for run in runs))
+    np.testing.assert_allclose(
+        overpressure_ratio(scaled), between.overpressure_ratio, rtol=1e-5
+    )
 
 
 def test_close_in_it_is_the_strong_limit_of_sedov_and_taylor():
     assert float(sedov_alpha(1.4)) == pytest.approx(SEDOV_ALPHA, abs=5e-13)
     scaled = np.array([1e-3, 1e-2, 0.03])
     strong = sedov_taylor_shock_pressure(LENGTH * scaled, 1.0, 1.4) / STANDARD_PRESSURE
-    # the constant 1.135 on top: rounding at 1e-3, 2e-4 of 5800 at 0.03
+    # the constant 1.063 on top, printed to 1e-3; rounding of 1.6e8 at 1e-3
     np.testing.assert_allclose(
-        overpressure_ratio(scaled) - strong, 1.135, rtol=0, atol=6e-4
+        overpressure_ratio(scaled) - strong, 1.063, rtol=0, atol=6e-4
     )
     np.testing.assert_allclose(log_slope(scaled[:2]), -3.0, rtol=0, atol=3e-5)
 
 
-def test_value_and_slope_are_continuous_where_the_strong_limit_takes_over():
-    scaled = np.array([0.1 * (1 - 1e-9), 0.1 * (1 + 1e-9)])
+@pytest.mark.parametrize("join", ENDS)
+def test_value_and_slope_are_continuous_where_another_law_takes_over(join):
+    scaled = np.array([join * (1 - 1e-9), join * (1 + 1e-9)])
     low, high = log_slope(scaled)
-    # a step of 2e-9 times a curvature of 10
-    assert float(low) == pytest.approx(float(high), abs=2e-8)
+    # a step of 2e-9 times a curvature of less than 1
+    assert float(low) == pytest.approx(float(high), abs=2e-9)
     p = overpressure_ratio(scaled)
     assert float(p[1] / p[0]) == pytest.approx(1.0, abs=7e-9)
 
 
-def test_between_the_far_nodes_it_is_the_weak_shock_law():
+def test_far_away_it_is_near_the_weak_shock_law_of_the_exact_solution():
     scaled = np.geomspace(30.0, 1e6, 500)
+    # formulas.md, section 11: fitted to the exact solution up to 1e8
     weak = 0.320 / (scaled * np.sqrt(np.log(scaled / 0.804)))
-    ratio = overpressure_ratio(scaled) / weak
-    # the aim is 1 %; the fit's own three digits are 0.3 %
-    np.testing.assert_allclose(ratio, 1.0, rtol=0, atol=6.1e-3)
-
-
-def test_past_a_million_it_is_a_power_law():
-    # 10 times farther: 8.54e-8 * 10^-1.035
-    assert float(overpressure_ratio(1e7)) == pytest.approx(
-        8.54e-8 * 10**-1.035, rel=1e-9
-    )
+    np.testing.assert_allclose(overpressure_ratio(scaled) / weak, 1.0, atol=8.5e-3)
 
 
 @pytest.mark.skipif("JBLAST_REFERENCE" not in os.environ, reason="no reference")
@@ -117,8 +184,8 @@ def test_it_agrees_with_goldstine_and_von_neumann_below_two():
     ratio = np.asarray(overpressure_ratio(scaled)) / printed
     good = scaled < 2.0
     assert good.sum() > 40
-    # their computation is good to 1 %, ours between the nodes to 0.9 %: 1.1 % apart
-    np.testing.assert_allclose(ratio[good], 1.0, rtol=0, atol=0.011)
+    # their computation is good to 1 %
+    np.testing.assert_allclose(ratio[good], 1.0, rtol=0, atol=0.01)
     # farther theirs drifts off, to 4 %
     assert ratio[~good].min() == pytest.approx(0.96, abs=5e-3)
 
@@ -141,15 +208,13 @@ def test_the_effective_energy_of_tnt_is_the_printed_one(z, energy, digits):
     mass = (energy + np.array([-digits, digits])) / TNT_SPECIFIC_ENERGY
     low, high = point_source_pressure(z, mass)
     target = kingery_bulmash_pressure(z, 1.0, burst="free-air")
-    # The interpolation's 0.9 % in pressure, at a slope in energy of 1/3 to 1, is up to
-    # 2 % of the energy.
-    assert low * 0.99 < target < high * 1.01
+    assert low < target < high
 
 
-@pytest.mark.parametrize("scaled", [0.03, 0.1, 0.17, 0.9, 5.0, 300.0, 2e4, 9e5, 1e8])
+@pytest.mark.parametrize("scaled", [0.03, 0.1, 0.17, 0.9, 5.0, 300.0, 9e3, 2e4, 1e8])
 def test_the_arrival_is_the_integral_of_one_over_the_speed(scaled):
     mach = jax.jit(point_source_mach_number)
-    nodes = [math.log(n) for n in point_source_nodes() if n < scaled]
+    nodes = [n for n in point_source_curve().nodes[::5] if n < math.log(scaled)]
     total, start = 0.0, -25.0  # where the arrival is 1e-27
     for end in (*nodes, math.log(scaled)):
         total += quad(
@@ -157,9 +222,8 @@ def test_the_arrival_is_the_integral_of_one_over_the_speed(scaled):
         )[0]
         start = end
     arrival = point_source_arrival_time(LENGTH * scaled, 1.0) * STANDARD_SOUND_SPEED
-    # 2e-10 by the spacing of the table; past it the lead is held, 1e-7 of R at 1e6
-    rtol = 1e-9 if scaled <= 1e6 else 2e-8
-    assert float(arrival) == pytest.approx(LENGTH * total, rel=rtol)
+    # by the spacing of the table; past it the square of p/P0 is left out
+    assert float(arrival) == pytest.approx(LENGTH * total, rel=1e-9)
 
 
 def test_the_derivative_of_the_arrival_is_one_over_the_shock_speed():
@@ -242,4 +306,4 @@ def test_a_mass_of_zero_is_refused():
 def test_the_registry_knows_it_with_its_declared_scatter(quantity, sd):
     law = law_for(quantity, "point_source")
     assert law.scatter() == (sd, 0.0, sd)
-    assert len(law.joins) == len(PRINTED)
+    np.testing.assert_allclose(law.joins, [0.34564, 345.64], rtol=1e-5)

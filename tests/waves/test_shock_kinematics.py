@@ -9,6 +9,7 @@ from hypothesis import given, settings, strategies as st
 from scipy.integrate import quad
 
 from jblast.constants import STANDARD_PRESSURE, STANDARD_SOUND_SPEED
+from jblast.errors import InputError
 from jblast.registry import law_for
 from jblast.waves.kingery_bulmash import (
     kingery_bulmash_arrival_time,
@@ -98,7 +99,7 @@ def test_joined_at_40_the_surface_pressure_at_400_is_a_quarter_lower():
 
 def test_a_curve_flatter_than_sound_has_no_tail():
     curve = kingery_bulmash_curve("incident_pressure", "surface").segments[0]
-    with pytest.raises(ValueError, match="slope at join must be steeper than -1"):
+    with pytest.raises(InputError, match="slope at join must be steeper than -1"):
         weak_shock_tail(curve, 0.0674)
 
 

@@ -10,7 +10,6 @@ from jblast.waves.euler.exact_riemann import (
     riemann_profile as riemann_profile,
     star_state as star_state,
 )
-from jblast.waves.euler.far_field import far_field as far_field
 from jblast.waves.euler.gas import Gas as Gas, IdealGas as IdealGas
 from jblast.waves.euler.gauges import (
     cell_centres as cell_centres,

@@ -3,6 +3,7 @@ r"""The point source from the strong shock to $\lambda = 100$, in scaled terms.
 With $P_0 = \rho_0 = E = 1$ the radius of the shock is $\lambda = R\,(P_0/E)^{1/3}$.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import jax.numpy as jnp
@@ -44,7 +45,13 @@ class Decay:
 
 
 def point_source_march(
-    cells: int, end: float, *, courant: float = COURANT, limited: bool = True
+    cells: int,
+    end: float,
+    *,
+    courant: float = COURANT,
+    limited: bool = True,
+    stride: int = STRIDE,
+    gauges: Sequence[float] = (),
 ) -> March:
     r"""Run a point source in air of gamma 1.4.
 
@@ -53,13 +60,15 @@ def point_source_march(
         end: $\lambda$ where it stops [-].
         courant: Fraction of the largest stable step.
         limited: Whether slopes are limited.
+        stride: Steps from one record to the next.
+        gauges: $\lambda$ at which pressure and velocity are recorded [-].
 
     Raises:
         InputError: There are too few cells to hold the source.
     """
     air = Ambient(jnp.ones(()), jnp.ones(()), IdealGas())
     flow, state = start_sedov(1.0, air, START_FRACTION, cells=cells, limited=limited)
-    return march(state, flow, end, stride=STRIDE, courant=courant)
+    return march(state, flow, end, stride=stride, courant=courant, gauges=gauges)
 
 
 def decay_at(

@@ -56,7 +56,7 @@ class Rates(NamedTuple):
 def step(
     state: State,
     flow: Flow,
-    courant: float,
+    courant: float | Float[Array, ""],
     end: Float[Array, "..."],
 ) -> tuple[State, Front]:
     """Advance by one step, and return what the front was at its beginning.
