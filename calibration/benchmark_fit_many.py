@@ -26,7 +26,6 @@ import math
 import os
 import time
 from collections.abc import Callable
-from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -42,6 +41,7 @@ from calibration.six_stations import (
     scene_of,
     scipy_ends,
 )
+from jblast.fidelity.timing import best_of
 from jblast.inference.many import ManyFits, fit_many
 from jblast.inference.many.engine import engine_for
 from jblast.sensors import planned_layout
@@ -66,18 +66,6 @@ def random_starts(key: PRNGKeyArray, readings: Float[Array, "log row"]):
         ],
         axis=1,
     )
-
-
-def best_of(call: Callable[[], Any]) -> tuple[float, Any]:
-    """Return the least seconds a call takes, once compiled, and what it returns."""
-    jax.block_until_ready(jax.tree.leaves(call()))
-    best, answer = math.inf, None
-    for _ in range(REPEATS):
-        start = time.perf_counter()
-        answer = call()
-        jax.block_until_ready(jax.tree.leaves(answer))
-        best = min(best, time.perf_counter() - start)
-    return best, answer
 
 
 def fit_many_text() -> str:

@@ -10,35 +10,38 @@ sampler it is that of the whole run timed.
 """
 
 import os
-import time
 
 import emcee
 import equinox as eqx
 import jax
-import jax.numpy as jnp
 import numpy as np
 
-from calibration.coverage import LAWS, RECORDS, TRUTH, scene_with
-from jblast.inference import Posterior, ensemble_emcee, ensemble_scan
+from jblast.fidelity.timing import best_of
+from jblast.inference import ensemble_emcee
 from jblast.inference.convergence import convergence
-from jblast.inference.identifiability import identifiability
 from jblast.inference.importance import importance
-from jblast.inference.laplace import laplace
-from jblast.inference.mixture import Mixture, mixture_of
-from jblast.inference.optimum import optima
-from jblast.inference.parameters import parameters_of
-from jblast.inference.walk import State, Stretch
-from jblast.inference.weighted import weighted_quantiles
-from jblast.inference.whitening import densities, whitened
-from jblast.scene import UncertainScene, freed
-from jblast.sensors import observe, planned_layout
-from jblast.sensors.record import comparable
+from jblast.inference.laplace import NORMAL_Q95
+from jblast.inference.walk import Stretch
+from jblast.inference.whitening import densities
+from jblast.study.charts.samplers import (
+    REFERENCE_SEED,
+    known,
+    weighted_ends,
+)
+from jblast.study.five_microphones import RECORDS
+from jblast.study.timed_walks import (
+    EMCEE,
+    SCAN,
+    WALKERS,
+    Sampler,
+    interval_ends,
+    timed_walk,
+    unit_normal,
+)
 
-WALKERS = 256
 STEPS = 2000
 REFERENCE = 40_000
 REPEATS = 3
-SHARES = (0.05, 0.95)
 
 
 class Free(eqx.Module):
@@ -49,16 +52,6 @@ class Free(eqx.Module):
         return -0.5 * w @ w
 
 
-def posterior() -> Posterior:
-    """Return the posterior of one simulated log."""
-    scene = scene_with(scatter=False)
-    layout, sigma, _ = planned_layout(scene)
-    read = observe(jax.random.key(11), scene, layout, LAWS, sigma)
-    parameters = parameters_of(freed(UncertainScene(scene), list(TRUTH)))
-    measured = comparable(read, layout.quantity)
-    return Posterior(parameters, layout, measured, sigma, tuple(LAWS.items()))
-
-
 def samplers_text() -> str:
     """Measure and return the table."""
     with jax.enable_x64(True):
@@ -66,20 +59,17 @@ def samplers_text() -> str:
 
 
 def _text() -> str:
-    what = posterior()
-    z = np.asarray(optima(jax.random.key(0), what).z[0])
-    told = identifiability(what, z)
-    normal = laplace(what, z, told.told)
-    density = whitened(what, normal, told)
+    what = known()
+    normal, density = what.normal, what.density
+    free = normal.z.size
     axes = np.asarray(density.root)
-    long, _ = _walk(ensemble_scan.walk, ensemble_scan, density, REFERENCE, 1, 1)
-    true = _ends(long[REFERENCE // 10 :] @ axes.T)
-    sd = (long[REFERENCE // 10 :] @ axes.T).reshape(-1, len(z)).std(axis=0)
+    long = timed_walk(SCAN, density, free, REFERENCE, REFERENCE_SEED)[0] @ axes.T
+    true, sd = interval_ends(long), long.reshape(-1, free).std(axis=0)
 
     lines = [
         f"Samplers: {jax.devices()[0].platform}, {os.cpu_count()} cores, emcee "
         f"{emcee.__version__}, jax {jax.__version__}, {len(RECORDS)} readings at each "
-        f"of five microphones, {len(z)} unknowns, {WALKERS} walkers",
+        f"of five microphones, {free} unknowns, {WALKERS} walkers",
         "",
         f"{'':38}{'ESS/s':>10}{'density/s':>12}{'tau':>8}{'error of ends':>16}",
     ]
@@ -96,46 +86,35 @@ def _text() -> str:
         )
 
     rates = {}
-    free = Free()
-    for name, walk, engine, of in (
-        ("emcee", ensemble_emcee.walk, ensemble_emcee, density),
-        ("emcee, stretch move alone", _stretch_alone, ensemble_emcee, density),
+    alone = emcee.moves.StretchMove()
+    for name, sampler, of in (
+        ("emcee", EMCEE, density),
+        ("emcee, stretch move alone", _emcee(_by_jax, alone), density),
         (
             "emcee, density free",
-            _numpy_free(ensemble_emcee.moves(_normal(len(z)))),
-            ensemble_emcee,
-            free,
+            _emcee(_by_numpy, ensemble_emcee.moves(unit_normal(free))),
+            Free(),
         ),
-        (
-            "emcee, stretch alone, density free",
-            _numpy_free(emcee.moves.StretchMove()),
-            ensemble_emcee,
-            free,
-        ),
-        ("one lax.scan", ensemble_scan.walk, ensemble_scan, density),
-        ("one lax.scan, density free", ensemble_scan.walk, ensemble_scan, free),
+        ("emcee, stretch alone, density free", _emcee(_by_numpy, alone), Free()),
+        ("one lax.scan", SCAN, density),
+        ("one lax.scan, density free", SCAN, Free()),
     ):
-        chain, seconds = _walk(walk, engine, of, STEPS)
-        kept = chain[STEPS // 10 :] @ (axes.T if of is density else np.eye(len(z)))
+        chain, seconds = timed_walk(sampler, of, free, STEPS, repeats=REPEATS)
+        kept = chain @ (axes.T if of is density else np.eye(free))
         tau = float(np.max(convergence(kept).tau))
         rates[name] = WALKERS * STEPS / tau / seconds
-        ends = _ends(kept) if of is density else None
+        ends = interval_ends(kept) if of is density else None
         row(name, rates[name], WALKERS * STEPS / seconds, tau, ends)
-    weighted, seconds = importance(what, normal), np.inf
-    for _ in range(REPEATS):
-        start = time.perf_counter()
-        weighted = importance(what, normal)
-        seconds = min(seconds, time.perf_counter() - start)
-    ends = np.array(
-        [
-            weighted_quantiles(x, weighted.weights, SHARES)
-            for x in (weighted.z - normal.z).T
-        ]
-    ).T
+    seconds, weighted = best_of(lambda: importance(what.posterior, normal), REPEATS)
     count = len(weighted.z)
-    row("importance sampling", weighted.ess / seconds, count / seconds, None, ends)
+    row(
+        "importance sampling",
+        weighted.ess / seconds,
+        count / seconds,
+        ends=weighted_ends(weighted, normal),
+    )
     sds = np.sqrt(np.diag(normal.covariance))
-    row("Laplace", ends=np.outer([-1.6449, 1.6449], sds))
+    row("Laplace", ends=np.outer([-NORMAL_Q95, NORMAL_Q95], sds))
     ceiling = rates["emcee"] / rates["emcee, density free"]
     lines += [
         "",
@@ -146,45 +125,18 @@ def _text() -> str:
     return "\n".join(lines)
 
 
-def _ends(chain):
-    """Return the ends of the 90 % interval of each unknown, from the optimum."""
-    return np.quantile(chain.reshape(-1, chain.shape[-1]), SHARES, axis=0)
+def _by_numpy(density):
+    """Return the density that costs nothing, as a line of NumPy."""
+    return lambda w: -0.5 * np.einsum("ij,ij->i", w, w)
 
 
-def _normal(free: int) -> Mixture:
-    """Return the unit normal: the posterior's approximation where it is round."""
-    return mixture_of(np.zeros((1, free)), np.eye(free)[None], np.ones(1))
+def _by_jax(density):
+    return lambda w: np.asarray(densities(density, w))
 
 
-def _walk(walk, engine, density, steps, seed=0, repeats=REPEATS):
-    """Walk, and return the chain and the seconds it took at best, once compiled."""
-    free = 4 if isinstance(density, Free) else len(density.center)
-    w = np.random.default_rng(seed).standard_normal((WALKERS, free))
-    value = np.array(densities(density, jnp.asarray(w)))
-    state = State(w, value, engine.first_random(seed))
-    about = _normal(free)
-    state = walk(density, about, state, ensemble_scan.BLOCK, lambda: None).end
-    chain, best = state.walkers[None], np.inf
-    for _ in range(repeats):  # each the same walk
-        start = time.perf_counter()
-        chain = walk(density, about, state, steps, lambda: None).chain
-        best = min(best, time.perf_counter() - start)
-    return chain, best
+def _emcee(function_of, moves) -> Sampler:
+    """Return emcee by itself, with some moves."""
 
-
-def _numpy_free(moves):
-    """Return a walk by emcee whose density is a line of NumPy."""
-    return _emcee(lambda _: lambda w: -0.5 * np.einsum("ij,ij->i", w, w), moves)
-
-
-def _stretch_alone(density, mixture, state, steps, tick):
-    return _emcee(
-        lambda density: lambda w: np.asarray(densities(density, w)),
-        emcee.moves.StretchMove(),
-    )(density, mixture, state, steps, tick)
-
-
-def _emcee(function_of, moves):
     def walk(density, mixture, state, steps, tick):
         count, free = state.walkers.shape
         sampler = emcee.EnsembleSampler(
@@ -199,4 +151,4 @@ def _emcee(function_of, moves):
         chain, value = sampler.get_chain(), sampler.get_log_prob()
         return Stretch(np.asarray(chain), np.asarray(value), state.random)
 
-    return walk
+    return Sampler(walk, ensemble_emcee.first_random)

@@ -9,8 +9,6 @@ interval from the expected information, as `jblast fit` does; the second from th
 curvature of the posterior at the optimum.
 """
 
-import dataclasses
-
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -21,31 +19,13 @@ from jblast.inference import Posterior
 from jblast.inference.fisher import information
 from jblast.inference.optimum import optima
 from jblast.inference.parameters import parameters_of
-from jblast.scene import Scene, Sensor, UncertainScene, freed, with_values
+from jblast.scene import Scene, UncertainScene, freed
 from jblast.sensors import observe, planned_layout
 from jblast.sensors.observe import Noise
 from jblast.sensors.record import comparable
+from jblast.study.five_microphones import LAWS, TRUTH, scene_with
 
 LOGS = 400
-PLACES = ((60, 0), (-70, 30), (0, 90), (20, -80), (120, 100))
-RECORDS = (("air_arrival_s", 1e-4), ("peak_overpressure_pa", 0.02))
-TRUTH = {
-    "charge_mass_kg": 30.0,
-    "charge_east_m": 10.0,
-    "charge_north_m": -5.0,
-    "origin_time_s": 1.5,
-}
-LAWS = {quantity: "shock_kinematics" for quantity, _ in RECORDS}
-
-
-def scene_with(*, scatter: bool) -> Scene:
-    """Return five microphones about a charge, laws exact or scattering."""
-    sensors = tuple(
-        Sensor(f"m{i}", jnp.array([*place, 1.5]), records=RECORDS)
-        for i, place in enumerate(PLACES)
-    )
-    empty = dataclasses.replace(Scene(), scatter=scatter, sensors=sensors)
-    return with_values(empty, TRUTH)
 
 
 def coverage(scene: Scene, noise: Noise) -> tuple[np.ndarray, np.ndarray]:

@@ -34,3 +34,13 @@ CLOCK_TIMES = ("flash_time_s", "air_arrival_s", "ground_arrival_s")
 
 TIMES = (*CLOCK_TIMES, "arrival_difference_s")
 """Quantities whose errors are in seconds; all others err in ln, so are positive."""
+
+COMPONENTS: dict[str, tuple[tuple[str, float], ...]] = {
+    "arrival_difference_s": (("air_arrival_s", 1.0), ("ground_arrival_s", -1.0)),
+}
+"""Quantities that are signed sums of others; the rest have a law of their own."""
+
+
+def components(quantity: str) -> tuple[tuple[str, float], ...]:
+    """Return the quantities with a law, and their signs, that make up a quantity."""
+    return COMPONENTS.get(quantity, ((quantity, 1.0),))

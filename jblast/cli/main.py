@@ -1,7 +1,7 @@
 """The command line: picks the verb, turns errors into one message and an exit code.
 
-Exit codes: 0 answered; 1 our own failure; 2 bad input; 4 computed, but not converged or
-not identifiable.
+Exit codes: 0 answered; 1 our own failure; 2 bad input; 4 computed, but not converged,
+not identifiable or not good enough.
 """
 
 import argparse
@@ -14,10 +14,10 @@ import warnings
 from collections.abc import Sequence
 
 from jblast import __version__
-from jblast.cli import bound, calc, fit, scene, simulate
+from jblast.cli import bound, calc, chart, choose, fit, scene, simulate, stability
 from jblast.errors import InputError
 
-VERBS = (fit, calc, bound, scene, simulate)
+VERBS = (fit, calc, bound, choose, scene, simulate, chart, stability)
 NEGATIVE = re.compile(r"-(\d+\.?\d*|\.\d+)(e[+-]?\d+)?$", re.IGNORECASE)
 CLOSED_PIPE = 128 + 13
 INTERRUPTED = 128 + 2
@@ -31,7 +31,7 @@ def parser() -> argparse.ArgumentParser:
         description="Differentiable blast physics: fit a blast from sensor recordings.",
         epilog="Start with: jblast fit OBSERVATIONS.csv, or jblast calc --mass 15 "
         "--range 20. Exit codes: 0 answered; 1 our own failure; 2 bad input; "
-        "4 computed, but not converged or not identifiable. "
+        "4 computed, but not converged, not identifiable or not good enough. "
         "For safety engineering, forensics and sensing; designs no explosives.",
     )
     root.add_argument("--version", action="version", version=f"jblast {__version__}")

@@ -92,7 +92,8 @@ def _estimates(solution: Solution, sure: HowSure) -> dict[str, dict[str, float |
 def _derived(estimates, solution: Solution) -> dict[str, dict[str, float | None]]:
     """What follows from each mass: as TNT by pressure, and as energy by convention.
 
-    The TNT mass by impulse is told where it differs.
+    The TNT mass by impulse is told where it differs. A log of the front alone tells
+    energy: the TNT mass is that of the energy then.
     """
     z = solution.laplace.z
     parameters = solution.posterior.parameters
@@ -109,10 +110,10 @@ def _derived(estimates, solution: Solution) -> dict[str, dict[str, float | None]
             what: float(charge.tnt_mass(quantity) / charge.mass)
             for what, quantity in TNT_MASS_BY.items()
         }
-        derived[f"charge_tnt_mass_kg{label}"] = _times(
-            estimates[mass], per_kg["pressure"]
-        )
-        if per_kg["impulse"] != per_kg["pressure"]:
+        front_alone = set(solution.posterior.layout.quantity) == {"shock_radius_m"}
+        first = per_kg["energy" if front_alone else "pressure"]
+        derived[f"charge_tnt_mass_kg{label}"] = _times(estimates[mass], first)
+        if per_kg["impulse"] != per_kg["pressure"] and not front_alone:
             derived[f"charge_tnt_mass_by_impulse_kg{label}"] = _times(
                 estimates[mass], per_kg["impulse"]
             )

@@ -132,7 +132,8 @@ def solve(
             'that is "free", has a prior, or is named by --free'
         )
     layout = layout_of(observations, uncertain.scene)
-    laws = resolve_laws(uncertain.scene, layout)
+    sigma = observations.error_scale()
+    laws = resolve_laws(uncertain.scene, layout, sigma)
     key = jax.random.key(seed)
     for last in (False, True):
         posterior = posterior_of(
@@ -149,7 +150,7 @@ def solve(
                 "readings, sigmas and a scene that one charge could explain"
                 + (f", got no number for {_shortly(rows)}" if rows else "")
             )
-        there = resolve_laws(parameters.scene_at(found.z[0]), layout)
+        there = resolve_laws(parameters.scene_at(found.z[0]), layout, sigma)
         settled = law_names(there) == law_names(laws)
         if settled or last:
             break

@@ -96,7 +96,7 @@ def planned(
     z = jnp.stack([b.unconstrain(jnp.asarray(values[n])) for n, b in beliefs.items()])
     parameters = parameters_of(UncertainScene(scene, beliefs))
     drawn, sigma, sensors = planned_layout(scene)
-    laws = resolve_laws(scene, drawn)
+    laws = resolve_laws(scene, drawn, np.asarray(sigma))
     names = tuple(sorted(law_names(laws).items()))
     blank = Posterior(parameters, drawn, jnp.zeros_like(sigma), sigma, names, noise)
     value = np.asarray(blank.misfit(z).predicted)

@@ -10,7 +10,8 @@ from jaxtyping import Array, Bool, Float
 from jblast.errors import InputError
 from jblast.inference.likelihood import log_likelihood
 from jblast.inference.parameters import Parameters
-from jblast.observations import TIMES, Observations
+from jblast.observations import Observations
+from jblast.observations.clocks import refuse_unresolved
 from jblast.registry import law_for
 from jblast.scene import Scene
 from jblast.sensors import Layout, record
@@ -113,14 +114,13 @@ def posterior_of(
             rows times shared effects are more than `HELD`.
     """
     refuse_exact(observations, parameters.scene.scatter, laws)
+    refuse_unresolved(observations)
     _refuse_vast(observations, parameters.scene, layout, laws)
-    timed = np.isin(observations.quantity, TIMES)
-    value, sigma = observations.value, np.nan_to_num(observations.sigma)
     return Posterior(
         parameters=parameters,
         layout=layout,
-        measured=comparable(value, observations.quantity),
-        sigma=jnp.asarray(np.where(timed, sigma, sigma / np.abs(value))),
+        measured=comparable(observations.value, observations.quantity),
+        sigma=jnp.asarray(np.nan_to_num(observations.error_scale())),
         laws=tuple(sorted(laws.items())),
         noise=noise,
     )

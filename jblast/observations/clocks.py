@@ -1,9 +1,14 @@
-"""The clocks of a log: which there are, and which a scene may leave open."""
+"""The clocks of a log: which there are, which may be left open, how fine they are."""
 
 from collections.abc import Collection
+from typing import Any
+
+import jax.numpy as jnp
+import numpy as np
 
 from jblast.errors import InputError, nearest, shown
 from jblast.observations.table import Observations
+from jblast.quantities import CLOCK_TIMES
 from jblast.scene import Scene
 from jblast.scene.parameters import CLOCK_OFFSET
 
@@ -46,3 +51,34 @@ def check_clocks(
                 f"scene gives sensor {shown(sensor)} a clock_offset_s of its own; "
                 "expected one of the two"
             )
+
+
+def refuse_unresolved(
+    observations: Observations, dtype: type[np.floating[Any]] | None = None
+) -> None:
+    """Refuse a clock time that the computation's numbers are too coarse for.
+
+    A time since 1970 in single precision has steps of 128 s: a fit would converge on
+    nonsense. Neighbouring numbers may be one sigma apart, which is a rounding error of
+    0.3 sigma.
+
+    Args:
+        observations: The log.
+        dtype: Of the computation; JAX's default.
+
+    Raises:
+        InputError: As said; the message names the first such row.
+    """
+    if dtype is None:
+        dtype = jnp.zeros(()).dtype.type
+    timed = np.isin(observations.quantity, CLOCK_TIMES)
+    value = np.where(timed, observations.value, 0.0)
+    spacing = np.spacing(np.abs(value).astype(dtype)).astype(float)
+    coarse = timed & (spacing > observations.sigma)  # no sigma, NaN: not compared
+    for row in np.flatnonzero(coarse):
+        raise InputError(
+            f"{observations.where(int(row))}: {observations.quantity[row]} = "
+            f"{value[row]:.10g} s with a sigma of {observations.sigma[row]:g} s: in "
+            f"{np.dtype(dtype).name} such times are {spacing[row]:.3g} s apart; "
+            "expected times counted from near the shot, or float64 (jax_enable_x64)"
+        )

@@ -61,6 +61,11 @@ class Observations:
             return f"{source}: line {self.line[row]}"
         return f"{source}: row {row + 1}"
 
+    def error_scale(self) -> Float[np.ndarray, " row"]:
+        """Return each sigma in the space its errors live in: seconds, else relative."""
+        timed = np.isin(self.quantity, TIMES)
+        return np.where(timed, self.sigma, self.sigma / np.abs(self.value))
+
     def clocks(self) -> tuple[str, ...]:
         """Return the name of each row's clock: its recorder, else its sensor."""
         return tuple(c or s for c, s in zip(self.clock, self.sensor, strict=True))

@@ -1,36 +1,36 @@
 """Which law answers for which quantity, where the user leaves it to us.
 
-Until the choice is measured it is the rule of the contract: one law a quantity a log.
+One law a quantity a log: `fidelity.choose_for` over the places of its rows, within a
+third of their smallest sigma.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import equinox as eqx
-import jax.numpy as jnp
+import jax
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Float
 
-import jblast.waves as _waves  # noqa: F401  laws enter the registry as they are imported
 from jblast.errors import InputError, nearest
+from jblast.fidelity import choose_for, tolerance_of
+from jblast.fidelity.ways import Ways, ways_of
 from jblast.registry import names_for
 from jblast.scene import Scene
 from jblast.sensors.layout import Layout
 from jblast.sensors.record import path_to
-from jblast.waves.scaling import scaled_distance
-
-ONLY = {
-    "flash_time_s": "light",
-    "ground_arrival_s": "wu_hao",
-    "reflected_pressure_pa": "kingery_bulmash",
-    "reflected_impulse_pa_s": "kingery_bulmash",
-    "shock_radius_m": "sedov_taylor",
-}
-KINGERY_BULMASH_END = 40.0
-FORD_2021_START = 20.0
 
 
-def resolve_laws(scene: Scene, layout: Layout) -> dict[str, tuple[str, str]]:
+def resolve_laws(
+    scene: Scene, layout: Layout, sigma: Float[np.ndarray, " row"] | None = None
+) -> dict[str, tuple[str, str]]:
     """Return law and reason for every quantity: as the scene says, else chosen.
+
+    Args:
+        scene: What is there.
+        layout: Rows of a log.
+        sigma: Of each row; seconds for times, else relative; NaN where it is not told.
+            Without any, the best law there is is chosen.
 
     Raises:
         InputError: The scene names a law that does not give a quantity, or no law gives
@@ -44,54 +44,70 @@ def resolve_laws(scene: Scene, layout: Layout) -> dict[str, tuple[str, str]]:
                 f"{', '.join(names_for(quantity)) or '(none yet)'}"
                 f"{nearest(name, names_for(quantity))}"
             )
-    automatic = choose_laws(scene, layout)
-    answer = {}
-    for quantity in layout.quantities():
-        name = chosen.get(quantity, "auto")
-        if name == "auto":
-            answer[quantity] = automatic[quantity]
-        else:
-            answer[quantity] = (name, "as asked for")
-    return answer
+    left = [q for q in layout.quantities() if chosen.get(q, "auto") == "auto"]
+    automatic = choose_laws(scene, layout, left, sigma) if left else {}
+    return {
+        quantity: automatic.get(quantity, (chosen.get(quantity, ""), "as asked for"))
+        for quantity in layout.quantities()
+    }
 
 
-def choose_laws(scene: Scene, layout: Layout) -> dict[str, tuple[str, str]]:
-    """Return the automatic law and the reason for every quantity of a layout.
+def choose_laws(
+    scene: Scene,
+    layout: Layout,
+    quantities: Sequence[str],
+    sigma: Float[np.ndarray, " row"] | None = None,
+) -> dict[str, tuple[str, str]]:
+    """Return the automatic law and the reason for some quantities of a layout.
 
     Raises:
         InputError: No law gives a quantity yet.
     """
-    z = {name: np.asarray(each) for name, each in _distances(scene, layout).items()}
-    return {quantity: _choose(quantity, z[quantity]) for quantity in z}
+    for quantity in quantities:
+        if not names_for(quantity):
+            raise InputError(f"no law gives {quantity}: not supported yet")
+    told = np.full(len(layout.quantity), np.nan) if sigma is None else np.array(sigma)
+    ways = jax.tree.map(np.asarray, _ways(scene, layout, tuple(quantities)))
+    return {
+        quantity: _choose(quantity, layout, ways[quantity], told)
+        for quantity in quantities
+    }
 
 
 @eqx.filter_jit
-def _distances(scene: Scene, layout: Layout) -> dict[str, Float[Array, " n"]]:
-    """Return the scaled distances of the rows that each quantity takes part in."""
-    answer: dict[str, list[Array]] = {name: [] for name in layout.quantities()}
+def _ways(
+    scene: Scene, layout: Layout, quantities: tuple[str, ...]
+) -> dict[str, list[Ways | None]]:
+    """Return the ways from every charge to the rows a quantity takes part in."""
+    ways: dict[str, list[Ways | None]] = {quantity: [] for quantity in quantities}
     for shot, charge in enumerate(scene.charges):
         path = path_to(scene, layout, charge)
-        for quantity, found in answer.items():
+        for quantity, found in ways.items():
             rows, _ = layout.rows(quantity, shot)
-            mass = charge.tnt_mass(quantity)
-            z = scaled_distance(path.slant_range, mass, path.ambient_pressure)
-            found.append(z[rows])
-    return {name: jnp.concatenate(found) for name, found in answer.items()}
+            way = replace(
+                jax.tree.map(lambda x, rows=rows: x[rows] if x.ndim else x, path),
+                charge_mass=charge.tnt_mass(quantity),
+            )
+            found.append(ways_of(quantity, way) if rows.size else None)
+    return ways
 
 
-def _choose(quantity: str, z: np.ndarray) -> tuple[str, str]:
-    if not names_for(quantity):
-        raise InputError(f"no law gives {quantity}: not supported yet")
-    if quantity in ONLY:
-        return ONLY[quantity], "the law taken unless told otherwise"
-    span = f"Z = {z.min():.3g} to {z.max():.3g} m/kg^(1/3)"
-    if quantity in ("air_arrival_s", "peak_overpressure_pa"):
-        if z.max() <= KINGERY_BULMASH_END:
-            return "kingery_bulmash", f"{span}, all within 40"
-        return "shock_kinematics", f"{span}, beyond 40 where Kingery-Bulmash ends"
-    if z.min() >= FORD_2021_START:
-        return "ford_2021", f"{span}, all beyond 20"
-    return "kingery_bulmash", f"{span}, not all beyond 20"
+def _choose(
+    quantity: str,
+    layout: Layout,
+    ways: Sequence[Ways | None],
+    sigma: Float[np.ndarray, " row"],
+) -> tuple[str, str]:
+    """Return the law and the reason for one quantity."""
+    found, shares = [], []
+    for shot, way in enumerate(ways):
+        if way is not None:
+            rows, _ = layout.rows(quantity, shot)
+            found.append(way)
+            shares.append(tolerance_of(sigma[rows], quantity, [way]))
+    told = [share for share in shares if share > 0.0]
+    choice = choose_for(quantity, found, min(told, default=0.0))
+    return choice.method, choice.reason.removeprefix(f"{choice.method}: ")
 
 
 def law_names(laws: Mapping[str, tuple[str, str]]) -> dict[str, str]:

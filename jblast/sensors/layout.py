@@ -9,17 +9,8 @@ from jaxtyping import Array, Float, Int
 
 from jblast.errors import InputError
 from jblast.observations import Observations
+from jblast.quantities import components as components
 from jblast.scene import Scene
-
-COMPONENTS: dict[str, tuple[tuple[str, float], ...]] = {
-    "arrival_difference_s": (("air_arrival_s", 1.0), ("ground_arrival_s", -1.0)),
-}
-"""Quantities that are signed sums of others; the rest have a law of their own."""
-
-
-def components(quantity: str) -> tuple[tuple[str, float], ...]:
-    """Return the quantities with a law, and their signs, that make up a quantity."""
-    return COMPONENTS.get(quantity, ((quantity, 1.0),))
 
 
 class Layout(eqx.Module):

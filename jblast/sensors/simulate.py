@@ -32,7 +32,7 @@ def simulate(
     scene_key, noise_key = jax.random.split(jax.random.key(seed))
     scene = draw_scene(scene_key, uncertain)
     layout, sigma, sensors = planned_layout(scene)
-    laws = law_names(resolve_laws(scene, layout))
+    laws = law_names(resolve_laws(scene, layout, np.asarray(sigma)))
     value = np.asarray(_observe(noise_key, scene, layout, laws, sigma, noise))
     truth = [
         f"truth: {name} = {float(np.asarray(value_of(scene, name)))!r}"

@@ -249,7 +249,7 @@ def test_laws_are_chosen_at_the_answer_and_not_at_the_start():
     # at the starting mass of 1 kg these ranges lie beyond Z = 40
     answer = fit(pressures(1000.0, [100.0, 200.0, 350.0]), MASS_FREE).answer
     assert answer["law"] == {"peak_overpressure_pa": "kingery_bulmash"}
-    assert "all within 40" in answer["law_reason"]["peak_overpressure_pa"]
+    assert "the reference there" in answer["law_reason"]["peak_overpressure_pa"]
     assert answer["estimates"]["charge_mass_kg"]["value"] == pytest.approx(
         1e3, rel=1e-6
     )

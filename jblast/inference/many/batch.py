@@ -8,11 +8,12 @@ from jaxtyping import Float
 
 from jblast.errors import InputError
 from jblast.inference.posterior import refuse_exact
-from jblast.observations import TIMES, Observations, place
+from jblast.observations import Observations, place
+from jblast.observations.clocks import refuse_unresolved
 from jblast.registry import names_for
 from jblast.scene import Scene, UncertainScene
 from jblast.sensors import Layout, layout_of, resolve_laws
-from jblast.sensors.laws import ONLY, law_names
+from jblast.sensors.laws import law_names
 
 SAME = ("sensor", "quantity", "path", "shot", "clock")
 PLACED = ("position", "slant_range", "time")
@@ -57,17 +58,17 @@ def batch_of(logs: Sequence[Observations], uncertain: UncertainScene) -> Batch:
     for number, log in enumerate(logs):
         _refuse_other_rows(log, logs[0], number)
         refuse_exact(log, uncertain.scene.scatter, laws)
+        refuse_unresolved(log)
     values = np.array([log.value for log in logs])
-    sigma = np.nan_to_num(np.array([log.sigma for log in logs]))
-    timed = np.isin(layout.quantity, TIMES)
-    return Batch(layout, values, np.where(timed, sigma, sigma / np.abs(values)), laws)
+    sigma = np.nan_to_num(np.array([log.error_scale() for log in logs]))
+    return Batch(layout, values, sigma, laws)
 
 
 def _named_laws(scene: Scene, layout: Layout) -> dict[str, str]:
     """Return the law of every quantity, if there is no choice left."""
     named = dict(scene.law)
     for quantity in layout.quantities():
-        if named.get(quantity, "auto") == "auto" and quantity not in ONLY:
+        if named.get(quantity, "auto") == "auto" and len(names_for(quantity)) > 1:
             raise InputError(
                 f"[law] {quantity}: expected a name, one of "
                 f"{', '.join(names_for(quantity))}, as all logs of a batch share their "

@@ -114,6 +114,7 @@ class Engine:
             misfit=misfit,
             covariance=covariance,
             converged=best.converged,
+            doubtful=self.doubtful(best, readings.bad),
             tolerance=best.tolerance,
             steps=best.steps,
             bad=readings.bad,

@@ -20,6 +20,8 @@ class ManyFits(eqx.Module):
         converged: Whether $z$ is an optimum: the gradient, in standard deviations, is
             down to `tolerance`, and the cost curves upwards on every side. It does not
             say that it is the best one.
+        doubtful: Whether $z$ may not be the best there is, all tries used up: it did
+            not converge, or has a misfit that readings would hardly have.
         tolerance: How long a gradient counts as none; larger where rounding hides more.
         steps: Places tried.
         bad: Whether a log could not be read.
@@ -33,6 +35,7 @@ class ManyFits(eqx.Module):
     misfit: Float[Array, " log"]
     covariance: Float[Array, "log free free"]
     converged: Bool[Array, " log"]
+    doubtful: Bool[Array, " log"]
     tolerance: Float[Array, " log"]
     steps: Int[Array, " log"]
     bad: Bool[Array, " log"]

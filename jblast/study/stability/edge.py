@@ -33,6 +33,12 @@ class Edge:
     deed: Deed
     said: str
 
+    @property
+    def cases(self) -> int:
+        """Of how many cases the boundary is a count; 0 if it is none."""
+        of, _, number = self.unit.partition(" ")
+        return int(number) if of == "of" and number.isdigit() else 0
+
 
 EDGES: dict[str, Callable[[], list[Edge]]] = {}
 """What measures the edges of each area, by its name."""
@@ -46,3 +52,19 @@ def measures(area: str) -> Callable[[Callable[[], list[Edge]]], Callable]:
         return measure
 
     return enter
+
+
+def witnessed(deed: Deed, seen: bool, what: str) -> Deed:
+    """Return a deed, once it was seen to be done: a table claims no other.
+
+    Args:
+        deed: What jblast is said to do.
+        seen: Whether it did, just now.
+        what: Where, for the message.
+
+    Raises:
+        RuntimeError: It did not.
+    """
+    if not seen:
+        raise RuntimeError(f"{what}: jblast was seen not to do what it should: {deed}")
+    return deed

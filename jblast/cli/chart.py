@@ -1,0 +1,77 @@
+"""Measure every method's cost against its error on this machine, and draw it."""
+
+import argparse
+import sys
+
+from jblast.cli.files import path
+
+HELP = "chart speed against accuracy, measured on this machine"
+ALL = "all"
+
+
+def add_arguments(verb: argparse.ArgumentParser) -> None:
+    """Say what the verb takes."""
+    verb.add_argument(
+        "topic",
+        nargs="?",
+        default=ALL,
+        metavar="TOPIC",
+        help="arrival, pressure, waveform, solver, fit, sampler or all (default)",
+    )
+    verb.add_argument(
+        "--out",
+        metavar="DIR",
+        type=path,
+        help="write TOPIC.png, TOPIC.csv and TOPIC.md",
+    )
+    verb.add_argument(
+        "--force", action="store_true", help="overwrite an existing --out"
+    )
+
+
+def run(asked: argparse.Namespace) -> int:
+    """Measure, print, and write each topic as soon as it is through."""
+    from jblast.cli.start import start_jax
+
+    start_jax()
+    from pathlib import Path
+
+    from jblast.cli.files import unwritable
+    from jblast.errors import InputError, nearest
+    from jblast.report import check_directory
+    from jblast.report.chart_table import chart_markdown, write_chart
+    from jblast.study.charts import TOPICS
+
+    known = (*TOPICS, ALL)
+    if asked.topic not in known:
+        raise InputError(
+            f"no topic {asked.topic!r}: expected one of {', '.join(known)}"
+            f"{nearest(asked.topic, known)}"
+        )
+    out = Path(asked.out) if asked.out else None
+    if out:
+        check_directory(out, asked.force)
+    names = list(TOPICS) if asked.topic == ALL else [asked.topic]
+    for name in names:
+        topic = TOPICS[name]
+        points = topic.measure(_progress(name))
+        _progress(name)("")
+        sys.stdout.write(chart_markdown(topic, points) + "\n")
+        sys.stdout.flush()
+        if out:
+            try:
+                write_chart(topic, points, out)
+            except OSError as error:
+                raise unwritable(out, error) from None
+    return 0
+
+
+def _progress(topic: str):
+    """Return what tells on a terminal which method is being measured."""
+
+    def tell(words: str) -> None:
+        text = f"{topic}: {words}" if words else ""
+        sys.stderr.write(f"\r{text:60}" + ("" if words else "\r"))
+        sys.stderr.flush()
+
+    return tell if sys.stderr.isatty() else lambda words: None

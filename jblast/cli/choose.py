@@ -1,0 +1,54 @@
+"""Name the cheapest method that is good enough for a scene, and say why."""
+
+import argparse
+import sys
+
+from jblast.cli.files import path
+
+HELP = "name the cheapest method that is good enough for a scene"
+
+
+def add_arguments(verb: argparse.ArgumentParser) -> None:
+    """Say what the verb takes."""
+    verb.add_argument(
+        "scene",
+        metavar="SCENE.toml",
+        type=path,
+        help="charge, air and sensors; a number with a prior counts over its 90 %% "
+        "interval",
+    )
+    verb.add_argument(
+        "--quantity",
+        required=True,
+        metavar="QUANTITY",
+        help="what the sensors are to measure, as air_arrival_s",
+    )
+    verb.add_argument(
+        "--tolerance",
+        type=float,
+        metavar="SHARE",
+        help="largest relative error allowed, as 0.01 (default: a third of the "
+        "smallest sigma that the sensors state)",
+    )
+    verb.add_argument("--json", action="store_true", help="print the answer as JSON")
+
+
+def run(asked: argparse.Namespace) -> int:
+    """Choose, print, and return the exit code: 4 where no method will do."""
+    from jblast.cli.start import start_jax
+
+    start_jax()
+    import json
+
+    from jblast.fidelity import choose
+    from jblast.report import plain
+    from jblast.report.choice_text import choice_text
+    from jblast.scene import read_scene
+
+    choice = choose(read_scene(asked.scene), asked.quantity, asked.tolerance)
+    if asked.json:
+        text = json.dumps(plain(choice.document()), indent=1, allow_nan=False)
+        sys.stdout.write(text + "\n")
+    else:
+        sys.stdout.write(choice_text(choice))
+    return 0 if choice.met else 4

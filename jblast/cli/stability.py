@@ -1,0 +1,95 @@
+"""Measure where each method breaks, and look at what jblast does there.
+
+Laws are followed out of their range, fits started far off, clocks run too long. Nothing
+is looked up: it takes a minute or two.
+"""
+
+import argparse
+import sys
+from pathlib import Path
+
+from jblast.cli.files import path
+
+HELP = "measure where each method breaks, and what is done there"
+FILES = ("stability.csv", "stability.md", "stability.png")
+
+
+def add_arguments(verb: argparse.ArgumentParser) -> None:
+    """Say what the verb takes."""
+    verb.add_argument(
+        "areas",
+        metavar="AREA",
+        nargs="*",
+        help="laws, wave-forms, gradients, clocks, solver, fits, walks (default: all)",
+    )
+    verb.add_argument(
+        "--out",
+        metavar="DIR",
+        type=path,
+        help=f"also write {', '.join(FILES)} there",
+    )
+    verb.add_argument("--json", action="store_true", help="print JSON")
+    verb.add_argument(
+        "--force", action="store_true", help="overwrite these files in --out"
+    )
+
+
+def run(asked: argparse.Namespace) -> int:
+    """Measure, print, and return the exit code."""
+    from jblast.study.stability.areas import AREAS, area_named
+
+    areas = list(dict.fromkeys(map(area_named, asked.areas))) or list(AREAS)
+    if asked.out:
+        _check_out(asked.out, force=asked.force)
+    from jblast.cli.start import start_jax
+
+    start_jax()
+    from jblast.report.stability_text import stability_json, stability_text
+    from jblast.study.stability.areas import edges_of
+
+    edges = {}
+    for done, area in enumerate(areas):
+        _tell(f"{area} ({done + 1} of {len(areas)})")
+        edges[area] = edges_of(area)
+    _tell("")
+    if asked.out:
+        _write(Path(asked.out), edges)
+    sys.stdout.write(stability_json(edges) if asked.json else stability_text(edges))
+    if asked.out and not asked.json:
+        sys.stdout.write(f"\nWritten: {asked.out}, {', '.join(FILES)}\n")
+    return 0
+
+
+def _tell(area: str) -> None:
+    """Say on a terminal what is being measured; "" clears the line."""
+    if sys.stderr.isatty():
+        line = f"measuring: {area}" if area else ""
+        sys.stderr.write(f"\r{line:40}" + ("" if area else "\r"))
+        sys.stderr.flush()
+
+
+def _check_out(directory: str, *, force: bool) -> None:
+    """Refuse a directory that cannot be written to, before anything is measured."""
+    from jblast.cli.files import refuse_existing, unwritable
+
+    try:
+        Path(directory).mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise unwritable(directory, error) from None
+    for name in FILES:
+        refuse_existing(Path(directory) / name, force=force)
+
+
+def _write(directory: Path, edges) -> None:
+    from jblast.cli.files import unwritable, write_text
+    from jblast.report.stability_figure import stability_figure
+    from jblast.report.stability_text import stability_csv, stability_markdown
+
+    table, page, picture = (directory / name for name in FILES)
+    write_text(table, stability_csv(edges), force=True)
+    write_text(page, stability_markdown(edges), force=True)
+    figure = stability_figure(edges)
+    try:
+        figure.savefig(picture)
+    except OSError as error:
+        raise unwritable(picture, error) from None

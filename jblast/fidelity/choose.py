@@ -1,0 +1,142 @@
+"""No more than a scene needs: the cheapest method that is good enough for it."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+
+import jax
+import numpy as np
+from jaxtyping import Float
+
+from jblast.errors import InputError
+from jblast.fidelity.candidates import candidates_for, worst_own_error
+from jblast.fidelity.choice import Candidate, Choice
+from jblast.fidelity.places import paths_in, sensors_for
+from jblast.fidelity.reason import reason_for
+from jblast.fidelity.reference import REFERENCES
+from jblast.fidelity.ways import Ways, jitted_ways
+from jblast.quantities import TIMES
+from jblast.registry import names_for
+from jblast.scene import Scene, UncertainScene
+
+SHARE_OF_SIGMA = 1.0 / 3.0
+"""Of the data's sigma: the tolerance where none is told. In quadrature a method that
+far off widens an error by 5 %."""
+
+ALIKE = 2.0
+"""Costs within this factor count as one: a busy machine moves them by as much. Of
+methods that cost alike, the one with the smallest error is taken."""
+
+
+def choose(
+    scene: Scene | UncertainScene, quantity: str, tolerance: float | None = None
+) -> Choice:
+    """Return the cheapest method that is good enough for a scene's sensors.
+
+    Args:
+        scene: Charge, air and sensors; a number with a prior counts over its 90 %
+            interval.
+        quantity: What the sensors are to measure.
+        tolerance: Largest relative error allowed; None takes a third of the smallest
+            sigma the sensors state.
+
+    Raises:
+        InputError: There is no such quantity, no sensor for it, no law or no place, the
+            tolerance is no positive number, or a number that decides is free.
+    """
+    uncertain = scene if isinstance(scene, UncertainScene) else UncertainScene(scene)
+    if tolerance is not None and not (tolerance > 0 and math.isfinite(tolerance)):
+        raise InputError(f"tolerance: expected a positive number, got {tolerance}")
+    sensors = sensors_for(uncertain.scene, quantity)
+    if not names_for(quantity):
+        raise InputError(f"no law gives {quantity}: not supported yet")
+    ways = [
+        jax.tree.map(np.asarray, jitted_ways(quantity, path))
+        for path in paths_in(uncertain, quantity, sensors)
+    ]
+    if tolerance is None:
+        sigma = np.array([dict(s.records).get(quantity, math.nan) for s in sensors])
+        tolerance = tolerance_of(
+            sigma, quantity, ways[: 1 + len(uncertain.scene.others)]
+        )
+    return choose_for(quantity, ways, tolerance)
+
+
+def tolerance_of(
+    sigma: Float[np.ndarray, " place"], quantity: str, ways: Sequence[Ways]
+) -> float:
+    """Return a third of the smallest sigma, relative; zero if none is told.
+
+    Args:
+        sigma: Of each place; seconds for times, else relative; NaN if not told.
+        quantity: What they are of.
+        ways: From each charge to these places. A time's sigma counts as a share of
+            what sound would take.
+    """
+    shares = sigma
+    if quantity in TIMES:
+        longest = np.max([each.sound_time for each in ways], axis=0)
+        away = longest > 0.0  # a sensor at the charge says nothing
+        shares = shares[away] / longest[away]
+    told = shares[np.isfinite(shares)]
+    return SHARE_OF_SIGMA * float(told.min()) if told.size else 0.0
+
+
+def choose_for(quantity: str, ways: Sequence[Ways], tolerance: float) -> Choice:
+    """Return the cheapest method that is good enough over some places.
+
+    Args:
+        quantity: What is asked for; some law gives it.
+        ways: From every charge to its places.
+        tolerance: Largest relative error allowed; zero asks for the best there is.
+    """
+    z = np.concatenate([each.z for each in ways])
+    span = float(z.min()), float(z.max())
+    own = worst_own_error(quantity, ways)
+    candidates = sorted(candidates_for(quantity, ways, own), key=_cost)
+    enough = [c for c in candidates if c.valid and c.predicted_error <= tolerance]
+    if enough:
+        most = ALIKE * _cost(enough[0])
+        alike = [c for c in enough if _cost(c) <= most]
+        found = min(alike, key=lambda c: (c.error, not c.is_reference))
+    else:
+        found = min(candidates, key=lambda c: _nearness(quantity, c, ways))
+    choice = Choice(
+        quantity=quantity,
+        method=found.method,
+        reason="",
+        predicted_error=found.predicted_error,
+        tolerance=tolerance,
+        met=bool(enough),
+        cost_s=found.cost_s,
+        candidates=tuple(candidates),
+        span=span,
+        own_error=own,
+    )
+    return replace(choice, reason=reason_for(choice))
+
+
+def _cost(candidate: Candidate) -> float:
+    return math.inf if math.isnan(candidate.cost_s) else candidate.cost_s
+
+
+def _nearness(quantity: str, candidate: Candidate, ways: Sequence[Ways]) -> tuple:
+    """Return what to compare methods by where none is good enough.
+
+    First whether it holds at all places, then whether at the nearest and at how many,
+    then its error, then whether it is what is held for the reference there.
+    """
+    holding = np.concatenate([each.holds[candidate.method] for each in ways])
+    z = np.concatenate([each.z for each in ways])
+    pieces = REFERENCES.get(quantity, ())
+    laws = [p.law for p in pieces] + [p.lossless for p in pieces]
+    rank = laws.index(candidate.method) if candidate.method in laws else len(laws)
+    return (
+        not candidate.valid,
+        not holding[z.argmin()],
+        int((~holding).sum()),
+        candidate.predicted_error,
+        candidate.error,
+        rank,
+        _cost(candidate),
+    )

@@ -1,0 +1,82 @@
+"""The history of the overpressure at a place by closed forms."""
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from jblast.waves.friedlander import (
+    friedlander_decay,
+    friedlander_pressure,
+    modified_friedlander_pressure,
+)
+from jblast.waves.negative_phase import negative_phase_pressure
+
+
+class Told(NamedTuple):
+    """What a closed form is told of a waveform, in any units that go together.
+
+    Attributes:
+        peak: Overpressure at the front.
+        duration: Of the positive phase.
+        impulse: Of the positive phase.
+        suction: Greatest underpressure, positive.
+        suction_impulse: Of the negative phase, positive.
+    """
+
+    peak: Float[Array, "..."]
+    duration: Float[Array, "..."]
+    impulse: Float[Array, "..."]
+    suction: Float[Array, "..."]
+    suction_impulse: Float[Array, "..."]
+
+
+def triangle(time: Float[Array, "..."], told: Told) -> Float[Array, "..."]:
+    """Return a straight fall to zero, and nothing after."""
+    return told.peak * jnp.maximum(1.0 - time / told.duration, 0.0)
+
+
+def decay_one(time: Float[Array, "..."], told: Told) -> Float[Array, "..."]:
+    """Return Friedlander's pulse of decay 1 with its own tail."""
+    return friedlander_pressure(time, told.peak, told.duration)
+
+
+def decay_of_impulse(time: Float[Array, "..."], told: Told) -> Float[Array, "..."]:
+    """Return Friedlander's pulse that has the impulse, with its own tail."""
+    decay = friedlander_decay(told.peak, told.impulse, told.duration)
+    return modified_friedlander_pressure(time, told.peak, told.duration, decay)
+
+
+def cut(time: Float[Array, "..."], told: Told) -> Float[Array, "..."]:
+    """Return Friedlander's pulse that has the impulse, and nothing after."""
+    return jnp.where(time < told.duration, decay_of_impulse(time, told), 0.0)
+
+
+def with_suction(time: Float[Array, "..."], told: Told) -> Float[Array, "..."]:
+    """Return Friedlander's pulse that has the impulse, and the cubic negative phase.
+
+    Its duration is the cubic's own for its underpressure and impulse.
+    """
+    length = 16.0 / 9.0 * told.suction_impulse / told.suction
+    after = negative_phase_pressure(time, told.duration, told.suction, length)
+    return jnp.where(time < told.duration, decay_of_impulse(time, told), after)
+
+
+Form = Callable[[Float[Array, "..."], Told], Float[Array, "..."]]
+"""The overpressure by the time since arrival, which is not negative."""
+
+POSITIVE: dict[str, Form] = {
+    "triangle": triangle,
+    "Friedlander, b = 1": decay_one,
+    "Friedlander, b of impulse": decay_of_impulse,
+}
+"""For the positive phase."""
+
+WHOLE: dict[str, Form] = {
+    "b = 1, own tail": decay_one,
+    "b of impulse, own tail": decay_of_impulse,
+    "b of impulse, then nothing": cut,
+    "b of impulse, then cubic": with_suction,
+}
+"""For both phases."""

@@ -1,0 +1,82 @@
+"""How far a method is off at a place, read from what was measured."""
+
+import math
+
+import numpy as np
+from jaxtyping import Bool, Float
+from scipy.interpolate import RegularGridInterpolator
+
+from jblast.constants import STANDARD_PRESSURE
+from jblast.fidelity import stored
+from jblast.fidelity.reference import (
+    END,
+    FARTHEST,
+    KINGERY_BULMASH_END,
+    REFERENCES,
+    is_piece,
+)
+from jblast.fidelity.ways import Numbers, Ways
+
+
+def relative_errors(quantity: str, ways: Ways) -> dict[str, Numbers]:
+    """Return how far every method is off its reference at every place, relative.
+
+    Zero where a method is itself the reference; infinite where it does not hold, or
+    where nothing is known.
+
+    Args:
+        quantity: One of `REFERENCES`.
+        ways: To every place.
+    """
+    table = stored.errors(quantity, ways.burst)
+    z = np.asarray(ways.z)
+    with np.errstate(divide="ignore"):  # a sensor at the charge: nothing is known there
+        log_z = np.log(z)
+    log_mass, log_pressure = np.log(ways.charge_mass), np.log(ways.ambient_pressure)
+    loss = _log_loss(quantity, ways.burst, log_z, log_mass, log_pressure)
+    known = is_covered(quantity, ways)
+    found = {}
+    for method, nodes in table.log_ratio.items():
+        per_mass, per_pressure = table.exponents[method]
+        ratio = np.interp(log_z, table.log_z, nodes, left=np.nan, right=np.nan)
+        ratio = ratio + per_mass * log_mass - loss
+        ratio = ratio + per_pressure * (log_pressure - math.log(STANDARD_PRESSURE))
+        for piece in REFERENCES[quantity]:
+            if piece.law == method:
+                ratio = np.where(is_piece(piece, z), 0.0, ratio)
+        good = known & np.asarray(ways.holds[method])
+        off = np.abs(np.expm1(np.where(good, ratio, np.nan)))
+        found[method] = np.where(np.isfinite(off), off, np.inf)
+    return found
+
+
+def is_covered(quantity: str, ways: Ways) -> Bool[np.ndarray, " place"]:
+    """Return where the reference holds, by place."""
+    z = np.asarray(ways.z)
+    spans = stored.own_errors(quantity, ways.burst)
+    far = (z > KINGERY_BULMASH_END) & (np.asarray(ways.slant_range) > FARTHEST)
+    return (z >= spans[0].start) & (z <= spans[-1].end) & ~far
+
+
+def own_error(quantity: str, ways: Ways) -> Float[np.ndarray, " place"]:
+    """Return how far the reference itself may be off at every place, relative."""
+    spans = stored.own_errors(quantity, ways.burst)
+    ends = [span.end for span in spans[:-1]]
+    errors = np.array([span.error for span in spans])
+    return errors[np.searchsorted(ends, np.asarray(ways.z))]
+
+
+def _log_loss(quantity: str, burst: str, log_z, log_mass, log_pressure) -> np.ndarray:
+    """Return what absorption takes past the tables, in ln, of a place; else zero."""
+    lossy = any(piece.law != piece.lossless for piece in REFERENCES[quantity])
+    far = log_z > math.log(KINGERY_BULMASH_END)
+    if not (lossy and far.any()):
+        return np.zeros_like(log_z)
+    table = stored.losses(burst)
+    axes = (table.log_z, table.log_mass, table.log_pressure)
+    places = [
+        np.clip(x, axis[0], axis[-1])
+        for x, axis in zip((log_z, log_mass, log_pressure), axes, strict=True)
+    ]
+    loss = RegularGridInterpolator(axes, table.log_loss)(np.stack(places, axis=-1))
+    return np.where(far & (log_z <= math.log(END)), loss, 0.0)

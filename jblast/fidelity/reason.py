@@ -1,0 +1,105 @@
+"""Why a method was chosen, in one sentence."""
+
+import math
+
+from jblast.fidelity.choice import Candidate, Choice
+from jblast.fidelity.reference import END, FARTHEST, REFERENCES
+from jblast.fidelity.solver import METHOD as SOLVER
+from jblast.registry import LAWS
+
+
+def reason_for(choice: Choice) -> str:
+    """Return why the method was chosen, and what the others would have cost."""
+    found = next(c for c in choice.candidates if c.method == choice.method)
+    parts = [_of_the_chosen(choice, found)]
+    rejected = _rejected(choice, found)
+    if rejected:
+        parts.append(
+            f"{rejected.method} would be off by up to {percent(rejected.error)}"
+        )
+    dearest = _dearest(choice, found)
+    if dearest:
+        parts.append(
+            f"{named(dearest.method)} costs {_times(dearest.cost_s / found.cost_s)} "
+            f"times more for {percent(dearest.error)}"
+        )
+    return "; ".join(parts)
+
+
+def percent(error: float) -> str:
+    """Return a relative error in words: 0.31 %, 24 %, a factor of 3.2."""
+    if not math.isfinite(error):
+        return "an unknown amount"
+    if error >= 1.0:
+        return f"a factor of {1.0 + error:.2g}"
+    return f"{100.0 * error:.2g} %"
+
+
+def _times(ratio: float) -> str:
+    """Return a ratio to one digit, as 40 or 4e5."""
+    digit, power = f"{ratio:.0e}".split("e")
+    return f"{float(ratio):.1g}" if ratio < 1e3 else f"{digit}e{int(power)}"
+
+
+def named(method: str) -> str:
+    """Return a method's name as a sentence has it."""
+    return "the Euler solver" if method == SOLVER else method
+
+
+def _of_the_chosen(choice: Choice, found: Candidate) -> str:
+    low, high = (f"{z:.3g}" for z in choice.span)
+    z = f"Z = {low} m/kg^(1/3)" if low == high else f"Z = {low} to {high} m/kg^(1/3)"
+    law = LAWS.get((choice.quantity, found.method))
+    where = f"inside {law.range}" if law else "inside the run"
+    name = named(found.method)
+    if choice.quantity not in REFERENCES:
+        if choice.own_error == 0.0:
+            return f"{name}: exact"
+        return (
+            f"{name}: the law taken unless told otherwise; nothing was measured to "
+            "hold it against, so no tolerance is supportable"
+        )
+    if not math.isfinite(choice.own_error):
+        return (
+            f"{name}: {z}; the reference ends at Z = {END:g} and "
+            f"{FARTHEST / 1000:g} km, so no tolerance is supportable there"
+        )
+    own = percent(choice.own_error)
+    if not found.valid:
+        return f"{name}: {z}, not all {where}; no method holds at all of it"
+    quality = (
+        f"the reference there, itself good to {own}"
+        if found.is_reference
+        else f"off by up to {percent(found.error)} (the reference is good to {own})"
+    )
+    if choice.met or choice.tolerance == 0.0:
+        return f"{name}: {z} {where}, {quality}"
+    asked = f"a tolerance of {percent(choice.tolerance)}"
+    if choice.own_error > choice.tolerance:
+        return f"{name}: {z} {where}; {asked} is not supportable: {name} is {quality}"
+    short = found.predicted_error / choice.tolerance
+    return (
+        f"{name}: {z} {where}, the best there is, but {quality}: {asked} is missed by "
+        f"a factor of {short:.2g}"
+    )
+
+
+def _rejected(choice: Choice, found: Candidate) -> Candidate | None:
+    """Return the cheapest method passed over though it is cheaper, or costs alike."""
+    others = [
+        c
+        for c in choice.candidates
+        if c.method not in (found.method, SOLVER)
+        and math.isfinite(c.error)
+        and c.error > max(found.error, choice.tolerance)
+    ]
+    return others[0] if others else None
+
+
+def _dearest(choice: Choice, found: Candidate) -> Candidate | None:
+    """Return the method that would have cost most and holds, if it costs 10 times."""
+    others = [c for c in choice.candidates if math.isfinite(c.error) and c.cost_s > 0.0]
+    if not others or not found.cost_s > 0.0:
+        return None
+    dearest = max(others, key=lambda c: c.cost_s)
+    return dearest if dearest.cost_s > 10.0 * found.cost_s else None

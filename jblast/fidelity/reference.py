@@ -1,0 +1,107 @@
+"""What each quantity is held against, and where that is known.
+
+For real TNT the reference is Kingery and Bulmash as far as their tables reach, and
+beyond them the weak shock with the absorption of ISO 9613-1, for impulse and duration
+the recordings that `ford_2021` was fitted to. How far a reference itself may be off,
+$e_{ref}$, is measured by `calibration/fidelity.py` and stored in
+`data/references.csv`. The exact point source is the reference of numerics alone: it is
+what the shock solver is held against.
+"""
+
+from typing import NamedTuple
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float
+
+import jblast.waves as _waves  # noqa: F401  laws enter the registry as they are imported
+from jblast.registry import call, law_for
+from jblast.waves.paths import Path
+from jblast.waves.scaling import scaled_distance
+
+KINGERY_BULMASH_END = 40.0
+"""Where the tables of Kingery and Bulmash end [m/kg^(1/3)]."""
+
+FORD_START = 20.0
+"""Where the recordings of `ford_2021` begin [m/kg^(1/3)]."""
+
+END = 1000.0
+"""Scaled distance up to which there is a reference [m/kg^(1/3)]."""
+
+FARTHEST = 5000.0
+"""Distance up to which there is one past the tables [m]: farther, weather decides."""
+
+
+class Piece(NamedTuple):
+    """A law that is the reference over a span of scaled distances.
+
+    Attributes:
+        law: Its name.
+        start: Scaled distance it begins past [m/kg^(1/3)].
+        end: Scaled distance it ends at.
+        lossless: The law it is without absorption; itself where it has none.
+    """
+
+    law: str
+    start: float
+    end: float
+    lossless: str
+
+
+def _piece(law: str, start: float, end: float, lossless: str = "") -> Piece:
+    return Piece(law, start, end, lossless or law)
+
+
+NEAR = _piece("kingery_bulmash", 0.0, KINGERY_BULMASH_END)
+
+
+REFERENCES: dict[str, tuple[Piece, ...]] = {
+    "air_arrival_s": (NEAR, _piece("shock_kinematics", KINGERY_BULMASH_END, END)),
+    "peak_overpressure_pa": (
+        NEAR,
+        _piece("weak_shock_iso", KINGERY_BULMASH_END, END, "shock_kinematics"),
+    ),
+    "shock_speed_m_s": (NEAR, _piece("shock_kinematics", KINGERY_BULMASH_END, END)),
+    **dict.fromkeys(
+        ("positive_impulse_pa_s", "positive_duration_s"),
+        (
+            _piece("kingery_bulmash", 0.0, FORD_START),
+            _piece("ford_2021", FORD_START, END),
+        ),
+    ),
+    **dict.fromkeys(("reflected_pressure_pa", "reflected_impulse_pa_s"), (NEAR,)),
+}
+"""By quantity, nearest first. The others have none."""
+
+
+def scaled_distances(path: Path) -> Float[np.ndarray, " place"]:
+    """Return Z of every place of a path [m/kg^(1/3)]."""
+    z = scaled_distance(path.slant_range, path.charge_mass, path.ambient_pressure)
+    return np.atleast_1d(np.asarray(z))
+
+
+def is_piece(
+    piece: Piece, z: Float[np.ndarray, " place"]
+) -> Bool[np.ndarray, " place"]:
+    """Return where a piece is the reference: a join belongs to what lies before it."""
+    return (z > piece.start) & (z <= piece.end)
+
+
+def reference_value(
+    quantity: str, path: Path, *, lossless: bool = False
+) -> Float[Array, " place"]:
+    """Return what the reference says; NaN where there is none.
+
+    Args:
+        quantity: One of `REFERENCES`.
+        path: To every place; the mass is that of TNT.
+        lossless: Whether to leave absorption out.
+    """
+    z = scaled_distances(path)
+    value = jnp.full(z.shape, jnp.nan)
+    for piece in REFERENCES[quantity]:
+        law = law_for(quantity, piece.lossless if lossless else piece.law)
+        said = jnp.where(call(law.valid, path), call(law.function, path), jnp.nan)
+        value = jnp.where(is_piece(piece, z), said, value)
+    far = (z > KINGERY_BULMASH_END) & (np.asarray(path.slant_range) > FARTHEST)
+    return jnp.where(far, jnp.nan, value)

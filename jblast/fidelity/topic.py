@@ -1,0 +1,90 @@
+"""What a chart of speed against accuracy is made of.
+
+Every part of jblast with more than one method registers a topic: what it is to be held
+against, and a function that measures each method's cost and error on this machine.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool
+
+
+@dataclass(frozen=True)
+class Point:
+    """One method as measured.
+
+    Attributes:
+        method: Its name.
+        cost_s: Seconds of this machine, of what the topic counts.
+        error: What the topic counts, positive.
+        range: Over what it was measured, in words.
+        panel: Which part of the figure it belongs to; methods compete within one.
+        whole: Whether it covers all of the panel; only such can be on its front.
+        is_reference: Whether the others of the panel are held against it.
+    """
+
+    method: str
+    cost_s: float
+    error: float
+    range: str
+    panel: str = ""
+    whole: bool = True
+    is_reference: bool = False
+
+
+@dataclass(frozen=True)
+class Topic:
+    """One chart.
+
+    Attributes:
+        name: As on the command line.
+        title: Of the figure.
+        cost: What a cost is of, for the axis.
+        error: What an error is of, for the axis.
+        relative: Whether an error is a share, to be read in per cent.
+        measure: Measures all points; what it is given is called with words of progress.
+    """
+
+    name: str
+    title: str
+    cost: str
+    error: str
+    measure: Callable[[Callable[[str], None]], list[Point]]
+    relative: bool = True
+
+
+TOPICS: dict[str, Topic] = {}
+
+
+def register_topic(topic: Topic) -> Topic:
+    """Enter a topic; one of the same name is replaced."""
+    TOPICS[topic.name] = topic
+    return topic
+
+
+def panels(points: Sequence[Point]) -> dict[str, list[Point]]:
+    """Return the points of each panel, in order of appearance."""
+    parts: dict[str, list[Point]] = {}
+    for point in points:
+        parts.setdefault(point.panel, []).append(point)
+    return parts
+
+
+def on_front(points: Sequence[Point]) -> Bool[np.ndarray, " point"]:
+    """Return which points no other point of their panel beats in cost and error both.
+
+    Of several equal in both, all are on the front.
+    """
+    front = np.zeros(len(points), bool)
+    for i, one in enumerate(points):
+        front[i] = one.whole and not any(
+            other.whole
+            and other.panel == one.panel
+            and other.cost_s <= one.cost_s
+            and other.error <= one.error
+            and (other.cost_s < one.cost_s or other.error < one.error)
+            for other in points
+        )
+    return front

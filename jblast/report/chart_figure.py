@@ -1,0 +1,189 @@
+"""Cost against error, both on a logarithmic scale; what nothing beats stands out."""
+
+import itertools
+import math
+import textwrap
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patheffects import withStroke
+from matplotlib.ticker import EngFormatter, FuncFormatter, NullFormatter
+from matplotlib.transforms import Bbox
+
+from jblast.fidelity.topic import Point, Topic, on_front, panels
+from jblast.report.figure_style import (
+    BLUE,
+    INK,
+    MUTED,
+    VERMILLION,
+    new_figure,
+    quiet,
+    titled,
+)
+from jblast.report.words import capitalised
+
+APART = 1e3
+"""A method that costs so many times the next cheaper one stands at the right edge."""
+
+BESIDE = 4.0
+"""How far past the others, as a factor of cost."""
+
+ALONE = 4.6
+"""Height of a panel that is alone [inches]."""
+
+LETTERS = 10
+"""Letters of an axis label to the inch."""
+
+PLACES = (
+    (5, 4, "left", "bottom"),
+    (7, 0, "left", "center"),
+    (-7, 0, "right", "center"),
+    (0, 7, "center", "bottom"),
+    (0, -7, "center", "top"),
+    *((7, dy, "left", "center") for dy in (10, -10, 18, -18)),
+    *((-7, dy, "right", "center") for dy in (10, -10, 18, -18)),
+)
+"""Where a name may stand beside its point: offset [points] and alignment."""
+
+
+def chart_figure(topic: Topic, points: Sequence[Point]) -> Figure:
+    """Draw every panel of a topic: cost to the right, error upwards.
+
+    All panels have the same axes. A filled point covers the whole panel, a blue one no
+    other beats, a diamond is what the others are held against.
+    """
+    parts = panels(points)
+    columns = min(2, len(parts))
+    rows = math.ceil(len(parts) / columns)
+    height = 2.7 * rows + 1.0 if len(parts) > 1 else ALONE
+    figure = new_figure(5.4 * columns if columns > 1 else 7.0, height)
+    figure.suptitle(topic.title, fontsize=13, color=INK, fontweight="bold")
+    grid = figure.subplots(rows, columns, squeeze=False, sharex=True, sharey=True)
+    for axes in grid.flat[len(parts) :]:
+        axes.set_visible(False)
+    last = _last_within(points)
+    drawn = [
+        (axes, _panel(axes, panel, within, last))
+        for axes, (panel, within) in zip(grid.flat, parts.items(), strict=False)
+    ]
+    _scale(grid[0, 0], topic, points, last)
+    figure.supxlabel(f"cost: {topic.cost}", fontsize=10, color=INK)
+    error = textwrap.fill(f"error: {topic.error}", int(LETTERS * height))
+    figure.supylabel(error, fontsize=10, color=INK, ma="center")
+    figure.canvas.draw()
+    for axes, labels in drawn:
+        _name(axes, labels)
+    return figure
+
+
+def _last_within(points: Sequence[Point]) -> float:
+    """Return the cost past which methods stand at the right edge."""
+    costs = np.sort([point.cost_s for point in points])
+    gaps = np.flatnonzero(costs[1:] > APART * costs[:-1])
+    return float(costs[gaps[0]] if gaps.size else costs[-1])
+
+
+def _scale(axes: Axes, topic: Topic, points: Sequence[Point], last: float) -> None:
+    """Set the axes that all panels share: whole decades, in seconds and per cent."""
+    axes.set_xscale("log")
+    axes.set_yscale("log")
+    first = min(point.cost_s for point in points)
+    far = any(point.cost_s > last for point in points)
+    axes.set_xlim(first / 1.6, last * (BESIDE * 1.2 if far else 2.5))
+    errors = [point.error for point in points]
+    axes.set_ylim(min(errors) / 2.2, max(errors) * 2.2)
+    axes.xaxis.set_major_formatter(EngFormatter(unit="s"))
+    axes.xaxis.set_minor_formatter(NullFormatter())
+    axes.yaxis.set_minor_formatter(NullFormatter())
+    shown = (lambda y, _: f"{100 * y:g} %") if topic.relative else lambda y, _: f"{y:g}"
+    axes.yaxis.set_major_formatter(FuncFormatter(shown))
+
+
+def _panel(
+    axes: Axes, panel: str, points: Sequence[Point], last: float
+) -> list[tuple[float, float, str, str]]:
+    """Draw the points of a panel; return each with where it stands and its name."""
+    quiet(axes)
+    titled(axes, capitalised(panel))
+    labels, front = [], []
+    for point, best in zip(points, on_front(points), strict=True):
+        far = point.cost_s > last
+        x = last * BESIDE if far else point.cost_s
+        colour = VERMILLION if point.is_reference else BLUE if best else MUTED
+        axes.plot(
+            x,
+            point.error,
+            marker="D" if point.is_reference else ">" if far else "o",
+            color=colour,
+            markerfacecolor=colour if point.whole else "white",
+            markersize=6,
+            linestyle="none",
+            zorder=3,
+        )
+        if point.is_reference:
+            axes.axhline(point.error, color=VERMILLION, linewidth=0.8, linestyle=":")
+        if best:
+            front.append((x, point.error))
+        name = f"{point.method}, {point.cost_s:.1g} s" if far else point.method
+        labels.append((x, point.error, name, colour))
+    if front:
+        x, y = zip(*sorted(front), strict=True)
+        axes.step(x, y, where="post", color=BLUE, linewidth=1.2, zorder=1)
+    return labels
+
+
+def _front(axes: Axes) -> list[Bbox]:
+    """Return where the front runs, which no name should be written over."""
+    boxes = []
+    for line in axes.lines:
+        if line.get_drawstyle() == "steps-post":
+            corners = axes.transData.transform(line.get_xydata())
+            for (x, y), (right, down) in itertools.pairwise(corners):
+                boxes.append(Bbox.from_extents(x, y - 1, right, y + 1))
+                boxes.append(Bbox.from_extents(right - 1, down, right + 1, y))
+    return boxes
+
+
+def _name(axes: Axes, labels: Sequence[tuple]) -> None:
+    """Write each name beside its point, where it covers least."""
+    place = axes.transData.transform
+    taken = [
+        Bbox.from_bounds(x - 5, y - 5, 10, 10)
+        for x, y in (place((label[0], label[1])) for label in labels)
+    ]
+    taken += _front(axes)
+    inside = axes.get_window_extent().frozen()
+    # those at the right edge have the fewest places to be
+    for x, y, name, colour in sorted(labels, key=lambda label: -label[0]):
+        best, least, kept = None, math.inf, taken[0]
+        for dx, dy, across, along in PLACES:
+            text = axes.annotate(
+                name,
+                (x, y),
+                xytext=(dx, dy),
+                textcoords="offset points",
+                ha=across,
+                va=along,
+                fontsize=8,
+                color=INK if colour == MUTED else colour,
+                path_effects=[withStroke(linewidth=2.5, foreground="white")],
+            )
+            box = text.get_window_extent()
+            covered = sum(_overlap(box, other) for other in taken)
+            covered += box.width * box.height - _overlap(box, inside)
+            if covered < least:
+                if best is not None:
+                    best.remove()
+                best, least, kept = text, covered, box
+            else:
+                text.remove()
+            if least == 0.0:
+                break
+        taken.append(kept)
+
+
+def _overlap(one: Bbox, other: Bbox) -> float:
+    shared = Bbox.intersection(one, other)
+    return 0.0 if shared is None else shared.width * shared.height

@@ -1,0 +1,144 @@
+"""Ridges: a flat one, one without end, and one that bends away from its normal."""
+
+import functools
+
+import jax.numpy as jnp
+import numpy as np
+
+from jblast.errors import InputError
+from jblast.inference import Ensemble, Solution, ensemble
+from jblast.inference.how_sure import how_sure
+from jblast.inference.importance import GOOD_SHAPE, ends_off, importance
+from jblast.inference.laplace import marginals
+from jblast.inference.whitening import Whitened, root_of, whitened
+from jblast.study.stability.arrival_logs import circle, told
+from jblast.study.stability.bare_walks import WALKERS, BareWalk, bare_walk
+from jblast.study.stability.boundary import crossing
+from jblast.study.stability.edge import Edge, witnessed
+from jblast.study.stability.untold import wu_hao_told
+
+SHORT, LONG = 500, 4000
+"""Steps."""
+ENDLESS_STEPS = 1500
+NEAR = 10.0
+"""Radius of the circle of sensors that is told of [m]."""
+
+
+def along_the_null(steps: int) -> BareWalk:
+    """Walk over mass and both speeds by Wu-Hao's laws, from about the optimum."""
+    found = wu_hao_told()
+    rng = np.random.default_rng(0)
+    z = jnp.asarray(found.laplace.z)
+    about = Whitened(found.posterior, z, jnp.eye(z.size))
+    return bare_walk(about, 0.1 * rng.standard_normal((WALKERS, z.size)), steps)
+
+
+def null_edge() -> Edge:
+    """Measure how a walk over a null direction fills it, and looks converged."""
+    walk = along_the_null(LONG)
+    found = wu_hao_told()
+    mass = found.laplace.z[0] + walk.kept()[..., 0]
+    try:
+        ensemble(found.posterior, found.laplace, found.identifiability)
+        refused = False
+    except InputError as error:
+        refused = "improper along charge_mass_kg" in str(error)
+    return Edge(
+        area="walks",
+        method="emcee, Wu-Hao, mass and both speeds",
+        edge="a null direction without a prior has no width",
+        boundary=float(LONG / walk.judged.tau.max()),
+        unit=f"autocorrelation times in {LONG} steps",
+        beyond=f"ln mass fills {mass.min():.0f} to {mass.max():.0f}, as far as float64 "
+        f"goes; autocorrelation time {walk.judged.tau.max():.0f}, R-hat "
+        f"{walk.judged.r_hat.max():.3f}: it looks converged",
+        deed=witnessed("refuses", refused, "a null direction"),
+        said="nothing is walked: improper along charge_mass_kg and the speeds; "
+        "expected a prior, or a fixed value",
+    )
+
+
+@functools.cache
+def endless() -> tuple[Solution, Ensemble]:
+    """Walk over the mass of a charge 300 m from a circle of sensors of 10 m."""
+    found = told(circle(NEAR), 30.0, 300.0, 0.0).solution
+    walk = ensemble(
+        found.posterior,
+        found.laplace,
+        found.identifiability,
+        found.optima,
+        most_steps=ENDLESS_STEPS,
+    )
+    return found, walk
+
+
+def endless_edge() -> Edge:
+    """Measure how a walk runs down a ridge that does not end."""
+    found, ours = endless()
+    density = whitened(found.posterior, found.laplace, found.identifiability)
+    start = np.random.default_rng(0).standard_normal((WALKERS, found.laplace.z.size))
+    walks = [bare_walk(density, start, steps) for steps in (SHORT, LONG)]
+    low = [np.quantile(_masses(found, walk), 0.05) for walk in walks]
+    tau = float(walks[-1].judged.tau.max())
+    improper = any("so the posterior is improper" in why for why in ours.why)
+    return Edge(
+        area="walks",
+        method="emcee, arrivals from afar",
+        edge="a ridge without end: ever smaller masses arrive with sound",
+        boundary=LONG / tau,
+        unit=f"autocorrelation times in {LONG} steps",
+        beyond=f"the 5 % quantile of the mass is {low[0]:.2g} kg after {SHORT} steps, "
+        f"{low[1]:.2g} kg after {LONG}: the walk's length, not the log's word",
+        deed=witnessed("marks", improper and not ours.converged, "an endless ridge"),
+        said="not converged (exit code 4): the ridge, its ends, and that the posterior "
+        "is improper are named",
+    )
+
+
+def _masses(found: Solution, walk: BareWalk) -> np.ndarray:
+    z = found.laplace.z[0] + walk.kept() @ root_of(found.laplace)[0]
+    return np.exp(z)
+
+
+def shape_at(radius: float) -> float:
+    """Return k-hat of the normal approximation for a circle of sensors.
+
+    Args:
+        radius: Of the circle [m]; the charge is 60 m from its middle.
+    """
+    found = _beside(radius)
+    return importance(found.posterior, found.laplace).k_hat
+
+
+def _beside(radius: float) -> Solution:
+    return told(circle(radius), 30.0, 60.0, 0.0).solution
+
+
+def bent_edge() -> Edge:
+    """Measure from which aperture on the normal approximation does not do."""
+    boundary = crossing(lambda r: shape_at(r) - GOOD_SHAPE, NEAR, 40.0, to=0.01)
+    found = _beside(NEAR)
+    weighted = importance(found.posterior, found.laplace)
+    off = ends_off(weighted, found.laplace)
+    name = found.posterior.parameters.names[0]
+    normal = marginals(found.posterior.parameters, found.laplace)[name]
+    sure = how_sure(found, "auto")
+    walked = sure.marginals[name]
+    return Edge(
+        area="walks",
+        method="normal approximation (Laplace)",
+        edge="a ridge of mass and range that bends",
+        boundary=boundary,
+        unit="m radius of eight sensors 60 m away",
+        beyond=f"k-hat passes {GOOD_SHAPE:g}; at {NEAR:g} m it is "
+        f"{weighted.k_hat:.2f}, ends of 90 % intervals are off by {off:.1f} sd, the "
+        f"mass is {_interval(normal)} instead of {_interval(walked)}",
+        deed=witnessed(
+            "falls back", sure.method == "emcee" and sure.converged, "a bent ridge"
+        ),
+        said="posterior auto walks and says why; laplace, the default, does not look",
+    )
+
+
+def _interval(marginal: dict[str, float | None]) -> str:
+    return f"{marginal['q05']:.3g} to {marginal['q95']:.3g} kg"

@@ -1,0 +1,160 @@
+import math
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from jblast.errors import InputError
+from jblast.fidelity import choose, stored
+from jblast.fidelity.choose import ALIKE, SHARE_OF_SIGMA, tolerance_of
+from jblast.fidelity.measure import standard_path
+from jblast.fidelity.reference import END, FARTHEST
+from jblast.fidelity.ways import ways_of
+from jblast.scene import Scene, Sensor, UncertainScene, freed
+from jblast.scene.parameters import with_values
+from jblast.scene.priors import LogNormal
+
+ARRIVAL, PRESSURE = "air_arrival_s", "peak_overpressure_pa"
+IMPULSE = "positive_impulse_pa_s"
+
+
+def scene(*ranges, mass=15.0, sigma=0.3, quantity=ARRIVAL, **values):
+    sensors = tuple(
+        Sensor(f"s{i}", jnp.array([r, 0.0, 0.0]), records=((quantity, sigma),))
+        for i, r in enumerate(ranges)
+    )
+    return with_values(Scene(sensors=sensors), {"charge_mass_kg": mass} | values)
+
+
+def candidate(choice, method):
+    return next(c for c in choice.candidates if c.method == method)
+
+
+def test_the_reference_is_good_to_what_it_may_itself_be_off():
+    choice = choose(scene(10.0, 35.0), ARRIVAL, 0.01)
+    assert choice.met
+    assert choice.method == "kingery_bulmash"
+    spans = stored.own_errors(ARRIVAL, "surface")
+    z = np.array(choice.span)
+    own = [s.error for s in spans if s.end > z[0] and s.start < z[1]]
+    assert choice.predicted_error == max(own)
+    assert candidate(choice, "kingery_bulmash").error == 0.0
+    assert candidate(choice, "kingery_bulmash").is_reference
+
+
+def test_a_tolerance_below_that_is_not_supportable_and_is_told_so():
+    choice = choose(scene(10.0, 35.0), ARRIVAL, 1e-5)
+    assert not choice.met
+    assert choice.method == "kingery_bulmash"
+    assert "not supportable" in choice.reason
+    assert "0.31 %" in choice.reason
+
+
+def test_the_method_chosen_costs_at_most_twice_the_cheapest_that_will_do():
+    for tolerance in (0.01, 0.03, 0.1, 0.3, 1.0):
+        choice = choose(scene(10.0, 35.0), ARRIVAL, tolerance)
+        enough = [c for c in choice.candidates if c.predicted_error <= tolerance]
+        assert choice.cost_s <= ALIKE * min(c.cost_s for c in enough)
+
+
+def test_far_out_sound_alone_will_do_for_a_loose_arrival():
+    choice = choose(scene(1500.0, mass=8.0), ARRIVAL, 0.02)  # Z = 750
+    assert choice.method == "acoustic"
+    assert choice.met
+    assert choose(scene(1500.0, mass=8.0), ARRIVAL, 0.001).method == "shock_kinematics"
+
+
+def test_where_none_is_good_enough_the_best_is_named_and_what_it_lacks():
+    both = scene(10.0, 500.0, mass=8.0, quantity=IMPULSE)  # Z = 5 and 250
+    choice = choose(both, IMPULSE, 0.1)
+    assert not choice.met
+    assert choice.method == "kingery_bulmash"  # the contract's: not all beyond 20
+    assert "not all inside" in choice.reason
+
+
+def test_beyond_every_reference_nothing_is_supportable():
+    for far in (scene(3000.0, mass=1.0), scene(FARTHEST + 1.0, mass=1e6)):
+        choice = choose(far, ARRIVAL, 0.3)
+        assert not choice.met
+        assert "no tolerance is supportable" in choice.reason
+        assert choice.method == "shock_kinematics"
+
+
+def test_a_quantity_without_reference_takes_its_law_and_promises_nothing():
+    choice = choose(scene(10.0, quantity="ground_arrival_s"), "ground_arrival_s", 0.5)
+    assert (choice.method, choice.met) == ("wu_hao", False)
+    exact = choose(scene(10.0, quantity="flash_time_s"), "flash_time_s", 1e-9)
+    assert (exact.method, exact.met, exact.predicted_error) == ("light", True, 0.0)
+
+
+def test_a_buried_charge_needs_a_law_that_knows_of_it():
+    deep = scene(100.0, quantity=IMPULSE, charge_up_m=-0.5)  # Z = 41
+    choice = choose(deep, IMPULSE, 0.3)
+    assert choice.method == "ford_2021"
+    ground = choose(scene(80.0, quantity=IMPULSE), IMPULSE, 5.0)  # Z = 32
+    assert math.isfinite(candidate(ground, "kingery_bulmash").error)
+    deep = choose(scene(80.0, quantity=IMPULSE, charge_up_m=-0.5), IMPULSE, 5.0)
+    assert not math.isfinite(candidate(deep, "kingery_bulmash").error)
+
+
+def test_a_prior_counts_over_its_90_per_cent_interval():
+    here = scene(80.0, mass=15.0)  # Z = 32; at a tenth of the mass 70
+    wide = UncertainScene(here, {"charge_mass_kg": LogNormal(15.0, 4.0)})
+    assert choose(here, ARRIVAL, 0.05).span == pytest.approx((32.4, 32.4), rel=0.01)
+    choice = choose(wide, ARRIVAL, 0.05)
+    factor = 4.0 ** (1.6449 / 3.0)
+    assert choice.span[1] / choice.span[0] == pytest.approx(factor**2, rel=1e-3)
+    assert choice.method == "shock_kinematics"  # Kingery and Bulmash end at 40
+
+
+def test_the_default_tolerance_is_a_third_of_the_smallest_sigma():
+    assert choose(scene(10.0, sigma=0.3, quantity=PRESSURE), PRESSURE).tolerance == (
+        pytest.approx(SHARE_OF_SIGMA * 0.3)
+    )
+    timed = choose(scene(340.29, sigma=0.03, air_relative_humidity=0.0), ARRIVAL)
+    # a second of sound's travel
+    assert timed.tolerance == pytest.approx(SHARE_OF_SIGMA * 0.03, rel=1e-4)
+
+
+def test_no_sigma_asks_for_the_best_there_is():
+    ways = ways_of(ARRIVAL, standard_path(np.array([5.0]), "surface"))
+    assert tolerance_of(np.array([np.nan]), ARRIVAL, [ways]) == 0.0
+
+
+@pytest.mark.parametrize(
+    ("asked", "said"),
+    [
+        (("height", 0.1), "unknown quantity 'height'; expected one of flash_time_s"),
+        ((PRESSURE, 0.1), f"no sensor of the scene records {PRESSURE}"),
+        (("arrival_difference_s", 0.1), "is made of air_arrival_s and ground_arrival"),
+        ((ARRIVAL, 0.0), "tolerance: expected a positive number, got 0"),
+        ((ARRIVAL, math.nan), "tolerance: expected a positive number, got nan"),
+        ((ARRIVAL, math.inf), "tolerance: expected a positive number, got inf"),
+    ],
+)
+def test_what_cannot_be_asked_is_refused(asked, said):
+    with pytest.raises(InputError, match=said):
+        choose(scene(10.0), *asked)
+
+
+def test_a_free_mass_is_refused_as_the_choice_depends_on_it():
+    free = freed(UncertainScene(scene(10.0)), ["charge_mass_kg"])
+    with pytest.raises(InputError, match="charge_mass_kg is free"):
+        choose(free, ARRIVAL, 0.1)
+
+
+def test_a_sensor_without_a_place_is_refused():
+    nowhere = Scene(sensors=(Sensor("s", jnp.full(3, jnp.nan)),))
+    with pytest.raises(InputError, match="expected position_m"):
+        choose(nowhere, ARRIVAL, 0.1)
+
+
+def test_a_sensor_that_does_not_say_what_it_records_may_record_anything():
+    silent = Scene(sensors=(Sensor("s", jnp.array([10.0, 0.0, 0.0])),))
+    assert choose(silent, ARRIVAL, 0.1).met
+    assert choose(scene(10.0), "shock_speed_m_s", 0.1).met
+
+
+def test_the_end_of_the_reference_belongs_to_it():
+    inside = choose(scene(END - 1.0, mass=1.0), ARRIVAL, 0.1)
+    assert inside.met

@@ -1,0 +1,82 @@
+"""What the stored tables promise is kept, off every table's nodes."""
+
+import dataclasses
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from calibration.promises import promises, random_path, real_errors, wilson_lower
+from jblast.fidelity import choose_for
+from jblast.fidelity.choose import ALIKE
+from jblast.fidelity.measure import BURSTS
+from jblast.fidelity.reference import REFERENCES
+from jblast.fidelity.solver import METHOD as SOLVER
+from jblast.fidelity.ways import jitted_ways
+from jblast.registry import call, law_for
+
+FEW = 200
+TOLERANCES = (0.01, 0.03, 0.1, 0.3)
+
+
+@pytest.fixture(scope="module", params=BURSTS)
+def path(request):
+    return random_path(request.param)
+
+
+@pytest.mark.parametrize("quantity", REFERENCES)
+def test_promises_are_kept_at_no_more_than_twice_the_cost(quantity, path):
+    for tolerance, told in promises(quantity, path).items():
+        if told.made:
+            assert wilson_lower(told.kept, told.made) >= 0.99, tolerance
+        assert told.good >= 0.99 * told.met
+        assert told.dearest <= ALIKE
+    assert told.supported > 0.4 * len(path.slant_range)  # at 30 %, the last
+    assert told.met >= 0.98 * told.supported
+
+
+@pytest.mark.parametrize("quantity", ["air_arrival_s", "peak_overpressure_pa"])
+def test_what_choose_names_is_what_the_study_counts(quantity):
+    path = random_path("free-air", FEW)
+    ways = jax.tree.map(np.asarray, jitted_ways(quantity, path))
+    real = real_errors(quantity, path, ways)
+    counts = promises(quantity, path)
+    for tolerance in TOLERANCES:
+        choices = [
+            choose_for(
+                quantity, [jax.tree.map(lambda x, i=i: x[i : i + 1], ways)], tolerance
+            )
+            for i in range(FEW)
+        ]
+        met = [i for i, choice in enumerate(choices) if choice.met]
+        assert len(met) == counts[tolerance].met
+        good = [real[choices[i].method][i] <= tolerance for i in met]
+        assert sum(good) == counts[tolerance].good
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("quantity", REFERENCES)
+def test_no_value_and_no_slope_is_anything_but_a_number(quantity, path):
+    for name in {m for m in jitted_ways(quantity, path).holds if m != SOLVER}:
+        law = law_for(quantity, name)
+
+        @jax.jit
+        def values(log_range, log_mass, law=law):
+            way = dataclasses.replace(
+                path, slant_range=jnp.exp(log_range), charge_mass=jnp.exp(log_mass)
+            )
+            return jnp.broadcast_to(call(law.function, way), log_range.shape)
+
+        at = jnp.log(path.slant_range), jnp.log(path.charge_mass)
+        value, pull = jax.vjp(values, *at)
+        assert np.isfinite(value).all(), name
+        for slope in pull(jnp.ones_like(value)):
+            assert np.isfinite(slope).all(), name
+
+
+@pytest.mark.parametrize(
+    ("kept", "of", "lower"), [(10, 10, 0.7225), (0, 10, 0.0), (95, 100, 0.8883)]
+)
+def test_wilsons_interval_has_its_textbook_values(kept, of, lower):
+    assert wilson_lower(kept, of) == pytest.approx(lower, abs=1e-3)

@@ -1,0 +1,152 @@
+"""Fits past their edges: the bare method fails there, and jblast says so."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from jblast.inference import fit
+from jblast.inference.laplace import NORMAL_Q95
+from jblast.inference.untold import NEAR, ambiguities
+from jblast.study.stability import outliers, poor_starts, untold
+from jblast.study.stability.arrival_logs import line, ring, told
+from jblast.study.stability.edge import EDGES
+from jblast.study.stability.fits import fits
+from jblast.study.stability.stock_fits import SOLVERS, TOLERANCE
+
+
+def test_fits_are_entered_into_the_map():
+    assert EDGES["fits"] is fits
+
+
+@pytest.fixture(scope="module")
+def logs():
+    return poor_starts.draw()
+
+
+@pytest.fixture(scope="module")
+def best(logs):
+    return poor_starts.best_known(logs)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("precision", TOLERANCE)
+@pytest.mark.parametrize("name", SOLVERS)
+def test_stock_solvers_end_off_the_optimum_and_report_success(
+    logs, best, name, precision
+):
+    of = poor_starts.by_stock(logs, best, name, precision)
+    # shares of 400: a standard error of 0.025 at most
+    assert of.off.mean() > {"Gauss-Newton": 0.4, "BFGS": 0.25}.get(name, 0.05)
+    assert of.falsely() > 0
+    if name != "Gauss-Newton":  # the flag hardly tells one from the other
+        assert of.falsely() > 0.8 * of.off.sum()
+    # none of those that start near the charge: the start is what is poor
+    assert of.nearest > 10
+
+
+@pytest.mark.slow
+def test_the_best_ends_known_are_as_good_as_the_truth(logs, best):
+    away = best - logs.truth
+    assert np.isfinite(best).all()
+    # 0.1 ms tells the mass to about 1 % and the place to about 2 cm
+    assert np.abs(away).max() < 1.0
+    assert not poor_starts.off(logs, best, best, np.ones(len(best), bool)).off.any()
+
+
+@pytest.mark.slow
+def test_fit_many_and_solve_end_at_the_optimum_of_the_same_logs(logs, best):
+    own = poor_starts.ours(logs)
+    of = poor_starts.off(logs, best, own.z, own.converged)
+    assert not of.off.any()
+    assert own.converged.all()
+    assert not own.doubtful.any()
+    assert poor_starts.solved_off(logs, best) == 0
+
+
+@pytest.mark.slow
+def test_fit_many_doubts_the_ends_that_poor_starts_lead_to(logs, best):
+    poor = poor_starts.ours(logs, logs.starts)
+    of = poor_starts.off(logs, best, poor.z, ~poor.doubtful)
+    assert of.off.sum() > 10
+    assert of.falsely() == 0
+    # an optimum all the same, some of them: converged alone would not have told
+    assert (of.off & np.asarray(poor.converged)).any()
+    # and none is doubted that is good
+    assert not (~of.off & np.asarray(poor.doubtful)).any()
+
+
+@pytest.mark.slow
+def test_a_mirror_image_is_reported_as_often_as_the_charge_and_named_by_jblast():
+    found = told(line(), *untold.MIRRORED)
+    ends = untold.by_stock(found.solution, untold.poor_starts())
+    south = np.mean(ends.z[:, 2] < 0)
+    assert ends.good > 200
+    # a coin of 200: four standard errors
+    assert south == pytest.approx(0.5, abs=0.15)
+    answer = fit(found.log, found.uncertain, noise="gaussian")
+    (other,) = answer.answer["ambiguities"]
+    north = answer.answer["estimates"]["charge_north_m"]["value"]
+    assert other["parameters"]["charge_north_m"] == pytest.approx(-north, abs=1e-3)
+    assert not answer.answer["identifiable"]
+    assert answer.exit_code == 4
+
+
+@pytest.mark.slow
+def test_the_mirror_image_is_told_apart_past_the_boundary_and_not_before():
+    edge = untold.collinear_edge()
+    assert edge.unit.startswith("m ")
+    for bent, named in ((0.8 * edge.boundary, 1), (1.2 * edge.boundary, 0)):
+        found = told(line(bent), *untold.MIRRORED).solution
+        assert len(ambiguities(found, True)) == named
+    # a charge at the height of its sensors: -2 ln density grows as the offset squared
+    double = untold.mirror_excess(2 * edge.boundary)
+    assert double / NEAR == pytest.approx(4.0, rel=0.25)
+
+
+@pytest.mark.slow
+def test_sensors_at_one_place_tell_neither_mass_nor_place_whatever_a_solver_says():
+    edge = untold.one_place_edge()
+    assert edge.boundary == 4  # mass and place are three; a mirror image is left at 3
+    one = untold.at_places(1)
+    ends = untold.by_stock(one.solution, untold.poor_starts())
+    assert ends.good > 300
+    assert np.ptp(ends.z[:, 0]) > np.log(1e6)
+    answer = fit(one.log, one.uncertain, noise="gaussian")
+    assert len(answer.answer["null_directions"]) == 2
+    assert all(of["value"] is None for of in answer.answer["estimates"].values())
+    assert answer.exit_code == 4
+
+
+@pytest.mark.slow
+def test_one_outlier_moves_normal_errors_without_bound_and_student_errors_hardly():
+    by = outliers.moved()
+    edge = outliers.outlier_edge()
+    # least squares follows a reading in proportion, but for what the law bends
+    far = np.abs(by.normal[-1]) / np.abs(by.normal[len(by.normal) // 4])
+    assert far == pytest.approx(4.0, rel=0.1)
+    at = np.interp(edge.boundary, outliers.FINE, np.abs(by.normal))
+    assert at == pytest.approx(NORMAL_Q95, rel=1e-6)
+    assert np.abs(by.student).max() < NORMAL_Q95
+    assert by.named[outliers.SIZES >= 10].all()
+    assert not by.named[outliers.SIZES <= 3].any()
+
+
+@pytest.mark.slow
+def test_an_outlier_is_named_in_the_answer():
+    clean = told(ring(), 30.0, 10.0, -5.0, "student")
+    value = clean.log.value.copy()
+    value[outliers.WHICH] += outliers.FAR * 1e-4
+    answer = fit(dataclasses.replace(clean.log, value=value), clean.uncertain).answer
+    suspects = answer["suspected_outliers"]
+    assert [o["sensor"] for o in suspects] == [clean.log.sensor[outliers.WHICH]]
+
+
+@pytest.mark.slow
+def test_wu_hao_tells_no_mass_while_the_solver_reports_success_at_many():
+    edge = untold.null_direction_edge()
+    assert edge.boundary > 1000  # starts spread over 1e4; it stays near where it began
+    found = untold.wu_hao_told()
+    (null,) = found.identifiability.null
+    np.testing.assert_allclose(null, untold.WU_HAO_NULL, atol=1e-6)
+    assert not any(found.identifiability.determined)

@@ -1,0 +1,108 @@
+"""Walks past their edges: emcee alone goes wrong there, and jblast says so."""
+
+import numpy as np
+import pytest
+
+from jblast.errors import InputError
+from jblast.inference import ensemble, fit
+from jblast.inference.convergence import LONG_ENOUGH
+from jblast.inference.how_sure import how_sure
+from jblast.inference.importance import GOOD_SHAPE
+from jblast.study.stability import ridges, two_modes
+from jblast.study.stability.arrival_logs import circle, told
+from jblast.study.stability.edge import EDGES
+from jblast.study.stability.two_modes import FAR, LESSER, STEPS
+from jblast.study.stability.untold import wu_hao_told
+from jblast.study.stability.walks import walks
+
+
+def test_walks_are_entered_into_the_map():
+    assert EDGES["walks"] is walks
+
+
+def test_the_stretch_move_finds_a_near_mode_and_misses_a_far_one():
+    near = two_modes.share_beyond(two_modes.from_one(4.0).kept(), 4.0)
+    # 750 steps of 64 walkers, some 85 steps to a draw: a standard error of 0.02
+    assert near == pytest.approx(LESSER, abs=0.1)
+    far = two_modes.share_beyond(two_modes.from_one(FAR).kept(), FAR)
+    assert far < 0.1 * LESSER
+
+
+def test_walkers_started_in_both_modes_stay_and_emcee_finds_nothing_wrong():
+    walk = two_modes.from_both(FAR)
+    assert two_modes.share_beyond(walk.kept(), FAR) == pytest.approx(0.5, abs=0.02)
+    assert walk.own_tau * LONG_ENOUGH < STEPS  # emcee's own condition is met
+    assert walk.judged.tau.max() * LONG_ENOUGH > 10 * STEPS
+    assert not walk.judged.reached(1.0)
+
+
+def test_the_walk_of_jblast_gives_each_mode_its_share():
+    found = two_modes.by_jblast(FAR)
+    assert found.reached
+    share = two_modes.share_beyond(found.chain[found.convergence.warm_up :], FAR)
+    error = np.sqrt(LESSER * (1 - LESSER) / found.convergence.ess[0])
+    assert share == pytest.approx(LESSER, abs=4 * error)
+
+
+@pytest.mark.slow
+def test_the_boundary_lies_between_modes_that_are_found_and_not():
+    edge = two_modes.found_edge()
+    assert two_modes.APART[0] < edge.boundary < FAR
+
+
+@pytest.mark.slow
+def test_no_walker_sees_a_mirror_image_that_jblast_gives_its_half():
+    by = two_modes.mirror()
+    assert by.beyond == 0
+    assert by.bare.judged.reached(0.05)  # the chain alone is a good one
+    assert by.ours.converged
+    # three thousand effective draws or more: four standard errors
+    assert [m.share for m in by.ours.modes] == pytest.approx([0.5, 0.5], abs=0.04)
+    assert any("the posterior has 2 modes" in why for why in by.ours.why)
+
+
+@pytest.mark.slow
+def test_a_walk_over_a_null_direction_looks_converged_and_is_refused():
+    walk = ridges.along_the_null(ridges.LONG)
+    assert walk.judged.tau.max() * LONG_ENOUGH < ridges.LONG
+    assert walk.judged.r_hat.max() < 1.01
+    # ln of a mass: from nothing to more than there is
+    assert np.ptp(walk.kept()[..., 0]) > 1000
+    found = wu_hao_told()
+    with pytest.raises(InputError, match=r"improper along charge_mass_kg.*a prior"):
+        ensemble(found.posterior, found.laplace, found.identifiability)
+    asked = how_sure(found, "emcee")
+    assert asked.method == "laplace"
+    assert "leaves a direction untold" in asked.reason
+
+
+@pytest.mark.slow
+def test_a_ridge_without_end_is_walked_on_and_on_and_called_improper():
+    edge = ridges.endless_edge()
+    assert edge.boundary < LONG_ENOUGH
+    _, walk = ridges.endless()
+    assert not walk.converged
+    assert any("so the posterior is improper" in why for why in walk.why)
+    assert walk.ridge is not None
+    assert walk.ridge.endless
+
+
+@pytest.mark.slow
+def test_the_normal_approximation_fails_past_its_boundary_and_auto_walks():
+    edge = ridges.bent_edge()
+    assert ridges.shape_at(1.5 * edge.boundary) < GOOD_SHAPE
+    assert ridges.shape_at(edge.boundary / 1.5) > GOOD_SHAPE
+    found = told(circle(ridges.NEAR), 30.0, 60.0, 0.0)
+    answers = [
+        fit(found.log, found.uncertain, noise="gaussian", posterior=method).answer
+        for method in ("laplace", "auto")
+    ]
+    assert [answer["posterior"] for answer in answers] == ["laplace", "emcee"]
+    low, high = (answer["estimates"]["charge_mass_kg"] for answer in answers)
+    # an end off by more than a fifth of the sd: its Monte Carlo error is 0.05
+    assert abs(low["q05"] - high["q05"]) > 0.2 * high["sd"] or (
+        abs(low["q95"] - high["q95"]) > 0.2 * high["sd"]
+    )
+    assert any(
+        "the normal approximation does not do" in w for w in answers[1]["warnings"]
+    )
