@@ -19,9 +19,11 @@ def reason_for(choice: Choice) -> str:
         )
     dearest = _dearest(choice, found)
     if dearest:
+        more = f"costs {_times(dearest.cost_s / found.cost_s)} times more"
         parts.append(
-            f"{named(dearest.method)} costs {_times(dearest.cost_s / found.cost_s)} "
-            f"times more for {percent(dearest.error)}"
+            f"{dearest.method}, the reference, {more}"
+            if dearest.is_reference
+            else f"{named(dearest.method)} {more} for {percent(dearest.error)}"
         )
     return "; ".join(parts)
 
@@ -38,7 +40,7 @@ def percent(error: float) -> str:
 def _times(ratio: float) -> str:
     """Return a ratio to one digit, as 40 or 4e5."""
     digit, power = f"{ratio:.0e}".split("e")
-    return f"{float(ratio):.1g}" if ratio < 1e3 else f"{digit}e{int(power)}"
+    return f"{float(f'{ratio:.0e}'):g}" if ratio < 1e3 else f"{digit}e{int(power)}"
 
 
 def named(method: str) -> str:
