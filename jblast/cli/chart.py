@@ -16,7 +16,8 @@ def add_arguments(verb: argparse.ArgumentParser) -> None:
         nargs="?",
         default=ALL,
         metavar="TOPIC",
-        help="arrival, pressure, waveform, solver, fit, sampler or all (default)",
+        help="arrival, pressure, impulse, duration, waveform, solver, fit, sampler or "
+        "all (default)",
     )
     verb.add_argument(
         "--out",

@@ -1,4 +1,4 @@
-"""Arrival and pressure: every law's cost against its error, near, midway and far."""
+"""Arrival, pressure, impulse, duration: what every law costs, and how far it is off."""
 
 import dataclasses
 import math
@@ -125,6 +125,8 @@ def _point(
 for _name, _quantity, _words in (
     ("arrival", "air_arrival_s", "Air arrival"),
     ("pressure", "peak_overpressure_pa", "Peak overpressure"),
+    ("impulse", "positive_impulse_pa_s", "Positive impulse"),
+    ("duration", "positive_duration_s", "Positive duration"),
 ):
     register_topic(
         Topic(

@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
-from matplotlib.ticker import EngFormatter, FuncFormatter, NullFormatter
+from matplotlib.ticker import EngFormatter, FuncFormatter, LogLocator, NullFormatter
 from matplotlib.transforms import Bbox
 
 from jblast.fidelity.topic import Point, Topic, on_front, panels
@@ -26,6 +26,9 @@ from jblast.report.words import capitalised
 
 APART = 1e3
 """A method that costs so many times the next cheaper one stands at the right edge."""
+
+MANY = 300.0
+"""An axis that spans a larger factor names decades only."""
 
 BESIDE = 4.0
 """How far past the others, as a factor of cost."""
@@ -94,6 +97,10 @@ def _scale(axes: Axes, topic: Topic, points: Sequence[Point], last: float) -> No
     axes.set_xlim(first / 1.6, last * (BESIDE * 1.2 if far else 2.5))
     errors = [point.error for point in points]
     axes.set_ylim(min(errors) / 2.2, max(errors) * 2.2)
+    for axis in (axes.xaxis, axes.yaxis):
+        low, high = axis.get_view_interval()
+        subs = (1.0, 2.0, 5.0) if high / low < MANY else (1.0,)
+        axis.set_major_locator(LogLocator(subs=subs))
     axes.xaxis.set_major_formatter(EngFormatter(unit="s"))
     axes.xaxis.set_minor_formatter(NullFormatter())
     axes.yaxis.set_minor_formatter(NullFormatter())
