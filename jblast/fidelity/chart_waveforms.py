@@ -26,7 +26,7 @@ END = 12.5
 CELLS = (50, 100, 200)
 REFERENCE = 400
 SAMPLES = 256
-MANY = 1024
+MANY = 4096
 """Waveforms a call, when a closed form is timed."""
 
 
@@ -44,7 +44,7 @@ def form_seconds(form: Form) -> float:
         suction=suction * peak,
         suction_impulse=suction * peak * length * duration,
     )
-    time = jnp.linspace(0.0, 4.0, SAMPLES) * duration
+    time = jnp.linspace(0.0, 4.0, SAMPLES)[None, :] * duration
     compiled = jax.jit(form)
     return seconds(lambda: compiled(time, told)) / MANY
 
@@ -95,8 +95,9 @@ def waveform_points(
         runs[number] = waveforms(run, places)
     forms = {}
     for name, form in {**POSITIVE, **WHOLE}.items():
-        tell(name)
-        forms[name] = form_seconds(form)
+        if form not in forms:
+            tell(name)
+            forms[form] = form_seconds(form)
     points = []
     for column, place in enumerate(places):
         waves = [runs[number][column] for number in cells]
@@ -107,11 +108,11 @@ def waveform_points(
         ):
             panel = f"{what}, lambda = {place:g}"
             span = f"{panel}, peak {float(true.told.peak):.2g} ambient pressures"
-            own = own_error(*waves[-3:], until)
+            own = own_error(waves[-3], waves[-2], true, until)
             points += [
                 Point(
                     name,
-                    forms[name],
+                    forms[form],
                     max(own, form_error(form, true, until)),
                     span,
                     panel,

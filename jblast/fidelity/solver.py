@@ -42,7 +42,6 @@ def decay(cells: int = CELLS) -> Decay:
 
 def seconds_of_run(cells: int = CELLS) -> float:
     """Return what a run costs, compiled before [s]."""
-    point_source_march(cells, 2.0 * LAMBDAS[0])
     return seconds(lambda: point_source_march(cells, LAMBDAS[1]).history, 1)
 
 

@@ -6,7 +6,7 @@ and poor starts, which know the mass to a factor of 1,000 and the place to a squ
 """
 
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -104,12 +104,16 @@ def by_scipy(logs: Logs, count: int) -> Float[np.ndarray, "log free"]:
     """Fit the first logs from their poor starts by MINPACK, one after another."""
     function = jax.jit(lambda z, measured: residuals(z, (logs.blank, measured)))
     slopes = jax.jit(jax.jacfwd(lambda z, m: residuals(z, (logs.blank, m))))
+
+    def jacobian(measured) -> Any:  # scipy's types know of no function here
+        return lambda z: np.asarray(slopes(z, measured))
+
     return np.array(
         [
             least_squares(
                 lambda z, m=measured: np.asarray(function(z, m)),
                 start,
-                jac=lambda z, m=measured: np.asarray(slopes(z, m)),
+                jac=jacobian(measured),
                 method="lm",
                 x_scale="jac",
             ).x

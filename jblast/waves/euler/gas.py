@@ -16,7 +16,7 @@ from jblast.types import as_float_array
 class Gas(eqx.Module):
     """What the solver asks of a gas; densities in kg/m3, pressures in Pa."""
 
-    def of_cells(self, cells: slice) -> "Gas":
+    def of_cells(self, cells: slice | tuple[int, ...]) -> "Gas":
         """Return the gas of some of the cells: itself, if it is the same in all."""
         del cells
         return self

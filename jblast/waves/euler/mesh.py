@@ -118,8 +118,7 @@ class GradedMesh(Mesh):
         return self._with_core(area(self.labels(clock), self.geometry) * speed)
 
     def _with_core(self, volume):
-        """Return masses outside the core; in it the faces stand."""
+        """Return masses at all faces: those of the core stand, and the innermost."""
         mass = self.density[None] * volume
-        if self.core == 0:
-            return mass
-        return jnp.concatenate([jnp.zeros_like(mass[:1])] * self.core + [mass])
+        none = jnp.zeros_like(mass[:1])
+        return jnp.concatenate([none] * (self.core + 1) + [mass[1:]])

@@ -35,10 +35,8 @@ def face_values(
         outer: What stands for a cell beyond the last.
         limited: Whether slopes are limited.
     """
-    rise = means[1:] - means[:-1]
-    a = jnp.concatenate([(means[0] - inner)[None], rise])
-    b = jnp.concatenate([rise, (outer - means[-1])[None]])
-    a, b = laid_out((a, b))
+    around = laid_out(jnp.concatenate([inner[None], means, outer[None]]))
+    a, b = means - around[:-2], around[2:] - means
     if limited:
         s = 2.0 * jnp.maximum(a * b, 0.0) / (a * a + b * b + TINY)
     else:
@@ -50,32 +48,37 @@ def face_values(
 def reconstruct(
     cells: Primitives, *, fitted: bool, limited: bool
 ) -> tuple[Primitives, Primitives]:
-    """Return values at the inner and at the outer face of each cell.
+    """Return values on the inner and on the outer side of each face.
 
     Beyond the centre or a wall lies the mirrored flow. Towards a fitted shock the flow
-    goes on straight. Where a density or pressure at a face would not be positive, both
-    faces of the cell take its mean: so does positivity survive the reconstruction.
+    goes on straight, densities and pressures not below zero. Between positive means
+    limited values are positive: none is off its mean by more than 0.55 of the
+    difference to the lesser neighbour. Without the limiter, where a density or pressure
+    would not be positive, both faces of the cell take its mean.
 
     Args:
         cells: Means of the cells.
         fitted: Whether a fitted shock is the outer end, not a wall.
         limited: Whether slopes are limited.
     """
+    mirror = Primitives(1.0, -1.0, 1.0)
     faces = []
-    for name, q in zip(Primitives._fields, cells, strict=True):
-        sign = -1.0 if name == "velocity" else 1.0
-        outer = 2.0 * q[-1] - q[-2] if fitted else sign * q[-1]
-        faces.append(face_values(q, sign * q[0], outer, limited))
-    inner, outer = (Primitives(*side) for side in zip(*faces, strict=True))
-    good = (
-        jnp.minimum(
-            jnp.minimum(inner.density, outer.density),
-            jnp.minimum(inner.pressure, outer.pressure),
-        )
-        > 0.0
-    )
-    inside, outside = (
-        Primitives(*(jnp.where(good, f, q) for f, q in zip(side, cells, strict=True)))
-        for side in (inner, outer)
-    )
-    return inside, outside
+    for name, sign, q in zip(Primitives._fields, mirror, cells, strict=True):
+        beyond = sign * q[-1]
+        if fitted:
+            straight = 2.0 * q[-1] - q[-2]
+            beyond = straight if name == "velocity" else jnp.maximum(straight, 0.0)
+        faces.append(face_values(q, sign * q[0], beyond, limited))
+    if not limited:
+        (low, high), _, (least, most) = faces
+        good = jnp.minimum(jnp.minimum(low, high), jnp.minimum(least, most)) > 0.0
+        faces = [
+            tuple(jnp.where(good, f, q) for f in pair)
+            for pair, q in zip(faces, cells, strict=True)
+        ]
+    # One array a side and quantity, ends included: a CPU keeps what it joins, and does
+    # not work it out anew for each flux.
+    signed = list(zip(mirror, faces, strict=True))
+    left = [jnp.concatenate([sign * i[:1], o]) for sign, (i, o) in signed]
+    right = [jnp.concatenate([i, sign * o[-1:]]) for sign, (i, o) in signed]
+    return Primitives(*left), Primitives(*right)

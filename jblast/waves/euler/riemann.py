@@ -17,6 +17,8 @@ $m = Q_r$ the undisturbed one. Both are, with $\theta = \min(m/Q_r, 1)$,
 $$\dot V = m/\rho_r + u^* - \theta(u^*-u_r), \quad
 \dot P = m u_r - [p^* - \theta(p^*-p_r)], \quad
 \dot E = m E_r - [p^*u^* - \theta(p^*u^* - p_ru_r)]$$
+
+All is given through an area and in a time, whose product is called impulse here.
 """
 
 from typing import NamedTuple
@@ -29,12 +31,12 @@ from jblast.waves.euler.state import Primitives
 
 
 class Flux(NamedTuple):
-    """What the cell inside a face gains through it, an area and a time.
+    """What the cell inside a face gains through it.
 
     Attributes:
-        volume: [m/s]; the velocity of the face itself.
-        momentum: [Pa].
-        energy: [W/m2].
+        volume: [m3]; what the face itself sweeps.
+        momentum: [kg m/s].
+        energy: [J].
     """
 
     volume: Float[Array, "..."]
@@ -60,16 +62,18 @@ def wave_mass_flux(
 def face_flux(
     left: Primitives,
     right: Primitives,
-    overtaking: Float[Array, "..."],
+    overtaken: Float[Array, "..."],
+    impulse: Float[Array, "..."],
     left_gas: Gas,
     right_gas: Gas,
 ) -> Flux:
-    """Return the fluxes through faces.
+    """Return what goes through faces.
 
     Args:
         left: State just inside.
         right: State just outside.
-        overtaking: Mass flux $m$ through the moving face [kg/(m2 s)], not negative.
+        overtaken: Mass that goes through the moving face [kg], not negative.
+        impulse: Area of the face times time [m2 s].
         left_gas: The gas inside.
         right_gas: The gas outside.
     """
@@ -80,12 +84,14 @@ def face_flux(
         q_l * left.velocity + q_r * right.velocity + (left.pressure - right.pressure)
     ) / (q_l + q_r)
     p = left.pressure + q_l * (left.velocity - u)
-    theta = jnp.minimum(overtaking / q_r, 1.0)
+    # A step of no length sweeps nothing: 0/0 is kept out, also of the derivative.
+    most = jnp.where(impulse > 0.0, impulse, 1.0) * q_r
+    theta = jnp.minimum(overtaken / most, 1.0)
     internal = right_gas.energy(right.density, right.pressure)
-    carried = overtaking / right.density
-    energy = internal * carried + 0.5 * overtaking * right.velocity * right.velocity
+    carried = overtaken / right.density
+    energy = internal * carried + 0.5 * overtaken * right.velocity * right.velocity
     return Flux(
-        carried + u - theta * (u - right.velocity),
-        overtaking * right.velocity - p + theta * (p - right.pressure),
-        energy - p * u + theta * (p * u - right.pressure * right.velocity),
+        carried + impulse * (u - theta * (u - right.velocity)),
+        overtaken * right.velocity - impulse * (p - theta * (p - right.pressure)),
+        energy - impulse * (p * u - theta * (p * u - right.pressure * right.velocity)),
     )

@@ -70,8 +70,7 @@ def step(
     cells = primitives(state, flow.gas)
     front = _front(cells, flow)
     limit = courant * _largest_step(state, flow, cells, front)
-    # A density or pressure below zero makes a root NaN, and so the limit: no test of
-    # every cell is needed.
+    # A pressure below zero makes a root NaN, and so the limit: no test of each is needed.
     alive = state.alive & (limit > 0.0)
     wanted = jnp.minimum(jnp.where(alive, limit, 0.0), end - state.clock)
     # The steps are held while parameters vary: a derivative is that of the steps taken.
@@ -86,7 +85,6 @@ def step(
     second = _rates(middle, flow, cells, _front(cells, flow), overtaken, advance)
     both = laid_out(jax.tree.map(lambda a, b: 0.5 * (a + b), first, second))
     moved = _moved(state, both, clock, flow)
-    alive = alive & (jnp.min(moved.volume, axis=0) > 0.0)
     new = jax.tree.map(lambda a, b: jnp.where(alive, a, b), moved, state)
     return eqx.tree_at(lambda s: s.alive, new, alive), front
 
@@ -118,11 +116,15 @@ def _largest_step(
     cells: Primitives,
     front: Front,
 ) -> Float[Array, "..."]:
-    """Return the advance of the clock in which no wave crosses a cell."""
+    """Return the advance of the clock in which no wave crosses a cell.
+
+    Zero where a cell has no volume.
+    """
     sound = wave_mass_flux(cells, jnp.zeros_like(cells.density), flow.gas)
     outer = area(state.radius[1:], flow.geometry)
     crossing = outer * sound / front.speed[None] + flow.mesh.sweeping(state.clock)[1:]
-    return jnp.min(state.mass / crossing, axis=0)
+    crossed = jnp.where(state.volume > 0.0, state.mass / crossing, 0.0)
+    return jnp.min(crossed, axis=0)
 
 
 def _rates(
@@ -135,32 +137,25 @@ def _rates(
 ) -> Rates:
     """Return what a step adds if the flow stays what it is."""
     cells = laid_out(cells)
-    inner, outer = laid_out(
+    left, right = laid_out(
         reconstruct(cells, fitted=flow.ambient is not None, limited=flow.limited)
     )
-    left = Primitives(*(q[:-1] for q in outer))
-    right = Primitives(*(q[1:] for q in inner))
-    left, right = laid_out((left, right))
     time = advance / front.speed
     areas = area(state.radius, flow.geometry)
     impulse = areas * time[None]
-    # A step of no length sweeps nothing: 0/0 is kept out, also of the derivative.
-    moving = impulse[1:-1] > 0.0
-    overtaking = overtaken[1:-1] / jnp.where(moving, impulse[1:-1], 1.0)
-    gas = flow.gas
+    gas, number = flow.gas, cells.density.shape[0]
     flux = face_flux(
-        left, right, overtaking, gas.of_cells(slice(-1)), gas.of_cells(slice(1, None))
+        left,
+        right,
+        overtaken,
+        impulse,
+        gas.of_cells((0, *range(number))),
+        gas.of_cells((*range(number), number - 1)),
     )
-    swept, momentum, energy = laid_out(tuple(impulse[1:-1] * f for f in flux))
-    ends = _ends(state, flow, inner, outer, overtaken, impulse, advance)
-    swept, momentum, energy = laid_out(
-        tuple(
-            jnp.concatenate([first[None], within, last[None]])
-            for (first, last), within in zip(
-                ends, (swept, momentum, energy), strict=True
-            )
-        )
+    swept, momentum, energy = _with_ends(
+        flux, flow, overtaken[-1:], impulse[-1:]
     )
+    swept, momentum, energy = laid_out((swept, momentum, energy))
     sides = cells.pressure * (impulse[1:] - impulse[:-1])
     return Rates(
         swept=swept,
@@ -173,27 +168,21 @@ def _rates(
     )
 
 
-def _ends(state, flow, inner, outer, overtaken, impulse, advance):
-    """Return volume, momentum and energy through the innermost and outermost face."""
-    none = jnp.zeros_like(advance)
-    centre = -_wall_pressure(inner, 0, -1.0, flow.gas) * impulse[0]
-    if flow.ambient is None:
-        wall = -_wall_pressure(outer, -1, 1.0, flow.gas) * impulse[-1]
-        return (none, none), (centre, wall), (none, none)
-    ambient = flow.ambient
-    internal = ambient.gas.energy(ambient.density, ambient.pressure) / ambient.density
-    momentum = -ambient.pressure * impulse[-1]
+def _with_ends(through, flow: Flow, overtaken, impulse):
+    """Return volume, momentum and energy through all faces, right at both ends.
+
+    Nothing goes through a wall, to the last digit, but its pressure.
+    """
+    swept, momentum, energy = through
+    none = jnp.zeros_like(impulse)
+    last = (none, momentum[-1:], none)
+    if flow.ambient is not None:
+        ambient = flow.ambient
+        internal = ambient.gas.energy(ambient.density, ambient.pressure)
+        volume = overtaken / ambient.density
+        last = (volume, -ambient.pressure * impulse, volume * internal)
     return (
-        (none, overtaken[-1] / ambient.density),
-        (centre, momentum),
-        (none, overtaken[-1] * internal),
+        jnp.concatenate([none, swept[1:-1], last[0]]),
+        jnp.concatenate([momentum[:-1], last[1]]),
+        jnp.concatenate([none, energy[1:-1], last[2]]),
     )
-
-
-def _wall_pressure(faces: Primitives, cell: int, outward: float, gas: Gas):
-    """Return the pressure on a rigid wall: the mirrored flow is its other side."""
-    at = Primitives(*(q[cell] for q in faces))
-    towards = outward * at.velocity
-    approach = jnp.maximum(2.0 * towards, 0.0)
-    q = wave_mass_flux(at, approach, gas.of_cells(slice(cell, (cell + 1) or None)))
-    return at.pressure + q * towards
