@@ -107,7 +107,7 @@ def value_of(quantity: str, method: str, path: Path) -> Float[np.ndarray, " plac
 def holds(quantity: str, method: str, path: Path) -> Bool[np.ndarray, " place"]:
     """Return where a method holds, by place."""
     if method == solver.METHOD:
-        return solver.holds(scaled_distances(path), path.burst)
+        return np.asarray(solver.holds(scaled_distances(path), path.burst))
     valid = np.asarray(call(law_for(quantity, method).valid, path))
     return np.broadcast_to(valid, path.slant_range.shape)
 
