@@ -6,6 +6,7 @@ from dataclasses import replace
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
+from scipy.special import ndtri
 
 from jblast.errors import InputError, nearest
 from jblast.quantities import DERIVED_QUANTITIES, QUANTITIES, components
@@ -27,7 +28,7 @@ DECIDES = (
 )
 """Numbers of a scene that decide which method will do."""
 
-SCORES = (-1.6448536269514722, 1.6448536269514722)
+SCORES = tuple(ndtri((0.05, 0.95)))
 """Of the ends of a prior's 90 % interval."""
 
 

@@ -9,6 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
+from jblast.inference.ends import ends_judged
 from jblast.inference.ensemble import Ensemble, ensemble
 from jblast.inference.importance import (
     ENDS,
@@ -38,7 +39,7 @@ class HowSure:
         z: Draws of the coordinates.
         marginals: By number: value (the most probable), sd, log_sd, q05, q50, q95.
         converged: Whether the method reached what it should.
-        why: Sentences about what the draws showed: modes, a ridge, doubts.
+        why: Sentences about what draws showed: modes, a ridge, intervals that are off.
         ensemble: The walk, where there was one.
     """
 
@@ -64,7 +65,8 @@ def how_sure(
 
     Args:
         solution: What inference found.
-        method: "auto" takes the normal approximation where importance sampling finds
+        method: "laplace" takes the normal approximation, and says so where the ends of
+            its intervals are off. "auto" takes it where importance sampling finds
             nothing against it and numbers are narrow, and walkers else.
         seed: Of the draws.
         rows: What to call each row of the log in messages.
@@ -88,7 +90,7 @@ def how_sure(
             return _by_normal(solution, f"{said}: {limits}", seed)
         reason = f"the normal approximation does not do ({said}; {limits})"
     elif method == "laplace":
-        return _by_normal(solution, "as asked for", seed)
+        return _by_normal(solution, "as asked for", seed, _doubts(solution, seed))
     else:
         reason = "as asked for"
 
@@ -117,7 +119,17 @@ def how_sure(
     )
 
 
-def _by_normal(solution: Solution, reason: str, seed: int) -> HowSure:
+def _doubts(solution: Solution, seed: int) -> tuple[str, ...]:
+    """Say where the normal approximation's intervals are off, of an optimum."""
+    if not solution.laplace.converged:
+        return ()
+    doubt = ends_judged(solution.posterior, solution.laplace, seed=seed).doubt()
+    return (doubt,) if doubt else ()
+
+
+def _by_normal(
+    solution: Solution, reason: str, seed: int, why: tuple[str, ...] = ()
+) -> HowSure:
     normal = solution.laplace
     return HowSure(
         method="laplace",
@@ -125,4 +137,5 @@ def _by_normal(solution: Solution, reason: str, seed: int) -> HowSure:
         z=normal.draws(DRAWS, np.random.default_rng(seed)),
         marginals=marginals(solution.posterior.parameters, normal),
         converged=normal.converged,
+        why=why,
     )

@@ -1,6 +1,7 @@
-"""What is there: charge, air, ground, sensors, and what is not known of them."""
+"""What is there: charge, air, ground, sensors, camera; what is not known of them."""
 
 from jblast.scene.air import Air as Air
+from jblast.scene.camera import Camera as Camera
 from jblast.scene.charge import Charge as Charge
 from jblast.scene.clock import Clock as Clock
 from jblast.scene.explosives import EXPLOSIVES as EXPLOSIVES
@@ -10,6 +11,11 @@ from jblast.scene.parameters import (
     place_of as place_of,
     value_of as value_of,
     with_values as with_values,
+)
+from jblast.scene.pose import (
+    look_at as look_at,
+    matrix_quaternion as matrix_quaternion,
+    quaternion_matrix as quaternion_matrix,
 )
 from jblast.scene.priors import (
     Free as Free,

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from jblast.quantities import QUANTITIES
 
 KEYS: dict[str, tuple[str, ...]] = {
-    "": ("schema", "charge", "air", "ground", "sensor", "law"),
+    "": ("schema", "charge", "air", "ground", "sensor", "camera", "law"),
     "charge": (
         "name",
         "mass_kg",
@@ -27,12 +27,25 @@ KEYS: dict[str, tuple[str, ...]] = {
     ),
     "ground": ("p_speed_m_s", "path"),
     "sensor": ("name", "kind", "position_m", "clock_offset_s", "records"),
+    "camera": (
+        "position_m",
+        "look_at_m",
+        "quaternion",
+        "width",
+        "height",
+        "focal_px",
+        "center_px",
+        "distortion",
+        "frames_hz",
+        "exposure_s",
+        "threshold",
+    ),
     "law": (*QUANTITIES, "scatter", "sedov_gamma"),
 }
 """Keys by table; "" is the file itself."""
 
 LATER: dict[str, tuple[str, ...]] = {
-    "": ("camera", "vehicle", "world"),
+    "": ("vehicle", "world"),
     "sensor": ("rate_hz", "sensitivity", "noise_pa", "filter_hz"),
 }
 """Keys of the contract that nothing uses yet."""

@@ -3,11 +3,14 @@
 import math
 from typing import Any
 
+import numpy as np
+from jaxtyping import Float
+
 from jblast.errors import InputError, nearest, shown
 from jblast.scene.keys import NUMBERS, Number
 from jblast.scene.parameters import place_of
 from jblast.scene.priors import Free, LogNormal, LogUniform, Normal, Prior, Uniform
-from jblast.scene.tables import number_list
+from jblast.scene.tables import not_yet, number_list
 
 Uncertain = tuple[float, Prior | Free | None]
 """Where a fit of a number starts, and what is believed of it; None: it is fixed."""
@@ -21,7 +24,16 @@ PRIORS = {
 """Kinds of prior, and the two numbers each is written with."""
 
 
-LISTS = {"position_m": "[east, north, up]", "wind_m_s": "[east, north]"}
+LISTS = {
+    "position_m": "[east, north, up]",
+    "wind_m_s": "[east, north]",
+    "look_at_m": "[east, north, up]",
+    "quaternion": "[w, x, y, z]",
+    "focal_px": "[x, y]",
+    "center_px": "[x, y]",
+    "distortion": "[k1, k2, p1, p2, k3]",
+    "threshold": "[brighter, darker]",
+}
 """Keys that hold a list of numbers, and how it is written."""
 
 CLEAR_OF_ZERO = 3.0
@@ -43,6 +55,20 @@ def finite(value: Any, where: str, expected: str = "a finite number") -> float:
     if not math.isfinite(number):
         raise InputError(f"{where}: expected {expected}, got {shown(value)}")
     return number
+
+
+def fixed_list(value: Any, where: str, form: str) -> Float[np.ndarray, " number"]:
+    """Return a list of numbers that may not be free yet.
+
+    Raises:
+        InputError: It is no list of the form, or one of its numbers is not finite.
+    """
+    numbers = number_list(value, where, form)
+    if any(number == "free" or isinstance(number, dict) for number in numbers):
+        raise not_yet(where, "a number that is free or has a prior")
+    return np.array(
+        [finite(number, f"{where}[{index}]") for index, number in enumerate(numbers)]
+    )
 
 
 def read_numbers(entry: dict[str, Any], table: str, where: str) -> dict[str, Uncertain]:

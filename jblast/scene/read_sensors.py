@@ -7,10 +7,10 @@ import numpy as np
 from jblast.errors import InputError, nearest, shown
 from jblast.quantities import QUANTITIES
 from jblast.scene.keys import SENSOR_KINDS, Number
-from jblast.scene.numbers import LISTS, Uncertain, finite, read_number
+from jblast.scene.numbers import LISTS, Uncertain, finite, fixed_list, read_number
 from jblast.scene.parameters import CLOCK_OFFSET
 from jblast.scene.sensor import Sensor
-from jblast.scene.tables import choice, name_of, not_yet, number_list, tables
+from jblast.scene.tables import choice, name_of, tables
 
 OFFSET = Number("clock_offset_s", "sensor", "clock_offset_s")
 
@@ -60,12 +60,7 @@ def _sensor(name: str, entry: dict[str, Any], where: str) -> Sensor:
 def _position(entry: dict[str, Any], where: str) -> np.ndarray:
     if "position_m" not in entry:
         return np.full(3, np.nan)
-    position = number_list(entry["position_m"], where, LISTS["position_m"])
-    if any(map(_uncertain, position)):
-        raise not_yet(where, "a place that is free or has a prior")
-    return np.array(
-        [finite(number, f"{where}[{index}]") for index, number in enumerate(position)]
-    )
+    return fixed_list(entry["position_m"], where, LISTS["position_m"])
 
 
 def _records(records: Any, where: str) -> tuple[tuple[str, float], ...]:
@@ -89,7 +84,3 @@ def _records(records: Any, where: str) -> tuple[tuple[str, float], ...]:
             )
         pairs.append((quantity, number))
     return tuple(pairs)
-
-
-def _uncertain(value: Any) -> bool:
-    return value == "free" or isinstance(value, dict)

@@ -4,6 +4,7 @@ import equinox as eqx
 from jaxtyping import Array, Float
 
 from jblast.scene.air import Air
+from jblast.scene.camera import Camera
 from jblast.scene.charge import Charge
 from jblast.scene.clock import Clock
 from jblast.scene.ground import Ground
@@ -20,6 +21,7 @@ class Scene(eqx.Module):
         air: What the shock travels in.
         ground: What the ground wave travels in.
         sensors: Who listens.
+        camera: Who looks on, if anyone.
         clocks: Recorders' clocks that need not agree with the common one.
         law: Pairs of quantity and law name; a quantity without one is "auto".
         scatter: Whether the laws scatter about nature, or are exact.
@@ -31,6 +33,7 @@ class Scene(eqx.Module):
     air: Air = eqx.field(default_factory=Air)
     ground: Ground = eqx.field(default_factory=Ground)
     sensors: tuple[Sensor, ...] = ()
+    camera: Camera | None = None
     clocks: tuple[Clock, ...] = ()
     law: tuple[tuple[str, str], ...] = eqx.field(static=True, default=())
     scatter: bool = eqx.field(static=True, default=True)

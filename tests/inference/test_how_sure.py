@@ -1,10 +1,16 @@
 """Which method tells how sure an answer is, and that both say the same of a normal."""
 
+from dataclasses import replace
+
+import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 from logs import log
 
-from jblast.inference import fit
+from jblast.inference import fit, solve
+from jblast.inference.ends import EndsOff, ends_judged
+from jblast.inference.importance import ENDS
 from jblast.scene import Free, Scene, UncertainScene, freed
 from jblast.waves import kingery_bulmash_pressure, wu_hao_air_arrival_time
 
@@ -56,3 +62,58 @@ def test_what_no_log_can_tell_is_not_walked_over():
     assert result.answer["posterior"] == "laplace"
     assert "untold" in result.posterior_reason
     assert not result.answer["identifiable"]
+
+
+def disagreeing(apart: float):
+    """Record three pressures of a mass, and two of one so much larger in ln."""
+    return log(
+        *(
+            (f"s{i}", "peak_overpressure_pa", p, 0.3 * p, r)
+            for i, (r, more) in enumerate(
+                ((10.0, 0), (20.0, 0), (40.0, 0), (15.0, apart), (30.0, apart))
+            )
+            for p in [float(kingery_bulmash_pressure(r, 15.0 * np.exp(more)))]
+        ),
+        at_range=True,
+    )
+
+
+def ends_by_grid(solution):
+    """Integrate a posterior of one unknown; its ends in sds of its normal."""
+    normal = solution.laplace
+    x = np.linspace(-20, 20, 4001)
+    z = normal.z[0] + x * np.sqrt(normal.covariance[0, 0])
+    density = jax.vmap(solution.posterior.log_density)(jnp.asarray(z[:, None]))
+    below = np.cumsum(np.exp(density - np.max(density)))
+    return np.interp((0.05, 0.95), below / below[-1], x)
+
+
+@pytest.mark.parametrize("apart", [0.0, 2.5, 4.0])
+def test_ends_are_off_by_what_integration_says_and_the_answer_warns(apart):
+    made = disagreeing(apart)
+    solution = solve(made, MASS_FREE)
+    by = np.abs(ends_by_grid(solution) - (-1.645, 1.645)).max()
+    found = ends_judged(solution.posterior, solution.laplace)
+    assert found.off == pytest.approx(by, abs=3 * found.error + 0.01)
+    assert found.believed
+    said = [w for w in fit(made, MASS_FREE).answer["warnings"] if "90 %" in w]
+    warned = f"off by up to {found.off:.1f} of a standard deviation at charge_mass_kg"
+    assert [warned in w and "--posterior emcee walks" in w for w in said] == (
+        [True] if by > ENDS else []
+    )
+
+
+def test_a_doubt_is_told_where_chance_cannot_be_the_cause():
+    within = EndsOff("charge_mass_kg", off=0.35, error=0.05, k_hat=0.2, share=0.9)
+    assert within.doubt() == ""
+    assert replace(within, off=0.61).doubt() == (
+        "the 90 % intervals are those of a normal approximation, off by up to 0.6 of a "
+        "standard deviation at charge_mass_kg: --posterior emcee walks"
+    )
+    # one weight is nearly all: k-hat decides, also where no end looks off
+    heavy = replace(within, off=0.1, share=0.02, k_hat=1.2)
+    assert "importance sampling cannot tell (k-hat 1.20)" in heavy.doubt()
+    assert "0.6 of a standard deviation at charge_mass_kg, as far as importance" in (
+        replace(heavy, off=0.61).doubt()
+    )
+    assert replace(within, k_hat=1.2).doubt() == ""

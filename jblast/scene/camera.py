@@ -1,0 +1,82 @@
+"""The camera: where it stands, where it points, what its lens and its sensor do."""
+
+import equinox as eqx
+import jax.numpy as jnp
+from jax.core import Tracer
+from jaxtyping import Array, Float
+
+from jblast.errors import InputError, shown
+from jblast.types import as_float_array
+
+FRAMES_HZ = 1000.0
+"""Frames in a second where nothing else is said."""
+
+POSITIVE = ("focal", "frames_hz", "threshold")
+NUMBERS = ("position", "rotation", "center", "distortion", "exposure_s", *POSITIVE)
+
+
+class Camera(eqx.Module):
+    """A pinhole camera with radial-tangential distortion, as OpenCV has it.
+
+    World axes are east, north, up; camera axes are x right, y down, z into the scene.
+    The centre of a pixel has whole numbers for coordinates, that of the first (0, 0).
+
+    Attributes:
+        position: East, north, up [m].
+        rotation: Camera to world, a quaternion (w, x, y, z); its length is ignored.
+        focal: Focal lengths along x and y [px].
+        center: Principal point (x, y) [px].
+        width: Of the image [px].
+        height: Of the image [px].
+        distortion: k1, k2, p1, p2, k3 [-], in OpenCV's order.
+        frames_hz: Frames in a second [1/s].
+        exposure_s: How long a frame gathers light [s]; 0 is an instant.
+        threshold: Steps of log intensity that make an event: brighter, darker; both
+            positive [-].
+
+    Raises:
+        InputError: A size is below one, a number not finite, a focal length, frame rate
+            or threshold not positive, an exposure negative, or the quaternion zero.
+            Inside jit numbers are not looked at.
+    """
+
+    position: Float[Array, "3"] = eqx.field(converter=as_float_array)
+    rotation: Float[Array, "4"] = eqx.field(converter=as_float_array)
+    focal: Float[Array, "2"] = eqx.field(converter=as_float_array)
+    center: Float[Array, "2"] = eqx.field(converter=as_float_array)
+    width: int = eqx.field(static=True)
+    height: int = eqx.field(static=True)
+    distortion: Float[Array, "5"] = eqx.field(
+        converter=as_float_array, default_factory=lambda: jnp.zeros(5)
+    )
+    frames_hz: Float[Array, ""] = eqx.field(converter=as_float_array, default=FRAMES_HZ)
+    exposure_s: Float[Array, ""] = eqx.field(converter=as_float_array, default=0.0)
+    threshold: Float[Array, "2"] = eqx.field(
+        converter=as_float_array, default_factory=lambda: jnp.full(2, 0.2)
+    )
+
+    def __check_init__(self):
+        for name in ("width", "height"):
+            if getattr(self, name) < 1:
+                raise InputError(
+                    f"camera {name}: expected at least 1 px, "
+                    f"got {shown(getattr(self, name))}"
+                )
+        for name in NUMBERS:
+            value = getattr(self, name)
+            if isinstance(value, Tracer):
+                continue
+            if not bool(jnp.all(jnp.isfinite(value))):
+                raise _refused(name, "finite numbers", value)
+            if name in POSITIVE and not bool(jnp.all(value > 0)):
+                raise _refused(name, "positive numbers", value)
+            if name == "rotation" and not bool(jnp.any(value != 0)):
+                raise _refused(name, "a quaternion that is not zero", value)
+            if name == "exposure_s" and bool(value < 0):
+                raise _refused(name, "zero or more", value)
+
+
+def _refused(name: str, expected: str, value: Array) -> InputError:
+    return InputError(
+        f"camera {name}: expected {expected}, got {shown(value.tolist())}"
+    )

@@ -1,0 +1,127 @@
+"""The reader of a scene's camera."""
+
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+
+from jblast.errors import InputError, shown
+from jblast.scene.camera import FRAMES_HZ, Camera
+from jblast.scene.numbers import LISTS, finite, fixed_list
+from jblast.scene.pose import look_at
+from jblast.scene.tables import table
+
+LARGEST_IMAGE = 65_535
+"""Pixels along a side: files of events keep x and y in 16 bits."""
+
+
+def read_camera(document: dict[str, Any], source: str) -> Camera | None:
+    """Read the camera of a scene file; None where it has none.
+
+    Place, direction, size and focal length have no default. The principal point is the
+    middle of the image if nothing else is said.
+
+    Raises:
+        InputError: As in `read_scene`.
+    """
+    if "camera" not in document:
+        return None
+    entry = table(document, "camera", source)
+    where = f"{source}: [camera]"
+    position = _list(entry, "position_m", where)
+    width, height = (_pixels(entry, key, where) for key in ("width", "height"))
+    optional: dict[str, Any] = {}
+    if "distortion" in entry:
+        optional["distortion"] = _list(entry, "distortion", where)
+    if "frames_hz" in entry:
+        optional["frames_hz"] = _positive(entry["frames_hz"], f"{where} frames_hz")
+    if "exposure_s" in entry:
+        interval = 1 / optional.get("frames_hz", FRAMES_HZ)
+        optional["exposure_s"] = _exposure(entry["exposure_s"], interval, where)
+    if "threshold" in entry:
+        optional["threshold"] = _pair(entry, "threshold", where)
+    return Camera(
+        position=position,
+        rotation=_rotation(entry, position, where),
+        focal=_pair(entry, "focal_px", where),
+        center=_list(entry, "center_px", where)
+        if "center_px" in entry
+        else np.array([(width - 1) / 2, (height - 1) / 2]),
+        width=width,
+        height=height,
+        **optional,
+    )
+
+
+def _rotation(entry: dict[str, Any], position: Float[np.ndarray, "3"], where: str):
+    """Return camera to world as a unit quaternion, from whichever is given."""
+    given = [key for key in ("look_at_m", "quaternion") if key in entry]
+    if len(given) != 1:
+        raise InputError(
+            f"{where} look_at_m: expected either look_at_m or quaternion, "
+            f"got {'both' if given else 'neither'}"
+        )
+    numbers = _list(entry, given[0], where)
+    if given == ["look_at_m"]:
+        if np.array_equal(numbers, position):
+            raise InputError(
+                f"{where} look_at_m: expected a place other than position_m, "
+                f"got {shown(entry['look_at_m'])}"
+            )
+        return look_at(position, numbers)
+    if not numbers.any():
+        raise InputError(
+            f"{where} quaternion: expected [w, x, y, z] that is not zero, "
+            f"got {shown(entry['quaternion'])}"
+        )
+    scaled = (
+        numbers / np.abs(numbers).max()
+    )  # whose squares neither over- nor underflow
+    return scaled / np.linalg.norm(scaled)
+
+
+def _list(entry: dict[str, Any], key: str, where: str) -> Float[np.ndarray, " number"]:
+    if key not in entry:
+        raise InputError(f"{where} {key}: expected {LISTS[key]}, got nothing")
+    return fixed_list(entry[key], f"{where} {key}", LISTS[key])
+
+
+def _pair(entry: dict[str, Any], key: str, where: str) -> Float[np.ndarray, "2"]:
+    """Return two positive numbers; one stands for both."""
+    value, where = entry.get(key), f"{where} {key}"
+    if value is None:
+        raise InputError(f"{where}: expected a number or {LISTS[key]}, got nothing")
+    if not isinstance(value, list):
+        return np.full(2, _positive(value, where))
+    pair = fixed_list(value, where, LISTS[key])
+    for index, number in enumerate(pair.tolist()):
+        _positive(number, f"{where}[{index}]")
+    return pair
+
+
+def _positive(value: Any, where: str) -> float:
+    number = finite(value, where, "a positive number")
+    if number <= 0:
+        raise InputError(f"{where}: expected a positive number, got {shown(value)}")
+    return number
+
+
+def _exposure(value: Any, interval: float, where: str) -> float:
+    """Return the exposure: no frame begins before the last has ended."""
+    exposure = finite(value, f"{where} exposure_s")
+    if not 0 <= exposure <= interval:
+        raise InputError(
+            f"{where} exposure_s: expected between 0 and {interval:g}, the time from "
+            f"frame to frame, got {shown(value)}"
+        )
+    return exposure
+
+
+def _pixels(entry: dict[str, Any], key: str, where: str) -> int:
+    value = entry.get(key)
+    if type(value) is not int or not 1 <= value <= LARGEST_IMAGE:  # True is an int too
+        raise InputError(
+            f"{where} {key}: expected a whole number of pixels, 1 to {LARGEST_IMAGE}, "
+            f"got {shown(value) if key in entry else 'nothing'}"
+        )
+    return value
