@@ -1,8 +1,11 @@
+import tomllib
+
 import numpy as np
 import pytest
 
 from jblast.errors import InputError
-from jblast.scene import Camera, look_at, read_scene
+from jblast.scene import Camera, look_at
+from jblast.scene.read_camera import read_camera
 
 PLACED = {
     "position_m": "[0, -50, 2]",
@@ -14,23 +17,20 @@ PLACED = {
 
 
 @pytest.fixture
-def camera(tmp_path):
+def camera():
     def read(**changed):
         entries = {**PLACED, **changed}
         lines = [f"{key} = {value}" for key, value in entries.items() if value]
-        path = tmp_path / "scene.toml"
-        path.write_text("\n".join(["[camera]", *lines, ""]))
-        camera = read_scene(path).scene.camera
+        document = tomllib.loads("\n".join(["[camera]", *lines, ""]))
+        camera = read_camera(document, "scene.toml")
         assert camera is not None
         return camera
 
     return read
 
 
-def test_a_scene_without_a_camera_has_none(tmp_path):
-    path = tmp_path / "scene.toml"
-    path.write_text("[charge]\n")
-    assert read_scene(path).scene.camera is None
+def test_a_scene_without_a_camera_has_none():
+    assert read_camera({"charge": {}}, "scene.toml") is None
 
 
 def test_what_is_not_said_takes_its_default(camera):
