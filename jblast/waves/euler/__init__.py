@@ -10,6 +10,7 @@ from jblast.waves.euler.exact_riemann import (
     riemann_profile as riemann_profile,
     star_state as star_state,
 )
+from jblast.waves.euler.front_at import front_pressure_at as front_pressure_at
 from jblast.waves.euler.gas import Gas as Gas, IdealGas as IdealGas
 from jblast.waves.euler.gauges import (
     cell_centres as cell_centres,

@@ -6,12 +6,14 @@ from dataclasses import dataclass
 
 import equinox as eqx
 import jax
+import jax.numpy as jnp
 import numpy as np
 
 from jblast.waves.euler.gas import Gas
 from jblast.waves.euler.gauges import cell_centres
 from jblast.waves.euler.run import COURANT, History, run
-from jblast.waves.euler.state import Flow, State, primitives
+from jblast.waves.euler.state import Flow, State, is_positive, primitives
+from jblast.waves.euler.step import step
 
 RECORDS = 500
 """Records of one compiled call."""
@@ -49,7 +51,7 @@ def march(
         flow: What does not change.
         end: Radius of the shock [m], or time [s] where none is fitted.
         stride: Steps from one record to the next.
-        courant: Fraction of the largest stable step.
+        courant: Fraction of the largest stable step, as in `run`.
         gauges: Radii at which pressure and velocity are recorded [m].
 
     Raises:
@@ -57,6 +59,7 @@ def march(
     """
     parts = []
     while True:
+        begun = state
         state, history = _stretch(state, flow, end, stride, courant, gauges)
         parts.append(jax.tree.map(np.asarray, history))
         if not state.alive or parts[-1].clock[-1] >= end:
@@ -68,9 +71,11 @@ def march(
             )
     whole: History = jax.tree.map(lambda *part: np.concatenate(part), *parts)
     moved = np.concatenate([[True], np.diff(whole.clock) > 0.0])
-    kept = moved & np.isfinite(whole.front_pressure)
-    history = jax.tree.map(lambda values: values[kept], whole)
-    return March(state, history, "" if state.alive else _where_lost(state, flow.gas))
+    history = jax.tree.map(lambda values: values[moved & whole.alive], whole)
+    if state.alive:
+        return March(state, history, "")
+    before, after = _last_step(begun, flow, end, courant)
+    return March(before, history, _where_lost(before, after, flow.gas))
 
 
 @functools.partial(eqx.filter_jit, donate="none")
@@ -86,13 +91,27 @@ def _stretch(state, flow, end, stride, courant, gauges):
     )
 
 
-def _where_lost(state: State, gas: Gas) -> str:
-    """Return the message: the cell of least pressure is where it happened."""
-    cells = primitives(state, gas)
-    at = int(np.argmin(np.asarray(cells.pressure)))
-    place = float(cell_centres(state.radius, "planar")[at])
+@eqx.filter_jit
+def _last_step(state, flow, end, courant) -> tuple[State, State]:
+    """Return the last state that is positive, and the first that is not."""
+
+    def onward(pair):
+        return pair[1], step(pair[1], flow, courant, jnp.asarray(end))[0]
+
+    return jax.lax.while_loop(
+        lambda pair: is_positive(pair[1], flow.gas), onward, (state, state)
+    )
+
+
+def _where_lost(before: State, after: State, gas: Gas) -> str:
+    """Return the message; of several cells it names the innermost."""
+    was, is_now = primitives(before, gas), primitives(after, gas)
+    good = (np.asarray(is_now.density) > 0.0) & (np.asarray(is_now.pressure) > 0.0)
+    at = int(np.argmin(good))
+    place = float(cell_centres(before.radius, "planar")[at])
     return (
-        f"positivity lost at r = {place:.6g} m, t = {float(state.time):.6g} s, in cell "
-        f"{at}: the last density there was {float(cells.density[at]):.3g} kg/m3, the "
-        f"pressure {float(cells.pressure[at]):.3g} Pa"
+        f"positivity lost at r = {place:.6g} m, t = {float(before.time):.6g} s, in "
+        f"cell {at}: a step takes its density from {float(was.density[at]):.3g} to "
+        f"{float(is_now.density[at]):.3g} kg/m3, its pressure from "
+        f"{float(was.pressure[at]):.3g} to {float(is_now.pressure[at]):.3g} Pa"
     )

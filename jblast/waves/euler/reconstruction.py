@@ -61,7 +61,7 @@ def reconstruct(
         fitted: Whether a fitted shock is the outer end, not a wall.
         limited: Whether slopes are limited.
     """
-    mirror = Primitives(1.0, -1.0, 1.0)
+    mirror = (1.0, -1.0, 1.0)
     faces = []
     for name, sign, q in zip(Primitives._fields, mirror, cells, strict=True):
         beyond = sign * q[-1]
@@ -76,8 +76,7 @@ def reconstruct(
             tuple(jnp.where(good, f, q) for f in pair)
             for pair, q in zip(faces, cells, strict=True)
         ]
-    # One array a side and quantity, ends included: a CPU keeps what it joins, and does
-    # not work it out anew for each flux.
+    # Joined, so that a CPU keeps it: `layout.py`.
     signed = list(zip(mirror, faces, strict=True))
     left = [jnp.concatenate([sign * i[:1], o]) for sign, (i, o) in signed]
     right = [jnp.concatenate([i, sign * o[-1:]]) for sign, (i, o) in signed]

@@ -11,7 +11,7 @@ from jaxtyping import Array, ArrayLike, Bool, Float
 from jblast.errors import InputError
 from jblast.types import as_float_array
 from jblast.waves.euler.gauges import gauge_readings
-from jblast.waves.euler.state import Flow, State
+from jblast.waves.euler.state import Flow, State, is_positive
 from jblast.waves.euler.step import step
 
 COURANT = 0.7
@@ -55,6 +55,9 @@ def run(
 ) -> tuple[State, History]:
     """Advance by `records` times `stride` steps, or to the end and stand there.
 
+    Where a density or pressure is not positive any more the run stands: the last state
+    is the first such one, and it and the records from then on are not alive.
+
     Pure: it can be jitted, batched and differentiated, both ways. Reverse mode
     keeps the state at each step and works out again what is within one: memory grows
     with the number of steps, by five numbers a cell and step; `frugal`, with
@@ -66,7 +69,9 @@ def run(
         end: The clock goes that far: radius of the shock [m], or time [s].
         records: How many stretches.
         stride: Steps in a stretch.
-        courant: Fraction of the largest stable step.
+        courant: Fraction of the largest stable step, above 0 and at most 1. Up to the
+            usual 0.7 the error is that of the grid alone; that of a smooth wave in 100
+            cells is twice as large at 0.85, and 3.7 times at 1. None is refused for it.
         gauges: Radii at which pressure and velocity are recorded [m].
         frugal: Whether reverse mode keeps the states at the records alone, and runs
             each stretch a second time.
@@ -105,6 +110,9 @@ def run(
         last, _ = jax.lax.scan(again, first, length=stride - 1)
         return last, record
 
-    return jax.lax.scan(
+    last, history = jax.lax.scan(
         once_more(stretch) if frugal else stretch, state, length=records
     )
+    # The last step has been looked at by none after it.
+    alive = last.alive & is_positive(last, flow.gas)
+    return eqx.tree_at(lambda s: s.alive, last, alive), history

@@ -3,6 +3,7 @@
 from typing import NamedTuple
 
 import equinox as eqx
+import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from jblast.waves.euler.gas import Gas, IdealGas
@@ -22,8 +23,8 @@ class State(eqx.Module):
         energy: In each cell, kinetic and internal [J].
         clock: Radius of the fitted shock [m], or time [s] where none is fitted.
         time: [s].
-        alive: Whether all densities and pressures have been positive so far; the state
-            stays what it was when that was lost.
+        alive: Whether all densities and pressures are positive, looked at as a step
+            begins and at the end of a run; without, the state stays as it is.
     """
 
     radius: Float[Array, "face ..."]
@@ -89,3 +90,10 @@ def primitives(state: State, gas: Gas) -> Primitives:
     velocity = state.momentum / state.mass
     internal = (state.energy - 0.5 * velocity * state.momentum) / state.volume
     return Primitives(density, velocity, gas.pressure(density, internal))
+
+
+def is_positive(state: State, gas: Gas) -> Bool[Array, "..."]:
+    """Return whether all densities and pressures are positive."""
+    cells = primitives(state, gas)
+    least = jnp.minimum(cells.density, cells.pressure)
+    return jnp.all(least > 0.0, axis=0)

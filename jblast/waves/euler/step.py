@@ -24,7 +24,7 @@ from jaxtyping import Array, Float
 
 from jblast.waves.euler.gas import Gas
 from jblast.waves.euler.geometry import area, swept_radius
-from jblast.waves.euler.layout import laid_out
+from jblast.waves.euler.layout import laid_out, worked_out_faces
 from jblast.waves.euler.reconstruction import reconstruct
 from jblast.waves.euler.riemann import face_flux, wave_mass_flux
 from jblast.waves.euler.shock_fit import Front, fitted_front
@@ -64,13 +64,12 @@ def step(
     Args:
         state: Where the flow is.
         flow: What does not change.
-        courant: Fraction of the largest stable step, at most 1.
+        courant: Fraction of the largest stable step, above 0 and at most 1.
         end: The clock does not pass it; once there, steps have no length.
     """
     cells = primitives(state, flow.gas)
     front = _front(cells, flow)
     limit = courant * _largest_step(state, flow, cells, front)
-    # A pressure below zero makes a root NaN, and so the limit: no test of each is needed.
     alive = state.alive & (limit > 0.0)
     wanted = jnp.minimum(jnp.where(alive, limit, 0.0), end - state.clock)
     # The steps are held while parameters vary: a derivative is that of the steps taken.
@@ -118,7 +117,7 @@ def _largest_step(
 ) -> Float[Array, "..."]:
     """Return the advance of the clock in which no wave crosses a cell.
 
-    Zero where a cell has no volume.
+    Zero where a cell has no volume; NaN, by a root, where a pressure is below zero.
     """
     sound = wave_mass_flux(cells, jnp.zeros_like(cells.density), flow.gas)
     outer = area(state.radius[1:], flow.geometry)
@@ -143,19 +142,23 @@ def _rates(
     time = advance / front.speed
     areas = area(state.radius, flow.geometry)
     impulse = areas * time[None]
-    gas, number = flow.gas, cells.density.shape[0]
+    number, at = cells.density.shape[0], worked_out_faces()
     flux = face_flux(
-        left,
-        right,
-        overtaken,
-        impulse,
-        gas.of_cells((0, *range(number))),
-        gas.of_cells((*range(number), number - 1)),
+        Primitives(*(q[at] for q in left)),
+        Primitives(*(q[at] for q in right)),
+        overtaken[at],
+        impulse[at],
+        flow.gas.of_cells((0, *range(number))[at]),
+        flow.gas.of_cells((*range(number), number - 1)[at]),
     )
-    swept, momentum, energy = _with_ends(
-        flux, flow, overtaken[-1:], impulse[-1:]
+    within = slice(None) if at.start else slice(1, -1)
+    ends = _ends(left, right, flow, overtaken, impulse)
+    swept, momentum, energy = laid_out(
+        tuple(
+            jnp.concatenate([first[None], faces[within], last[None]])
+            for (first, last), faces in zip(ends, flux, strict=True)
+        )
     )
-    swept, momentum, energy = laid_out((swept, momentum, energy))
     sides = cells.pressure * (impulse[1:] - impulse[:-1])
     return Rates(
         swept=swept,
@@ -168,21 +171,30 @@ def _rates(
     )
 
 
-def _with_ends(through, flow: Flow, overtaken, impulse):
-    """Return volume, momentum and energy through all faces, right at both ends.
+def _ends(left, right, flow: Flow, overtaken, impulse):
+    """Return volume, momentum and energy through the innermost and outermost face.
 
-    Nothing goes through a wall, to the last digit, but its pressure.
+    What goes through a wall is nothing to the last digit, but for the pressure.
     """
-    swept, momentum, energy = through
-    none = jnp.zeros_like(impulse)
-    last = (none, momentum[-1:], none)
-    if flow.ambient is not None:
-        ambient = flow.ambient
-        internal = ambient.gas.energy(ambient.density, ambient.pressure)
-        volume = overtaken / ambient.density
-        last = (volume, -ambient.pressure * impulse, volume * internal)
+    none = jnp.zeros_like(impulse[0])
+    centre = -_wall_pressure(right, 0, -1.0, flow.gas) * impulse[0]
+    if flow.ambient is None:
+        wall = -_wall_pressure(left, -1, 1.0, flow.gas) * impulse[-1]
+        return (none, none), (centre, wall), (none, none)
+    ambient = flow.ambient
+    internal = ambient.gas.energy(ambient.density, ambient.pressure) / ambient.density
+    momentum = -ambient.pressure * impulse[-1]
     return (
-        jnp.concatenate([none, swept[1:-1], last[0]]),
-        jnp.concatenate([momentum[:-1], last[1]]),
-        jnp.concatenate([none, energy[1:-1], last[2]]),
+        (none, overtaken[-1] / ambient.density),
+        (centre, momentum),
+        (none, overtaken[-1] * internal),
     )
+
+
+def _wall_pressure(faces: Primitives, face: int, outward: float, gas: Gas):
+    """Return the pressure on a rigid wall: the mirrored flow is its other side."""
+    at = Primitives(*(q[face] for q in faces))
+    towards = outward * at.velocity
+    approach = jnp.maximum(2.0 * towards, 0.0)
+    q = wave_mass_flux(at, approach, gas.of_cells(slice(face, (face + 1) or None)))
+    return at.pressure + q * towards

@@ -1,5 +1,5 @@
-import dataclasses
 import math
+import re
 
 import equinox as eqx
 import jax
@@ -12,6 +12,7 @@ from jblast.waves.euler import (
     Ambient,
     IdealGas,
     Primitives,
+    front_pressure_at,
     march,
     primitives,
     riemann_profile,
@@ -104,31 +105,30 @@ def test_mass_volume_and_energy_grow_by_what_the_shock_overtakes(source):
     np.testing.assert_allclose(shells, last.volume, rtol=1e-6)
 
 
-def test_the_peak_follows_the_energy_as_similarity_demands():
-    def log_peak(log_energy, end):
+def test_the_peak_follows_the_energy_as_similarity_and_differences_demand():
+    def log_peak(log_energy, radius):
         flow, state = start_sedov(jnp.exp(log_energy), AIR, 0.02, cells=80, length=1.0)
-        state, _ = run(state, flow, end, records=20, stride=200)
-        _, history = run(state, flow, end, records=1)
-        return jnp.log(history.front_pressure[0] - 1.0), history.clock[0]
+        _, history = run(state, flow, 1.2 * radius, records=500, stride=10)
+        return jnp.log(front_pressure_at(history, radius) - 1.0)
 
     peak = jax.jit(log_peak)
     zero, one = jnp.zeros(()), jnp.ones(())
-    (_, clock), (forward, _) = jax.jvp(
-        lambda x: peak(x, jnp.asarray(0.5)), (zero,), (one,)
-    )
-    assert float(clock) == 0.5
-    step = 0.1
-    near, far = (
-        (
-            peak(zero, 0.5 * jnp.exp(n * step))[0]
-            - peak(zero, 0.5 * jnp.exp(-n * step))[0]
+    half = jnp.asarray(0.5)
+    _, forward = jax.jvp(lambda x: peak(x, half), (zero,), (one,))
+
+    def central(function, step=0.05):
+        near, far = (
+            float(function(n * step) - function(-n * step)) / (2 * n * step)
+            for n in (1, 2)
         )
-        / (2 * n * step)
-        for n in (1, 2)
-    )
-    slope = (4.0 * near - far) / 3.0
+        return (4.0 * near - far) / 3.0
+
+    similar = -central(lambda x: peak(zero, 0.5 * jnp.exp(x))) / 3.0
     # 1e-3 is asked for; the scheme is off by 1.3e-3 with 40 cells, a third with 80
-    assert float(forward) == pytest.approx(-float(slope) / 3.0, rel=1e-3)
+    assert float(forward) == pytest.approx(similar, rel=1e-3)
+    # what is asked for; read where the last step is cut short they differ by 2e-4
+    differences = central(lambda x: peak(x, half))
+    assert float(forward) == pytest.approx(differences, rel=1e-4)
 
 
 @pytest.mark.slow  # half a minute of compilation
@@ -166,18 +166,45 @@ def test_a_step_beyond_the_limit_is_refused():
 
 
 def test_a_run_that_loses_positivity_says_where_and_keeps_what_it_wrote():
-    # halves torn apart at 20 speeds of sound: faster than any gas can follow
-    faces = jnp.linspace(-1.0, 1.0, 41)
-    velocity = jnp.where(jnp.arange(40) < 20, -20.0, 20.0)
-    filled = Primitives(jnp.ones(40), velocity, jnp.ones(40))
-    flow, state = start_tube(faces, filled, IdealGas())
-    flow = dataclasses.replace(flow, limited=False)
-    end = march(state, flow, 0.05, stride=1)
-    assert "positivity lost at r = " in end.lost
-    assert not bool(end.state.alive)
-    assert float(end.state.time) < 0.05
-    assert len(end.history.clock) >= 1
-    assert np.all(np.isfinite(end.history.front_pressure))
+    # a shock of 10,000 to 1 comes to the wall: no step allows for the reflection
+    left = jnp.arange(40) < 20
+    filled = Primitives(jnp.ones(40), jnp.zeros(40), jnp.where(left, 1e4, 1.0))
+    flow, state = start_tube(jnp.linspace(-1.0, 1.0, 41), filled, IdealGas())
+    end = march(state, flow, 0.3, stride=1)
+    found = re.fullmatch(
+        r"positivity lost at r = (\S+) m, t = (\S+) s, in cell (\d+): a step takes its "
+        r"density from (\S+) to (\S+) kg/m3, its pressure from (\S+) to (\S+) Pa",
+        end.lost,
+    )
+    assert found
+    place, time, cell, density, thinner, pressure, less = map(float, found.groups())
+    assert cell == 39
+    assert place == pytest.approx(1.0, abs=0.01)
+    assert time == pytest.approx(float(end.state.time), rel=1e-5)
+    assert min(thinner, less) < 0.0
+    # the state is the last good one, and the records go up to it
+    cells = primitives(end.state, flow.gas)
+    assert density == pytest.approx(float(cells.density[39]), rel=1e-2)
+    assert pressure == pytest.approx(float(cells.pressure[39]), rel=1e-2)
+    assert min(float(cells.pressure.min()), float(cells.density.min())) > 0.0
+    assert len(end.history.clock) > 50
+    assert end.history.alive.all()
+    assert end.history.clock[-1] == float(end.state.clock)
+    # the pure run marks it, in its state and from some record on
+    last, history = run(state, flow, 0.3, records=50, stride=2)
+    assert not last.alive
+    lost = int(np.argmin(history.alive))
+    assert 25 < lost < 50
+    assert not history.alive[lost:].any()
+
+
+def test_a_loss_by_the_very_last_step_is_seen():
+    left = jnp.arange(40) < 20
+    filled = Primitives(jnp.ones(40), jnp.zeros(40), jnp.where(left, 1e4, 1.0))
+    flow, state = start_tube(jnp.linspace(-1.0, 1.0, 41), filled, IdealGas())
+    good = march(state, flow, 0.3, stride=1).state
+    assert good.alive
+    assert not run(good, flow, 0.3, records=1)[0].alive
 
 
 def test_the_state_stays_while_the_end_is_reached():
