@@ -14,10 +14,20 @@ import warnings
 from collections.abc import Sequence
 
 from jblast import __version__
-from jblast.cli import bound, calc, chart, choose, fit, scene, simulate, stability
+from jblast.cli import (
+    bound,
+    calc,
+    chart,
+    choose,
+    events,
+    fit,
+    scene,
+    simulate,
+    stability,
+)
 from jblast.errors import InputError
 
-VERBS = (fit, calc, bound, choose, scene, simulate, chart, stability)
+VERBS = (fit, calc, bound, choose, scene, simulate, events, chart, stability)
 NEGATIVE = re.compile(r"-(\d+\.?\d*|\.\d+)(e[+-]?\d+)?$", re.IGNORECASE)
 CLOSED_PIPE = 128 + 13
 INTERRUPTED = 128 + 2

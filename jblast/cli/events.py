@@ -1,0 +1,164 @@
+"""Turn frames into what an event camera would send: any sequence of PNG files."""
+
+import argparse
+import sys
+
+from jblast.cli.files import path
+
+HELP = "turn a sequence of frames into the events of an event camera"
+
+
+def add_arguments(verb: argparse.ArgumentParser) -> None:
+    """Say what the verb takes."""
+    verb.add_argument(
+        "frames",
+        metavar="FRAMES_DIR",
+        type=path,
+        help="directory of PNG frames, taken in the order of their names",
+    )
+    verb.add_argument(
+        "--fps",
+        required=True,
+        metavar="HZ",
+        help="frames a second: frame k stands at k/fps",
+    )
+    verb.add_argument(
+        "--threshold",
+        default="0.2",
+        metavar="STEP[,DARKER]",
+        help="change of the logarithm of light that gives an event, brighter and "
+        "darker (default: 0.2 for both)",
+    )
+    verb.add_argument(
+        "--noise",
+        choices=("on", "off"),
+        default="on",
+        help="off: the ideal camera; on (default): thresholds that differ, limited "
+        "bandwidth, leak, hot pixels, shot noise and refractory time",
+    )
+    verb.add_argument("--seed", type=int, default=0, help="of the noise (default: 0)")
+    verb.add_argument(
+        "--srgb",
+        action="store_true",
+        help="grey values are sRGB; by default they are linear light",
+    )
+    verb.add_argument(
+        "--out",
+        required=True,
+        metavar="FILE",
+        type=path,
+        help="events.h5 (HDF5 in the layout of DSEC) or events.npz",
+    )
+    verb.add_argument("--json", action="store_true", help="print a summary as JSON")
+    verb.add_argument(
+        "--force", action="store_true", help="overwrite an existing --out"
+    )
+
+
+def run(asked: argparse.Namespace) -> int:
+    """Read, convert and write block by block; say how many events there were."""
+    fps = positive("--fps", asked.fps)
+    thresholds = threshold_pair(asked.threshold)
+    from jblast.cli.start import start_jax
+
+    start_jax()
+    import jax
+
+    from jblast.cli.files import refuse_existing, unwritable
+    from jblast.sensors.camera.event_files import check_suffix, write_events
+    from jblast.sensors.camera.event_stream import stream_events
+    from jblast.sensors.camera.frame_files import frame_files, read_frame, read_frames
+    from jblast.sensors.camera.imperfections import Imperfections
+    from jblast.sensors.camera.log_intensity import grey_table
+    from jblast.sensors.camera.real_events import real_stream
+
+    check_suffix(asked.out)
+    refuse_existing(asked.out, force=asked.force)
+    files = frame_files(asked.frames)
+    height, width = read_frame(files[0]).shape
+    blocks = _timed(read_frames(files, srgb=asked.srgb), fps, len(files))
+    table = grey_table(srgb=asked.srgb)
+    if asked.noise == "off":
+        events = stream_events(blocks, thresholds, table=table)
+    else:
+        key, shape = jax.random.key(asked.seed), (height, width)
+        effects = Imperfections()
+        events = real_stream(key, blocks, shape, thresholds, effects, table=table)
+    try:
+        written = write_events(asked.out, events, width, height)
+    except OSError as error:
+        raise unwritable(asked.out, error) from None
+    summary = {
+        "frames": len(files),
+        "width": width,
+        "height": height,
+        "fps": fps,
+        "duration_s": (len(files) - 1) / fps,
+        "threshold": list(thresholds),
+        "srgb": asked.srgb,
+        "noise": asked.noise,
+        "seed": None if asked.noise == "off" else asked.seed,
+        **written._asdict(),
+        "out": asked.out,
+    }
+    if asked.json:
+        import json
+
+        sys.stdout.write(json.dumps(summary, indent=2, ensure_ascii=False) + "\n")
+    else:
+        sys.stdout.write(
+            f"{len(files):,} frames of {width} x {height} pixels over "
+            f"{summary['duration_s']:g} s: {written.events:,} events, "
+            f"{written.brighter:,} brighter and {written.darker:,} darker\n"
+            f"{asked.out}\n"
+        )
+    return 0
+
+
+def positive(name: str, text: str) -> float:
+    """Return a positive, finite number.
+
+    Raises:
+        InputError: It is none.
+    """
+    import math
+
+    from jblast.errors import InputError
+
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not 0.0 < value < math.inf:
+        raise InputError(f"{name}: expected a positive number, got {text!r}")
+    return value
+
+
+def threshold_pair(text: str) -> tuple[float, float]:
+    """Return the thresholds of --threshold: one for both signs, or two.
+
+    Raises:
+        InputError: It is neither.
+    """
+    from jblast.errors import InputError
+
+    words = text.split(",")
+    if len(words) > 2:
+        raise InputError(f"--threshold: expected one or two numbers, got {text!r}")
+    values = [positive("--threshold", word.strip()) for word in words]
+    return values[0], values[-1]
+
+
+def _timed(blocks, fps: float, total: int):
+    """Give each block its times, and tell a terminal how far it is."""
+    import numpy as np
+
+    done = 0
+    for frames in blocks:
+        yield (done + np.arange(len(frames))) / fps, frames
+        done += len(frames)
+        if sys.stderr.isatty():
+            bar = "#" * (20 * done // total)
+            end = "\r" + " " * 50 + "\r" if done == total else ""
+            sys.stderr.write(f"\r[{bar:20}] frame {done:,} of {total:,}{end}")
+            sys.stderr.flush()

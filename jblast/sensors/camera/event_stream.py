@@ -1,0 +1,125 @@
+"""Frames to events for long recordings: block by block, fast, on the host.
+
+Most pixels of a block of frames cross no threshold. Which ones do is seen by the
+extremes of the block, compared with bounds in the units of the image: no logarithm is
+taken of the others. The few that are left are followed frame by frame. The events are
+those of `ideal_events`, in the same order.
+"""
+
+import os
+from collections.abc import Iterable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from itertools import pairwise
+
+import jax
+import numpy as np
+from jaxtyping import ArrayLike, Float, UInt8
+
+from jblast.errors import InputError
+from jblast.sensors.camera.event_strip import Found, Strip
+from jblast.sensors.camera.events import Events
+from jblast.sensors.camera.grey_composite import grey_composite
+from jblast.sensors.camera.log_intensity import grey_table
+
+# each block has its own number of frames, so no axis has a name
+Frames = UInt8[np.ndarray, "_ _ _ ..."] | Float[np.ndarray, "_ _ _"]
+Block = tuple[Float[np.ndarray, " _"], Frames]
+
+
+def stream_events(
+    blocks: Iterable[Block],
+    thresholds: tuple[Float[ArrayLike, "..."], Float[ArrayLike, "..."]],
+    *,
+    table: Float[np.ndarray, "256"] | None = None,
+    background: Float[np.ndarray, "height width"] | None = None,
+    in_logarithms: bool = False,
+    workers: int | None = None,
+) -> Iterator[Events]:
+    """Return the events of each block of a stream, an ideal camera's.
+
+    Two blocks are held in memory at a time; sixteen to thirty-two frames a block are
+    the fastest. How a stream is cut into blocks does not change its events.
+
+    Args:
+        blocks: Times [s], rising through the stream, and frames of linear light: grey
+            values of 8 bits, floats with full scale 1, or with a `background` RGBA of
+            8 bits.
+        thresholds: Positive and negative, as positive numbers; one for all pixels or
+            an array (height, width).
+        table: Logarithm of the light of each 8-bit value; by default `grey_table()`.
+        background: Grey light behind the frames, full scale 1.
+        in_logarithms: Whether float frames hold the logarithm of the light already.
+        workers: Threads, each for a strip of rows; by default one a core.
+
+    Raises:
+        InputError: Times do not rise, or a frame has another size than the first.
+    """
+    table = grey_table() if table is None else table
+    workers = workers or os.cpu_count() or 1
+    strips: list[Strip] = []
+    found: list[Found] = []
+    width, shape, time = 0, (), -np.inf
+    with ThreadPoolExecutor(workers) as pool:
+        for times, frames in blocks:
+            if not len(times):
+                continue
+            shape = shape or frames.shape[1:]
+            _check(times, time, frames, shape)
+            time, width = times[-1], shape[1]
+            if not strips:
+                strips = _strips(shape, thresholds, table, in_logarithms, workers)
+            jobs = [
+                pool.submit(_advance, strip, times, frames, background)
+                for strip in strips
+            ]
+            if found:  # put in order while the next block is being counted
+                yield _in_order(found, width)
+            found = [job.result() for job in jobs]
+        if found:
+            yield _in_order(found, width)
+
+
+_grey_composite = jax.jit(grey_composite)
+
+
+def _advance(strip: Strip, times, frames, background) -> Found:
+    """Return what a strip finds in a block, composited first where that is asked."""
+    rows = frames[:, strip.rows]
+    if background is not None:
+        rows = np.asarray(_grey_composite(rows, background[strip.rows]))
+    return strip.advance(times, rows.reshape(len(rows), -1))
+
+
+def _check(times, before, frames, shape) -> None:
+    """Refuse times out of order, and frames of another size."""
+    if not (np.diff(times, prepend=before) > 0.0).all():
+        raise InputError("frames: expected times that rise from frame to frame")
+    if frames.shape[1:] != shape:
+        raise InputError(
+            f"frames: expected {shape[1]} x {shape[0]} pixels as in the first, got "
+            f"{frames.shape[2]} x {frames.shape[1]}"
+        )
+
+
+def _strips(shape, thresholds, table, in_logarithms, workers) -> list[Strip]:
+    """Cut the image into strips of rows, one a worker."""
+    height, width = shape[:2]
+    both = [np.broadcast_to(np.asarray(t, float), (height, width)) for t in thresholds]
+    edges = np.linspace(0, height, min(workers, height) + 1).astype(int)
+    return [
+        Strip(slice(a, b), width, (both[0][a:b], both[1][a:b]), table, in_logarithms)
+        for a, b in pairwise(edges)
+    ]
+
+
+def _in_order(found: Sequence[Found], width: int) -> Events:
+    """Return the events of all strips in order of time, then of pixel."""
+    pixel, time, sign = (np.concatenate(part) for part in zip(*found, strict=True))
+    order = np.argsort(time)
+    # ties by pixel: two sorts of one key each are several times faster than lexsort
+    run = np.cumsum(np.diff(time[order], prepend=-np.inf) != 0.0)
+    key = run * (1 + pixel.max(initial=0)) + pixel[order]
+    order = order[np.argsort(key)]
+    y, x = np.divmod(pixel[order], width)
+    count, lost = np.asarray(len(order)), np.asarray(0)
+    return Events(x, y, time[order], sign[order], count, lost)

@@ -1,0 +1,124 @@
+"""Some rows of an event camera, and what their pixels remember between blocks."""
+
+from typing import NamedTuple
+
+import jax
+import numpy as np
+from jaxtyping import Float, Int
+
+from jblast.sensors.camera.event_pixel import Reference, count_events, rounding
+from jblast.sensors.camera.log_intensity import DARKEST
+
+
+class Found(NamedTuple):
+    """Events in no order.
+
+    Attributes:
+        pixel: Row times width plus column.
+        time: Seconds.
+        sign: +1 brighter, -1 darker.
+    """
+
+    pixel: Int[np.ndarray, " event"]
+    time: Float[np.ndarray, " event"]
+    sign: Int[np.ndarray, " event"]
+
+
+class Strip:
+    """Rows of the image; `advance` takes their next frames."""
+
+    def __init__(self, rows: slice, width: int, thresholds, table, in_logarithms: bool):
+        """Take rows, width, thresholds of each pixel, logarithm of each grey value."""
+        self.rows, self.table, self.in_logarithms = rows, table, in_logarithms
+        self.offset = rows.start * width
+        self.positive, self.negative = (t.ravel() for t in thresholds)
+        self.last: np.ndarray | None = None
+
+    def start(self, time: float, values: np.ndarray) -> None:
+        """See the first frame: it sets the reference and gives no event."""
+        self.time, self.last = time, values
+        self.first = self.log(values)
+        self.up = np.zeros(values.shape, np.int32)
+        self.down = np.zeros(values.shape, np.int32)
+        self.lowest, self.highest = self.bounds(np.arange(values.size))
+
+    def log(self, values: np.ndarray) -> Float[np.ndarray, "..."]:
+        """Return the logarithm of the light of image values."""
+        if values.dtype == np.uint8:
+            return self.table[values]
+        values = values.astype(float)
+        return values if self.in_logarithms else np.log(np.maximum(values, DARKEST))
+
+    def bounds(self, at: Int[np.ndarray, " pixel"]) -> tuple[np.ndarray, np.ndarray]:
+        """Return the least and greatest value at which some pixels surely stay quiet.
+
+        They may be too narrow by rounding: such a pixel is followed for nothing.
+        """
+        assert self.last is not None
+        up, down = self.up[at] * self.positive[at], self.down[at] * self.negative[at]
+        level = self.first[at] + up - down
+        above, below = level + self.positive[at], level - self.negative[at]
+        dtype = self.last.dtype
+        if dtype == np.uint8:
+            slack = rounding(self.table[:1], np)
+            highest = np.searchsorted(self.table, above - slack, side="left") - 1
+            lowest = np.searchsorted(self.table, below + slack, side="right")
+            return lowest.astype(np.uint8), highest.astype(np.uint8)
+        close = 16.0 * np.finfo(dtype).eps * (1.0 + np.abs(level))
+        highest, lowest = above - close, below + close
+        if not self.in_logarithms:
+            # light below the floor is as dark as the floor, and no event
+            lowest = np.where(below < np.log(DARKEST) - close, -np.inf, np.exp(lowest))
+            highest = np.exp(highest)
+        return lowest.astype(dtype), highest.astype(dtype)
+
+    def advance(self, times: Float[np.ndarray, " frame"], block: np.ndarray) -> Found:
+        """Return the events of the next frames, each a row of `block`."""
+        if self.last is None:
+            self.start(float(times[0]), block[0].copy())
+        assert self.last is not None
+        loud = (block.max(axis=0) > self.highest) | (block.min(axis=0) < self.lowest)
+        at = np.flatnonzero(loud)
+        logs = self.log(np.vstack([self.last[at], block[:, at]]))
+        found = self.follow(at, np.append(self.time, times), logs)
+        self.time, self.last = float(times[-1]), block[-1].copy()
+        self.lowest[at], self.highest[at] = self.bounds(at)
+        return found
+
+    def follow(self, at, times, logs) -> Found:
+        """Follow some pixels frame by frame, and return their events."""
+        if not len(at):
+            return Found(at, np.empty(0), at)
+        # lanes in powers of two, so that few programs are compiled; those added see
+        # no change
+        room = [(0, max(256, 1 << (len(at) - 1).bit_length()) - len(at))]
+        state = [np.pad(v[at], room) for v in (self.first, self.up, self.down)]
+        steps = [self.positive[at], self.negative[at]]
+        both = [np.pad(v, room, constant_values=1.0) for v in steps]
+        with jax.enable_x64(True):
+            answer = _count(np.pad(logs, [(0, 0), *room]), both, state)
+            counts, levels, up, down = (np.asarray(v)[..., : len(at)] for v in answer)
+        self.up[at], self.down[at] = up, down
+        interval, lane = np.nonzero(counts)
+        crossed = counts[interval, lane]
+        before, after = logs[interval, lane], logs[interval + 1, lane]
+        # parts of the interval until the reference level, and from event to event
+        late = (levels[interval, lane] - before) / (after - before)
+        step = np.where(crossed > 0, steps[0][lane], -steps[1][lane])
+        pace = step / (after - before)
+        number = np.abs(crossed)
+        ends = np.cumsum(number)
+        nth = np.arange(1, number.sum() + 1) - np.repeat(ends - number, number)
+        part = np.repeat(late, number) + nth * np.repeat(pace, number)
+        start, length = times[interval], times[interval + 1] - times[interval]
+        time = np.clip(part, 0.0, 1.0) * np.repeat(length, number)
+        pixel = np.repeat(at[lane] + self.offset, number)
+        sign = np.repeat(np.sign(crossed), number)
+        return Found(pixel, np.repeat(start, number) + time, sign)
+
+
+@jax.jit
+def _count(logs, thresholds, state):
+    """Count events; see `count_events`."""
+    counts, levels, after = count_events(logs, tuple(thresholds), Reference(*state))
+    return counts, levels, after.up, after.down

@@ -1,0 +1,121 @@
+"""Frames to events: an ideal event camera, under jit, vmap and grad.
+
+First all events are counted, then as many as there is room for are written out, each
+at the time the logarithm of the light, linear between two frames, crosses the
+threshold. That time is second order in the frame interval, and differentiable.
+"""
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, ArrayLike, Float, Int
+
+from jblast.sensors.camera.event_pixel import (
+    Reference,
+    Thresholds,
+    count_events,
+    first_reference,
+)
+from jblast.types import as_float_array
+
+
+class Events(eqx.Module):
+    """Events in order of time, those of one time in order of pixel (row by row).
+
+    Empty places stand at the end: x and y -1, time infinite, polarity 0.
+
+    Attributes:
+        x: Column.
+        y: Row, downwards.
+        time: Seconds on the clock of the frames.
+        polarity: +1 brighter, -1 darker.
+        count: How many there are.
+        lost: How many more there were than room.
+    """
+
+    x: Int[Array | np.ndarray, " event"]
+    y: Int[Array | np.ndarray, " event"]
+    time: Float[Array | np.ndarray, " event"]
+    polarity: Int[Array | np.ndarray, " event"]
+    count: Int[Array | np.ndarray, ""]
+    lost: Int[Array | np.ndarray, ""]
+
+
+def ideal_events(
+    log_frames: Float[Array, "frame height width"],
+    times: Float[Array, " frame"],
+    thresholds: tuple[Float[ArrayLike, "..."], Float[ArrayLike, "..."]],
+    *,
+    capacity: int,
+) -> Events:
+    """Return what an ideal event camera sends: no event at the first frame.
+
+    Args:
+        log_frames: Logarithm of the light (`log_intensity`).
+        times: Of the frames [s], rising.
+        thresholds: Positive and negative, as positive numbers; one for all pixels or
+            an array (height, width).
+        capacity: Room for so many events. If there are more, those of the earliest
+            intervals are kept and `lost` says how many are not.
+    """
+    return continued_events(
+        log_frames, times, thresholds, first_reference(log_frames[0]), capacity=capacity
+    )[0]
+
+
+def continued_events(
+    log_frames: Float[Array, "frame height width"],
+    times: Float[Array, " frame"],
+    thresholds: tuple[Float[ArrayLike, "..."], Float[ArrayLike, "..."]],
+    reference: Reference,
+    *,
+    capacity: int,
+) -> tuple[Events, Reference]:
+    """Return the events of a part of a stream, and the reference for the next part.
+
+    Parts give the events of the whole if each begins with the last frame of the one
+    before. Arguments as those of `ideal_events`.
+    """
+    dtype, shape = log_frames.dtype, log_frames.shape[1:]
+    positive, negative = (
+        jnp.broadcast_to(as_float_array(threshold).astype(dtype), shape)
+        for threshold in thresholds
+    )
+    counts, levels, after = count_events(log_frames, (positive, negative), reference)
+    each = (positive.ravel(), negative.ravel())
+    return _write_out(counts, levels, log_frames, times, each, capacity), after
+
+
+def _write_out(
+    counts: Int[Array, "interval height width"],
+    levels: Float[Array, "interval height width"],
+    log_frames: Float[Array, "frame height width"],
+    times: Float[Array, " frame"],
+    thresholds: Thresholds,
+    capacity: int,
+) -> Events:
+    """Give each event counted its place, time and sign."""
+    width, pixels = counts.shape[2], counts.shape[1] * counts.shape[2]
+    number = jnp.abs(counts).ravel()
+    ends = jnp.cumsum(number)
+    total = ends[-1]
+    slot = jnp.arange(capacity, dtype=ends.dtype)
+    valid = slot < total
+    cell = jnp.searchsorted(ends, slot, side="right")
+    cell = jnp.minimum(cell, number.size - 1)
+    nth = (slot - (ends[cell] - number[cell]) + 1).astype(levels.dtype)
+    interval, pixel = cell // pixels, cell % pixels
+    sign = jnp.where(valid, jnp.sign(counts.ravel()[cell]), 0)
+    positive, negative = (threshold[pixel] for threshold in thresholds)
+    step = jnp.where(sign > 0, positive, -negative)
+    flat = log_frames.reshape(-1, pixels)
+    before, after = flat[interval, pixel], flat[interval + 1, pixel]
+    change = jnp.where(valid, after - before, 1.0)
+    target = levels.ravel()[cell] + nth * step
+    part = jnp.clip((target - before) / change, 0.0, 1.0).astype(times.dtype)
+    crossing = times[interval] + part * (times[interval + 1] - times[interval])
+    time = jnp.where(valid, crossing, jnp.inf)
+    order = jnp.lexsort((pixel, time))
+    x, y = (jnp.where(valid, at, -1) for at in (pixel % width, pixel // width))
+    count = jnp.minimum(total, capacity)
+    return Events(*(x[order], y[order], time[order], sign[order]), count, total - count)

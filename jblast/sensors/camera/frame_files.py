@@ -1,0 +1,142 @@
+"""A directory of PNG frames, in order of their names, read block by block."""
+
+import re
+from collections.abc import Iterator
+from io import BytesIO
+from pathlib import Path
+
+import numpy as np
+
+from jblast.errors import InputError
+from jblast.sensors.camera.grey_composite import LUMINANCE
+from jblast.sensors.camera.log_intensity import srgb_light
+
+NUMBER = re.compile(r"(\d+)")
+
+
+def frame_files(directory: str | Path) -> list[Path]:
+    """Return the PNG files of a directory in order; numbers in names count as numbers.
+
+    Raises:
+        InputError: There is no such directory, it holds fewer than two frames, or the
+            numbers of its frames have a gap.
+    """
+    directory = Path(directory)
+    if not directory.is_dir():
+        what = "is no directory" if directory.exists() else "no such directory"
+        raise InputError(f"{directory}: {what}; expected one with PNG frames")
+    names = [path for path in directory.iterdir() if path.suffix.lower() == ".png"]
+    files = sorted(names, key=lambda path: (_parts(path), path.name))
+    if len(files) < 2:
+        raise InputError(
+            f"{directory}: expected at least two PNG frames, got {len(files)}"
+        )
+    _check_gaps(files)
+    return files
+
+
+def _parts(path: Path) -> list[tuple[str, int]]:
+    """Cut a name into text and numbers."""
+    words = NUMBER.split(path.stem)
+    return [(w, -1) if i % 2 == 0 else ("", int(w)) for i, w in enumerate(words)]
+
+
+def _check_gaps(files: list[Path]) -> None:
+    """Refuse frames whose names differ in one number alone, and not by equal steps."""
+    rows = [_parts(path) for path in files]
+    if len({len(row) for row in rows}) > 1:
+        return
+    changing = [
+        i for i, column in enumerate(zip(*rows, strict=True)) if len({*column}) > 1
+    ]
+    if len(changing) != 1 or changing[0] % 2 == 0:
+        return
+    numbers = np.array([row[changing[0]][1] for row in rows])
+    steps = np.diff(numbers)
+    if steps.min() == 0:
+        again = files[int(np.argmin(steps)) + 1]
+        raise InputError(f"{again}: expected one frame of each number, got two")
+    if steps.max() != steps.min():
+        at = int(np.argmax(steps))
+        missing = int(numbers[at] + steps.min())
+        raise InputError(
+            f"{files[at].parent}: frame {missing} is missing between "
+            f"{files[at].name} and {files[at + 1].name}"
+        )
+
+
+def read_frames(
+    files: list[Path], *, srgb: bool = False, block: int = 16
+) -> Iterator[np.ndarray]:
+    """Return the frames as blocks (frame, height, width) of linear light.
+
+    8-bit grey stays as it is, for a table of its own to decode; all else becomes
+    floats with full scale 1, colours by their luminance.
+
+    Args:
+        files: PNG files of one size.
+        srgb: Whether colours and 16-bit values are sRGB, and not linear light.
+        block: Frames of a block.
+
+    Raises:
+        InputError: A file cannot be read, has another size or kind than the first, or
+            is transparent.
+    """
+    first: np.ndarray | None = None
+    for start in range(0, len(files), block):
+        frames = []
+        for path in files[start : start + block]:
+            frame = read_frame(path, srgb=srgb)
+            first = frame if first is None else first
+            if frame.shape != first.shape:
+                raise InputError(
+                    f"{path}: expected {_size(first)} pixels as in {files[0].name}, "
+                    f"got {_size(frame)}"
+                )
+            if frame.dtype != first.dtype:
+                raise InputError(
+                    f"{path}: expected grey of 8 bits in all frames or in none; "
+                    f"{files[0].name} is of another kind"
+                )
+            frames.append(frame)
+        yield np.stack(frames)
+
+
+def _size(frame: np.ndarray) -> str:
+    return f"{frame.shape[1]} x {frame.shape[0]}"
+
+
+def read_frame(path: Path, *, srgb: bool = False) -> np.ndarray:
+    """Return one PNG as `read_frames` does."""
+    # Pillow comes with Matplotlib
+    from PIL import Image, UnidentifiedImageError
+
+    try:
+        data = path.read_bytes()
+        with Image.open(BytesIO(data), formats=["PNG"]) as image:
+            if image.mode in ("1", "P", "PA"):
+                image = image.convert("RGBA" if image.has_transparency_data else "RGB")
+            pixels = np.asarray(image)
+        if b"IEND" not in data:  # some cuts the decoder lets pass
+            raise EOFError("cut short")
+    except UnidentifiedImageError:
+        raise InputError(f"{path}: expected a PNG image, got something else") from None
+    except (OSError, SyntaxError, ValueError, EOFError) as error:
+        raise InputError(
+            f"{path}: expected a whole PNG image, but it cannot be read ({error})"
+        ) from None
+    if pixels.ndim == 2 and pixels.dtype == np.uint8:
+        return pixels
+    full = 255.0 if pixels.dtype == np.uint8 else 65535.0
+    value = pixels / full
+    if value.ndim == 3 and value.shape[2] in (2, 4):
+        if value[..., -1].min() < 1.0:
+            raise InputError(
+                f"{path}: expected an opaque frame, got a transparent one; lay it over "
+                "its background first"
+            )
+        value = value[..., :-1]
+    light = srgb_light(value) if srgb else value
+    if light.ndim == 2:
+        return light
+    return light[..., 0] if light.shape[2] == 1 else light @ np.array(LUMINANCE)

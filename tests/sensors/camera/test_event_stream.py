@@ -1,0 +1,131 @@
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from disc import HEIGHT, THRESHOLD, WIDTH, film
+
+from jblast.errors import InputError
+from jblast.sensors.camera.event_stream import stream_events
+from jblast.sensors.camera.events import ideal_events
+from jblast.sensors.camera.grey_composite import LUMINANCE, grey_composite
+from jblast.sensors.camera.log_intensity import grey_table, log_intensity
+
+convert = jax.jit(ideal_events, static_argnames="capacity")
+SHAPE = (40, 12, 17)
+TIMES = np.arange(SHAPE[0]) / 500.0
+
+
+def flicker(dtype):
+    """Frames that go up and down everywhere, black and white included."""
+    rng = np.random.default_rng(3)
+    walk = np.cumsum(rng.normal(0.0, 12.0, SHAPE), axis=0) + rng.uniform(
+        0, 255, SHAPE[1:]
+    )
+    grey = np.clip(np.round(walk), 0, 255).astype(np.uint8)
+    return grey if dtype == np.uint8 else (grey / 255.0).astype(dtype)
+
+
+def gathered(frames, size=7, times=TIMES, thresholds=(0.2, 0.3), **options):
+    cuts = range(0, len(frames), size)
+    blocks = [(times[a : a + size], frames[a : a + size]) for a in cuts]
+    parts = list(stream_events(blocks, thresholds, **options))
+    fields = ([part.x, part.y, part.time, part.polarity] for part in parts)
+    return [np.concatenate(field) for field in zip(*fields, strict=True)]
+
+
+def reference(logs, times=TIMES, thresholds=(0.2, 0.3)):
+    events = convert(
+        jnp.asarray(logs), jnp.asarray(times), thresholds, capacity=1 << 15
+    )
+    assert int(events.lost) == 0
+    fields = events.x, events.y, events.time, events.polarity
+    return [np.asarray(field)[: int(events.count)] for field in fields]
+
+
+def same(ours, theirs):
+    assert len(theirs[0]) > 1000
+    for events in (ours, theirs):
+        assert (np.diff(events[2]) >= 0.0).all()
+    # the last bit of a time decides the order of events that are simultaneous but for
+    # rounding: compare pixel by pixel
+    ours, theirs = (
+        [field[np.lexsort((events[2], events[0], events[1]))] for field in events]
+        for events in (ours, theirs)
+    )
+    for field, other in zip(ours, theirs, strict=True):
+        np.testing.assert_allclose(field, other, rtol=0, atol=1e-14)
+
+
+@pytest.mark.parametrize("dtype", [np.uint8, np.float32, np.float64])
+def test_the_stream_gives_the_events_of_the_ideal_converter(dtype):
+    frames = flicker(dtype)
+    logs = (
+        grey_table()[frames]
+        if dtype == np.uint8
+        else log_intensity(jnp.asarray(frames, jnp.float64))
+    )
+    same(gathered(frames), reference(logs))
+
+
+def test_cuts_and_threads_do_not_change_the_events():
+    frames = flicker(np.uint8)
+    whole = gathered(frames, size=len(frames), workers=1)
+    for size, workers in ((1, 1), (16, 2), (39, 5)):
+        for field, other in zip(
+            gathered(frames, size, workers=workers), whole, strict=True
+        ):
+            np.testing.assert_array_equal(field, other)
+
+
+def test_a_film_of_the_disc_gives_the_events_of_the_ideal_converter():
+    times, logs = film(1000)
+    both = (THRESHOLD, THRESHOLD)
+    ours = gathered(logs, 16, times, both, in_logarithms=True)
+    same(ours, reference(logs, times, both))
+
+
+def test_thresholds_may_differ_from_pixel_to_pixel():
+    rng = np.random.default_rng(0)
+    both = rng.uniform(0.1, 0.3, SHAPE[1:]), rng.uniform(0.1, 0.3, SHAPE[1:])
+    frames = flicker(np.uint8)
+    same(
+        gathered(frames, thresholds=both),
+        reference(grey_table()[frames], thresholds=both),
+    )
+
+
+def test_srgb_frames_are_decoded_by_their_table():
+    frames, table = flicker(np.uint8), grey_table(srgb=True)
+    same(gathered(frames, table=table), reference(table[frames]))
+
+
+def test_colour_frames_are_laid_over_the_background():
+    rng = np.random.default_rng(1)
+    rgba = rng.integers(0, 256, (*SHAPE, 4), dtype=np.uint8)
+    background = rng.random(SHAPE[1:])
+    light = rgba / 255.0
+    alpha = light[..., 3]
+    by_hand = alpha * (light[..., :3] @ np.array(LUMINANCE)) + (1 - alpha) * background
+    np.testing.assert_allclose(grey_composite(rgba, background), by_hand, rtol=1e-12)
+    same(gathered(rgba, background=background), reference(log_intensity(by_hand)))
+
+
+def test_a_still_film_gives_no_event():
+    frames = np.full((9, HEIGHT, WIDTH), 77, np.uint8)
+    assert gathered(frames, 4, np.arange(9.0))[0].size == 0
+
+
+def test_times_that_do_not_rise_are_refused():
+    frames = flicker(np.uint8)
+    with pytest.raises(InputError, match="times that rise"):
+        gathered(frames, times=TIMES[::-1])
+    blocks = [(TIMES[:4], frames[:4]), (TIMES[3:8], frames[3:8])]
+    with pytest.raises(InputError, match="times that rise"):
+        list(stream_events(blocks, (0.2, 0.2)))
+
+
+def test_frames_of_another_size_are_refused():
+    frames = flicker(np.uint8)
+    blocks = [(TIMES[:4], frames[:4]), (TIMES[4:8], frames[4:8, :, 1:])]
+    with pytest.raises(InputError, match="expected 17 x 12 pixels as in the first"):
+        list(stream_events(blocks, (0.2, 0.2)))

@@ -1,0 +1,175 @@
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from disc import (
+    BRIGHT,
+    DARK,
+    DURATION,
+    THRESHOLD,
+    WIDTH,
+    analytic,
+    film,
+    log_light,
+)
+from hypothesis import given, settings, strategies as st
+from jax.test_util import check_grads
+
+from jblast.sensors.camera.event_pixel import first_reference
+from jblast.sensors.camera.events import Events, continued_events, ideal_events
+from jblast.sensors.camera.log_intensity import DARKEST, grey_table, log_intensity
+
+convert = jax.jit(ideal_events, static_argnames="capacity")
+carry_on = jax.jit(continued_events, static_argnames="capacity")
+BOTH = (THRESHOLD, THRESHOLD)
+
+
+def by_pixel(events: Events, width: int = WIDTH):
+    count = int(events.count)
+    pixel = np.asarray(events.y * width + events.x)[:count]
+    time = np.asarray(events.time)[:count]
+    order = np.lexsort((time, pixel))
+    return pixel[order], time[order]
+
+
+def one_pixel(logs, times, thresholds=(0.2, 0.2), capacity=64):
+    frames = jnp.asarray(logs, float)[:, None, None]
+    return convert(frames, jnp.asarray(times, float), thresholds, capacity=capacity)
+
+
+@pytest.mark.parametrize(("fps", "microseconds"), [(1000, 12.0), (2000, 3.0)])
+def test_events_of_a_disc_are_all_there_and_second_order_in_time(fps, microseconds):
+    times, logs = film(fps)
+    events = convert(jnp.asarray(logs), jnp.asarray(times), BOTH, capacity=1 << 14)
+    pixel, time = by_pixel(events)
+    known, _, when = analytic()
+    np.testing.assert_array_equal(pixel, known)
+    assert np.abs(time - when).mean() * 1e6 < microseconds
+    assert (np.asarray(events.polarity)[: int(events.count)] == 1).all()
+    assert int(events.lost) == 0
+
+
+def test_8_bit_frames_give_the_right_count_and_time():
+    times, logs = film(1000)
+    grey = np.round(255.0 * np.exp(logs)).astype(np.uint8)
+    frames = jnp.asarray(grey_table()[grey])
+    events = convert(frames, jnp.asarray(times), BOTH, capacity=1 << 14)
+    pixel, time = by_pixel(events)
+    known, _, when = analytic()
+    # those the edge has passed wholly: 8 bits round what the others begin or end with
+    whole = (
+        (log_light(0.0) < DARK + 1e-3) & (log_light(DURATION) > BRIGHT - 1e-3)
+    ).ravel()
+    ours, theirs = whole[pixel], whole[known]
+    assert theirs.sum() > 3000
+    np.testing.assert_array_equal(pixel[ours], known[theirs])
+    assert np.abs(time[ours] - when[theirs]).mean() * 1e6 < 60.0
+
+
+@settings(deadline=None, max_examples=25)
+@given(
+    count=st.integers(1, 40),
+    threshold=st.floats(0.01, 0.8),
+    down=st.booleans(),
+    begin=st.floats(-6.0, 0.0),
+)
+def test_a_ramp_of_k_thresholds_gives_k_events_at_the_right_microsecond(
+    count, threshold, down, begin
+):
+    sign = -1.0 if down else 1.0
+    times = np.arange(11) / 1000.0
+    logs = begin + sign * count * threshold * np.arange(11) / 10.0
+    events = one_pixel(logs, times, (threshold, threshold))
+    assert int(events.count) == count
+    expected = 0.01 * np.arange(1, count + 1) / count
+    np.testing.assert_allclose(events.time[:count], expected, atol=1e-9)  # rounding
+    assert (np.asarray(events.polarity[:count]) == sign).all()
+    assert (np.asarray(events.x[count:]) == -1).all()
+    assert np.isinf(np.asarray(events.time[count:])).all()
+
+
+def test_the_reference_stays_where_the_last_event_put_it():
+    # up 0.5: two events, reference 0.4; down to 0.25: within a threshold of 0.4
+    events = one_pixel([0.0, 0.5, 0.25, 0.15, 0.65], [0.0, 1.0, 2.0, 3.0, 4.0])
+    assert int(events.count) == 5
+    np.testing.assert_array_equal(events.polarity[:5], [1, 1, -1, 1, 1])
+    # 0.2 again after the fall to 0.15, whose own event was at 0.2: then 0.4 and 0.6
+    np.testing.assert_allclose(events.time[:5], [0.4, 0.8, 2.5, 3.5, 3.9], rtol=1e-12)
+
+
+def test_each_polarity_has_its_threshold():
+    events = one_pixel([0.0, 1.0, 0.0], [0.0, 1.0, 2.0], (0.25, 0.5))
+    np.testing.assert_array_equal(events.polarity[:6], [1, 1, 1, 1, -1, -1])
+    np.testing.assert_allclose(events.time[:6], [0.25, 0.5, 0.75, 1.0, 1.5, 2.0])
+
+
+def test_what_does_not_fit_is_counted():
+    times, logs = film(1000)
+    frames = jnp.asarray(logs), jnp.asarray(times)
+    full = convert(*frames, BOTH, capacity=1 << 14)
+    few = convert(*frames, BOTH, capacity=100)
+    assert int(few.count) == 100
+    assert int(few.count + few.lost) == int(full.count)
+
+
+def test_events_stand_in_order_of_time_and_then_of_pixel():
+    frames = jnp.zeros((3, 4, 5)).at[1:].set(0.3)
+    events = convert(frames, jnp.arange(3.0), BOTH, capacity=30)
+    np.testing.assert_array_equal(events.y[:20] * 5 + events.x[:20], np.arange(20))
+    assert int(events.count) == 20
+
+
+def test_parts_give_the_events_of_the_whole():
+    times, logs = (jnp.asarray(array) for array in film(1000))
+    whole = convert(logs, times, BOTH, capacity=1 << 14)
+    reference, found = first_reference(logs[0]), []
+    for a, b in ((0, 10), (10, 41), (41, 80)):
+        part, reference = carry_on(
+            logs[a : b + 1], times[a : b + 1], BOTH, reference, capacity=1 << 14
+        )
+        found.append([np.asarray(v)[: int(part.count)] for v in (part.x, part.time)])
+    x, time = (np.concatenate(values) for values in zip(*found, strict=True))
+    np.testing.assert_array_equal(x, whole.x[: int(whole.count)])
+    np.testing.assert_array_equal(time, whole.time[: int(whole.count)])
+
+
+def test_a_batch_is_its_own_loop():
+    times, logs = (jnp.asarray(array) for array in film(500))
+    films = jnp.stack([logs, -logs, 2.0 * logs])
+    batch = jax.vmap(lambda f: convert(f, times, BOTH, capacity=1 << 14))(films)
+    for i, frames in enumerate(films):
+        alone = convert(frames, times, BOTH, capacity=1 << 14)
+        for ours, theirs in zip(
+            jax.tree.leaves(batch), jax.tree.leaves(alone), strict=True
+        ):
+            np.testing.assert_array_equal(ours[i], theirs)
+
+
+def test_times_have_gradients_in_frames_thresholds_and_clock():
+    def total(logs, threshold, times):
+        events = ideal_events(logs[:, None, None], times, (threshold, 0.2), capacity=8)
+        return jnp.sum(jnp.where(events.polarity != 0, events.time, 0.0) ** 2)
+
+    logs, times = jnp.array([0.1, 0.2, 0.75, 0.5]), jnp.array([0.0, 1.0, 2.5, 3.0])
+    check_grads(
+        jax.jit(total), (logs, jnp.asarray(0.19), times), order=1, modes=["rev"]
+    )
+
+
+def test_single_precision_keeps_the_count():
+    times, logs = film(1000)
+    frames = jnp.asarray(logs, jnp.float32), jnp.asarray(times, jnp.float32)
+    events = convert(*frames, BOTH, capacity=1 << 14)
+    # a pixel may stand within 1e-6 of a threshold at the last frame
+    assert abs(int(events.count) - len(analytic()[0])) <= 2
+    assert events.time.dtype == jnp.float32
+
+
+def test_light_below_half_a_grey_step_is_as_dark_as_that():
+    np.testing.assert_allclose(
+        log_intensity(jnp.array([0.0, DARKEST, 1.0])), np.log([DARKEST, DARKEST, 1.0])
+    )
+    assert grey_table()[0] == pytest.approx(np.log(0.5 / 255))
+    assert grey_table()[128] == pytest.approx(np.log(128 / 255))
+    # IEC 61966-2-1: value 128 is 21.586 % of full light
+    assert np.exp(grey_table(srgb=True)[128]) == pytest.approx(0.21586, abs=1e-5)
