@@ -5,8 +5,9 @@ Z from 0.1 to 1e4, both uniform in ln, up to 5 km above the sea, the same for ev
 quantity and burst. A promise is one method at one place at one tolerance, where the
 reference covers the place and may not itself be off by more; it is kept if the method
 really is within the tolerance there. A method that is itself the reference does not
-count. The last columns are of what is chosen: promises met, and the largest cost over
-that of the cheapest method that really would have done, by the stored costs.
+count. The last columns are of what is chosen, whichever of the methods that cost alike:
+promises met, and the largest cost over that of the cheapest method that really would
+have done, by the stored costs.
 """
 
 import dataclasses
@@ -45,8 +46,8 @@ class Promises(NamedTuple):
         kept: Of these.
         supported: Places where the tolerance is supportable.
         met: Of these, where a method was chosen that promises it.
-        good: Of these, where the one chosen really is within it.
-        dearest: Its largest cost over the cheapest that really would have done.
+        good: Of these, where all that could be chosen really are within it.
+        dearest: Their largest cost over the cheapest that really would have done.
     """
 
     made: int
@@ -119,17 +120,17 @@ def _promises(
     counts = enough & (true > SELF)
     cheapest = np.where(enough, costs, np.inf).min(axis=0)
     alike = enough & (costs <= ALIKE * cheapest)
-    pick = np.where(alike, said, np.inf).argmin(axis=0)
     met = enough.any(axis=0)
-    chosen = np.take_along_axis(true, pick[None], axis=0)[0]
+    worst = np.where(alike, true, 0.0).max(axis=0)
+    dearest = np.where(alike, costs, 0.0).max(axis=0)
     would_do = np.where(true <= tolerance, costs, np.inf).min(axis=0)
-    ratio = costs[pick, 0][met] / would_do[met]
+    ratio = dearest[met] / would_do[met]
     return Promises(
         made=int(counts.sum()),
         kept=int((counts & (true <= tolerance)).sum()),
         supported=int(supported.sum()),
         met=int(met.sum()),
-        good=int((chosen[met] <= tolerance).sum()),
+        good=int((worst[met] <= tolerance).sum()),
         dearest=float(ratio.max(initial=0.0)),
     )
 

@@ -59,7 +59,7 @@ def _refers(quantity: str, method: str, ways: Ways) -> bool:
     """Return whether a method is the reference at all places."""
     z = np.asarray(ways.z)
     pieces = [p for p in REFERENCES.get(quantity, ()) if p.law == method]
-    return bool(pieces) and all(is_piece(p, z).all() for p in pieces)
+    return bool(pieces) and bool(np.any([is_piece(p, z) for p in pieces], axis=0).all())
 
 
 def _blind_to_height(quantity: str, ways: Sequence[Ways]) -> set[str]:

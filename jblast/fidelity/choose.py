@@ -13,7 +13,7 @@ from jblast.fidelity.candidates import candidates_for, worst_own_error
 from jblast.fidelity.choice import Candidate, Choice
 from jblast.fidelity.places import paths_in, sensors_for
 from jblast.fidelity.reason import reason_for
-from jblast.fidelity.reference import REFERENCES
+from jblast.fidelity.reference import REFERENCES, is_piece
 from jblast.fidelity.ways import Ways, jitted_ways
 from jblast.quantities import TIMES
 from jblast.registry import names_for
@@ -25,7 +25,7 @@ far off widens an error by 5 %."""
 
 ALIKE = 2.0
 """Costs within this factor count as one: a busy machine moves them by as much. Of
-methods that cost alike, the one with the smallest error is taken."""
+methods that cost alike, the one with the smallest promised error is taken."""
 
 
 def choose(
@@ -98,7 +98,7 @@ def choose_for(quantity: str, ways: Sequence[Ways], tolerance: float) -> Choice:
     if enough:
         most = ALIKE * _cost(enough[0])
         alike = [c for c in enough if _cost(c) <= most]
-        found = min(alike, key=lambda c: (c.error, not c.is_reference))
+        found = min(alike, key=lambda c: _preference(quantity, c, ways))
     else:
         found = min(candidates, key=lambda c: _nearness(quantity, c, ways))
     choice = Choice(
@@ -124,19 +124,30 @@ def _nearness(quantity: str, candidate: Candidate, ways: Sequence[Ways]) -> tupl
     """Return what to compare methods by where none is good enough.
 
     First whether it holds at all places, then whether at the nearest and at how many,
-    then its error, then whether it is what is held for the reference there.
+    then as where several are.
     """
     holding = np.concatenate([each.holds[candidate.method] for each in ways])
     z = np.concatenate([each.z for each in ways])
-    pieces = REFERENCES.get(quantity, ())
-    laws = [p.law for p in pieces] + [p.lossless for p in pieces]
-    rank = laws.index(candidate.method) if candidate.method in laws else len(laws)
     return (
         not candidate.valid,
         not holding[z.argmin()],
         int((~holding).sum()),
-        candidate.predicted_error,
-        candidate.error,
-        rank,
-        _cost(candidate),
+        *_preference(quantity, candidate, ways),
     )
+
+
+def _preference(quantity: str, candidate: Candidate, ways: Sequence[Ways]) -> tuple:
+    """Return what to compare methods by that cost alike.
+
+    First the error that can be promised; where that is the reference's own, the
+    reference without absorption, as the simpler one.
+    """
+    pieces = REFERENCES.get(quantity, ())
+    names = list(dict.fromkeys([p.lossless for p in pieces] + [p.law for p in pieces]))
+    mine = [p for p in pieces if p.lossless == candidate.method]
+    plain = bool(mine) and all(
+        np.any([is_piece(p, np.asarray(each.z)) for p in mine], axis=0).all()
+        for each in ways
+    )
+    rank = names.index(candidate.method) if candidate.method in names else len(names)
+    return candidate.predicted_error, not plain, rank, _cost(candidate)

@@ -78,7 +78,7 @@ def _of_the_chosen(choice: Choice, found: Candidate) -> str:
         return f"{name}: {z} {where}, {quality}"
     asked = f"a tolerance of {percent(choice.tolerance)}"
     if choice.own_error > choice.tolerance:
-        return f"{name}: {z} {where}; {asked} is not supportable: {name} is {quality}"
+        return f"{name}: {z} {where}; {asked} is not supportable: it is {quality}"
     short = found.predicted_error / choice.tolerance
     return (
         f"{name}: {z} {where}, the best there is, but {quality}: {asked} is missed by "
