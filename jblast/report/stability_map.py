@@ -6,7 +6,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool
 from matplotlib.axes import Axes
 
 from jblast.constants import TNT_SPECIFIC_ENERGY
@@ -107,7 +107,7 @@ def _holds(law: Law, burst: Burst) -> Bool[np.ndarray, " point"]:
     return np.asarray(_valid(law, path))
 
 
-def _bar(axes: Axes, row: float, holds: Float[np.ndarray, " point"]) -> None:
+def _bar(axes: Axes, row: float, holds: Bool[np.ndarray, " point"]) -> None:
     for start, stop, good in runs(holds):
         low, high = Z[start], Z[stop - 1]
         axes.barh(

@@ -4,6 +4,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal
 
+import numpy as np
+
 Deed = Literal["marks", "refuses", "falls back", "holds"]
 """What jblast does past an edge; "holds" where the trap is avoided altogether."""
 
@@ -54,7 +56,7 @@ def measures(area: str) -> Callable[[Callable[[], list[Edge]]], Callable]:
     return enter
 
 
-def witnessed(deed: Deed, seen: bool, what: str) -> Deed:
+def witnessed(deed: Deed, seen: bool | np.bool_, what: str) -> Deed:
     """Return a deed, once it was seen to be done: a table claims no other.
 
     Args:
