@@ -8,7 +8,7 @@ import numpy as np
 from jblast.fidelity import solver, stored
 from jblast.fidelity.choice import Candidate
 from jblast.fidelity.errors import is_covered, own_error, relative_errors
-from jblast.fidelity.reference import REFERENCES, is_piece
+from jblast.fidelity.reference import REFERENCES, is_piece, refers
 from jblast.fidelity.ways import Ways
 from jblast.registry import Law, law_for, names_for
 
@@ -49,17 +49,12 @@ def candidates_for(quantity: str, ways: Sequence[Ways], own: float) -> list[Cand
                 predicted_error=max(worst, own),
                 cost_s=costs.get((quantity, method), math.nan),
                 valid=all(np.all(each.holds[method]) for each in ways),
-                is_reference=all(_refers(quantity, method, each) for each in ways),
+                is_reference=all(
+                    refers(quantity, method, np.asarray(each.z)) for each in ways
+                ),
             )
         )
     return found
-
-
-def _refers(quantity: str, method: str, ways: Ways) -> bool:
-    """Return whether a method is the reference at all places."""
-    z = np.asarray(ways.z)
-    pieces = [p for p in REFERENCES.get(quantity, ()) if p.law == method]
-    return bool(pieces) and bool(np.any([is_piece(p, z) for p in pieces], axis=0).all())
 
 
 def _blind_to_height(quantity: str, ways: Sequence[Ways]) -> set[str]:

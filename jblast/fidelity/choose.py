@@ -13,7 +13,7 @@ from jblast.fidelity.candidates import candidates_for, worst_own_error
 from jblast.fidelity.choice import Candidate, Choice
 from jblast.fidelity.places import paths_in, sensors_for
 from jblast.fidelity.reason import reason_for
-from jblast.fidelity.reference import REFERENCES, is_piece
+from jblast.fidelity.reference import REFERENCES, refers
 from jblast.fidelity.ways import Ways, jitted_ways
 from jblast.quantities import TIMES
 from jblast.registry import names_for
@@ -144,9 +144,8 @@ def _preference(quantity: str, candidate: Candidate, ways: Sequence[Ways]) -> tu
     """
     pieces = REFERENCES.get(quantity, ())
     names = list(dict.fromkeys([p.lossless for p in pieces] + [p.law for p in pieces]))
-    mine = [p for p in pieces if p.lossless == candidate.method]
-    plain = bool(mine) and all(
-        np.any([is_piece(p, np.asarray(each.z)) for p in mine], axis=0).all()
+    plain = all(
+        refers(quantity, candidate.method, np.asarray(each.z), lossless=True)
         for each in ways
     )
     rank = names.index(candidate.method) if candidate.method in names else len(names)

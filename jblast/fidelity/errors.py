@@ -10,10 +10,10 @@ from jblast.constants import STANDARD_PRESSURE
 from jblast.fidelity import stored
 from jblast.fidelity.reference import (
     END,
-    FARTHEST,
     KINGERY_BULMASH_END,
     REFERENCES,
     is_piece,
+    is_too_far,
 )
 from jblast.fidelity.ways import Numbers, Ways
 
@@ -54,8 +54,8 @@ def is_covered(quantity: str, ways: Ways) -> Bool[np.ndarray, " place"]:
     """Return where the reference holds, by place."""
     z = np.asarray(ways.z)
     spans = stored.own_errors(quantity, ways.burst)
-    far = (z > KINGERY_BULMASH_END) & (np.asarray(ways.slant_range) > FARTHEST)
-    return (z >= spans[0].start) & (z <= spans[-1].end) & ~far
+    inside = (z >= spans[0].start) & (z <= spans[-1].end)
+    return inside & ~is_too_far(z, ways.slant_range)
 
 
 def own_error(quantity: str, ways: Ways) -> Float[np.ndarray, " place"]:

@@ -87,6 +87,32 @@ def is_piece(
     return (z > piece.start) & (z <= piece.end)
 
 
+def refers(
+    quantity: str, name: str, z: Float[np.ndarray, " place"], *, lossless: bool = False
+) -> bool:
+    """Return whether a method is a quantity's reference at all of some Z.
+
+    Args:
+        quantity: Any; of one without reference none is.
+        name: Of the method.
+        z: Scaled distances [m/kg^(1/3)].
+        lossless: Whether absorption is left out of the reference.
+    """
+    pieces = [
+        piece
+        for piece in REFERENCES.get(quantity, ())
+        if name == (piece.lossless if lossless else piece.law)
+    ]
+    return bool(pieces) and bool(np.any([is_piece(p, z) for p in pieces], axis=0).all())
+
+
+def is_too_far(
+    z: Float[np.ndarray, " place"], slant_range: Float[Array | np.ndarray, " place"]
+) -> Bool[np.ndarray, " place"]:
+    """Return where a place past the tables is farther than any reference."""
+    return (z > KINGERY_BULMASH_END) & (np.asarray(slant_range) > FARTHEST)
+
+
 def reference_value(
     quantity: str, path: Path, *, lossless: bool = False
 ) -> Float[Array, " place"]:
@@ -103,5 +129,4 @@ def reference_value(
         law = law_for(quantity, piece.lossless if lossless else piece.law)
         said = jnp.where(call(law.valid, path), call(law.function, path), jnp.nan)
         value = jnp.where(is_piece(piece, z), said, value)
-    far = (z > KINGERY_BULMASH_END) & (np.asarray(path.slant_range) > FARTHEST)
-    return jnp.where(far, jnp.nan, value)
+    return jnp.where(is_too_far(z, path.slant_range), jnp.nan, value)

@@ -10,9 +10,9 @@ from functools import cache
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from jblast.constants import STANDARD_PRESSURE, TNT_SPECIFIC_ENERGY
 from jblast.fidelity.timing import seconds
 from jblast.waves.euler import Decay, decay_at, point_source_march
+from jblast.waves.point_source import LENGTH
 
 METHOD = "euler"
 CELLS = 100
@@ -21,9 +21,6 @@ CELLS = 100
 QUANTITIES = ("air_arrival_s", "peak_overpressure_pa", "shock_speed_m_s")
 LAMBDAS = (0.1, 100.0)
 """Scaled distances R (P0/E)^(1/3) that a run covers."""
-
-LENGTH = (TNT_SPECIFIC_ENERGY / STANDARD_PRESSURE) ** (1.0 / 3.0)
-"""Scaled distance Z of lambda = 1 in free air [m/kg^(1/3)]."""
 
 
 def length(burst: str) -> float:

@@ -19,7 +19,7 @@ def seconds(call: Callable[[], Any], repeats: int = REPEATS) -> float:
     It is called once before, so that what compiles has compiled.
     """
     jax.block_until_ready(call())
-    count, best = 1, float("inf")
+    count = 1
     while True:
         start = time.perf_counter()
         for _ in range(count):

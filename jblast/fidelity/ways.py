@@ -6,7 +6,6 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from jblast.fidelity import solver
-from jblast.fidelity.reference import REFERENCES
 from jblast.registry import call, law_for, names_for
 from jblast.scene.charge import Burst
 from jblast.waves.paths import Path
@@ -55,7 +54,7 @@ def ways_of(quantity: str, path: Path) -> Ways:
     holds = {
         name: call(law_for(quantity, name).valid, path) for name in names_for(quantity)
     }
-    if quantity in REFERENCES and quantity in solver.QUANTITIES:
+    if quantity in solver.QUANTITIES:
         holds[solver.METHOD] = solver.holds(z, path.burst)
     return Ways(
         z=z,

@@ -3,6 +3,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
+from lenses import LENS
 
 from jblast.sensors.camera.distortion import (
     distort,
@@ -11,13 +12,6 @@ from jblast.sensors.camera.distortion import (
     unfolded,
 )
 
-LENS = st.tuples(
-    st.floats(-0.5, 0.5),
-    st.floats(-0.3, 0.3),
-    st.floats(-0.02, 0.02),
-    st.floats(-0.02, 0.02),
-    st.floats(-0.1, 0.1),
-).map(np.array)
 PLACE = st.tuples(st.floats(-1.5, 1.5), st.floats(-1.5, 1.5)).map(np.array)
 NORTH = np.array([0.0, 1.0])
 jacobian_by_jax = jax.jit(jax.jacfwd(distort))

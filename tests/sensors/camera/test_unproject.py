@@ -5,8 +5,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from hypothesis import given, settings, strategies as st
+from hypothesis import given, settings
 from jax.test_util import check_grads
+from lenses import LENS
 
 from jblast.errors import InputError
 from jblast.scene import Camera, look_at
@@ -19,13 +20,6 @@ from jblast.sensors.camera.distortion import (
 from jblast.sensors.camera.projection import project
 from jblast.sensors.camera.unproject import undistort, unproject
 
-LENS = st.tuples(
-    st.floats(-0.5, 0.5),
-    st.floats(-0.3, 0.3),
-    st.floats(-0.02, 0.02),
-    st.floats(-0.02, 0.02),
-    st.floats(-0.1, 0.1),
-).map(np.array)
 BARREL = np.array([-0.35, 0.12, 0.01, -0.02, -0.02])
 CAMERA = Camera(
     position=np.array([3.0, -20.0, 2.0]),
