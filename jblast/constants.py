@@ -15,6 +15,9 @@ DRY_AIR_GAS_CONSTANT = 287.05
 AIR_HEAT_CAPACITY_RATIO = 1.4
 """Ratio of specific heats of air [-], ideal diatomic gas."""
 
+STANDARD_GRAVITY = 9.80665
+"""Standard acceleration of free fall [m/s2], exact. SI Brochure, 9th edition."""
+
 LIGHT_SPEED = 299_792_458.0
 """Speed of light [m/s], exact. SI Brochure, 9th edition."""
 
