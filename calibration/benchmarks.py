@@ -1,6 +1,6 @@
 """How fast: each benchmark prints a table of rates, and of their ratios in that run.
 
-python -m calibration.benchmarks laws fit_many samplers euler events
+python -m calibration.benchmarks laws fit_many samplers euler events event_kernel
 """
 
 import argparse
@@ -9,7 +9,7 @@ import os
 
 import jax
 
-BENCHMARKS = ("laws", "fit_many", "samplers", "euler", "events")
+BENCHMARKS = ("laws", "fit_many", "samplers", "euler", "events", "event_kernel")
 """Each `calibration.benchmark_NAME` has a function `NAME_text`."""
 
 

@@ -1,0 +1,99 @@
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from jblast.errors import InputError
+from jblast.sensors.camera import event_gpu
+from jblast.sensors.camera.event_gpu import EventKernel, kernel_events
+from jblast.sensors.camera.event_stream import stream_events
+from jblast.study.event_disc import HEIGHT, THRESHOLD, WIDTH
+
+SHAPE = (40, 12, 17)
+TIMES = np.arange(SHAPE[0]) / 500.0
+BOTH = (0.2, 0.3)
+
+
+def walk(channels):
+    """Frames that go up and down everywhere, black and white included."""
+    rng = np.random.default_rng(3)
+    steps = rng.normal(0.0, 12.0, (*SHAPE, *channels))
+    start = rng.uniform(0, 255, (*SHAPE[1:], *channels))
+    return np.clip(np.round(np.cumsum(steps, axis=0) + start), 0, 255).astype(np.uint8)
+
+
+def cut(frames, size):
+    return [
+        (TIMES[a : a + size], frames[a : a + size]) for a in range(0, SHAPE[0], size)
+    ]
+
+
+def joined(parts):
+    parts = list(parts)
+    return [
+        np.concatenate([getattr(part, name) for part in parts])
+        for name in ("x", "y", "time", "polarity")
+    ]
+
+
+def same(ours, theirs):
+    assert len(theirs[0]) > 300
+    for field, other in zip(ours, theirs, strict=True):
+        np.testing.assert_allclose(field, other, rtol=0, atol=1e-14)
+
+
+@pytest.mark.parametrize(("size", "together"), [(1, 64), (7, 3), (40, 64), (40, 9)])
+def test_grey_frames_give_the_events_of_the_stream(size, together, monkeypatch):
+    monkeypatch.setattr(event_gpu, "TOGETHER", together)
+    frames = walk(())
+    ours = joined(kernel_events(cut(frames, size), SHAPE[1:], BOTH, device="cpu"))
+    by_pixel = np.lexsort((ours[2], ours[0], ours[1]))
+    theirs = joined(stream_events(cut(frames, 16), BOTH))
+    other = np.lexsort((theirs[2], theirs[0], theirs[1]))
+    same([f[by_pixel] for f in ours], [f[other] for f in theirs])
+    assert (np.diff(ours[2]) >= 0.0).all()
+
+
+def test_colour_over_a_background_gives_the_events_of_the_stream():
+    """Composited in float32 by two compilers: times differ by their rounding."""
+    frames = walk((4,))
+    behind = np.linspace(0.01, 0.9, SHAPE[1] * SHAPE[2], dtype=np.float32)
+    behind = behind.reshape(SHAPE[1:])
+    options = {"background": behind, "device": "cpu"}
+    ours = joined(kernel_events(cut(frames, 16), SHAPE[1:], BOTH, **options))
+    theirs = joined(stream_events(cut(frames, 16), BOTH, background=behind))
+    assert len(ours[0]) == len(theirs[0]) > 300
+    orders = [np.lexsort((e[2], e[0], e[1])) for e in (ours, theirs)]
+    for field, other in zip(ours, theirs, strict=True):
+        np.testing.assert_allclose(
+            field[orders[0]], other[orders[1]], rtol=0, atol=1e-6
+        )
+
+
+def test_arrays_of_jax_are_taken_as_they_are():
+    frames = walk((4,))
+    behind = np.full(SHAPE[1:], 0.2, np.float32)
+    options = {"background": behind, "device": "cpu"}
+    ours = joined(kernel_events(cut(frames, 40), SHAPE[1:], BOTH, **options))
+    blocks = [(TIMES, jnp.asarray(frames))]
+    same(joined(kernel_events(blocks, SHAPE[1:], BOTH, **options)), ours)
+
+
+def test_a_block_with_more_events_than_room_is_done_again():
+    frames = walk(())
+    kernel = EventKernel(SHAPE[1:], BOTH, device="cpu")
+    kernel.room = 10
+    count = kernel.advance(TIMES, frames)
+    whole = joined(stream_events([(TIMES, frames)], BOTH))
+    assert count == len(whole[0])
+    assert kernel.room >= count
+
+
+def test_what_does_not_fit_is_refused():
+    kernel = EventKernel((5, 6), BOTH, device="cpu")
+    good = np.zeros((2, 5, 6), np.uint8)
+    with pytest.raises(InputError, match="times that rise"):
+        kernel.advance(np.array([1.0, 1.0]), good)
+    with pytest.raises(InputError, match="expected 8-bit numbers of shape"):
+        kernel.advance(np.array([0.0, 1.0]), good[..., None])
+    with pytest.raises(InputError, match="device: expected one of cpu"):
+        EventKernel((2, 2), (0.2, 0.2), device="cuda:77")
