@@ -54,7 +54,7 @@ def _rows(shape: tuple[int, int], frames: int) -> list[Row]:
     copy, scan = jax.jit(jnp.copy), jax.jit(_counted)
     ends = jnp.array([0, -1])
     known = _known(log_intensity(grey_composite(film[ends], behind).astype(float)))
-    known_grey = _known(log_intensity(grey[ends] / 255.0))
+    known_grey = _known(log_intensity(grey[ends].astype(float) / 255.0))
     colour = _kernel(shape, np.asarray(behind))
     plain = _kernel(shape, None)
 

@@ -6,7 +6,6 @@ from jblast.errors import InputError
 from jblast.sensors.camera import event_gpu
 from jblast.sensors.camera.event_gpu import EventKernel, kernel_events
 from jblast.sensors.camera.event_stream import stream_events
-from jblast.study.event_disc import HEIGHT, THRESHOLD, WIDTH
 
 SHAPE = (40, 12, 17)
 TIMES = np.arange(SHAPE[0]) / 500.0
