@@ -1,5 +1,7 @@
 """What a sensor can measure: the names used in observation and scene files alike."""
 
+import math
+
 QUANTITIES: dict[str, str] = {
     "flash_time_s": "light of the explosion seen, clock time",
     "air_arrival_s": "air shock or sound arrives, clock time",
@@ -11,6 +13,10 @@ QUANTITIES: dict[str, str] = {
     "reflected_pressure_pa": "normally reflected peak overpressure",
     "reflected_impulse_pa_s": "normally reflected impulse",
     "shock_radius_m": "radius of the shock front at time_s",
+    "fireball_radius_m": "radius of the fireball at time_s",
+    "fireball_radius_px": "the same in pixels of the scene's camera",
+    "bearing_rad": "direction of the charge, clockwise from north",
+    "elevation_rad": "direction of the charge, above the horizon",
     "ground_peak_velocity_m_s": "peak particle velocity of the ground",
     "ground_displacement_m": "peak displacement of the ground",
 }
@@ -33,7 +39,27 @@ CLOCK_TIMES = ("flash_time_s", "air_arrival_s", "ground_arrival_s")
 """Quantities that are readings of a clock."""
 
 TIMES = (*CLOCK_TIMES, "arrival_difference_s")
-"""Quantities whose errors are in seconds; all others err in ln, so are positive."""
+"""Quantities in seconds: their laws' scatter is a share of the travel time."""
+
+FIREBALL_RADII = ("fireball_radius_m", "fireball_radius_px")
+
+TIMED = ("shock_radius_m", *FIREBALL_RADII)
+"""Quantities taken at a time: their rows have a `time_s`."""
+
+PLACELESS = ("shock_radius_m", "fireball_radius_m")
+"""Quantities that are the same wherever their sensor stands."""
+
+DIRECTIONS: dict[str, float] = {
+    "bearing_rad": 2 * math.pi,
+    "elevation_rad": math.pi / 2,
+}
+"""Angles seen from a sensor's position, and the largest value either way [rad]."""
+
+CIRCULAR = ("bearing_rad",)
+"""Quantities that are the same after a full circle."""
+
+ADDITIVE = (*TIMES, *DIRECTIONS)
+"""Quantities that err in their own unit; all others err in ln, so are positive."""
 
 COMPONENTS: dict[str, tuple[tuple[str, float], ...]] = {
     "arrival_difference_s": (("air_arrival_s", 1.0), ("ground_arrival_s", -1.0)),

@@ -28,7 +28,7 @@ class Law:
         scatter_source: Where the scatter comes from: measured by which script, or
             declared.
         joins: Scaled distances [m/kg^(1/3)] where slope or curvature is not continuous
-            (scaled times [s/kg^(1/3)] for a `shock_radius_m`).
+            (scaled times [s/kg^(1/3)] for what is taken at a time).
     """
 
     quantity: str

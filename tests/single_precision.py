@@ -51,6 +51,11 @@ def laws() -> dict[str, list[tuple[str, bool]]]:
         air_density=jnp.asarray(1.2),
         p_speed=jnp.asarray(5000.0),
         sedov_gamma=jnp.asarray(1.3),
+        toward_east=along,
+        toward_north=along,
+        toward_up=along,
+        fireball_growth=jnp.asarray(3e-3),
+        camera_focal=jnp.asarray(1e3),
     )
     return {
         f"{quantity} {name}": summary_of(eqx.filter_jit(call)(law.function, path))

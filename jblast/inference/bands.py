@@ -11,6 +11,7 @@ from jaxtyping import Float
 from jblast.inference.fit_result import Band
 from jblast.inference.parameters import Parameters
 from jblast.observations import Observations
+from jblast.quantities import DIRECTIONS, TIMED
 from jblast.sensors import Layout, record
 from jblast.sensors.layout import components
 
@@ -39,19 +40,29 @@ def bands(
         laws: Name of the law for each quantity.
     """
     answer = []
+    middle = parameters.scene_at(jnp.median(jnp.asarray(draws), axis=0))
     for quantity, of in dict.fromkeys(zip(observations.quantity, shot, strict=True)):
         rows = np.isin(observations.quantity, quantity) & (np.array(shot) == of)
-        is_radius = quantity == "shock_radius_m"
-        reach = (observations.time if is_radius else distance)[rows]
+        if quantity in DIRECTIONS:  # do not depend on the range
+            continue
+        is_radius = quantity in TIMED
+        # times count from the explosion, which clocks may show at any time
+        start = float(middle.charges[of].time) if is_radius else 0.0
+        reach = (observations.time - start if is_radius else distance)[rows]
         positive = reach[reach > 0]
         if positive.size == 0:
             continue
-        x = np.geomspace(positive.min() / 2, positive.max() * 2, POINTS)
+        x = start + np.geomspace(positive.min() / 2, positive.max() * 2, POINTS)
         nothing = np.full(POINTS, np.nan)
+        one = int(np.flatnonzero(rows)[0])
+        first, seen_from = observations.position[one], observations.slant_range[one]
         layout = Layout(
             quantity=(quantity,) * POINTS,
-            position=jnp.zeros((POINTS, 3)),
-            slant_range=jnp.asarray(nothing if is_radius else x),
+            # of radii: where they are seen from
+            position=jnp.broadcast_to(np.nan_to_num(first), (POINTS, 3)),
+            slant_range=jnp.broadcast_to(seen_from, POINTS)
+            if is_radius
+            else jnp.asarray(x),
             time=jnp.asarray(x if is_radius else nothing),
             group=(0,) * POINTS,
             shot=(of,) * POINTS,

@@ -12,7 +12,7 @@ from jblast.inference.bound_spread import spread_left
 from jblast.inference.fisher import information
 from jblast.inference.planned import Planned
 from jblast.inference.posterior import Posterior
-from jblast.quantities import TIMES
+from jblast.quantities import ADDITIVE, TIMES
 from jblast.sensors.record import clock_offsets
 
 GAINED = 1.5
@@ -85,7 +85,7 @@ def mass_exponents(plan: Planned) -> dict[str, tuple[float, float]]:
     there = parameters.scene_at(z)
     start = np.asarray(clock_offsets(there, layout) + there.charge.time)
     value, moved, grown = map(np.asarray, _mass_slopes(posterior, z, i))
-    told = [q for q in layout.quantities() if q == "air_arrival_s" or q not in TIMES]
+    told = [q for q in layout.quantities() if q == "air_arrival_s" or q not in ADDITIVE]
     answer = {}
     for quantity in told:
         rows = np.isin(layout.quantity, quantity)

@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from jblast.constants import STANDARD_SOUND_SPEED
+from jblast.inference.fireball_growth import GROWTH
 from jblast.inference.posterior import Posterior
 from jblast.inference.starts import layout_size, scales
 from jblast.observations import CLOCK_TIMES, TIMES
@@ -25,6 +26,8 @@ CANDIDATES = {
     "peak_overpressure_pa": "a peak overpressure",
     "positive_impulse_pa_s": "a positive impulse",
 }
+BANG = CANDIDATES["air_arrival_s"]
+RANGING = "its range is the sound speed times what it comes after the flash"
 SEEN = 0.03
 """A datum is a cure if a typical step along the direction moves it by 3 %."""
 
@@ -105,7 +108,12 @@ def cure_of_null(
             f"{name}, on a clock that is right" if name.startswith(timed) else name
             for name in data
         ]
-    added = "; ".join(_shortened(data))
+    data = _shortened(data)
+    if "fireball_radius_px" in posterior.layout.quantity:
+        data = [d.replace(BANG, f"{BANG} (the bang: {RANGING})") for d in data]
+    if GROWTH in taking_part:
+        data.append("a fireball radius at a later time")
+    added = "; ".join(data)
     return f"a prior on, or a measurement of, {known}" + (
         f"; or {added}" if added else ""
     )

@@ -10,6 +10,7 @@ import numpy as np
 from jblast.errors import InputError
 from jblast.inference.answer import answer_of
 from jblast.inference.bands import bands
+from jblast.inference.fireball_growth import as_seen
 from jblast.inference.fit_result import Fit
 from jblast.inference.goodness import left_of
 from jblast.inference.how_sure import Method, how_sure
@@ -45,7 +46,8 @@ def fit(
     Args:
         observations: The log.
         uncertain: The scene and what is not known of it; without one, a surface charge
-            of unknown mass at the origin at time 0, in sea-level air.
+            of unknown mass at the origin at time 0, in sea-level air. A fireball's
+            growth time is free unless the scene says otherwise.
         noise: Distribution of the independent errors.
         posterior: How intervals are found: "laplace" (a normal approximation), "emcee"
             (walkers), or "auto": walkers where the approximation is found wanting.
@@ -57,6 +59,7 @@ def fit(
         ValueError: The log and the scene do not go together; the message says how.
     """
     uncertain = uncertain or default_scene()
+    uncertain = as_seen(uncertain, observations.quantity, observations.time)
     observations = place(observations, uncertain.scene, uncertain.beliefs)
     solution = solve(observations, uncertain, noise=noise, seed=seed)
     density, z = solution.posterior, solution.laplace.z

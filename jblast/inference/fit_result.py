@@ -18,7 +18,7 @@ class Band:
     Attributes:
         quantity: A key of `observations.QUANTITIES`.
         shot: Of which of the scene's charges.
-        axis: "range_m", or "time_s" for `shock_radius_m`.
+        axis: "range_m", or "time_s" for `TIMED` quantities.
         x: Where, increasing.
         q05: 5 % quantile over the posterior, laws taken as exact; clock times are on
             the common clock.

@@ -11,6 +11,11 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from jblast.errors import InputError, nearest
+from jblast.inference.fireball_growth import (
+    GROWTH,
+    as_seen,
+    own_growth,
+)
 from jblast.inference.parameters import parameters_of
 from jblast.inference.posterior import Posterior, posterior_of
 from jblast.observations import Observations, place
@@ -78,13 +83,19 @@ def planned(
 
     Args:
         uncertain: The scene; its sensors say what they record.
-        at: Numbers taken for true; the others are the medians of their priors.
+        at: Numbers taken for true; the others are the medians of their priors, and a
+            fireball's growth time is that of its law.
         noise: Distribution of the independent errors.
 
     Raises:
         InputError: Nothing is uncertain, a free number has no value, a value is out of
             bounds, or the sensors cannot record what they should.
     """
+    told = uncertain
+    uncertain = _as_seen(told)
+    if GROWTH in set(uncertain.beliefs) - set(told.beliefs) - set(at):
+        likely = with_values(told.scene, values_at(told, at))
+        at = {**at, GROWTH: own_growth(likely)}
     values = values_at(uncertain, at)
     beliefs = {
         name: belief
@@ -115,6 +126,18 @@ def planned(
     layout = layout_of(log, scene)
     posterior = posterior_of(parameters, layout, log, law_names(laws), noise)
     return Planned(values, np.asarray(z), posterior, laws, log)
+
+
+def _as_seen(uncertain: UncertainScene) -> UncertainScene:
+    """Return the scene as a fit of the log planned would read it."""
+    planned = [
+        (quantity, time)
+        for sensor in uncertain.scene.sensors
+        for quantity, _ in sensor.records
+        for time in sensor.times
+    ]
+    quantity, time = zip(*planned, strict=True) if planned else ((), ())
+    return as_seen(uncertain, quantity, np.array(time, float))
 
 
 def values_at(uncertain: UncertainScene, at: Mapping[str, float]) -> dict[str, float]:

@@ -18,7 +18,7 @@ from jblast.sensors import Layout, record
 from jblast.sensors.effects import count_effects
 from jblast.sensors.layout import components
 from jblast.sensors.observe import Noise, loadings
-from jblast.sensors.record import comparable
+from jblast.sensors.record import comparable, missed
 
 HELD = 30_000_000
 """Rows times shared effects, of which a few times as many numbers (0.24 GB each) are
@@ -29,7 +29,7 @@ with four times as much a fit took more than five minutes on two cores."""
 
 
 class Misfit(eqx.Module):
-    """How a scene misses the data, row by row: seconds for times, else ln.
+    """How a scene misses the data, row by row: in ln, unless `ADDITIVE`.
 
     Attributes:
         residual: Measured minus predicted.
@@ -54,7 +54,7 @@ class Posterior(eqx.Module):
     Attributes:
         parameters: What is fitted.
         layout: Who recorded what.
-        measured: The readings; in ln unless they are times.
+        measured: The readings; in ln unless they are `ADDITIVE`.
         sigma: Their instrument error, same unit; 0 where none was given.
         laws: Pairs of quantity and law name.
         noise: Distribution of the independent errors.
@@ -76,7 +76,11 @@ class Posterior(eqx.Module):
         recording = record(scene, self.layout, dict(self.laws))
         predicted = recording.value
         return Misfit(
-            residual=self.measured - comparable(predicted, self.layout.quantity),
+            residual=missed(
+                self.measured,
+                comparable(predicted, self.layout.quantity),
+                self.layout.quantity,
+            ),
             sd=jnp.hypot(self.sigma, recording.record_sd),
             loading=loadings(recording, self.layout),
             predicted=predicted,

@@ -7,7 +7,9 @@ from jaxtyping import Array, Float, PRNGKeyArray
 
 from jblast.constants import STANDARD_SOUND_SPEED
 from jblast.inference.posterior import Posterior
+from jblast.inference.starts_in_sight import along_sight, sight_length
 from jblast.observations import CLOCK_TIMES
+from jblast.quantities import FIREBALL_RADII
 from jblast.scene import Free, place_of
 from jblast.scene.parameters import CLOCK_OFFSET, value_of
 
@@ -22,19 +24,27 @@ FACTORS = {
     "air_relative_humidity": 1.5,
     "ground_p_speed_m_s": 1.5,
     "sedov_gamma": 1.05,
+    "fireball_growth_s": 10.0,
 }
 
+
+SHORT = 1e-3
+"""A time in which fireballs grow [s]."""
 
 WIND = 5.0
 """A typical wind [m/s]."""
 
 
 def layout_size(posterior: Posterior) -> Float[Array, ""]:
-    """Return how far the sensors stand from one another, or from the charge [m]."""
+    """Return how far the sensors stand from one another, or from the charge [m].
+
+    Sensors that see a direction may stand together: then how far they may see.
+    """
     layout = posterior.layout
     given = jnp.max(jnp.nan_to_num(layout.slant_range))
     spread = jnp.linalg.norm(jnp.ptp(layout.position, axis=0))
-    return jnp.where(given > 0, given, jnp.maximum(spread, 1.0))
+    least = jnp.maximum(sight_length(posterior), 1.0)
+    return jnp.where(given > 0, given, jnp.maximum(spread, least))
 
 
 def scales(posterior: Posterior) -> Float[Array, " free"]:
@@ -105,9 +115,23 @@ def starts(
             columns.append(spread)
         else:
             columns.append((0.0 if value is None else value) + 0.0 * spread)
+    layout = posterior.layout
+    for charge in parameters.scene.charges:
+        label = parameters.scene.label(charge)
+        free = [f"charge_{side}_m{label}" for side in ("east", "north", "up")]
+        at = [parameters.names.index(n) if n in parameters.names else -1 for n in free]
+        if at[0] < 0 or at[1] < 0:
+            continue
+        of_shot = _rows_of(parameters.scene, layout, charge.name)
+        up = jnp.broadcast_to(charge.up, count) if at[2] < 0 else columns[at[2]]
+        place = jnp.stack([columns[at[0]], columns[at[1]], up], axis=1)
+        spread = draws[:, at[0]] / spreads(posterior)[at[0]]
+        place = along_sight(posterior, of_shot, place, spread)
+        for i, coordinate in zip(at, place.T, strict=True):
+            if i >= 0 and isinstance(parameters.beliefs[i], Free):
+                columns[i] = coordinate
     z = jnp.stack(columns, axis=1)
     clocks = [n.partition(".")[2] for n in parameters.names if _base(n) == CLOCK_OFFSET]
-    layout = posterior.layout
     timed = np.isin(layout.quantity, CLOCK_TIMES)
     # first the origin times, by clocks that are known, then the clocks that are not
     for wanted in ("origin_time_s", CLOCK_OFFSET):
@@ -115,22 +139,45 @@ def starts(
             if _base(name) != wanted or not isinstance(parameters.beliefs[i], Free):
                 continue
             label = name.partition(".")[2]
+            radii = np.zeros(len(timed), bool)
             if wanted == CLOCK_OFFSET:
                 rows = timed & (np.array(layout.clock) == label)
             else:
-                named = [c.name if label else "" for c in parameters.scene.charges]
-                rows = timed & (np.array(named)[list(layout.shot)] == label)
+                of_shot = _rows_of(parameters.scene, layout, label)
+                radii = of_shot & np.isin(layout.quantity, FIREBALL_RADII)
+                rows = timed & of_shot
                 known = rows & ~np.isin(layout.clock, clocks)
                 rows = known if known.any() else rows
+                flash = rows & np.isin(layout.quantity, "flash_time_s")
+                rows = flash if radii.any() and flash.any() else rows
             if rows.any():
                 z = z.at[:, i].add(_late_by(posterior, z, np.flatnonzero(rows)))
+            if radii.any():
+                spread = draws[:, i] / spreads(posterior)[i]
+                z = z.at[:, i].set(_before_radii(z[:, i], layout.time[radii], spread))
     return z
+
+
+def _rows_of(scene, layout, name: str) -> np.ndarray:
+    """Return which rows are of a charge, by its name; of one, all."""
+    named = [charge.name if scene.others else "" for charge in scene.charges]
+    return np.array(named)[list(layout.shot)] == (name if scene.others else "")
 
 
 def _late_by(posterior, z, rows):
     """By how much the median reading of some rows is later than each start predicts."""
     residual = jax.vmap(lambda z: posterior.misfit(z).residual)(z)
     return jnp.median(residual[:, rows], axis=1)
+
+
+def _before_radii(origin, times, spread):
+    """Return origin times, those that are not before the first radius moved there.
+
+    A radius before the explosion hardly says when that was.
+    """
+    long = jnp.maximum(jnp.ptp(times), SHORT)
+    earlier = times.min() - jnp.abs(spread) * long
+    return jnp.where(origin < times.min(), origin, earlier)
 
 
 def _base(name: str) -> str:

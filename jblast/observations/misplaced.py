@@ -7,6 +7,7 @@ from jaxtyping import Bool, Float
 
 from jblast.errors import InputError, shown
 from jblast.observations.table import TIMES, Observations
+from jblast.quantities import DIRECTIONS, FIREBALL_RADII, PLACELESS
 from jblast.scene import Charge, Scene
 from jblast.scene.parameters import CLOCK_OFFSET
 
@@ -55,7 +56,7 @@ def refuse_placeless(
     here: Bool[np.ndarray, " row"],
 ) -> None:
     """Refuse rows that no distance from the charge can be found for."""
-    needs = here & np.array([q != "shock_radius_m" for q in observations.quantity])
+    needs = here & ~np.isin(observations.quantity, PLACELESS)
     if charge.range is not None:
         names = list(dict.fromkeys(np.array(observations.sensor, dtype=object)[needs]))
         if len(names) > 1:
@@ -72,6 +73,21 @@ def refuse_placeless(
         raise InputError(
             f"{observations.where(row)}: expected east_m, north_m, up_m or range_m, "
             f"here or in a [[sensor]] of the scene named {shown(name)}; got neither"
+        )
+
+
+def refuse_aimless(
+    observations: Observations, position: np.ndarray, scene: Scene
+) -> None:
+    """Refuse a direction from nowhere: a range alone has none."""
+    ranged = any(charge.range is not None for charge in scene.charges)
+    lost = np.full(len(observations), ranged) | np.isnan(position).any(axis=1)
+    lost &= np.isin(observations.quantity, tuple(DIRECTIONS))
+    for row in np.flatnonzero(lost):
+        raise InputError(
+            f"{observations.where(int(row))}: expected east_m, north_m, up_m for "
+            f"{observations.quantity[row]}, and [charge] position_m; got a range "
+            "alone, which has no direction"
         )
 
 
@@ -101,16 +117,26 @@ def refuse_before_origin(
     here: Bool[np.ndarray, " row"],
     beliefs: Collection[str],
 ) -> None:
-    """Refuse a wave that arrives before a fixed origin time, errors allowed for."""
+    """Refuse what is told of the time before a fixed origin time.
+
+    That of a wave's arrival has an error, which is allowed for.
+    """
     offsets = {name: float(offset) for name, offset in scene.clock_offsets().items()}
     origin, sigma = float(charge.time), np.nan_to_num(observations.sigma)
     clocks = observations.clocks()
     for row in np.flatnonzero(here):
         quantity, clock = observations.quantity[row], clocks[row]
-        waves = ("air_arrival_s", "ground_arrival_s")
-        if quantity not in waves or f"{CLOCK_OFFSET}.{clock}" in beliefs:
+        if f"{CLOCK_OFFSET}.{clock}" in beliefs:
             continue
         start = origin + offsets.get(clock, 0.0)
+        if quantity in FIREBALL_RADII and observations.time[row] <= start:
+            raise InputError(
+                f"{observations.where(int(row))}, column time_s: {quantity} at "
+                f"{observations.time[row]:g} s; expected a time after the origin time, "
+                f"{start:g} s on this clock (correct it, or free origin_time_s)"
+            )
+        if quantity not in ("air_arrival_s", "ground_arrival_s"):
+            continue
         allowed = EARLY * float(sigma[row])
         if observations.value[row] + allowed <= start:
             raise InputError(

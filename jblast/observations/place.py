@@ -4,7 +4,7 @@ from collections.abc import Collection
 from dataclasses import replace
 
 import numpy as np
-from jaxtyping import Int
+from jaxtyping import ArrayLike, Float, Int
 
 from jblast.errors import InputError, shown
 from jblast.observations.clocks import check_clocks
@@ -12,6 +12,7 @@ from jblast.observations.misplaced import (
     AGREE,
     check_range,
     metres,
+    refuse_aimless,
     refuse_before_origin,
     refuse_on_charge,
     refuse_placeless,
@@ -26,8 +27,9 @@ def place(
 ) -> Observations:
     """Fill in the positions of sensors from the scene, and check what both say.
 
-    Afterwards each row has a position or a slant range, unless it is a
-    `shock_radius_m`, which needs none, or the scene gives the charge's range.
+    Afterwards each row has a position or a slant range, unless it is `PLACELESS`, or
+    the scene gives the charge's range. A `fireball_radius_px` is seen by the scene's
+    camera, from its place; a range, of the charge or of the row, is from there.
 
     Args:
         observations: The log.
@@ -55,6 +57,11 @@ def place(
                 f"{observations.where(row)}: sensor {shown(name)} stands at "
                 f"{metres(position[row])}; expected {metres(known)} as in the scene"
             )
+    for row, quantity in enumerate(observations.quantity):
+        if quantity != "fireball_radius_px":
+            continue
+        who = f"{observations.where(row)}: sensor {shown(observations.sensor[row])}"
+        position[row] = camera_place(scene, position[row], who)
     for shot, charge in enumerate(scene.charges):
         here = shots == shot
         label = scene.label(charge)
@@ -67,8 +74,36 @@ def place(
             refuse_on_charge(observations, position, charge, here)
         if "origin_time_s" not in free:
             refuse_before_origin(observations, scene, charge, here, beliefs)
+    refuse_aimless(observations, position, scene)
     refuse_wind_without_place(observations, position, scene, beliefs)
     return replace(observations, position=position)
+
+
+def camera_place(
+    scene: Scene, told: Float[ArrayLike, "3"], who: str
+) -> Float[np.ndarray, "3"]:
+    """Return where a fireball was seen from: the camera, whatever its name in a log.
+
+    Args:
+        scene: Has the camera.
+        told: Place that is told of it elsewhere [m]; NaN if none is.
+        who: What reads off its images, for the messages.
+
+    Raises:
+        InputError: The scene has no camera, or it stands elsewhere than told.
+    """
+    if scene.camera is None:
+        raise InputError(
+            f"{who}: fireball_radius_px is seen by the camera of the scene; expected a "
+            "[camera] with position_m and focal_px, got none"
+        )
+    at, told = np.asarray(scene.camera.position), np.asarray(told)
+    if np.linalg.norm(at - told) > AGREE:  # not so where nothing is told, NaN
+        raise InputError(
+            f"{who}: fireball_radius_px at {metres(told)}; expected {metres(at)}, "
+            "where the [camera] of the scene stands"
+        )
+    return at
 
 
 def _shots(observations: Observations, scene: Scene) -> Int[np.ndarray, " row"]:

@@ -7,7 +7,8 @@ import numpy as np
 
 from jblast.errors import InputError, nearest, shown
 from jblast.observations.foreign import our_name
-from jblast.observations.table import POSITION, QUANTITIES, TIMES, Observations
+from jblast.observations.table import POSITION, QUANTITIES, Observations
+from jblast.quantities import ADDITIVE, DIRECTIONS, TIMED
 
 
 class Rows:
@@ -33,13 +34,22 @@ class Rows:
         )
         self.quantities(quantity)
         kind = np.array(quantity)
-        in_ln = ~np.isin(kind, TIMES)
+        in_ln = ~np.isin(kind, ADDITIVE)
         value = self.number("value", optional=False)
         self.refuse(
             in_ln & (value <= 0),
             "value",
             lambda row: f"a positive {quantity[row]}, got {self.texts['value'][row]}",
         )
+        for name, most in DIRECTIONS.items():
+            self.refuse(
+                (kind == name) & (np.abs(value) > most),
+                "value",
+                lambda row, name=name, most=most: (
+                    f"{name} within {most:.6g} rad either way, got "
+                    f"{self.texts['value'][row]}; are these degrees?"
+                ),
+            )
         sigma = self.number("sigma")
         self.refuse(
             sigma <= 0,
@@ -53,17 +63,17 @@ class Rows:
         slant_range = self.number("range_m")
         self.places(position, slant_range)
         time = self.number("time_s")
-        front = kind == "shock_radius_m"
+        timed = np.isin(kind, TIMED)
         self.refuse(
-            front & np.isnan(time),
+            timed & np.isnan(time),
             "time_s",
-            lambda _: "the time at which shock_radius_m was taken, got nothing",
+            lambda row: f"the time at which {quantity[row]} was taken, got nothing",
         )
         self.refuse(
-            ~front & ~np.isnan(time),
+            ~timed & ~np.isnan(time),
             "time_s",
             lambda row: (
-                f"nothing, as only shock_radius_m takes a time, got "
+                f"nothing, as only {', '.join(TIMED)} take a time, got "
                 f"{self.texts['time_s'][row]} for {quantity[row]}"
             ),
         )

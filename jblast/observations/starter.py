@@ -6,8 +6,10 @@ from pathlib import Path
 
 import numpy as np
 
-from jblast.observations.table import CLOCK_TIMES, TIMES, Observations
+from jblast.observations.table import CLOCK_TIMES, Observations
+from jblast.quantities import ADDITIVE, PLACELESS, TIMED
 
+_SEEN_AND_HEARD = {"flash_time_s", "air_arrival_s", "bearing_rad"}
 _OF_GROUND = {"ground_arrival_s", "arrival_difference_s"}
 
 
@@ -15,8 +17,8 @@ def starter_scene(observations: Observations) -> str:
     """Return a commented scene file for a log.
 
     The mass is free. The place is free too if at least three sensors that do not stand
-    in a line, and four rows, can tell it; the origin time then if three rows are clock
-    readings, and always if a flash was seen.
+    in a line, and four rows, can tell it, or a bearing, a flash and an arrival; the
+    origin time then if three rows are clock readings, and always if a flash was seen.
     """
     rows: dict[str, list[int]] = {}
     for row, name in enumerate(observations.sensor):
@@ -27,6 +29,7 @@ def starter_scene(observations: Observations) -> str:
         _head(observations),
         *(_charge(observations, logs, shot) for shot in shots),
         _AIR,
+        *([_CAMERA] if "fireball_radius_px" in observations.quantity else []),
         *([_GROUND] if set(observations.quantity) & _OF_GROUND else []),
         *(_sensor(log) for log in logs),
         *_clocks(observations),
@@ -44,6 +47,7 @@ class _Log:
         places: The positions the log gives it, each once.
         ranges: The slant ranges the log gives it, each once.
         needs_distance: Whether any of its rows depends on where it stands.
+        times: When it took what has a time, by its clock [s].
     """
 
     def __init__(self, name: str, observations: Observations, rows: np.ndarray):
@@ -51,7 +55,7 @@ class _Log:
         quantity = np.array([observations.quantity[row] for row in rows])
         value, sigma = observations.value[rows], observations.sigma[rows]
         with np.errstate(over="ignore"):  # what overflows counts as not given
-            relative = sigma / np.where(np.isin(quantity, TIMES), 1.0, value)
+            relative = sigma / np.where(np.isin(quantity, ADDITIVE), 1.0, value)
         given = np.isfinite(relative)
         self.sigmas = {
             q: float(np.median(relative[given & (quantity == q)]))
@@ -63,7 +67,9 @@ class _Log:
         self.places = [p for p in dict.fromkeys(places) if not any(map(math.isnan, p))]
         ranges = dict.fromkeys(observations.slant_range[rows].tolist())
         self.ranges = [r for r in ranges if not math.isnan(r)]
-        self.needs_distance = bool(np.any(quantity != "shock_radius_m"))
+        self.needs_distance = bool(np.any(~np.isin(quantity, PLACELESS)))
+        timed = np.isin(quantity, TIMED)
+        self.times = np.unique(observations.time[rows][timed]).tolist()
 
 
 def _head(observations: Observations) -> str:
@@ -92,8 +98,9 @@ def _charge(observations: Observations, logs: list[_Log], shot: str) -> str:
     lines.append('explosive = "TNT"  # or "C4", "ANFO", ...; or tnt_factor = 1.1')
     places = {place for log in logs for place in log.places}
     ranges = {slant_range for log in logs for slant_range in log.ranges}
+    seen = places and not ranges and set(quantities) >= _SEEN_AND_HEARD
     free = len(quantities) >= 4 and not ranges and _in_no_line(places)
-    if free:
+    if free or seen:
         lines.append('position_m = ["free", "free", 0.0]  # or where it was')
     elif len(logs) == 1 and len(ranges) == 1:
         lines.append(f"range_m = {ranges.pop()!r}  # as the log says")
@@ -141,6 +148,15 @@ relative_humidity = 0.5
 wind_m_s = [0.0, 0.0]  # towards east, north; each may be free
 """
 
+_CAMERA = """\
+# [camera]  # that saw fireball_radius_px: it is needed, and the log does not tell it
+# position_m = [EAST, NORTH, UP]
+# look_at_m = [0.0, 0.0, 0.0]
+# width = 1280
+# height = 720
+# focal_px = 1000.0
+"""
+
 _GROUND = """\
 [ground]
 p_speed_m_s = 5660.0  # granite; "free" or a prior if it was not measured
@@ -166,6 +182,8 @@ def _sensor(log: _Log) -> str:
     if records:
         listed = ", ".join(records)
         lines.append(f"records = {{ {listed} }}  # sigma: s for times, else relative")
+        if log.times and set(TIMED) & {q for q, s in log.sigmas.items() if s > 0}:
+            lines.append(f"times_s = {log.times}  # of radii, by its clock")
     silent = [q for q, sigma in log.sigmas.items() if not sigma > 0]
     if silent:
         lines.append(f"# the log gives no sigma for {', '.join(silent)}")

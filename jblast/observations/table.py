@@ -6,6 +6,7 @@ import numpy as np
 from jaxtyping import Float
 
 from jblast.quantities import (
+    ADDITIVE,
     CLOCK_TIMES as CLOCK_TIMES,
     QUANTITIES as QUANTITIES,
     TIMES as TIMES,
@@ -28,7 +29,7 @@ class Observations:
         sigma: Its standard deviation, same unit; NaN leaves the law's scatter alone.
         position: East, north, up of the sensor [m]; NaN where unknown.
         slant_range: Distance from the charge [m]; NaN where a position gives it.
-        time: Clock time of the measurement [s]; NaN except for `shock_radius_m`.
+        time: Clock time of the measurement [s]; NaN but for `quantities.TIMED`.
         path: Name of the way the wave took; "" where unsaid (then the sensor is it).
         shot: Name of the event; "" where the log has only one.
         clock: Name of the recorder; "" for the common clock.
@@ -62,9 +63,10 @@ class Observations:
         return f"{source}: row {row + 1}"
 
     def error_scale(self) -> Float[np.ndarray, " row"]:
-        """Return each sigma in the space its errors live in: seconds, else relative."""
-        timed = np.isin(self.quantity, TIMES)
-        return np.where(timed, self.sigma, self.sigma / np.abs(self.value))
+        """Return each sigma as errors are: in its unit if `ADDITIVE`, or relative."""
+        additive = np.isin(self.quantity, ADDITIVE)
+        value = np.where(additive, 1.0, np.abs(self.value))  # an angle may be zero
+        return self.sigma / value
 
     def clocks(self) -> tuple[str, ...]:
         """Return the name of each row's clock: its recorder, else its sensor."""

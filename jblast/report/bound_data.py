@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from jblast.quantities import TIMES
+from jblast.quantities import ADDITIVE
 from jblast.report.numbers import finite, printed_number, significant
 from jblast.report.text import hanging
 from jblast.report.words import joined, parameter_words, quantity_words
@@ -64,8 +64,8 @@ def _helps(entry: Mapping[str, Any], now: Mapping[str, float | None]) -> bool:
 
 def _row(quantity: str, entry: Mapping[str, Any]) -> tuple[str, str, str]:
     error = (
-        printed_number("_s", entry["sigma"], 2)
-        if quantity in TIMES
+        printed_number(quantity, entry["sigma"], 2)
+        if quantity in ADDITIVE
         else f"{100 * entry['sigma']:.2g} %"
     )
     whose = "as planned" if entry["sigma_from"] == "layout" else "our guess"

@@ -6,12 +6,13 @@ import numpy as np
 from jaxtyping import Bool, Float
 from matplotlib.axes import Axes
 
+from jblast.quantities import DIRECTIONS, FIREBALL_RADII
 from jblast.registry import LAWS
 from jblast.report.figure_style import COLOURS, INK
 from jblast.report.recordings import runs
 
-NOT_DRAWN = ("flash_time_s",)
-"""Light is there at once."""
+NOT_DRAWN = ("flash_time_s", *FIREBALL_RADII, *DIRECTIONS)
+"""No waves of the air or the ground."""
 LAW_COLOURS = (
     *(*COLOURS, INK, "#882255", "#E8308A", "#332288", "#999933", "#AA4499"),
     *("#8C510A", "#44AA99", "#661100", "#888888", "#117733", "#B8860B"),

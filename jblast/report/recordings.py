@@ -8,7 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from jblast.inference.fit_result import Band, Fit
-from jblast.quantities import TIMES
+from jblast.quantities import ADDITIVE, TIMED
 from jblast.report.figure_style import (
     BLUE,
     INK,
@@ -51,7 +51,7 @@ def _panel(axes: Axes, fit: Fit, quantity: str, shot: int) -> None:
     band = next(
         (b for b in fit.bands if (b.quantity, b.shot) == (quantity, shot)), None
     )
-    against_time = quantity == "shock_radius_m"
+    against_time = quantity in TIMED
     less = reduction(fit, quantity, shot)
     clock = common_clock(fit)[rows]
     t0 = float(fit.scene.charges[shot].time)
@@ -64,7 +64,7 @@ def _panel(axes: Axes, fit: Fit, quantity: str, shot: int) -> None:
         band_x = None if band is None else band.x
     low, high = _error_bars(quantity, value, fit.sd[rows])
     y, low, high = (_shown(less, v, x) for v in (value, low, high))
-    in_time = quantity in TIMES
+    additive = quantity in ADDITIVE
     x_unit = unit_for("_s" if against_time else "_m", *_finite(x))
     y_unit = unit_for(quantity, *_finite(y))
     if band is not None and band_x is not None:
@@ -87,8 +87,8 @@ def _panel(axes: Axes, fit: Fit, quantity: str, shot: int) -> None:
     axes.errorbar(x[drawn], y[drawn], yerr=bars, **style)
     _ring(axes, fit, rows, x, y)
     quiet(axes)
-    _scales(axes, x[drawn], logarithmic=not in_time)
-    if in_time and np.any(drawn):
+    _scales(axes, x[drawn], logarithmic=not additive)
+    if additive and np.any(drawn):
         _frame(axes, x[drawn], [low[drawn], high[drawn]])
     what = less.label if less else quantity_words(quantity)
     axes.set_ylabel(_with_unit(what, y_unit))
@@ -102,7 +102,7 @@ def _panel(axes: Axes, fit: Fit, quantity: str, shot: int) -> None:
 def _error_bars(
     quantity: str, value: Float[np.ndarray, " n"], sd: Float[np.ndarray, " n"]
 ) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
-    if quantity in TIMES:
+    if quantity in ADDITIVE:
         return value - sd, value + sd
     return value * np.exp(-sd), value * np.exp(sd)
 

@@ -5,6 +5,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from jblast.inference.fit_result import Fit
+from jblast.quantities import TIMED
 from jblast.report.figure_style import (
     COLOURS,
     INK,
@@ -24,13 +25,12 @@ from jblast.report.words import quantity_words
 def residuals_figure(fit: Fit) -> Figure:
     """Draw residuals in sds, one colour and marker a quantity, with lines at 2 sd.
 
-    Shock radii have a panel of their own, against time.
+    Radii at a time have a panel of their own, against time.
     """
     quantities = list(dict.fromkeys(fit.observations.quantity))
-    ranged = [q for q in quantities if q != "shock_radius_m"]
-    panels = ([ranged] if ranged else []) + (
-        [["shock_radius_m"]] if "shock_radius_m" in quantities else []
-    )
+    ranged = [q for q in quantities if q not in TIMED]
+    timed = [q for q in quantities if q in TIMED]
+    panels = [panel for panel in (ranged, timed) if panel]
     figure = new_figure(7.2, 3.6 * len(panels))
     for i, panel in enumerate(panels):
         _panel(figure.add_subplot(len(panels), 1, i + 1), fit, panel, quantities)
@@ -39,7 +39,7 @@ def residuals_figure(fit: Fit) -> Figure:
 
 def _panel(axes: Axes, fit: Fit, panel: list[str], quantities: list[str]) -> None:
     table = fit.observations
-    against_time = panel == ["shock_radius_m"]
+    against_time = panel[0] in TIMED
     along = fit.distance
     if against_time:
         along = table.time - common_clock(fit) - fit.origin_time
@@ -81,7 +81,7 @@ def _panel(axes: Axes, fit: Fit, panel: list[str], quantities: list[str]) -> Non
     titled(axes, "Measured minus law", "shaded: ± 2 sd")
     if not np.any(here):
         axes.text(0.5, 0.6, "no residuals", transform=axes.transAxes, ha="center")
-    elif len(panel) > 1:
+    elif len(quantities) > 1:
         axes.legend(
             loc="upper center",
             bbox_to_anchor=(0.5, -0.18),

@@ -6,7 +6,7 @@ from pathlib import PurePosixPath
 import numpy as np
 
 from jblast.inference.fit_result import Fit
-from jblast.quantities import TIMES
+from jblast.quantities import ADDITIVE
 from jblast.report.numbers import printed_number, rounded, significant, unit_for
 from jblast.report.words import quantity_words
 
@@ -67,7 +67,7 @@ def _row(fit: Fit, i: int, suspected: bool) -> Row:
     table = fit.observations
     quantity, value, sd = table.quantity[i], float(table.value[i]), float(fit.sd[i])
     predicted, residual = float(fit.predicted[i]), float(fit.residual[i])
-    in_unit = sd if quantity in TIMES else abs(value) * sd
+    in_unit = sd if quantity in ADDITIVE else abs(value) * sd
     unit = unit_for(quantity, value, predicted if np.isfinite(predicted) else None)
 
     def show(number: float) -> str:
@@ -79,7 +79,7 @@ def _row(fit: Fit, i: int, suspected: bool) -> Row:
 
     if not np.isfinite(sd):
         shown_sd = "-"
-    elif quantity in TIMES:
+    elif quantity in ADDITIVE:
         shown_sd = printed_number(quantity, sd, 2)
     else:
         shown_sd = f"{significant(100.0 * sd)} %"

@@ -113,6 +113,8 @@ def given_sentence(fit: Fit) -> str:
         names += ["ground_p_speed_m_s"]
     if "sedov_taylor" in fit.answer["law"].values():
         names += ["sedov_gamma"]
+    if "fireball" in fit.answer["law"].values() and scene.fireball_growth is not None:
+        names += ["fireball_growth_s"]
     known = []
     for name in names:
         value = value_of(scene, name)

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-SUFFIXES = ("_pa_s", "_m_s", "_kg", "_pa", "_m", "_s", "_j", "_k")
+SUFFIXES = ("_pa_s", "_m_s", "_rad", "_kg", "_pa", "_px", "_m", "_s", "_j", "_k")
 """Unit suffixes of names, longest first: `_m_s` must be tried before `_s`."""
 
 PARAMETER_WORDS = {
@@ -26,6 +26,7 @@ PARAMETER_WORDS = {
     "ground_p_speed_m_s": "ground P-wave speed",
     "clock_offset_s": "clock offset",
     "sedov_gamma": "ratio of specific heats",
+    "fireball_growth_s": "growth time of the fireball",
 }
 
 QUANTITY_WORDS = {
@@ -39,6 +40,10 @@ QUANTITY_WORDS = {
     "reflected_pressure_pa": "reflected pressure",
     "reflected_impulse_pa_s": "reflected impulse",
     "shock_radius_m": "shock radius",
+    "fireball_radius_m": "fireball radius",
+    "fireball_radius_px": "fireball radius in the image",
+    "bearing_rad": "bearing of the charge",
+    "elevation_rad": "elevation of the charge",
     "ground_peak_velocity_m_s": "peak ground velocity",
     "ground_displacement_m": "peak ground displacement",
     "friedlander_decay": "Friedlander decay b",

@@ -2,6 +2,7 @@
 
 import equinox as eqx
 import jax.numpy as jnp
+import numpy as np
 from jax.core import Tracer
 from jaxtyping import Array, Float
 
@@ -66,13 +67,14 @@ class Camera(eqx.Module):
             value = getattr(self, name)
             if isinstance(value, Tracer):
                 continue
-            if not bool(jnp.all(jnp.isfinite(value))):
+            number = np.asarray(value)  # what JAX computes inside jit is traced
+            if not np.isfinite(number).all():
                 raise _refused(name, "finite numbers", value)
-            if name in POSITIVE and not bool(jnp.all(value > 0)):
+            if name in POSITIVE and not (number > 0).all():
                 raise _refused(name, "positive numbers", value)
-            if name == "rotation" and not bool(jnp.any(value != 0)):
+            if name == "rotation" and not (number != 0).any():
                 raise _refused(name, "a quaternion that is not zero", value)
-            if name == "exposure_s" and bool(value < 0):
+            if name == "exposure_s" and number < 0:
                 raise _refused(name, "zero or more", value)
 
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from jblast.quantities import QUANTITIES
 
 KEYS: dict[str, tuple[str, ...]] = {
-    "": ("schema", "charge", "air", "ground", "sensor", "law"),
+    "": ("schema", "charge", "air", "ground", "sensor", "camera", "law"),
     "charge": (
         "name",
         "mass_kg",
@@ -26,7 +26,7 @@ KEYS: dict[str, tuple[str, ...]] = {
         "wind_m_s",
     ),
     "ground": ("p_speed_m_s", "path"),
-    "sensor": ("name", "kind", "position_m", "clock_offset_s", "records"),
+    "sensor": ("name", "kind", "position_m", "clock_offset_s", "records", "times_s"),
     "camera": (
         "position_m",
         "look_at_m",
@@ -40,12 +40,12 @@ KEYS: dict[str, tuple[str, ...]] = {
         "exposure_s",
         "threshold",
     ),
-    "law": (*QUANTITIES, "scatter", "sedov_gamma"),
+    "law": (*QUANTITIES, "scatter", "sedov_gamma", "fireball_growth_s"),
 }
 """Keys by table; "" is the file itself."""
 
 LATER: dict[str, tuple[str, ...]] = {
-    "": ("camera", "vehicle", "world"),
+    "": ("vehicle", "world"),
     "sensor": ("rate_hz", "sensitivity", "noise_pa", "filter_hz"),
 }
 """Keys of the contract that nothing uses yet."""
@@ -110,6 +110,7 @@ NUMBERS = (
     Number("wind_north_m_s", "air", "wind_m_s", index=1, lo=-100.0, hi=100.0),
     Number("ground_p_speed_m_s", "ground", "p_speed_m_s", above=0.0),
     Number("sedov_gamma", "law", "sedov_gamma", above=1.0),
+    Number("fireball_growth_s", "law", "fireball_growth_s", above=0.0),
 )
 """Air temperatures are those of Earth's troposphere, with room to spare; the standard
 atmosphere's lowest layer ends at 11 km. No wind on the ground reaches 100 m/s."""

@@ -54,6 +54,8 @@ PARAMETERS: dict[str, Place] = {
     "wind_north_m_s": Place(lambda s: s.air.wind_north, False, 0.0),
     "ground_p_speed_m_s": Place(lambda s: s.ground.p_speed, True, GRANITE_P_SPEED),
     "sedov_gamma": Place(lambda s: s.sedov_gamma, True, 1.4),
+    # that of the fireball of 15 kg
+    "fireball_growth_s": Place(lambda s: s.fireball_growth, True, 2.5e-3),
 }
 """Every number of a scene of one charge, by the name it has in the answer."""
 

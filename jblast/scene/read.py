@@ -10,6 +10,7 @@ from jblast.scene.ground import Ground
 from jblast.scene.keys import GROUND_PATHS, LAW_NAMES_LATER
 from jblast.scene.numbers import read_numbers
 from jblast.scene.parameters import with_values
+from jblast.scene.read_camera import read_camera
 from jblast.scene.read_charges import read_charges
 from jblast.scene.read_sensors import read_sensors
 from jblast.scene.scene import Scene
@@ -68,6 +69,7 @@ def scene_from_document(document: dict[str, Any], source: str) -> UncertainScene
         others=charges[1:],
         ground=Ground(path=single["ground"].get("path", "head")),
         sensors=sensors,
+        camera=read_camera(document, source),
         law=law,
         scatter=scatter,
     )

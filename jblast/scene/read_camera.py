@@ -18,8 +18,6 @@ LARGEST_IMAGE = 65_535
 def read_camera(document: dict[str, Any], source: str) -> Camera | None:
     """Read the camera of a scene file; None where it has none.
 
-    `read_scene` refuses a camera until there is something that it would be used for.
-
     Place, direction, size and focal length have no default. The principal point is the
     middle of the image if nothing else is said.
 

@@ -1,11 +1,12 @@
 """The reader of a scene's sensors."""
 
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
 from jblast.errors import InputError, nearest, shown
-from jblast.quantities import QUANTITIES
+from jblast.quantities import QUANTITIES, TIMED
 from jblast.scene.keys import SENSOR_KINDS, Number
 from jblast.scene.numbers import LISTS, Uncertain, finite, fixed_list, read_number
 from jblast.scene.parameters import CLOCK_OFFSET
@@ -49,11 +50,19 @@ def _sensor(name: str, entry: dict[str, Any], where: str) -> Sensor:
     kind = ""
     if "kind" in entry:
         kind = choice(entry["kind"], SENSOR_KINDS, f"{where} kind")
+    records = _records(entry.get("records", {}), f"{where} records")
+    times = _times(entry["times_s"], f"{where} times_s") if "times_s" in entry else ()
+    if times and not any(quantity in TIMED for quantity, _ in records):
+        raise InputError(
+            f"{where} times_s: expected one of {', '.join(TIMED)} in records, which "
+            "alone are taken at a time; got none"
+        )
     return Sensor(
         name=name,
         position=_position(entry, f"{where} position_m"),
         kind=kind,
-        records=_records(entry.get("records", {}), f"{where} records"),
+        records=records,
+        times=times,
     )
 
 
@@ -61,6 +70,16 @@ def _position(entry: dict[str, Any], where: str) -> np.ndarray:
     if "position_m" not in entry:
         return np.full(3, np.nan)
     return fixed_list(entry["position_m"], where, LISTS["position_m"])
+
+
+def _times(value: Any, where: str) -> tuple[float, ...]:
+    expected = "a list of increasing times in seconds"
+    if not isinstance(value, list) or not value:
+        raise InputError(f"{where}: expected {expected}, got {shown(value)}")
+    times = [finite(time, f"{where}[{i}]") for i, time in enumerate(value)]
+    if any(late <= early for early, late in pairwise(times)):
+        raise InputError(f"{where}: expected {expected}, got {shown(value)}")
+    return tuple(times)
 
 
 def _records(records: Any, where: str) -> tuple[tuple[str, float], ...]:

@@ -9,7 +9,7 @@ from jblast.scene.charge import Charge
 from jblast.scene.clock import Clock
 from jblast.scene.ground import Ground
 from jblast.scene.sensor import Sensor
-from jblast.types import as_float_array
+from jblast.types import as_float_array, as_optional_float_array
 
 
 class Scene(eqx.Module):
@@ -25,7 +25,10 @@ class Scene(eqx.Module):
         clocks: Recorders' clocks that need not agree with the common one.
         law: Pairs of quantity and law name; a quantity without one is "auto".
         scatter: Whether the laws scatter about nature, or are exact.
+        instant_light: Whether a flash is seen at once, its way left out.
         sedov_gamma: Ratio of specific heats in the Sedov-Taylor law [-].
+        fireball_growth: Time constant of fireballs' expansion [s]; None leaves it to
+            the law.
     """
 
     charge: Charge = eqx.field(default_factory=Charge)
@@ -37,7 +40,11 @@ class Scene(eqx.Module):
     clocks: tuple[Clock, ...] = ()
     law: tuple[tuple[str, str], ...] = eqx.field(static=True, default=())
     scatter: bool = eqx.field(static=True, default=True)
+    instant_light: bool = eqx.field(static=True, default=False)
     sedov_gamma: Float[Array, ""] = eqx.field(converter=as_float_array, default=1.4)
+    fireball_growth: Float[Array, ""] | None = eqx.field(
+        converter=as_optional_float_array, default=None
+    )
 
     @property
     def charges(self) -> tuple[Charge, ...]:

@@ -14,7 +14,9 @@ class Sensor(eqx.Module):
         kind: pressure, microphone, anemometer, geophone, flash or imu; "" if unsaid.
         position: East, north, up [m].
         clock_offset: Sensor clock minus common clock [s].
-        records: Pairs of quantity and sigma: seconds for times, relative otherwise.
+        records: Pairs of quantity and sigma: seconds for times, radians for directions,
+            relative otherwise.
+        times: When it takes what has a time, as radii, by its clock [s].
     """
 
     name: str = eqx.field(static=True)
@@ -22,3 +24,4 @@ class Sensor(eqx.Module):
     kind: str = eqx.field(static=True, default="")
     clock_offset: Float[Array, ""] = eqx.field(converter=as_float_array, default=0.0)
     records: tuple[tuple[str, float], ...] = eqx.field(static=True, default=())
+    times: tuple[float, ...] = eqx.field(static=True, default=())

@@ -17,6 +17,8 @@ from jblast.scene.charge import Burst
 from jblast.sensors.combined import COMBINATIONS, combined_of
 from jblast.sensors.question import scene_path, tnt_factor_in, with_rows
 
+NEEDS_MORE = {"time_since_detonation", "toward_east"}
+
 FEWEST_ROWS = 64
 """Rows are padded to a power of two from here on, so few shapes are compiled."""
 
@@ -43,7 +45,7 @@ Calculation = Mapping[str, Mapping[str, Calculated]]
 
 
 def calculated_laws(quantity: str = "") -> tuple[Law, ...]:
-    """Return the laws that need no time.
+    """Return the laws that need a range alone: no time and no direction.
 
     Args:
         quantity: Of this one alone; "" for all.
@@ -51,8 +53,7 @@ def calculated_laws(quantity: str = "") -> tuple[Law, ...]:
     return tuple(
         law
         for law in LAWS.values()
-        if "time_since_detonation" not in law.arguments()
-        and quantity in ("", law.quantity)
+        if not NEEDS_MORE & set(law.arguments()) and quantity in ("", law.quantity)
     )
 
 

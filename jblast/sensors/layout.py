@@ -1,5 +1,6 @@
 """Who records what, and where: the rows of a log before anything was measured."""
 
+import math
 from collections.abc import Sequence
 
 import equinox as eqx
@@ -9,8 +10,9 @@ from jaxtyping import Array, Float, Int
 
 from jblast.errors import InputError
 from jblast.observations import Observations
-from jblast.quantities import components as components
-from jblast.scene import Scene
+from jblast.observations.place import camera_place
+from jblast.quantities import DIRECTIONS, PLACELESS, TIMED, components as components
+from jblast.scene import Charge, Scene, Sensor
 
 
 class Layout(eqx.Module):
@@ -20,7 +22,7 @@ class Layout(eqx.Module):
         quantity: What each row records.
         position: East, north, up [m]; not used where `slant_range` is finite.
         slant_range: Distance from the charge [m]; NaN where positions decide.
-        time: Clock time of the row [s]; NaN except for `shock_radius_m`.
+        time: Clock time of the row [s]; NaN but for `quantities.TIMED`.
         group: Rows with the same number share the effects of their path.
         shot: Which of the scene's charges each row is of.
         clock: Name of the clock of each row; one the scene does not know is right.
@@ -98,45 +100,73 @@ def planned_layout(scene: Scene) -> tuple[Layout, Float[Array, " row"], Sequence
     """Return the rows a scene's sensors say they record, of each charge.
 
     Returns:
-        The layout, the sigma of each row (seconds for times, else relative), and the
-        sensor's name of each row.
+        The layout, the sigma of each row (in its unit for `ADDITIVE`, else relative),
+        and the sensor's name of each row. What is taken at a time has a row for each of
+        the sensor's times.
 
     Raises:
-        InputError: No sensor records anything, or one records a shock radius, which
-            belongs to no sensor.
+        InputError: No sensor records anything, or one cannot record what it should.
     """
     plan = [
-        (shot, i, sensor, quantity, sigma)
+        (shot, i, sensor, quantity, sigma, time)
         for shot in range(len(scene.charges))
         for i, sensor in enumerate(scene.sensors)
         for quantity, sigma in sensor.records
+        for time in _times(scene.charges[shot], sensor, quantity)
     ]
     if not plan:
         raise InputError(
             "no sensor records anything: expected at least one [[sensor]] with "
             "records = { QUANTITY = SIGMA }"
         )
-    for shot, _, sensor, quantity, _ in plan:
-        placed = scene.charges[shot].range is not None
-        if not placed and not np.isfinite(sensor.position).all():
-            raise InputError(
-                f"sensor {sensor.name!r} records {quantity}: expected position_m = "
-                "[east, north, up] in its [[sensor]], got nothing"
-            )
-        if quantity == "shock_radius_m":
-            raise InputError(
-                f"sensor {sensor.name!r} records shock_radius_m, which needs a time "
-                "for each row: not supported in a scene yet"
-            )
-    nothing = jnp.full(len(plan), jnp.nan)
     layout = Layout(
-        quantity=tuple(quantity for *_, quantity, _ in plan),
-        position=jnp.stack([sensor.position for _, _, sensor, _, _ in plan]),
-        slant_range=nothing,
-        time=nothing,
+        quantity=tuple(quantity for *_, quantity, _, _ in plan),
+        position=jnp.stack(
+            [_position(scene, shot, s, quantity) for shot, _, s, quantity, *_ in plan]
+        ),
+        slant_range=jnp.full(len(plan), jnp.nan),
+        time=jnp.asarray([time for *_, time in plan]),
         group=tuple(shot * len(scene.sensors) + i for shot, i, *_ in plan),
         shot=tuple(shot for shot, *_ in plan),
-        clock=tuple(sensor.name for _, _, sensor, _, _ in plan),
+        clock=tuple(sensor.name for _, _, sensor, *_ in plan),
     )
-    sigma = jnp.asarray([sigma for *_, sigma in plan])
-    return layout, sigma, [sensor.name for _, _, sensor, _, _ in plan]
+    sigma = jnp.asarray([sigma for *_, sigma, _ in plan])
+    return layout, sigma, [sensor.name for _, _, sensor, *_ in plan]
+
+
+def _times(charge: Charge, sensor: Sensor, quantity: str) -> tuple[float, ...]:
+    """Return when a sensor takes a quantity by its clock; NaN if at no time."""
+    if quantity not in TIMED:
+        return (math.nan,)
+    where = f"sensor {sensor.name!r} records {quantity}"
+    if not sensor.times:
+        raise InputError(
+            f"{where}: expected times_s = [...] in its [[sensor]], got nothing"
+        )
+    start = float(charge.time + sensor.clock_offset)
+    if sensor.times[0] <= start:
+        raise InputError(
+            f"{where}: expected times_s after the origin time, {start:g} s on its "
+            f"clock, got {sensor.times[0]:g}"
+        )
+    return sensor.times
+
+
+def _position(scene: Scene, shot: int, sensor: Sensor, quantity: str) -> Array:
+    """Return where a sensor stands: a fireball in an image is seen by the camera."""
+    told = bool(np.isfinite(sensor.position).all())
+    if quantity == "fireball_radius_px":
+        who = f"sensor {sensor.name!r}"
+        return jnp.asarray(camera_place(scene, sensor.position, who))
+    if scene.charges[shot].range is not None:
+        if quantity in DIRECTIONS:
+            raise InputError(
+                f"sensor {sensor.name!r} records {quantity}: expected [charge] "
+                "position_m, got range_m, which has no direction"
+            )
+    elif not told and quantity not in PLACELESS:
+        raise InputError(
+            f"sensor {sensor.name!r} records {quantity}: expected position_m = "
+            "[east, north, up] in its [[sensor]], got nothing"
+        )
+    return sensor.position if told else jnp.zeros(3)

@@ -5,6 +5,7 @@ what is left of each row is Student-t with 4 degrees of freedom (or normal) whos
 is the row's sigma and the law's record scatter in quadrature.
 """
 
+import math
 from collections.abc import Mapping
 from typing import Literal
 
@@ -13,7 +14,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, PRNGKeyArray
 
-from jblast.observations import TIMES
+from jblast.quantities import ADDITIVE, CIRCULAR
 from jblast.scene import Scene
 from jblast.sensors.layout import Layout
 from jblast.sensors.record import Recording, known, record
@@ -55,7 +56,7 @@ def observe(
         scene: What is there.
         layout: Rows of a log.
         laws: Name of the law for each of `layout.quantities()`.
-        sigma: Instrument error of each row: seconds for times, relative otherwise.
+        sigma: Instrument error of each row: in its unit for `ADDITIVE`, else relative.
         noise: Distribution of the independent errors.
     """
     recording = record(scene, layout, laws)
@@ -67,7 +68,7 @@ def observe(
     else:
         own = jax.random.normal(own_key, sigma.shape)
     error = shared + own * jnp.hypot(sigma, recording.record_sd)
-    in_seconds = np.isin(layout.quantity, TIMES)
-    return jnp.where(
-        in_seconds, recording.value + error, recording.value * jnp.exp(error)
-    )
+    moved, grown = recording.value + error, recording.value * jnp.exp(error)
+    read = jnp.where(np.isin(layout.quantity, ADDITIVE), moved, grown)
+    circular = np.isin(layout.quantity, CIRCULAR)
+    return jnp.where(circular, jnp.mod(read, 2 * math.pi), read)

@@ -1,9 +1,11 @@
 """The forward model: what sensors record of a scene, and how far laws are from truth.
 
 Everything that compares a scene with data goes through `record`. A reading is in the
-unit of its quantity; its errors are in seconds for times and in ln for all else.
+unit of its quantity; its errors are in that unit for `quantities.ADDITIVE` (times and
+directions), in ln for all else.
 """
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
@@ -14,7 +16,7 @@ import numpy as np
 from jax import lax
 from jaxtyping import Array, ArrayLike, Bool, Float
 
-from jblast.observations import CLOCK_TIMES, TIMES
+from jblast.quantities import ADDITIVE, CIRCULAR, CLOCK_TIMES, TIMES
 from jblast.registry import call, law_for
 from jblast.scene import Charge, Scene
 from jblast.sensors.layout import Layout
@@ -50,12 +52,26 @@ class Recording(eqx.Module):
 def comparable(
     value: Float[ArrayLike, " row"], quantity: Sequence[str]
 ) -> Float[Array, " row"]:
-    """Return readings in the space their errors live in: times as they are, else ln."""
-    timed = np.isin(quantity, TIMES)
-    if timed.all():
+    """Return readings in the space their errors live in: ln, unless `ADDITIVE`."""
+    plain = np.isin(quantity, ADDITIVE)
+    if plain.all():
         return jnp.asarray(value)
-    timed = known(timed)
-    return jnp.where(timed, value, jnp.log(jnp.where(timed, 1.0, value)))
+    plain = known(plain)
+    return jnp.where(plain, value, jnp.log(jnp.where(plain, 1.0, value)))
+
+
+def missed(
+    measured: Float[ArrayLike, " row"],
+    predicted: Float[ArrayLike, " row"],
+    quantity: Sequence[str],
+) -> Float[Array, " row"]:
+    """Return measured minus predicted, both `comparable`; of bearings the short way."""
+    residual = jnp.asarray(measured) - jnp.asarray(predicted)
+    circular = np.isin(quantity, CIRCULAR)
+    if not circular.any():
+        return residual
+    short = jnp.mod(residual + math.pi, 2 * math.pi) - math.pi
+    return jnp.where(known(circular), short, residual)
 
 
 def known(rows: np.ndarray) -> np.ndarray | Array:
@@ -113,6 +129,8 @@ def record(scene: Scene, layout: Layout, laws: Mapping[str, str]) -> Recording:
             law = law_for(quantity, laws[quantity])
             way = replace(_rows_of(path, rows), charge_mass=charge.tnt_mass(quantity))
             given = jnp.broadcast_to(call(law.function, way), rows.shape)
+            if quantity == "flash_time_s" and scene.instant_light:
+                given = jnp.zeros_like(given)
             value = value.at[rows].add(sign * given)
             valid = valid.at[rows].min(
                 jnp.broadcast_to(call(law.valid, way), rows.shape)

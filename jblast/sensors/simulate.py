@@ -8,7 +8,8 @@ import jax
 import numpy as np
 from jaxtyping import Float
 
-from jblast.observations import TIMES, Observations
+from jblast.observations import Observations
+from jblast.quantities import ADDITIVE
 from jblast.scene import Scene, UncertainScene, draw_scene
 from jblast.scene.parameters import value_of
 from jblast.sensors.laws import law_names, resolve_laws
@@ -61,19 +62,22 @@ def written(
         scene: What is there.
         layout: Rows planned, see `planned_layout`.
         value: Their readings.
-        sigma: Error of each: seconds for times, relative otherwise.
+        sigma: Error of each: in its unit for `ADDITIVE`, relative otherwise.
         sensors: Name of each row's sensor.
     """
     n = len(value)
-    timed = np.isin(layout.quantity, TIMES)
+    placed = {s.name for s in scene.sensors if np.isfinite(s.position).all()}
+    told = np.isin(sensors, list(placed))
+    told |= np.isin(layout.quantity, "fireball_radius_px")  # at the camera
+    additive = np.isin(layout.quantity, ADDITIVE)
     return Observations(
         sensor=tuple(sensors),
         quantity=layout.quantity,
         value=value,
-        sigma=np.where(timed, sigma, sigma * np.abs(value)),
-        position=np.asarray(layout.position),
+        sigma=np.where(additive, sigma, sigma * np.abs(value)),
+        position=np.where(told[:, None], np.asarray(layout.position), np.nan),
         slant_range=np.full(n, np.nan),
-        time=np.full(n, np.nan),
+        time=np.asarray(layout.time),
         path=("",) * n,
         shot=tuple(scene.charges[shot].name for shot in layout.shot),
         clock=("",) * n,

@@ -18,12 +18,20 @@ from jblast.waves.atmosphere import (
 from jblast.waves.brode import (
     brode_pressure as brode_pressure,
 )
+from jblast.waves.direction import (
+    bearing as bearing,
+    elevation as elevation,
+)
 from jblast.waves.dna_1kt import (
     dna_1kt_arrival_time as dna_1kt_arrival_time,
     dna_1kt_pressure as dna_1kt_pressure,
 )
 from jblast.waves.finite_rise import (
     finite_rise_pressure as finite_rise_pressure,
+)
+from jblast.waves.fireball_law import (
+    fireball_law_radius as fireball_law_radius,
+    fireball_law_radius_in_image as fireball_law_radius_in_image,
 )
 from jblast.waves.ford_2021 import (
     ford_2021_duration as ford_2021_duration,

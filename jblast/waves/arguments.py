@@ -66,6 +66,12 @@ ARGUMENTS: dict[str, Argument] = {
     "height_of_burst": Argument("m", (-1.0, 5.0)),
     "time_since_detonation": Argument("s", (1e-4, 1.0)),
     "shock_radius": _positive("m", 0.1, 1e4),
+    "toward_east": Argument("m", (0.1, 1e4)),
+    "toward_north": Argument("m", (0.1, 1e4)),
+    "toward_up": Argument("m", (0.1, 1e3)),
+    # fireball and camera
+    "fireball_growth": _positive("s", 1e-4, 1e-1),
+    "camera_focal": _positive("px", 1e2, 1e4),
     # air and ground
     "ambient_pressure": _positive("Pa", 5e4, 1.05e5),
     "pressure": _positive("Pa", 5e4, 1.05e5),

@@ -48,6 +48,9 @@ def path_between(
     along = jnp.where(slant > 0, slant, 1.0)[:, None]
     along = (position - source)[:, :2] / along @ wind
     is_placed = ~given if charge.range is None else jnp.zeros_like(given)
+    toward = jnp.where(is_placed[:, None], source - position, 0.0)
+    untold = jnp.full((), jnp.nan)
+    growth, camera = scene.fireball_growth, scene.camera
     return Path(
         slant_range=jnp.where(given, told, slant),
         ground_range=jnp.where(given, told, ground),
@@ -64,6 +67,12 @@ def path_between(
         sensor_height=jnp.where(is_placed, position[:, 2], 0.0),
         temperature=temperature,
         relative_humidity=air.relative_humidity,
+        toward_east=toward[:, 0],
+        toward_north=toward[:, 1],
+        toward_up=toward[:, 2],
+        fireball_growth=untold if growth is None else growth,
+        # a circle is seen as an ellipse where the two differ: that of its area
+        camera_focal=untold if camera is None else jnp.sqrt(jnp.prod(camera.focal)),
         burst=charge.burst,
         ground_path=scene.ground.path,
     )

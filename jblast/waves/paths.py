@@ -1,11 +1,19 @@
 """What lies between a charge and a sensor: everything a law may depend on."""
 
+import math
+from typing import Any
+
 import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from jblast.scene.charge import Burst
 from jblast.scene.ground import GroundPath
+from jblast.types import as_float_array
+
+
+def _untold() -> Any:
+    return eqx.field(converter=as_float_array, default=math.nan)
 
 
 class Path(eqx.Module):
@@ -27,6 +35,12 @@ class Path(eqx.Module):
         sensor_height: Height of the sensor above the ground [m].
         temperature: Of the air [K].
         relative_humidity: Of the air, fraction, 0 to 1.
+        toward_east: From the sensor to the charge [m]; 0 where a range alone is told.
+        toward_north: Likewise [m].
+        toward_up: Likewise [m].
+        fireball_growth: Time constant of the fireball's expansion [s]; NaN for the
+            law's own.
+        camera_focal: Focal length of the scene's camera [px]; NaN without one.
         burst: "surface" or "free-air".
         ground_path: "head" (along the ground) or "thesis" (ground leg, then up).
     """
@@ -44,6 +58,11 @@ class Path(eqx.Module):
     sensor_height: Float[Array, "..."]
     temperature: Float[Array, "..."]
     relative_humidity: Float[Array, "..."]
+    toward_east: Float[Array, "..."] = _untold()
+    toward_north: Float[Array, "..."] = _untold()
+    toward_up: Float[Array, "..."] = _untold()
+    fireball_growth: Float[Array, "..."] = _untold()
+    camera_focal: Float[Array, "..."] = _untold()
     burst: Burst = eqx.field(static=True, default="surface")
     ground_path: GroundPath = eqx.field(static=True, default="head")
 

@@ -6,7 +6,8 @@ import pytest
 from hypothesis import HealthCheck, given, settings, strategies as st
 
 from jblast.errors import InputError
-from jblast.observations import QUANTITIES, TIMES, read
+from jblast.observations import QUANTITIES, read
+from jblast.quantities import ADDITIVE, TIMED
 
 HEADER = "sensor,quantity,value,sigma,east_m,north_m,up_m\n"
 ROW = "a,air_arrival_s,0.05,0.001,20,0,1.5\n"
@@ -218,6 +219,18 @@ BAD = {
         FRONT + "a,air_arrival_s,1,,2\n",
         ["line 2", "column time_s", "expected nothing", "got 2 for air_arrival_s"],
     ),
+    "fireball without time": (
+        FRONT + "c,fireball_radius_m,11,,\n",
+        ["line 2", "column time_s", "at which fireball_radius_m was", "got nothing"],
+    ),
+    "bearing in degrees": (
+        HEADER + "a,bearing_rad,225,1,1,2,3\n",
+        ["line 2", "column value", "within 6.28319 rad", "got 225", "degrees"],
+    ),
+    "elevation past the zenith": (
+        HEADER + "a,elevation_rad,-1.6,,1,2,3\n",
+        ["line 2", "column value", "within 1.5708 rad", "got -1.6"],
+    ),
     "unclosed quote": (
         HEADER + ROW + '"b' + ROW + ROW,
         ["line 3", "quote"],
@@ -258,7 +271,7 @@ def test_a_quote_that_swallows_the_file_is_named_where_it_opens(log):
 
 
 @pytest.mark.parametrize(
-    "quantity", [q for q in QUANTITIES if q not in TIMES and q != "shock_radius_m"]
+    "quantity", [q for q in QUANTITIES if q not in ADDITIVE and q not in TIMED]
 )
 @pytest.mark.parametrize("value", ["0", "-1"])
 def test_what_errs_in_ln_must_be_positive(log, quantity, value):

@@ -5,6 +5,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings, strategies as st
 
 from jblast.observations import QUANTITIES, TIMES, Observations, read, write
+from jblast.quantities import DIRECTIONS, TIMED
 
 EXACT = settings(
     deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
@@ -23,6 +24,8 @@ def rows(draw):
     """One valid row, in the order of the fields of `Observations`."""
     quantity = draw(st.sampled_from(list(QUANTITIES)))
     value = draw(FINITE if quantity in TIMES else POSITIVE)
+    if quantity in DIRECTIONS:
+        value = draw(st.floats(-DIRECTIONS[quantity], DIRECTIONS[quantity]))
     sigma = draw(st.one_of(st.just(np.nan), POSITIVE))
     position, slant_range = [np.nan] * 3, np.nan
     place = draw(st.sampled_from(["position", "range", "scene"]))
@@ -30,7 +33,7 @@ def rows(draw):
         position = draw(st.lists(FINITE, min_size=3, max_size=3))
     elif place == "range":
         slant_range = draw(POSITIVE)
-    time = draw(FINITE) if quantity == "shock_radius_m" else np.nan
+    time = draw(FINITE) if quantity in TIMED else np.nan
     names = [draw(MAYBE_NAMES) for _ in range(3)]
     return (draw(NAMES), quantity, value, sigma, position, slant_range, time, *names)
 

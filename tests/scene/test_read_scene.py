@@ -1,5 +1,6 @@
 from contextlib import suppress
 
+import jax
 import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
@@ -12,6 +13,7 @@ from jblast.scene import (
     Normal,
     UncertainScene,
     Uniform,
+    draw_scene,
     read_scene,
 )
 from jblast.scene.keys import KEYS, LATER, NUMBERS
@@ -136,6 +138,22 @@ def test_every_key_of_the_contract_arrives_where_it_belongs(scene):
     assert beliefs == {}
 
 
+def test_a_camera_stays_with_the_scene_whatever_is_drawn(scene):
+    camera = (
+        "[camera]\nposition_m = [0, -40, 2]\nlook_at_m = [0, 0, 2]\nwidth = 32\n"
+        "height = 24\nfocal_px = [30, 31]\nframes_hz = 500\n"
+    )
+    read = scene("[charge]\nmass_kg = { lognormal = [15, 2] }\n" + camera)
+    drawn = draw_scene(jax.random.key(0), read)
+    assert float(drawn.charge.mass) != 15.0
+    for kept in (read.scene.camera, drawn.camera):
+        assert kept is not None
+        assert (kept.width, kept.height, float(kept.frames_hz)) == (32, 24, 500.0)
+        np.testing.assert_array_equal(kept.focal, [30.0, 31.0])
+        np.testing.assert_array_equal(kept.position, [0.0, -40.0, 2.0])
+    assert scene("").scene.camera is None
+
+
 def test_an_empty_file_is_the_default_scene(scene):
     uncertain = scene("")
     assert uncertain.beliefs == {"charge_mass_kg": Free(positive=True)}
@@ -207,7 +225,6 @@ BAD = {
     "charges that are numbers": ("charge = [1]\n", ["[[charge]]", "got [1]"]),
     "no charge": ("charge = []\n", ["[[charge]]", "empty list"]),
     # not built yet
-    "camera": ("[camera]\n", ["[camera]", "not supported yet"]),
     "vehicle": ("[vehicle]\nmodel = 'x'\n", ["[vehicle]", "not supported yet"]),
     "world": ("[world]\n", ["[world]", "not supported yet"]),
     "explosive": (
@@ -424,6 +441,14 @@ def tables(name):
     return st.dictionaries(keys, some, max_size=4)
 
 
+CAMERA = {
+    "position_m": [0.0, -40.0, 2.0],
+    "look_at_m": [0.0, 0.0, 2.0],
+    "width": 32,
+    "height": 24,
+    "focal_px": 30.0,
+}
+
 DOCUMENT = st.fixed_dictionaries(
     {},
     optional={
@@ -433,6 +458,7 @@ DOCUMENT = st.fixed_dictionaries(
         "ground": st.one_of(tables("ground"), VALUE),
         "law": st.one_of(tables("law"), VALUE),
         "sensor": st.one_of(st.lists(tables("sensor"), max_size=3), VALUE),
+        "camera": st.one_of(tables("camera").map(lambda t: CAMERA | t), VALUE),
         "x": VALUE,
     },
 )

@@ -62,6 +62,11 @@ def points(z: np.ndarray, mass: np.ndarray, seed: int = 0) -> dict[str, np.ndarr
         "sensor_height": draw(0.0, 5.0),
         "temperature": draw(255.0, 320.0),
         "relative_humidity": draw(0.05, 0.95),
+        "toward_east": draw(0.1, 1.0) * distance,
+        "toward_north": draw(0.1, 1.0) * distance,
+        "toward_up": draw(0.1, 1.0) * distance,
+        "fireball_growth": draw(3e-4, 3e-3) * mass ** (1 / 3),
+        "camera_focal": draw(1e2, 1e4),
     }
 
 
@@ -122,7 +127,7 @@ def away_from_joins(law: Law, values: dict) -> np.ndarray:
         values["ambient_pressure"] / STANDARD_PRESSURE / values["charge_mass"]
     )
     time = values["time_since_detonation"] / np.cbrt(values["charge_mass"])
-    scaled = time if law.name == "sedov_taylor" else distance
+    scaled = time if "time_since_detonation" in law.arguments() else distance
     gaps = [abs(np.log(scaled / join)) for join in law.joins]
     return np.min([np.full(scaled.shape, np.inf), *gaps], axis=0) > 100 * STEP
 
@@ -263,14 +268,18 @@ def test_curvatures_are_finite(law, word):
 
 
 LENGTHS = ("slant_range", "ground_range", "height_of_burst", "sensor_height")
+LENGTHS += ("toward_east", "toward_north", "toward_up")
 
 
 def grows_as(quantity: str) -> float:
     """Power of the length scale by which a quantity grows, pressures kept."""
-    if quantity.endswith(("_m_s", "_pa")):
+    if quantity.endswith(("_m_s", "_pa", "_px", "_rad")):
         return 0.0
     return 1.0  # lengths, times, and impulses: pressure times time
 
+
+KNOWS_NO_AIR = ("fireball",)
+"""Laws that scale with the charge alone, whatever the air."""
 
 OWN_LENGTHS = {
     "wu_hao": "its constants have units, and it knows no ambient pressure",
@@ -288,7 +297,7 @@ def test_hopkinson_and_cranz_a_larger_blast_is_the_same_blast_at_a_larger_scale(
     values, k = grid(60, seed=8), 7.0
     larger = dict(values) | {n: values[n] * k for n in LENGTHS}
     larger |= {"charge_mass": values["charge_mass"] * k**3}
-    larger |= {"time_since_detonation": values["time_since_detonation"] * k}
+    larger |= {n: values[n] * k for n in ("time_since_detonation", "fireball_growth")}
     ratio = evaluate(law, word, larger) / evaluate(law, word, values)
     # a sum of logarithms of up to 20: a few roundings of 2e-15 each, steep curves
     np.testing.assert_allclose(ratio, k ** grows_as(law.quantity), rtol=1e-11)
@@ -307,6 +316,8 @@ def test_wu_hao_breaks_that_scaling():
 def test_sachs_in_denser_air_a_larger_charge_is_the_same_blast(law, word):
     if law.name in OWN_LENGTHS:
         pytest.skip(OWN_LENGTHS[law.name])
+    if law.name in KNOWS_NO_AIR:
+        pytest.skip("the denser the air, the smaller a fireball should be; it is not")
     values, k = grid(60, seed=9), 1.7
     scaled = ("charge_mass", "ambient_pressure", "air_density")
     denser = dict(values) | {n: values[n] * k for n in scaled}

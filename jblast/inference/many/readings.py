@@ -8,7 +8,7 @@ from jaxtyping import Array, Bool, Float
 
 from jblast.errors import InputError
 from jblast.inference.many.rows import Rows
-from jblast.observations import TIMES
+from jblast.quantities import ADDITIVE
 from jblast.sensors import Layout
 
 NAMED = 20
@@ -19,7 +19,7 @@ class Readings(NamedTuple):
     """Logs as they are fitted; the lane is the last axis.
 
     Attributes:
-        measured: Readings; in ln unless they are times, by clocks that are right.
+        measured: Readings; in ln unless `ADDITIVE`, by clocks that are right.
         errors: Their instrument errors, unless all logs have the same.
         bad: Whether a log could not be read; it holds numbers that stand for nothing.
     """
@@ -56,8 +56,8 @@ def checked(layout: Layout, values, sigma):
 
 def read(rows: Rows, values, sigma) -> Readings:
     """Turn readings into what is fitted, and find the logs that cannot be."""
-    timed = np.isin(rows.layout.quantity, TIMES)[None, :]
-    good = jnp.isfinite(values) & (timed | (values > 0))
+    additive = np.isin(rows.layout.quantity, ADDITIVE)[None, :]
+    good = jnp.isfinite(values) & (additive | (values > 0))
     sigmas = jnp.broadcast_to(jnp.atleast_2d(jnp.asarray(sigma)), values.shape)
     good = good & jnp.isfinite(sigmas) & (sigmas >= 0)
     bad = ~good.all(axis=1)
@@ -82,9 +82,9 @@ def _fault(layout: Layout, values, sigma, log: int) -> str:
     value = np.asarray(values[log])
     error = np.asarray(sigma if np.ndim(sigma) == 1 else sigma[log])
     for row, quantity in enumerate(layout.quantity):
-        timed = quantity in TIMES
-        if not np.isfinite(value[row]) or not (timed or value[row] > 0):
-            wanted = "a finite time" if timed else "a positive number"
+        additive = quantity in ADDITIVE
+        if not np.isfinite(value[row]) or not (additive or value[row] > 0):
+            wanted = "a finite number" if additive else "a positive number"
             got = f"{value[row]}"
         elif not (np.isfinite(error[row]) and error[row] >= 0):
             wanted, got = "a finite sigma", f"{error[row]}"

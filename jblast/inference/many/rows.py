@@ -99,7 +99,7 @@ class Rows:
 
         Args:
             y: Unknowns.
-            measured: Readings; in ln unless they are times.
+            measured: Readings; in ln unless they are `ADDITIVE`.
             sigma: Their instrument error, same unit; best a NumPy array (row, 1) if
                 all logs have the same.
             told: Take the size of the errors as known, as Fisher information does.

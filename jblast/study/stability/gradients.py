@@ -9,6 +9,7 @@ from jblast.errors import InputError
 from jblast.observations import Observations, place
 from jblast.registry import LAWS, call
 from jblast.scene import Charge, Scene
+from jblast.sensors.calculate import calculated_laws
 from jblast.sensors.question import scene_path, with_rows
 from jblast.study.stability.edge import Edge, measures, witnessed
 from jblast.waves import (
@@ -185,4 +186,4 @@ def laws_without_slope() -> list[str]:
 
 
 def _laws_of_range():
-    return [law for law in LAWS.values() if "slant_range" in law.arguments()]
+    return [law for law in calculated_laws() if "slant_range" in law.arguments()]
