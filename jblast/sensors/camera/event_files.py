@@ -9,10 +9,7 @@ References:
     for driving scenarios, and its description of the data format.
 """
 
-import os
-import tempfile
-from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
+from collections.abc import Iterable
 from pathlib import Path
 from typing import NamedTuple
 
@@ -20,6 +17,7 @@ import numpy as np
 
 from jblast.errors import InputError
 from jblast.sensors.camera.events import Events
+from jblast.sensors.camera.whole_files import replacing
 
 TYPES = {"x": np.uint16, "y": np.uint16, "t": np.int64, "p": np.uint8}
 SUFFIXES = (".h5", ".hdf5", ".npz")
@@ -51,7 +49,7 @@ def write_events(
     """
     suffix = check_suffix(path)
     write = _write_npz if suffix == ".npz" else _write_hdf5
-    with _replacing(Path(path), suffix) as temporary:
+    with replacing(Path(path), suffix) as temporary:
         brighter, darker = write(temporary, blocks, width, height)
     return Written(brighter + darker, brighter, darker)
 
@@ -124,21 +122,3 @@ def _write_npz(path: Path, blocks, width: int, height: int) -> tuple[int, int]:
     np.savez_compressed(path, allow_pickle=False, **values)
     brighter = int(values["p"].sum())
     return brighter, len(values["p"]) - brighter
-
-
-@contextmanager
-def _replacing(path: Path, suffix: str) -> Iterator[Path]:
-    """Give a temporary file; it takes its place if nothing goes wrong."""
-    handle, name = tempfile.mkstemp(
-        dir=path.parent, prefix=f".{path.name}.", suffix=suffix
-    )
-    os.close(handle)
-    temporary = Path(name)
-    try:
-        yield temporary
-        mask = os.umask(0)
-        os.umask(mask)
-        temporary.chmod(0o666 & ~mask)
-        temporary.replace(path)
-    finally:
-        temporary.unlink(missing_ok=True)

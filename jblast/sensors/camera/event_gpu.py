@@ -21,6 +21,8 @@ from jblast.sensors.camera.event_kernel import (
     follow,
     screen,
 )
+from jblast.sensors.camera.event_stream import gathered
+from jblast.sensors.camera.event_strip import Found as FoundOnHost
 from jblast.sensors.camera.events import Events
 from jblast.sensors.camera.log_intensity import grey_table
 
@@ -140,15 +142,11 @@ class EventKernel:
 
     def in_order(self) -> Events:
         """Return the events of the last frames, in order of time, then of pixel."""
-        found = self.found
-        pixel, time, sign = (
-            field.numpy()[: self.count]
-            for field in (found.pixel, found.time, found.sign)
+        fields = self.found.pixel, self.found.time, self.found.sign
+        return gathered(
+            [FoundOnHost(*(field.numpy()[: self.count] for field in fields))],
+            self.shape[1],
         )
-        order = np.lexsort((pixel, time))
-        y, x = np.divmod(pixel[order], self.shape[1])
-        count, lost = np.asarray(self.count), np.asarray(0)
-        return Events(x, y, time[order], sign[order], count, lost)
 
     def _check(self, times, frames) -> None:
         if not (np.diff(times, prepend=self.time) > 0.0).all():

@@ -39,8 +39,9 @@ class Reference(eqx.Module):
         """Return the level itself."""
         positive, negative = thresholds
         number = self.first.dtype
-        up, down = self.up.astype(number), self.down.astype(number)
-        return self.first + up * positive - down * negative
+        net, down = (self.up - self.down).astype(number), self.down.astype(number)
+        # not up * positive - down * negative: both grow for ever, and cancel
+        return self.first + net * positive + down * (positive - negative)
 
 
 def first_reference(log_light: Float[Array, "..."]) -> Reference:

@@ -11,14 +11,13 @@ from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from itertools import pairwise
 
-import jax
 import numpy as np
 from jaxtyping import ArrayLike, Float, UInt8
 
 from jblast.errors import InputError
+from jblast.sensors.camera.composite_strip import CompositeStrip
 from jblast.sensors.camera.event_strip import Found, Strip
 from jblast.sensors.camera.events import Events
-from jblast.sensors.camera.grey_composite import grey_composite
 from jblast.sensors.camera.log_intensity import grey_table
 
 # each block has its own number of frames, so no axis has a name
@@ -67,27 +66,17 @@ def stream_events(
             _check(times, time, frames, shape)
             time, width = times[-1], shape[1]
             if not strips:
-                strips = _strips(shape, thresholds, table, in_logarithms, workers)
+                options = table, in_logarithms
+                strips = _strips(shape, thresholds, options, background, workers)
             jobs = [
-                pool.submit(_advance, strip, times, frames, background)
+                pool.submit(strip.advance, times, strip.rows_of(frames))
                 for strip in strips
             ]
             if found:  # put in order while the next block is being counted
-                yield _in_order(found, width)
+                yield gathered(found, width)
             found = [job.result() for job in jobs]
         if found:
-            yield _in_order(found, width)
-
-
-_grey_composite = jax.jit(grey_composite)
-
-
-def _advance(strip: Strip, times, frames, background) -> Found:
-    """Return what a strip finds in a block, composited first where that is asked."""
-    rows = frames[:, strip.rows]
-    if background is not None:
-        rows = np.asarray(_grey_composite(rows, background[strip.rows]))
-    return strip.advance(times, rows.reshape(len(rows), -1))
+            yield gathered(found, width)
 
 
 def _check(times, before, frames, shape) -> None:
@@ -101,18 +90,23 @@ def _check(times, before, frames, shape) -> None:
         )
 
 
-def _strips(shape, thresholds, table, in_logarithms, workers) -> list[Strip]:
+def _strips(shape, thresholds, options, background, workers) -> list[Strip]:
     """Cut the image into strips of rows, one a worker."""
     height, width = shape[:2]
     both = [np.broadcast_to(np.asarray(t, float), (height, width)) for t in thresholds]
     edges = np.linspace(0, height, min(workers, height) + 1).astype(int)
-    return [
-        Strip(slice(a, b), width, (both[0][a:b], both[1][a:b]), table, in_logarithms)
-        for a, b in pairwise(edges)
-    ]
+    strips = []
+    for a, b in pairwise(edges):
+        given = slice(a, b), width, (both[0][a:b], both[1][a:b]), *options
+        strips.append(
+            Strip(*given)
+            if background is None
+            else CompositeStrip(*given, background=background[a:b])
+        )
+    return strips
 
 
-def _in_order(found: Sequence[Found], width: int) -> Events:
+def gathered(found: Sequence[Found], width: int) -> Events:
     """Return the events of all strips in order of time, then of pixel."""
     pixel, time, sign = (np.concatenate(part) for part in zip(*found, strict=True))
     order = np.argsort(time)

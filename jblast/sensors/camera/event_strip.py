@@ -75,28 +75,42 @@ class Strip:
     def advance(self, times: Float[np.ndarray, " frame"], block: np.ndarray) -> Found:
         """Return the events of the next frames, each a row of `block`."""
         if self.last is None:
-            self.start(float(times[0]), block[0].copy())
+            self.start(float(times[0]), self.values(block[0]))
         assert self.last is not None
-        loud = (block.max(axis=0) > self.highest) | (block.min(axis=0) < self.lowest)
-        at = np.flatnonzero(loud)
-        logs = self.log(np.vstack([self.last[at], block[:, at]]))
+        at, values, last = self.loud(block)
+        logs = self.log(np.vstack([self.last[at], values]))
         found = self.follow(at, np.append(self.time, times), logs)
-        self.time, self.last = float(times[-1]), block[-1].copy()
+        self.time, self.last = float(times[-1]), last
         self.lowest[at], self.highest[at] = self.bounds(at)
         return found
+
+    def rows_of(self, frames: np.ndarray) -> np.ndarray:
+        """Return the values of these rows, a row for each frame."""
+        return frames[:, self.rows].reshape(len(frames), -1)
+
+    def values(self, frame: np.ndarray) -> np.ndarray:
+        """Return the image values of the first frame."""
+        return frame.copy()
+
+    def loud(self, block: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return the pixels that may send events, their values, the last of all."""
+        at = np.flatnonzero(self.leaves_bounds(block, slice(None)))
+        return at, block[:, at], block[-1].copy()
+
+    def leaves_bounds(self, values: np.ndarray, at) -> np.ndarray:
+        """Return which of some pixels leave the bounds within which they are quiet."""
+        high, low = values.max(axis=0), values.min(axis=0)
+        return (high > self.highest[at]) | (low < self.lowest[at])
 
     def follow(self, at, times, logs) -> Found:
         """Follow some pixels frame by frame, and return their events."""
         if not len(at):
             return Found(at, np.empty(0), at)
-        # lanes in powers of two, so that few programs are compiled; those added see
-        # no change
-        room = [(0, max(256, 1 << (len(at) - 1).bit_length()) - len(at))]
-        state = [np.pad(v[at], room) for v in (self.first, self.up, self.down)]
+        state = [widened(v[at]) for v in (self.first, self.up, self.down)]
         steps = [self.positive[at], self.negative[at]]
-        both = [np.pad(v, room, constant_values=1.0) for v in steps]
+        both = [widened(step) for step in steps]
         with jax.enable_x64(True):
-            answer = _count(np.pad(logs, [(0, 0), *room]), both, state)
+            answer = _count(widened(logs), both, state)
             counts, levels, up, down = (np.asarray(v)[..., : len(at)] for v in answer)
         self.up[at], self.down[at] = up, down
         interval, lane = np.nonzero(counts)
@@ -115,6 +129,19 @@ class Strip:
         pixel = np.repeat(at[lane] + self.offset, number)
         sign = np.repeat(np.sign(crossed), number)
         return Found(pixel, np.repeat(start, number) + time, sign)
+
+
+def widened(values: np.ndarray) -> np.ndarray:
+    """Repeat the last lane until there are 256 or another power of two.
+
+    Few programs are compiled so; and it takes a tenth of the time of `np.pad`.
+    """
+    size = values.shape[-1]
+    wide = np.empty(
+        (*values.shape[:-1], max(256, 1 << (size - 1).bit_length())), values.dtype
+    )
+    wide[..., :size], wide[..., size:] = values, values[..., -1:]
+    return wide
 
 
 @jax.jit

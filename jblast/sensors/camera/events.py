@@ -77,6 +77,8 @@ def continued_events(
     before. Arguments as those of `ideal_events`.
     """
     dtype, shape = log_frames.dtype, log_frames.shape[1:]
+    if len(log_frames) == 1:  # no interval: one in which nothing happens
+        log_frames, times = jnp.repeat(log_frames, 2, axis=0), jnp.repeat(times, 2)
     positive, negative = (
         jnp.broadcast_to(as_float_array(threshold).astype(dtype), shape)
         for threshold in thresholds

@@ -1,15 +1,16 @@
 """A directory of PNG frames, in order of their names, read block by block."""
 
 import re
-from collections.abc import Iterator
-from io import BytesIO
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
+from jaxtyping import Float, UInt8
 
 from jblast.errors import InputError
+from jblast.sensors.camera.compositing import srgb_to_linear
 from jblast.sensors.camera.grey_composite import LUMINANCE
-from jblast.sensors.camera.log_intensity import srgb_light
+from jblast.sensors.camera.png_files import read_png
 
 NUMBER = re.compile(r"(\d+)")
 
@@ -108,27 +109,57 @@ def _size(frame: np.ndarray) -> str:
 
 def read_frame(path: Path, *, srgb: bool = False) -> np.ndarray:
     """Return one PNG as `read_frames` does."""
-    # Pillow comes with Matplotlib
-    from PIL import Image, UnidentifiedImageError
-
-    try:
-        data = path.read_bytes()
-        with Image.open(BytesIO(data), formats=["PNG"]) as image:
-            if image.mode in ("1", "P", "PA"):
-                image = image.convert("RGBA" if image.has_transparency_data else "RGB")
-            pixels = np.asarray(image)
-        if b"IEND" not in data:  # some cuts the decoder lets pass
-            raise EOFError("cut short")
-    except UnidentifiedImageError:
-        raise InputError(f"{path}: expected a PNG image, got something else") from None
-    except (OSError, SyntaxError, ValueError, EOFError) as error:
-        raise InputError(
-            f"{path}: expected a whole PNG image, but it cannot be read ({error})"
-        ) from None
+    pixels = read_png(path)
     if pixels.ndim == 2 and pixels.dtype == np.uint8:
         return pixels
-    full = 255.0 if pixels.dtype == np.uint8 else 65535.0
-    value = pixels / full
+    light = _light(path, pixels, srgb)
+    return light if light.ndim == 2 else light @ np.array(LUMINANCE)
+
+
+def read_colours(
+    path: Path, *, srgb: bool = True
+) -> Float[np.ndarray, "height width 3"]:
+    """Return the linear light of an opaque PNG, full scale 1; grey in all channels.
+
+    Args:
+        path: The file.
+        srgb: Whether its values are sRGB, or linear light.
+
+    Raises:
+        InputError: It cannot be read, or is transparent.
+    """
+    light = _light(path, read_png(path), srgb)
+    return np.stack([light] * 3, axis=-1) if light.ndim == 2 else light
+
+
+def read_pictures(files: Sequence[Path]) -> UInt8[np.ndarray, "frame height width 4"]:
+    """Read frames with alpha, of one size and 8 bits.
+
+    Raises:
+        InputError: One is not so; the message names the file.
+    """
+    pictures: list[np.ndarray] = []
+    for path in files:
+        picture = read_png(path)
+        if picture.ndim == 3 and picture.shape[2] == 2:  # grey and alpha
+            picture = picture[..., [0, 0, 0, 1]]
+        if picture.ndim != 3 or picture.shape[2] != 4:
+            raise InputError(
+                f"{path}: expected a frame with alpha (RGBA), got one without"
+            )
+        if pictures and picture.shape != pictures[0].shape:
+            (height, width), (rows, columns) = pictures[0].shape[:2], picture.shape[:2]
+            raise InputError(
+                f"{path}: expected {width} x {height} pixels as in {files[0].name}, "
+                f"got {columns} x {rows}"
+            )
+        pictures.append(picture)
+    return np.stack(pictures)
+
+
+def _light(path: Path, pixels: np.ndarray, srgb: bool) -> np.ndarray:
+    """Return linear light without alpha: (height, width) or with three channels."""
+    value = pixels / (255.0 if pixels.dtype == np.uint8 else 65535.0)
     if value.ndim == 3 and value.shape[2] in (2, 4):
         if value[..., -1].min() < 1.0:
             raise InputError(
@@ -136,7 +167,5 @@ def read_frame(path: Path, *, srgb: bool = False) -> np.ndarray:
                 "its background first"
             )
         value = value[..., :-1]
-    light = srgb_light(value) if srgb else value
-    if light.ndim == 2:
-        return light
-    return light[..., 0] if light.shape[2] == 1 else light @ np.array(LUMINANCE)
+    light = srgb_to_linear(value) if srgb else value
+    return light[..., 0] if light.ndim == 3 and light.shape[2] == 1 else light

@@ -10,6 +10,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Float
 
+from jblast.sensors.camera.compositing import srgb_to_linear
+
 DARKEST = 0.5 / 255.0
 """The floor, as a fraction of full scale."""
 
@@ -26,10 +28,5 @@ def grey_table(*, srgb: bool = False) -> Float[np.ndarray, "256"]:
         srgb: Whether the values are sRGB (IEC 61966-2-1) and not linear light.
     """
     value = np.arange(256) / 255.0
-    light = srgb_light(value) if srgb else value
+    light = srgb_to_linear(value) if srgb else value
     return np.log(np.maximum(light, DARKEST))
-
-
-def srgb_light(value: Float[np.ndarray, "..."]) -> Float[np.ndarray, "..."]:
-    """Return the linear light of sRGB values of 0 to 1 (IEC 61966-2-1)."""
-    return np.where(value <= 0.04045, value / 12.92, ((value + 0.055) / 1.055) ** 2.4)

@@ -2,22 +2,19 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from disc import (
-    BRIGHT,
-    DARK,
-    DURATION,
-    THRESHOLD,
-    WIDTH,
-    analytic,
-    film,
-    log_light,
-)
 from hypothesis import given, settings, strategies as st
 from jax.test_util import check_grads
 
 from jblast.sensors.camera.event_pixel import first_reference
 from jblast.sensors.camera.events import Events, continued_events, ideal_events
 from jblast.sensors.camera.log_intensity import DARKEST, grey_table, log_intensity
+from jblast.study.event_disc import (
+    THRESHOLD,
+    WIDTH,
+    analytic,
+    film,
+    passed_wholly,
+)
 
 convert = jax.jit(ideal_events, static_argnames="capacity")
 carry_on = jax.jit(continued_events, static_argnames="capacity")
@@ -57,9 +54,7 @@ def test_8_bit_frames_give_the_right_count_and_time():
     pixel, time = by_pixel(events)
     known, _, when = analytic()
     # those the edge has passed wholly: 8 bits round what the others begin or end with
-    whole = (
-        (log_light(0.0) < DARK + 1e-3) & (log_light(DURATION) > BRIGHT - 1e-3)
-    ).ravel()
+    whole = passed_wholly()
     ours, theirs = whole[pixel], whole[known]
     assert theirs.sum() > 3000
     np.testing.assert_array_equal(pixel[ours], known[theirs])
@@ -131,6 +126,12 @@ def test_parts_give_the_events_of_the_whole():
     x, time = (np.concatenate(values) for values in zip(*found, strict=True))
     np.testing.assert_array_equal(x, whole.x[: int(whole.count)])
     np.testing.assert_array_equal(time, whole.time[: int(whole.count)])
+
+
+def test_one_frame_alone_gives_no_event():
+    events = one_pixel([0.7], [3.0], capacity=4)
+    assert int(events.count) == int(events.lost) == 0
+    assert np.isinf(np.asarray(events.time)).all()
 
 
 def test_a_batch_is_its_own_loop():

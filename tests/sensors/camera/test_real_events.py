@@ -4,7 +4,6 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from disc import HEIGHT, THRESHOLD, WIDTH, film
 
 from jblast.sensors.camera.events import Events, ideal_events
 from jblast.sensors.camera.imperfections import (
@@ -16,6 +15,7 @@ from jblast.sensors.camera.imperfections import (
     shot_noise,
 )
 from jblast.sensors.camera.real_events import real_events, real_stream
+from jblast.study.event_disc import HEIGHT, THRESHOLD, WIDTH, film
 
 KEY = jax.random.key(0)
 BOTH = (THRESHOLD, THRESHOLD)

@@ -1,0 +1,139 @@
+"""Frames of a scene in order of time, block by block: of any length."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import equinox as eqx
+import numpy as np
+from jaxtyping import Float
+
+from jblast.errors import InputError
+from jblast.scene import Camera, Scene
+from jblast.sensors.camera.frame_files import frame_files, read_colours
+from jblast.sensors.camera.render import BACKGROUND, render
+from jblast.sensors.camera.views import Views
+
+PIXELS = 1 << 22
+"""Of a block of frames: 100 MB of three channels in float64. The rays are computed for
+each block, so that short ones are slow."""
+
+LONGEST = 16
+"""Frames of a block."""
+
+Frames = Float[np.ndarray, "_ _ _ 3"]
+
+
+@dataclass(frozen=True)
+class Film:
+    """What is filmed, and when.
+
+    Attributes:
+        scene: What explodes.
+        camera: Who looks.
+        times: Of the frames, on the common clock, not falling [s].
+        background: Linear light: a grey, a colour or an image; or a PNG file for each
+            frame, sRGB.
+        views: Pictures to show in place of the procedural fireball.
+        supersample: Rays along each side of a pixel.
+    """
+
+    scene: Scene
+    camera: Camera
+    times: Float[np.ndarray, " frame"]
+    background: float | Float[np.ndarray, "..."] | tuple[Path, ...] = BACKGROUND
+    views: Views | None = None
+    supersample: int = 1
+
+    def at_instants(self) -> "Film":
+        """Return the same without exposure: an event camera does not gather light."""
+        camera = eqx.tree_at(
+            lambda c: c.exposure_s, self.camera, 0.0 * self.camera.exposure_s
+        )
+        return replace(self, camera=camera)
+
+    def frames(self) -> Iterator[tuple[slice, Frames]]:
+        """Return the frames of each block, and which they are; two blocks are held.
+
+        Linear light, full scale 1, not clipped.
+
+        Raises:
+            InputError: A file of the background cannot be read, or has another size
+                than the image; and as in `render`.
+        """
+        length = max(
+            1, min(LONGEST, PIXELS // (self.camera.width * self.camera.height))
+        )
+        for start in range(0, len(self.times), length):
+            which = slice(start, min(start + length, len(self.times)))
+            count = which.stop - start
+            # a last block as long as the others, so that it needs no other program
+            padded = np.minimum(np.arange(start, start + length), which.stop - 1)
+            background = self.background
+            if isinstance(background, tuple):
+                images = [self._image(background[k]) for k in range(start, which.stop)]
+                background = np.stack(images + [images[-1]] * (length - count))
+            frames = render(
+                self.scene,
+                self.camera,
+                self.times[padded],
+                background=background,
+                # a picture from above shows also what its billboard has below ground
+                ground=self.views is None,
+                supersample=self.supersample,
+                views=self.views,
+            )
+            yield which, np.asarray(frames)[:count]
+
+    def _image(self, path: Path) -> Float[np.ndarray, "height width 3"]:
+        image = read_colours(path)
+        camera = self.camera
+        if image.shape[:2] != (camera.height, camera.width):
+            raise InputError(
+                f"{path}: expected {camera.width} x {camera.height} pixels as the "
+                f"camera has, got {image.shape[1]} x {image.shape[0]}"
+            )
+        return image
+
+
+def background_from(
+    text: str, camera: Camera, frames: int
+) -> float | Float[np.ndarray, "..."] | tuple[Path, ...]:
+    """Return the background a word names: light, an image, or an image a frame.
+
+    Args:
+        text: A grey of linear light, 0 to 1; red, green and blue with commas between; a
+            PNG file; or a directory of them. Files are sRGB.
+        camera: Whose image size a file must have.
+        frames: How many there are to be.
+
+    Raises:
+        InputError: It is none of these, or there are too few frames.
+    """
+    try:
+        numbers = [float(word) for word in text.split(",")]
+    except ValueError:
+        pass
+    else:
+        light = np.array(numbers)
+        if len(numbers) not in (1, 3) or not ((light >= 0) & (light <= 1)).all():
+            raise InputError(
+                f"--background: expected one or three numbers from 0 to 1, got {text!r}"
+            )
+        return numbers[0] if len(numbers) == 1 else light
+    path = Path(text)
+    if path.is_file():
+        still = Film(Scene(), camera, np.zeros(0))
+        return still._image(path)
+    if not path.is_dir():
+        raise InputError(
+            "--background: expected a grey, R,G,B, a PNG file or a directory of them, "
+            f"got {text!r}"
+        )
+    files = frame_files(path)
+    if len(files) < frames:
+        raise InputError(
+            f"{path}: expected at least {frames:,} frames, one for each that is to be "
+            f"rendered, got {len(files):,}"
+        )
+    return tuple(files[:frames])

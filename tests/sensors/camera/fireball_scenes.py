@@ -1,0 +1,49 @@
+"""A small camera before a fireball, for the tests of its picture."""
+
+import dataclasses
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from jblast.scene import Camera, Charge, Scene, look_at, quaternion_matrix
+from jblast.sensors.camera.look import Look
+
+EYE = np.array([3.0, -60.0, 4.0])
+TARGET = np.array([1.0, 2.0, 5.0])
+LUMPS = float(Look().lumps)
+
+
+def small_camera(
+    position: Any = EYE,
+    target: Any = TARGET,
+    width: int = 24,
+    height: int = 18,
+    **changed: Any,
+) -> Camera:
+    position, target = np.array(position, float), np.array(target, float)
+    numbers = {
+        "position": position,
+        "rotation": look_at(position, target),
+        "focal": [40.0, 41.0],
+        "center": [11.5, 8.0],
+        "distortion": np.zeros(5),
+    }
+    numbers = {name: jnp.asarray(v, float) for name, v in (numbers | changed).items()}
+    return Camera(**numbers, width=width, height=height)
+
+
+def one_charge(mass: Any = 100.0, up: Any = 2.0, **changed: Any) -> Scene:
+    return Scene(charge=Charge(mass=mass, up=up, **changed))
+
+
+def shifted(camera: Camera, along: float) -> Camera:
+    """Return the camera moved along its axis [m]."""
+    axis = quaternion_matrix(camera.rotation)[:, 2]
+    return dataclasses.replace(camera, position=camera.position + along * axis)
+
+
+def single(tree):
+    """Return a tree with its arrays in single precision."""
+    return jax.tree.map(lambda leaf: leaf.astype(jnp.float32), tree)

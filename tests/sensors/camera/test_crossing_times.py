@@ -1,0 +1,187 @@
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from hypothesis import given, settings, strategies as st
+
+from jblast.errors import InputError
+from jblast.sensors.camera.crossing_times import frameless_events
+from jblast.sensors.camera.events import ideal_events
+from jblast.sensors.camera.implicit_times import implicit_times
+from jblast.study.event_disc import (
+    BRIGHT,
+    DARK,
+    DURATION,
+    EDGE,
+    HEIGHT,
+    SPEED,
+    START,
+    THRESHOLD,
+    WIDTH,
+    analytic,
+    disc_light,
+    radius,
+)
+
+BOTH = (THRESHOLD, THRESHOLD)
+CLOSE = 2e-9
+"""Twice the tolerance of a crossing [s]."""
+
+
+def moving_disc(start, speed):
+    return lambda time, x, y: disc_light(time, x, y, start, speed)
+
+
+def samples(fps, duration=DURATION):
+    return np.linspace(0.0, duration, max(2, round(duration * fps) + 1))
+
+
+def one_pixel(curve, times, thresholds=BOTH):
+    events = frameless_events(
+        lambda time, x, y: curve(time), (1, 1), np.asarray(times), thresholds
+    )
+    return events.time, events.polarity
+
+
+@pytest.mark.parametrize("fps", [1000, 100, 30])
+def test_events_of_a_disc_stand_at_their_instants_whatever_the_frame_rate(fps):
+    disc = moving_disc(START, SPEED)
+    events = frameless_events(disc, (HEIGHT, WIDTH), samples(fps), BOTH)
+    known, _, when = analytic()
+    order = np.lexsort((events.time, events.x, events.y))
+    np.testing.assert_array_equal((events.y * WIDTH + events.x)[order], known)
+    np.testing.assert_allclose(events.time[order], when, rtol=0, atol=CLOSE)
+    assert (events.polarity == 1).all()
+    assert (np.diff(events.time) >= 0.0).all()
+    assert int(events.count) == len(known)
+    assert int(events.lost) == 0
+
+
+@settings(deadline=None, max_examples=20)
+@given(
+    count=st.integers(1, 40),
+    threshold=st.floats(0.01, 0.8),
+    down=st.booleans(),
+    begin=st.floats(-6.0, 0.0),
+)
+def test_a_ramp_of_k_thresholds_gives_k_events(count, threshold, down, begin):
+    slope = (-1.0 if down else 1.0) * count * threshold / 0.01
+    ramp = jax.tree_util.Partial(line, jnp.asarray(begin), jnp.asarray(slope))
+    times = np.array([0.0, 0.01])
+    events = frameless_events(ramp, (1, 1), times, (threshold, threshold))
+    expected = 0.01 * np.arange(1, count + 1) / count
+    np.testing.assert_allclose(events.time, expected, rtol=0, atol=CLOSE)
+    assert (events.polarity == np.sign(slope)).all()
+
+
+def line(begin, slope, time, x, y):
+    return begin + slope * time
+
+
+def test_a_pixel_that_rises_and_falls_within_one_frame_is_seen():
+    peak, middle, width = 0.9, 0.041, 4e-3
+
+    def curve(time):
+        return peak * jnp.exp(-0.5 * ((time - middle) / width) ** 2)
+
+    def where(value, side):
+        return middle + side * width * np.sqrt(2.0 * np.log(peak / value))
+
+    # frames at 0, 1/30, 2/30: both ends of the frame of the pulse are dark
+    time, sign = one_pixel(curve, np.arange(4) / 30.0, (0.2, 0.25))
+    up = [where(0.2 * n, -1.0) for n in (1, 2, 3, 4)]
+    down = [where(0.8 - 0.25 * n, 1.0) for n in (1, 2, 3)]
+    np.testing.assert_array_equal(sign, [1] * 4 + [-1] * 3)
+    np.testing.assert_allclose(time, up + down, rtol=0, atol=CLOSE)
+
+
+def test_a_flash_has_all_its_events_at_its_instant():
+    time, sign = one_pixel(lambda t: jnp.where(t < 0.0123, -2.0, -1.0), [0.0, 0.04])
+    np.testing.assert_array_equal(sign, [1] * 5)
+    np.testing.assert_allclose(time, 0.0123, rtol=0, atol=CLOSE)
+
+
+@pytest.mark.parametrize(("peak", "count"), [(0.2, 2), (0.2 - 1e-9, 0)])
+def test_a_peak_that_touches_a_threshold_reaches_it(peak, count):
+    # up at the peak; the fall from there to -0.1 is another, at 0
+    def curve(time):
+        return peak - 0.3 * ((time - 0.5) / 0.5) ** 2
+
+    time, sign = one_pixel(curve, [0.5 - 0.5 * np.sqrt(peak / 0.3), 0.4, 1.0])
+    assert len(time) == count
+    if count:
+        np.testing.assert_array_equal(sign, [1, -1])
+        # where light turns a rounding error is felt by its root
+        assert time[0] == pytest.approx(0.5, abs=1e-6)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_light_that_goes_up_and_down_gives_the_events_of_many_frames(seed):
+    rng = np.random.default_rng(seed)
+    rate, phase, size = (
+        rng.uniform(low, high, (5, 6, 7))
+        for low, high in ((20, 200), (0, 6.28), (0, 0.4))
+    )
+
+    def log_light(time, x, y):
+        at = y.astype(int), x.astype(int)
+        fields = (jnp.asarray(field) for field in (rate, phase, size))
+        parts = zip(*fields, strict=True)
+        waves = [s[at] * jnp.sin(r[at] * time + p[at]) for r, p, s in parts]
+        return jnp.stack(waves).sum(axis=0)
+
+    both = (0.21, 0.34)
+    ours = frameless_events(log_light, (6, 7), samples(100, 0.2), both)
+    times = np.linspace(0.0, 0.2, 40001)
+    y, x = np.mgrid[:6.0, :7.0]
+    frames = jax.vmap(
+        lambda t: log_light(jnp.broadcast_to(t, (42,)), x.ravel(), y.ravel())
+    )(jnp.asarray(times)).reshape(-1, 6, 7)
+    theirs = ideal_events(frames, jnp.asarray(times), both, capacity=4096)
+    assert int(theirs.count) == int(ours.count) > 300
+    a, b = (
+        np.lexsort([np.asarray(f)[: len(ours.x)] for f in (e.time, e.x, e.y)])
+        for e in (ours, theirs)
+    )
+    np.testing.assert_array_equal(ours.polarity[a], np.asarray(theirs.polarity)[b])
+    # frames 5 us apart; crossings close to a turn are the least exact
+    np.testing.assert_allclose(
+        ours.time[a], np.asarray(theirs.time)[b], rtol=0, atol=2e-6
+    )
+
+
+def test_times_have_the_gradients_of_the_scene():
+    def weighted(time):
+        return jnp.sum(time * jnp.sin(jnp.arange(time.size, dtype=time.dtype)))
+
+    def by_newton(scene):
+        events = frameless_events(
+            moving_disc(START, SPEED), (HEIGHT, WIDTH), samples(100), BOTH
+        )
+        return weighted(implicit_times(moving_disc(*scene), events, 0.0, BOTH))
+
+    # the same events, each found anew
+    def in_closed_form(scene):
+        start, speed = scene
+        pixel, nth, _ = analytic()
+        x, y = pixel % WIDTH, pixel // WIDTH
+        disc = moving_disc(start, speed)
+        begin = disc(
+            jnp.zeros(pixel.size), jnp.asarray(x, float), jnp.asarray(y, float)
+        )
+        share = (begin + nth * THRESHOLD - DARK) / (BRIGHT - DARK)
+        away = radius(jnp.asarray(x, float), jnp.asarray(y, float))
+        time = (away - EDGE * jnp.log(1.0 / share - 1.0) - start) / speed
+        _, _, when = analytic()
+        return weighted(time[np.lexsort((pixel, when))])
+
+    at = (jnp.asarray(START), jnp.asarray(SPEED))
+    ours, known = jax.grad(by_newton)(at), jax.grad(in_closed_form)(at)
+    # an order of two events that are simultaneous to the tolerance may differ
+    np.testing.assert_allclose(ours, known, rtol=1e-6)
+
+
+@pytest.mark.parametrize("times", [[0.0], [0.0, 0.0], [1.0, 0.0]])
+def test_times_that_do_not_rise_are_refused(times):
+    with pytest.raises(InputError, match="two or more that rise"):
+        one_pixel(lambda t: t, times)

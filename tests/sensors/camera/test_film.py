@@ -1,0 +1,198 @@
+"""Films, block by block; and the thesis's clip through the whole chain."""
+
+import os
+from dataclasses import replace
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+
+from jblast.errors import InputError
+from jblast.scene import Camera, Charge, Scene, look_at
+from jblast.sensors.camera import (
+    film as film_module,
+    project,
+    stream_events,
+    write_events,
+)
+from jblast.sensors.camera.film import Film, background_from
+from jblast.sensors.camera.grey_composite import LUMINANCE
+from jblast.sensors.camera.in_view import in_view, off_axis
+from jblast.sensors.camera.png_files import write_png
+from jblast.sensors.camera.render import render
+from jblast.sensors.camera.view_files import single_view
+
+REFERENCE = os.environ.get("JBLAST_REFERENCE")
+SCENE = Scene(charge=Charge(mass=15.0, up=1.0))
+
+
+def camera(position=(0.0, -40.0, 2.0), target=(0.0, 0.0, 4.0), **changed) -> Camera:
+    position, target = np.array(position), np.array(target)
+    entries = {
+        "position": position,
+        "rotation": look_at(position, target),
+        "focal": np.full(2, 30.0),
+        "center": np.array([15.5, 11.5]),
+        "width": 32,
+        "height": 24,
+    }
+    return Camera(**(entries | changed))
+
+
+@pytest.fixture(autouse=True)
+def blocks_of_three(monkeypatch):
+    monkeypatch.setattr(film_module, "PIXELS", 3 * 32 * 24)
+
+
+def test_blocks_are_the_whole():
+    times = np.linspace(-1e-3, 20e-3, 8)
+    whole = np.asarray(render(SCENE, camera(), times))
+    blocks = list(Film(SCENE, camera(), times).frames())
+    assert [(w.start, w.stop, len(f)) for w, f in blocks] == [
+        (0, 3, 3),
+        (3, 6, 3),
+        (6, 8, 2),
+    ]
+    frames = np.concatenate([frames for _, frames in blocks])
+    np.testing.assert_allclose(frames, whole, rtol=1e-12)
+
+
+def test_an_exposure_is_left_out_for_events():
+    exposed = Film(SCENE, camera(exposure_s=np.array(1e-3)), np.arange(4) * 1e-3)
+    plain = Film(SCENE, camera(), np.arange(4) * 1e-3)
+    (_, sharp), (_, blurred), (_, expected) = (
+        next(film.frames()) for film in (exposed.at_instants(), exposed, plain)
+    )
+    np.testing.assert_array_equal(sharp, expected)
+    assert not np.allclose(blurred, expected)
+
+
+def test_a_background_may_be_light_an_image_or_an_image_a_frame(tmp_path):
+    eye, times = camera(target=(0.0, -90.0, 2.0)), np.arange(4) * 1e-3
+
+    def seen(text):
+        film = Film(SCENE, eye, times, background=background_from(text, eye, 4))
+        return np.concatenate([frames for _, frames in film.frames()])
+
+    np.testing.assert_array_equal(seen("0.25"), 0.25)
+    np.testing.assert_array_equal(seen("0.1, 0.2,0.3")[2, 5, 5], [0.1, 0.2, 0.3])
+    lights = np.array([0.0, 0.5, 1.0, 0.7, 0.2])
+    still = tmp_path / "behind" / "3.png"
+    (tmp_path / "behind").mkdir()
+    for k, light in enumerate(lights):
+        image = np.full((24, 32, 3), light)
+        write_png(tmp_path / "behind" / f"{k}.png", image)
+    # half a step of 8 bits is at most 0.0045 of light
+    np.testing.assert_allclose(seen(str(still)), lights[3], atol=0.0045)
+    each = seen(str(tmp_path / "behind"))
+    np.testing.assert_allclose(each[:, 3, 4, 1], lights[:4], atol=0.0045)
+
+
+def test_a_background_that_cannot_be_is_refused(tmp_path):
+    eye = camera()
+    for text in ("1,2", "-0.1", "2", "nan", "0.1,0.2,0.3,0.4", "sky"):
+        with pytest.raises(InputError, match="--background: expected"):
+            background_from(text, eye, 2)
+    write_png(tmp_path / "0.png", np.zeros((24, 31, 3)))
+    with pytest.raises(InputError, match=r"0\.png: expected 32 x 24 .*got 31 x 24"):
+        background_from(str(tmp_path / "0.png"), eye, 2)
+    write_png(tmp_path / "1.png", np.zeros((24, 31, 3)))
+    with pytest.raises(InputError, match=r"expected at least 3 frames.*got 2"):
+        background_from(str(tmp_path), eye, 3)
+    moving = Film(SCENE, eye, np.zeros(2), background_from(str(tmp_path), eye, 2))
+    with pytest.raises(InputError, match=r"0\.png: expected 32 x 24"):
+        list(moving.frames())
+
+
+@pytest.mark.parametrize(
+    ("target", "seen"),
+    [
+        ((0.0, 0.0, 4.0), True),
+        ((0.0, -90.0, 2.0), False),
+        ((40.0, -40.0, 2.0), False),
+        ((0.0, -40.0, 90.0), False),
+        # 32 degrees from the axis: past the edge (28), but its limb (6.5) is inside
+        ((25.0, 0.0, 2.0), True),
+        ((36.0, 0.0, 2.0), False),
+    ],
+)
+def test_whether_a_blast_is_in_view(target, seen):
+    assert bool(in_view(SCENE, camera(target=target))) == seen
+
+
+def test_in_view_says_what_rendering_shows():
+    times = np.geomspace(1e-4, 0.6, 8)
+    answers = []
+    for east in np.linspace(15.0, 40.0, 11):
+        eye = camera(target=(east, 0.0, 2.0))
+        changed = np.ptp(np.asarray(render(SCENE, eye, times))) > 0
+        answers.append((bool(in_view(SCENE, eye)), bool(changed)))
+    assert (False, True) not in answers
+    # within a pixel of the edge, and there alone, it counts though no ray meets it
+    assert answers.count((True, False)) <= 1
+    assert min(map(answers.count, [(True, True), (False, False)])) >= 3
+
+
+def test_a_fireball_smaller_than_a_pixel_is_in_view():
+    far = Scene(charge=Charge(mass=1e-3, north=9e3, east=83.0, up=33.0))
+    assert in_view(far, camera(target=(0.0, 0.0, 2.0)))
+
+
+def test_angle_off_the_axis():
+    eye = camera(target=(0.0, -90.0, 2.0))
+    ahead = replace(SCENE, charge=Charge(north=-80.0, up=2.0))
+    aside = replace(SCENE, charge=Charge(north=-40.0, east=5.0, up=2.0))
+    np.testing.assert_allclose(off_axis(ahead, eye), 0.0, atol=1e-12)
+    np.testing.assert_allclose(off_axis(aside, eye), np.pi / 2)
+    np.testing.assert_allclose(
+        off_axis(SCENE, eye), np.pi - np.arctan2(1.0, 40.0), rtol=1e-12
+    )
+
+
+@pytest.mark.skipif(REFERENCE is None, reason="JBLAST_REFERENCE is not set")
+def test_the_clip_of_the_thesis_goes_through_the_whole_chain(tmp_path):
+    clip = single_view(
+        Path(REFERENCE or "") / "blast_clip",
+        frames_hz=30.0,
+        metres_per_pixel=0.05,
+        anchor=(164.0, 277.0),  # the foot of the explosion
+    )
+    assert clip.frames.shape == (1, 61, 320, 320, 4)
+    eye = camera(
+        position=(0.0, -40.0, 3.0),
+        width=160,
+        height=120,
+        focal=np.full(2, 150.0),
+        center=np.array([79.5, 59.5]),
+        frames_hz=30.0,
+    )
+    scene = Scene(charge=Charge(mass=15.0, time=2.0))
+    times = 2.0 + np.arange(61) / 30.0
+    film = Film(scene, eye, times, background=0.5, views=clip, supersample=2)
+    assert in_view(scene, eye, clip)
+    blocks = list(film.frames())
+    frames = np.concatenate([frames for _, frames in blocks])
+    np.testing.assert_array_equal(frames[:4], 0.5)  # the clip begins empty
+    assert np.isfinite(frames).all()
+    # frame 20 spans columns 79 to 250 and rows 125 to 279, told from the file: as
+    # large as 0.05 m a pixel at 40 m with a focal length of 150 px makes it
+    rows, columns = np.nonzero(np.abs(frames[20] - 0.5).max(axis=-1) > 0.05)
+    scale = 0.05 * 150.0 / 40.0
+    place = np.asarray(project(eye, np.zeros(3)).pixel)
+    for found, clip_side, foot, at in (
+        (columns, (79, 250), 164.0, place[0]),
+        (rows, (125, 279), 277.0, place[1]),
+    ):
+        expected = at + scale * (np.array(clip_side) - foot)
+        # one pixel of rounding, and what the view from 3 m up leans
+        np.testing.assert_allclose([found.min(), found.max()], expected, atol=1.5)
+    grey = ((times[which] - 2.0, f @ np.array(LUMINANCE)) for which, f in blocks)
+    events = stream_events(grey, (0.2, 0.2))
+    written = write_events(tmp_path / "events.h5", events, 160, 120)
+    assert written.brighter > 100
+    assert written.darker > 100
+    with h5py.File(tmp_path / "events.h5") as file:
+        t, x = np.asarray(file["events/t"]), np.asarray(file["events/x"])
+    assert 3e6 / 30 <= t.min() < t.max() <= 2e6
+    assert abs(np.median(x) - place[0]) < 10

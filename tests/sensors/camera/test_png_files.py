@@ -1,0 +1,71 @@
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from jblast.errors import InputError
+from jblast.sensors.camera import png_files
+from jblast.sensors.camera.frame_files import frame_files, read_colours, read_frame
+from jblast.sensors.camera.png_files import read_png, write_png
+
+# by hand from IEC 61966-2-1: 12.92 x below 0.0031308, 1.055 x^(1/2.4) - 0.055 above
+LIGHT = np.array([-1.0, 0.0, 0.001, 0.18, 0.5, 1.0, 7.0])
+VALUES = [0, 0, 3, 118, 188, 255, 255]
+
+
+def test_light_is_clipped_and_written_as_srgb(tmp_path):
+    path = tmp_path / "0000.png"
+    write_png(path, np.stack([LIGHT] * 3, axis=-1)[None])
+    np.testing.assert_array_equal(read_png(path)[0, :, 1], VALUES)
+    light = read_colours(path)[0, 1:6, 0]
+    # half a step of 8 bits is at most 0.0045 of light
+    np.testing.assert_allclose(light, LIGHT[1:6], atol=0.0045)
+
+
+def test_alpha_stays_linear(tmp_path):
+    path = tmp_path / "0000.png"
+    image = np.full((2, 3, 4), 0.5)
+    write_png(path, image)
+    np.testing.assert_array_equal(read_png(path)[0, 0], [188, 188, 188, 128])
+    np.testing.assert_array_equal(image, 0.5)  # not written into
+    with pytest.raises(InputError, match="expected an opaque frame"):
+        read_colours(path)
+
+
+def test_grey_is_one_channel_and_is_read_as_three(tmp_path):
+    path = tmp_path / "0000.png"
+    write_png(path, LIGHT[None, :, None])
+    np.testing.assert_array_equal(read_frame(path)[0], VALUES)
+    assert read_colours(path).shape == (1, 7, 3)
+
+
+def test_a_write_that_fails_leaves_the_old_file_whole(tmp_path, monkeypatch):
+    path = tmp_path / "0000.png"
+    write_png(path, np.zeros((2, 2, 3)))
+    before = path.read_bytes()
+
+    def half(self, name, **_):
+        Path(name).write_bytes(b"\x89PNG half of it")
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(Image.Image, "save", half)
+    with pytest.raises(KeyboardInterrupt):
+        write_png(path, np.ones((2, 2, 3)))
+    assert path.read_bytes() == before
+    assert os.listdir(tmp_path) == ["0000.png"]
+
+
+def test_written_frames_are_a_sequence(tmp_path):
+    for k in range(11):
+        write_png(tmp_path / f"{k:04d}.png", np.zeros((2, 2, 3)))
+    assert [path.stem for path in frame_files(tmp_path)][-1] == "0010"
+
+
+def test_what_cannot_be_read_is_named(tmp_path):
+    (tmp_path / "a.png").write_bytes(b"GIF89a")
+    with pytest.raises(InputError, match=r"a\.png: expected a PNG image"):
+        png_files.read_png(tmp_path / "a.png")
+    with pytest.raises(InputError, match=r"b\.png: .*No such file"):
+        png_files.read_png(tmp_path / "b.png")

@@ -1,0 +1,126 @@
+import numpy as np
+import pytest
+from PIL import Image
+
+from jblast.errors import InputError
+from jblast.sensors.camera.view_files import read_views, single_view
+
+TOP = "frames_hz = 30.0\nmetres_per_pixel = 0.05\n"
+SOUTH = '[[view]]\nframes = "south"\nazimuth_deg = 180.0\n'
+
+
+def save(path, value=0, size=(4, 6), channels=4):
+    path.parent.mkdir(exist_ok=True)
+    Image.fromarray(np.full((*size, channels), value, np.uint8)).save(path)
+
+
+@pytest.fixture
+def folder(tmp_path):
+    for name in ("south", "high"):
+        for k in range(3):
+            save(tmp_path / name / f"{k:04d}.png", 10 * k)
+
+    def indexed(text):
+        (tmp_path / "views.toml").write_text(text)
+        return tmp_path
+
+    return indexed
+
+
+def test_an_index_says_where_each_view_was_taken_from(folder):
+    high = (
+        '[[view]]\nframes = ["high/0000.png", "high/0002.png", "high/0001.png"]\n'
+        "direction = [0, 0, 2]\nmetres_per_pixel = 0.1\nanchor_px = [1, 3]\n"
+    )
+    east = '[[view]]\nframes = "south"\nazimuth_deg = 90\nelevation_deg = 30\n'
+    views = read_views(folder(TOP + "srgb = false\n" + SOUTH + high + east))
+    np.testing.assert_allclose(
+        views.direction, [[0, -1, 0], [0, 0, 1], [0.75**0.5, 0, 0.5]], atol=1e-15
+    )
+    np.testing.assert_array_equal(views.metres_per_pixel, [0.05, 0.1, 0.05])
+    np.testing.assert_array_equal(views.anchor, [[2.5, 1.5], [1, 3], [2.5, 1.5]])
+    np.testing.assert_array_equal(
+        views.frames[:, :, 0, 0, 0], [[0, 10, 20], [0, 20, 10], [0, 10, 20]]
+    )
+    assert views.frames.shape == (3, 3, 4, 6, 4)
+    assert float(views.frames_hz) == 30.0
+    assert not views.srgb
+
+
+def test_a_bare_folder_is_one_view(folder):
+    views = single_view(folder("") / "high", frames_hz=25.0, metres_per_pixel=0.2)
+    assert views.frames.shape == (1, 3, 4, 6, 4)
+    np.testing.assert_array_equal(views.anchor, [[2.5, 1.5]])
+    assert views.srgb
+
+
+BAD = {
+    "no frame rate": (SOUTH, "frames_hz: expected a positive number"),
+    "frame rate 0": ("frames_hz = 0\n" + SOUTH, "frames_hz: .* got 0"),
+    "no scale": ("frames_hz = 30\n" + SOUTH, r"\[\[view\]\] 1 metres_per_pixel"),
+    "no views": (TOP, r"written \[\[view\]\], got none"),
+    "unknown key": (TOP + "fps = 3\n" + SOUTH, "'fps': unknown key"),
+    "misspelt key": (TOP + SOUTH + "azimut_deg = 1\n", "did you mean azimuth_deg"),
+    "no direction": (TOP + '[[view]]\nframes = "south"\n', "azimuth_deg.*got neither"),
+    "two directions": (TOP + SOUTH + "direction = [1, 0, 0]\n", "direction, got both"),
+    "no length": (
+        TOP + '[[view]]\nframes = "south"\ndirection = [0, 0, 0]\n',
+        "alone, not zero",
+    ),
+    "too high": (TOP + SOUTH + "elevation_deg = 91\n", "between -90 and 90, got 91"),
+    "no such folder": (TOP + SOUTH.replace("south", "w"), "w: no such directory"),
+    "no frames": (TOP + "[[view]]\nazimuth_deg = 1\n", "a list of PNG files, got None"),
+    "broken": (TOP + "[[view]\n", "broken TOML"),
+    "srgb in words": (TOP + 'srgb = "yes"\n' + SOUTH, "srgb: expected true or false"),
+    "a missing file": (
+        TOP + '[[view]]\nazimuth_deg = 0\nframes = ["a.png"]\n',
+        "a.png: .*No such file",
+    ),
+}
+
+
+@pytest.mark.parametrize(("text", "said"), BAD.values(), ids=BAD)
+def test_an_index_that_cannot_be_used_is_refused(folder, text, said):
+    with pytest.raises(InputError, match=said) as refused:
+        read_views(folder(text))
+    assert str(folder(text)) in str(refused.value)
+
+
+def test_a_set_without_an_index_is_refused(folder, tmp_path):
+    with pytest.raises(InputError, match=r"has no index; .* with views\.toml"):
+        read_views(tmp_path)
+    with pytest.raises(InputError, match="no such directory"):
+        read_views(tmp_path / "nowhere")
+
+
+def test_frames_without_alpha_are_refused(folder, tmp_path):
+    save(tmp_path / "south" / "0001.png", channels=3)
+    with pytest.raises(InputError, match=r"south/0001\.png: .*alpha \(RGBA\)"):
+        read_views(folder(TOP + SOUTH))
+
+
+def test_a_missing_frame_is_named(folder, tmp_path):
+    save(tmp_path / "south" / "0004.png")
+    with pytest.raises(InputError, match="south: frame 3 is missing"):
+        read_views(folder(TOP + SOUTH))
+
+
+def test_frames_of_another_size_are_named(folder, tmp_path):
+    save(tmp_path / "south" / "0002.png", size=(5, 6))
+    with pytest.raises(InputError, match=r"0002\.png: expected 6 x 4 .*got 6 x 5"):
+        read_views(folder(TOP + SOUTH))
+
+
+def test_views_of_another_number_of_frames_are_named(folder, tmp_path):
+    save(tmp_path / "high" / "0003.png")
+    high = '[[view]]\nframes = "high"\nazimuth_deg = 0\n'
+    with pytest.raises(InputError, match=r"2 frames: expected 3 frames .*got 4 frames"):
+        read_views(folder(TOP + SOUTH + high))
+
+
+@pytest.mark.parametrize("kept", [0, 30, 60])
+def test_a_corrupt_frame_is_named(folder, tmp_path, kept):
+    path = tmp_path / "south" / "0001.png"
+    path.write_bytes(path.read_bytes()[:kept])
+    with pytest.raises(InputError, match=r"south/0001\.png: expected a"):
+        read_views(folder(TOP + SOUTH))
