@@ -16,8 +16,8 @@ def add_arguments(verb: argparse.ArgumentParser) -> None:
         nargs="?",
         default=ALL,
         metavar="TOPIC",
-        help="arrival, pressure, impulse, duration, waveform, solver, fit, sampler or "
-        "all (default)",
+        help="arrival, pressure, impulse, duration, waveform, solver, fit, sampler, "
+        "events, event_effects or all (default)",
     )
     verb.add_argument(
         "--out",

@@ -4,6 +4,7 @@ import argparse
 import sys
 
 from jblast.cli.files import path
+from jblast.cli.options import seed
 
 HELP = "turn a sequence of frames into the events of an event camera"
 
@@ -36,7 +37,7 @@ def add_arguments(verb: argparse.ArgumentParser) -> None:
         help="off: the ideal camera; on (default): thresholds that differ, limited "
         "bandwidth, leak, hot pixels, shot noise and refractory time",
     )
-    verb.add_argument("--seed", type=int, default=0, help="of the noise (default: 0)")
+    verb.add_argument("--seed", type=seed, default=0, help="of the noise (default: 0)")
     verb.add_argument(
         "--srgb",
         action="store_true",
@@ -153,12 +154,10 @@ def _timed(blocks, fps: float, total: int):
     """Give each block its times, and tell a terminal how far it is."""
     import numpy as np
 
+    from jblast.cli.progress_bar import show_progress
+
     done = 0
     for frames in blocks:
         yield (done + np.arange(len(frames))) / fps, frames
         done += len(frames)
-        if sys.stderr.isatty():
-            bar = "#" * (20 * done // total)
-            end = "\r" + " " * 50 + "\r" if done == total else ""
-            sys.stderr.write(f"\r[{bar:20}] frame {done:,} of {total:,}{end}")
-            sys.stderr.flush()
+        show_progress(done, total)

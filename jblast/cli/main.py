@@ -21,13 +21,14 @@ from jblast.cli import (
     choose,
     events,
     fit,
+    render,
     scene,
     simulate,
     stability,
 )
 from jblast.errors import InputError
 
-VERBS = (fit, calc, bound, choose, scene, simulate, events, chart, stability)
+VERBS = (fit, calc, bound, choose, scene, simulate, render, events, chart, stability)
 NEGATIVE = re.compile(r"-(\d+\.?\d*|\.\d+)(e[+-]?\d+)?$", re.IGNORECASE)
 CLOSED_PIPE = 128 + 13
 INTERRUPTED = 128 + 2

@@ -6,7 +6,7 @@ NAMES = (
     "charge_mass_kg, tnt_factor, charge_east_m, charge_north_m, charge_up_m, "
     "charge_range_m, origin_time_s, air_temperature_k, air_pressure_pa, "
     "air_relative_humidity, air_altitude_m, air_sound_speed_m_s, wind_east_m_s, "
-    "wind_north_m_s, ground_p_speed_m_s, sedov_gamma"
+    "wind_north_m_s, ground_p_speed_m_s, sedov_gamma, fireball_growth_s"
 )
 """The names of `scene.PARAMETERS`."""
 
@@ -47,3 +47,16 @@ def add_noise(verb: argparse.ArgumentParser) -> None:
         default="student",
         help="distribution of the independent errors (default: student)",
     )
+
+
+def seed(text: str) -> int:
+    """Return a seed that JAX can hold."""
+    try:
+        value = int(text)
+    except ValueError:
+        value = -1
+    if not 0 <= value < 2**63:
+        raise argparse.ArgumentTypeError(
+            f"expected a whole number from 0 to 2^63 - 1, got {text!r}"
+        )
+    return value

@@ -5,6 +5,7 @@ import math
 import sys
 
 from jblast.cli.files import path, unwritable
+from jblast.cli.options import seed
 
 HELP = "write what a scene's sensors would record"
 
@@ -16,7 +17,7 @@ def add_arguments(verb: argparse.ArgumentParser) -> None:
         metavar="SCENE.toml",
         type=path,
         help="what is there; every sensor says where it stands and what it records, "
-        "as records = { QUANTITY = SIGMA }",
+        "as records = { QUANTITY = SIGMA }; radii are recorded at times_s = [...]",
     )
     verb.add_argument(
         "--out",
@@ -25,34 +26,21 @@ def add_arguments(verb: argparse.ArgumentParser) -> None:
         type=path,
         help="log to write",
     )
-    verb.add_argument("--seed", type=_seed, default=0, help="of the draws (default: 0)")
+    verb.add_argument("--seed", type=seed, default=0, help="of the draws (default: 0)")
     verb.add_argument(
         "--force", action="store_true", help="overwrite an existing --out"
     )
 
 
-def _seed(text: str) -> int:
-    """Return a seed that JAX can hold."""
-    try:
-        seed = int(text)
-    except ValueError:
-        seed = -1
-    if not 0 <= seed < 2**63:
-        raise argparse.ArgumentTypeError(
-            f"expected a whole number from 0 to 2^63 - 1, got {text!r}"
-        )
-    return seed
-
-
 def _refuse_senseless(observations, asked: argparse.Namespace) -> None:
     """Refuse readings that no log may hold: of a mass drawn below zero, for one."""
     from jblast.errors import InputError
-    from jblast.observations import TIMES
+    from jblast.quantities import ADDITIVE
 
     for row, quantity in enumerate(observations.quantity):
         value, sigma = float(observations.value[row]), float(observations.sigma[row])
         if not (math.isfinite(value) and 0 < sigma < math.inf) or (
-            quantity not in TIMES and value <= 0
+            quantity not in ADDITIVE and value <= 0
         ):
             drawn = ", ".join(c for c in observations.comments if "truth:" in c)
             raise InputError(

@@ -66,7 +66,7 @@ SCENES = {
         '[[charge]]\nname = "x"\n[[charge]]\nname = "y"\n',
         ["column shot", "'x', 'y'", "got nothing"],
     ),
-    "a camera": ("[camera]\n", ["camera", "not supported yet"]),
+    "a camera without a place": ("[camera]\n", ["[camera] position_m", "got nothing"]),
     "a vehicle": ("[vehicle]\n", ["vehicle", "not supported yet"]),
     "a world": ("[world]\n", ["world", "not supported yet"]),
     "a law to come": (

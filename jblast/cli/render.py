@@ -1,0 +1,151 @@
+"""Film a scene's blast with its camera: frames as PNG, events of an event camera.
+
+Frame k stands at START + k / frames_hz. Into the directory go frames/0000.png and so on
+(sRGB; `jblast events DIR/frames --srgb` reads them), events.h5 (times in microseconds
+from frame 0) and contact_sheet.png.
+"""
+
+import argparse
+import sys
+from pathlib import Path
+
+from jblast.cli.files import path
+from jblast.cli.options import seed
+
+HELP = "film a scene's blast: frames and events of its camera"
+MOST = 1000
+"""Frames where nothing is said of how many."""
+
+
+def add_arguments(verb: argparse.ArgumentParser) -> None:
+    """Say what the verb takes."""
+    verb.add_argument(
+        "scene",
+        metavar="SCENE.toml",
+        type=path,
+        help="what is there, with a [camera]; numbers with a prior are drawn",
+    )
+    verb.add_argument(
+        "--out", required=True, metavar="DIR", type=path, help="directory to write to"
+    )
+    verb.add_argument(
+        "--mode",
+        choices=("rgb", "events", "both"),
+        default="both",
+        help="write frames, events or both (default: both)",
+    )
+    verb.add_argument(
+        "--times",
+        metavar="START:STOP",
+        help="from when to when, on the scene's clock [s]; STOP is no frame any more "
+        "(default: from the first explosion until no fireball glows, but at most "
+        f"{MOST:,} frames)",
+    )
+    verb.add_argument(
+        "--seconds", metavar="S", help="so long from the first explosion on [s]"
+    )
+    verb.add_argument(
+        "--fps", metavar="HZ", help="frames a second (default: the camera's frames_hz)"
+    )
+    verb.add_argument(
+        "--background",
+        metavar="GREY|R,G,B|FILE.png|DIR",
+        type=path,
+        help="linear light from 0 to 1, an sRGB image, or a directory with one for "
+        "each frame (default: a grey of 0.18)",
+    )
+    verb.add_argument(
+        "--views",
+        metavar="DIR",
+        type=path,
+        help="pictures of an explosion from several sides, with views.toml, in place "
+        "of the fireball that is computed",
+    )
+    verb.add_argument(
+        "--supersample",
+        metavar="N",
+        type=int,
+        default=1,
+        help="rays along each side of a pixel (default: 1)",
+    )
+    verb.add_argument(
+        "--threshold",
+        metavar="STEP[,DARKER]",
+        help="change of the logarithm of light that gives an event (default: the "
+        "camera's)",
+    )
+    verb.add_argument(
+        "--noise",
+        choices=("on", "off"),
+        default="on",
+        help="off: the ideal event camera; on (default): with its imperfections",
+    )
+    verb.add_argument(
+        "--seed", type=seed, default=0, help="of noise and of priors (default: 0)"
+    )
+    verb.add_argument("--json", action="store_true", help="print a summary as JSON")
+    verb.add_argument(
+        "--force", action="store_true", help="overwrite what DIR holds of these files"
+    )
+
+
+def run(asked: argparse.Namespace) -> int:
+    """Render, convert and write block by block; say what was written."""
+    from jblast.cli.start import start_jax
+
+    start_jax()
+    from jblast.cli.files import unwritable
+    from jblast.cli.render_files import Recording, cleared
+    from jblast.cli.render_film import film_asked
+
+    film = film_asked(asked)
+    next(film.frames())  # what cannot be rendered is refused with all files in place
+    out, noise = Path(asked.out), asked.noise == "on"
+    recording = Recording(film, out, asked.mode)
+    camera, times = film.camera, film.times
+    summary = {
+        "scene": asked.scene,
+        "mode": asked.mode,
+        "frames": len(times),
+        "width": camera.width,
+        "height": camera.height,
+        "fps": float(camera.frames_hz),
+        "start_s": float(times[0]),
+        "duration_s": float(times[-1] - times[0]),
+        "seed": asked.seed,
+    }
+    try:
+        cleared(out, asked.mode, force=asked.force)
+        if asked.mode == "rgb":
+            for _ in recording.blocks():
+                pass
+        else:
+            written = recording.write_events(noise, asked.seed)
+            threshold = camera.threshold.tolist()
+            summary |= {"threshold": threshold, "noise": asked.noise}
+            summary |= written._asdict()
+        recording.write_sheet()
+    except OSError as error:
+        raise unwritable(asked.out, error) from None
+    summary["files"] = recording.files()
+    if asked.json:
+        import json
+
+        sys.stdout.write(json.dumps(summary, indent=2, ensure_ascii=False) + "\n")
+    else:
+        sys.stdout.write(words(summary))
+    return 0
+
+
+def words(summary: dict) -> str:
+    """Return the summary as a few lines."""
+    told = (
+        f"{summary['frames']:,} frames of {summary['width']} x {summary['height']} "
+        f"pixels at {summary['fps']:g} Hz from {summary['start_s']:g} s"
+    )
+    if "events" in summary:
+        told += (
+            f": {summary['events']:,} events, {summary['brighter']:,} brighter and "
+            f"{summary['darker']:,} darker"
+        )
+    return "\n".join([told, *summary["files"].values(), ""])
