@@ -17,27 +17,17 @@ import numpy as np
 from jblast.sensors.camera.event_stream import stream_events
 from jblast.sensors.camera.events import ideal_events
 from jblast.sensors.camera.grey_composite import grey_composite
-from jblast.sensors.camera.imperfections import IDEAL, Imperfections
+from jblast.sensors.camera.imperfections import Imperfections
 from jblast.sensors.camera.log_intensity import grey_table, log_intensity
 from jblast.sensors.camera.real_events import real_stream
+from jblast.study.charts.events import EFFECTS, USUAL
 
 HEIGHT, WIDTH, FRAMES, FPS = 260, 346, 512, 1000.0
-BLOCK = 16
+BLOCK = 32
 REPEATS = 5
 THRESHOLD = 0.2
 SPEED, EDGE, START = 260.0, 1.0, 3.0
 BACKGROUND, BRIGHT = 0.16, 200
-USUAL = Imperfections()
-EFFECTS = {
-    "mismatch": IDEAL._replace(mismatch=USUAL.mismatch),
-    "bandwidth": IDEAL._replace(bandwidth_hz=USUAL.bandwidth_hz),
-    "leak and hot pixels": IDEAL._replace(
-        leak_hz=USUAL.leak_hz, hot_fraction=USUAL.hot_fraction, hot_hz=USUAL.hot_hz
-    ),
-    "shot noise": IDEAL._replace(shot_hz=USUAL.shot_hz),
-    "refractory time": IDEAL._replace(refractory_s=USUAL.refractory_s),
-    "all of these": USUAL,
-}
 
 
 def events_text() -> str:
@@ -94,7 +84,8 @@ def _rows() -> list[Row]:
     label = "converted, every pixel in every frame"
     rows.append((label, *streamed(times[:64], noisy), None))
     rows.append(("converted by JAX, whole frames", *jitted(times, grey)))
-    for name, effects in EFFECTS.items():
+    cameras = {**EFFECTS, "all of these": USUAL}
+    for name, effects in cameras.items():
         rows.append((f"grey of 8 bits, {name}", *flawed(times, grey, effects), None))
     return rows
 

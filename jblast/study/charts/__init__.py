@@ -10,6 +10,7 @@ from jblast.fidelity import (
 )
 from jblast.fidelity.topic import TOPICS as TOPICS
 from jblast.study.charts import (
+    events as events,
     fits as fits,
     samplers as samplers,
 )

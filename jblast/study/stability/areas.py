@@ -13,6 +13,7 @@ AREAS: dict[str, str] = {
     "solver": "solver",
     "fits": "fits",
     "walks": "walks",
+    "events": "events",
 }
 """By the name of an area, the module beside this one that measures it."""
 
