@@ -133,7 +133,7 @@ def shares(axes: Axes, edges: Sequence[Edge]) -> None:
     axes.set_xlabel("share that fails (%)")
     quiet(axes)
     axes.grid(False, axis="y")
-    titled(axes, "Fits and walks: cases that fail")
+    titled(axes, "Cases that fail")
 
 
 PANELS: dict[str, Callable[[Axes, Sequence[Edge]], None]] = {
