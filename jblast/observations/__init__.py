@@ -9,4 +9,5 @@ from jblast.observations.table import (
     TIMES as TIMES,
     Observations as Observations,
 )
+from jblast.observations.together import some_rows as some_rows
 from jblast.observations.write import write as write

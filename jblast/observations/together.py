@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from jaxtyping import Int
 
 from jblast.errors import InputError, shown
 from jblast.observations.table import Observations
@@ -20,7 +21,7 @@ def by_shot(observations: Observations) -> dict[str, Observations]:
     """Return one log for each shot of a log, in order of appearance."""
     shots = np.array(observations.shot)
     return {
-        str(shot): _rows(observations, np.flatnonzero(shots == shot))
+        str(shot): some_rows(observations, np.flatnonzero(shots == shot))
         for shot in dict.fromkeys(observations.shot)
     }
 
@@ -75,8 +76,8 @@ def one_event(logs: Sequence[Observations]) -> tuple[Observations, tuple[str, ..
     ), tuple(names[1:])
 
 
-def _rows(observations: Observations, rows: np.ndarray) -> Observations:
-    """Return some rows of a log."""
+def some_rows(observations: Observations, rows: Int[np.ndarray, " _"]) -> Observations:
+    """Return a log of some of the rows, by number from zero."""
     picked = {}
     for name in PER_ROW:
         column = getattr(observations, name)

@@ -15,7 +15,7 @@ from jblast.scene import Camera, Charge, Free, Scene, Sensor, UncertainScene, re
 from jblast.sensors import observe, planned_layout, record, simulate
 from jblast.sensors.record import missed
 
-HERE = Path(__file__).parent
+DATA = Path(__file__).parents[2] / "calibration" / "data"
 FREE = Free(positive=True)
 LAWS = {
     "flash_time_s": "light",
@@ -142,8 +142,8 @@ def test_radii_long_before_the_growth_ends_leave_it_open_too():
 
 @pytest.mark.slow
 def test_the_worked_example_is_recovered():
-    log = read(HERE / "camera_and_bang.csv")
-    found = fit(log, read_scene(HERE / "camera_and_bang.toml"))
+    log = read(DATA / "camera_and_bang.csv")
+    found = fit(log, read_scene(DATA / "camera_and_bang.toml"))
     assert found.exit_code == 0
     truth = {"charge_mass_kg": 50.0, "charge_east_m": 0.0, "charge_north_m": 0.0}
     truth |= {"charge_up_m": 0.0, "origin_time_s": 2.0}
@@ -156,10 +156,10 @@ def test_the_worked_example_is_recovered():
 
 @pytest.mark.slow
 def test_a_line_of_sight_is_a_null_direction_of_a_charge_anywhere(tmp_path):
-    text = (HERE / "camera_and_bang.csv").read_text().splitlines()
+    text = (DATA / "camera_and_bang.csv").read_text().splitlines()
     silent = tmp_path / "silent.csv"
     silent.write_text("\n".join(row for row in text if ",air_arrival_s," not in row))
-    uncertain = read_scene(HERE / "camera_and_bang.toml")
+    uncertain = read_scene(DATA / "camera_and_bang.toml")
     found = fit(read(silent), uncertain)
     (null,) = found.answer["null_directions"]
     along = [null["parameters"][f"charge_{side}_m"] for side in ("east", "north", "up")]

@@ -17,11 +17,13 @@ from jblast.sensors.camera.events import (
     ideal_events as ideal_events,
 )
 from jblast.sensors.camera.fireball_image import fireball_layer as fireball_layer
+from jblast.sensors.camera.grey_composite import LUMINANCE as LUMINANCE
 from jblast.sensors.camera.imperfections import (
     IDEAL as IDEAL,
     Imperfections as Imperfections,
 )
 from jblast.sensors.camera.implicit_times import implicit_times as implicit_times
+from jblast.sensors.camera.log_intensity import log_intensity as log_intensity
 from jblast.sensors.camera.look import Look as Look
 from jblast.sensors.camera.pixel_rays import Rays as Rays, pixel_rays as pixel_rays
 from jblast.sensors.camera.projection import (
