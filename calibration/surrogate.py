@@ -36,6 +36,8 @@ from jblast.study.fireball_film import (
 from jblast.study.fit_events import MOST, STAGES, EventFit, fit_events
 
 TEMPERATURES = (0.02, 0.05, 0.1, 0.2, 0.3, 0.5)
+STUCK = 0.5
+"""Events a fit leaves, root mean square, that has not found the film."""
 UNSMOOTHED = 0.1e-3
 """Shorter than a frame [s]."""
 BESIDE = (1.05, 2e-3)
@@ -54,6 +56,8 @@ class Bias(NamedTuple):
         off: Root mean square of a pixel's sum of events, less the true one.
         radius: Of the fireball, as a fit finds it, over the true one, less one [-].
         start: As a fit finds it, less the true one [s].
+        misfit: Root mean square of what the fit leaves, in events.
+        converged: Whether the fit did.
     """
 
     temperature: float
@@ -61,6 +65,15 @@ class Bias(NamedTuple):
     off: float
     radius: float
     start: float
+    misfit: float
+    converged: bool
+
+    @property
+    def mark(self) -> str:
+        """Return what is wrong with the fit, if anything."""
+        if not self.converged:
+            return "not converged"
+        return "stuck where it began" if self.misfit > STUCK else ""
 
 
 def ends(found: EventFit) -> tuple[float, float]:
@@ -83,7 +96,9 @@ def bias(counts: np.ndarray, temperature: float) -> Bias:
         THRESHOLDS,
         stages=((temperature, UNSMOOTHED),),
     )
-    return Bias(temperature, extra, float(np.sqrt(np.mean(off**2))), *ends(found))
+    rms = float(np.sqrt(np.mean(off**2)))
+    fitted = *ends(found), found.misfit, found.converged
+    return Bias(temperature, extra, rms, *fitted)
 
 
 def main() -> None:
@@ -98,7 +113,7 @@ def main() -> None:
     for row in rows:
         print(
             f"{row.temperature:11g}{row.extra:+10.2%}{row.off:10.3f}"
-            f"{row.radius:+12.4%}{1e6 * row.start:+9.1f} us"
+            f"{row.radius:+12.4%}{1e6 * row.start:+9.1f} us  {row.mark}".rstrip()
         )
     print("(radius and start from 5 % and 2 ms beside, at one temperature)")
     print("\nFound from events alone, from poor starts\n")
@@ -117,7 +132,8 @@ def main() -> None:
         radius, start = ends(found)
         words = f"{size - 1:+.0%}, {1e3 * late:+.0f} ms"
         off = f"{radius:+12.4%}{1e6 * start:+9.1f} us"
-        print(f"{words:>20}{off}{found.steps:7}{took:9.1f}")
+        mark = "" if found.converged else "  not converged"
+        print(f"{words:>20}{off}{found.steps:7}{took:9.1f}{mark}")
     draw(rows)
 
 
@@ -136,10 +152,13 @@ def draw(rows: list[Bias]) -> None:
     )
     grid = figure.subplots(1, len(panels))
     for axes, (name, label, values) in zip(grid, panels, strict=True):
+        fitted = axes is not grid[0]
         axes.loglog(at, np.abs(values), color=MUTED, linewidth=1.0, zorder=1)
-        for temperature, value in zip(at, values, strict=True):
+        for row, value in zip(rows, values, strict=True):
             colour = VERMILLION if value > 0 else BLUE
-            axes.plot(temperature, abs(value), "o", color=colour, markersize=6)
+            inside = "white" if fitted and row.mark else colour
+            style = {"color": colour, "markersize": 6, "markerfacecolor": inside}
+            axes.plot(row.temperature, abs(value), "o", **style)
         axes.set(xlabel="temperature (thresholds)", ylabel=label)
         axes.set_xticks(at, [f"{temperature:g}" for temperature in at])
         axes.xaxis.set_minor_locator(NullLocator())
@@ -147,6 +166,9 @@ def draw(rows: list[Bias]) -> None:
         quiet(axes)
     for colour, words, height in ((VERMILLION, "more", 0.9), (BLUE, "less", 0.81)):
         grid[0].text(0.05, height, words, color=colour, transform=grid[0].transAxes)
+    if any(row.mark for row in rows):
+        words, corner = "hollow: no fit", grid[1].transAxes
+        grid[1].text(0.97, 0.9, words, color=MUTED, ha="right", transform=corner)
     figure.savefig(FIGURE)
 
 

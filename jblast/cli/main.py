@@ -29,7 +29,7 @@ from jblast.cli import (
 from jblast.errors import InputError
 
 VERBS = (fit, calc, bound, choose, scene, simulate, render, events, chart, stability)
-NEGATIVE = re.compile(r"-(\d+\.?\d*|\.\d+)(e[+-]?\d+)?$", re.IGNORECASE)
+NEGATIVE = re.compile(r"-(\d+\.?\d*|\.\d+)(e[+-]?\d+)?([:,].*)?$", re.IGNORECASE)
 CLOSED_PIPE = 128 + 13
 INTERRUPTED = 128 + 2
 """What a shell expects of a command that SIGPIPE or SIGINT ended."""
@@ -50,7 +50,7 @@ def parser() -> argparse.ArgumentParser:
     for module in VERBS:
         name = module.__name__.rsplit(".", 1)[-1]
         verb = verbs.add_parser(name, help=module.HELP, description=module.__doc__)
-        # argparse itself takes -1 for a number, but -1e-1 for an option
+        # argparse itself takes -1 for a number, but -1e-1 and -1:2 for options
         verb._negative_number_matcher = NEGATIVE
         module.add_arguments(verb)
         verb.add_argument(

@@ -2,7 +2,8 @@
 
 Frame k stands at START + k / frames_hz. Into the directory go frames/0000.png and so on
 (sRGB; `jblast events DIR/frames --srgb` reads them), events.h5 (times in microseconds
-from frame 0) and contact_sheet.png.
+from frame 0) and contact_sheet.png. Frames end at white; events are of the light
+itself, and bright fire sends more of them than its frames tell.
 """
 
 import argparse
@@ -115,7 +116,8 @@ def run(asked: argparse.Namespace) -> int:
         "seed": asked.seed,
     }
     try:
-        cleared(out, asked.mode, force=asked.force)
+        read = asked.background, asked.views
+        cleared(out, asked.mode, force=asked.force, read=read)
         if asked.mode == "rgb":
             for _ in recording.blocks():
                 pass

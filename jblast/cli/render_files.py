@@ -1,6 +1,6 @@
 """What `jblast render` writes: frames as they come, events, and the contact sheet."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -22,11 +22,21 @@ from jblast.sensors.camera.real_events import real_stream
 FRAMES, EVENTS, SHEET = "frames", "events.h5", "contact_sheet.png"
 
 
-def cleared(out: Path, mode: str, *, force: bool) -> None:
+def cleared(
+    out: Path, mode: str, *, force: bool, read: Sequence[str | None] = ()
+) -> None:
     """Make the directory, without what an earlier run left of the files to come.
 
+    Args:
+        out: The directory.
+        mode: "rgb", "events" or "both".
+        force: Whether such files may be replaced.
+        read: Files and directories that the frames are made from; None if there are
+            none.
+
     Raises:
-        InputError: It holds such files and `force` is not set, or is no directory.
+        InputError: It holds such files and `force` is not set, they are read from, or
+            it is no directory.
     """
     if out.exists() and not out.is_dir():
         raise InputError(f"{out}: expected a directory, got a file")
@@ -37,6 +47,14 @@ def cleared(out: Path, mode: str, *, force: bool) -> None:
         wanted += sorted((out / FRAMES).glob("*.png"))
     for file in wanted:
         refuse_existing(file, force=force)
+    sources = [Path(source).resolve() for source in read if source is not None]
+    for file in filter(Path.exists, wanted):
+        whole = file.resolve()
+        if any(s in (whole, whole.parent, out.resolve()) for s in sources):
+            raise InputError(
+                f"{file}: expected another --out, as the frames are made from what is "
+                "here, and it would be overwritten"
+            )
     for file in wanted:
         file.unlink(missing_ok=True)
     (out / FRAMES if mode != "events" else out).mkdir(parents=True, exist_ok=True)

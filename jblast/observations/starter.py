@@ -181,7 +181,10 @@ def _sensor(log: _Log) -> str:
     records = [f"{q} = {s:.3g}" for q, s in log.sigmas.items() if s > 0]
     if records:
         listed = ", ".join(records)
-        lines.append(f"records = {{ {listed} }}  # sigma: s for times, else relative")
+        lines.append(
+            f"records = {{ {listed} }}  # sigma: s for times, rad for directions, else "
+            "relative"
+        )
         if log.times and set(TIMED) & {q for q, s in log.sigmas.items() if s > 0}:
             lines.append(f"times_s = {log.times}  # of radii, by its clock")
     silent = [q for q, sigma in log.sigmas.items() if not sigma > 0]

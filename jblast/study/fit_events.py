@@ -20,8 +20,8 @@ from jblast.sensors.camera.smooth_counts import smooth_counts
 
 STAGES = ((0.5, 40e-3), (0.2, 15e-3), (0.1, 5e-3), (0.1, 0.1e-3))
 """Temperature, and the time smoothed over [s], one stage after another."""
-STEPS = 20
-"""Of Levenberg and Marquardt's method, in each stage at most."""
+MOST_STEPS = 200
+"""Of Levenberg and Marquardt's method, in each stage."""
 PRECISION = 1e-4
 """A stage ends where a step changes less than this, relative."""
 MOST = 32
@@ -35,11 +35,15 @@ class EventFit(NamedTuple):
         values: In the order and the units of the start.
         misfit: Root mean square of what is left, in events.
         steps: Taken in all.
+        converged: Whether the last stage ended of itself, and not for want of steps.
+            Light that no smooth count feels any more ends a stage as well: the misfit
+            is then large.
     """
 
     values: Float[np.ndarray, " unknown"]
     misfit: float
     steps: int
+    converged: bool
 
 
 def event_counts(
@@ -75,6 +79,7 @@ def fit_events(
     thresholds: tuple[Float[ArrayLike, ""], Float[ArrayLike, ""]],
     *,
     stages: Sequence[tuple[float, float]] = STAGES,
+    most_steps: int = MOST_STEPS,
 ) -> EventFit:
     """Find the numbers of a scene whose events are most like those given.
 
@@ -85,20 +90,22 @@ def fit_events(
         times: Of frames [s], evenly spaced, close beside what is to be found.
         thresholds: Positive and negative, as positive numbers.
         stages: Temperatures, and times smoothed over [s].
+        most_steps: In each stage.
     """
     clock = jnp.asarray(times)
     known = jnp.cumsum(jnp.asarray(counts, clock.dtype), axis=0)
-    values, steps, misfit = jnp.asarray(start, clock.dtype), 0, np.inf
+    values, steps = jnp.asarray(start, clock.dtype), 0
+    misfit, converged = np.inf, False
     for stage in stages:
         given = (*(jnp.asarray(number) for number in stage), known, clock, thresholds)
-        values, left, taken = _stage(log_frames, values, given)
-        steps, misfit = steps + int(taken), float(left)
-    return EventFit(np.asarray(values), misfit, steps)
+        values, left, taken, ended = _stage(log_frames, values, given, most_steps)
+        steps, misfit, converged = steps + int(taken), float(left), bool(ended)
+    return EventFit(np.asarray(values), misfit, steps, converged)
 
 
 @eqx.filter_jit
-def _stage(log_frames, start, given):
-    """Return the numbers of one stage, what is left and how many steps it took."""
+def _stage(log_frames, start, given, most_steps):
+    """Return the numbers of one stage, what is left, its steps, whether it ended."""
     temperature, width, known, times, thresholds = given
     apart = (times[1:, None] - times[None, 1:]) / width
     weights = jnp.exp(-0.5 * jnp.square(apart))
@@ -113,7 +120,8 @@ def _stage(log_frames, start, given):
     solver = optx.LevenbergMarquardt(rtol=PRECISION, atol=PRECISION)
     options = {"jac": "fwd"}
     found = optx.least_squares(
-        off, solver, start, max_steps=STEPS, throw=False, options=options
+        off, solver, start, max_steps=most_steps, throw=False, options=options
     )
     left = jnp.sqrt(jnp.mean(jnp.square(off(found.value, None))))
-    return found.value, left, found.stats["num_steps"]
+    ended = found.result == optx.RESULTS.successful
+    return found.value, left, found.stats["num_steps"], ended

@@ -138,18 +138,23 @@ def fireball(
     charge_mass: Float[ArrayLike, "..."],
     time: Float[ArrayLike, "..."],
     air_temperature: Float[ArrayLike, "..."] = STANDARD_TEMPERATURE,
+    growth_time: Float[ArrayLike, "..."] | None = None,
 ) -> Fireball:
-    """Return the fireball of a charge at an instant; nothing before detonation.
+    r"""Return the fireball of a charge at an instant; nothing before detonation.
 
     Args:
         charge_mass: TNT-equivalent mass $W$ [kg], positive.
         time: Since detonation [s].
         air_temperature: Of the air around [K], below 798.
+        growth_time: Time constant $\tau$ of the expansion [s], positive; None for
+            that of `fireball_growth_time`.
     """
+    if growth_time is None:
+        growth_time = fireball_growth_time(charge_mass)
     mass, time, air = as_float_arrays(charge_mass, time, air_temperature)
     begun = time > 0.0
     rise = fireball_rise(mass, time, air)
-    expansion = fireball_radius(mass, time, fireball_growth_time(mass))
+    expansion = fireball_radius(mass, time, growth_time)
     radius = expansion + ENTRAINMENT * rise
     cooled = jnp.log((HOTTEST - air) / (DRAPER_POINT - air))
     part = jnp.maximum(time, 0.0) / fireball_duration(mass)

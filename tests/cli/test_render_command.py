@@ -124,6 +124,8 @@ def test_times_are_those_asked_for(jblast):
     frames = sorted((jblast.directory / "out" / "frames").iterdir())
     changed = [not (np.asarray(Image.open(p)) == 118).all() for p in frames]
     assert changed == [False] * 11 + [True] * 9  # at 2 s it has no size yet
+    said = rendered(jblast, "--times", "-0.01:0.01", "--mode", "rgb", "--force")
+    assert (said["start_s"], said["frames"]) == (-0.01, 10)
 
 
 def test_the_default_lasts_until_no_fireball_glows(jblast):
@@ -294,6 +296,18 @@ def test_an_existing_output_is_left_alone_without_force(jblast):
     rendered(jblast, "--seconds", "0.01", "--force")
     # nothing of the longer film is left among the frames of the shorter
     assert len(list((out / "frames").iterdir())) == 5
+
+
+def test_what_is_read_is_not_overwritten(jblast):
+    rendered(jblast, "--seconds", "0.01")
+    frames = jblast.directory / "out" / "frames"
+    before = {p: p.read_bytes() for p in frames.iterdir()}
+    for background in (frames, frames / "0000.png"):
+        words = ["--seconds", "0.01", "--force", "--background", str(background)]
+        words += ["--out", jblast.path("out")]
+        message = jblast.refused("render", jblast.path("scene.toml"), *words)
+        assert "expected another --out, as the frames are made from" in message
+    assert {p: p.read_bytes() for p in frames.iterdir()} == before
 
 
 def test_a_directory_that_is_a_file_is_refused(jblast):

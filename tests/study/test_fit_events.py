@@ -31,7 +31,17 @@ def test_size_and_start_are_recovered_from_events_alone(counts, size, late):
     # the bias of the smooth counts at the last temperature
     assert np.cbrt(mass / MASS) == pytest.approx(1.0, abs=1e-3)
     assert begin == pytest.approx(START, abs=0.1e-3)
+    assert found.converged
     assert found.misfit < 0.5
+
+
+@pytest.mark.slow
+def test_a_fit_that_runs_out_of_steps_says_so(counts):
+    start = coordinates(1.2**3 * MASS, START)
+    given = log_frames, start, counts, TIMES, THRESHOLDS
+    found = fit_events(*given, stages=((0.3, 5e-3),), most_steps=3)
+    assert not found.converged
+    assert found.steps == 3
 
 
 def test_counts_are_those_of_the_interval_and_pixel():

@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import ArrayLike, Float, Int
 
 from jblast.errors import InputError
-from jblast.sensors.camera.event_pixel import crossings, rounding
+from jblast.sensors.camera.event_pixel import check_thresholds, crossings, rounding
 from jblast.sensors.camera.event_stream import gathered
 from jblast.sensors.camera.event_strip import Found
 from jblast.sensors.camera.events import Events
@@ -54,10 +54,13 @@ def frameless_events(
         pixels: Those whose light changes, row times width plus column; all by default.
 
     Raises:
-        InputError: Times do not rise.
+        InputError: Times do not rise or are not finite, or a threshold is not
+            positive.
     """
+    check_thresholds(thresholds)
     times = np.asarray(times, float)
-    if len(times) < 2 or not (np.diff(times) > 0.0).all():
+    rise = len(times) > 1 and bool((np.diff(times) > 0.0).all())
+    if not (rise and np.isfinite(times).all()):
         raise InputError("times: expected two or more that rise")
     if pixels is None:
         pixels = np.arange(shape[0] * shape[1])

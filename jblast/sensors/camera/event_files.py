@@ -20,6 +20,9 @@ from jblast.sensors.camera.events import Events
 from jblast.sensors.camera.whole_files import replacing
 
 TYPES = {"x": np.uint16, "y": np.uint16, "t": np.int64, "p": np.uint8}
+LARGEST = 1 << 16
+"""Columns or rows that have a number of 16 bits [px]."""
+
 SUFFIXES = (".h5", ".hdf5", ".npz")
 
 
@@ -45,9 +48,14 @@ def write_events(
         height: Rows.
 
     Raises:
-        InputError: The suffix is another one.
+        InputError: The suffix is another one, or the image is too large for the format.
     """
     suffix = check_suffix(path)
+    if max(width, height) > LARGEST:
+        raise InputError(
+            f"{path}: expected images of at most {LARGEST:,} pixels a side, which this "
+            f"format can hold; got {width} x {height}"
+        )
     write = _write_npz if suffix == ".npz" else _write_hdf5
     with replacing(Path(path), suffix) as temporary:
         brighter, darker = write(temporary, blocks, width, height)

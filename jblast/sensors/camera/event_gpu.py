@@ -21,6 +21,7 @@ from jblast.sensors.camera.event_kernel import (
     follow,
     screen,
 )
+from jblast.sensors.camera.event_pixel import check_thresholds
 from jblast.sensors.camera.event_stream import gathered
 from jblast.sensors.camera.event_strip import Found as FoundOnHost
 from jblast.sensors.camera.events import Events
@@ -60,8 +61,9 @@ class EventKernel:
             device: Warp's name of it; by default the first GPU, or the CPU.
 
         Raises:
-            InputError: There is no such device.
+            InputError: There is no such device, or a threshold is not positive.
         """
+        check_thresholds(thresholds)
         try:
             self.device = wp.get_device(device)
         except (RuntimeError, ValueError):

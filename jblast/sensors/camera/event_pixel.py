@@ -13,10 +13,32 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Int
+from jax.core import Tracer
+from jaxtyping import Array, ArrayLike, Float, Int
+
+from jblast.errors import InputError
 
 Thresholds = tuple[Float[Array, "..."], Float[Array, "..."]]
 """Positive and negative, both as positive numbers; one for all pixels or one each."""
+
+
+def check_thresholds(
+    thresholds: tuple[Float[ArrayLike, "..."], Float[ArrayLike, "..."]],
+) -> None:
+    """Refuse thresholds that no pixel can have; inside jit they are not looked at.
+
+    Raises:
+        InputError: One is not a positive, finite number.
+    """
+    for name, threshold in zip(("positive", "negative"), thresholds, strict=True):
+        if isinstance(threshold, Tracer):
+            continue
+        number = np.asarray(threshold)
+        bad = number[~((number > 0) & np.isfinite(number))]
+        if bad.size:
+            raise InputError(
+                f"{name} threshold: expected positive numbers, got {bad.flat[0]:g}"
+            )
 
 
 class Reference(eqx.Module):

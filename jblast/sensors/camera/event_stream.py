@@ -16,6 +16,7 @@ from jaxtyping import ArrayLike, Float, UInt8
 
 from jblast.errors import InputError
 from jblast.sensors.camera.composite_strip import CompositeStrip
+from jblast.sensors.camera.event_pixel import check_thresholds
 from jblast.sensors.camera.event_strip import Found, Strip
 from jblast.sensors.camera.events import Events
 from jblast.sensors.camera.log_intensity import grey_table
@@ -51,8 +52,10 @@ def stream_events(
         workers: Threads, each for a strip of rows; by default one a core.
 
     Raises:
-        InputError: Times do not rise, or a frame has another size than the first.
+        InputError: Times do not rise, a frame has another size than the first, or a
+            threshold is not positive.
     """
+    check_thresholds(thresholds)
     table = grey_table() if table is None else table
     workers = workers or os.cpu_count() or 1
     strips: list[Strip] = []

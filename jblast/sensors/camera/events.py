@@ -8,11 +8,14 @@ threshold. That time is second order in the frame interval, and differentiable.
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
+from jax.core import Tracer
 from jaxtyping import Array, ArrayLike, Float, Int
 
+from jblast.errors import InputError
 from jblast.sensors.camera.event_pixel import (
     Reference,
     Thresholds,
+    check_thresholds,
     count_events,
     first_reference,
 )
@@ -57,6 +60,9 @@ def ideal_events(
             an array (height, width).
         capacity: Room for so many events. If there are more, those of the earliest
             intervals are kept and `lost` says how many are not.
+
+    Raises:
+        InputError: Outside jit: a threshold is not positive, or times do not rise.
     """
     return continued_events(
         log_frames, times, thresholds, first_reference(log_frames[0]), capacity=capacity
@@ -74,8 +80,12 @@ def continued_events(
     """Return the events of a part of a stream, and the reference for the next part.
 
     Parts give the events of the whole if each begins with the last frame of the one
-    before. Arguments as those of `ideal_events`.
+    before. Arguments and errors as those of `ideal_events`.
     """
+    check_thresholds(thresholds)
+    clock_rises = isinstance(times, Tracer) or (np.diff(np.asarray(times)) > 0).all()
+    if not clock_rises:
+        raise InputError("times: expected times that rise from frame to frame")
     dtype, shape = log_frames.dtype, log_frames.shape[1:]
     if len(log_frames) == 1:  # no interval: one in which nothing happens
         log_frames, times = jnp.repeat(log_frames, 2, axis=0), jnp.repeat(times, 2)

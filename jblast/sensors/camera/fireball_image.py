@@ -29,7 +29,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike, Float
 
-from jblast.scene import Air, Camera, Charge, Scene
+from jblast.scene import Camera, Charge, Scene
 from jblast.sensors.camera.blackbody import blackbody_light
 from jblast.sensors.camera.compositing import laid_over, straight
 from jblast.sensors.camera.grey_composite import LUMINANCE
@@ -86,7 +86,7 @@ def fireballs_seen(
         Red, green and blue times alpha, and alpha.
     """
     look = Look() if look is None else look
-    return laid_over([_seen(scene.air, c, rays, time, look) for c in scene.charges])
+    return laid_over([_seen(scene, c, rays, time, look) for c in scene.charges])
 
 
 class Passage(eqx.Module):
@@ -150,27 +150,28 @@ class Cloud(eqx.Module):
     air: Float[Array, ""]
 
 
-def cloud(air: Air, charge: Charge, time: Float[Array, ""]) -> Cloud:
-    """Return a charge's fireball at a time on the common clock [s]."""
-    temperature = air.temperature
+def cloud(scene: Scene, charge: Charge, time: Float[Array, ""]) -> Cloud:
+    """Return the fireball of a scene's charge at a time on the common clock [s]."""
+    air, temperature = scene.air, scene.air.temperature
     if air.altitude is not None:
         temperature, _ = standard_atmosphere(air.altitude)
     mass = charge.tnt_mass("fireball_radius_m")
-    ball = fireball(mass, time - charge.time, temperature)
+    since, growth = time - charge.time, scene.fireball_growth
+    ball = fireball(mass, since, temperature, growth)
     centre = jnp.stack([charge.east, charge.north, charge.up + ball.rise])
     depth = ball.optical_depth
     return Cloud(centre, ball.radius, ball.temperature, depth, temperature)
 
 
 def _seen(
-    air: Air,
+    scene: Scene,
     charge: Charge,
     rays: Rays,
     time: Float[Array, ""],
     look: Look,
 ) -> tuple[Float[Array, "4 row column"], Float[Array, ""]]:
     """Return the premultiplied light of one charge's fireball, and how far it is."""
-    ball = cloud(air, charge, time)
+    ball = cloud(scene, charge, time)
     offset = ball.centre - rays.origin
     met = passage(offset, ball.radius, rays)
     lumps = -look.lumps * jnp.expm1(-ball.optical_depth / look.lumps)

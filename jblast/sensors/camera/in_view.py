@@ -6,10 +6,11 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from jblast.scene import Camera, Charge, Scene
+from jblast.sensors.camera.fireball_image import cloud
 from jblast.sensors.camera.pixel_rays import Rays, pixel_rays
 from jblast.sensors.camera.projection import to_camera
 from jblast.sensors.camera.views import Views, billboard
-from jblast.waves.fireball import fireball, fireball_duration
+from jblast.waves.fireball import fireball_duration
 
 INSTANTS = 16
 """Of a fireball's life at which it is looked for."""
@@ -34,7 +35,7 @@ def in_view(
 def _in_view(scene: Scene, camera: Camera, views: Views | None) -> Bool[Array, ""]:
     rays = pixel_rays(camera, ground=False)
     shown = [
-        _meets(charge, rays, 0.71 / jnp.min(camera.focal))  # to a pixel's corner
+        _meets(scene, charge, rays, 0.71 / jnp.min(camera.focal))  # to a pixel's corner
         if views is None
         else _shown(views, charge, rays)
         for charge in scene.charges
@@ -51,14 +52,15 @@ def off_axis(scene: Scene, camera: Camera) -> Float[Array, ""]:
     return jnp.arctan2(jnp.hypot(right, down), ahead)
 
 
-def _meets(charge: Charge, rays: Rays, margin: Float[Array, ""]) -> Bool[Array, ""]:
+def _meets(
+    scene: Scene, charge: Charge, rays: Rays, margin: Float[Array, ""]
+) -> Bool[Array, ""]:
     """Return whether a ray meets the sphere, or passes it within an angle [rad]."""
-    mass = charge.tnt_mass("fireball_radius_m")
+    life = fireball_duration(charge.tnt_mass("fireball_radius_m"))
 
     def at(part):
-        ball = fireball(mass, part * fireball_duration(mass))
-        offset = jnp.stack([charge.east, charge.north, charge.up + ball.rise])
-        offset = offset - rays.origin
+        ball = cloud(scene, charge, charge.time + part * life)
+        offset = ball.centre - rays.origin
         along = jnp.tensordot(offset, rays.direction, 1)
         square = jnp.sum(jnp.square(offset))
         reach = ball.radius + margin * jnp.sqrt(square)

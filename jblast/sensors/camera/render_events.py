@@ -129,7 +129,7 @@ def _reached(
 
     def between(reached, ends):
         for charge in scene.charges:
-            low, high = (cloud(scene.air, charge, time) for time in ends)
+            low, high = (cloud(scene, charge, time) for time in ends)
             offset = 0.5 * (low.centre + high.centre) - rays.origin
             moved = 0.5 * (high.centre[2] - low.centre[2])
             along = jnp.tensordot(offset, rays.direction, 1)

@@ -181,7 +181,7 @@ def test_times_have_the_gradients_of_the_scene():
     np.testing.assert_allclose(ours, known, rtol=1e-6)
 
 
-@pytest.mark.parametrize("times", [[0.0], [0.0, 0.0], [1.0, 0.0]])
+@pytest.mark.parametrize("times", [[0.0], [0.0, 0.0], [1.0, 0.0], [0.0, np.inf]])
 def test_times_that_do_not_rise_are_refused(times):
     with pytest.raises(InputError, match="two or more that rise"):
         one_pixel(lambda t: t, times)

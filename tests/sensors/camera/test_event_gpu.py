@@ -96,3 +96,5 @@ def test_what_does_not_fit_is_refused():
         kernel.advance(np.array([0.0, 1.0]), good[..., None])
     with pytest.raises(InputError, match="device: expected one of cpu"):
         EventKernel((2, 2), (0.2, 0.2), device="cuda:77")
+    with pytest.raises(InputError, match="negative threshold: expected positive"):
+        EventKernel((2, 2), (0.2, -0.2), device="cpu")

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from jblast.errors import InputError
+from jblast.sensors.camera.crossing_times import frameless_events
 from jblast.sensors.camera.event_stream import stream_events
 from jblast.sensors.camera.events import ideal_events
 from jblast.sensors.camera.grey_composite import LUMINANCE, grey_composite
@@ -135,6 +136,25 @@ def test_times_that_do_not_rise_are_refused():
     blocks = [(TIMES[:4], frames[:4]), (TIMES[3:8], frames[3:8])]
     with pytest.raises(InputError, match="times that rise"):
         list(stream_events(blocks, (0.2, 0.2)))
+
+
+@pytest.mark.parametrize("bad", [-0.2, 0.0, np.nan, np.inf])
+def test_thresholds_that_are_not_positive_are_refused(bad):
+    frames = flicker(np.float64)
+    ways = {
+        "stream": lambda both: list(stream_events([(TIMES, frames)], both)),
+        "of frames": lambda both: ideal_events(
+            jnp.asarray(frames), jnp.asarray(TIMES), both, capacity=9
+        ),
+        "without frames": lambda both: frameless_events(
+            lambda time, x, y: time, (1, 1), TIMES, both
+        ),
+    }
+    for way in ways.values():
+        with pytest.raises(InputError, match=r"^negative threshold: expected positive"):
+            way((0.2, bad))
+        with pytest.raises(InputError, match=r"^positive threshold: expected positive"):
+            way((np.full((HEIGHT, WIDTH), bad), 0.2))
 
 
 def test_frames_of_another_size_are_refused():

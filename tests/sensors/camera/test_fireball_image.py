@@ -10,10 +10,10 @@ from scipy.integrate import quad
 
 from jblast.scene import Charge, Scene, quaternion_matrix
 from jblast.sensors.camera.compositing import over
-from jblast.sensors.camera.fireball_image import passage
+from jblast.sensors.camera.fireball_image import cloud, passage
 from jblast.sensors.camera.pixel_rays import Rays, pixel_rays
 from jblast.sensors.camera.render import render
-from jblast.waves.fireball import fireball
+from jblast.waves.fireball import fireball, fireball_growth_time
 
 WHEN = 0.3
 
@@ -30,6 +30,21 @@ def alpha_of(scene, camera, time=WHEN, **options):
 def ball_at(scene, time=WHEN):
     ball = fireball(scene.charge.mass, time - scene.charge.time, scene.air.temperature)
     return float(ball.radius), float(scene.charge.up + ball.rise)
+
+
+def test_the_growth_time_of_the_scene_is_that_of_its_pictures():
+    scene = dataclasses.replace(one_charge(), fireball_growth=jnp.asarray(0.2))
+    camera = small_camera()
+    own = float(fireball_growth_time(100.0))
+    np.testing.assert_array_equal(
+        layer_of(dataclasses.replace(scene, fireball_growth=jnp.asarray(own)), camera),
+        layer_of(one_charge(), camera),
+    )
+    both = scene, one_charge()
+    slow, usual = (np.sum(alpha_of(s, camera)) for s in both)
+    radii = [float(cloud(s, s.charge, jnp.asarray(WHEN)).radius) for s in both]
+    # 6.7 and 8.5 m; the limb is soft and the ground cuts both
+    assert slow / usual == pytest.approx((radii[0] / radii[1]) ** 2, rel=0.1)
 
 
 @pytest.mark.parametrize("ahead", [30.0, 3.0, -3.0, -30.0])

@@ -5,6 +5,7 @@ import pytest
 from hypothesis import given, settings, strategies as st
 from jax.test_util import check_grads
 
+from jblast.errors import InputError
 from jblast.sensors.camera.event_pixel import first_reference
 from jblast.sensors.camera.events import Events, continued_events, ideal_events
 from jblast.sensors.camera.log_intensity import DARKEST, grey_table, log_intensity
@@ -132,6 +133,13 @@ def test_one_frame_alone_gives_no_event():
     events = one_pixel([0.7], [3.0], capacity=4)
     assert int(events.count) == int(events.lost) == 0
     assert np.isinf(np.asarray(events.time)).all()
+
+
+@pytest.mark.parametrize("times", [[1.0, 0.0], [1.0, 1.0], [0.0, np.nan]])
+def test_times_that_do_not_rise_are_refused(times):
+    frames = jnp.zeros((2, 1, 1))
+    with pytest.raises(InputError, match="times: expected times that rise"):
+        ideal_events(frames, jnp.array(times), BOTH, capacity=4)
 
 
 def test_a_batch_is_its_own_loop():
