@@ -61,6 +61,7 @@ def test_bearings_miss_by_the_short_way_round():
     np.testing.assert_allclose(residual, expected, atol=1e-12)
 
 
+@pytest.mark.slow
 def test_a_simulated_bearing_is_within_the_circle():
     sensor = Sensor("s", np.array([0.0, -50.0, 0.0]), records=(("bearing_rad", 0.5),))
     scene = Scene(sensors=(sensor,))
@@ -194,6 +195,7 @@ def test_intervals_of_many_logs_cover_the_truth(noise):
     assert (jnp.abs(inside - 0.9) < 0.06).all(), (found.names, inside)
 
 
+@pytest.mark.slow
 def test_a_log_of_one_layout_reads_as_its_record_says():
     scene = scene_of(HEARD)
     layout, _, _ = planned_layout(scene)

@@ -3,7 +3,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from hypothesis import given, strategies as st
+from hypothesis import given, settings, strategies as st
 from jax.test_util import check_grads
 
 from jblast.constants import STANDARD_GRAVITY, STANDARD_TEMPERATURE
@@ -42,6 +42,7 @@ def test_fireball_never_overtakes_the_shock(burst):
         assert float(jnp.max(fast / distance)) > 1.0
 
 
+@settings(deadline=None)  # the first one compiles
 @given(masses, parts)
 def test_expansion_scales_with_the_cube_root_of_mass(mass, part):
     growth = fireball_growth_time(mass)
@@ -72,6 +73,7 @@ def test_rise_ends_at_the_speed_of_a_large_bubble():
     np.testing.assert_allclose(speed, 2 / 3 * np.sqrt(STANDARD_GRAVITY * radius))
 
 
+@settings(deadline=None)  # the first one compiles
 @given(masses)
 def test_it_cools_to_the_draper_point_when_it_stops_to_glow(mass):
     at = fireball(mass, fireball_duration(mass))
@@ -109,7 +111,7 @@ def logs(log_mass, log_time):
 @pytest.mark.parametrize("mass", [0.01, 3.0, 1e5])
 @pytest.mark.parametrize("time", [1e-4, 0.02, 4.0])
 def test_derivatives_agree_with_differences(mass, time):
-    check_grads(logs, (jnp.log(mass), jnp.log(time)), order=2, atol=1e-5, rtol=1e-5)
+    check_grads(logs, (jnp.log(mass), jnp.log(time)), order=1, atol=1e-6, rtol=1e-6)
 
 
 def test_a_batch_is_its_own_loop():

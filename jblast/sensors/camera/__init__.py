@@ -39,6 +39,7 @@ from jblast.sensors.camera.render_events import (
     pixel_light as pixel_light,
     render_events as render_events,
 )
+from jblast.sensors.camera.scene_events import events as events
 from jblast.sensors.camera.smooth_counts import smooth_counts as smooth_counts
 from jblast.sensors.camera.unproject import (
     undistort as undistort,

@@ -115,6 +115,7 @@ def test_a_peak_that_touches_a_threshold_reaches_it(peak, count):
         assert time[0] == pytest.approx(0.5, abs=1e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(4))
 def test_light_that_goes_up_and_down_gives_the_events_of_many_frames(seed):
     rng = np.random.default_rng(seed)

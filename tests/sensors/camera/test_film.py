@@ -45,6 +45,7 @@ def blocks_of_three(monkeypatch):
     monkeypatch.setattr(film_module, "PIXELS", 3 * 32 * 24)
 
 
+@pytest.mark.slow
 def test_blocks_are_the_whole():
     times = np.linspace(-1e-3, 20e-3, 8)
     whole = np.asarray(render(SCENE, camera(), times))

@@ -32,6 +32,7 @@ def ball_at(scene, time=WHEN):
     return float(ball.radius), float(scene.charge.up + ball.rise)
 
 
+@pytest.mark.slow
 def test_the_growth_time_of_the_scene_is_that_of_its_pictures():
     scene = dataclasses.replace(one_charge(), fireball_growth=jnp.asarray(0.2))
     camera = small_camera()
@@ -179,6 +180,7 @@ def test_smaller_than_a_pixel_it_is_seen_whole_or_not_at_all_unless_supersampled
     assert many.sum() == pytest.approx(area, rel=0.03)
 
 
+@pytest.mark.slow
 def test_pixels_that_show_no_direction_show_no_fireball():
     # strong barrel distortion: the model folds over before the image's corners
     lens = jnp.array([-0.5, 0.0, 0.0, 0.0, 0.0])

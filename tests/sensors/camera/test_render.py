@@ -64,6 +64,7 @@ def test_an_exposure_is_the_mean_of_instants_in_the_middle_of_its_parts():
     assert np.abs(frames - render(scene, still, times)).max() > 0.1
 
 
+@pytest.mark.slow
 def test_supersampling_is_the_mean_of_the_rays():
     scene = one_charge()
     fine = small_camera(width=72, height=54, focal=[120.0, 123.0], center=[35.5, 25.0])
@@ -74,6 +75,7 @@ def test_supersampling_is_the_mean_of_the_rays():
     np.testing.assert_allclose(frames, mean, rtol=1e-9)
 
 
+@pytest.mark.slow
 def test_batches_of_scenes_cameras_and_times_are_their_own_loops():
     masses, starts = jnp.array([20.0, 100.0]), jnp.array([0.0, 0.05])
     places = jnp.array([[3.0, -60.0, 4.0], [-20.0, -50.0, 2.0]])
@@ -95,6 +97,7 @@ def test_batches_of_scenes_cameras_and_times_are_their_own_loops():
         np.testing.assert_allclose(batch[i], alone, rtol=1e-9, atol=1e-12)
 
 
+@pytest.mark.slow
 def test_single_precision_gives_the_same_picture():
     scene, camera = one_charge(), small_camera()
     double = render(scene, camera, TIMES, supersample=2)

@@ -14,6 +14,8 @@ from jblast.sensors.camera.log_intensity import log_intensity
 from jblast.sensors.camera.render import render
 from jblast.sensors.camera.render_events import PixelLight, pixel_light, render_events
 
+pytestmark = pytest.mark.slow  # one program, compiled for half a minute
+
 WIDTH, HEIGHT = 10, 8
 END = 0.25
 CLOSE = 2e-9
@@ -68,7 +70,6 @@ def test_the_first_samples_do_not_decide_the_times(scene, camera, solved):
     np.testing.assert_allclose(time, when, rtol=0, atol=CLOSE)
 
 
-@pytest.mark.slow
 def test_events_of_frames_come_nearer_by_the_square_of_their_interval(
     scene, camera, solved
 ):
@@ -90,7 +91,6 @@ def test_events_of_frames_come_nearer_by_the_square_of_their_interval(
     assert middle[1] < 10e-6
 
 
-@pytest.mark.slow
 def test_times_have_gradients_in_the_charge(scene, camera, solved):
     def moved(mass):
         charge = dataclasses.replace(scene.charge, mass=jnp.asarray(mass))

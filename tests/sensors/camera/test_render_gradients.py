@@ -62,7 +62,9 @@ def central_differences(function, at, step=3e-8):
 gradient_of = {f: jax.jit(jax.grad(f)) for f in (weighted, counted)}
 
 
-@pytest.mark.parametrize("function", [weighted, counted])
+@pytest.mark.parametrize(
+    "function", [weighted, pytest.param(counted, marks=pytest.mark.slow)]
+)
 def test_gradients_are_those_of_central_differences(function):
     gradient = np.asarray(gradient_of[function](UNKNOWN))
     expected = central_differences(jax.jit(function), UNKNOWN)

@@ -263,6 +263,7 @@ def test_the_nearer_of_two_charges_is_in_front():
         np.testing.assert_allclose(seen, [1.0, 0.0, 0.0, 1.0], atol=1e-12)
 
 
+@pytest.mark.slow
 def test_gradients_are_those_of_differences():
     weights = jnp.asarray(np.random.default_rng(0).random((48, 64, 4)))
     axis = jnp.asarray(np.random.default_rng(1).normal(size=12))
