@@ -29,3 +29,6 @@ TNT_DENSITY = 1630.0
 
 GRANITE_P_SPEED = 5660.0
 """P-wave speed of granite in situ [m/s]. Wu and Hao (2005); 6000 m/s is intact core."""
+
+FLIGHT_GRAVITY = 9.81
+"""Gravity of the vehicles [m/s2]: RotorPy 3.0.0's, so that its flights are repeated."""

@@ -19,6 +19,7 @@ from jblast.cli import (
     calc,
     chart,
     choose,
+    discover,
     events,
     fit,
     render,
@@ -28,7 +29,19 @@ from jblast.cli import (
 )
 from jblast.errors import InputError
 
-VERBS = (fit, calc, bound, choose, scene, simulate, render, events, chart, stability)
+VERBS = (
+    fit,
+    calc,
+    bound,
+    choose,
+    scene,
+    simulate,
+    render,
+    events,
+    chart,
+    stability,
+    discover,
+)
 NEGATIVE = re.compile(r"-(\d+\.?\d*|\.\d+)(e[+-]?\d+)?([:,].*)?$", re.IGNORECASE)
 CLOSED_PIPE = 128 + 13
 INTERRUPTED = 128 + 2

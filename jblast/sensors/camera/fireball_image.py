@@ -11,7 +11,7 @@ and $\tau_0 h^3$ for the whole chord: at the limb its slope is zero, so there is
 that a gradient would miss. $s_0$ is the camera, $s_1$ the ground or what stands before
 the cloud.
 
-Soot alone has thousands of optical depths. It is not evenly mixed: of $N$ lumps along
+Soot alone has hundreds of optical depths. It is not evenly mixed: of $N$ lumps along
 a diameter the gaps let through light as if there were
 
 $$\tau_0 = N\,(1 - e^{-\tau_s/N})$$
