@@ -1,0 +1,29 @@
+"""What a blast does to a vehicle: quadrotors in a wind, alone or a batch at once."""
+
+from jblast.vehicle.control import (
+    Controller as Controller,
+    PositionHold as PositionHold,
+    allocation as allocation,
+    rotor_speeds as rotor_speeds,
+)
+from jblast.vehicle.gains import (
+    Gains as Gains,
+    gains_from_parameters as gains_from_parameters,
+    named_gains as named_gains,
+)
+from jblast.vehicle.gusts import (
+    FriedlanderGust as FriedlanderGust,
+    NWaveGust as NWaveGust,
+    StepGust as StepGust,
+)
+from jblast.vehicle.lanes import Each as Each
+from jblast.vehicle.loads import Load as Load, Pulse as Pulse
+from jblast.vehicle.named import named as named
+from jblast.vehicle.parameters import (
+    Body as Body,
+    Vehicle as Vehicle,
+    from_parameters as from_parameters,
+)
+from jblast.vehicle.simulate import STEP_S as STEP_S, simulate as simulate
+from jblast.vehicle.state import State as State, Trajectory as Trajectory
+from jblast.vehicle.step_limit import step_limit as step_limit

@@ -1,0 +1,173 @@
+r"""Position hold by geometric control on SE(3).
+
+Lee, Leok and McClamroch (2010), with a target at rest:
+
+- $F = m(-k_p e_x - k_d e_v - k_i \int e_x\,dt + g z)$, thrust $F \cdot R z$;
+- $b_3 = F/|F|$, $b_2 = b_3 \times c/|b_3 \times c|$ with the heading
+  $c = (\cos\psi, \sin\psi, 0)$, $b_1 = b_2 \times b_3$, $R_d = (b_1, b_2, b_3)$;
+- $e_R = \frac12 (R_d^T R - R^T R_d)^\vee$;
+- $M = J(-k_R e_R - k_\omega \omega) + \omega \times J\omega$;
+- rotor thrusts $f$ from thrust and moment by the inverse allocation, rotor speeds
+  $\mathrm{sign}(f_i)\sqrt{|f_i|/k_\eta}$.
+
+Without the integral a steady wind leaves an offset for ever. Each axis of the integral
+is held within its limit, or it would go on filling while the motors are saturated.
+"""
+
+from typing import Protocol, runtime_checkable
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float, PyTree
+
+from jblast.constants import FLIGHT_GRAVITY
+from jblast.vehicle.gains import Gains
+from jblast.vehicle.motion import (
+    Four,
+    Rows,
+    Vector,
+    add,
+    cross,
+    dot,
+    four,
+    rotation,
+    rows,
+    three,
+    times,
+)
+from jblast.vehicle.numbers import floats
+from jblast.vehicle.parameters import Vehicle
+from jblast.vehicle.state import State
+
+
+@runtime_checkable
+class Controller(Protocol):
+    """What commands the rotors: called at fixed times, its answer held in between."""
+
+    def start(self) -> PyTree[Array]:
+        """Return its memory at the start."""
+        ...
+
+    def __call__(
+        self,
+        time_s: Float[Array, ""],
+        state: State,
+        vehicle: Vehicle,
+        memory: PyTree[Array],
+        period_s: Float[Array, ""],
+    ) -> tuple[Float[Array, "4"], PyTree[Array]]:
+        """Return rotor speeds to ask for [rad/s], and its memory afterwards."""
+        ...
+
+
+class PositionHold(eqx.Module):
+    """Holds a place and a heading.
+
+    Attributes:
+        target_m: East, north, up [m].
+        gains: How hard.
+        yaw_rad: Heading of body x, from east to north [rad].
+    """
+
+    target_m: Float[Array, "3"] = eqx.field(converter=floats)
+    gains: Gains
+    yaw_rad: Float[Array, ""] = eqx.field(converter=floats, default=0.0)
+
+    def start(self) -> Float[Array, "3"]:
+        """Return the integral at the start: the acceleration it asks for [m/s2]."""
+        return jnp.zeros_like(self.target_m)
+
+    def __call__(
+        self,
+        time_s: Float[Array, ""],
+        state: State,
+        vehicle: Vehicle,
+        memory: Float[Array, "3"],
+        period_s: Float[Array, ""],
+    ) -> tuple[Float[Array, "4"], Float[Array, "3"]]:
+        """Return rotor speeds to ask for [rad/s], and the integral afterwards."""
+        gains, limit = self.gains, self.gains.integral_limit
+        accelerations, integral = [], []
+        for x, v, target, total, k_p, k_d, k_i in zip(
+            state.position_m,
+            state.velocity_m_s,
+            self.target_m,
+            memory,
+            gains.position,
+            gains.velocity,
+            gains.integral,
+            strict=True,
+        ):
+            away = x - target
+            sum_now = jnp.clip(total - k_i * period_s * away, -limit, limit)
+            accelerations.append(sum_now - k_p * away - k_d * v)
+            integral.append(sum_now)
+        east, north, up = accelerations
+        pull = (east, north, up + FLIGHT_GRAVITY)
+        attitude = rotation(four(state.quaternion))
+        upward = (attitude[0][2], attitude[1][2], attitude[2][2])
+        thrust = vehicle.mass_kg * dot(pull, upward)
+        wanted = _attitude(pull, (jnp.cos(self.yaw_rad), jnp.sin(self.yaw_rad)))
+        error, w = _error(wanted, attitude), three(state.body_rate_rad_s)
+        inertia = rows(vehicle.inertia_kg_m2)
+        turn = (
+            -gains.attitude * error[0] - gains.body_rate * w[0],
+            -gains.attitude * error[1] - gains.body_rate * w[1],
+            -gains.attitude * error[2] - gains.body_rate * w[2],
+        )
+        moment = add(times(inertia, turn), cross(w, times(inertia, w)))
+        return rotor_speeds(vehicle, (thrust, *moment)), jnp.stack(integral)
+
+
+def allocation(vehicle: Vehicle) -> Float[Array, "4 4"]:
+    """Matrix that takes the four rotors' thrusts to total thrust and moment.
+
+    Returns:
+        Rows: thrust [N], moment about body x, y, z [N m], per newton of each rotor.
+    """
+    x, y, _ = vehicle.rotor_position_m.T
+    reach = vehicle.moment_coefficient / vehicle.thrust_coefficient
+    return jnp.stack([jnp.ones_like(x), y, -x, reach * vehicle.rotor_direction])
+
+
+def rotor_speeds(vehicle: Vehicle, wanted: Four) -> Float[Array, "4"]:
+    """Rotor speeds that make a thrust [N] and a moment [N m]; negative for a pull down.
+
+    Args:
+        vehicle: The vehicle, at rest in still air.
+        wanted: Thrust and moments about body x, y and z.
+    """
+    inverse = jnp.linalg.inv(allocation(vehicle))
+    speeds = []
+    for row in inverse:
+        a, b, c, d = row
+        thrust = a * wanted[0] + b * wanted[1] + c * wanted[2] + d * wanted[3]
+        square = jnp.abs(thrust) / vehicle.thrust_coefficient
+        turns = square > 0
+        speed = jnp.sqrt(jnp.where(turns, square, 1))
+        speeds.append(jnp.where(turns, jnp.sign(thrust) * speed, 0))
+    return jnp.stack(speeds)
+
+
+def _attitude(pull: Vector, heading: tuple[Array, Array]) -> Rows:
+    """Columns of the attitude whose z is along a pull; x looks along a heading."""
+    b_3 = _unit(pull)
+    b_2 = _unit(cross(b_3, (*heading, jnp.zeros_like(heading[0]))))
+    return cross(b_2, b_3), b_2, b_3
+
+
+def _error(wanted: Rows, attitude: Rows) -> Vector:
+    """Attitude error from the columns wanted and the rows of the attitude."""
+    x, y, z = zip(*attitude, strict=True)
+    b_1, b_2, b_3 = wanted
+    return (
+        (dot(b_3, y) - dot(b_2, z)) / 2,
+        (dot(b_1, z) - dot(b_3, x)) / 2,
+        (dot(b_2, x) - dot(b_1, y)) / 2,
+    )
+
+
+def _unit(v: Vector) -> Vector:
+    """Vector of length 1; zero has no direction and gives NaN."""
+    scale = 1 / jnp.sqrt(dot(v, v))
+    return v[0] * scale, v[1] * scale, v[2] * scale

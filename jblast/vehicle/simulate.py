@@ -1,0 +1,172 @@
+"""Fly a vehicle, or a batch of them."""
+
+import dataclasses
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.core import Tracer
+from jaxtyping import Array, Float
+
+from jblast.vehicle.arguments import (
+    check_choices,
+    check_commands,
+    check_start,
+    check_step,
+    check_times,
+)
+from jblast.vehicle.control import Controller
+from jblast.vehicle.lanes import Each, over_lanes, parted
+from jblast.vehicle.loads import Load, Pulse
+from jblast.vehicle.numbers import floats
+from jblast.vehicle.parameters import Vehicle
+from jblast.vehicle.rollout import Flight, Rows, fly
+from jblast.vehicle.state import State, Trajectory
+from jblast.vehicle.timetable import Ticks, stored_times, timetable
+
+STEP_S = 5e-4
+"""Step of the integrator where nothing is said [s]."""
+
+Wind = Callable[[Float[Array, ""], Float[Array, "3"]], Float[Array, "3"]]
+
+
+def simulate(
+    vehicle: Vehicle,
+    state: State,
+    *,
+    duration_s: float | int,
+    step_s: float | int = STEP_S,
+    integrator: str = "rk4",
+    commands: Any = None,
+    command_step_s: float | int | None = None,
+    control: Controller | Each | None = None,
+    wind: Wind | Each | None = None,
+    loads: Sequence[Load | Pulse | Each] = (),
+    ground_up_m: float | int | None = None,
+    store_every: int = 1,
+    backend: str = "auto",
+) -> Trajectory:
+    """Fly a vehicle through a wind and loads.
+
+    Stages at both ends of a step see wind, loads and commands from inside it, so what
+    jumps at an edge of a step is taken exactly. A batch has leading axes in the state,
+    and may have the same in the vehicle and the commands; wind, loads and controller
+    are shared unless they are wrapped in `Each`. A vehicle that diverges ends its own
+    flight only. The precision is that of the state.
+
+    Args:
+        vehicle: The vehicle.
+        state: Where it starts; the first row of the answer.
+        duration_s: How long it flies; the last step is shorter if need be.
+        step_s: Of the integrator.
+        integrator: "rk4", or "euler", which is semi-implicit.
+        commands: Rotor speeds asked for, (..., time, 4) [rad/s], clipped to what the
+            motors can do; a surplus is ignored. With neither commands nor controller
+            the speeds of the start are asked for.
+        command_step_s: How long a command is held, a controller's too, for which it is
+            a whole number of steps; one step where nothing is said.
+        control: What commands the rotors, in place of `commands`.
+        wind: Velocity of the air, east, north, up [m/s], from time [s] and position.
+        loads: Other forces: functions (time_s, state, vehicle) that give force, world
+            [N], and moment, body [N m], or pulses that tell their impulse.
+        ground_up_m: Height of level ground, on which a vehicle that falls stays lying
+            until its rotors lift it; None: no ground.
+        store_every: Steps between two stored rows; start and end are always stored.
+        backend: "jax"; "auto" takes it.
+
+    Raises:
+        InputError: A number, a shape or a choice cannot be used; the start is below
+            ground; the commands end too early; the step is too large.
+    """
+    duration_s, step_s = float(duration_s), float(step_s)
+    command_step_s = None if command_step_s is None else float(command_step_s)
+    check_choices(integrator, backend, store_every)
+    check_times(duration_s, step_s, command_step_s, control is not None)
+    batch, dtype = state.position_m.shape[:-1], jnp.result_type(*jax.tree.leaves(state))
+    period = step_s if command_step_s is None else command_step_s
+    if commands is not None:
+        commands = floats(commands)
+        check_commands(commands, batch, period, duration_s, control is not None)
+    check_start(vehicle, state, ground_up_m)
+    check_step(vehicle, control, integrator, step_s, period)
+
+    def one_each(value: Any, alone: int) -> Any:
+        """Wrap a value that has the batch's axes in front of its own."""
+        return Each(value) if batch and alone else value
+
+    flight = Flight(
+        # a name would compile the program once more for each vehicle
+        one_each(dataclasses.replace(vehicle, name=""), vehicle.mass_kg.ndim),
+        one_each(state, len(batch)),
+        commands if commands is None else one_each(commands, commands.ndim - 2),
+        control,
+        wind,
+        tuple(loads),
+        None if ground_up_m is None else floats(ground_up_m),
+    )
+    traced = any(isinstance(x, Tracer) for x in jax.tree.leaves(flight))
+    rows = _fly_all(
+        _in_precision(flight, dtype),
+        timetable(duration_s, step_s, period, dtype),
+        jnp.asarray(period, dtype),
+        batch=batch,
+        integrator=integrator,
+        store_every=store_every,
+        control_held=period > 1.5 * step_s,
+        devices=1 if traced else jax.local_device_count(),
+    )
+    return _trajectory(stored_times(duration_s, step_s, store_every, dtype), rows)
+
+
+@eqx.filter_jit
+def _fly_all(
+    flight: Flight,
+    ticks: Ticks,
+    period_s: Float[Array, ""],
+    *,
+    batch: tuple[int, ...],
+    devices: int,
+    **options: Any,
+) -> Rows:
+    """Fly one vehicle, or each of a batch."""
+    if not batch:
+        return fly(flight, ticks, period_s, **options)
+    lanes, shared = parted(flight, batch)
+
+    def one(lane: Any) -> Rows:
+        return fly(eqx.combine(lane, shared), ticks, period_s, **options)
+
+    rows = over_lanes(one, lanes, devices)
+    return jax.tree.map(lambda x: x.reshape(*batch, *x.shape[1:]), rows)
+
+
+def _in_precision(tree: Any, dtype: np.dtype) -> Any:
+    """Bring every array of floats to one precision."""
+    return jax.tree.map(
+        lambda x: x.astype(dtype) if eqx.is_inexact_array(x) else x, tree
+    )
+
+
+@jax.jit
+def _trajectory(time_s: Float[Array, " time"], rows: Rows) -> Trajectory:
+    """Put the components of the rows together."""
+
+    def together(parts: tuple[Array, ...]) -> Array:
+        return jnp.stack(parts, axis=-1)
+
+    force, moment = rows.wrench
+    motion = rows.motion
+    return Trajectory(
+        time_s,
+        together(motion.position),
+        together(motion.velocity),
+        together(motion.quaternion),
+        together(motion.body_rate),
+        together(motion.rotor_speed),
+        together(force),
+        together(moment),
+        ~rows.alive[..., -1],
+    )
