@@ -44,6 +44,7 @@ def same(one, other, atol=1e-13):
         np.testing.assert_allclose(value, getattr(other, name), atol=atol, rtol=1e-12)
 
 
+@pytest.mark.slow
 def test_a_batch_is_its_flights_one_by_one(monkeypatch):
     monkeypatch.setattr(lanes, "CHUNK", 4)
     states = batch_of(6)
@@ -75,6 +76,7 @@ def test_axes_of_a_batch_stay_and_each_may_have_its_own_wind_and_vehicle():
     np.testing.assert_allclose(alone.position_m, together.position_m[1, 2], atol=1e-13)
 
 
+@pytest.mark.slow
 def test_a_vehicle_that_diverges_ends_its_own_flight_and_is_named():
     states = batch_of(3)
     fast = states.velocity_m_s.at[1].set(1e200)
@@ -139,6 +141,7 @@ def test_a_jump_at_a_steps_edge_costs_nothing():
     np.testing.assert_allclose(both.position_m[-1], second.position_m[-1], atol=1e-14)
 
 
+@pytest.mark.slow
 def test_single_precision_stays_single_and_near():
     state = tumbling(VEHICLE)
     single = State(*(part.astype(np.float32) for part in vars(state).values()))
