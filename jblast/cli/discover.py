@@ -1,0 +1,205 @@
+"""Find the equation of motion in a trajectory: which terms, how sure, does it hold.
+
+Exit code 4: integrated from the first row, the equations do not give the data back.
+"""
+
+import argparse
+import sys
+from pathlib import Path
+
+from jblast.cli.files import path
+from jblast.cli.options import seed
+
+HELP = "find the equations of motion in a trajectory, and how sure each term is"
+FILES = ("discovery.json", "discovery.png")
+MOST_TERMS = 100
+"""Candidates: more are neither found fast nor told apart."""
+
+
+def add_arguments(verb: argparse.ArgumentParser) -> None:
+    """Say what the verb takes."""
+    verb.add_argument(
+        "trajectory",
+        metavar="TRAJECTORY.csv",
+        type=path,
+        help="CSV with a header: time_s and columns of numbers, a row a time",
+    )
+    verb.add_argument(
+        "--state",
+        metavar="COLUMN,...",
+        default="",
+        help="columns to find equations for (default: all but time_s and the inputs)",
+    )
+    verb.add_argument(
+        "--input",
+        metavar="COLUMN,...",
+        default="",
+        help="columns that drive them: a wind, a command; taken as exact",
+    )
+    verb.add_argument(
+        "--held",
+        action="store_true",
+        help="inputs keep their value until the next row, as commands do; by default "
+        "they are linear between rows",
+    )
+    verb.add_argument(
+        "--degree",
+        type=int,
+        default=2,
+        metavar="N",
+        help="look among products of up to N columns (default: 2)",
+    )
+    verb.add_argument(
+        "--drag",
+        action="store_true",
+        help="look also among |x| x of each column x",
+    )
+    verb.add_argument(
+        "--threshold",
+        default="0.05",
+        metavar="SHARE",
+        help="least share of a derivative's root mean square for a term to stay "
+        "(default: 0.05)",
+    )
+    verb.add_argument(
+        "--ensemble",
+        type=int,
+        default=100,
+        metavar="N",
+        help="records with new noise that say how sure a term is (default: 100)",
+    )
+    verb.add_argument("--seed", type=seed, default=0, help="of the noise (default: 0)")
+    verb.add_argument(
+        "--out", metavar="DIR", type=path, help=f"also write {' and '.join(FILES)}"
+    )
+    verb.add_argument("--json", action="store_true", help="print JSON")
+    verb.add_argument(
+        "--force", action="store_true", help="overwrite these files in --out"
+    )
+
+
+def run(asked: argparse.Namespace) -> int:
+    """Read, find, integrate, print; return the exit code."""
+    import json
+
+    from jblast.errors import InputError
+
+    threshold = _share(asked.threshold)
+    for option, value, most in (
+        ("--degree", asked.degree, 6),
+        ("--ensemble", asked.ensemble, 10_000),
+    ):
+        if not 1 <= value <= most:
+            raise InputError(
+                f"{option}: expected a whole number from 1 to {most}, got {value}"
+            )
+    if asked.out:
+        _check_out(Path(asked.out), force=asked.force)
+    from jblast.study.discovery_file import read_trajectory
+
+    data = read_trajectory(asked.trajectory, _names(asked.state), _names(asked.input))
+    _check_size(len(data.names), asked.degree, asked.drag)
+
+    from jblast.report.discovery_text import discovery_document, discovery_text
+    from jblast.study.discovery import discover
+    from jblast.study.discovery_integrate import replay
+    from jblast.study.discovery_terms import polynomial
+
+    found = discover(
+        data.time_s,
+        data.states,
+        data.inputs,
+        names=data.names,
+        candidates=polynomial(data.names, asked.degree, signed_squares=asked.drag),
+        held=asked.held,
+        threshold=threshold,
+        members=asked.ensemble,
+        seed=asked.seed,
+    )
+    again = replay(found, data.time_s, data.states, data.inputs, held=asked.held)
+    document = {
+        "schema": 1,
+        "rows": len(data.time_s),
+        "state": list(found.states),
+        "input": list(data.names[len(found.states) :]),
+        "candidates": list(found.candidates.names),
+        "threshold": threshold,
+        "ensemble": asked.ensemble,
+        "seed": asked.seed,
+        **discovery_document(found, again),
+    }
+    text = json.dumps(document, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+    if asked.out:
+        from jblast.report.discovery_figure import discovery_figure
+
+        figure = discovery_figure(found, again, data.time_s, data.states)
+        _write(Path(asked.out), text, figure)
+    sys.stdout.write(text if asked.json else discovery_text(found, again))
+    if asked.out and not asked.json:
+        sys.stdout.write(f"\nWritten: {asked.out}, {', '.join(FILES)}\n")
+    return 0 if all(again.reproduced) else 4
+
+
+def _names(words: str) -> list[str]:
+    """Return the names that stand between commas."""
+    return [name.strip() for name in words.split(",") if name.strip()]
+
+
+def _share(text: str) -> float:
+    """Return the threshold.
+
+    Raises:
+        InputError: It is no number from 0 to 1, 1 left out.
+    """
+    from jblast.errors import InputError
+
+    try:
+        value = float(text)
+    except ValueError:
+        value = -1.0
+    if not 0.0 <= value < 1.0:
+        raise InputError(
+            f"--threshold: expected a share, 0 or more and below 1, got {text!r}"
+        )
+    return value
+
+
+def _check_size(columns: int, degree: int, drag: bool) -> None:
+    """Refuse more candidates than can be told apart.
+
+    Raises:
+        InputError: There are more than 100.
+    """
+    import math
+
+    from jblast.errors import InputError
+
+    terms = math.comb(columns + degree, degree) + columns * drag
+    if terms > MOST_TERMS:
+        raise InputError(
+            f"{columns} columns to degree {degree}: expected at most {MOST_TERMS} "
+            f"candidates, got {terms}; name fewer by --state and --input, or lower "
+            "--degree"
+        )
+
+
+def _check_out(directory: Path, *, force: bool) -> None:
+    """Refuse a directory that cannot be written to, before anything is computed."""
+    from jblast.cli.files import refuse_existing, unwritable
+
+    try:
+        directory.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise unwritable(directory, error) from None
+    for name in FILES:
+        refuse_existing(directory / name, force=force)
+
+
+def _write(directory: Path, text: str, figure) -> None:
+    from jblast.cli.files import unwritable, write_text
+
+    write_text(directory / FILES[0], text, force=True)
+    try:
+        figure.savefig(directory / FILES[1])
+    except OSError as error:
+        raise unwritable(directory / FILES[1], error) from None

@@ -1,0 +1,144 @@
+"""Few terms out of many: PySINDy's optimizers, and what the noise allows."""
+
+import warnings
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+import pysindy
+from jaxtyping import Bool, Float
+
+SIGNIFICANT = 3.0
+"""Standard deviations by which a coefficient has to differ from zero."""
+RIDGE = 1e-10
+"""Of the least squares, for columns of unit mean square: none to speak of."""
+REPEATED = 1e-6
+"""Share of a term that earlier terms must leave over, or it repeats them."""
+
+
+class Regression(NamedTuple):
+    """One equation as a regression, window by window.
+
+    Attributes:
+        terms: Integral of each candidate.
+        covariance: Of the noise of the left side.
+    """
+
+    terms: Float[np.ndarray, "window term"]
+    covariance: Float[np.ndarray, "window window"]
+
+
+Selection = Callable[
+    [Regression, Float[np.ndarray, " window"], float], Bool[np.ndarray, " term"]
+]
+"""What picks terms: from candidates, left side and threshold."""
+
+
+def least_squares(
+    regression: Regression,
+    left: Float[np.ndarray, " window"],
+    kept: Bool[np.ndarray, " term"],
+) -> tuple[Float[np.ndarray, " term"], Float[np.ndarray, " term"]]:
+    """Return coefficients and their standard deviations; zero for terms not kept.
+
+    Where the terms leave more over than the noise explains, the standard deviations
+    grow by that factor.
+    """
+    inverse = np.linalg.pinv(regression.terms[:, kept])
+    found = inverse @ left
+    over = np.mean((left - regression.terms[:, kept] @ found) ** 2)
+    noise = np.mean(np.diag(regression.covariance))
+    variance = np.sum((inverse @ regression.covariance) * inverse, axis=1)
+    if over > noise:
+        variance *= over / noise if noise > 0.0 else 1.0
+    coefficients, sds = np.zeros(kept.shape), np.zeros(kept.shape)
+    coefficients[kept], sds[kept] = found, np.sqrt(np.maximum(variance, 0.0))
+    return coefficients, sds
+
+
+def sparse_terms(
+    regression: Regression, left: Float[np.ndarray, " window"], threshold: float
+) -> Bool[np.ndarray, " term"]:
+    """Return which terms an equation needs.
+
+    Sequentially thresholded least squares (Brunton, Proctor and Kutz 2016, PNAS
+    113:3932) on terms and left side of unit mean square, so that the threshold has no
+    unit. Of terms that resemble each other it keeps pairs that cancel; so the least
+    certain coefficient below three standard deviations is dropped, and the rest
+    thresholded again, until none is.
+
+    Args:
+        regression: The candidates.
+        left: Left side of the equation.
+        threshold: Least share of the left side's root mean square for a term to stay.
+    """
+    size = np.sqrt(np.mean(regression.terms**2, axis=0))
+    whole = np.sqrt(np.mean(left**2))
+    kept = size > 0.0
+    while np.any(kept):
+        optimizer = pysindy.STLSQ(threshold=threshold, alpha=RIDGE, max_iter=50)
+        with warnings.catch_warnings():  # that all terms went is an answer here
+            warnings.simplefilter("ignore")
+            optimizer.fit(regression.terms[:, kept] / size[kept], left / whole)
+        kept[kept] = optimizer.coef_[0] != 0.0
+        if not np.any(kept):
+            break
+        coefficients, sds = least_squares(regression, left, kept)
+        certain = np.full(kept.shape, np.inf)
+        sure = kept & (sds > 0.0)
+        certain[sure] = np.abs(coefficients[sure]) / sds[sure]
+        worst = np.argmin(certain)
+        if certain[worst] >= SIGNIFICANT:
+            break
+        kept[worst] = False
+    return kept
+
+
+def grown_terms(
+    regression: Regression, left: Float[np.ndarray, " window"], threshold: float
+) -> Bool[np.ndarray, " term"]:
+    """Return which terms an equation needs, where all candidates resemble each other.
+
+    Among powers of one positive number any sum of several comes near any other, so
+    there is no way down from all of them. Forward regression (orthogonal least squares,
+    Billings, Chen and Korenberg 1989, Int. J. Control 49:2157) adds the term that
+    explains most of what is left, until the next one explains less than the threshold,
+    or leaves a coefficient below three standard deviations.
+
+    Args:
+        regression: The candidates.
+        left: Left side of the equation.
+        threshold: Least share of the left side's root mean square for a term to come.
+    """
+    size = np.sqrt(np.mean(regression.terms**2, axis=0))
+    optimizer = pysindy.FROLS(max_iter=len(size), alpha=RIDGE)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        optimizer.fit(regression.terms / size, left / np.sqrt(np.mean(left**2)))
+    kept, over = np.zeros(size.shape, bool), np.mean(left**2)
+    for coefficients in optimizer.history_[1:]:
+        more = kept | (coefficients[0] != 0.0)
+        found, sds = least_squares(regression, left, more)
+        now = np.mean((left - regression.terms @ found) ** 2)
+        gain = np.sqrt(max(over - now, 0.0) / np.mean(left**2))
+        sure = np.all(np.abs(found[more]) >= SIGNIFICANT * sds[more])
+        if gain < threshold or not sure:
+            break
+        kept, over = more, now
+    return kept
+
+
+def repeated_terms(
+    terms: Float[np.ndarray, "window term"],
+) -> Bool[np.ndarray, " term"]:
+    """Return which candidates are sums of earlier ones: no data could tell them."""
+    size = np.linalg.norm(terms, axis=0)
+    unit = terms / np.where(size > 0.0, size, 1.0)
+    repeats = np.zeros(terms.shape[1], bool)
+    for term in range(terms.shape[1]):
+        earlier = unit[:, :term][:, ~repeats[:term]]
+        over = unit[:, term]
+        if earlier.shape[1]:
+            over = over - earlier @ np.linalg.lstsq(earlier, over)[0]
+        repeats[term] = np.linalg.norm(over) < REPEATED
+    return repeats

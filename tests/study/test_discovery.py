@@ -1,0 +1,200 @@
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from jblast.errors import InputError
+from jblast.study.discovery import discover
+from jblast.study.discovery_cases import drag_case, motor_case
+from jblast.study.discovery_integrate import replay
+from jblast.study.discovery_noise import noisy_states
+from jblast.study.discovery_smooth import smoothed
+from jblast.study.discovery_terms import Candidates, polynomial
+from jblast.study.discovery_weak import half_width, windows
+
+TIME = np.linspace(0.0, 10.0, 401)
+
+
+@pytest.fixture(scope="module")
+def drag():
+    return drag_case()
+
+
+def pendulum(noise: float = 0.0, damping: float = 0.2) -> np.ndarray:
+    """Return angle and rate of x'' = -4 x - damping x'."""
+    flow = solve_ivp(
+        lambda t, y: [y[1], -4.0 * y[0] - damping * y[1]],
+        (0.0, 10.0),
+        [1.0, 0.0],
+        t_eval=TIME,
+        rtol=1e-9,
+        atol=1e-9,
+    )
+    drawn = np.random.default_rng(0).standard_normal(flow.y.T.shape)
+    return flow.y.T + noise * drawn
+
+
+def found_in_case(case, noise: float, seed: int = 0, members: int = 12):
+    states = noisy_states(case, noise, seed)
+    found = discover(
+        case.time_s,
+        states,
+        case.inputs,
+        names=case.names,
+        candidates=case.candidates,
+        held=case.held,
+        members=members,
+    )
+    return found, replay(found, case.time_s, states, case.inputs, held=case.held)
+
+
+def test_a_window_integrates_by_parts():
+    time = np.sort(np.random.default_rng(1).uniform(0.0, 2.0, 60))
+    cut = windows(time, 0.4)
+    left = cut.derivative @ cut.time**3
+    # three nodes a piece, eight pieces a window, whose ends cut pieces in two
+    np.testing.assert_allclose(left, cut.integral @ (3.0 * cut.time**2), rtol=5e-4)
+
+
+def test_a_wide_gap_between_rows_is_cut_into_pieces():
+    time = np.concatenate([np.linspace(0.0, 1.0, 20), np.linspace(3.0, 4.0, 20)])
+    cut = windows(time, 0.3)
+    left = cut.derivative @ np.sin(cut.time)
+    right = cut.integral @ np.cos(cut.time)
+    np.testing.assert_allclose(left, right, atol=5e-4 * np.max(np.abs(right)))
+
+
+def test_windows_are_as_wide_as_the_motion_asks():
+    angle = TIME * 2.0 * np.pi / 2.0  # five periods of 2 s
+    value, slope = np.sin(angle)[:, None], np.pi * np.cos(angle)[:, None]
+    assert half_width(TIME, value, slope) == pytest.approx(1.0 / np.pi, rel=0.01)
+
+
+def test_smoothing_tells_the_noise():
+    noise = 0.05 * np.random.default_rng(2).standard_normal(TIME.shape)
+    sd = smoothed(TIME, (np.sin(TIME) + noise)[:, None]).noise_sd[0]
+    assert sd == pytest.approx(0.05, rel=0.12)  # three standard errors of 401 rows
+
+
+def test_products_and_signed_squares_of_columns():
+    candidates = polynomial(("x", "y"), 2, signed_squares=True)
+    assert candidates.names == (
+        *("1", "x", "y", "x^2", "x y", "y^2"),
+        *("|x| x", "|y| y"),
+    )
+    values = candidates.evaluate(np.array([[-2.0, 3.0]]))
+    np.testing.assert_array_equal(values, [[1, -2, 3, 4, -6, 9, -4, 9]])
+
+
+def test_a_damped_pendulum_is_found():
+    found = discover(TIME, pendulum(0.01), names=("x", "rate"), members=15)
+    assert found.terms(0) == ("rate",)
+    assert found.terms(1) == ("x", "rate")
+    # noise of 1 % over 100 windows that do not overlap much
+    assert found.coefficients[1, 1] == pytest.approx(-4.0, rel=0.01)
+    assert found.coefficients[1, 2] == pytest.approx(-0.2, rel=0.1)
+    assert np.all(found.low <= found.coefficients)
+    assert np.all(found.coefficients <= found.high)
+    np.testing.assert_allclose(found.noise_sd, 0.01, rtol=0.15)
+
+
+def test_the_same_seed_gives_the_same_ensemble():
+    states = pendulum(0.1)
+    first, again = (
+        discover(TIME, states, names=("x", "rate"), members=5, seed=3) for _ in range(2)
+    )
+    np.testing.assert_array_equal(first.inclusion, again.inclusion)
+    np.testing.assert_array_equal(first.low, again.low)
+
+
+def test_the_drag_of_a_vehicle_is_found(drag):
+    case = drag
+    found, again = found_in_case(case, 0.01)
+    for state, (name, truth) in enumerate(case.truth.items()):
+        assert set(found.terms(state)) == set(truth), name
+        for term, value in truth.items():
+            place = found.candidates.names.index(term)
+            # the frame's drag is a fifth of the rotors': 1 % of noise makes it 3 %
+            assert found.coefficients[state, place] == pytest.approx(value, rel=0.05)
+    assert again.reproduced == (True, True)
+
+
+def test_the_lag_of_a_motor_is_found():
+    case = motor_case()
+    found, again = found_in_case(case, 0.01)
+    assert found.terms(0) == ("speed", "command")
+    lag = 1.0 / found.coefficients[0, 2]
+    assert lag == pytest.approx(0.072, rel=0.01)  # a Crazyflie's
+    assert again.reproduced == (True,)
+
+
+def test_held_inputs_need_to_be_said():
+    case = motor_case()
+    held, _ = found_in_case(case, 0.0)
+    linear = discover(
+        case.time_s,
+        case.states,
+        case.inputs,
+        names=case.names,
+        candidates=case.candidates,
+        members=5,
+    )
+    truth = 1.0 / 0.072
+    error = [abs(f.coefficients[0, 2] / truth - 1.0) for f in (held, linear)]
+    assert error[0] < 1e-3 < error[1]
+
+
+def test_so_much_noise_that_terms_are_lost_is_no_certainty(drag):
+    found, _ = found_in_case(drag, 0.3)
+    assert "|U| u" not in found.terms(0)
+    assert np.any((found.inclusion > 0.0) & (found.inclusion < 1.0))
+
+
+def test_a_term_that_repeats_another_is_left_out_and_named():
+    time = np.linspace(0.0, 3.0, 201)
+    falling = (10.0 * np.exp(-0.5 * time))[:, None]
+    names = ("u",)
+    found = discover(
+        time,
+        falling,
+        names=names,
+        candidates=polynomial(names, 2, signed_squares=True),
+        members=5,
+    )
+    assert found.repeated == ("|u| u",)
+    assert found.terms(0) == ("u",)
+
+
+def test_without_the_right_candidates_the_data_do_not_come_back():
+    candidates = Candidates(
+        ("1", "x^2"), lambda v: np.stack([v[:, 0] ** 0, v[:, 0] ** 2], 1)
+    )
+    states = pendulum(0.01)
+    found = discover(
+        TIME, states, names=("x", "rate"), candidates=candidates, members=5
+    )
+    assert replay(found, TIME, states).reproduced == (False, False)
+
+
+def test_a_candidate_that_overflows_is_named():
+    names = ("x", "rate")
+    with pytest.raises(InputError, match=r"term x\^3"):
+        discover(
+            TIME,
+            1e120 * pendulum(),
+            names=names,
+            candidates=polynomial(names, 3),
+            members=5,
+        )
+
+
+def test_equations_that_run_away_are_given_up():
+    names = ("x",)
+    growing = np.exp(0.3 * TIME)[:, None]
+    found = discover(TIME, growing, names=names, members=5)
+    worse = found.__class__(
+        **{**vars(found), "coefficients": 40.0 * found.coefficients}
+    )
+    again = replay(worse, TIME, growing)
+    assert again.misfit[0] == np.inf
+    assert again.reproduced == (False,)
+    assert np.isnan(again.states[-1, 0])
