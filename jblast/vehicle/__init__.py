@@ -1,10 +1,18 @@
 """What a blast does to a vehicle: quadrotors in a wind, alone or a batch at once."""
 
+from jblast.vehicle.blast_load import (
+    BlastLoad as BlastLoad,
+    blast_load as blast_load,
+)
 from jblast.vehicle.control import (
     Controller as Controller,
     PositionHold as PositionHold,
     allocation as allocation,
     rotor_speeds as rotor_speeds,
+)
+from jblast.vehicle.custom_profile import CustomProfile as CustomProfile
+from jblast.vehicle.custom_profile_file import (
+    read_custom_profile as read_custom_profile,
 )
 from jblast.vehicle.gains import (
     Gains as Gains,
@@ -18,6 +26,11 @@ from jblast.vehicle.gusts import (
 )
 from jblast.vehicle.lanes import Each as Each
 from jblast.vehicle.loads import Load as Load, Pulse as Pulse
+from jblast.vehicle.metrics import (
+    FlightMetrics as FlightMetrics,
+    flight_metrics as flight_metrics,
+    path_error as path_error,
+)
 from jblast.vehicle.named import named as named
 from jblast.vehicle.parameters import (
     Body as Body,

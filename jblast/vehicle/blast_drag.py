@@ -1,0 +1,269 @@
+r"""Impulse of the blast wind on a body, within one step of a flight.
+
+Drag, quasi-steady, on the body's own areas:
+
+$$F = \tfrac12 \rho C_d \sqrt{\sum_i (A_i r_i)^2}\;r, \qquad r = w - v$$
+
+with $r$ the wind past the vehicle along body axes: as an ellipsoid's projected area
+turns, so does this one.
+
+Front: the pressure gradient and the added mass, $\rho_0 V (1 + C_m)\,Du/Dt$. With the
+ambient density the gradient's part is exact across a shock, $p_s/U = \rho_0 u_s$. As an
+impulse it is $\rho_0 V (1 + C_m)$ times the change of $u$: whatever the step, a jump is
+whole. The front crosses within (diameter of the sphere of the mean area)/U. That the
+added mass also resists the vehicle's own acceleration is left out: $\rho_0 V C_m$ is
+below 1e-3 of its mass.
+
+A step may hold the whole wave. So the drag is integrated by Gauss's rule over the part
+of each phase within the step, and the vehicle's velocity in it follows the impulse so
+far (one step of Picard's iteration); how much of the wave passes within the step takes
+in the way it is pushed. At a velocity held over the step 10 ms would miss up to 1.4 %.
+"""
+
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from jblast.vehicle.blast_wave import Wave, density_ratio, overpressure, wind_speed
+from jblast.vehicle.motion import Number, Rows, Vector, dot, three, times_transposed
+from jblast.vehicle.parameters import Body
+
+NODES = 8
+"""Of each phase: they leave below 1e-3 of the drag's impulse where a step holds all."""
+
+
+def _gauss() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Nodes of Gauss's rule on 0 to 1, weights, and weights of the integrals so far."""
+    nodes, weights = np.polynomial.legendre.leggauss(NODES)
+    nodes, weights = (nodes + 1) / 2, weights / 2
+    # l_j of Lagrange, in Legendre's polynomials, whose integrals stay well conditioned
+    legendre = np.polynomial.legendre
+    basis = np.linalg.inv(legendre.legvander(2 * nodes - 1, NODES - 1))
+    so_far = np.stack(
+        [
+            legendre.legval(2 * nodes - 1, legendre.legint(column, lbnd=-1)) / 2
+            for column in basis.T
+        ],
+        axis=1,
+    )
+    return nodes, weights, so_far
+
+
+PLACES, WEIGHTS, SO_FAR = _gauss()
+
+
+class Passage(NamedTuple):
+    """The part of a wave that passes a vehicle within a step.
+
+    Attributes:
+        wave: At the vehicle.
+        away: Direction from the charge.
+        start_s: Time since arrival at the step's beginning.
+        end_s: At its end.
+        rate: Time since arrival over time: the vehicle runs from the front, or to it.
+        front_speed_m_s: Over ground.
+        air_density: Ambient [kg/m3].
+    """
+
+    wave: Wave
+    away: Vector
+    start_s: Number
+    end_s: Number
+    rate: Number
+    front_speed_m_s: Number
+    air_density: Number
+
+
+class RotorForce(NamedTuple):
+    """Force of the rotors in a wind along one direction, beyond that in none.
+
+    Attributes:
+        linear: Times the wind's speed: world [N s/m].
+        square: Times its square: world [N s2/m2].
+    """
+
+    linear: Vector
+    square: Vector
+
+
+class WindImpulse(NamedTuple):
+    """What the wind gives within a step.
+
+    Attributes:
+        body: Impulse of drag and front, world [N s].
+        way: By which `RotorForce.linear` is multiplied [m].
+        square: By which `RotorForce.square` is multiplied [m2/s].
+    """
+
+    body: Vector
+    way: Number
+    square: Number
+
+
+def crossing_time(body: Body, wave: Wave) -> Number:
+    """Return how long the front takes to cross a body [s]."""
+    speed = wave.sound_speed_m_s * jnp.sqrt(1 + 6 / 7 * wave.peak)
+    area = jnp.mean(body.area_m2)
+    known = area > 0
+    diameter = jnp.sqrt(4 / jnp.pi * jnp.where(known, area, 1.0))
+    return jnp.where(known, diameter, 1e-3) / speed
+
+
+def front_impulse(
+    body: Body, passage: Passage, since_s: Float[Array, "..."]
+) -> Float[Array, "..."]:
+    """Return what pressure gradient and added mass have given until then [N s]."""
+    wave = passage.wave
+    crossed = jnp.clip(since_s / crossing_time(body, wave) + 0.5, 0, 1)
+    moved = passage.air_density * body.volume_m3 * (1 + body.added_mass_coefficient)
+    return moved * crossed * wind_speed(wave, jnp.maximum(since_s, 0))
+
+
+def wind_impulse(
+    body: Body,
+    mass_kg: Number,
+    passage: Passage,
+    attitude: Rows,
+    air: Vector,
+    acceleration: Vector,
+    rotors: RotorForce | None,
+    *,
+    drag: bool,
+    front: bool,
+) -> WindImpulse:
+    """Return what the wind gives within a step.
+
+    Args:
+        body: What it acts on.
+        mass_kg: Of the vehicle.
+        passage: The part of the wave.
+        attitude: Body to world.
+        air: What blows past the vehicle without the blast, world [m/s].
+        acceleration: Of the vehicle without the blast, world [m/s2].
+        rotors: What moves the vehicle besides; None: nothing.
+        drag: Whether there is drag.
+        front: Whether there is a force of the front.
+    """
+    away = passage.away
+    none = jnp.zeros(2 * NODES, passage.start_s.dtype).reshape(2, NODES)
+
+    def run(end_s: Number, gained: Nodes3) -> tuple[Nodes3, WindImpulse]:
+        """Velocity gained until each node, and the impulses, for one guess of both."""
+        nodes = _nodes(passage, end_s)
+        past_s = (nodes.since - passage.start_s) / passage.rate
+        moved = [dv + a * past_s for dv, a in zip(gained, acceleration, strict=True)]
+        gone = [a - dv for a, dv in zip(air, moved, strict=True)]
+        along = sum(n * dv for n, dv in zip(away, moved, strict=True))
+        square = nodes.wind * (nodes.wind - 2 * along)
+        forces: list[Array] = [none, none, none]
+        if drag:
+            past = [nodes.wind * n + g for n, g in zip(away, gone, strict=True)]
+            still = passage.air_density + 0 * nodes.density
+            forces = [
+                blown - without
+                for blown, without in zip(
+                    _at_nodes(body, attitude, nodes.density, past),
+                    _at_nodes(body, attitude, still, gone),
+                    strict=True,
+                )
+            ]
+        on_body = [nodes.total(f) for f in forces]
+        before = front_impulse(body, passage, passage.start_s)
+        if rotors is not None:
+            forces = [
+                f + a * nodes.wind + b * square
+                for f, a, b in zip(forces, *rotors, strict=True)
+            ]
+        until = [nodes.until(f) for f in forces]
+        if front:
+            leap = front_impulse(body, passage, end_s) - before
+            on_body = [j + leap * n for j, n in zip(on_body, away, strict=True)]
+            given = front_impulse(body, passage, nodes.since) - before
+            until = [j + given * n for j, n in zip(until, away, strict=True)]
+        x, y, z = (j / mass_kg for j in until)
+        j_x, j_y, j_z = on_body
+        way, squares = nodes.total(nodes.wind), nodes.total(square)
+        return (x, y, z), WindImpulse((j_x, j_y, j_z), way, squares)
+
+    gained, first = run(passage.end_s, (none, none, none))
+    # The integrator spreads the impulse over the step: half of it is way by its end.
+    pushed = dot(away, first.body)
+    if rotors is not None:
+        pushed = pushed + dot(away, rotors.linear) * first.way
+        pushed = pushed + dot(away, rotors.square) * first.square
+    step = (passage.end_s - passage.start_s) / passage.rate
+    later = pushed / mass_kg * step / 2 / passage.front_speed_m_s
+    return run(jnp.maximum(passage.end_s - later, passage.start_s), gained)[1]
+
+
+Nodes3 = tuple[Array, Array, Array]
+
+
+class _Nodes(NamedTuple):
+    """Places of Gauss's rule: a row for each phase of the wave."""
+
+    since: Float[Array, "phase node"]
+    width: Float[Array, " phase"]
+    wind: Float[Array, "phase node"]
+    density: Float[Array, "phase node"]
+
+    def total(self, value: Float[Array, "phase node"]) -> Number:
+        """Integral over the step."""
+        return jnp.sum(self._parts(value))
+
+    def until(self, value: Float[Array, "phase node"]) -> Float[Array, "phase node"]:
+        """Integral from the step's beginning to each node."""
+        parts = self._parts(value)
+        earlier = jnp.stack([jnp.zeros_like(parts[0]), parts[0]])
+        so_far = jnp.asarray(SO_FAR, value.dtype)
+        inner = jnp.sum(value[:, None, :] * so_far[None], axis=2)
+        return earlier[:, None] + self.width[:, None] * inner
+
+    def _parts(self, value: Float[Array, "phase node"]) -> Float[Array, " phase"]:
+        weights = jnp.asarray(WEIGHTS, value.dtype)
+        return self.width * jnp.sum(value * weights[None], axis=1)
+
+
+def _nodes(passage: Passage, end_s: Number) -> _Nodes:
+    wave = passage.wave
+    past = wave.duration_s + wave.suction_s
+    edges = jnp.stack([jnp.zeros_like(past), wave.duration_s, past])
+    edges = jnp.clip(edges, passage.start_s, end_s)
+    width = jnp.diff(edges)
+    places = jnp.asarray(PLACES, width.dtype)
+    since = edges[:-1, None] + width[:, None] * places[None]
+    density = passage.air_density * density_ratio(overpressure(wave, since))
+    return _Nodes(since, width / passage.rate, wind_speed(wave, since), density)
+
+
+def _at_nodes(
+    body: Body, attitude: Rows, density: Float[Array, "phase node"], past: list[Array]
+) -> tuple[Array, ...]:
+    """Return the drag at each node."""
+
+    def one(density: Number, x: Number, y: Number, z: Number) -> Vector:
+        return drag_force(body, attitude, density, (x, y, z))
+
+    return jax.vmap(jax.vmap(one))(density, *past)
+
+
+def drag_force(body: Body, attitude: Rows, density: Number, past: Vector) -> Vector:
+    """Return the drag, world [N]; its gradient at rest is zero, not NaN.
+
+    Args:
+        body: What the wind acts on.
+        attitude: Body to world.
+        density: Of the air [kg/m3].
+        past: Velocity of the air past the vehicle, world [m/s].
+    """
+    x, y, z = past
+    r_x, r_y, r_z = times_transposed(attitude, past)
+    a, b, c = three(body.area_m2)
+    square = (a * r_x) ** 2 + (b * r_y) ** 2 + (c * r_z) ** 2
+    blows = square > 0
+    size = jnp.where(blows, jnp.sqrt(jnp.where(blows, square, 1.0)), 0.0)
+    half = 0.5 * density * body.drag_coefficient * size
+    return half * x, half * y, half * z

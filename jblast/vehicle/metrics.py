@@ -1,0 +1,166 @@
+r"""What a blast did to a flight, from its stored rows.
+
+The path error of a row is the distance from the target, $e(t) = |x(t) - x_0|$: of a
+position hold the place it holds, otherwise any path told row by row. With $t_0$ the
+time of the blast (its arrival at the vehicle) and a tolerance $\epsilon$:
+
+- before, after: the root mean square of $e$ over the rows before $t_0$, and from it on;
+- peak deviation: the greatest $e$ from $t_0$ on, and when after $t_0$;
+- recovery time: from $t_0$ to the moment from which $e$ stays within $\epsilon$ to the
+  end of the flight; between two rows on the straight line of $e$. 0 where it never
+  leaves; infinite where it is outside at the end;
+- settled: whether it is within the tolerance, and slower than a speed, over the whole
+  last stretch of the flight of some length;
+- crashed: whether it came down to the ground from above it, diverged, or turned over
+  (body z below the horizon);
+- survived: not crashed.
+
+A vehicle that diverged has rows of NaN: its peak is of the rows there are, and it never
+recovers. Where there are no rows to speak of, a number is NaN. A recovery is not known
+finer than the rows are, nor past the end: a wave that comes later is not in it.
+"""
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, ArrayLike, Bool, Float
+
+from jblast.types import as_float_array
+from jblast.vehicle.state import Trajectory
+
+
+class FlightMetrics(eqx.Module):
+    """What a blast did to flights; definitions above.
+
+    Attributes:
+        error_before_m: Root mean square.
+        error_after_m: Likewise.
+        peak_deviation_m: Greatest path error after the blast.
+        peak_time_s: When, after the blast.
+        recovery_time_s: After the blast; infinite: not within this flight.
+        settled: Whether it came to rest at the target.
+        crashed: Whether it hit the ground, turned over or diverged.
+    """
+
+    error_before_m: Float[Array, "*batch"]
+    error_after_m: Float[Array, "*batch"]
+    peak_deviation_m: Float[Array, "*batch"]
+    peak_time_s: Float[Array, "*batch"]
+    recovery_time_s: Float[Array, "*batch"]
+    settled: Bool[Array, "*batch"]
+    crashed: Bool[Array, "*batch"]
+
+
+def path_error(
+    trajectory: Trajectory, target_m: Float[ArrayLike, "..."]
+) -> Float[Array, "*batch time"]:
+    """Return the distance from the target at each row [m]; NaN where it diverged.
+
+    Args:
+        trajectory: The flights.
+        target_m: East, north, up: (3,), or what broadcasts to the rows.
+    """
+    away = trajectory.position_m - jnp.broadcast_to(
+        as_float_array(target_m), trajectory.position_m.shape
+    )
+    return jnp.linalg.norm(away, axis=-1)
+
+
+def flight_metrics(
+    trajectory: Trajectory,
+    target_m: Float[ArrayLike, "..."],
+    blast_time_s: Float[ArrayLike, "..."],
+    *,
+    tolerance_m: float = 0.05,
+    rest_m_s: float = 0.05,
+    rest_s: float = 0.5,
+    ground_up_m: float | None = None,
+) -> FlightMetrics:
+    """Return what a blast did to flights.
+
+    Args:
+        trajectory: The flights.
+        target_m: Where they should be: (3,), or what broadcasts to the rows.
+        blast_time_s: When the blast came to each, or to all [s].
+        tolerance_m: Of the path error.
+        rest_m_s: Speed below which a vehicle rests.
+        rest_s: How long it must rest, at the end, to be settled.
+        ground_up_m: Height of the ground; None: there is none.
+    """
+    time, error = trajectory.time_s, path_error(trajectory, target_m)
+    known = jnp.isfinite(error)
+    blast = jnp.broadcast_to(
+        as_float_array(blast_time_s).astype(time.dtype), error.shape[:-1]
+    )[..., None]
+    times = jnp.broadcast_to(time, error.shape)
+    after = times >= blast
+    seen = known & after
+    peak_row = jnp.argmax(jnp.where(seen, error, -1.0), axis=-1, keepdims=True)
+    some = jnp.any(seen, axis=-1)
+
+    def of_peak(rows: Float[Array, "*batch time"]) -> Float[Array, "*batch"]:
+        value = jnp.take_along_axis(rows, peak_row, axis=-1)[..., 0]
+        return jnp.where(some, value, jnp.nan)
+
+    late = times >= time[-1] - rest_s
+    speed = jnp.linalg.norm(trajectory.velocity_m_s, axis=-1)
+    still = (error <= tolerance_m) & (speed <= rest_m_s)
+    return FlightMetrics(
+        error_before_m=_rms(error, known & ~after),
+        error_after_m=_rms(error, seen),
+        peak_deviation_m=of_peak(error),
+        peak_time_s=of_peak(times - blast),
+        recovery_time_s=_recovery(times, error, blast, after, tolerance_m),
+        settled=jnp.all(still | ~late, axis=-1),
+        crashed=_crashed(trajectory, ground_up_m),
+    )
+
+
+def _rms(
+    error: Float[Array, "*batch time"], rows: Bool[Array, "*batch time"]
+) -> Float[Array, "*batch"]:
+    """Root mean square over some rows; NaN where there are none."""
+    count = jnp.sum(rows.astype(error.dtype), axis=-1)
+    total = jnp.sum(jnp.square(jnp.where(rows, error, 0.0)), axis=-1)
+    return jnp.where(count > 0, jnp.sqrt(total / jnp.maximum(count, 1)), jnp.nan)
+
+
+def _recovery(
+    times: Float[Array, "*batch time"],
+    error: Float[Array, "*batch time"],
+    blast: Float[Array, "*batch 1"],
+    after: Bool[Array, "*batch time"],
+    tolerance: float,
+) -> Float[Array, "*batch"]:
+    """Time from the blast until the error stays within its tolerance."""
+    # NaN is outside: what diverged does not come back
+    outside = after & ~(error <= tolerance)
+    rows = error.shape[-1]
+    last = rows - 1 - jnp.argmax(outside[..., ::-1], axis=-1, keepdims=True)
+    ever = jnp.any(outside, axis=-1, keepdims=True)
+    following = jnp.minimum(last + 1, rows - 1)
+
+    def pick(values: Float[Array, "*batch time"], row: Array) -> Array:
+        return jnp.take_along_axis(values, row, axis=-1)
+
+    high, low = pick(error, last), pick(error, following)
+    falls = high > low
+    share = (high - tolerance) / jnp.where(falls, high - low, 1.0)
+    start = pick(times, last)
+    at = start + jnp.where(falls, share, 1.0) * (pick(times, following) - start)
+    back = jnp.where(last == rows - 1, jnp.inf, at - blast)
+    none = jnp.where(jnp.any(after, axis=-1, keepdims=True), 0.0, jnp.nan)
+    return jnp.where(ever, back, none)[..., 0]
+
+
+def _crashed(
+    trajectory: Trajectory, ground_up_m: float | None
+) -> Bool[Array, "*batch"]:
+    """Whether a flight hit the ground, turned over or diverged."""
+    i, j, _, _ = jnp.moveaxis(trajectory.quaternion, -1, 0)
+    over = 1 - 2 * (jnp.square(i) + jnp.square(j)) < 0
+    crashed = trajectory.lost | jnp.any(over, axis=-1)
+    if ground_up_m is None:
+        return crashed
+    low = trajectory.position_m[..., 2] <= ground_up_m
+    flew = jnp.cumsum(trajectory.position_m[..., 2] > ground_up_m, axis=-1) > 0
+    return crashed | jnp.any(low & flew, axis=-1)

@@ -1,0 +1,232 @@
+"""The thesis's custom profiles: the reader, the interpolation, the pulse."""
+
+import itertools
+import os
+from pathlib import Path
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from jblast.errors import InputError
+from jblast.vehicle import Pulse, State, named, simulate
+from jblast.vehicle.custom_profile import custom_profile
+from jblast.vehicle.custom_profile_file import COLUMNS, read_custom_profile
+
+REFERENCE = os.environ.get("JBLAST_REFERENCE")
+CRAZYFLIE = named("crazyflie")
+
+# delay, distance, polar and azimuthal angle: seen towards (-1, -1, -1) and along x
+ASIDE = float(np.degrees(np.arccos(-1 / np.sqrt(3))))
+ROWS = [
+    [0.015, 8.66, ASIDE, -135.0, 0.09, 0.10, 0.21, -0.001, -21.0, 10.0],
+    [0.030, 17.32, ASIDE, -135.0, 0.03, 0.03, 0.06, -0.0003, -6.0, 3.0],
+]
+AHEAD = [0.020, 10.0, 90.0, 0.0, -0.2, 0.0, 0.0, 0.0, 0.001, 0.0]
+
+
+def written(path: Path, rows, columns=COLUMNS) -> Path:
+    lines = [",".join(columns), *(",".join(map(repr, row)) for row in rows)]
+    path.write_text("\n".join(lines) + "\n")
+    return path
+
+
+@pytest.fixture
+def cases(tmp_path):
+    return read_custom_profile(written(tmp_path / "cases.csv", ROWS))
+
+
+def state_at(position) -> State:
+    return State(
+        jnp.asarray(position, float),
+        jnp.zeros(3),
+        jnp.array([0.0, 0.0, 0.0, 1.0]),
+        jnp.zeros(3),
+        jnp.full(4, 1788.0),
+    )
+
+
+def away(distance) -> np.ndarray:
+    """A place that sees a charge at the origin towards (-1, -1, -1)."""
+    return np.full(3, distance / np.sqrt(3))
+
+
+def test_columns_come_in_any_order_and_others_are_not_read(tmp_path):
+    order = [3, 0, 9, 1, 2, 4, 5, 6, 7, 8]
+    columns = ["Case Number", *(COLUMNS[n].lower().replace(" ", "") for n in order)]
+    rows = [[case, *(row[n] for n in order)] for case, row in enumerate(ROWS)]
+    found = read_custom_profile(written(tmp_path / "a.csv", rows, columns))
+    expected = read_custom_profile(written(tmp_path / "b.csv", ROWS))
+    np.testing.assert_array_equal(found, expected)
+    np.testing.assert_allclose(np.degrees(found[:, 2:4]), [[ASIDE, -135.0]] * 2)
+
+
+@pytest.mark.parametrize("row", [0, 1])
+def test_at_a_case_the_pulse_is_that_case(cases, row):
+    profile = custom_profile(cases, (0.0, 0.0, 0.0))
+    place = jnp.asarray(away(ROWS[row][1]))
+    push, turn, delay = profile.impulse_at(place, jnp.array([0.0, 0.0, 0.0, 1.0]))
+    np.testing.assert_allclose(push, ROWS[row][4:7], rtol=1e-9)
+    np.testing.assert_allclose(turn, ROWS[row][7:], rtol=1e-9)
+    np.testing.assert_allclose(delay, ROWS[row][0], rtol=1e-9)
+    assert profile.in_range(place, jnp.array([0.0, 0.0, 0.0, 1.0]))
+
+
+def test_past_the_cases_the_impulse_falls_with_the_square_and_is_marked(cases):
+    profile = custom_profile(cases, (0.0, 0.0, 0.0))
+    upright = jnp.array([0.0, 0.0, 0.0, 1.0])
+    place = jnp.asarray(away(2 * 17.32))
+    push, _, delay = profile.impulse_at(place, upright)
+    np.testing.assert_allclose(push, np.array(ROWS[1][4:7]) / 4, rtol=1e-9)
+    np.testing.assert_allclose(delay, 0.06, rtol=1e-9)
+    assert not profile.in_range(place, upright)
+    assert not profile.in_range(jnp.array([10.0, 0.0, 0.0]), upright)
+
+
+def test_directions_are_the_body_s_and_impulses_turn_with_it(cases):
+    """A quarter turn to the left: what lay at -135 degrees lies at 135."""
+    profile = custom_profile(cases, (0.0, 0.0, 0.0))
+    half = np.sqrt(0.5)
+    turned = jnp.array([0.0, 0.0, half, half])
+    place = away(8.66) * np.array([-1.0, 1.0, 1.0])
+    assert profile.in_range(jnp.asarray(place), turned)
+    state = state_at(place)
+    state = State(
+        state.position_m,
+        state.velocity_m_s,
+        turned,
+        state.body_rate_rad_s,
+        state.rotor_speed_rad_s,
+    )
+    push, _ = profile.impulse(jnp.asarray(0.0), jnp.asarray(1.0), state, CRAZYFLIE)
+    x, y, z = ROWS[0][4:7]
+    np.testing.assert_allclose(push, [-y, x, z], rtol=1e-9)
+
+
+def test_between_directions_the_nearer_weighs_more(tmp_path):
+    path = written(tmp_path / "two.csv", [[*ROWS[0][:1], 10.0, *ROWS[0][2:]], AHEAD])
+    profile = custom_profile(read_custom_profile(path), (0.0, 0.0, 0.0))
+    upright = jnp.array([0.0, 0.0, 0.0, 1.0])
+    push, _, _ = profile.impulse_at(jnp.array([-10.0, 0.0, 0.0]), upright)
+    np.testing.assert_allclose(push, AHEAD[4:7], atol=1e-9)
+    near = jnp.array([-9.9, 1.0, 0.0])
+    # 5.8 degrees off the one case, more than a right angle off the other
+    assert float(profile.impulse_at(near, upright)[0][0]) == pytest.approx(
+        -0.2, rel=0.05
+    )
+
+
+def test_moments_of_a_far_point_are_taken_about_the_vehicle(cases):
+    """The lever of 100 m leaves what a vehicle feels: millinewton metre seconds."""
+    arm = (100.0, 0.0, 0.0)
+    profile = custom_profile(cases, (0.0, 0.0, 0.0), moment_point_m=arm)
+    place = jnp.asarray(away(8.66))
+    _, turn, _ = profile.impulse_at(place, jnp.array([0.0, 0.0, 0.0, 1.0]))
+    expected = np.array(ROWS[0][7:]) - np.cross(arm, ROWS[0][4:7])
+    np.testing.assert_allclose(turn, expected, atol=1e-9)
+
+
+@pytest.mark.parametrize("step", [0.5e-3, 2e-3, 10e-3])
+def test_a_flight_gains_the_whole_impulse_at_any_step(cases, step):
+    cases = cases.copy()
+    cases[:, 7:] = 0.0  # so that nothing tilts it
+    profile = custom_profile(cases * 1.0, (0.0, 0.0, 0.0), duration_s=1e-3)
+    assert isinstance(profile, Pulse)
+    flight = simulate(
+        CRAZYFLIE,
+        state_at(away(8.66)),
+        duration_s=0.02,
+        step_s=step,
+        loads=(profile,),
+        wind=None,
+    )
+    without = simulate(CRAZYFLIE, state_at(away(8.66)), duration_s=0.02, step_s=step)
+    gained = 0.03 * (flight.velocity_m_s[-1] - without.velocity_m_s[-1])
+    # rotor drag takes 5 ms k/m = 0.12 % of it; pushed at 8 m/s it moves 1e-3 of its
+    # distance while the pulse lasts
+    np.testing.assert_allclose(gained, ROWS[0][4:7], rtol=4e-3)
+
+
+def test_the_whole_share_is_given_once_however_steps_cut_it(cases):
+    profile = custom_profile(cases, (0.0, 0.0, 0.0), duration_s=5e-3)
+    state = state_at(away(8.66))
+    edges = np.concatenate([[0.0], np.linspace(0.0151, 0.0193, 9), [0.1]])
+    heavy = eqx.tree_at(lambda v: v.mass_kg, CRAZYFLIE, jnp.asarray(1e9))  # it stays
+    give = jax.jit(lambda a, b: profile.impulse(a, b, state, heavy)[0])
+    total = sum(np.asarray(give(a, b)) for a, b in itertools.pairwise(edges))
+    np.testing.assert_allclose(total, ROWS[0][4:7], rtol=1e-9)
+
+
+@pytest.mark.skipif(REFERENCE is None, reason="JBLAST_REFERENCE is not set")
+def test_the_sample_s_moments_are_about_a_point_100_m_away():
+    assert REFERENCE is not None
+    path = Path(REFERENCE) / "observations" / "custom_blast_impulses.csv"
+    cases = read_custom_profile(path)
+    assert cases.shape == (2, 10)
+    for case in cases:
+        lever = -case[8] / case[6], case[9] / case[5]
+        np.testing.assert_allclose(lever, 100.0, rtol=2e-4)
+        about = case[7:] - np.cross([100.0, 0.0, 0.0], case[4:7])
+        assert np.abs(about).max() < 3e-3
+        # it pushes away from where the charge is seen
+        polar, azimuth = case[2:4]
+        toward = [
+            np.sin(polar) * np.cos(azimuth),
+            np.sin(polar) * np.sin(azimuth),
+            np.cos(polar),
+        ]
+        assert np.dot(toward, case[4:7]) < -0.9 * np.linalg.norm(case[4:7])
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", "line 1: the file is empty"),
+        (",".join(COLUMNS), "line 1: nothing after the header"),
+        (
+            ",".join(COLUMNS[:8]) + "\n1,2,3,4,5,6,7,8",
+            r"line 1: missing column Mm \(N\*m\*s\), Mn \(N\*m\*s\)",
+        ),
+        (
+            ",".join(COLUMNS).replace("(s)", "(ms)", 1) + "\n" + "1," * 9 + "1",
+            r"line 1: missing column Time Delay \(s\)",
+        ),
+        (",".join(COLUMNS) + "\n1,2,3", "line 2: expected 10 fields .* got 3"),
+        (
+            ",".join(COLUMNS) + "\n\n1,2,3,4,5,nan,7,8,9,10",
+            r"line 3, column FS \(N\*s\): expected a finite number, got 'nan'",
+        ),
+        (
+            ",".join(COLUMNS) + "\n1,2,3,4,5,,7,8,9,10",
+            r"line 2, column FS .*: expected a finite number, got nothing",
+        ),
+        (
+            ",".join(COLUMNS) + "\n0.1,0,3,4,5,6,7,8,9,10",
+            r"line 2, column Distance \(m\): expected a positive number, got '0'",
+        ),
+        (
+            ",".join(COLUMNS) + "\n0.1,1,190,4,5,6,7,8,9,10",
+            r"line 2, column View Polar Angle .*: expected a number from 0 to 180",
+        ),
+        (
+            ",".join(COLUMNS) + 2 * "\n0.1,1,90,4,5,6,7,8,9,10",
+            "line 3: expected a new distance or direction, got those of line 2",
+        ),
+    ],
+)
+def test_files_that_cannot_be_used_are_refused(tmp_path, text, message):
+    path = tmp_path / "bad.csv"
+    path.write_text(text)
+    with pytest.raises(InputError, match=message):
+        read_custom_profile(path)
+
+
+def test_no_file_and_a_duration_of_nothing_are_refused(tmp_path, cases):
+    with pytest.raises(InputError, match="no such file"):
+        read_custom_profile(tmp_path / "none.csv")
+    with pytest.raises(InputError, match="duration_s: expected a positive time"):
+        custom_profile(cases, (0.0, 0.0, 0.0), duration_s=0.0)
+    with pytest.raises(InputError, match="moment_point_m: expected 3 numbers"):
+        custom_profile(cases, (0.0, 0.0, 0.0), moment_point_m=(1.0, 2.0))
