@@ -13,6 +13,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from calibration.benchmark_events import Row, rates_table
 from jblast.sensors.camera.event_gpu import EventKernel
 from jblast.sensors.camera.event_pixel import count_events, first_reference
 from jblast.sensors.camera.grey_composite import grey_composite
@@ -30,20 +31,11 @@ def event_kernel_text(shape: tuple[int, int] = SHAPE, frames: int = FRAMES) -> s
     device = jax.devices()[0]
     with jax.enable_x64(True):
         rows = _rows(shape, frames)
-    copied = rows[0][1]
-    lines = [
+    head = (
         f"Frames to events: {device.device_kind}, jax {jax.__version__}, "
-        f"{frames} frames of {shape[1]} x {shape[0]} pixels",
-        "",
-        f"{'':48}{'frames/s':>10}{'of copying':>12}{'events':>12}{'known':>12}",
-    ]
-    for label, rate, found, known in rows:
-        counts = "".join(f"{'' if n is None else f'{n:,}':>12}" for n in (found, known))
-        lines.append(f"{label:48}{rate:10.2g}{rate / copied:12.1%}{counts}".rstrip())
-    return "\n".join(lines)
-
-
-Row = tuple[str, float, int | None, int | None]
+        f"{frames} frames of {shape[1]} x {shape[0]} pixels"
+    )
+    return rates_table(head, "frames/s", rows)
 
 
 def _rows(shape: tuple[int, int], frames: int) -> list[Row]:

@@ -36,13 +36,18 @@ def events_text() -> str:
     name = device.device_kind if device.platform == "gpu" else f"{os.cpu_count()} cores"
     with jax.enable_x64(True):
         rows = _rows()
-    copied = rows[0][1]
-    lines = [
+    head = (
         f"Frames to events: {device.platform}, {name}, jax {jax.__version__}, "
-        f"{FRAMES} frames of {WIDTH} x {HEIGHT} pixels",
-        "",
-        f"{'':44}{'pixel-frames/s':>15}{'of copying':>12}{'events':>12}{'known':>12}",
-    ]
+        f"{FRAMES} frames of {WIDTH} x {HEIGHT} pixels"
+    )
+    return rates_table(head, "pixel-frames/s", rows)
+
+
+def rates_table(head: str, unit: str, rows: list["Row"]) -> str:
+    """Return the rates, what part of the first they are, and counts of events."""
+    copied = rows[0][1]
+    titles = f"{unit:>15}{'of copying':>12}{'events':>12}{'known':>12}"
+    lines = [head, "", f"{'':44}{titles}"]
     for label, rate, found, known in rows:
         counts = "".join(f"{'' if n is None else f'{n:,}':>12}" for n in (found, known))
         lines.append(f"{label:44}{rate:15.2g}{rate / copied:12.1%}{counts}".rstrip())
