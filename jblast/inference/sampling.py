@@ -130,9 +130,9 @@ def sample(
             stretch = engine.walk(density, mixture, state, ahead, tick)
             interrupted = stretch.interrupted
             if len(stretch.chain):
+                done.append(stretch)  # first: what is on the disk is always reported
                 if store is not None:
                     store.keep(steps, stretch)
-                done.append(stretch)
                 state = stretch.end
                 steps = pace.done = steps + len(stretch.chain)
     except KeyboardInterrupt:

@@ -8,7 +8,7 @@ from jaxtyping import Array, Bool, Float
 
 from jblast.errors import InputError
 from jblast.inference.many.rows import Rows
-from jblast.quantities import ADDITIVE
+from jblast.quantities import ADDITIVE, TIMES
 from jblast.sensors import Layout
 
 NAMED = 20
@@ -84,7 +84,8 @@ def _fault(layout: Layout, values, sigma, log: int) -> str:
     for row, quantity in enumerate(layout.quantity):
         additive = quantity in ADDITIVE
         if not np.isfinite(value[row]) or not (additive or value[row] > 0):
-            wanted = "a finite number" if additive else "a positive number"
+            wanted = "a finite angle" if additive else "a positive number"
+            wanted = "a finite time" if quantity in TIMES else wanted
             got = f"{value[row]}"
         elif not (np.isfinite(error[row]) and error[row] >= 0):
             wanted, got = "a finite sigma", f"{error[row]}"
