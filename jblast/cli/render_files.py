@@ -14,7 +14,7 @@ from jblast.report.contact_sheet import sheet_frames, time_label, write_contact_
 from jblast.sensors.camera.event_files import Written, write_events
 from jblast.sensors.camera.event_stream import stream_events
 from jblast.sensors.camera.film import Film, Frames
-from jblast.sensors.camera.grey_composite import LUMINANCE
+from jblast.sensors.camera.grey_composite import luminance
 from jblast.sensors.camera.imperfections import Imperfections
 from jblast.sensors.camera.png_files import write_png
 from jblast.sensors.camera.real_events import real_stream
@@ -91,7 +91,7 @@ class Recording:
                     write_png(self.out / FRAMES / f"{number:0{digits}}.png", frame)
                 if number in wanted:
                     self.shown[number] = frame
-            yield times[which] - times[0], sensed @ np.array(LUMINANCE)
+            yield times[which] - times[0], luminance(sensed)
             show_progress(which.stop, len(times))
 
     def _seen(self) -> Iterator[tuple[slice, Frames, Frames]]:

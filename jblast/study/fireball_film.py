@@ -10,7 +10,7 @@ from jaxtyping import Array, Float, Int
 from jblast.scene import Camera, Charge, Scene
 from jblast.scene.pose import look_at
 from jblast.sensors.camera.events import ideal_events
-from jblast.sensors.camera.grey_composite import LUMINANCE
+from jblast.sensors.camera.grey_composite import luminance
 from jblast.sensors.camera.log_intensity import log_intensity
 from jblast.sensors.camera.render import render
 from jblast.study.fit_events import event_counts
@@ -48,7 +48,7 @@ def log_frames(
     mass, start = jnp.exp(values[0]), 0.1 * values[1]
     charge = dataclasses.replace(Charge(up=1.5), mass=mass, time=start)
     frames = render(Scene(charge=charge), film_camera(), times, exposures=1)
-    return log_intensity(frames @ jnp.asarray(LUMINANCE, frames.dtype))
+    return log_intensity(luminance(frames))
 
 
 @jax.jit

@@ -17,7 +17,10 @@ from jblast.sensors.camera.events import (
     ideal_events as ideal_events,
 )
 from jblast.sensors.camera.fireball_image import fireball_layer as fireball_layer
-from jblast.sensors.camera.grey_composite import LUMINANCE as LUMINANCE
+from jblast.sensors.camera.grey_composite import (
+    LUMINANCE as LUMINANCE,
+    luminance as luminance,
+)
 from jblast.sensors.camera.imperfections import (
     IDEAL as IDEAL,
     Imperfections as Imperfections,

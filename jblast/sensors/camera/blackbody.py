@@ -14,7 +14,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Float
 
-from jblast.sensors.camera.grey_composite import LUMINANCE
+from jblast.sensors.camera.grey_composite import luminance
 from jblast.types import as_float_array
 
 FIRST_RADIATION = 1.191042972e-16
@@ -69,7 +69,7 @@ def blackbody_light(
     xyz, scale = _relative_xyz(as_float_array(temperature))
     ratio = xyz @ jnp.asarray(LINEAR_SRGB.T, xyz.dtype) / xyz[..., 1:2]
     shown = 0.5 * (ratio + jnp.sqrt(jnp.square(ratio) + SMALLEST**2))
-    weight = shown @ jnp.asarray(LUMINANCE, xyz.dtype)
+    weight = luminance(shown)
     return (scale * xyz[..., 1] / weight)[..., None] * shown
 
 

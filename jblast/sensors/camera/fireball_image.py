@@ -32,7 +32,7 @@ from jaxtyping import Array, ArrayLike, Float
 from jblast.scene import Camera, Charge, Scene
 from jblast.sensors.camera.blackbody import blackbody_light
 from jblast.sensors.camera.compositing import laid_over, straight
-from jblast.sensors.camera.grey_composite import LUMINANCE
+from jblast.sensors.camera.grey_composite import luminance
 from jblast.sensors.camera.look import Look
 from jblast.sensors.camera.pixel_rays import Rays, pixel_rays, pixels
 from jblast.types import as_float_array
@@ -192,9 +192,8 @@ def _between(
 
     One exponential a pixel, where Planck's law would be hundreds.
     """
-    weights = jnp.asarray(LUMINANCE, limb.dtype)
     lights = jnp.stack([limb, middle]) + FAINTEST
-    luminance = lights @ weights
-    (low, high), (cool, hot) = jnp.log(luminance), lights / luminance[:, None]
+    brightness = luminance(lights)
+    (low, high), (cool, hot) = jnp.log(brightness), lights / brightness[:, None]
     colour = cool[:, None, None] + (hot - cool)[:, None, None] * part[None]
     return jnp.exp(low + (high - low) * part)[None] * colour

@@ -9,7 +9,7 @@ from jaxtyping import Float, UInt8
 
 from jblast.errors import InputError
 from jblast.sensors.camera.compositing import srgb_to_linear
-from jblast.sensors.camera.grey_composite import LUMINANCE
+from jblast.sensors.camera.grey_composite import luminance
 from jblast.sensors.camera.png_files import read_png
 
 NUMBER = re.compile(r"(\d+)")
@@ -113,7 +113,7 @@ def read_frame(path: Path, *, srgb: bool = False) -> np.ndarray:
     if pixels.ndim == 2 and pixels.dtype == np.uint8:
         return pixels
     light = _light(path, pixels, srgb)
-    return light if light.ndim == 2 else light @ np.array(LUMINANCE)
+    return light if light.ndim == 2 else luminance(light)
 
 
 def read_colours(

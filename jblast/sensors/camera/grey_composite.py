@@ -4,6 +4,8 @@ What an event camera needs of compositing: one number a pixel. Both are linear l
 alpha is straight.
 """
 
+from typing import Any
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -11,6 +13,11 @@ from jaxtyping import Array, Float, UInt8
 
 LUMINANCE = (0.2126, 0.7152, 0.0722)
 """Weights of linear red, green and blue (ITU-R BT.709-6, item 3.2)."""
+
+
+def luminance(light: Any) -> Any:
+    """Return the luminance of linear light, (..., 3); NumPy's arrays stay NumPy's."""
+    return light @ np.asarray(LUMINANCE, light.dtype)
 
 
 def grey_composite(

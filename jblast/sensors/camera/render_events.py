@@ -10,7 +10,7 @@ from jblast.scene import Camera, Scene
 from jblast.sensors.camera.crossing_times import frameless_events
 from jblast.sensors.camera.events import Events
 from jblast.sensors.camera.fireball_image import cloud, fireballs_seen
-from jblast.sensors.camera.grey_composite import LUMINANCE
+from jblast.sensors.camera.grey_composite import luminance
 from jblast.sensors.camera.log_intensity import log_intensity
 from jblast.sensors.camera.look import Look
 from jblast.sensors.camera.pixel_rays import Rays, pixel_rays
@@ -114,7 +114,7 @@ def pixel_light(
 def _grey(light: Float[ArrayLike, "..."]) -> Float[Array, "..."]:
     """Return the luminance of colours; a grey is its own."""
     light = as_float_array(light)
-    return light @ jnp.asarray(LUMINANCE, light.dtype) if light.ndim else light
+    return luminance(light) if light.ndim else light
 
 
 @eqx.filter_jit

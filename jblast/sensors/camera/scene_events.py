@@ -4,11 +4,11 @@ from dataclasses import replace
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, ArrayLike, Float, PRNGKeyArray
+from jaxtyping import ArrayLike, Float, PRNGKeyArray
 
 from jblast.scene import Camera, Scene
 from jblast.sensors.camera.events import Events, ideal_events
-from jblast.sensors.camera.grey_composite import LUMINANCE
+from jblast.sensors.camera.grey_composite import luminance
 from jblast.sensors.camera.imperfections import IDEAL, Imperfections
 from jblast.sensors.camera.log_intensity import log_intensity
 from jblast.sensors.camera.look import Look
@@ -69,13 +69,9 @@ def events(
         look=look,
         views=views,
     )
-    light = log_intensity(_luminance(frames))
+    light = log_intensity(luminance(frames))
     thresholds, clock = (camera.threshold[0], camera.threshold[1]), jnp.asarray(times)
     if imperfections == IDEAL:
         return ideal_events(light, clock, thresholds, capacity=capacity)
     key = jax.random.key(0) if key is None else key
     return real_events(key, light, clock, thresholds, imperfections, capacity=capacity)
-
-
-def _luminance(frames: Float[Array, "... 3"]) -> Float[Array, "..."]:
-    return frames @ jnp.asarray(LUMINANCE, frames.dtype)
