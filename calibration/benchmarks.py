@@ -1,6 +1,6 @@
 """How fast: each benchmark prints a table of rates, and of their ratios in that run.
 
-python -m calibration.benchmarks laws fit_many samplers euler events event_kernel
+python -m calibration.benchmarks laws fit_many samplers euler flights events
 """
 
 import argparse
@@ -9,7 +9,15 @@ import os
 
 import jax
 
-BENCHMARKS = ("laws", "fit_many", "samplers", "euler", "events", "event_kernel")
+BENCHMARKS = (
+    "laws",
+    "fit_many",
+    "samplers",
+    "euler",
+    "flights",
+    "events",
+    "event_kernel",
+)
 """Each `calibration.benchmark_NAME` has a function `NAME_text`."""
 
 
@@ -20,7 +28,7 @@ def main() -> None:
     asked = parser.parse_args().name or list(BENCHMARKS)
     if unknown := [name for name in asked if name not in BENCHMARKS]:
         parser.error(f"no benchmark {unknown[0]!r}: expected {', '.join(BENCHMARKS)}")
-    split = {"fit_many", "euler"} & {*asked}
+    split = {"fit_many", "euler", "flights"} & {*asked}
     if split and "device_count" not in os.environ.get("XLA_FLAGS", ""):
         jax.config.update("jax_num_cpu_devices", os.cpu_count())
     for name in asked:

@@ -1,4 +1,4 @@
-"""What is there: charge, air, ground, sensors, camera; what is not known of them."""
+"""What is there: charge, air, ground, sensors, camera, vehicle; what is not known."""
 
 from jblast.scene.air import Air as Air
 from jblast.scene.camera import Camera as Camera
@@ -34,3 +34,4 @@ from jblast.scene.uncertain import (
     freed as freed,
     with_laws as with_laws,
 )
+from jblast.scene.vehicle import VehicleSpec as VehicleSpec

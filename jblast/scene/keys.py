@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from jblast.quantities import QUANTITIES
 
 KEYS: dict[str, tuple[str, ...]] = {
-    "": ("schema", "charge", "air", "ground", "sensor", "camera", "law"),
+    "": ("schema", "charge", "air", "ground", "sensor", "camera", "vehicle", "law"),
     "charge": (
         "name",
         "mass_kg",
@@ -40,17 +40,31 @@ KEYS: dict[str, tuple[str, ...]] = {
         "exposure_s",
         "threshold",
     ),
+    "vehicle": ("model", "position_m", "velocity_m_s", "control"),
+    "control": (
+        "integral",
+        "target_m",
+        "yaw_rad",
+        "kp_pos",
+        "kd_pos",
+        "ki_pos",
+        "kp_att",
+        "kd_att",
+        "integral_limit",
+    ),
     "law": (*QUANTITIES, "scatter", "sedov_gamma", "fireball_growth_s"),
 }
-"""Keys by table; "" is the file itself."""
+"""Keys by table; "" is the file itself, "control" stands in [vehicle]."""
 
 LATER: dict[str, tuple[str, ...]] = {
-    "": ("vehicle", "world"),
+    "": ("world",),
     "sensor": ("rate_hz", "sensitivity", "noise_pa", "filter_hz"),
+    "vehicle": ("mission",),
 }
 """Keys of the contract that nothing uses yet."""
 
 SENSOR_KINDS = ("pressure", "microphone", "anemometer", "geophone", "flash", "imu")
+VEHICLE_MODELS = ("crazyflie", "hummingbird", "iris")
 BURSTS = ("surface", "free-air")
 GROUND_PATHS = ("head", "thesis")
 

@@ -33,6 +33,11 @@ LISTS = {
     "center_px": "[x, y]",
     "distortion": "[k1, k2, p1, p2, k3]",
     "threshold": "[brighter, darker]",
+    "velocity_m_s": "[east, north, up]",
+    "target_m": "[east, north, up]",
+    "kp_pos": "[east, north, up]",
+    "kd_pos": "[east, north, up]",
+    "ki_pos": "[east, north, up]",
 }
 """Keys that hold a list of numbers, and how it is written."""
 

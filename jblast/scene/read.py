@@ -13,6 +13,7 @@ from jblast.scene.parameters import with_values
 from jblast.scene.read_camera import read_camera
 from jblast.scene.read_charges import read_charges
 from jblast.scene.read_sensors import read_sensors
+from jblast.scene.read_vehicle import read_vehicle
 from jblast.scene.scene import Scene
 from jblast.scene.tables import choice, known_keys, name_of, not_yet, table
 from jblast.scene.uncertain import UncertainScene
@@ -70,6 +71,7 @@ def scene_from_document(document: dict[str, Any], source: str) -> UncertainScene
         ground=Ground(path=single["ground"].get("path", "head")),
         sensors=sensors,
         camera=read_camera(document, source),
+        vehicle=read_vehicle(document, source),
         law=law,
         scatter=scatter,
     )

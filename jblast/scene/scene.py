@@ -9,6 +9,7 @@ from jblast.scene.charge import Charge
 from jblast.scene.clock import Clock
 from jblast.scene.ground import Ground
 from jblast.scene.sensor import Sensor
+from jblast.scene.vehicle import VehicleSpec
 from jblast.types import as_float_array, as_optional_float_array
 
 
@@ -22,6 +23,7 @@ class Scene(eqx.Module):
         ground: What the ground wave travels in.
         sensors: Who listens.
         camera: Who looks on, if anyone.
+        vehicle: What flies there, if anything.
         clocks: Recorders' clocks that need not agree with the common one.
         law: Pairs of quantity and law name; a quantity without one is "auto".
         scatter: Whether the laws scatter about nature, or are exact.
@@ -37,6 +39,7 @@ class Scene(eqx.Module):
     ground: Ground = eqx.field(default_factory=Ground)
     sensors: tuple[Sensor, ...] = ()
     camera: Camera | None = None
+    vehicle: VehicleSpec | None = None
     clocks: tuple[Clock, ...] = ()
     law: tuple[tuple[str, str], ...] = eqx.field(static=True, default=())
     scatter: bool = eqx.field(static=True, default=True)

@@ -1,9 +1,8 @@
 """What a blast does to a vehicle: quadrotors in a wind, alone or a batch at once."""
 
-from jblast.vehicle.blast_load import (
-    BlastLoad as BlastLoad,
-    blast_load as blast_load,
-)
+from jblast.vehicle.blast_from_scene import blast_load as blast_load
+from jblast.vehicle.blast_load import BlastLoad as BlastLoad
+from jblast.vehicle.body import Body as Body
 from jblast.vehicle.control import (
     Controller as Controller,
     PositionHold as PositionHold,
@@ -13,6 +12,11 @@ from jblast.vehicle.control import (
 from jblast.vehicle.custom_profile import CustomProfile as CustomProfile
 from jblast.vehicle.custom_profile_file import (
     read_custom_profile as read_custom_profile,
+)
+from jblast.vehicle.from_scene import (
+    hold_of as hold_of,
+    start_of as start_of,
+    vehicle_of as vehicle_of,
 )
 from jblast.vehicle.gains import (
     Gains as Gains,
@@ -33,7 +37,6 @@ from jblast.vehicle.metrics import (
 )
 from jblast.vehicle.named import named as named
 from jblast.vehicle.parameters import (
-    Body as Body,
     Vehicle as Vehicle,
     from_parameters as from_parameters,
 )

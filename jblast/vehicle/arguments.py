@@ -26,10 +26,10 @@ def check_choices(integrator: str, backend: str, store_every: int) -> None:
         raise InputError(
             f"integrator: expected {' or '.join(INTEGRATORS)}, got {shown(integrator)}"
         )
-    if backend == "warp":
-        raise InputError("backend: vehicles fly on jax only, got 'warp'")
-    if backend not in ("auto", "jax"):
-        raise InputError(f"backend: expected auto or jax, got {shown(backend)}")
+    if backend not in ("auto", "jax", "warp") and not backend.startswith("warp:"):
+        raise InputError(
+            f"backend: expected auto, jax, warp or warp:DEVICE, got {shown(backend)}"
+        )
     if store_every < 1:
         raise InputError(f"store_every: expected 1 or more steps, got {store_every}")
 

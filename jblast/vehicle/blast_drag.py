@@ -7,12 +7,7 @@ $$F = \tfrac12 \rho C_d \sqrt{\sum_i (A_i r_i)^2}\;r, \qquad r = w - v$$
 with $r$ the wind past the vehicle along body axes: as an ellipsoid's projected area
 turns, so does this one.
 
-Front: the pressure gradient and the added mass, $\rho_0 V (1 + C_m)\,Du/Dt$. With the
-ambient density the gradient's part is exact across a shock, $p_s/U = \rho_0 u_s$. As an
-impulse it is $\rho_0 V (1 + C_m)$ times the change of $u$: whatever the step, a jump is
-whole. The front crosses within (diameter of the sphere of the mean area)/U. That the
-added mass also resists the vehicle's own acceleration is left out: $\rho_0 V C_m$ is
-below 1e-3 of its mass.
+To it comes the impulse of the front (`blast_front.py`).
 
 A step may hold the whole wave. So the drag is integrated by Gauss's rule over the part
 of each phase within the step, and the vehicle's velocity in it follows the impulse so
@@ -24,57 +19,13 @@ from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
-import numpy as np
 from jaxtyping import Array, Float
 
-from jblast.vehicle.blast_wave import Wave, density_ratio, overpressure, wind_speed
+from jblast.vehicle.blast_front import front_impulse
+from jblast.vehicle.blast_nodes import NODES, nodes_within
+from jblast.vehicle.blast_passage import Passage
 from jblast.vehicle.motion import Number, Rows, Vector, dot, three, times_transposed
 from jblast.vehicle.parameters import Body
-
-NODES = 8
-"""Of each phase: they leave below 1e-3 of the drag's impulse where a step holds all."""
-
-
-def _gauss() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Nodes of Gauss's rule on 0 to 1, weights, and weights of the integrals so far."""
-    nodes, weights = np.polynomial.legendre.leggauss(NODES)
-    nodes, weights = (nodes + 1) / 2, weights / 2
-    # l_j of Lagrange, in Legendre's polynomials, whose integrals stay well conditioned
-    legendre = np.polynomial.legendre
-    basis = np.linalg.inv(legendre.legvander(2 * nodes - 1, NODES - 1))
-    so_far = np.stack(
-        [
-            legendre.legval(2 * nodes - 1, legendre.legint(column, lbnd=-1)) / 2
-            for column in basis.T
-        ],
-        axis=1,
-    )
-    return nodes, weights, so_far
-
-
-PLACES, WEIGHTS, SO_FAR = _gauss()
-
-
-class Passage(NamedTuple):
-    """The part of a wave that passes a vehicle within a step.
-
-    Attributes:
-        wave: At the vehicle.
-        away: Direction from the charge.
-        start_s: Time since arrival at the step's beginning.
-        end_s: At its end.
-        rate: Time since arrival over time: the vehicle runs from the front, or to it.
-        front_speed_m_s: Over ground.
-        air_density: Ambient [kg/m3].
-    """
-
-    wave: Wave
-    away: Vector
-    start_s: Number
-    end_s: Number
-    rate: Number
-    front_speed_m_s: Number
-    air_density: Number
 
 
 class RotorForce(NamedTuple):
@@ -101,25 +52,6 @@ class WindImpulse(NamedTuple):
     body: Vector
     way: Number
     square: Number
-
-
-def crossing_time(body: Body, wave: Wave) -> Number:
-    """Return how long the front takes to cross a body [s]."""
-    speed = wave.sound_speed_m_s * jnp.sqrt(1 + 6 / 7 * wave.peak)
-    area = jnp.mean(body.area_m2)
-    known = area > 0
-    diameter = jnp.sqrt(4 / jnp.pi * jnp.where(known, area, 1.0))
-    return jnp.where(known, diameter, 1e-3) / speed
-
-
-def front_impulse(
-    body: Body, passage: Passage, since_s: Float[Array, "..."]
-) -> Float[Array, "..."]:
-    """Return what pressure gradient and added mass have given until then [N s]."""
-    wave = passage.wave
-    crossed = jnp.clip(since_s / crossing_time(body, wave) + 0.5, 0, 1)
-    moved = passage.air_density * body.volume_m3 * (1 + body.added_mass_coefficient)
-    return moved * crossed * wind_speed(wave, jnp.maximum(since_s, 0))
 
 
 def wind_impulse(
@@ -152,7 +84,7 @@ def wind_impulse(
 
     def run(end_s: Number, gained: Nodes3) -> tuple[Nodes3, WindImpulse]:
         """Velocity gained until each node, and the impulses, for one guess of both."""
-        nodes = _nodes(passage, end_s)
+        nodes = nodes_within(passage, end_s)
         past_s = (nodes.since - passage.start_s) / passage.rate
         moved = [dv + a * past_s for dv, a in zip(gained, acceleration, strict=True)]
         gone = [a - dv for a, dv in zip(air, moved, strict=True)]
@@ -200,43 +132,6 @@ def wind_impulse(
 
 
 Nodes3 = tuple[Array, Array, Array]
-
-
-class _Nodes(NamedTuple):
-    """Places of Gauss's rule: a row for each phase of the wave."""
-
-    since: Float[Array, "phase node"]
-    width: Float[Array, " phase"]
-    wind: Float[Array, "phase node"]
-    density: Float[Array, "phase node"]
-
-    def total(self, value: Float[Array, "phase node"]) -> Number:
-        """Integral over the step."""
-        return jnp.sum(self._parts(value))
-
-    def until(self, value: Float[Array, "phase node"]) -> Float[Array, "phase node"]:
-        """Integral from the step's beginning to each node."""
-        parts = self._parts(value)
-        earlier = jnp.stack([jnp.zeros_like(parts[0]), parts[0]])
-        so_far = jnp.asarray(SO_FAR, value.dtype)
-        inner = jnp.sum(value[:, None, :] * so_far[None], axis=2)
-        return earlier[:, None] + self.width[:, None] * inner
-
-    def _parts(self, value: Float[Array, "phase node"]) -> Float[Array, " phase"]:
-        weights = jnp.asarray(WEIGHTS, value.dtype)
-        return self.width * jnp.sum(value * weights[None], axis=1)
-
-
-def _nodes(passage: Passage, end_s: Number) -> _Nodes:
-    wave = passage.wave
-    past = wave.duration_s + wave.suction_s
-    edges = jnp.stack([jnp.zeros_like(past), wave.duration_s, past])
-    edges = jnp.clip(edges, passage.start_s, end_s)
-    width = jnp.diff(edges)
-    places = jnp.asarray(PLACES, width.dtype)
-    since = edges[:-1, None] + width[:, None] * places[None]
-    density = passage.air_density * density_ratio(overpressure(wave, since))
-    return _Nodes(since, width / passage.rate, wind_speed(wave, since), density)
 
 
 def _at_nodes(

@@ -24,29 +24,27 @@ from jaxtyping import Array, Bool, Float
 
 from jblast.constants import AIR_HEAT_CAPACITY_RATIO, FLIGHT_GRAVITY
 from jblast.errors import InputError
-from jblast.scene import Charge, Scene
 from jblast.types import as_float_array
 from jblast.vehicle.blast_curves import FIRST, RANGE
-from jblast.vehicle.blast_drag import Passage, RotorForce, WindImpulse, wind_impulse
+from jblast.vehicle.blast_drag import wind_impulse
+from jblast.vehicle.blast_front import crossing_time
+from jblast.vehicle.blast_passage import Passage
+from jblast.vehicle.blast_rotors import polynomial, rotors_in_wind
 from jblast.vehicle.blast_wave import Wave, arrival_time, wave_at
-from jblast.vehicle.dynamics import Wrench, air_wrench
+from jblast.vehicle.dynamics import air_wrench
 from jblast.vehicle.motion import (
-    Motion,
-    Number,
-    Rows,
     Vector,
     add,
     components,
     cross,
     rotation,
     three,
-    times,
     times_transposed,
+    turned,
     unit,
 )
-from jblast.vehicle.parameters import Vehicle
+from jblast.vehicle.parameters import Body, Vehicle
 from jblast.vehicle.state import State
-from jblast.waves.atmosphere import sound_speed_in_air, standard_atmosphere
 from jblast.waves.paths import slant_range
 from jblast.waves.scaling import sachs_distance_factor, scaled_distance
 
@@ -108,19 +106,13 @@ class BlastLoad(eqx.Module):
         Raises:
             InputError: Nothing is known of what a blast acts on.
         """
-        body = vehicle.body
-        if body is None:
-            raise InputError(
-                "vehicle: expected one with body_area, body_drag_coefficient, "
-                "body_volume, added_mass_coefficient and pressure_centre for a blast "
-                "to act on, got none of them"
-            )
+        body = _body(vehicle)
         motion = components(state)
         attitude = rotation(unit(motion.quaternion))
         wind = three(self.wind_m_s)
         air = add(wind, _minus(motion.velocity))
         flies = jnp.stack(
-            times(attitude, air_wrench(vehicle, motion, attitude, wind)[0])
+            turned(motion.quaternion, air_wrench(vehicle, motion, wind)[0])
         )
         acceleration = flies / vehicle.mass_kg - FLIGHT_GRAVITY * _UP.astype(
             flies.dtype
@@ -130,7 +122,7 @@ class BlastLoad(eqx.Module):
             passage = self._passage(blast, start_s, end_s, state, acceleration)
             force = moment = None
             if self.rotors:
-                force, moment = rotors_in_wind(vehicle, motion, attitude, wind, passage)
+                force, moment = rotors_in_wind(vehicle, motion, wind, passage)
             given = wind_impulse(
                 body,
                 vehicle.mass_kg,
@@ -146,9 +138,29 @@ class BlastLoad(eqx.Module):
             arm = three(body.pressure_centre_m)
             turn = add(turn, cross(arm, times_transposed(attitude, given.body)))
             if force is not None and moment is not None:
-                push = add(push, _polynomial(force, given))
-                turn = add(turn, _polynomial(moment, given))
+                push = add(push, polynomial(force, given))
+                turn = add(turn, polynomial(moment, given))
         return jnp.stack(push), jnp.stack(turn)
+
+    def quiet_until(
+        self, start_s: Float[Array, ""], state: State, vehicle: Vehicle
+    ) -> Float[Array, ""]:
+        """Return until when no wave reaches a vehicle slower than 70 m/s.
+
+        It does not meet the front before three quarters of the time that is left at its
+        place are over. Nor does it overtake a wave: its end comes to a place later by
+        4.7/c_0 at most for each metre farther from the charge, whatever the burst.
+        """
+        quiet = jnp.asarray(jnp.inf, start_s.dtype)
+        for n, blast in enumerate(self.blasts):
+            wave = self.wave(n, state.position_m)
+            came = blast.time_s + self._travel_time(blast, state.position_m)
+            crossing = crossing_time(_body(vehicle), wave)
+            left = came - crossing - start_s
+            past = start_s - came - crossing > 1.05 * (wave.duration_s + wave.suction_s)
+            until = start_s + 0.75 * jnp.maximum(left, 0)
+            quiet = jnp.minimum(quiet, jnp.where(past, jnp.inf, until))
+        return quiet
 
     def arrival_time_s(
         self, position_m: Float[Array, "... 3"]
@@ -249,93 +261,16 @@ class BlastLoad(eqx.Module):
         )
 
 
-def blast_load(
-    scene: Scene, *, drag: bool = True, front: bool = True, rotors: bool = True
-) -> BlastLoad:
-    """Return the loads of a scene's blasts.
-
-    Args:
-        scene: Charges and air. Its laws are not asked: the loads have theirs
-            (`blast_curves.py`).
-        drag: Whether the blast wind drags the body.
-        front: Whether the front pushes it as it crosses.
-        rotors: Whether the rotors feel the blast wind.
-
-    Raises:
-        InputError: A charge has a range of its own: then it has no place.
-    """
-    air = scene.air
-    temperature, pressure = air.temperature, air.pressure
-    if air.altitude is not None:
-        temperature, pressure = standard_atmosphere(air.altitude)
-    sound_speed = air.sound_speed
-    if sound_speed is None:
-        sound_speed = sound_speed_in_air(temperature, pressure, air.relative_humidity)
-    return BlastLoad(
-        blasts=tuple(_blast(charge) for charge in scene.charges),
-        pressure_pa=pressure,
-        sound_speed_m_s=sound_speed,
-        wind_m_s=jnp.stack([air.wind_east, air.wind_north, 0 * air.wind_east]),
-        drag=drag,
-        front=front,
-        rotors=rotors,
-    )
-
-
-def rotors_in_wind(
-    vehicle: Vehicle, motion: Motion, attitude: Rows, air: Vector, passage: Passage
-) -> tuple[RotorForce, RotorForce]:
-    """Return what the rotors feel of a wind: force, world, and moment, body.
-
-    Without the frame's drag both are polynomials of second degree in the speed of the
-    wind: three of its values tell it.
-    """
-    probe = passage.wave.sound_speed_m_s / 10
-    bare = eqx.tree_at(
-        lambda v: v.frame_drag, vehicle, jnp.zeros_like(vehicle.frame_drag)
-    )
-
-    def wrench(speed: Number) -> Wrench:
-        x, y, z = (speed * n for n in passage.away)
-        force, moment = air_wrench(bare, motion, attitude, add(air, (x, y, z)))
-        return times(attitude, force), moment
-
-    none, ahead, back = wrench(0 * probe), wrench(probe), wrench(-probe)
-    force, moment = (
-        RotorForce(
-            three((jnp.stack(a) - jnp.stack(b)) / (2 * probe)),
-            three(
-                (jnp.stack(a) + jnp.stack(b) - 2 * jnp.stack(n))
-                / (2 * jnp.square(probe))
-            ),
-        )
-        for n, a, b in zip(none, ahead, back, strict=True)
-    )
-    return force, moment
-
-
-def _polynomial(rotors: RotorForce, given: WindImpulse) -> Vector:
-    x, y, z = (
-        a * given.way + b * given.square
-        for a, b in zip(rotors.linear, rotors.square, strict=True)
-    )
-    return x, y, z
-
-
-def _blast(charge: Charge) -> Blast:
-    if charge.range is not None:
-        raise InputError(
-            "charge range: expected a position of the charge, from which a vehicle's "
-            "own distance follows, got a distance"
-        )
-    return Blast(
-        position_m=jnp.stack([charge.east, charge.north, charge.up]),
-        time_s=charge.time,
-        mass_kg=charge.tnt_mass("peak_overpressure_pa"),
-        impulse_mass_kg=charge.tnt_mass("positive_impulse_pa_s"),
-        burst=charge.burst,
-    )
-
-
 def _minus(v: Vector) -> Vector:
     return -v[0], -v[1], -v[2]
+
+
+def _body(vehicle: Vehicle) -> Body:
+    body = vehicle.body
+    if body is None:
+        raise InputError(
+            "vehicle: expected one with body_area, body_drag_coefficient, "
+            "body_volume, added_mass_coefficient and pressure_centre for a blast "
+            "to act on, got none of them"
+        )
+    return body

@@ -42,7 +42,11 @@ from jblast.vehicle.state import State
 
 @runtime_checkable
 class Controller(Protocol):
-    """What commands the rotors: called at fixed times, its answer held in between."""
+    """What commands the rotors: called at fixed times, its answer held in between.
+
+    It may also have a method `ready(vehicle)` that returns a controller for a flight of
+    that vehicle, with whatever does not change in flight calculated.
+    """
 
     def start(self) -> PyTree[Array]:
         """Return its memory at the start."""
@@ -86,6 +90,21 @@ class PositionHold(eqx.Module):
         period_s: Float[Array, ""],
     ) -> tuple[Float[Array, "4"], Float[Array, "3"]]:
         """Return rotor speeds to ask for [rad/s], and the integral afterwards."""
+        inverse = jnp.linalg.inv(allocation(vehicle))
+        return self._answer(state, vehicle, inverse, memory, period_s)
+
+    def ready(self, vehicle: Vehicle) -> Controller:
+        """Return the same hold with its allocation inverted, once for a flight."""
+        return _ReadyHold(self, jnp.linalg.inv(allocation(vehicle)))
+
+    def _answer(
+        self,
+        state: State,
+        vehicle: Vehicle,
+        inverse: Float[Array, "4 4"],
+        memory: Float[Array, "3"],
+        period_s: Float[Array, ""],
+    ) -> tuple[Float[Array, "4"], Float[Array, "3"]]:
         gains, limit = self.gains, self.gains.integral_limit
         accelerations, integral = [], []
         for x, v, target, total, k_p, k_d, k_i in zip(
@@ -116,7 +135,28 @@ class PositionHold(eqx.Module):
             -gains.attitude * error[2] - gains.body_rate * w[2],
         )
         moment = add(times(inertia, turn), cross(w, times(inertia, w)))
-        return rotor_speeds(vehicle, (thrust, *moment)), jnp.stack(integral)
+        speeds = _rotor_speeds(vehicle, inverse, (thrust, *moment))
+        return speeds, jnp.stack(integral)
+
+
+class _ReadyHold(eqx.Module):
+    """A hold that need not invert its allocation at every turn."""
+
+    hold: PositionHold
+    inverse: Float[Array, "4 4"]
+
+    def start(self) -> Float[Array, "3"]:
+        return self.hold.start()
+
+    def __call__(
+        self,
+        time_s: Float[Array, ""],
+        state: State,
+        vehicle: Vehicle,
+        memory: Float[Array, "3"],
+        period_s: Float[Array, ""],
+    ) -> tuple[Float[Array, "4"], Float[Array, "3"]]:
+        return self.hold._answer(state, vehicle, self.inverse, memory, period_s)
 
 
 def allocation(vehicle: Vehicle) -> Float[Array, "4 4"]:
@@ -137,7 +177,12 @@ def rotor_speeds(vehicle: Vehicle, wanted: Four) -> Float[Array, "4"]:
         vehicle: The vehicle, at rest in still air.
         wanted: Thrust and moments about body x, y and z.
     """
-    inverse = jnp.linalg.inv(allocation(vehicle))
+    return _rotor_speeds(vehicle, jnp.linalg.inv(allocation(vehicle)), wanted)
+
+
+def _rotor_speeds(
+    vehicle: Vehicle, inverse: Float[Array, "4 4"], wanted: Four
+) -> Float[Array, "4"]:
     speeds = []
     for row in inverse:
         a, b, c, d = row

@@ -14,23 +14,26 @@ RotorPy 3.0.0's equations. World axes east, north, up; $R$ takes body to world.
 with the force $F$ and the moment $N$ of the loads.
 """
 
+import functools
+import operator
+
 import jax.numpy as jnp
-from jaxtyping import Array, Float
 
 from jblast.constants import FLIGHT_GRAVITY
 from jblast.vehicle.motion import (
+    Four,
     Motion,
-    Rows,
+    Number,
     Vector,
     add,
     cross,
     dot,
     four,
-    rotation,
     rows,
     three,
     times,
-    times_transposed,
+    turned,
+    turned_back,
     turning,
 )
 from jblast.vehicle.parameters import Vehicle
@@ -39,50 +42,87 @@ Wrench = tuple[Vector, Vector]
 """A force, world axes [N], and a moment about the centre of mass, body axes [N m]."""
 
 
-def inverse_inertia(vehicle: Vehicle) -> Float[Array, "3 3"]:
-    """Return $J^{-1}$ [1/(kg m2)]."""
-    return jnp.linalg.inv(vehicle.inertia_kg_m2)
-
-
-def air_wrench(
-    vehicle: Vehicle, motion: Motion, attitude: Rows, wind: Vector
-) -> Wrench:
+def air_wrench(vehicle: Vehicle, motion: Motion, wind: Vector) -> Wrench:
     """Force and moment of rotors and frame in moving air, both along body axes.
+
+    The rotors' sums are taken apart into those of speeds and places, the same for
+    every part: a quarter of the work of rotor by rotor.
 
     Args:
         vehicle: The vehicle.
         motion: Its state.
-        attitude: $R$ of that state.
         wind: Velocity of the air, world [m/s].
 
     Returns:
         Force [N] and moment about the centre of mass [N m].
     """
+    past = add(motion.velocity, (-wind[0], -wind[1], -wind[2]))
+    u, w = turned_back(motion.quaternion, past), motion.body_rate
+    speeds, arms = motion.rotor_speed, [three(r) for r in vehicle.rotor_position_m]
+
+    def total(*factors: list[Number]) -> Number:
+        """Sum over the rotors of speed times factors."""
+        a, b, c, d = (
+            functools.reduce(operator.mul, each) for each in zip(*factors, strict=True)
+        )
+        return a * speeds[0] + b * speeds[1] + c * speeds[2] + d * speeds[3]
+
+    r_x, r_y, r_z = ([arm[n] for arm in arms] for n in range(3))
+    a_x, a_y, a_z = total(r_x), total(r_y), total(r_z)
+    a_xx, a_yy, a_zz = total(r_x, r_x), total(r_y, r_y), total(r_z, r_z)
+    a_xy, a_yz, a_xz = total(r_x, r_y), total(r_y, r_z), total(r_x, r_z)
+    all_speeds = speeds[0] + speeds[1] + speeds[2] + speeds[3]
     k_x, k_y, k_z = three(vehicle.rotor_drag)
-    u = times_transposed(attitude, add(motion.velocity, (-wind[0], -wind[1], -wind[2])))
-    force = _frame_drag(vehicle, u)
-    moment = (0 * u[0], 0 * u[1], 0 * u[2])
-    directions = four(vehicle.rotor_direction)
-    for position, direction, speed in zip(
-        vehicle.rotor_position_m, directions, motion.rotor_speed, strict=True
-    ):
-        arm = three(position)
-        x, y, z = add(u, cross(motion.body_rate, arm))
-        square = speed * speed
-        thrust = vehicle.thrust_coefficient * square
-        thrust = thrust + vehicle.translational_lift * (x * x + y * y)
-        pull = (-speed * k_x * x, -speed * k_y * y, thrust - speed * k_z * z)
-        force, moment = add(force, pull), add(moment, cross(arm, pull))
-        spin = direction * vehicle.moment_coefficient * square
-        moment = (moment[0], moment[1], moment[2] + spin)
+    drag = _frame_drag(vehicle, u)
+    thrust, roll, pitch, yaw = _thrusts(vehicle, u, w, speeds, arms)
+    force = (
+        drag[0] - k_x * (all_speeds * u[0] + w[1] * a_z - w[2] * a_y),
+        drag[1] - k_y * (all_speeds * u[1] + w[2] * a_x - w[0] * a_z),
+        drag[2] - k_z * (all_speeds * u[2] + w[0] * a_y - w[1] * a_x) + thrust,
+    )
+    moment = (
+        roll
+        - k_z * (a_y * u[2] + w[0] * a_yy - w[1] * a_xy)
+        + k_y * (a_z * u[1] + w[2] * a_xz - w[0] * a_zz),
+        pitch
+        - k_x * (a_z * u[0] + w[1] * a_zz - w[2] * a_yz)
+        + k_z * (a_x * u[2] + w[0] * a_xy - w[1] * a_xx),
+        yaw
+        - k_y * (a_x * u[1] + w[2] * a_xx - w[0] * a_xz)
+        + k_x * (a_y * u[0] + w[1] * a_yz - w[2] * a_yy),
+    )
     return force, moment
+
+
+def _thrusts(
+    vehicle: Vehicle, u: Vector, w: Vector, speeds: Four, arms: list[Vector]
+) -> Four:
+    """Thrust of all rotors [N] and its moments about the body's axes [N m]."""
+    squares = [speed * speed for speed in speeds]
+    each = []
+    for square, arm in zip(squares, arms, strict=True):
+        x = u[0] + w[1] * arm[2] - w[2] * arm[1]
+        y = u[1] + w[2] * arm[0] - w[0] * arm[2]
+        lift = vehicle.translational_lift * (x * x + y * y)
+        each.append(vehicle.thrust_coefficient * square + lift)
+    spins = four(vehicle.rotor_direction * vehicle.moment_coefficient)
+    f_1, f_2, f_3, f_4 = each
+    (x_1, y_1, _), (x_2, y_2, _), (x_3, y_3, _), (x_4, y_4, _) = arms
+    return (
+        f_1 + f_2 + f_3 + f_4,
+        f_1 * y_1 + f_2 * y_2 + f_3 * y_3 + f_4 * y_4,
+        -(f_1 * x_1 + f_2 * x_2 + f_3 * x_3 + f_4 * x_4),
+        spins[0] * squares[0]
+        + spins[1] * squares[1]
+        + spins[2] * squares[2]
+        + spins[3] * squares[3],
+    )
 
 
 def rates(
     vehicle: Vehicle,
-    inverse: Float[Array, "3 3"],
     motion: Motion,
-    command: Float[Array, "4"],
+    command: Four,
     wind: Vector,
     load: Wrench,
 ) -> Motion:
@@ -90,7 +130,6 @@ def rates(
 
     Args:
         vehicle: The vehicle.
-        inverse: Of its inertia.
         motion: Its state.
         command: Rotor speeds asked for [rad/s].
         wind: Velocity of the air, world [m/s].
@@ -99,20 +138,23 @@ def rates(
     Returns:
         Time derivative of each component.
     """
-    attitude, w = rotation(motion.quaternion), motion.body_rate
-    force, moment = air_wrench(vehicle, motion, attitude, wind)
-    m = vehicle.mass_kg
-    # Both per kilogram: XLA keeps a quotient, and calculates a sum of products again
-    # for each number that needs it.
+    w, m = motion.body_rate, vehicle.mass_kg
+    force, moment = air_wrench(vehicle, motion, wind)
+    # Quotients: XLA keeps them, and calculates anything else again for each number
+    # that needs it. So all is per kilogram, and the inertia inverted by cofactors.
     pull = (force[0] / m, force[1] / m, force[2] / m)
     twist = (moment[0] / m, moment[1] / m, moment[2] / m)
-    x, y, z = times(attitude, pull)
-    a, b, c = cross(w, times(rows(vehicle.inertia_kg_m2), w))
-    g, h, i = add(load[1], (-a, -b, -c))
-    turn = (m * twist[0] + g, m * twist[1] + h, m * twist[2] + i)
+    x, y, z = turned(motion.quaternion, pull)
+    inertia = rows(vehicle.inertia_kg_m2 / m)
+    spin = cross(w, times(inertia, w))
+    turn = tuple(a + b / m - c for a, b, c in zip(twist, load[1], spin, strict=True))
+    p, q, r = inertia  # columns too: it is symmetric
+    across = (cross(q, r), cross(r, p), cross(p, q))
+    whole = dot(p, across[0])
+    e, f, g = times(across, (turn[0], turn[1], turn[2]))
     low, high = vehicle.rotor_speed_min_rad_s, vehicle.rotor_speed_max_rad_s
-    lag = four(jnp.clip(command, low, high))
-    speeds = motion.rotor_speed
+    a, b, c, d = (jnp.clip(asked, low, high) for asked in command)
+    speeds, lag = motion.rotor_speed, vehicle.motor_lag_s
     return Motion(
         position=motion.velocity,
         velocity=(
@@ -121,12 +163,12 @@ def rates(
             z + load[0][2] / m - FLIGHT_GRAVITY,
         ),
         quaternion=turning(motion.quaternion, w),
-        body_rate=times(rows(inverse), turn),
+        body_rate=(e / whole, f / whole, g / whole),
         rotor_speed=(
-            (lag[0] - speeds[0]) / vehicle.motor_lag_s,
-            (lag[1] - speeds[1]) / vehicle.motor_lag_s,
-            (lag[2] - speeds[2]) / vehicle.motor_lag_s,
-            (lag[3] - speeds[3]) / vehicle.motor_lag_s,
+            (a - speeds[0]) / lag,
+            (b - speeds[1]) / lag,
+            (c - speeds[2]) / lag,
+            (d - speeds[3]) / lag,
         ),
     )
 

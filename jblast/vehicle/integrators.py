@@ -9,15 +9,13 @@ so what is taken away is part of the step's own error and no larger: the order s
 """
 
 from collections.abc import Callable
-from typing import Any
 
 import jax
-import jax.numpy as jnp
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Float
 
 from jblast.vehicle.motion import Motion, turning, unit
 
-Rates = Callable[[int | Int[Array, ""], Motion], Motion]
+Rates = Callable[[int, Motion], Motion]
 """Rates at the beginning (0), in the middle (1) or at the end (2) of a step."""
 
 
@@ -30,20 +28,18 @@ def rk4_step(rates: Rates, motion: Motion, step: Float[Array, ""]) -> Motion:
         step: Its length [s].
     """
     half = step / 2
-    table = (
-        jnp.stack([0 * step, half, half, step]),  # how far along the last rates
-        jnp.stack([step / 6, step / 3, step / 3, step / 6]),  # share in the step
-        jnp.array([0, 1, 1, 2]),
+    first = rates(0, motion)
+    second = rates(1, _moved(motion, half, first))
+    third = rates(1, _moved(motion, half, second))
+    fourth = rates(2, _moved(motion, step, third))
+    end = jax.tree.map(
+        lambda x, a, b, c, d: x + step / 6 * (a + 2 * (b + c) + d),
+        motion,
+        first,
+        second,
+        third,
+        fourth,
     )
-
-    def stage(so_far: tuple[Motion, Motion], row: Any) -> tuple[Any, None]:
-        (reach, share, place), (end, rate) = row, so_far
-        rate = rates(place, _moved(motion, reach, rate))
-        return (_moved(end, share, rate), rate), None
-
-    # A loop, or XLA calculates each stage again for every number of the next.
-    nothing = jax.tree.map(jnp.zeros_like, motion)
-    (end, _), _ = jax.lax.scan(stage, (motion, nothing), table)
     return _normal(end)
 
 

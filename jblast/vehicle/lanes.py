@@ -13,8 +13,12 @@ import jax.numpy as jnp
 from jax.sharding import AxisType, PartitionSpec
 from jaxtyping import Array, PyTree
 
-CHUNK = 128
-"""Vehicles of a chunk on a CPU."""
+CHUNK_BYTES = 512
+"""Of one number for every vehicle of a chunk, on a CPU. XLA runs a loop over arrays up
+to this size in order and in one thread; larger ones it hands from thread to thread, at
+a cost above that of the few instructions that each of them takes."""
+CHUNK_AXIS = "chunk"
+"""Name of the axis of a chunk's vehicles."""
 
 
 class Each(eqx.Module):
@@ -61,28 +65,35 @@ def over_lanes(
     """Map a function over the first axis.
 
     Args:
-        one: Of one lane's arguments.
+        one: Of one lane's arguments; the chunk's axis is called `CHUNK_AXIS`.
         lanes: Arguments, a lane in each row.
         devices: Among how many the lanes are shared.
     """
-    count = jax.tree.leaves(lanes)[0].shape[0]
-    chunk = CHUNK if jax.default_backend() == "cpu" else count
+    first = jax.tree.leaves(lanes)[0]
+    count, most = first.shape[0], CHUNK_BYTES // first.dtype.itemsize
+    if jax.default_backend() != "cpu":
+        most = -(-count // devices)
+    elif count < devices * most:
+        devices = 1
+    chunks = -(-count // (devices * most))
+    size = -(-count // (devices * chunks))
+    # The last lane stands in for those that fill up the last chunk.
+    missing = devices * chunks * size - count
 
-    def here(lanes: PyTree[Array]) -> PyTree[Array]:
-        if jax.tree.leaves(lanes)[0].shape[0] <= chunk:
-            return jax.vmap(one)(lanes)
-        return jax.lax.map(one, lanes, batch_size=chunk)
+    def part(x: Array) -> Array:
+        if missing:
+            x = jnp.concatenate([x, jnp.repeat(x[-1:], missing, axis=0)])
+        return x.reshape(devices * chunks, size, *x.shape[1:])
 
-    if devices == 1 or count < devices * chunk:
-        return here(lanes)
-    # The last lane stands in for those that the devices lack.
-    missing = -count % devices
-    filled = jax.tree.map(
-        lambda x: jnp.concatenate([x, jnp.repeat(x[-1:], missing, axis=0)]), lanes
-    )
-    mesh = jax.make_mesh((devices,), ("lane",), axis_types=(AxisType.Auto,))
-    along = PartitionSpec("lane")
-    spread = jax.shard_map(
-        here, mesh=mesh, in_specs=along, out_specs=along, check_vma=False
-    )
-    return jax.tree.map(lambda x: x[:count], spread(filled))
+    def here(parts: PyTree[Array]) -> PyTree[Array]:
+        return jax.lax.map(jax.vmap(one, axis_name=CHUNK_AXIS), parts)
+
+    spread = here
+    if devices > 1:
+        mesh = jax.make_mesh((devices,), ("lane",), axis_types=(AxisType.Auto,))
+        along = PartitionSpec("lane")
+        spread = jax.shard_map(
+            here, mesh=mesh, in_specs=along, out_specs=along, check_vma=False
+        )
+    together = spread(jax.tree.map(part, lanes))
+    return jax.tree.map(lambda x: x.reshape(-1, *x.shape[2:])[:count], together)

@@ -5,13 +5,15 @@ instead: what falls into a step acts there as a constant force, so that the impu
 whole whatever the step, even where the pulse is shorter.
 """
 
-from typing import Protocol, runtime_checkable
+from collections.abc import Sequence
+from typing import Any, Protocol, runtime_checkable
 
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from jblast.vehicle.dynamics import Wrench
-from jblast.vehicle.motion import Number, Vector, add, three
+from jblast.vehicle.motion import Motion, Number, Vector, add, joined, three
 from jblast.vehicle.parameters import Vehicle
 from jblast.vehicle.state import State
 
@@ -29,7 +31,12 @@ class Load(Protocol):
 
 @runtime_checkable
 class Pulse(Protocol):
-    """A force that may come and go within a step."""
+    """A force that may come and go within a step.
+
+    It may also have a method `quiet_until(start_s, state, vehicle)`: the time until
+    which it surely gives nothing to a vehicle that is in a state at a time, the same
+    time if it may give something at once. It is not asked for its impulse before.
+    """
 
     def impulse(
         self,
@@ -61,20 +68,59 @@ def load_wrench(
 
 
 def pulse_wrench(
-    loads: tuple[Load | Pulse, ...],
+    pulses: Sequence[Pulse],
     start_s: Number,
     step_s: Number,
-    state: State,
+    motion: Motion,
     vehicle: Vehicle,
-) -> Wrench:
-    """Mean over a step of the pulses, from the state at its beginning."""
-    zero = three(jnp.zeros_like(state.position_m))
+    quiet_s: tuple[Number, ...],
+    axis: str | None,
+) -> tuple[Wrench, tuple[Number, ...]]:
+    """Mean over a step of the pulses, from the state at its beginning.
+
+    Args:
+        pulses: The pulses.
+        start_s: When the step begins.
+        step_s: Its length.
+        motion: State then.
+        vehicle: The vehicle.
+        quiet_s: Until when each of them gives nothing.
+        axis: Of vehicles that are calculated together; None: there is one.
+
+    Returns:
+        Force and moment, and until when each gives nothing to any of the vehicles.
+    """
+    zero = (0 * step_s, 0 * step_s, 0 * step_s)
     total: Wrench = (zero, zero)
-    for load in loads:
-        if isinstance(load, Pulse):
-            given = load.impulse(start_s, start_s + step_s, state, vehicle)
-            total = _plus(total, given, 1 / step_s)
-    return total
+    end_s, quiet = start_s + step_s, []
+    for load, until in zip(pulses, quiet_s, strict=True):
+
+        def mean(load: Any = load) -> Wrench:
+            given = load.impulse(start_s, end_s, joined(motion), vehicle)
+            return _plus((zero, zero), given, 1 / step_s)
+
+        def none() -> Wrench:
+            return zero, zero
+
+        def look(load: Any = load, mean: Any = mean) -> tuple[Wrench, Number]:
+            until = load.quiet_until(start_s, joined(motion), vehicle)
+            # a vehicle that is lost waits for nothing
+            until = jax.lax.stop_gradient(jnp.where(jnp.isnan(until), jnp.inf, until))
+            until = until.astype(start_s.dtype)
+            if axis is not None:
+                # one answer for all keeps the branch a branch
+                until = jax.lax.pmin(until, axis)
+            return jax.lax.cond(end_s > until, mean, none), until
+
+        if hasattr(load, "quiet_until"):
+            given, until = jax.lax.cond(
+                end_s > until, look, lambda until=until: ((zero, zero), until)
+            )
+        else:
+            given = mean()
+        total = (add(total[0], given[0]), add(total[1], given[1]))
+        quiet.append(until)
+    return total, tuple(quiet)
 
 
 def _plus(

@@ -104,6 +104,28 @@ def rotation(q: Four) -> Rows:
     )
 
 
+def turned(q: Four, v: Vector) -> Vector:
+    """Vector from body to world; the quaternion of any length but zero."""
+    return _turned(q, v, 2 * q[3])
+
+
+def turned_back(q: Four, v: Vector) -> Vector:
+    """Vector from world to body; the quaternion of any length but zero."""
+    return _turned(q, v, -2 * q[3])
+
+
+def _turned(q: Four, v: Vector, twice: Number) -> Vector:
+    i, j, k, w = q
+    square = i * i + j * j + k * k
+    along, (x, y, z) = 2 * (i * v[0] + j * v[1] + k * v[2]), cross((i, j, k), v)
+    keeps, whole = w * w - square, w * w + square
+    return (
+        (keeps * v[0] + along * i + twice * x) / whole,
+        (keeps * v[1] + along * j + twice * y) / whole,
+        (keeps * v[2] + along * k + twice * z) / whole,
+    )
+
+
 def turning(q: Four, w: Vector) -> Four:
     r"""Rate of a quaternion, $\dot q = q \otimes (\omega, 0)/2$, scalar last."""
     i, j, k, s = q

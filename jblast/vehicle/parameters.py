@@ -10,25 +10,8 @@ from jax.core import Tracer
 from jaxtyping import Array, Float
 
 from jblast.errors import InputError, nearest
+from jblast.vehicle.body import BODY, Body, read_body
 from jblast.vehicle.numbers import floats, number, numbers
-
-
-class Body(eqx.Module):
-    """What a blast acts on beside the rotors. Leading axes are a batch's.
-
-    Attributes:
-        area_m2: Projected along the body's x, y and z axes [m2].
-        drag_coefficient: On those areas [-].
-        volume_m3: Of the air it displaces [m3].
-        added_mass_coefficient: $C_m$ [-]: 0.5 for a sphere.
-        pressure_centre_m: Where these forces act, from the centre of mass, body [m].
-    """
-
-    area_m2: Float[Array, "*batch 3"] = eqx.field(converter=floats)
-    drag_coefficient: Float[Array, "*batch"] = eqx.field(converter=floats)
-    volume_m3: Float[Array, "*batch"] = eqx.field(converter=floats)
-    added_mass_coefficient: Float[Array, "*batch"] = eqx.field(converter=floats)
-    pressure_centre_m: Float[Array, "*batch 3"] = eqx.field(converter=floats)
 
 
 class Vehicle(eqx.Module):
@@ -69,13 +52,6 @@ class Vehicle(eqx.Module):
     name: str = eqx.field(static=True, default="")
 
 
-BODY = (
-    "body_area",
-    "body_drag_coefficient",
-    "body_volume",
-    "added_mass_coefficient",
-    "pressure_centre",
-)
 USED = (
     *("mass", "Ixx", "Iyy", "Izz", "Ixy", "Iyz", "Ixz", "num_rotors", "rotor_pos"),
     *("rotor_directions", "c_Dx", "c_Dy", "c_Dz", "k_eta", "k_m", "k_d", "k_z", "k_h"),
@@ -141,7 +117,7 @@ def from_parameters(parameters: Mapping[str, Any], *, name: str = "") -> Vehicle
         motor_lag_s=get("tau_m", 0.0, positive=True),
         rotor_speed_min_rad_s=low,
         rotor_speed_max_rad_s=high,
-        body=_body(parameters),
+        body=read_body(parameters),
         name=name,
     )
 
@@ -183,16 +159,3 @@ def _directions(parameters: Mapping[str, Any]) -> Float[Array, "4"]:
             f"got {signs.tolist()}"
         )
     return signs
-
-
-def _body(parameters: Mapping[str, Any]) -> Body | None:
-    """Return what a blast acts on, or None if none of it is told."""
-    if not any(key in parameters for key in BODY):
-        return None
-    area = numbers(parameters.get("body_area"), "body_area", (3,), least=0.0)
-    centre = numbers(parameters.get("pressure_centre"), "pressure_centre", (3,))
-    drag, volume, added = (
-        number(parameters, key, least=0.0)
-        for key in ("body_drag_coefficient", "body_volume", "added_mass_coefficient")
-    )
-    return Body(area, drag, volume, added, centre)

@@ -1,67 +1,43 @@
 """The flight of one vehicle: a scan over steps, its state stored now and then."""
 
+import functools
 from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float, PyTree
+from jaxtyping import Array, Float, PyTree
 
 from jblast.errors import InputError
-from jblast.vehicle.dynamics import Wrench, inverse_inertia, net_wrench, rates
+from jblast.vehicle.dynamics import Wrench, net_wrench, rates
+from jblast.vehicle.flight import Flight, Rows
 from jblast.vehicle.integrators import INTEGRATORS
-from jblast.vehicle.loads import load_wrench, pulse_wrench
+from jblast.vehicle.loads import Pulse, load_wrench, pulse_wrench
 from jblast.vehicle.motion import (
+    Four,
     Motion,
     Number,
     Vector,
     components,
+    four,
     joined,
     three,
     unit,
 )
-from jblast.vehicle.parameters import Vehicle
-from jblast.vehicle.state import State
 from jblast.vehicle.timetable import Ticks
 
-
-class Flight(NamedTuple):
-    """What belongs to one vehicle's flight.
-
-    Attributes:
-        vehicle: The vehicle.
-        state: Its start.
-        commands: Rotor speeds (row, 4) [rad/s], or None.
-        control: What commands the rotors instead, or None; with neither they keep the
-            speeds of the start.
-        wind: Velocity of the air (3) [m/s] at a time and place, or None.
-        loads: Loads and pulses.
-        ground_up_m: Height of the ground [m], or None.
-    """
-
-    vehicle: Vehicle
-    state: State
-    commands: Float[Array, "row 4"] | None
-    control: Any
-    wind: Any
-    loads: tuple[Any, ...]
-    ground_up_m: Float[Array, ""] | None
-
-
-class Rows(NamedTuple):
-    """Stored rows, each part a tuple of components."""
-
-    motion: Motion
-    wrench: Wrench
-    alive: Bool[Array, "..."]
+BLOCK = 16
+"""Most steps that are taken at once: their times are small arrays (`lanes.py`), and
+where no pulse comes in all of them nothing looks for one."""
 
 
 class _Now(NamedTuple):
     """What is carried from step to step."""
 
     motion: Motion
-    command: Float[Array, "4"]
+    command: Four
     memory: PyTree[Array]
     push: Wrench
+    quiet_s: tuple[Number, ...]
 
 
 def fly(
@@ -72,6 +48,7 @@ def fly(
     integrator: str,
     store_every: int,
     control_held: bool,
+    axis: str | None = None,
 ) -> Rows:
     """Return the stored rows of one vehicle's flight: the start, and so on to the end.
 
@@ -82,64 +59,106 @@ def fly(
         integrator: "rk4" or "euler".
         store_every: Steps between rows.
         control_held: Whether there are steps at which the controller is not asked.
+        axis: Of the vehicles that fly in one chunk, as `vmap` names it; None: one flies
+            alone.
     """
     vehicle, step = flight.vehicle, INTEGRATORS[integrator]
-    inverse = inverse_inertia(vehicle)
+    control, memory = flight.control, ()
+    if control is not None:
+        if hasattr(control, "ready"):
+            control = control.ready(vehicle)
+        memory = control.start()
+    shapes = jax.tree.map(lambda x: jax.ShapeDtypeStruct(x.shape, x.dtype), memory)
 
-    def rates_of(push: Wrench, time: Number, command: Array, motion: Motion) -> Motion:
+    def rates_of(push: Wrench, time: Number, command: Four, motion: Motion) -> Motion:
         wind, load = _wind(flight, time, motion), push
         if flight.loads:
             load = load_wrench(flight.loads, time, joined(motion), vehicle, load)
-        return rates(vehicle, inverse, motion, command, wind, load)
+        return rates(vehicle, motion, command, wind, load)
 
     def asked(now: _Now, tick: Ticks) -> _Now:
-        control = flight.control
-        assert control is not None
 
         def ask(now: _Now) -> _Now:
+            assert control is not None
             command, memory = control(
-                tick.start, joined(now.motion), vehicle, now.memory, period_s
+                tick.start,
+                joined(now.motion),
+                vehicle,
+                jax.tree.map(lambda s, n: _whole(n, s), shapes, now.memory),
+                period_s,
             )
-            return now._replace(command=command, memory=memory)
-
-        if not control_held:
-            return ask(now)
-        return jax.lax.cond(tick.sample, ask, lambda now: now, now)
-
-    def advance(now: _Now, tick: Ticks) -> tuple[_Now, None]:
-        if flight.control is not None:
-            now = asked(now, tick)
-        if flight.loads:
-            push = pulse_wrench(
-                flight.loads, tick.start, tick.step, joined(now.motion), vehicle
+            return now._replace(
+                command=four(command), memory=jax.tree.map(_numbers, memory)
             )
-            now = now._replace(push=push)
 
-        def stage_rates(stage: int | Array, motion: Motion) -> Motion:
+        turn = tick.sample if control_held else tick.step > 0
+        return jax.lax.cond(turn, ask, lambda now: now, now)
+
+    def moved(now: _Now, tick: Ticks) -> _Now:
+        def stage_rates(stage: int, motion: Motion) -> Motion:
             command = now.command
             if flight.commands is not None:
-                command = flight.commands[tick.command[stage]]
+                command = four(flight.commands[tick.command[stage]])
             return rates_of(now.push, tick.stages[stage], command, motion)
 
         motion = step(stage_rates, now.motion, tick.step)
-        return now._replace(motion=_grounded(flight.ground_up_m, motion)), None
+        return now._replace(motion=_grounded(flight.ground_up_m, motion))
+
+    def advance(now: _Now, tick: Ticks) -> tuple[_Now, None]:
+        if control is not None:
+            now = asked(now, tick)
+        # Always taken. A branch is a program of its own, of small arrays alone, and so
+        # XLA runs it in order (`lanes.py`), whatever there is around it.
+        return jax.lax.cond(tick.step > 0, moved, lambda now, _: now, now, tick), None
+
+    def pushed(now: _Now, tick: Ticks) -> tuple[_Now, None]:
+        push, quiet_s = pulse_wrench(
+            pulses, tick.start, tick.step, now.motion, vehicle, now.quiet_s, axis
+        )
+        return advance(now._replace(push=push, quiet_s=quiet_s), tick)
+
+    def steps(one_step: Any, now: _Now, part: Ticks) -> _Now:
+        # Backwards, a step is calculated again instead of being kept whole.
+        again = jax.checkpoint(one_step, prevent_cse=False)
+        return jax.lax.scan(again, now, part)[0]
+
+    def few(now: _Now, part: Ticks) -> tuple[_Now, None]:
+        if not now.quiet_s:
+            return steps(advance, now, part), None
+        end_s = part.start[-1] + part.step[-1]
+        loud = end_s > functools.reduce(jnp.minimum, now.quiet_s)
+        return jax.lax.cond(
+            loud,
+            lambda now: steps(pushed, now, part),
+            lambda now: steps(advance, now._replace(push=(zero, zero)), part),
+            now,
+        ), None
 
     def stretch(now: _Now, part: Ticks) -> tuple[_Now, tuple[Motion, Wrench]]:
-        # Backwards, a step is calculated again instead of being kept whole.
-        again = jax.checkpoint(advance, prevent_cse=False)
-        now, _ = jax.lax.scan(again, now, part)
+        size = part.step.size
+        block = max(n for n in range(1, BLOCK + 1) if size % n == 0)
+        blocks = jax.tree.map(lambda x: x.reshape(-1, block, *x.shape[1:]), part)
+        now, _ = jax.lax.scan(few, now, blocks)
         return now, (now.motion, now.push)
 
     def wrench(row: tuple[Motion, Wrench], time: Number) -> Wrench:
         motion, push = row
-        rate = rates_of(push, time, jnp.stack(motion.rotor_speed), motion)
+        rate = rates_of(push, time, motion.rotor_speed, motion)
         return net_wrench(vehicle, motion, rate)
 
     start = components(flight.state)
     start = start._replace(quaternion=unit(start.quaternion))
-    zero = three(jnp.zeros_like(flight.state.position_m))
-    memory = () if flight.control is None else flight.control.start()
-    now = _Now(start, flight.state.rotor_speed_rad_s, memory, (zero, zero))
+    nothing = jnp.zeros_like(period_s)
+    zero = (nothing, nothing, nothing)
+    pulses = [load for load in flight.loads if isinstance(load, Pulse)]
+    quiet_s = tuple(-jnp.inf + nothing for _ in pulses)
+    now = _Now(
+        start,
+        start.rotor_speed,
+        jax.tree.map(_numbers, memory),
+        (zero, zero),
+        quiet_s,
+    )
     first = (now.motion, now.push)
 
     count = ticks.step.size // store_every
@@ -161,6 +180,16 @@ def fly(
     alive = jnp.cumsum(lost) == 0
     ended = jax.tree.map(lambda x: jnp.where(alive, x, jnp.nan), (rows[0], forces))
     return Rows(ended[0], ended[1], alive)
+
+
+def _numbers(array: Array) -> tuple[Array, ...]:
+    """Take a small array apart, as `Motion` is."""
+    return tuple(jnp.ravel(array))
+
+
+def _whole(numbers: tuple[Array, ...], shape: jax.ShapeDtypeStruct) -> Array:
+    """Put it together."""
+    return jnp.stack(numbers).reshape(shape.shape)
 
 
 def _wind(flight: Flight, time: Number, motion: Motion) -> Vector:

@@ -18,12 +18,14 @@ from jblast.vehicle.arguments import (
     check_step,
     check_times,
 )
+from jblast.vehicle.backend import flies_on_warp
 from jblast.vehicle.control import Controller
-from jblast.vehicle.lanes import Each, over_lanes, parted
+from jblast.vehicle.flight import Flight, Rows
+from jblast.vehicle.lanes import CHUNK_AXIS, Each, over_lanes, parted
 from jblast.vehicle.loads import Load, Pulse
 from jblast.vehicle.numbers import floats
 from jblast.vehicle.parameters import Vehicle
-from jblast.vehicle.rollout import Flight, Rows, fly
+from jblast.vehicle.rollout import fly
 from jblast.vehicle.state import State, Trajectory
 from jblast.vehicle.timetable import Ticks, stored_times, timetable
 
@@ -75,11 +77,17 @@ def simulate(
         ground_up_m: Height of level ground, on which a vehicle that falls stays lying
             until its rotors lift it; None: no ground.
         store_every: Steps between two stored rows; start and end are always stored.
-        backend: "jax"; "auto" takes it.
+        backend: "jax"; "warp", a kernel on the first GPU or else the CPU;
+            "warp:DEVICE", as "warp:cuda:1"; "auto": Warp in float32 on a GPU, else
+            JAX. Derivatives, and winds, loads and controllers in Python, are JAX's.
 
     Raises:
         InputError: A number, a shape or a choice cannot be used; the start is below
-            ground; the commands end too early; the step is too large.
+            ground; the commands end too early; the step is too large; there is no such
+            device.
+
+    Warns:
+        UserWarning: JAX flies in place of Warp.
     """
     duration_s, step_s = float(duration_s), float(step_s)
     command_step_s = None if command_step_s is None else float(command_step_s)
@@ -107,10 +115,28 @@ def simulate(
         tuple(loads),
         None if ground_up_m is None else floats(ground_up_m),
     )
+    ticks = timetable(duration_s, step_s, period, dtype)
+    times = stored_times(duration_s, step_s, store_every, dtype)
+    flight = _in_precision(flight, dtype)
+    if flies_on_warp(backend, flight, dtype):
+        from jblast.vehicle.kernel_flight import KernelFlight
+
+        flown = KernelFlight(
+            flight,
+            ticks,
+            times,
+            period,
+            batch=batch,
+            integrator=integrator,
+            store_every=store_every,
+            device=backend.partition(":")[2] or None,
+        )
+        flown.fly()
+        return flown.trajectory()
     traced = any(isinstance(x, Tracer) for x in jax.tree.leaves(flight))
     rows = _fly_all(
-        _in_precision(flight, dtype),
-        timetable(duration_s, step_s, period, dtype),
+        flight,
+        ticks,
         jnp.asarray(period, dtype),
         batch=batch,
         integrator=integrator,
@@ -118,7 +144,7 @@ def simulate(
         control_held=period > 1.5 * step_s,
         devices=1 if traced else jax.local_device_count(),
     )
-    return _trajectory(stored_times(duration_s, step_s, store_every, dtype), rows)
+    return _trajectory(times, rows)
 
 
 @eqx.filter_jit
@@ -137,7 +163,9 @@ def _fly_all(
     lanes, shared = parted(flight, batch)
 
     def one(lane: Any) -> Rows:
-        return fly(eqx.combine(lane, shared), ticks, period_s, **options)
+        return fly(
+            eqx.combine(lane, shared), ticks, period_s, axis=CHUNK_AXIS, **options
+        )
 
     rows = over_lanes(one, lanes, devices)
     return jax.tree.map(lambda x: x.reshape(*batch, *x.shape[1:]), rows)

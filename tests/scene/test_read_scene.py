@@ -225,7 +225,10 @@ BAD = {
     "charges that are numbers": ("charge = [1]\n", ["[[charge]]", "got [1]"]),
     "no charge": ("charge = []\n", ["[[charge]]", "empty list"]),
     # not built yet
-    "vehicle": ("[vehicle]\nmodel = 'x'\n", ["[vehicle]", "not supported yet"]),
+    "mission": (
+        "[vehicle]\nmission = 'x.plan'\n",
+        ["[vehicle] mission", "not supported yet"],
+    ),
     "world": ("[world]\n", ["[world]", "not supported yet"]),
     "explosive": (
         "[charge]\nexplosive = 'ANFOO'\n",
@@ -449,6 +452,9 @@ CAMERA = {
     "focal_px": 30.0,
 }
 
+VEHICLE = {"model": "iris", "position_m": [10.0, 0.0, 2.0]}
+CONTROL = st.one_of(tables("control"), VALUE)
+
 DOCUMENT = st.fixed_dictionaries(
     {},
     optional={
@@ -459,6 +465,11 @@ DOCUMENT = st.fixed_dictionaries(
         "law": st.one_of(tables("law"), VALUE),
         "sensor": st.one_of(st.lists(tables("sensor"), max_size=3), VALUE),
         "camera": st.one_of(tables("camera").map(lambda t: CAMERA | t), VALUE),
+        "vehicle": st.one_of(
+            tables("vehicle").map(lambda t: VEHICLE | t),
+            CONTROL.map(lambda control: VEHICLE | {"control": control}),
+            VALUE,
+        ),
         "x": VALUE,
     },
 )

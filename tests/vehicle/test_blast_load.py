@@ -10,8 +10,15 @@ import pytest
 
 from jblast.errors import InputError
 from jblast.scene import Air, Charge, Scene
-from jblast.vehicle import Each, Pulse, State, named, simulate
-from jblast.vehicle.blast_load import BlastLoad, blast_load
+from jblast.vehicle import (
+    BlastLoad,
+    Each,
+    Pulse,
+    State,
+    blast_load,
+    named,
+    simulate,
+)
 from jblast.vehicle.blast_wave import density_ratio, overpressure, wind_speed
 
 CRAZYFLIE = named("crazyflie")
@@ -272,3 +279,21 @@ def test_a_vehicle_of_unknown_body_is_refused():
         blast_load(scene()).impulse(
             jnp.asarray(0.0), jnp.asarray(1.0), hovering(CRAZYFLIE, (5.0, 0, 0)), bare
         )
+
+
+@pytest.mark.parametrize("speed", [-60.0, 0.0, 60.0])
+def test_no_impulse_comes_while_a_load_says_it_is_quiet(speed):
+    load = blast_load(scene())
+    state = hovering(CRAZYFLIE, (5.0, 0.0, 2.0), (speed, 0.0, 0.0))
+    quiet = jax.jit(lambda t: load.quiet_until(t, state, CRAZYFLIE))
+    given = jax.jit(lambda a, b: load.impulse(a, b, state, CRAZYFLIE)[0])
+    assert float(quiet(jnp.asarray(0.0))) > 1e-3
+    assert float(quiet(jnp.asarray(0.012))) <= 0.012  # the wave is there
+    assert np.isinf(quiet(jnp.asarray(0.04)))
+    whole = float(jnp.linalg.norm(given(jnp.asarray(0.0), jnp.asarray(0.04))))
+    for start in (0.0, 2e-3, 5e-3, 0.03, 0.04):
+        until = jnp.minimum(quiet(jnp.asarray(start)), start + 0.01)
+        if until > start:
+            # roundings of the wind's end
+            push = float(jnp.linalg.norm(given(jnp.asarray(start), until)))
+            assert push < 1e-9 * whole

@@ -46,7 +46,7 @@ def same(one, other, atol=1e-13):
 
 @pytest.mark.slow
 def test_a_batch_is_its_flights_one_by_one(monkeypatch):
-    monkeypatch.setattr(lanes, "CHUNK", 4)
+    monkeypatch.setattr(lanes, "CHUNK_BYTES", 4 * 8)
     states = batch_of(6)
     gust = StepGust([5.0, 0, 0], 0.01)
     together = simulate(VEHICLE, states, wind=gust, **SHORT)
@@ -194,8 +194,7 @@ REFUSED = {
     "duration_s: expected a positive": {"duration_s": 0.0},
     "step_s: expected a positive": {"step_s": -1e-3},
     "integrator: expected rk4 or euler": {"integrator": "rk45"},
-    "vehicles fly on jax only": {"backend": "warp"},
-    "backend: expected auto or jax": {"backend": "cuda"},
+    "backend: expected auto, jax, warp or warp:DEVICE": {"backend": "cuda"},
     "store_every: expected 1 or more": {"store_every": 0},
     "step_s: rk4 is stable up to 0.2005 s": {"step_s": 0.21},
     "step_s: euler is stable up to 0.144 s": {"step_s": 0.15, "integrator": "euler"},

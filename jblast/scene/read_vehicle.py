@@ -1,0 +1,101 @@
+"""The reader of a scene's vehicle."""
+
+from typing import Any
+
+import numpy as np
+
+from jblast.errors import InputError, shown
+from jblast.scene.keys import VEHICLE_MODELS
+from jblast.scene.numbers import LISTS, finite, fixed_list
+from jblast.scene.tables import choice, known_keys, not_yet, table
+from jblast.scene.vehicle import VehicleSpec
+from jblast.types import as_float_array
+
+ALONG_AXES = ("kp_pos", "kd_pos", "ki_pos")
+ALONE = ("kp_att", "kd_att", "integral_limit")
+
+
+def read_vehicle(document: dict[str, Any], source: str) -> VehicleSpec | None:
+    """Read the vehicle of a scene file; None where it has none.
+
+    Model and place have no default. Its numbers are fixed: what is uncertain of where
+    it stands to a blast is told of the charge.
+
+    Raises:
+        InputError: As in `read_scene`.
+    """
+    if "vehicle" not in document:
+        return None
+    entry = table(document, "vehicle", source)
+    where = f"{source}: [vehicle]"
+    for key, what in (
+        ("model", f"one of {', '.join(VEHICLE_MODELS)}"),
+        ("position_m", LISTS["position_m"]),
+    ):
+        if key not in entry:
+            raise InputError(f"{where} {key}: expected {what}, got nothing")
+    places = {
+        name: fixed_list(entry[key], f"{where} {key}", LISTS[key])
+        for name, key in (("position", "position_m"), ("velocity", "velocity_m_s"))
+        if key in entry
+    }
+    return VehicleSpec(
+        model=choice(entry["model"], VEHICLE_MODELS, f"{where} model"),
+        **places,
+        **_control(entry.get("control", {}), f"{where} control"),
+    )
+
+
+def _control(entry: Any, where: str) -> dict[str, Any]:
+    """Return what the table of the hold says."""
+    if not isinstance(entry, dict):
+        raise InputError(
+            f"{where}: expected a table such as {{ integral = true }}, "
+            f"got {shown(entry)}"
+        )
+    known_keys(entry, "control", where)
+    said: dict[str, Any] = {"gains": _gains(entry, where)}
+    if "integral" in entry:
+        said["integral"] = entry["integral"]
+        if not isinstance(entry["integral"], bool):
+            raise InputError(
+                f"{where} integral: expected true or false, "
+                f"got {shown(entry['integral'])}"
+            )
+    if "target_m" in entry:
+        target = fixed_list(entry["target_m"], f"{where} target_m", LISTS["target_m"])
+        said["target"] = as_float_array(target)
+    if "yaw_rad" in entry:
+        said["yaw"] = _fixed(entry["yaw_rad"], f"{where} yaw_rad")
+    return said
+
+
+def _gains(entry: dict[str, Any], where: str) -> dict[str, Any]:
+    """Return the gains, none of them negative."""
+    gains: dict[str, Any] = {}
+    for key in (*ALONG_AXES, *ALONE):
+        if key not in entry:
+            continue
+        at = f"{where} {key}"
+        along = key in ALONG_AXES
+        numbers = np.asarray(
+            fixed_list(entry[key], at, LISTS[key]) if along else _fixed(entry[key], at)
+        )
+        if (numbers < 0).any():
+            expected = "numbers that are" if along else "a number that is"
+            raise InputError(
+                f"{at}: expected {expected} not negative, got {shown(entry[key])}"
+            )
+        if key == "ki_pos" and not numbers.any():
+            raise InputError(
+                f"{at}: expected one above zero, got {shown(entry[key])}; without "
+                "integral action is integral = false"
+            )
+        gains[key] = as_float_array(numbers)
+    return gains
+
+
+def _fixed(value: Any, where: str) -> float:
+    if value == "free" or isinstance(value, dict):
+        raise not_yet(where, "a number that is free or has a prior")
+    return finite(value, where)

@@ -1,0 +1,155 @@
+"""The equations of `dynamics.py` as functions of Warp, in one precision."""
+
+from functools import cache
+from types import SimpleNamespace
+from typing import no_type_check
+
+import warp as wp
+
+from jblast.constants import FLIGHT_GRAVITY
+
+
+@cache
+@no_type_check
+def body_functions(real: type) -> SimpleNamespace:
+    """Return types and functions of a rigid body with four rotors.
+
+    Args:
+        real: `wp.float32` or `wp.float64`.
+    """
+    vec3, vec4 = wp.types.vector(3, real), wp.types.vector(4, real)
+    mat33, mat44 = wp.types.matrix((3, 3), real), wp.types.matrix((4, 4), real)
+    mat43 = wp.types.matrix((4, 3), real)
+    gravity = wp.constant(real(FLIGHT_GRAVITY))
+
+    class Craft:
+        """What `Vehicle` and `Body` tell, and three inverses."""
+
+        mass: real
+        inertia: mat33
+        inverse_inertia: mat33
+        inverse_allocation: mat44
+        rotor_position: mat43
+        rotor_direction: vec4
+        thrust_coefficient: real
+        moment_coefficient: real
+        rotor_drag: vec3
+        translational_lift: real
+        frame_drag: vec3
+        motor_rate: real
+        speed_min: real
+        speed_max: real
+        area: vec3
+        drag_coefficient: real
+        volume: real
+        added_mass: real
+        pressure_centre: vec3
+
+    class Motion:
+        """A state, or its rates."""
+
+        position: vec3
+        velocity: vec3
+        quaternion: vec4
+        body_rate: vec3
+        rotor_speed: vec4
+
+    class Wrench:
+        """A force and a moment about the centre of mass."""
+
+        force: vec3
+        moment: vec3
+
+    Craft, Motion, Wrench = wp.struct(Craft), wp.struct(Motion), wp.struct(Wrench)
+
+    @wp.func
+    def rotation(q: vec4) -> mat33:
+        """As `motion.rotation`: of any length but zero."""
+        s = real(2.0) / wp.dot(q, q)
+        i = q[0] * s
+        j = q[1] * s
+        k = q[2] * s
+        return mat33(
+            real(1.0) - (j * q[1] + k * q[2]),
+            i * q[1] - k * q[3],
+            i * q[2] + j * q[3],
+            i * q[1] + k * q[3],
+            real(1.0) - (i * q[0] + k * q[2]),
+            j * q[2] - i * q[3],
+            i * q[2] - j * q[3],
+            j * q[2] + i * q[3],
+            real(1.0) - (i * q[0] + j * q[1]),
+        )
+
+    @wp.func
+    def turning(q: vec4, w: vec3) -> vec4:
+        """As `motion.turning`."""
+        v = vec3(q[0], q[1], q[2])
+        a = real(0.5) * (q[3] * w + wp.cross(v, w))
+        return vec4(a[0], a[1], a[2], real(-0.5) * wp.dot(v, w))
+
+    @wp.func
+    def air_wrench(craft: Craft, speed: vec4, u: vec3, w: vec3) -> Wrench:
+        """As `dynamics.air_wrench`, along body axes; u: velocity through the air."""
+        total = Wrench()
+        total.force = -wp.length(u) * wp.cw_mul(craft.frame_drag, u)
+        total.moment = vec3(real(0.0))
+        for i in range(4):
+            arm = craft.rotor_position[i]
+            at = u + wp.cross(w, arm)
+            square = speed[i] * speed[i]
+            thrust = craft.thrust_coefficient * square
+            thrust += craft.translational_lift * (at[0] * at[0] + at[1] * at[1])
+            pull = -speed[i] * wp.cw_mul(craft.rotor_drag, at)
+            pull[2] = pull[2] + thrust
+            total.force += pull
+            total.moment += wp.cross(arm, pull)
+            spin = craft.rotor_direction[i] * craft.moment_coefficient * square
+            total.moment[2] = total.moment[2] + spin
+        return total
+
+    @wp.func
+    def rates(
+        craft: Craft, motion: Motion, command: vec4, wind: vec3, push: Wrench
+    ) -> Motion:
+        """As `dynamics.rates`."""
+        attitude = rotation(motion.quaternion)
+        w = motion.body_rate
+        u = wp.transpose(attitude) @ (motion.velocity - wind)
+        air = air_wrench(craft, motion.rotor_speed, u, w)
+        spin = wp.cross(w, craft.inertia @ w)
+        rate = Motion()
+        rate.position = motion.velocity
+        rate.velocity = (attitude @ air.force + push.force) / craft.mass
+        rate.velocity[2] = rate.velocity[2] - gravity
+        rate.quaternion = turning(motion.quaternion, w)
+        rate.body_rate = craft.inverse_inertia @ (air.moment + push.moment - spin)
+        for i in range(4):
+            asked = wp.clamp(command[i], craft.speed_min, craft.speed_max)
+            rate.rotor_speed[i] = (asked - motion.rotor_speed[i]) * craft.motor_rate
+        return rate
+
+    @wp.func
+    def moved(motion: Motion, step: real, rate: Motion) -> Motion:
+        """Return the state on the straight line of some rates."""
+        now = Motion()
+        now.position = motion.position + step * rate.position
+        now.velocity = motion.velocity + step * rate.velocity
+        now.quaternion = motion.quaternion + step * rate.quaternion
+        now.body_rate = motion.body_rate + step * rate.body_rate
+        now.rotor_speed = motion.rotor_speed + step * rate.rotor_speed
+        return now
+
+    return SimpleNamespace(
+        vec3=vec3,
+        vec4=vec4,
+        mat33=mat33,
+        Craft=Craft,
+        Motion=Motion,
+        Wrench=Wrench,
+        rotation=rotation,
+        turning=turning,
+        air_wrench=air_wrench,
+        rates=rates,
+        moved=moved,
+    )

@@ -1,0 +1,125 @@
+import tomllib
+
+import pytest
+
+from jblast.errors import InputError
+from jblast.scene.keys import KEYS, VEHICLE_MODELS
+from jblast.scene.read import scene_from_document
+from jblast.scene.read_vehicle import read_vehicle
+from jblast.vehicle.gains import NAMED
+from jblast.vehicle.named import PARAMETERS
+
+PLACED = {"model": '"iris"', "position_m": "[10, -5, 2]"}
+
+
+@pytest.fixture
+def vehicle():
+    def read(**changed):
+        entries = {**PLACED, **changed}
+        lines = [f"{key} = {value}" for key, value in entries.items() if value]
+        document = tomllib.loads("\n".join(["[vehicle]", *lines, ""]))
+        spec = read_vehicle(document, "scene.toml")
+        assert spec is not None
+        return spec
+
+    return read
+
+
+def test_a_scene_without_a_vehicle_has_none():
+    assert read_vehicle({"charge": {}}, "scene.toml") is None
+
+
+def test_what_is_not_said_takes_its_default(vehicle):
+    spec = vehicle()
+    assert spec.model == "iris"
+    assert spec.position.tolist() == [10, -5, 2]
+    assert spec.velocity.tolist() == [0, 0, 0]
+    assert (spec.target, spec.integral, float(spec.yaw)) == (None, None, 0)
+    assert spec.gains == {}
+
+
+def test_every_key_arrives_where_it_belongs(vehicle):
+    spec = vehicle(
+        velocity_m_s="[1, 0, -0.5]",
+        control="{ integral = false, target_m = [10, 0, 3], yaw_rad = 0.5, "
+        "kp_pos = [6, 7, 8], ki_pos = [1, 0, 2], kp_att = 100, integral_limit = 3 }",
+    )
+    assert spec.velocity.tolist() == [1, 0, -0.5]
+    assert spec.integral is False
+    assert spec.target is not None
+    assert spec.target.tolist() == [10, 0, 3]
+    assert float(spec.yaw) == 0.5
+    assert {name: value.tolist() for name, value in spec.gains.items()} == {
+        "kp_pos": [6, 7, 8],
+        "ki_pos": [1, 0, 2],
+        "kp_att": 100,
+        "integral_limit": 3,
+    }
+
+
+def test_the_scene_keeps_its_vehicle():
+    document = {"vehicle": {"model": "crazyflie", "position_m": [1, 2, 3]}}
+    scene = scene_from_document(document, "scene.toml").scene
+    assert scene.vehicle is not None
+    assert scene.vehicle.model == "crazyflie"
+
+
+def test_models_and_gains_are_those_that_fly():
+    assert set(VEHICLE_MODELS) == set(PARAMETERS)
+    for table in NAMED.values():
+        assert set(table) <= set(KEYS["control"])
+
+
+BROKEN = {
+    "no model": ({"model": None}, ["model: expected one of crazyflie", "got nothing"]),
+    "misspelt model": ({"model": '"crazyfly"'}, ["model", "did you mean crazyflie?"]),
+    "model that is a number": ({"model": "3"}, ["model", "got 3"]),
+    "no place": ({"position_m": None}, ["position_m", "[east, north, up]"]),
+    "place of two numbers": ({"position_m": "[1, 2]"}, ["position_m", "[1, 2]"]),
+    "place with a prior": (
+        {"position_m": "[{ normal = [0, 1] }, 0, 2]"},
+        ["position_m", "prior is not supported yet"],
+    ),
+    "free velocity": ({"velocity_m_s": "['free', 0, 0]"}, ["velocity_m_s", "free"]),
+    "infinite velocity": ({"velocity_m_s": "[inf, 0, 0]"}, ["velocity_m_s[0]"]),
+    "unknown key": ({"positon_m": "[1, 2, 3]"}, ["did you mean position_m?"]),
+    "mission": ({"mission": '"file.plan"'}, ["mission", "not supported yet"]),
+    "control that is a word": ({"control": '"hold"'}, ["control", "got 'hold'"]),
+    "unknown gain": (
+        {"control": "{ kp_position = [1, 1, 1] }"},
+        ["control kp_position", "did you mean kp_pos?"],
+    ),
+    "integral that is a number": (
+        {"control": "{ integral = 1 }"},
+        ["control integral", "true or false", "got 1"],
+    ),
+    "negative gain": (
+        {"control": "{ kd_pos = [4, -4, 9] }"},
+        ["control kd_pos", "not negative", "-4"],
+    ),
+    "negative limit": (
+        {"control": "{ integral_limit = -1 }"},
+        ["control integral_limit", "not negative", "-1"],
+    ),
+    "gain of one number": ({"control": "{ kp_pos = 6 }"}, ["control kp_pos", "got 6"]),
+    "gain of three": ({"control": "{ kp_att = [1, 2, 3] }"}, ["control kp_att"]),
+    "integral gains of zero": (
+        {"control": "{ integral = true, ki_pos = [0, 0, 0] }"},
+        ["control ki_pos", "above zero"],
+    ),
+    "target of two numbers": ({"control": "{ target_m = [1, 2] }"}, ["target_m"]),
+    "yaw with a prior": (
+        {"control": "{ yaw_rad = { normal = [0, 1] } }"},
+        ["control yaw_rad", "prior is not supported yet"],
+    ),
+}
+
+
+@pytest.mark.parametrize(("changed", "said"), BROKEN.values(), ids=BROKEN)
+def test_a_broken_vehicle_is_refused_by_file_and_key(vehicle, changed, said):
+    with pytest.raises(InputError) as caught:
+        vehicle(**changed)
+    message = str(caught.value)
+    assert message.startswith("scene.toml: [vehicle]")
+    for words in said:
+        assert words in message, message
