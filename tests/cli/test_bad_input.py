@@ -67,7 +67,7 @@ SCENES = {
         ["column shot", "'x', 'y'", "got nothing"],
     ),
     "a camera without a place": ("[camera]\n", ["[camera] position_m", "got nothing"]),
-    "a vehicle": ("[vehicle]\n", ["vehicle", "not supported yet"]),
+    "a vehicle without a model": ("[vehicle]\n", ["[vehicle] model", "got nothing"]),
     "a world": ("[world]\n", ["world", "not supported yet"]),
     "a law to come": (
         '[law]\nair_arrival_s = "euler"\n',

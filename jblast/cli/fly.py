@@ -1,0 +1,183 @@
+"""Fly a scene's vehicle through its blasts, holding its place.
+
+The flight begins at 0 on the scene's clock, over level ground at height 0, in the
+scene's wind; a blast comes at its charge's time_s and the way to the vehicle. Position
+hold with integral action and without it are flown side by side. A crash is an answer:
+the exit code is 0.
+"""
+
+import argparse
+import sys
+from pathlib import Path
+
+from jblast.cli.files import path
+from jblast.cli.options import seed
+
+HELP = "fly a scene's vehicle through its blasts: deviation, recovery, survival"
+
+
+def add_arguments(verb: argparse.ArgumentParser) -> None:
+    """Say what the verb takes."""
+    verb.add_argument(
+        "scene",
+        metavar="SCENE.toml",
+        type=path,
+        help="what is there, with a [vehicle]: its model, position_m, and if wanted "
+        "velocity_m_s and control; numbers with a prior are drawn",
+    )
+    verb.add_argument(
+        "--vehicles",
+        metavar="N",
+        type=int,
+        default=1,
+        help="draw so many scenes from the priors and tell the distribution (default: "
+        "1)",
+    )
+    verb.add_argument(
+        "--seconds",
+        metavar="S",
+        help="how long to fly [s] (default: until 5 s after the last blast's arrival)",
+    )
+    verb.add_argument(
+        "--step", metavar="S", help="step of the integrator [s] (default: 0.0005)"
+    )
+    verb.add_argument(
+        "--integrator",
+        choices=("rk4", "euler"),
+        default="rk4",
+        help="euler is semi-implicit (default: rk4)",
+    )
+    verb.add_argument(
+        "--backend",
+        metavar="auto|jax|warp",
+        default="auto",
+        help="what calculates it; warp:cpu and warp:cuda:0 name a device (default: "
+        "auto)",
+    )
+    verb.add_argument(
+        "--tolerance",
+        metavar="M",
+        help="path error within which it has recovered [m] (default: 0.05)",
+    )
+    verb.add_argument(
+        "--profile",
+        metavar="FILE.csv",
+        type=path,
+        help="impulses of blasts calculated elsewhere, in place of the laws; the "
+        "charge tells place and time",
+    )
+    verb.add_argument(
+        "--profile-moments-about",
+        metavar="X,Y,Z",
+        help="from the point the profile's moments are about to the vehicle's centre "
+        "of mass, body axes [m] (default: they are about that)",
+    )
+    verb.add_argument("--seed", type=seed, default=0, help="of the priors (default: 0)")
+    verb.add_argument(
+        "--out",
+        metavar="DIR",
+        type=path,
+        help="also write fly.json and flight.csv, path.png, loads.png, error.png, or "
+        "of several vehicles flights.csv, distribution.png",
+    )
+    verb.add_argument("--json", action="store_true", help="print JSON")
+    verb.add_argument(
+        "--force", action="store_true", help="overwrite what --out holds of these files"
+    )
+
+
+def run(asked: argparse.Namespace) -> int:
+    """Fly, write, print; return the exit code."""
+    from jblast.cli.start import start_jax
+
+    start_jax(all_cores=asked.vehicles > 1)
+    import json
+
+    from jblast.cli.fly_files import write_flights
+    from jblast.cli.progress_bar import show_progress
+    from jblast.report.fly_document import flights_document
+    from jblast.report.fly_text import flights_text
+    from jblast.report.write import check_directory
+    from jblast.scene import read_scene
+    from jblast.study.fly import fly_scene
+
+    if asked.out:
+        check_directory(asked.out, asked.force)
+    options = _options(asked)
+    flights = fly_scene(
+        read_scene(asked.scene),
+        options,
+        vehicles=asked.vehicles,
+        seed=asked.seed,
+        progress=lambda done, total: show_progress(done, total, "vehicle"),
+    )
+    told = {"scene": asked.scene, "seed": asked.seed}
+    document = {"schema": 1, **told, **flights_document(flights)}
+    text = json.dumps(document, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+    written = write_flights(flights, text, Path(asked.out)) if asked.out else []
+    sys.stdout.write(text if asked.json else flights_text(flights))
+    if written and not asked.json:
+        sys.stdout.write(f"\nWritten: {asked.out}, {', '.join(written)}\n")
+    return 0
+
+
+def _options(asked: argparse.Namespace):
+    """Return how to fly.
+
+    Raises:
+        InputError: A number cannot be used, or the profile is none.
+    """
+    from jblast.cli.calc_numbers import positive
+    from jblast.errors import InputError
+    from jblast.study.fly import STEP_S, TOLERANCE_M, Options
+    from jblast.study.fly_meeting import Profile
+    from jblast.vehicle import read_custom_profile
+
+    def number(option: str, default: float | None) -> float | None:
+        word = getattr(asked, option)
+        return default if word is None else positive(word, f"--{option}")
+
+    if asked.profile_moments_about and not asked.profile:
+        raise InputError(
+            "--profile-moments-about: expected a --profile whose moments they are, got "
+            "none"
+        )
+    profile = None
+    if asked.profile:
+        about = asked.profile_moments_about
+        profile = Profile(
+            read_custom_profile(asked.profile), None if about is None else _point(about)
+        )
+    step, tolerance = number("step", STEP_S), number("tolerance", TOLERANCE_M)
+    assert step is not None
+    assert tolerance is not None
+    return Options(
+        seconds=number("seconds", None),
+        step_s=step,
+        integrator=asked.integrator,
+        backend=asked.backend,
+        tolerance_m=tolerance,
+        profile=profile,
+    )
+
+
+def _point(text: str) -> tuple[float, ...]:
+    """Return three numbers that stand between commas.
+
+    Raises:
+        InputError: They are not.
+    """
+    import math
+
+    from jblast.errors import InputError, shown
+
+    try:
+        point = tuple(float(word) for word in text.split(","))
+    except ValueError:
+        point = ()
+    if len(point) != 3 or not all(map(math.isfinite, point)):
+        raise InputError(
+            f"--profile-moments-about: expected three numbers X,Y,Z [m], "
+            f"got {shown(text)}"
+        )
+    return point

@@ -1,0 +1,73 @@
+"""What `jblast fly` writes: the numbers first, then the figures."""
+
+import warnings
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from jblast.cli.files import unwritable, write_text
+from jblast.report.fly_distribution_figure import distribution_figure
+from jblast.report.fly_document import flights_csv
+from jblast.report.fly_figure import error_figure, loads_figure, path_figure
+from jblast.report.fly_trajectory import trajectory_csv
+from jblast.study.fly import Flights
+from jblast.study.fly_summary import hold_words, target_of
+from jblast.vehicle import path_error
+
+JSON = "fly.json"
+ONE: dict[str, Callable[[Flights], Figure]] = {
+    "path.png": path_figure,
+    "loads.png": loads_figure,
+    "error.png": error_figure,
+}
+MANY = {"distribution.png": distribution_figure}
+TABLES = ("flight.csv", "flights.csv")
+
+
+def write_flights(flights: Flights, text: str, directory: Path) -> list[str]:
+    """Write flights into a directory; return the names of the files.
+
+    A figure that cannot be drawn costs nothing but itself: a warning names it.
+
+    Args:
+        flights: The flights.
+        text: Their JSON.
+        directory: Where to; made if it is not there.
+
+    Raises:
+        InputError: It cannot be written to.
+    """
+    several = flights.count > 1
+    try:
+        directory.mkdir(parents=True, exist_ok=True)
+        for name in (JSON, *TABLES, *ONE, *MANY):  # an earlier run's would mislead
+            (directory / name).unlink(missing_ok=True)
+    except OSError as error:
+        raise unwritable(directory, error) from None
+    written = [JSON, TABLES[several]]
+    write_text(directory / JSON, text, force=True)
+    table = flights_csv(flights) if several else _flight_csv(flights)
+    write_text(directory / written[1], table, force=True)
+    for name, draw in (MANY if several else ONE).items():
+        try:
+            draw(flights).savefig(directory / name)
+        except Exception as error:
+            # whatever went wrong with a picture, the flights are kept
+            warnings.warn(f"{name} was not written: {error!r}", stacklevel=2)
+        else:
+            written.append(name)
+    return written
+
+
+def _flight_csv(flights: Flights) -> str:
+    """Return the first hold's flight."""
+    name, flown = next(iter(flights.holds.items()))
+    trajectory = flown.trajectory
+    assert trajectory is not None
+    error = np.asarray(path_error(trajectory, target_of(flights.vehicle)))
+    comment = (
+        f"{flights.vehicle.model}, position hold {hold_words(name)}, clock of the scene"
+    )
+    return trajectory_csv(trajectory, error, comment)

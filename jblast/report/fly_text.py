@@ -1,0 +1,167 @@
+"""Flights through blasts, in words."""
+
+import math
+import textwrap
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from jblast.report.numbers import printed_number, significant
+from jblast.report.words import capitalised, parameter_words
+from jblast.study.fly import Flights, Flown
+from jblast.study.fly_summary import (
+    METRICS,
+    hold_words,
+    metric,
+    quantiles,
+    survival,
+    survived,
+    target_of,
+    warnings_of,
+)
+
+WIDTH = 96
+WORDS = {
+    "error_before_m": "path error before",
+    "error_at_blast_m": "path error as it comes",
+    "error_after_m": "path error after",
+    "peak_deviation_m": "peak deviation",
+    "peak_time_s": "  after the blast",
+    "recovery_time_s": "recovery time",
+}
+
+
+def flights_text(flights: Flights) -> str:
+    """Return what the terminal shows."""
+    lines = [_title(flights), ""]
+    if flights.drawn:
+        lines += [*_table(_drawn(flights)), ""]
+    lines += [*_table(_blasts(flights)), ""]
+    lines += _table(_holds(flights))
+    lines += ["", *_notes(flights)]
+    return "\n".join(lines) + "\n"
+
+
+def _title(flights: Flights) -> str:
+    vehicle, options = flights.vehicle, flights.options
+    place = ", ".join(f"{float(x):g}" for x in target_of(vehicle))
+    who = vehicle.model.capitalize()
+    if flights.count > 1:
+        who = f"{flights.count:,} x {who}"
+    return (
+        f"{who} holding ({place}) m for {flights.seconds:g} s "
+        f"({options.integrator}, steps of {printed_number('step_s', options.step_s)})"
+    )
+
+
+def _drawn(flights: Flights) -> list[tuple[str, ...]]:
+    head = "drawn" if flights.count == 1 else "drawn: 5 %, 50 %, 95 %"
+    return [
+        (head, ""),
+        *(
+            (parameter_words(name), _number(name, values))
+            for name, values in flights.drawn.items()
+        ),
+    ]
+
+
+def _blasts(flights: Flights) -> list[tuple[str, ...]]:
+    """Return a row for each blast."""
+    meeting = next(iter(flights.holds.values())).meeting
+    by_law = flights.options.profile is None
+    rows = [("blast", "arrives", "distance", "scaled [m/kg^(1/3)]", "peak", "in range")]
+    if flights.count > 1:
+        rows[0] = (*rows[0][:-1], "in range of its laws" if by_law else "in its cases")
+    for n, name in enumerate(flights.blasts):
+        inside = meeting.in_range[..., n]
+        rows.append(
+            (
+                name or "the charge",
+                _number("arrival_s", meeting.arrival_s[..., n]),
+                _number("distance_m", meeting.distance_m[..., n]),
+                _number("", meeting.scaled_distance[..., n]),
+                _number("overpressure_pa", meeting.overpressure_pa[..., n]),
+                _yes(bool(inside))
+                if flights.count == 1
+                else f"{100 * np.mean(inside):.3g} %",
+            )
+        )
+    return rows
+
+
+def _holds(flights: Flights) -> list[tuple[str, ...]]:
+    """Return a row for each metric, a column for each hold."""
+    holds = flights.holds
+    several = flights.count > 1
+    head = [
+        hold_words(name) + (" (the scene's)" if name == flights.own else "")
+        for name in holds
+    ]
+    rows = [("5 %, 50 %, 95 %" if several else "", *head)]
+    for name in METRICS:
+        cells = [_number(name, metric(f, name)) for f in holds.values()]
+        rows.append((WORDS[name], *cells))
+    if several:
+        shares = {
+            "recovered": lambda f: np.isfinite(f.metrics.recovery_time_s),
+            "settled": lambda f: f.metrics.settled,
+            "crashed": lambda f: f.metrics.crashed,
+        }
+        for word, of in shares.items():
+            cells = [f"{100 * np.mean(of(f)):.4g} %" for f in holds.values()]
+            rows.append((word, *cells))
+        rows.append(("survived", *(_survival(f) for f in holds.values())))
+        return rows
+    for word in ("settled", "crashed"):
+        flags = [bool(getattr(f.metrics, word)) for f in holds.values()]
+        rows.append((word, *map(_yes, flags)))
+    rows.append(("survived", *(_yes(bool(survived(f))) for f in holds.values())))
+    return rows
+
+
+def _notes(flights: Flights) -> list[str]:
+    """Return what the words above mean, and what to beware of."""
+    tolerance = printed_number("tolerance_m", flights.options.tolerance_m)
+    notes = [
+        f"Path errors are root mean squares. Recovery: from the first blast's arrival "
+        f"until the path error stays within {tolerance}; 0 where it never left. "
+        "Survived: neither hit the ground, nor turned over, nor diverged."
+    ]
+    notes += [f"{capitalised(warning)}." for warning in warnings_of(flights)]
+    return [line for note in notes for line in textwrap.wrap(note, WIDTH)]
+
+
+def _survival(flown: Flown) -> str:
+    low, high = (100 * share for share in survival(survived(flown)))
+    return f"{100 * np.mean(survived(flown)):.4g} % [{low:.4g} to {high:.4g} %]"
+
+
+def _number(name: str, values: ArrayLike) -> str:
+    """Return a number with its unit, or the quantiles of several."""
+    known = np.asarray(values)
+    if not known.ndim:
+        return _one(name, float(known))
+    return ", ".join(_one(name, value, 3) for value in quantiles(known))
+
+
+def _one(name: str, value: float, digits: int = 4) -> str:
+    if math.isnan(value):
+        return "-"
+    if math.isinf(value):
+        return "never here" if name == "recovery_time_s" else "-"
+    if 0 < abs(value) < 1e-6:
+        return printed_number(name, 0.0)
+    return printed_number(name, value, digits) if name else significant(value, digits)
+
+
+def _yes(value: bool) -> str:
+    return "yes" if value else "no"
+
+
+def _table(rows: Sequence[tuple[str, ...]]) -> list[str]:
+    widths = [max(map(len, column)) + 2 for column in zip(*rows, strict=True)]
+    return [
+        "".join(c.ljust(w) for c, w in zip(row, widths, strict=True)).rstrip()
+        for row in rows
+    ]

@@ -1,0 +1,270 @@
+"""Position hold through a scene's blasts: one flight, or many drawn from its priors.
+
+The flight begins at 0 on the scene's clock, over level ground at height 0, in the
+scene's wind. Each vehicle flies twice, with and without integral action: without it a
+wind leaves an offset for ever, and no recovery.
+"""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float, PyTree
+
+from jblast.scene import Scene, UncertainScene, VehicleSpec
+from jblast.study.fly_draws import checked_scene, drawn_scenes, drawn_values
+from jblast.study.fly_meeting import FlightLoad, Meeting, Profile, load_of, met
+from jblast.study.fly_times import flight_seconds
+from jblast.vehicle import (
+    STEP_S,
+    Each,
+    FlightMetrics,
+    StepGust,
+    Trajectory,
+    flight_metrics,
+    hold_of,
+    path_error,
+    simulate,
+    start_of,
+    vehicle_of,
+)
+
+GROUND_UP_M = 0.0
+TOLERANCE_M = 0.05
+HOLDS = {"with_integral": True, "without_integral": False}
+"""Names of the holds, and whether each has integral action."""
+
+MOST_ROWS = 20_000
+"""Stored of a single flight."""
+BATCH_ROWS = 500
+"""Stored of each flight of a batch: enough for its metrics."""
+CHUNK = 2048
+"""Vehicles in memory at once: some 2 GB at the peak, in float64."""
+
+
+@dataclass(frozen=True)
+class Options:
+    """How to fly.
+
+    Attributes:
+        seconds: Duration; None: as `fly_times` has it.
+        step_s: Of the integrator.
+        integrator: "rk4" or "euler".
+        backend: As `vehicle.simulate` takes it.
+        tolerance_m: Of the path error, within which a vehicle has recovered.
+        profile: In place of the laws' load.
+    """
+
+    seconds: float | None = None
+    step_s: float = STEP_S
+    integrator: str = "rk4"
+    backend: str = "auto"
+    tolerance_m: float = TOLERANCE_M
+    profile: Profile | None = None
+
+
+@dataclass(frozen=True)
+class Flown:
+    """What one hold made of it. Leading axes are the batch's.
+
+    Attributes:
+        metrics: From the first blast's arrival on.
+        meeting: How each blast came to it.
+        error_at_blast_m: Path error as the first blast comes.
+        lost: Whether a vehicle diverged.
+        trajectory: Of a single flight; None of a batch.
+    """
+
+    metrics: FlightMetrics
+    meeting: Meeting
+    error_at_blast_m: Float[Array, "*batch"]
+    lost: Bool[Array, "*batch"]
+    trajectory: Trajectory | None
+
+
+@dataclass(frozen=True)
+class Flights:
+    """Flights through the blasts of a scene.
+
+    Attributes:
+        vehicle: What the scene says of it.
+        options: How they were flown.
+        seconds: How long each was.
+        count: How many scenes were drawn; each was flown by each hold.
+        drawn: What was drawn, by name of `scene.PARAMETERS`.
+        blasts: Names of the charges; "" of one alone.
+        places_m: Of the charges, east, north, up.
+        wind_m_s: Towards east, north.
+        holds: By a name of `HOLDS`, the scene's own first.
+        own: The scene's own hold; None where it does not say.
+    """
+
+    vehicle: VehicleSpec
+    options: Options
+    seconds: float
+    count: int
+    drawn: dict[str, Float[np.ndarray, "*batch"]]
+    blasts: tuple[str, ...]
+    places_m: Float[np.ndarray, "*batch blast 3"]
+    wind_m_s: Float[np.ndarray, "*batch 2"]
+    holds: dict[str, Flown]
+    own: str | None
+
+
+def fly_scene(
+    uncertain: UncertainScene,
+    options: Options | None = None,
+    *,
+    vehicles: int = 1,
+    seed: int = 0,
+    progress: Callable[[int, int], None] | None = None,
+) -> Flights:
+    """Fly a scene's vehicle through its blasts.
+
+    Args:
+        uncertain: The scene; what has a prior is drawn from it.
+        options: How to fly; None: the defaults.
+        vehicles: How many scenes are drawn.
+        seed: Of the draws.
+        progress: Told how many vehicles of how many have flown.
+
+    Raises:
+        InputError: The scene cannot be flown, a number cannot be drawn, or an option
+            cannot be used.
+    """
+    options = Options() if options is None else options
+    vehicle = checked_scene(uncertain, vehicles, options.profile is not None)
+    scenes = drawn_scenes(uncertain, vehicles, seed)
+    seconds = flight_seconds(scenes, vehicle, uncertain.source, options)
+    names = tuple(HOLDS)
+    own = None if vehicle.integral is None else names[not vehicle.integral]
+    if own == names[1]:
+        names = names[::-1]
+    flown: dict[str, list[Flown]] = {name: [] for name in names}
+    chunks = math.ceil(vehicles / CHUNK)
+    size = math.ceil(vehicles / chunks)
+    for n in range(chunks):
+        # the last chunk is filled up: another size would compile everything anew
+        lanes = np.minimum(np.arange(n * size, (n + 1) * size), vehicles - 1)
+        some = scenes if vehicles == 1 else _lanes(scenes, lanes)
+        for name in names:
+            flown[name].append(_flown(some, vehicle, name, seconds, vehicles, options))
+        if progress is not None:
+            progress(min((n + 1) * size, vehicles), vehicles)
+    charges = scenes.charges
+    return Flights(
+        vehicle=vehicle,
+        options=options,
+        seconds=seconds,
+        count=vehicles,
+        drawn=drawn_values(uncertain, scenes),
+        blasts=tuple(charge.name for charge in charges),
+        places_m=np.stack(
+            [np.stack([c.east, c.north, c.up], axis=-1) for c in charges], axis=-2
+        ),
+        wind_m_s=np.stack([scenes.air.wind_east, scenes.air.wind_north], axis=-1),
+        holds={name: _joined(parts, vehicles) for name, parts in flown.items()},
+        own=own,
+    )
+
+
+def _flown(
+    scenes: Scene,
+    spec: VehicleSpec,
+    hold: str,
+    seconds: float,
+    vehicles: int,
+    options: Options,
+) -> Flown:
+    """Fly some vehicles with one hold."""
+    single = vehicles == 1
+    control = hold_of(spec, integral=HOLDS[hold])
+    start, load = start_of(spec), _load(scenes, options.profile, single)
+    wind = StepGust(_wind(scenes), 0 * scenes.air.wind_east)
+    if not single:
+        count = scenes.air.wind_east.shape
+        start = jax.tree.map(lambda x: jnp.broadcast_to(x, (*count, *x.shape)), start)
+    if jax.default_backend() != "cpu" or options.backend.startswith("warp"):
+        start = _cast(start, jnp.float32)
+    steps = math.ceil(seconds / options.step_s)
+    trajectory = simulate(
+        vehicle_of(spec),
+        start,
+        duration_s=seconds,
+        step_s=options.step_s,
+        integrator=options.integrator,
+        control=control,
+        wind=wind if single else Each(wind),
+        loads=(load if single else Each(load),),
+        ground_up_m=GROUND_UP_M,
+        store_every=math.ceil(steps / (MOST_ROWS if single else BATCH_ROWS)),
+        backend=options.backend,
+    )
+    trajectory = _cast(trajectory, jnp.zeros(()).dtype)
+    places = trajectory.position_m, trajectory.quaternion
+    meeting = (_met if single else _met_each)(load, trajectory.time_s, *places)
+    first = meeting.arrival_s.min(axis=-1)
+    metrics = flight_metrics(
+        trajectory,
+        control.target_m,
+        first,
+        tolerance_m=options.tolerance_m,
+        ground_up_m=GROUND_UP_M,
+    )
+    error = path_error(trajectory, control.target_m)
+    times = jnp.broadcast_to(trajectory.time_s, error.shape)
+    last = jnp.sum(times < first[..., None], axis=-1, keepdims=True) - 1
+    before = jnp.take_along_axis(error, jnp.maximum(last, 0), axis=-1)[..., 0]
+    return Flown(
+        metrics,
+        meeting,
+        before,
+        trajectory.lost,
+        trajectory if single else None,
+    )
+
+
+_met = eqx.filter_jit(met)
+_met_each = eqx.filter_jit(jax.vmap(met, (0, None, 0, 0)))
+
+
+def _load(scenes: Scene, profile: Profile | None, single: bool) -> FlightLoad:
+    if single:
+        return load_of(scenes, profile)
+    return eqx.filter_vmap(lambda scene: load_of(scene, profile))(scenes)
+
+
+def _wind(scenes: Scene) -> Float[Array, "*batch 3"]:
+    air = scenes.air
+    return jnp.stack([air.wind_east, air.wind_north, 0 * air.wind_east], axis=-1)
+
+
+def _lanes(scenes: Scene, lanes: np.ndarray) -> Scene:
+    return jax.tree.map(lambda x: x[lanes], scenes)
+
+
+def _cast(tree: PyTree, dtype) -> PyTree:
+    return jax.tree.map(
+        lambda x: x.astype(dtype) if eqx.is_inexact_array(x) else x, tree
+    )
+
+
+def _joined(parts: list[Flown], vehicles: int) -> Flown:
+    """Put the chunks together, without what filled up the last."""
+    if vehicles == 1:
+        return parts[0]
+
+    def whole(*chunks: Array) -> Array:
+        return jnp.concatenate(chunks)[:vehicles]
+
+    return Flown(
+        jax.tree.map(whole, *(part.metrics for part in parts)),
+        jax.tree.map(whole, *(part.meeting for part in parts)),
+        whole(*(part.error_at_blast_m for part in parts)),
+        whole(*(part.lost for part in parts)),
+        None,
+    )

@@ -1,0 +1,221 @@
+"""Flights through a scene's blasts: what is asked of a scene, and what comes out."""
+
+import dataclasses
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scipy.stats import beta
+
+from jblast.errors import InputError
+from jblast.scene import (
+    Air,
+    Charge,
+    Free,
+    LogNormal,
+    Normal,
+    Scene,
+    UncertainScene,
+    VehicleSpec,
+    with_values,
+)
+from jblast.study import fly
+from jblast.study.fly import Options, fly_scene
+from jblast.study.fly_meeting import Profile, load_of, meeting_at
+from jblast.study.fly_summary import quantiles, survival, warnings_of
+from jblast.vehicle import blast_load, flight_metrics
+
+PLACE = jnp.array([5.0, 0.0, 2.0])
+SPEC = VehicleSpec("crazyflie", PLACE)
+SHORT = Options(seconds=0.6, step_s=2e-3)
+
+
+def scene(spec: VehicleSpec | None = SPEC, **parts) -> UncertainScene:
+    charge = parts.pop("charge", Charge(mass=1.0))
+    beliefs = parts.pop("beliefs", {})
+    made = Scene(charge=charge, vehicle=spec, **parts)
+    return UncertainScene(made, beliefs, "scene.toml")
+
+
+@pytest.fixture(scope="module")
+def flights():
+    return fly_scene(scene(), SHORT)
+
+
+def test_the_blast_comes_when_the_load_says(flights):
+    load = blast_load(scene().scene)
+    for flown in flights.holds.values():
+        expected = load.arrival_time_s(PLACE)
+        np.testing.assert_allclose(flown.meeting.arrival_s, expected, rtol=1e-9)
+        # 1 kg at standard pressure: metres are scaled metres
+        np.testing.assert_allclose(flown.meeting.scaled_distance, [29**0.5], rtol=1e-6)
+        assert flown.meeting.in_range.tolist() == [True]
+
+
+def test_metrics_are_those_of_the_trajectory(flights):
+    for flown in flights.holds.values():
+        expected = flight_metrics(
+            flown.trajectory, PLACE, flown.meeting.arrival_s[0], ground_up_m=0.0
+        )
+        np.testing.assert_array_equal(
+            flown.metrics.peak_deviation_m, expected.peak_deviation_m
+        )
+        assert 0.01 < flown.metrics.peak_deviation_m < 0.2
+        assert not flown.metrics.crashed
+
+
+def test_the_two_holds_differ(flights):
+    deviations = [f.metrics.error_after_m for f in flights.holds.values()]
+    assert deviations[0] != deviations[1]
+    assert tuple(flights.holds) == ("with_integral", "without_integral")
+    assert flights.own is None
+
+
+def test_the_scenes_own_hold_comes_first():
+    spec = dataclasses.replace(SPEC, integral=False)
+    flights = fly_scene(scene(spec), SHORT)
+    assert tuple(flights.holds) == ("without_integral", "with_integral")
+    assert flights.own == "without_integral"
+
+
+def test_wind_before_the_blast_is_told_apart():
+    windy = scene(air=Air(wind_east=8.0), charge=Charge(mass=1.0, time=0.5))
+    flights = fly_scene(windy, SHORT)
+    for flown in flights.holds.values():
+        assert flown.error_at_blast_m > 0.05
+    assert any("already as the first blast comes" in w for w in warnings_of(flights))
+    assert flights.wind_m_s.tolist() == [8.0, 0.0]
+
+
+def test_a_flight_lasts_five_seconds_past_the_last_blast():
+    one = scene(charge=Charge(mass=1.0, time=2.0, name="a"))
+    both = scene(
+        charge=Charge(mass=1.0, time=2.0, name="a"),
+        others=(Charge(mass=1.0, time=3.0, name="b"),),
+    )
+    for uncertain, blast in ((one, 2.0), (both, 3.0)):
+        arrival = blast + 0.0092  # at 5.4 m
+        seconds = fly.flight_seconds(uncertain.scene, SPEC, "scene.toml", Options())
+        assert arrival + 5.0 <= seconds < arrival + 5.1
+
+
+REFUSED = {
+    "no vehicle": (lambda: scene(None), {}, ["[vehicle]", "got none"]),
+    "a charge without a place": (
+        lambda: scene(charge=Charge(mass=1.0, range=10.0)),
+        {},
+        ["[charge] range_m", "expected position_m"],
+    ),
+    "below ground": (
+        lambda: scene(VehicleSpec("iris", jnp.array([5.0, 0.0, -1.0]))),
+        {},
+        ["[vehicle] position_m", "above the ground", "-1 m"],
+    ),
+    "a target below ground": (
+        lambda: scene(dataclasses.replace(SPEC, target=jnp.array([5.0, 0.0, -2.0]))),
+        {},
+        ["control target_m", "-2 m"],
+    ),
+    "a free mass": (
+        lambda: scene(beliefs={"charge_mass_kg": Free(positive=True)}),
+        {},
+        ["charge_mass_kg is free and cannot be drawn"],
+    ),
+    "several alike": (scene, {"vehicles": 3}, ["with a prior", "all vehicles"]),
+    "none": (scene, {"vehicles": 0}, ["vehicles", "got 0"]),
+    "a blast that is over": (
+        lambda: scene(charge=Charge(mass=1.0, time=-1.0)),
+        {},
+        ["[charge] time_s", "after its flight begins", "-0.9908 s"],
+    ),
+    "too short": (
+        scene,
+        {"options": Options(seconds=0.005)},
+        ["seconds: expected more than 0.0092 s", "got 0.005 s"],
+    ),
+    "too long": (scene, {"options": Options(seconds=1e6)}, ["seconds", "at most"]),
+    "a step too large": (
+        scene,
+        {"options": Options(seconds=2.0, step_s=0.3)},
+        ["step_s: rk4 is stable up to"],
+    ),
+    "a negative tolerance": (
+        scene,
+        {"options": Options(tolerance_m=-1.0)},
+        ["tolerance: expected a positive number"],
+    ),
+}
+
+
+@pytest.mark.parametrize(("make", "options", "said"), REFUSED.values(), ids=REFUSED)
+def test_what_cannot_be_flown_is_refused(make, options, said):
+    with pytest.raises(InputError) as caught:
+        fly_scene(make(), **options)
+    for words in said:
+        assert words in str(caught.value), caught.value
+
+
+def test_draws_that_cannot_be_are_refused():
+    """A normal mass with 3 sd to zero is negative in one of 741 draws."""
+    uncertain = scene(beliefs={"charge_mass_kg": Normal(3.0, 1.0)})
+    with pytest.raises(
+        InputError, match=r"draws charge_mass_kg -.* of 10000; expected"
+    ):
+        fly_scene(uncertain, SHORT, vehicles=10_000)
+
+
+def test_quantiles_may_be_infinite():
+    values = np.array([1.0, 2.0, np.inf, np.nan, 3.0])
+    assert quantiles(values, (0.25, 0.5, 0.95)) == [1.0, 2.0, np.inf]
+    assert np.isnan(quantiles(np.array([np.nan]), (0.5,))).all()
+
+
+def test_survival_is_an_interval_about_the_share():
+    low, high = survival(np.arange(100) >= 20)
+    # Clopper and Pearson: quantiles of beta distributions
+    assert low == pytest.approx(beta(80, 21).ppf(0.05), abs=1e-9)
+    assert high == pytest.approx(beta(81, 20).ppf(0.95), abs=1e-9)
+
+
+def test_a_custom_profile_takes_the_place_of_the_charge():
+    case = np.array([0.01, 8.0, np.pi / 2, np.pi, 1e-3, 0.0, 0.0, 0.0, 0.0, 0.0])
+    made = Scene(charge=Charge(mass=1.0, east=-3.0, up=2.0, time=0.3))
+    load = load_of(made, Profile(case[None]))
+    level = jnp.array([0.0, 0.0, 0.0, 1.0])
+    meeting = meeting_at(load, PLACE, level)
+    assert float(meeting.arrival_s[0]) == pytest.approx(0.31)
+    assert float(meeting.distance_m[0]) == pytest.approx(8.0)
+    assert meeting.in_range.tolist() == [True]
+    assert np.isnan(meeting.scaled_distance[0])
+
+
+@pytest.mark.slow
+def test_a_batch_flies_as_its_vehicles_alone(monkeypatch):
+    """In two chunks, the last filled up; rounding in another order aside."""
+    monkeypatch.setattr(fly, "CHUNK", 2)
+    uncertain = scene(
+        beliefs={
+            "charge_mass_kg": LogNormal(1.0, 1.5),
+            "charge_north_m": Normal(0.0, 1.0),
+            "wind_east_m_s": Normal(0.0, 3.0),
+        }
+    )
+    told = []
+    options = dataclasses.replace(SHORT, seconds=0.5)
+    flights = fly_scene(
+        uncertain, options, vehicles=3, seed=5, progress=lambda *n: told.append(n)
+    )
+    assert told == [(2, 3), (3, 3)]
+    for lane in range(3):
+        values = {name: drawn[lane] for name, drawn in flights.drawn.items()}
+        alone = UncertainScene(with_values(uncertain.scene, values))
+        single = fly_scene(alone, options)
+        for name, flown in flights.holds.items():
+            own = single.holds[name]
+            found = flown.metrics, flown.meeting, flown.error_at_blast_m
+            expected = own.metrics, own.meeting, own.error_at_blast_m
+            for many, one in zip(
+                jax.tree.leaves(found), jax.tree.leaves(expected), strict=True
+            ):
+                np.testing.assert_allclose(many[lane], one, rtol=1e-6, atol=1e-9)
