@@ -20,8 +20,8 @@ def add_arguments(verb: argparse.ArgumentParser) -> None:
         "areas",
         metavar="AREA",
         nargs="*",
-        help="laws, wave-forms, gradients, clocks, solver, fits, walks, events "
-        "(default: all)",
+        help="laws, wave-forms, gradients, clocks, solver, fits, walks, events, "
+        "flights (default: all)",
     )
     verb.add_argument(
         "--out",

@@ -4,8 +4,8 @@ Every part of jblast with more than one method registers a topic: what it is to 
 against, and a function that measures each method's cost and error on this machine.
 """
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 from jaxtyping import Bool
@@ -45,6 +45,8 @@ class Topic:
         error: What an error is of, for the axis.
         relative: Whether an error is a share, to be read in per cent.
         measure: Measures all points; what it is given is called with words of progress.
+        orders: Of convergence, by the word with which the names of a method's points
+            begin: how its errors should fall as its costs rise, for the figure.
     """
 
     name: str
@@ -53,6 +55,7 @@ class Topic:
     error: str
     measure: Callable[[Callable[[str], None]], list[Point]]
     relative: bool = True
+    orders: Mapping[str, int] = field(default_factory=dict)
 
 
 TOPICS: dict[str, Topic] = {}

@@ -72,6 +72,9 @@ def chart_figure(topic: Topic, points: Sequence[Point]) -> Figure:
         for axes, (panel, within) in zip(grid.flat, parts.items(), strict=False)
     ]
     _scale(grid[0, 0], topic, points, last)
+    for axes, panel in zip(grid.flat, parts.values(), strict=False):
+        for word, order in topic.orders.items():
+            _order(axes, [p for p in panel if p.method.startswith(word)], order)
     figure.supxlabel(f"cost: {topic.cost}", fontsize=10, color=INK)
     error = textwrap.fill(f"error: {topic.error}", int(LETTERS * height))
     figure.supylabel(error, fontsize=10, color=INK, ma="center")
@@ -139,6 +142,29 @@ def _panel(
         x, y = zip(*sorted(front), strict=True)
         axes.step(x, y, where="post", color=BLUE, linewidth=1.2, zorder=1)
     return labels
+
+
+def _order(axes: Axes, points: Sequence[Point], order: int) -> None:
+    """Draw how a method's error should fall with its cost: from its last point."""
+    if not points:
+        return
+    last = points[-1]
+    cost = np.array(axes.get_xlim())
+    error = last.error * (cost / last.cost_s) ** -float(order)
+    axes.plot(cost, error, color=MUTED, linewidth=0.9, linestyle="--", zorder=0)
+    low, high = axes.get_ylim()
+    x = last.cost_s * (last.error / (low * (high / low) ** 0.03)) ** (1 / order)
+    axes.annotate(
+        f"order {order}",
+        (min(x, cost[1]), max(low, error[1])),
+        xytext=(-3, 3),
+        textcoords="offset points",
+        ha="right",
+        va="bottom",
+        fontsize=8,
+        color=MUTED,
+        path_effects=[withStroke(linewidth=2.5, foreground="white")],
+    )
 
 
 def _front(axes: Axes) -> list[Bbox]:

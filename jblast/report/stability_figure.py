@@ -38,7 +38,9 @@ def stability_figure(edges: Mapping[str, Sequence[Edge]]) -> Figure:
     heights = [1.0] * rows + [1.3] * counts
     grid = parts[0].add_gridspec(len(heights) or 1, 2, height_ratios=heights or None)
     for place, area in enumerate(beside):
-        PANELS[area](parts[0].add_subplot(grid[place // 2, place % 2]), edges[area])
+        alone = place % 2 == 0 and place == len(beside) - 1
+        across = slice(None) if alone else place % 2
+        PANELS[area](parts[0].add_subplot(grid[place // 2, across]), edges[area])
     if counts:
         shares(parts[0].add_subplot(grid[-1, :]), every)
     return figure

@@ -11,6 +11,7 @@ from jblast.report.stability_text import boundary_words
 from jblast.study.stability.clocks import FINE, SIGMA, TIMES
 from jblast.study.stability.edge import Edge
 from jblast.study.stability.gradients import MOST_SAMPLES, slope_felt
+from jblast.study.stability.pulses import impulse_errors as pulse_errors
 from jblast.study.stability.solver import SHORT, sod_end, wave_error
 from jblast.study.stability.wave_forms import impulse_errors
 
@@ -113,6 +114,20 @@ def solver(axes: Axes, edges: Sequence[Edge]) -> None:
     titled(axes, "Shock solver", "crosses: lost beyond")
 
 
+def flights(axes: Axes, edges: Sequence[Edge]) -> None:
+    """Draw the error of a blast's impulse against the step."""
+    ratio, bare, ours = pulse_errors()
+    axes.loglog(ratio, np.maximum(bare, 1e-9), color=VERMILLION, linewidth=1.8)
+    axes.loglog(ratio, np.maximum(ours, 1e-9), color=BLUE, linewidth=1.8)
+    axes.text(3.0, 0.02 * bare.max(), "a force", color=VERMILLION, fontsize=9)
+    axes.text(3.0, 0.02 * ours.max(), "jblast", color=BLUE, fontsize=9)
+    at = next(e.boundary for e in edges if e.unit.startswith("positive phases"))
+    _line(axes, at, f"{at:.2g}")
+    axes.set(xlabel="step, of the positive phase", ylabel="error of the impulse")
+    quiet(axes)
+    titled(axes, "Blast on a vehicle")
+
+
 def shares(axes: Axes, edges: Sequence[Edge]) -> None:
     """Draw what share of cases fails, a bar an edge whose unit counts cases."""
     counted = [edge for edge in edges if edge.cases][:MOST_BARS]
@@ -141,6 +156,7 @@ PANELS: dict[str, Callable[[Axes, Sequence[Edge]], None]] = {
     "gradients": gradients,
     "clocks": clocks,
     "solver": solver,
+    "flights": flights,
 }
 """By area; those that count cases share one panel."""
 

@@ -13,4 +13,5 @@ from jblast.study.charts import (
     events as events,
     fits as fits,
     samplers as samplers,
+    vehicle as vehicle,
 )

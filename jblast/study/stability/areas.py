@@ -14,6 +14,7 @@ AREAS: dict[str, str] = {
     "fits": "fits",
     "walks": "walks",
     "events": "events",
+    "flights": "flights",
 }
 """By the name of an area, the module beside this one that measures it."""
 

@@ -1,0 +1,83 @@
+"""Flights past their edges: what breaks alone, and what jblast does."""
+
+import numpy as np
+import pytest
+
+from jblast.study.stability import flight_blasts, flights, hold_limits, pulses
+from jblast.study.stability.edge import EDGES
+
+
+def test_flights_are_entered_into_the_map():
+    assert EDGES["flights"] is flights.flight_edges
+
+
+def test_a_summed_clock_runs_away_in_single_precision_and_ours_does_not():
+    summed, ours = flights.clock_errors(60.0)
+    assert summed[-1] > 10 * flights.STEP
+    # half a spacing of float32 below 64 s
+    assert ours <= np.spacing(np.float32(59.0)) / 2
+
+
+def test_a_quaternion_ends_where_its_square_does():
+    # the square root of the least normal number, to the decade
+    for dtype in (np.float32, np.float64):
+        least = np.sqrt(float(np.finfo(dtype).tiny))
+        assert 0.01 * least < flights.shortest_quaternion(dtype) < 10 * least
+
+
+def test_a_stretch_that_dies_away_is_not_a_swing():
+    early = np.array([[1e-6, 1e-15, 1e-6, 1.0]])
+    late = np.array([[1e-9, 2e-15, 3e-6, 0.9]])
+    found = hold_limits.Swings(np.ones(1), early, late)
+    # grown from rounding; grown; so large that it no longer grows
+    assert found.up().tolist() == [[False, False, True, True]]
+
+
+@pytest.mark.slow
+def test_a_blast_keeps_its_impulse_at_steps_of_a_hundred_phases():
+    ratio, bare, ours = pulses.impulse_errors()
+    assert ours.max() < 1e-3
+    assert (bare[ratio > 1] > 0.5).all()
+
+
+@pytest.mark.slow
+def test_rk4_keeps_the_energy_of_a_tumble_and_euler_does_not():
+    rk4, euler = (flights.tumble_drift(name) for name in ("rk4", "euler"))
+    assert rk4[flights.RATES <= 10].max() < flights.DRIFT
+    assert euler.min() > 1e3 * flights.DRIFT
+    # fifth order in the rate: its own error, fourth, is in the phase
+    last = np.diff(np.log(rk4))[-1] / np.diff(np.log(flights.RATES))[-1]
+    assert last == pytest.approx(6, abs=0.5)
+
+
+@pytest.mark.slow
+def test_who_is_too_fast_is_lost_alone():
+    lost, alike = flights.lost_speeds()
+    assert alike
+    assert not lost[::2].any()
+    assert 0 < lost[1::2].sum() < 50
+
+
+@pytest.mark.slow
+def test_loads_are_finite_and_marked_where_laws_end():
+    sizes, held = flight_blasts.near_impulses()
+    assert np.isfinite(sizes).all()
+    assert held.tolist() == (flight_blasts.NEAR > 0.178).tolist()
+
+
+@pytest.mark.slow
+def test_held_vehicles_survive_up_to_a_charge_and_no_more():
+    alive, peak = flight_blasts.survived()
+    assert alive[:, 0].all()
+    assert not alive[:, -1].any()
+    for one, moved in zip(alive, peak, strict=True):
+        assert (np.diff(moved[one]) > 0).all()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("integrator", ["rk4", "euler"])
+def test_no_hold_swings_up_below_its_limit(integrator):
+    up = hold_limits.swings(integrator).up()
+    assert not up[:, hold_limits.SHARES < 0.995].any()
+    # the limit of the crazyflie's is the loop's own: it is met to a hundredth
+    assert up[hold_limits.NAMES.index("crazyflie"), hold_limits.SHARES > 1.015].all()
