@@ -25,6 +25,7 @@ def by_tape(x: float) -> float:
         wp.launch(grow, dim=1, inputs=[start, STEPS], outputs=[end], device="cpu")
     one = wp.ones(1, dtype=wp.float64, device="cpu")
     tape.backward(grads={end: one})
+    assert start.grad is not None
     return float(start.grad.numpy()[0])
 
 

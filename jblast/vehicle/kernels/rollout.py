@@ -16,6 +16,7 @@ from jblast.vehicle.kernels.body import body_functions
 from jblast.vehicle.kernels.gusts import gust_functions
 from jblast.vehicle.kernels.hold import hold_functions
 from jblast.vehicle.kernels.stepping import step_functions
+from jblast.vehicle.kernels.sums import sum_functions
 
 COLUMNS = 23
 """Of a stored row: position, velocity, quaternion, body rate, rotor speeds, force,
@@ -36,7 +37,7 @@ def rollout_kernel(real: type, integrator: str, alike: bool) -> SimpleNamespace:
         alike: Whether all vehicles are the same: its numbers then need no registers.
     """
     body, hold, steps = body_functions(real), hold_functions(real), step_functions(real)
-    gust, blast = gust_functions(real), blast_functions(real)
+    gust, blast, sums = gust_functions(real), blast_functions(real), sum_functions(real)
     vec3, Craft, Motion, Wrench = body.vec3, body.Craft, body.Motion, body.Wrench
     Air, Clock, Pilot = steps.Air, steps.Clock, steps.Pilot
 
@@ -110,6 +111,8 @@ def rollout_kernel(real: type, integrator: str, alike: bool) -> SimpleNamespace:
         lane = wp.tid()
         craft = craft_of(crafts, lane)
         now = begun(start, lane)
+        total = sums.Sum()
+        total.motion = now
         command = now.rotor_speed
         memory = vec3(real(0.0))
         push = Wrench()
@@ -142,13 +145,15 @@ def rollout_kernel(real: type, integrator: str, alike: bool) -> SimpleNamespace:
                     push.moment += given.turn / clock.step[n]
                     if given.over:
                         passed = passed | bit
-            now = advance(craft, air, clock, pilot, lane, n, now, command, push)
-            now.quaternion = now.quaternion / wp.length(now.quaternion)
+            gain = advance(craft, air, clock, pilot, lane, n, now, command, push)
+            total = sums.add(total, gain)
+            now = total.motion
             if now.position[2] < ground:
                 now.position[2] = ground
                 if now.velocity[2] < real(0.0):
                     now.velocity = vec3(real(0.0))
                     now.body_rate = vec3(real(0.0))
+                total.motion = now
             if (n + 1) % clock.store_every == 0 or n + 1 == count:
                 wind = gust.wind_at(air.wind, lane, clock.stages[n, 2])
                 rate = body.rates(craft, now, now.rotor_speed, wind, push)

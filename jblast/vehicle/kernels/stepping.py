@@ -70,9 +70,9 @@ def step_functions(real: type) -> SimpleNamespace:
         held: vec4,
         push: Wrench,
     ) -> Motion:
-        """As `integrators.rk4_step`."""
+        """What `integrators.rk4_step` adds to a state."""
         step = clock.step[n]
-        end = motion
+        gain = Motion()
         rate = Motion()
         for stage in range(4):
             place = (stage + 1) / 2
@@ -88,8 +88,8 @@ def step_functions(real: type) -> SimpleNamespace:
             wind = gust.wind_at(air.wind, lane, clock.stages[n, place])
             there = body.moved(motion, reach, rate)
             rate = body.rates(craft, there, command, wind, push)
-            end = body.moved(end, share, rate)
-        return end
+            gain = body.moved(gain, share, rate)
+        return gain
 
     @wp.func
     def euler(
@@ -103,17 +103,17 @@ def step_functions(real: type) -> SimpleNamespace:
         held: vec4,
         push: Wrench,
     ) -> Motion:
-        """As `integrators.euler_step`."""
+        """What `integrators.euler_step` adds to a state."""
         step = clock.step[n]
         command = held
         if pilot.kind == 1:
             command = asked(pilot, lane, clock.row[n, 1])
         wind = gust.wind_at(air.wind, lane, clock.stages[n, 1])
         rate = body.rates(craft, motion, command, wind, push)
-        end = body.moved(motion, step, rate)
-        end.position = motion.position + step * end.velocity
-        turn = body.turning(motion.quaternion, end.body_rate)
-        end.quaternion = motion.quaternion + step * turn
-        return end
+        gain = body.moved(Motion(), step, rate)
+        gain.position = step * (motion.velocity + gain.velocity)
+        w = motion.body_rate + gain.body_rate
+        gain.quaternion = step * body.turning(motion.quaternion, w)
+        return gain
 
     return SimpleNamespace(Air=Air, Clock=Clock, Pilot=Pilot, rk4=rk4, euler=euler)
