@@ -54,8 +54,27 @@ class State(eqx.Module):
                 continue
             if not np.all(np.isfinite(value)):
                 raise InputError(f"{name}: expected finite numbers, got nan or inf")
-            if name == "quaternion" and not np.all(np.any(np.asarray(value), -1)):
-                raise InputError("quaternion: expected one of length 1, got zero")
+        if not isinstance(self.quaternion, Tracer):
+            _check_length(np.asarray(self.quaternion))
+
+
+def _check_length(quaternion: Float[np.ndarray, "... 4"]) -> None:
+    """Refuse a quaternion that cannot be scaled to length 1.
+
+    Raises:
+        InputError: The square of its length is zero, or infinite, in its precision.
+    """
+    with np.errstate(over="ignore", under="ignore"):
+        square = np.sum(np.square(quaternion), axis=-1)
+    held = (square > np.finfo(quaternion.dtype).tiny) & np.isfinite(square)
+    if not np.all(held):
+        wrong = np.asarray(quaternion, float)[~held][0]
+        size = np.abs(wrong).max()  # the square may be zero in float64 too
+        got = "zero"
+        if size > 0:
+            length = size * np.linalg.norm(wrong / size)
+            got = f"one of {length:.3g} in {quaternion.dtype}"
+        raise InputError(f"quaternion: expected one of length 1, got {got}")
 
 
 class Trajectory(eqx.Module):

@@ -126,15 +126,10 @@ def shortest_quaternion(dtype: type = np.float32) -> float:
 
 
 def _quaternion() -> Edge:
-    level = hovering(named("crazyflie"))
-    zero = jnp.zeros(4)
-    turned = np.asarray(unit(tuple(zero)))
-    try:
-        dataclasses.replace(level, quaternion=zero)
-        said = ""
-    except InputError as error:
-        said = str(error)
+    turned = np.asarray(unit(tuple(jnp.zeros(4))))
     shortest = {t.__name__: shortest_quaternion(t) for t in (np.float32, np.float64)}
+    said = [_refusal(length) for length in (0.0, shortest["float32"])]
+    refused = all("length 1, got" in words for words in said)
     return Edge(
         area="flights",
         method="quaternion scaled to length 1, float32",
@@ -143,9 +138,20 @@ def _quaternion() -> Edge:
         unit="long and shorter",
         beyond=f"length 0: {np.isnan(turned).sum()} of 4 numbers are NaN, and so the "
         f"flight for ever; in float64 from {shortest['float64']:.0e}",
-        deed=witnessed("refuses", "length 1, got zero" in said, "zero quaternion"),
-        said=f"zero: {said}; one so short ends its own flight, lost",
+        deed=witnessed("refuses", refused, "zero quaternion"),
+        said=f"{said[0]}; {said[1].partition(', ')[2]}",
     )
+
+
+def _refusal(length: float) -> str:
+    """Return what is said of a quaternion of a length in float32, "" if nothing."""
+    level = hovering(named("crazyflie"))
+    try:
+        short = np.array([0.0, 0.0, 0.0, length], np.float32)
+        dataclasses.replace(level, quaternion=short)
+    except InputError as error:
+        return str(error)
+    return ""
 
 
 def lost_speeds() -> tuple[Bool[np.ndarray, " speed"], bool]:
