@@ -3,7 +3,13 @@
 import numpy as np
 import pytest
 
-from jblast.study.stability import flight_blasts, flights, hold_limits, pulses
+from jblast.study.stability import (
+    flight_blasts,
+    flight_kernels,
+    flights,
+    hold_limits,
+    pulses,
+)
 from jblast.study.stability.edge import EDGES
 
 
@@ -31,6 +37,12 @@ def test_a_stretch_that_dies_away_is_not_a_swing():
     found = hold_limits.Swings(np.ones(1), early, late)
     # grown from rounding; grown; so large that it no longer grows
     assert found.up().tolist() == [[False, False, True, True]]
+
+
+def test_plain_sums_round_a_fall_away_and_kept_ones_do_not():
+    plain, ours = flight_kernels.falls()
+    assert plain[-1] > 1e3 * 9e-7  # a spacing of float32 at the end of the fall
+    assert ours.max() < 20 * 9e-7
 
 
 @pytest.mark.slow

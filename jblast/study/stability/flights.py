@@ -11,6 +11,7 @@ from jaxtyping import Bool, Float
 from jblast.errors import InputError
 from jblast.study.stability.edge import Edge, measures, witnessed
 from jblast.study.stability.flight_blasts import charge_edges, near_edge
+from jblast.study.stability.flight_kernels import adjoint_edge, sum_edge
 from jblast.study.stability.hold_limits import hold_edges, hovering, stacked
 from jblast.study.stability.pulses import pulse_edge
 from jblast.vehicle import named, simulate
@@ -38,6 +39,8 @@ def flight_edges() -> list[Edge]:
         _lost(),
         near_edge(),
         *charge_edges(),
+        adjoint_edge(),
+        sum_edge(),
     ]
 
 
