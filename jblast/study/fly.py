@@ -42,8 +42,8 @@ MOST_ROWS = 20_000
 """Stored of a single flight."""
 BATCH_ROWS = 500
 """Stored of each flight of a batch: enough for its metrics."""
-CHUNK = 2048
-"""Vehicles in memory at once: some 2 GB at the peak, in float64."""
+CHUNK = {"cpu": 2048, "gpu": 16_384}
+"""Vehicles in memory at once: on a CPU some 2 GB at the peak, in float64."""
 
 
 @dataclass(frozen=True)
@@ -145,7 +145,8 @@ def fly_scene(
     if own == names[1]:
         names = names[::-1]
     flown: dict[str, list[Flown]] = {name: [] for name in names}
-    chunks = math.ceil(vehicles / CHUNK)
+    most = CHUNK["cpu" if jax.default_backend() == "cpu" else "gpu"]
+    chunks = math.ceil(vehicles / most)
     size = math.ceil(vehicles / chunks)
     for n in range(chunks):
         # the last chunk is filled up: another size would compile everything anew

@@ -193,7 +193,7 @@ def test_a_custom_profile_takes_the_place_of_the_charge():
 @pytest.mark.slow
 def test_a_batch_flies_as_its_vehicles_alone(monkeypatch):
     """In two chunks, the last filled up; rounding in another order aside."""
-    monkeypatch.setattr(fly, "CHUNK", 2)
+    monkeypatch.setitem(fly.CHUNK, "cpu", 2)
     uncertain = scene(
         beliefs={
             "charge_mass_kg": LogNormal(1.0, 1.5),
