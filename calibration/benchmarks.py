@@ -1,6 +1,6 @@
 """How fast: each benchmark prints a table of rates, and of their ratios in that run.
 
-python -m calibration.benchmarks laws fit_many samplers euler flights events
+python -m calibration.benchmarks NAME ...
 """
 
 import argparse
@@ -17,6 +17,7 @@ BENCHMARKS = (
     "flights",
     "events",
     "event_kernel",
+    "flight_kernel",
 )
 """Each `calibration.benchmark_NAME` has a function `NAME_text`."""
 

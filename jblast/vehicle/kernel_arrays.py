@@ -9,10 +9,11 @@ import warp as wp
 from jaxtyping import Array, Float
 
 from jblast.constants import AIR_HEAT_CAPACITY_RATIO
+from jblast.vehicle.allocation import allocation
+from jblast.vehicle.blast import Blast
 from jblast.vehicle.blast_curves import FIRST
-from jblast.vehicle.blast_load import Blast, BlastLoad
+from jblast.vehicle.blast_load import BlastLoad
 from jblast.vehicle.body import known
-from jblast.vehicle.control import allocation
 from jblast.vehicle.flight import Flight
 from jblast.vehicle.kernels.drag import DRAG, FRONT, GAUSS, ROTORS
 from jblast.vehicle.kernels.gusts import FIELDS, KINDS
@@ -55,23 +56,14 @@ class Sender:
         """Return (..., k) as (k, vehicles)."""
         return self.array(jnp.asarray(value).reshape(-1, value.shape[-1]).T)
 
-    def structs(self, Struct: Any, fields: dict[str, np.ndarray]) -> Any:
-        """Return an array of structs from arrays that begin with the vehicles."""
-        table: Any = np.zeros(len(next(iter(fields.values()))), Struct.numpy_dtype())
+    def crafts(self, Craft: Any, vehicle: Vehicle | Each) -> Any:
+        """Return the numbers of each vehicle, or of the one that all are."""
+        each = isinstance(vehicle, Each)
+        fields = _craft_fields(own(vehicle), self.axes if each else 0)
+        table: Any = np.zeros(len(fields["mass"]), Craft.numpy_dtype())
         for name, value in fields.items():
             table[name] = value
-        return wp.array(table, dtype=Struct, device=self.device)
-
-    def crafts(self, Craft: Any, vehicle: Vehicle | Each, alike: bool) -> Any:
-        """Return one vehicle's numbers, or an array of them."""
-        fields = _craft_fields(own(vehicle), 0 if alike else self.axes)
-        if not alike:
-            return self.structs(Craft, fields)
-        craft = Craft()
-        for name, value in fields.items():
-            kind = Craft.vars[name].type
-            setattr(craft, name, kind(*map(float, np.ravel(value))))
-        return craft
+        return wp.array(table, dtype=Craft, device=self.device)
 
     def clock(self, Clock: Any, ticks: Ticks, store_every: int) -> Any:
         """Return the steps."""

@@ -12,7 +12,6 @@ from jblast.errors import InputError
 from jblast.vehicle.flight import Flight
 from jblast.vehicle.kernel_arrays import Sender, own
 from jblast.vehicle.kernels.rollout import COLUMNS, rollout_kernel
-from jblast.vehicle.lanes import Each
 from jblast.vehicle.state import Trajectory
 from jblast.vehicle.timetable import Ticks
 
@@ -53,8 +52,7 @@ class KernelFlight:
         place = device_named(device)
         dtype = np.dtype(time_s.dtype)
         real: Any = {"float32": wp.float32, "float64": wp.float64}[dtype.name]
-        alike = not (isinstance(flight.vehicle, Each) and batch)
-        kernel = rollout_kernel(real, integrator, alike)
+        kernel = rollout_kernel(real, integrator)
         send, count = Sender(place, real, batch), int(np.prod(batch))
         try:
             rows = wp.empty((time_s.size, COLUMNS, count), dtype=real, device=place)
@@ -69,7 +67,7 @@ class KernelFlight:
         self.time_s, self.batch, self.device = time_s, batch, place
         self.kernel = kernel.kernel
         self.inputs = [
-            send.crafts(kernel.Craft, flight.vehicle, alike),
+            send.crafts(kernel.Craft, flight.vehicle),
             send.air(kernel.Air, flight),
             send.clock(kernel.Clock, ticks, store_every),
             send.pilot(kernel.Pilot, flight, period_s),

@@ -28,13 +28,12 @@ OPTIONS = {"enable_backward": False, "max_unroll": 4, "fast_math": True}
 
 @cache
 @no_type_check
-def rollout_kernel(real: type, integrator: str, alike: bool) -> SimpleNamespace:
+def rollout_kernel(real: type, integrator: str) -> SimpleNamespace:
     """Return the kernel, and the types of what it takes.
 
     Args:
         real: `wp.float32` or `wp.float64`.
         integrator: "rk4" or "euler".
-        alike: Whether all vehicles are the same: its numbers then need no registers.
     """
     body, hold, steps = body_functions(real), hold_functions(real), step_functions(real)
     gust, blast, sums = gust_functions(real), blast_functions(real), sum_functions(real)
@@ -84,22 +83,11 @@ def rollout_kernel(real: type, integrator: str, alike: bool) -> SimpleNamespace:
         net.moment = craft.inertia @ rate.body_rate + wp.cross(w, craft.inertia @ w)
         return net
 
-    @wp.func
-    def the_one(craft: Craft, lane: int) -> Craft:
-        """Return the vehicle that all are."""
-        return craft
-
-    @wp.func
-    def own(crafts: wp.array[Craft], lane: int) -> Craft:
-        """Return a vehicle of many."""
-        return crafts[lane]
-
     advance = {"rk4": steps.rk4, "euler": steps.euler}[integrator]
-    Crafts, craft_of = (Craft, the_one) if alike else (wp.array[Craft], own)
 
     @wp.kernel(module="unique", enable_backward=False, module_options=OPTIONS)
     def rollout(
-        crafts: Crafts,
+        crafts: wp.array[Craft],
         air: Air,
         clock: Clock,
         pilot: Pilot,
@@ -109,7 +97,7 @@ def rollout_kernel(real: type, integrator: str, alike: bool) -> SimpleNamespace:
         lost: wp.array[int],
     ):
         lane = wp.tid()
-        craft = craft_of(crafts, lane)
+        craft = crafts[wp.min(lane, crafts.shape[0] - 1)]
         now = begun(start, lane)
         total = sums.Sum()
         total.motion = now
