@@ -26,7 +26,6 @@ from jblast.study.fly_summary import hold_words, target_of
 from jblast.vehicle import Trajectory, path_error
 
 SHADOW = "#d0d0d0"
-ARROW = {"arrow_length_ratio": 0.25}
 HOLD_COLOURS = (BLUE, VERMILLION)
 BEFORE_S, AFTER_S = 0.01, 0.05
 """Around the blast's arrival, where its loads are drawn large."""
@@ -60,14 +59,14 @@ def path_figure(flights: Flights) -> Figure:
     line.set_array(error[1:] / unit.size)
     axes.add_collection3d(line)
     for tail in tails:
-        axes.quiver(*tail, *-tail, color=VERMILLION, linewidth=1.8, **ARROW)
+        axes.plot(*np.stack([tail, 0 * tail], axis=1), color=VERMILLION, linewidth=1.8)
     axes.plot(*np.zeros((3, 1)), "o", color=INK, markersize=6)
     axes.plot(*path[-1:].T, "s", color=MUTED, markersize=6)
     axes.legend(
         handles=[
             Line2D([], [], color=INK, marker="o", linestyle="", label="target"),
             Line2D([], [], color=MUTED, marker="s", linestyle="", label="end"),
-            Line2D([], [], color=VERMILLION, label="arrow: the blast's way"),
+            Line2D([], [], color=VERMILLION, label="from where the blast comes"),
             Line2D([], [], color=SHADOW, label="shadow on the floor"),
         ],
         frameon=False,

@@ -56,7 +56,9 @@ def _title(flights: Flights) -> str:
 
 
 def _drawn(flights: Flights) -> list[tuple[str, ...]]:
-    head = "drawn" if flights.count == 1 else "drawn: 5 %, 50 %, 95 %"
+    head = "drawn, by --seed"
+    if flights.count > 1:
+        head += ": 5 %, 50 %, 95 %"
     return [
         (head, ""),
         *(
@@ -126,7 +128,7 @@ def _notes(flights: Flights) -> list[str]:
     notes = [
         f"Path errors are root mean squares. Recovery: from the first blast's arrival "
         f"until the path error stays within {tolerance}; 0 where it never left. "
-        "Survived: neither hit the ground, nor turned over, nor diverged."
+        "Survived: never hit the ground, turned over or diverged, and came back or not."
     ]
     notes += [f"{capitalised(warning)}." for warning in warnings_of(flights)]
     return [line for note in notes for line in textwrap.wrap(note, WIDTH)]

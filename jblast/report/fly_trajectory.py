@@ -1,10 +1,15 @@
-"""A flight as a table of CSV, which `jblast discover` reads."""
+"""A flight as a table of CSV, which `jblast discover` reads.
+
+Beside the parts of a trajectory it has the direction in which the rotors pull, body z
+in the world's axes: in it the thrust's push is linear, in the quaternion it is not.
+"""
 
 import csv
 import io
 
 import numpy as np
 from jaxtyping import Float
+from scipy.spatial.transform import Rotation
 
 from jblast.vehicle import Trajectory
 
@@ -20,6 +25,8 @@ COLUMNS = {
 }
 """Columns by the trajectory's parts."""
 
+PULL = [f"pull_{axis}" for axis in WORLD]
+
 
 def trajectory_csv(
     trajectory: Trajectory, path_error_m: Float[np.ndarray, " time"], comment: str
@@ -34,12 +41,14 @@ def trajectory_csv(
     text = io.StringIO()
     text.write(f"# {comment}\n")
     table = csv.writer(text, lineterminator="\n")
-    table.writerow(
-        ["time_s", *(n for names in COLUMNS.values() for n in names), "path_error_m"]
-    )
+    names = [name for part in COLUMNS.values() for name in part]
+    table.writerow(["time_s", *names, "path_error_m", *PULL])
     parts = [np.asarray(trajectory.time_s)[:, None]]
     parts += [np.asarray(getattr(trajectory, name)) for name in COLUMNS]
     rows = np.hstack([*parts, path_error_m[:, None]])
     rows = rows[np.isfinite(rows).all(axis=1)]
+    first = 1 + names.index("quaternion_i")
+    attitude = Rotation.from_quat(rows[:, first : first + 4]).as_matrix()
+    rows = np.hstack([rows, attitude[:, :, 2]])
     table.writerows([f"{value:.12g}" for value in row] for row in rows)
     return text.getvalue()
