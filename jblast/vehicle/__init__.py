@@ -1,13 +1,15 @@
 """What a blast does to a vehicle: quadrotors in a wind, alone or a batch at once."""
 
+from jblast.vehicle.allocation import (
+    allocation as allocation,
+    rotor_speeds as rotor_speeds,
+)
 from jblast.vehicle.blast_from_scene import blast_load as blast_load
 from jblast.vehicle.blast_load import BlastLoad as BlastLoad
 from jblast.vehicle.body import Body as Body
 from jblast.vehicle.control import (
     Controller as Controller,
     PositionHold as PositionHold,
-    allocation as allocation,
-    rotor_speeds as rotor_speeds,
 )
 from jblast.vehicle.custom_profile import CustomProfile as CustomProfile
 from jblast.vehicle.custom_profile_file import (

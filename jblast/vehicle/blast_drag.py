@@ -19,10 +19,10 @@ from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array
 
 from jblast.vehicle.blast_front import front_impulse
-from jblast.vehicle.blast_nodes import NODES, nodes_within
+from jblast.vehicle.blast_nodes import Place, node_at, places, until
 from jblast.vehicle.blast_passage import Passage
 from jblast.vehicle.motion import Number, Rows, Vector, dot, three, times_transposed
 from jblast.vehicle.parameters import Body
@@ -80,47 +80,60 @@ def wind_impulse(
         front: Whether there is a force of the front.
     """
     away = passage.away
-    none = jnp.zeros(2 * NODES, passage.start_s.dtype).reshape(2, NODES)
+    nothing = jnp.zeros_like(passage.start_s)
+    before = front_impulse(body, passage, passage.start_s)
 
-    def run(end_s: Number, gained: Nodes3) -> tuple[Nodes3, WindImpulse]:
-        """Velocity gained until each node, and the impulses, for one guess of both."""
-        nodes = nodes_within(passage, end_s)
-        past_s = (nodes.since - passage.start_s) / passage.rate
-        moved = [dv + a * past_s for dv, a in zip(gained, acceleration, strict=True)]
-        gone = [a - dv for a, dv in zip(air, moved, strict=True)]
-        along = sum(n * dv for n, dv in zip(away, moved, strict=True))
-        square = nodes.wind * (nodes.wind - 2 * along)
-        forces: list[Array] = [none, none, none]
-        if drag:
-            past = [nodes.wind * n + g for n, g in zip(away, gone, strict=True)]
-            still = passage.air_density + 0 * nodes.density
-            forces = [
-                blown - without
-                for blown, without in zip(
-                    _at_nodes(body, attitude, nodes.density, past),
-                    _at_nodes(body, attitude, still, gone),
-                    strict=True,
+    def run(end_s: Number, gained: Gained) -> tuple[Gained, WindImpulse]:
+        """Impulse until each node, and of all, for one guess of both."""
+
+        def add_node(
+            total: WindImpulse, row: tuple[Place, Gained]
+        ) -> tuple[WindImpulse, Gained]:
+            place, (given, leap) = row
+            node = node_at(passage, end_s, place)
+            past_s = (node.since - passage.start_s) / passage.rate
+            moved = [
+                (j + leap * n) / mass_kg + a * past_s
+                for j, n, a in zip(given, away, acceleration, strict=True)
+            ]
+            gone = [a - dv for a, dv in zip(air, moved, strict=True)]
+            along = sum(n * dv for n, dv in zip(away, moved, strict=True))
+            square = node.wind * (node.wind - 2 * along)
+            force: tuple[Number, ...] = (nothing, nothing, nothing)
+            if drag:
+                x, y, z = (node.wind * n + g for n, g in zip(away, gone, strict=True))
+                blown = drag_force(body, attitude, node.density, (x, y, z))
+                x, y, z = gone
+                still = drag_force(body, attitude, passage.air_density, (x, y, z))
+                force = tuple(a - b for a, b in zip(blown, still, strict=True))
+            part = place.weight * node.width
+            x, y, z = (j + part * f for j, f in zip(total.body, force, strict=True))
+            total = WindImpulse(
+                (x, y, z), total.way + part * node.wind, total.square + part * square
+            )
+            if rotors is not None:
+                force = tuple(
+                    f + a * node.wind + b * square
+                    for f, a, b in zip(force, *rotors, strict=True)
                 )
-            ]
-        on_body = [nodes.total(f) for f in forces]
-        before = front_impulse(body, passage, passage.start_s)
-        if rotors is not None:
-            forces = [
-                f + a * nodes.wind + b * square
-                for f, a, b in zip(forces, *rotors, strict=True)
-            ]
-        until = [nodes.until(f) for f in forces]
-        if front:
-            leap = front_impulse(body, passage, end_s) - before
-            on_body = [j + leap * n for j, n in zip(on_body, away, strict=True)]
-            given = front_impulse(body, passage, nodes.since) - before
-            until = [j + given * n for j, n in zip(until, away, strict=True)]
-        x, y, z = (j / mass_kg for j in until)
-        j_x, j_y, j_z = on_body
-        way, squares = nodes.total(nodes.wind), nodes.total(square)
-        return (x, y, z), WindImpulse((j_x, j_y, j_z), way, squares)
+            x, y, z = (node.width * f for f in force)
+            leap = nothing
+            if front:
+                leap = front_impulse(body, passage, node.since) - before
+            return total, ((x, y, z), leap)
 
-    gained, first = run(passage.end_s, (none, none, none))
+        start = WindImpulse((nothing, nothing, nothing), nothing, nothing)
+        total, (force, leap) = jax.lax.scan(add_node, start, (rule, gained))
+        if front:
+            whole = front_impulse(body, passage, end_s) - before
+            x, y, z = (j + whole * n for j, n in zip(total.body, away, strict=True))
+            total = total._replace(body=(x, y, z))
+        x, y, z = (until(f) for f in force)
+        return ((x, y, z), leap), total
+
+    rule = places(passage.start_s.dtype)
+    none = jnp.zeros_like(rule.share)
+    gained, first = run(passage.end_s, ((none, none, none), none))
     # The integrator spreads the impulse over the step: half of it is way by its end.
     pushed = dot(away, first.body)
     if rotors is not None:
@@ -131,18 +144,8 @@ def wind_impulse(
     return run(jnp.maximum(passage.end_s - later, passage.start_s), gained)[1]
 
 
-Nodes3 = tuple[Array, Array, Array]
-
-
-def _at_nodes(
-    body: Body, attitude: Rows, density: Float[Array, "phase node"], past: list[Array]
-) -> tuple[Array, ...]:
-    """Return the drag at each node."""
-
-    def one(density: Number, x: Number, y: Number, z: Number) -> Vector:
-        return drag_force(body, attitude, density, (x, y, z))
-
-    return jax.vmap(jax.vmap(one))(density, *past)
+Gained = tuple[tuple[Array, Array, Array], Array]
+"""Impulse of drag and rotors, world, and that of the front, away, at the nodes."""
 
 
 def drag_force(body: Body, attitude: Rows, density: Number, past: Vector) -> Vector:

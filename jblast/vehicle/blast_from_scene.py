@@ -4,7 +4,8 @@ import jax.numpy as jnp
 
 from jblast.errors import InputError
 from jblast.scene import Charge, Scene
-from jblast.vehicle.blast_load import Blast, BlastLoad
+from jblast.vehicle.blast import Blast
+from jblast.vehicle.blast_load import BlastLoad
 from jblast.waves.atmosphere import sound_speed_in_air, standard_atmosphere
 
 

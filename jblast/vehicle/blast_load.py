@@ -22,15 +22,16 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from jblast.constants import AIR_HEAT_CAPACITY_RATIO, FLIGHT_GRAVITY
-from jblast.errors import InputError
+from jblast.constants import FLIGHT_GRAVITY
 from jblast.types import as_float_array
-from jblast.vehicle.blast_curves import FIRST, RANGE
+from jblast.vehicle.blast import Blast, Surroundings
+from jblast.vehicle.blast_curves import RANGE
 from jblast.vehicle.blast_drag import wind_impulse
 from jblast.vehicle.blast_front import crossing_time
-from jblast.vehicle.blast_passage import Passage
+from jblast.vehicle.blast_passage import blast_passage
 from jblast.vehicle.blast_rotors import polynomial, rotors_in_wind
-from jblast.vehicle.blast_wave import Wave, arrival_time, wave_at
+from jblast.vehicle.blast_wave import Wave
+from jblast.vehicle.body import known
 from jblast.vehicle.dynamics import air_wrench
 from jblast.vehicle.motion import (
     Vector,
@@ -43,30 +44,14 @@ from jblast.vehicle.motion import (
     turned,
     unit,
 )
-from jblast.vehicle.parameters import Body, Vehicle
+from jblast.vehicle.parameters import Vehicle
 from jblast.vehicle.state import State
 from jblast.waves.paths import slant_range
-from jblast.waves.scaling import sachs_distance_factor, scaled_distance
+from jblast.waves.scaling import scaled_distance
 
+MOST_ACCELERATION_M_S2 = 1e3
+"""Beyond that of any rotors; a wave that gives more is not quiet."""
 _UP = np.array([0.0, 0.0, 1.0])
-
-
-class Blast(eqx.Module):
-    """A charge as the loads need it.
-
-    Attributes:
-        position_m: East, north, up.
-        time_s: Of detonation.
-        mass_kg: TNT that makes the same pressure.
-        impulse_mass_kg: TNT that makes the same impulse.
-        burst: "surface" or "free-air".
-    """
-
-    position_m: Float[Array, "*batch 3"] = eqx.field(converter=as_float_array)
-    time_s: Float[Array, "*batch"] = eqx.field(converter=as_float_array)
-    mass_kg: Float[Array, "*batch"] = eqx.field(converter=as_float_array)
-    impulse_mass_kg: Float[Array, "*batch"] = eqx.field(converter=as_float_array)
-    burst: str = eqx.field(static=True, default="surface")
 
 
 class BlastLoad(eqx.Module):
@@ -106,7 +91,7 @@ class BlastLoad(eqx.Module):
         Raises:
             InputError: Nothing is known of what a blast acts on.
         """
-        body = _body(vehicle)
+        body = known(vehicle.body)
         motion = components(state)
         attitude = rotation(unit(motion.quaternion))
         wind = three(self.wind_m_s)
@@ -119,7 +104,9 @@ class BlastLoad(eqx.Module):
         )
         push = turn = three(jnp.zeros_like(state.position_m))
         for blast in self.blasts:
-            passage = self._passage(blast, start_s, end_s, state, acceleration)
+            passage = blast_passage(
+                blast, self._air(), start_s, end_s, state, acceleration
+            )
             force = moment = None
             if self.rotors:
                 force, moment = rotors_in_wind(vehicle, motion, wind, passage)
@@ -145,21 +132,29 @@ class BlastLoad(eqx.Module):
     def quiet_until(
         self, start_s: Float[Array, ""], state: State, vehicle: Vehicle
     ) -> Float[Array, ""]:
-        """Return until when no wave reaches a vehicle slower than 70 m/s.
+        """Return until when no wave reaches a vehicle, as fast as it may be.
 
-        It does not meet the front before three quarters of the time that is left at its
-        place are over. Nor does it overtake a wave: its end comes to a place later by
-        4.7/c_0 at most for each metre farther from the charge, whatever the burst.
+        A front comes to a place earlier by 1/c at most for each metre nearer to the
+        charge, so a vehicle at a speed v does not meet it before the share c/(c + v) of
+        the time left at its place. Nor does one slower than c/5 overtake a wave: its
+        end comes to a place later by 4.7/c at most for each metre farther from the
+        charge, whatever the burst. Both hold while it gains no more speed than by
+        `MOST_ACCELERATION_M_S2`.
         """
+        body, blow = known(vehicle.body), _length(self.wind_m_s)
+        # of a wind across the way too
+        sound = jnp.maximum(self.sound_speed_m_s - 2 * blow, 0.0)
+        speed, most = _length(state.velocity_m_s), MOST_ACCELERATION_M_S2
         quiet = jnp.asarray(jnp.inf, start_s.dtype)
         for n, blast in enumerate(self.blasts):
             wave = self.wave(n, state.position_m)
-            came = blast.time_s + self._travel_time(blast, state.position_m)
-            crossing = crossing_time(_body(vehicle), wave)
-            left = came - crossing - start_s
-            past = start_s - came - crossing > 1.05 * (wave.duration_s + wave.suction_s)
-            until = start_s + 0.75 * jnp.maximum(left, 0)
-            quiet = jnp.minimum(quiet, jnp.where(past, jnp.inf, until))
+            came = blast.time_s + blast.travel_time_s(self._air(), state.position_m)
+            crossing = crossing_time(body, wave)  # of which half comes before
+            left = jnp.maximum(came - crossing - start_s, 0)
+            wait = left * sound / (sound + speed + most * left)
+            over = start_s - came - crossing > 1.05 * (wave.duration_s + wave.suction_s)
+            slow = jnp.maximum(sound / 5 - speed, 0) / most
+            quiet = jnp.minimum(quiet, start_s + jnp.where(over, slow, wait))
         return quiet
 
     def arrival_time_s(
@@ -168,7 +163,7 @@ class BlastLoad(eqx.Module):
         """Return when the fronts come to places [s]."""
         return jnp.stack(
             [
-                blast.time_s + self._travel_time(blast, position_m)
+                blast.time_s + blast.travel_time_s(self._air(), position_m)
                 for blast in self.blasts
             ],
             axis=-1,
@@ -176,7 +171,7 @@ class BlastLoad(eqx.Module):
 
     def wave(self, blast: int, position_m: Float[Array, "... 3"]) -> Wave:
         """Return what passes a place."""
-        return self._wave(self.blasts[blast], position_m)
+        return self.blasts[blast].wave(self._air(), position_m)
 
     def in_range(self, position_m: Float[Array, "... 3"]) -> Bool[Array, "... blast"]:
         """Return where the waves laws hold: elsewhere the load is finite, no more.
@@ -193,84 +188,13 @@ class BlastLoad(eqx.Module):
             found.append((z >= first) & (z <= last))
         return jnp.stack(found, axis=-1)
 
-    def _way(
-        self, blast: Blast, position_m: Float[Array, "... 3"]
-    ) -> tuple[Float[Array, "..."], Float[Array, "... 3"], Float[Array, "..."]]:
-        """Return distance, direction and speed of sound along it.
-
-        Nearer than the laws' start everything is as it is there.
-        """
-        source = jnp.broadcast_to(blast.position_m, position_m.shape)
-        distance = slant_range(source, position_m)
-        nearest = FIRST * sachs_distance_factor(blast.mass_kg, self.pressure_pa)
-        distance = jnp.maximum(distance, nearest)
-        away = (position_m - source) / distance[..., None]
-        along = away[..., 0] * self.wind_m_s[0] + away[..., 1] * self.wind_m_s[1]
-        return distance, away, self.sound_speed_m_s + along
-
-    def _travel_time(
-        self, blast: Blast, position_m: Float[Array, "... 3"]
-    ) -> Float[Array, "..."]:
-        distance, _, speed = self._way(blast, position_m)
-        return arrival_time(
-            distance, blast.mass_kg, self.pressure_pa, speed, blast.burst
-        )
-
-    def _wave(self, blast: Blast, position_m: Float[Array, "... 3"]) -> Wave:
-        distance, _, _ = self._way(blast, position_m)
-        return wave_at(
-            distance,
-            blast.mass_kg,
-            blast.impulse_mass_kg,
-            self.pressure_pa,
-            self.sound_speed_m_s,
-            blast.burst,
-        )
-
-    def _passage(
-        self,
-        blast: Blast,
-        start_s: Float[Array, ""],
-        end_s: Float[Array, ""],
-        state: State,
-        acceleration: Float[Array, "3"],
-    ) -> Passage:
-        """Return the part of a wave that passes within a step."""
-        step = end_s - start_s
-        way = (state.velocity_m_s + acceleration * step / 2) * step
-        places = jnp.stack([state.position_m, state.position_m + way])
-        came = blast.time_s + self._travel_time(blast, places)
-        first, last = start_s - came[0], end_s - came[1]
-        met = jnp.clip(-first / (last - first), 0, 1)
-        # From where the front meets it to where half of the positive phase is over, or
-        # to the step's end: the drag is that of the middle.
-        half = self._wave(blast, state.position_m + met * way).duration_s / 2
-        left = jnp.minimum(1, met + half / step)
-        place = state.position_m + (met + left) / 2 * way
-        _, away, speed = self._way(blast, place)
-        wave = self._wave(blast, place)
-        density = AIR_HEAT_CAPACITY_RATIO * self.pressure_pa
-        return Passage(
-            wave=wave,
-            away=three(away),
-            start_s=first,
-            end_s=last,
-            rate=(last - first) / step,
-            front_speed_m_s=speed * jnp.sqrt(1 + 6 / 7 * wave.peak),
-            air_density=density / jnp.square(self.sound_speed_m_s),
-        )
+    def _air(self) -> Surroundings:
+        return Surroundings(self.pressure_pa, self.sound_speed_m_s, self.wind_m_s)
 
 
 def _minus(v: Vector) -> Vector:
     return -v[0], -v[1], -v[2]
 
 
-def _body(vehicle: Vehicle) -> Body:
-    body = vehicle.body
-    if body is None:
-        raise InputError(
-            "vehicle: expected one with body_area, body_drag_coefficient, "
-            "body_volume, added_mass_coefficient and pressure_centre for a blast "
-            "to act on, got none of them"
-        )
-    return body
+def _length(v: Float[Array, "3"]) -> Float[Array, ""]:
+    return jnp.sqrt(jnp.sum(jnp.square(v)))

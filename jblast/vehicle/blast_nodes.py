@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
 from jblast.vehicle.blast_passage import Passage
 from jblast.vehicle.blast_wave import density_ratio, overpressure, wind_speed
@@ -12,6 +12,36 @@ from jblast.vehicle.motion import Number
 
 NODES = 8
 """Of each phase: they leave below 1e-3 of the drag's impulse where a step holds all."""
+
+
+class Place(NamedTuple):
+    """Where a node stands: a number each, or an array over all nodes.
+
+    Attributes:
+        share: How far in its phase.
+        weight: Of the rule.
+        later: Whether it is in the second phase.
+    """
+
+    share: Float[Array, "..."]
+    weight: Float[Array, "..."]
+    later: Bool[Array, "..."]
+
+
+class Node(NamedTuple):
+    """What there is at a node.
+
+    Attributes:
+        since: Time since arrival [s].
+        width: Of its phase, as time of the flight [s].
+        wind: Speed [m/s].
+        density: [kg/m3].
+    """
+
+    since: Number
+    width: Number
+    wind: Number
+    density: Number
 
 
 def _gauss() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -34,39 +64,35 @@ def _gauss() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 PLACES, WEIGHTS, SO_FAR = _gauss()
 
 
-class Nodes(NamedTuple):
-    """Places of Gauss's rule: a row for each phase of the wave."""
-
-    since: Float[Array, "phase node"]
-    width: Float[Array, " phase"]
-    wind: Float[Array, "phase node"]
-    density: Float[Array, "phase node"]
-
-    def total(self, value: Float[Array, "phase node"]) -> Number:
-        """Integral over the step."""
-        return jnp.sum(self._parts(value))
-
-    def until(self, value: Float[Array, "phase node"]) -> Float[Array, "phase node"]:
-        """Integral from the step's beginning to each node."""
-        parts = self._parts(value)
-        earlier = jnp.stack([jnp.zeros_like(parts[0]), parts[0]])
-        so_far = jnp.asarray(SO_FAR, value.dtype)
-        inner = jnp.sum(value[:, None, :] * so_far[None], axis=2)
-        return earlier[:, None] + self.width[:, None] * inner
-
-    def _parts(self, value: Float[Array, "phase node"]) -> Float[Array, " phase"]:
-        weights = jnp.asarray(WEIGHTS, value.dtype)
-        return self.width * jnp.sum(value * weights[None], axis=1)
+def places(dtype: np.dtype) -> Place:
+    """Return all nodes, those of the first phase first."""
+    return Place(
+        jnp.asarray(np.tile(PLACES, 2), dtype),
+        jnp.asarray(np.tile(WEIGHTS, 2), dtype),
+        jnp.asarray(np.repeat([False, True], NODES)),
+    )
 
 
-def nodes_within(passage: Passage, end_s: Number) -> Nodes:
-    """Return the nodes of the part of a passage before a time since arrival [s]."""
+def until(value: Float[Array, " node"]) -> Float[Array, " node"]:
+    """Integrate from the step's beginning to each node.
+
+    Args:
+        value: At all nodes, times the width of their phase.
+    """
+    whole = np.tile(WEIGHTS, (NODES, 1))
+    matrix = np.block([[SO_FAR, 0 * SO_FAR], [whole, SO_FAR]])
+    return jnp.asarray(matrix, value.dtype) @ value
+
+
+def node_at(passage: Passage, end_s: Number, place: Place) -> Node:
+    """Return a node of the part of a passage before a time since arrival [s]."""
     wave = passage.wave
-    past = wave.duration_s + wave.suction_s
-    edges = jnp.stack([jnp.zeros_like(past), wave.duration_s, past])
-    edges = jnp.clip(edges, passage.start_s, end_s)
-    width = jnp.diff(edges)
-    places = jnp.asarray(PLACES, width.dtype)
-    since = edges[:-1, None] + width[:, None] * places[None]
+    zero, past = jnp.zeros_like(end_s), wave.duration_s + wave.suction_s
+    first, middle, last = (
+        jnp.clip(edge, passage.start_s, end_s) for edge in (zero, wave.duration_s, past)
+    )
+    begin = jnp.where(place.later, middle, first)
+    width = jnp.where(place.later, last - middle, middle - first)
+    since = begin + width * place.share
     density = passage.air_density * density_ratio(overpressure(wave, since))
-    return Nodes(since, width / passage.rate, wind_speed(wave, since), density)
+    return Node(since, width / passage.rate, wind_speed(wave, since), density)

@@ -21,9 +21,9 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, PyTree
 
 from jblast.constants import FLIGHT_GRAVITY
+from jblast.vehicle.allocation import allocation, speeds_by
 from jblast.vehicle.gains import Gains
 from jblast.vehicle.motion import (
-    Four,
     Rows,
     Vector,
     add,
@@ -135,7 +135,7 @@ class PositionHold(eqx.Module):
             -gains.attitude * error[2] - gains.body_rate * w[2],
         )
         moment = add(times(inertia, turn), cross(w, times(inertia, w)))
-        speeds = _rotor_speeds(vehicle, inverse, (thrust, *moment))
+        speeds = speeds_by(vehicle, inverse, (thrust, *moment))
         return speeds, jnp.stack(integral)
 
 
@@ -157,41 +157,6 @@ class _ReadyHold(eqx.Module):
         period_s: Float[Array, ""],
     ) -> tuple[Float[Array, "4"], Float[Array, "3"]]:
         return self.hold._answer(state, vehicle, self.inverse, memory, period_s)
-
-
-def allocation(vehicle: Vehicle) -> Float[Array, "4 4"]:
-    """Matrix that takes the four rotors' thrusts to total thrust and moment.
-
-    Returns:
-        Rows: thrust [N], moment about body x, y, z [N m], per newton of each rotor.
-    """
-    x, y, _ = vehicle.rotor_position_m.T
-    reach = vehicle.moment_coefficient / vehicle.thrust_coefficient
-    return jnp.stack([jnp.ones_like(x), y, -x, reach * vehicle.rotor_direction])
-
-
-def rotor_speeds(vehicle: Vehicle, wanted: Four) -> Float[Array, "4"]:
-    """Rotor speeds that make a thrust [N] and a moment [N m]; negative for a pull down.
-
-    Args:
-        vehicle: The vehicle, at rest in still air.
-        wanted: Thrust and moments about body x, y and z.
-    """
-    return _rotor_speeds(vehicle, jnp.linalg.inv(allocation(vehicle)), wanted)
-
-
-def _rotor_speeds(
-    vehicle: Vehicle, inverse: Float[Array, "4 4"], wanted: Four
-) -> Float[Array, "4"]:
-    speeds = []
-    for row in inverse:
-        a, b, c, d = row
-        thrust = a * wanted[0] + b * wanted[1] + c * wanted[2] + d * wanted[3]
-        square = jnp.abs(thrust) / vehicle.thrust_coefficient
-        turns = square > 0
-        speed = jnp.sqrt(jnp.where(turns, square, 1))
-        speeds.append(jnp.where(turns, jnp.sign(thrust) * speed, 0))
-    return jnp.stack(speeds)
 
 
 def _attitude(pull: Vector, heading: tuple[Array, Array]) -> Rows:

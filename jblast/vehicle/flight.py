@@ -2,10 +2,12 @@
 
 from typing import Any, NamedTuple
 
+import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
+from jblast.errors import InputError
 from jblast.vehicle.dynamics import Wrench
-from jblast.vehicle.motion import Motion
+from jblast.vehicle.motion import Motion, Number, Vector, three
 from jblast.vehicle.parameters import Vehicle
 from jblast.vehicle.state import State
 
@@ -39,3 +41,21 @@ class Rows(NamedTuple):
     motion: Motion
     wrench: Wrench
     alive: Bool[Array, "..."]
+
+
+def wind_at(flight: Flight, time: Number, motion: Motion) -> Vector:
+    """Return the velocity of the air at a vehicle [m/s].
+
+    Raises:
+        InputError: The wind does not give three numbers.
+    """
+    place = jnp.stack(motion.position)
+    if flight.wind is None:
+        return three(jnp.zeros_like(place))
+    wind = jnp.asarray(flight.wind(time, place))
+    if wind.shape != (3,):
+        raise InputError(
+            "wind: expected a function (time_s, position_m) that gives 3 numbers, got "
+            f"one that gives the shape {wind.shape}"
+        )
+    return three(wind.astype(place.dtype))

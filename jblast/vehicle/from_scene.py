@@ -4,7 +4,8 @@ import jax.numpy as jnp
 
 from jblast.constants import FLIGHT_GRAVITY
 from jblast.scene import VehicleSpec
-from jblast.vehicle.control import PositionHold, rotor_speeds
+from jblast.vehicle.allocation import rotor_speeds
+from jblast.vehicle.control import PositionHold
 from jblast.vehicle.gains import NAMED, gains_from_parameters
 from jblast.vehicle.named import named
 from jblast.vehicle.parameters import Vehicle

@@ -20,7 +20,7 @@ Rates = Callable[[int, Motion], Motion]
 
 
 def rk4_step(rates: Rates, motion: Motion, step: Float[Array, ""]) -> Motion:
-    """Advance by the classical Runge-Kutta method of fourth order.
+    """Return what a step of the classical Runge-Kutta method of fourth order adds.
 
     Args:
         rates: Of a state, at a stage.
@@ -32,48 +32,38 @@ def rk4_step(rates: Rates, motion: Motion, step: Float[Array, ""]) -> Motion:
     second = rates(1, _moved(motion, half, first))
     third = rates(1, _moved(motion, half, second))
     fourth = rates(2, _moved(motion, step, third))
-    end = jax.tree.map(
-        lambda x, a, b, c, d: x + step / 6 * (a + 2 * (b + c) + d),
-        motion,
+    return jax.tree.map(
+        lambda a, b, c, d: step / 6 * (a + 2 * (b + c) + d),
         first,
         second,
         third,
         fourth,
     )
-    return _normal(end)
 
 
 def euler_step(rates: Rates, motion: Motion, step: Float[Array, ""]) -> Motion:
-    """Advance by the semi-implicit Euler method, of first order.
+    """Return what a step of the semi-implicit Euler method, of first order, adds.
 
     Args:
         rates: Of a state, at a stage.
         motion: State at the beginning.
         step: Its length [s].
     """
-    moved = _moved(motion, step, rates(1, motion))
-    x, y, z = motion.position
-    u, v, w = moved.velocity
-    q, turn = motion.quaternion, turning(motion.quaternion, moved.body_rate)
-    return _normal(
-        moved._replace(
-            position=(x + step * u, y + step * v, z + step * w),
-            quaternion=(
-                q[0] + step * turn[0],
-                q[1] + step * turn[1],
-                q[2] + step * turn[2],
-                q[3] + step * turn[3],
-            ),
-        )
+    rate = rates(1, motion)
+    moved = _moved(motion, step, rate)
+    rate = rate._replace(
+        position=moved.velocity, quaternion=turning(motion.quaternion, moved.body_rate)
     )
+    return jax.tree.map(lambda dx: step * dx, rate)
 
 
 INTEGRATORS = {"rk4": rk4_step, "euler": euler_step}
 
 
+def normal(motion: Motion) -> Motion:
+    """Scale the quaternion to length 1."""
+    return motion._replace(quaternion=unit(motion.quaternion))
+
+
 def _moved(motion: Motion, step: Float[Array, ""], rate: Motion) -> Motion:
     return jax.tree.map(lambda x, dx: x + step * dx, motion, rate)
-
-
-def _normal(motion: Motion) -> Motion:
-    return motion._replace(quaternion=unit(motion.quaternion))

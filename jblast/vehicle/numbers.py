@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from typing import Any
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -85,3 +86,10 @@ def numbers(
 def floats(value: Any) -> Float[Array, "..."]:
     """Convert numbers, lists of them too, to a float array."""
     return as_float_array(jnp.asarray(value))
+
+
+def in_precision(tree: Any, dtype: np.dtype) -> Any:
+    """Bring every array of floats to one precision."""
+    return jax.tree.map(
+        lambda x: x.astype(dtype) if eqx.is_inexact_array(x) else x, tree
+    )

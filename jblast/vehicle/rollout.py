@@ -1,43 +1,23 @@
 """The flight of one vehicle: a scan over steps, its state stored now and then."""
 
 import functools
-from typing import Any, NamedTuple
+from collections.abc import Callable
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float, PyTree
+from jaxtyping import Array, Float
 
-from jblast.errors import InputError
-from jblast.vehicle.dynamics import Wrench, net_wrench, rates
+from jblast.vehicle.dynamics import Wrench, net_wrench
 from jblast.vehicle.flight import Flight, Rows
-from jblast.vehicle.integrators import INTEGRATORS
-from jblast.vehicle.loads import Pulse, load_wrench, pulse_wrench
-from jblast.vehicle.motion import (
-    Four,
-    Motion,
-    Number,
-    Vector,
-    components,
-    four,
-    joined,
-    three,
-    unit,
-)
+from jblast.vehicle.motion import Motion, Number
+from jblast.vehicle.one_step import Now, OneStep
 from jblast.vehicle.timetable import Ticks
 
 BLOCK = 16
 """Most steps that are taken at once: their times are small arrays (`lanes.py`), and
 where no pulse comes in all of them nothing looks for one."""
 
-
-class _Now(NamedTuple):
-    """What is carried from step to step."""
-
-    motion: Motion
-    command: Four
-    memory: PyTree[Array]
-    push: Wrench
-    quiet_s: tuple[Number, ...]
+Step = Callable[[Now, Ticks], Now]
 
 
 def fly(
@@ -62,104 +42,25 @@ def fly(
         axis: Of the vehicles that fly in one chunk, as `vmap` names it; None: one flies
             alone.
     """
-    vehicle, step = flight.vehicle, INTEGRATORS[integrator]
-    control, memory = flight.control, ()
-    if control is not None:
-        if hasattr(control, "ready"):
-            control = control.ready(vehicle)
-        memory = control.start()
-    shapes = jax.tree.map(lambda x: jax.ShapeDtypeStruct(x.shape, x.dtype), memory)
+    if hasattr(flight.control, "ready"):
+        flight = flight._replace(control=flight.control.ready(flight.vehicle))
+    one = OneStep(flight, period_s, integrator, control_held, axis)
+    now = one.start()
+    first = (now.motion, now.push)
 
-    def rates_of(push: Wrench, time: Number, command: Four, motion: Motion) -> Motion:
-        wind, load = _wind(flight, time, motion), push
-        if flight.loads:
-            load = load_wrench(flight.loads, time, joined(motion), vehicle, load)
-        return rates(vehicle, motion, command, wind, load)
-
-    def asked(now: _Now, tick: Ticks) -> _Now:
-
-        def ask(now: _Now) -> _Now:
-            assert control is not None
-            command, memory = control(
-                tick.start,
-                joined(now.motion),
-                vehicle,
-                jax.tree.map(lambda s, n: _whole(n, s), shapes, now.memory),
-                period_s,
-            )
-            return now._replace(
-                command=four(command), memory=jax.tree.map(_numbers, memory)
-            )
-
-        turn = tick.sample if control_held else tick.step > 0
-        return jax.lax.cond(turn, ask, lambda now: now, now)
-
-    def moved(now: _Now, tick: Ticks) -> _Now:
-        def stage_rates(stage: int, motion: Motion) -> Motion:
-            command = now.command
-            if flight.commands is not None:
-                command = four(flight.commands[tick.command[stage]])
-            return rates_of(now.push, tick.stages[stage], command, motion)
-
-        motion = step(stage_rates, now.motion, tick.step)
-        return now._replace(motion=_grounded(flight.ground_up_m, motion))
-
-    def advance(now: _Now, tick: Ticks) -> tuple[_Now, None]:
-        if control is not None:
-            now = asked(now, tick)
-        # Always taken. A branch is a program of its own, of small arrays alone, and so
-        # XLA runs it in order (`lanes.py`), whatever there is around it.
-        return jax.lax.cond(tick.step > 0, moved, lambda now, _: now, now, tick), None
-
-    def pushed(now: _Now, tick: Ticks) -> tuple[_Now, None]:
-        push, quiet_s = pulse_wrench(
-            pulses, tick.start, tick.step, now.motion, vehicle, now.quiet_s, axis
-        )
-        return advance(now._replace(push=push, quiet_s=quiet_s), tick)
-
-    def steps(one_step: Any, now: _Now, part: Ticks) -> _Now:
-        # Backwards, a step is calculated again instead of being kept whole.
-        again = jax.checkpoint(one_step, prevent_cse=False)
-        return jax.lax.scan(again, now, part)[0]
-
-    def few(now: _Now, part: Ticks) -> tuple[_Now, None]:
-        if not now.quiet_s:
-            return steps(advance, now, part), None
-        end_s = part.start[-1] + part.step[-1]
-        loud = end_s > functools.reduce(jnp.minimum, now.quiet_s)
-        return jax.lax.cond(
-            loud,
-            lambda now: steps(pushed, now, part),
-            lambda now: steps(advance, now._replace(push=(zero, zero)), part),
-            now,
-        ), None
-
-    def stretch(now: _Now, part: Ticks) -> tuple[_Now, tuple[Motion, Wrench]]:
+    def stretch(now: Now, part: Ticks) -> tuple[Now, tuple[Motion, Wrench]]:
         size = part.step.size
         block = max(n for n in range(1, BLOCK + 1) if size % n == 0)
         blocks = jax.tree.map(lambda x: x.reshape(-1, block, *x.shape[1:]), part)
-        now, _ = jax.lax.scan(few, now, blocks)
+        now, _ = jax.lax.scan(
+            lambda now, part: (_few(one, now, part), None), now, blocks
+        )
         return now, (now.motion, now.push)
 
     def wrench(row: tuple[Motion, Wrench], time: Number) -> Wrench:
         motion, push = row
-        rate = rates_of(push, time, motion.rotor_speed, motion)
-        return net_wrench(vehicle, motion, rate)
-
-    start = components(flight.state)
-    start = start._replace(quaternion=unit(start.quaternion))
-    nothing = jnp.zeros_like(period_s)
-    zero = (nothing, nothing, nothing)
-    pulses = [load for load in flight.loads if isinstance(load, Pulse)]
-    quiet_s = tuple(-jnp.inf + nothing for _ in pulses)
-    now = _Now(
-        start,
-        start.rotor_speed,
-        jax.tree.map(_numbers, memory),
-        (zero, zero),
-        quiet_s,
-    )
-    first = (now.motion, now.push)
+        rate = one.rates(push, time, motion.rotor_speed, motion)
+        return net_wrench(flight.vehicle, motion, rate)
 
     count = ticks.step.size // store_every
     even = count * store_every
@@ -182,44 +83,22 @@ def fly(
     return Rows(ended[0], ended[1], alive)
 
 
-def _numbers(array: Array) -> tuple[Array, ...]:
-    """Take a small array apart, as `Motion` is."""
-    return tuple(jnp.ravel(array))
-
-
-def _whole(numbers: tuple[Array, ...], shape: jax.ShapeDtypeStruct) -> Array:
-    """Put it together."""
-    return jnp.stack(numbers).reshape(shape.shape)
-
-
-def _wind(flight: Flight, time: Number, motion: Motion) -> Vector:
-    """Velocity of the air at a vehicle [m/s]."""
-    place = jnp.stack(motion.position)
-    if flight.wind is None:
-        return three(jnp.zeros_like(place))
-    wind = jnp.asarray(flight.wind(time, place))
-    if wind.shape != (3,):
-        raise InputError(
-            "wind: expected a function (time_s, position_m) that gives 3 numbers, got "
-            f"one that gives the shape {wind.shape}"
-        )
-    return three(wind.astype(place.dtype))
-
-
-def _grounded(ground: Float[Array, ""] | None, motion: Motion) -> Motion:
-    """Stop a vehicle that goes into the ground: it lies where it fell."""
-    if ground is None:
-        return motion
-    below = motion.position[2] < ground
-    x, y, z = motion.position
-    still = below & (motion.velocity[2] < 0)
-
-    def stopped(vector: Vector) -> Vector:
-        a, b, c = (jnp.where(still, 0, part) for part in vector)
-        return a, b, c
-
-    return motion._replace(
-        position=(x, y, jnp.where(below, ground, z)),
-        velocity=stopped(motion.velocity),
-        body_rate=stopped(motion.body_rate),
+def _few(one: OneStep, now: Now, part: Ticks) -> Now:
+    """Take a block of steps."""
+    if not now.quiet_s:
+        return _steps(one.advance, now, part)
+    end_s = part.start[-1] + part.step[-1]
+    loud = end_s > functools.reduce(jnp.minimum, now.quiet_s)
+    none = jax.tree.map(jnp.zeros_like, now.push)
+    return jax.lax.cond(
+        loud,
+        lambda now: _steps(one.advance_pushed, now, part),
+        lambda now: _steps(one.advance, now._replace(push=none), part),
+        now,
     )
+
+
+def _steps(step: Step, now: Now, part: Ticks) -> Now:
+    # Backwards, a step is calculated again instead of being kept whole.
+    again = jax.checkpoint(lambda now, tick: (step(now, tick), None), prevent_cse=False)
+    return jax.lax.scan(again, now, part)[0]

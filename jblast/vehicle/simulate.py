@@ -7,7 +7,6 @@ from typing import Any
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-import numpy as np
 from jax.core import Tracer
 from jaxtyping import Array, Float
 
@@ -23,7 +22,7 @@ from jblast.vehicle.control import Controller
 from jblast.vehicle.flight import Flight, Rows
 from jblast.vehicle.lanes import CHUNK_AXIS, Each, over_lanes, parted
 from jblast.vehicle.loads import Load, Pulse
-from jblast.vehicle.numbers import floats
+from jblast.vehicle.numbers import floats, in_precision
 from jblast.vehicle.parameters import Vehicle
 from jblast.vehicle.rollout import fly
 from jblast.vehicle.state import State, Trajectory
@@ -117,7 +116,7 @@ def simulate(
     )
     ticks = timetable(duration_s, step_s, period, dtype)
     times = stored_times(duration_s, step_s, store_every, dtype)
-    flight = _in_precision(flight, dtype)
+    flight = in_precision(flight, dtype)
     if flies_on_warp(backend, flight, dtype):
         from jblast.vehicle.kernel_flight import KernelFlight
 
@@ -133,8 +132,9 @@ def simulate(
         )
         flown.fly()
         return flown.trajectory()
-    traced = any(isinstance(x, Tracer) for x in jax.tree.leaves(flight))
-    rows = _fly_all(
+    traced = any(isinstance(x, Tracer) for x in jax.tree.leaves((flight, ticks)))
+    fly_all = _FLY_WITHIN if traced else _FLY_ALL
+    rows = fly_all(
         flight,
         ticks,
         jnp.asarray(period, dtype),
@@ -147,7 +147,6 @@ def simulate(
     return _trajectory(times, rows)
 
 
-@eqx.filter_jit
 def _fly_all(
     flight: Flight,
     ticks: Ticks,
@@ -171,11 +170,12 @@ def _fly_all(
     return jax.tree.map(lambda x: x.reshape(*batch, *x.shape[1:]), rows)
 
 
-def _in_precision(tree: Any, dtype: np.dtype) -> Any:
-    """Bring every array of floats to one precision."""
-    return jax.tree.map(
-        lambda x: x.astype(dtype) if eqx.is_inexact_array(x) else x, tree
-    )
+_OPTIONS: dict[str, Any] = {"compiler_options": {"xla_cpu_prefer_vector_width": 512}}
+"""XLA keeps to vectors of 256 bits unless told: by 512, where the CPU has them, a
+flight is a quarter faster."""
+_FLY_ALL = eqx.filter_jit(_fly_all, **_OPTIONS)
+_FLY_WITHIN = eqx.filter_jit(_fly_all)
+"""Within another program, which has options of its own."""
 
 
 @jax.jit
