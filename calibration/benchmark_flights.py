@@ -35,7 +35,7 @@ from jblast.vehicle import (
 
 SECONDS, FINE_S = 2.5, 1e-4
 HELD_S = 4e-3
-STEPS_S = (4e-3, 2e-3, 1e-3)
+STEPS_S = (4e-3, 2e-3, 1e-3, 5e-4)
 """Errors are those of all, rates those of the last."""
 ROW_S = 0.1
 """Between rows of which the error is the largest: a whole number of every step."""
