@@ -129,9 +129,9 @@ def _options(asked: argparse.Namespace):
     """
     from jblast.cli.calc_numbers import positive
     from jblast.errors import InputError
-    from jblast.study.fly import STEP_S, TOLERANCE_M, Options
     from jblast.study.fly_meeting import Profile
-    from jblast.vehicle import read_custom_profile
+    from jblast.study.fly_records import TOLERANCE_M, Options
+    from jblast.vehicle import STEP_S, read_custom_profile
 
     def number(option: str, default: float | None) -> float | None:
         word = getattr(asked, option)

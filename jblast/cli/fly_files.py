@@ -10,9 +10,10 @@ from matplotlib.figure import Figure
 from jblast.cli.files import unwritable, write_text
 from jblast.report.fly_distribution_figure import distribution_figure
 from jblast.report.fly_document import flights_csv
-from jblast.report.fly_figure import error_figure, loads_figure, path_figure
+from jblast.report.fly_figure import error_figure, loads_figure
+from jblast.report.fly_path_figure import path_figure
 from jblast.report.fly_trajectory import trajectory_csv
-from jblast.study.fly import Flights
+from jblast.study.fly_records import Flights
 from jblast.study.fly_summary import hold_words, target_of
 from jblast.vehicle import path_error
 

@@ -18,7 +18,7 @@ from jblast.report.figure_style import (
 )
 from jblast.report.fly_figure import HOLD_COLOURS
 from jblast.report.numbers import printed_number, unit_for
-from jblast.study.fly import Flights, Flown
+from jblast.study.fly_records import Flights, Flown
 from jblast.study.fly_summary import hold_words, metric, survived
 
 MOST_POINTS = 4000

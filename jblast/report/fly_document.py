@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from jblast.report.write import plain
-from jblast.study.fly import Flights, Flown
+from jblast.study.fly_records import Flights, Flown
 from jblast.study.fly_summary import (
     METRICS,
     metric,

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from jblast.report.numbers import printed_number, significant
 from jblast.report.words import capitalised, parameter_words
-from jblast.study.fly import Flights, Flown
+from jblast.study.fly_records import Flights, Flown
 from jblast.study.fly_summary import (
     METRICS,
     hold_words,

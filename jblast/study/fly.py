@@ -7,24 +7,21 @@ wind leaves an offset for ever, and no recovery.
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float, PyTree
+from jaxtyping import Array, Float, PyTree
 
 from jblast.scene import Scene, UncertainScene, VehicleSpec
 from jblast.study.fly_draws import checked_scene, drawn_scenes, drawn_values
-from jblast.study.fly_meeting import FlightLoad, Meeting, Profile, load_of, met
-from jblast.study.fly_times import flight_seconds
+from jblast.study.fly_meeting import FlightLoad, Profile, load_of, met
+from jblast.study.fly_records import Flights, Flown, Options
+from jblast.study.fly_times import BATCH_ROWS, flight_seconds, rows_stored
 from jblast.vehicle import (
-    STEP_S,
     Each,
-    FlightMetrics,
     StepGust,
-    Trajectory,
     flight_metrics,
     hold_of,
     path_error,
@@ -34,85 +31,11 @@ from jblast.vehicle import (
 )
 
 GROUND_UP_M = 0.0
-TOLERANCE_M = 0.05
 HOLDS = {"with_integral": True, "without_integral": False}
 """Names of the holds, and whether each has integral action."""
 
-MOST_ROWS = 20_000
-"""Stored of a single flight."""
-BATCH_ROWS = 500
-"""Stored of each flight of a batch: enough for its metrics."""
 CHUNK = {"cpu": 2048, "gpu": 16_384}
-"""Vehicles in memory at once: on a CPU some 2 GB at the peak, in float64."""
-
-
-@dataclass(frozen=True)
-class Options:
-    """How to fly.
-
-    Attributes:
-        seconds: Duration; None: as `fly_times` has it.
-        step_s: Of the integrator.
-        integrator: "rk4" or "euler".
-        backend: As `vehicle.simulate` takes it.
-        tolerance_m: Of the path error, within which a vehicle has recovered.
-        profile: In place of the laws' load.
-    """
-
-    seconds: float | None = None
-    step_s: float = STEP_S
-    integrator: str = "rk4"
-    backend: str = "auto"
-    tolerance_m: float = TOLERANCE_M
-    profile: Profile | None = None
-
-
-@dataclass(frozen=True)
-class Flown:
-    """What one hold made of it. Leading axes are the batch's.
-
-    Attributes:
-        metrics: From the first blast's arrival on.
-        meeting: How each blast came to it.
-        error_at_blast_m: Path error as the first blast comes.
-        lost: Whether a vehicle diverged.
-        trajectory: Of a single flight; None of a batch.
-    """
-
-    metrics: FlightMetrics
-    meeting: Meeting
-    error_at_blast_m: Float[Array, "*batch"]
-    lost: Bool[Array, "*batch"]
-    trajectory: Trajectory | None
-
-
-@dataclass(frozen=True)
-class Flights:
-    """Flights through the blasts of a scene.
-
-    Attributes:
-        vehicle: What the scene says of it.
-        options: How they were flown.
-        seconds: How long each was.
-        count: How many scenes were drawn; each was flown by each hold.
-        drawn: What was drawn, by name of `scene.PARAMETERS`.
-        blasts: Names of the charges; "" of one alone.
-        places_m: Of the charges, east, north, up.
-        wind_m_s: Towards east, north.
-        holds: By a name of `HOLDS`, the scene's own first.
-        own: The scene's own hold; None where it does not say.
-    """
-
-    vehicle: VehicleSpec
-    options: Options
-    seconds: float
-    count: int
-    drawn: dict[str, Float[np.ndarray, "*batch"]]
-    blasts: tuple[str, ...]
-    places_m: Float[np.ndarray, "*batch blast 3"]
-    wind_m_s: Float[np.ndarray, "*batch 2"]
-    holds: dict[str, Flown]
-    own: str | None
+"""Vehicles of `BATCH_ROWS` in memory at once: on a CPU some 2 GB, in float64."""
 
 
 def fly_scene(
@@ -146,6 +69,9 @@ def fly_scene(
         names = names[::-1]
     flown: dict[str, list[Flown]] = {name: [] for name in names}
     most = CHUNK["cpu" if jax.default_backend() == "cpu" else "gpu"]
+    rows = rows_stored(seconds, vehicles)
+    if rows > BATCH_ROWS:
+        most = max(1, most * BATCH_ROWS // rows)
     chunks = math.ceil(vehicles / most)
     size = math.ceil(vehicles / chunks)
     for n in range(chunks):
@@ -202,7 +128,7 @@ def _flown(
         wind=wind if single else Each(wind),
         loads=(load if single else Each(load),),
         ground_up_m=GROUND_UP_M,
-        store_every=math.ceil(steps / (MOST_ROWS if single else BATCH_ROWS)),
+        store_every=math.ceil(steps / rows_stored(seconds, vehicles)),
         backend=options.backend,
     )
     trajectory = _cast(trajectory, jnp.zeros(()).dtype)

@@ -5,7 +5,8 @@ from jaxtyping import Bool, Float
 from scipy.stats import binomtest
 
 from jblast.scene import VehicleSpec
-from jblast.study.fly import Flights, Flown
+from jblast.study.fly_records import Flights, Flown
+from jblast.vehicle import Trajectory
 
 METRICS = (
     "error_before_m",
@@ -95,6 +96,13 @@ def warnings_of(flights: Flights) -> list[str]:
 def target_of(vehicle: VehicleSpec) -> Float[np.ndarray, "3"]:
     """Return the place a vehicle holds: east, north, up [m]."""
     return np.asarray(vehicle.position if vehicle.target is None else vehicle.target)
+
+
+def trajectory_of(flights: Flights, name: str) -> Trajectory:
+    """Return the path of a single flight by one hold."""
+    trajectory = flights.holds[name].trajectory
+    assert trajectory is not None, "a batch keeps no trajectories"
+    return trajectory
 
 
 def hold_words(name: str) -> str:

@@ -1,7 +1,6 @@
-"""How long a flight through blasts is, and whether they come within it."""
+"""How long a flight through blasts is, and how many of its rows are stored."""
 
 import math
-from typing import TYPE_CHECKING
 
 import equinox as eqx
 import jax
@@ -11,19 +10,25 @@ import numpy as np
 from jblast.errors import InputError
 from jblast.scene import Scene, VehicleSpec
 from jblast.study.fly_meeting import load_of, meeting_at
+from jblast.study.fly_records import Options
 from jblast.vehicle import hold_of, start_of
-
-if TYPE_CHECKING:
-    from jblast.study.fly import Options
 
 AFTER_S = 5.0
 """Seconds after the last arrival where nothing is said."""
 MOST_STEPS = 4_000_000
 """Steps of a flight: half an hour at the default step."""
 
+ROWS = 20_000
+"""Stored of a single flight."""
+BATCH_ROWS = 500
+"""Stored of each flight of a batch."""
+ROW_S = 0.02
+"""Most time between two rows, however long the flight: peaks are of a tenth of a second
+and more."""
+
 
 def flight_seconds(
-    scenes: Scene, vehicle: VehicleSpec, source: str, options: "Options"
+    scenes: Scene, vehicle: VehicleSpec, source: str, options: Options
 ) -> float:
     """Return how long each flight is: until 5 s after the last blast, in tenths.
 
@@ -76,3 +81,8 @@ def flight_seconds(
             f"{options.step_s:g} s, got {seconds:g} s"
         )
     return seconds
+
+
+def rows_stored(seconds: float, vehicles: int) -> int:
+    """Return how many rows of each flight are stored at most."""
+    return max(ROWS if vehicles == 1 else BATCH_ROWS, math.ceil(seconds / ROW_S))

@@ -90,12 +90,14 @@ def check_commands(
 def check_start(
     vehicle: Vehicle, state: State, ground_up_m: float | int | None
 ) -> None:
-    """Refuse a start below ground, or vehicles that do not go with the states.
+    """Refuse a start below ground, and vehicles that do not go with the states.
 
     Raises:
         InputError: They cannot be used.
     """
     batch = state.position_m.shape[:-1]
+    if 0 in batch:
+        raise InputError(f"state: expected one vehicle or more, got a batch of {batch}")
     if vehicle.mass_kg.shape not in ((), batch):
         raise InputError(
             f"vehicle: expected one, or a batch of {batch} as in the state, got "
@@ -104,6 +106,8 @@ def check_start(
     up = state.position_m[..., 2]
     if ground_up_m is None or any(isinstance(x, Tracer) for x in (up, ground_up_m)):
         return
+    if not math.isfinite(ground_up_m):
+        raise InputError(f"ground_up_m: expected a height [m], got {ground_up_m}")
     lowest = float(np.min(up))
     if lowest < ground_up_m:
         raise InputError(

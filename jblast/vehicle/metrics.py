@@ -12,7 +12,8 @@ time of the blast (its arrival at the vehicle) and a tolerance $\epsilon$:
 - settled: whether it is within the tolerance, and slower than a speed, over the whole
   last stretch of the flight of some length;
 - crashed: whether it came down to the ground from above it, diverged, or turned over
-  (body z below the horizon);
+  (body z below the horizon); one that starts on the ground flies once it is higher than
+  the tolerance;
 - survived: not crashed.
 
 A vehicle that diverged has rows of NaN: its peak is of the rows there are, and it never
@@ -111,7 +112,7 @@ def flight_metrics(
         peak_time_s=of_peak(times - blast),
         recovery_time_s=_recovery(times, error, blast, after, tolerance_m),
         settled=jnp.all(still | ~late, axis=-1),
-        crashed=_crashed(trajectory, ground_up_m),
+        crashed=_crashed(trajectory, ground_up_m, tolerance_m),
     )
 
 
@@ -153,7 +154,7 @@ def _recovery(
 
 
 def _crashed(
-    trajectory: Trajectory, ground_up_m: float | None
+    trajectory: Trajectory, ground_up_m: float | None, tolerance: float
 ) -> Bool[Array, "*batch"]:
     """Whether a flight hit the ground, turned over or diverged."""
     i, j, _, _ = jnp.moveaxis(trajectory.quaternion, -1, 0)
@@ -161,6 +162,8 @@ def _crashed(
     crashed = trajectory.lost | jnp.any(over, axis=-1)
     if ground_up_m is None:
         return crashed
-    low = trajectory.position_m[..., 2] <= ground_up_m
-    flew = jnp.cumsum(trajectory.position_m[..., 2] > ground_up_m, axis=-1) > 0
-    return crashed | jnp.any(low & flew, axis=-1)
+    height = trajectory.position_m[..., 2] - ground_up_m
+    # a gust rocks what stands on the ground
+    free = jnp.where(height[..., :1] > 0, 0.0, tolerance)
+    flew = jnp.cumsum(height > free, axis=-1) > 0
+    return crashed | jnp.any((height <= 0) & flew, axis=-1)

@@ -18,6 +18,7 @@ from jblast.vehicle.arguments import (
     check_times,
 )
 from jblast.vehicle.backend import flies_on_warp
+from jblast.vehicle.batch_check import check_shared
 from jblast.vehicle.control import Controller
 from jblast.vehicle.flight import Flight, Rows
 from jblast.vehicle.lanes import CHUNK_AXIS, Each, over_lanes, parted
@@ -98,6 +99,7 @@ def simulate(
         commands = floats(commands)
         check_commands(commands, batch, period, duration_s, control is not None)
     check_start(vehicle, state, ground_up_m)
+    check_shared({"control": [control], "wind": [wind], "loads": loads}, batch)
     check_step(vehicle, control, integrator, step_s, period)
 
     def one_each(value: Any, alone: int) -> Any:
@@ -133,8 +135,7 @@ def simulate(
         flown.fly()
         return flown.trajectory()
     traced = any(isinstance(x, Tracer) for x in jax.tree.leaves((flight, ticks)))
-    fly_all = _FLY_WITHIN if traced else _FLY_ALL
-    rows = fly_all(
+    rows = (_FLY_WITHIN if traced else _FLY_ALL)(
         flight,
         ticks,
         jnp.asarray(period, dtype),

@@ -2,7 +2,8 @@
 
 Counted in float64 on the host, t = n times the step, and only then rounded to the
 precision of the flight: sums of steps would drift, and in float32 a rounded time could
-fall on the wrong side of a jump.
+fall on the wrong side of a jump. In float32 a time past 500 s is still known to 0.06 ms
+only: the peak deviation after a blast at 1000 s comes out 2 % small, at 100 s 5e-5.
 """
 
 from typing import NamedTuple

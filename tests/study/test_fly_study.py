@@ -165,6 +165,26 @@ def test_draws_that_cannot_be_are_refused():
         fly_scene(uncertain, SHORT, vehicles=10_000)
 
 
+def test_a_long_flight_has_as_fine_rows_as_a_short_one(monkeypatch):
+    """Else its peak falls between two of them; then fewer vehicles fit in memory."""
+    assert fly.rows_stored(6.0, 10) == 500
+    for vehicles in (1, 10):
+        assert 1000.0 / fly.rows_stored(1000.0, vehicles) <= 0.02
+    monkeypatch.setitem(fly.CHUNK, "cpu", 20)
+    sizes = []
+
+    def noted(scenes, spec, hold, seconds, vehicles, options):
+        sizes.append(scenes.charge.mass.shape[0])
+        raise InputError("enough")
+
+    monkeypatch.setattr(fly, "_flown", noted)
+    uncertain = scene(beliefs={"charge_mass_kg": LogNormal(1.0, 1.5)})
+    for seconds in (6.0, 100.0):
+        with pytest.raises(InputError, match="enough"):
+            fly_scene(uncertain, Options(seconds=seconds), vehicles=20)
+    assert sizes == [20, 2]
+
+
 def test_quantiles_may_be_infinite():
     values = np.array([1.0, 2.0, np.inf, np.nan, 3.0])
     assert quantiles(values, (0.25, 0.5, 0.95)) == [1.0, 2.0, np.inf]

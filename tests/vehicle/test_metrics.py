@@ -98,6 +98,17 @@ def test_ground_and_turning_over_are_crashes():
         assert bool(found.crashed) == crashed
 
 
+def test_what_stands_on_the_ground_is_not_crashed_by_a_rocking():
+    """Higher than the tolerance it has flown, and may fall."""
+    for height, crashed in ((1e-4, False), (0.2, True)):
+        up = np.array([0.0, height, 0.0])
+        found = flight_metrics(flight([0.0] * 3, up=up), TARGET, 0.0, ground_up_m=0.0)
+        assert bool(found.crashed) == crashed
+    low = np.array([1e-4, 0.0, 0.0])  # in the air at the start
+    found = flight_metrics(flight([0.0] * 3, up=low), TARGET, 0.0, ground_up_m=0.0)
+    assert found.crashed
+
+
 def test_a_target_may_move_row_by_row():
     path = np.tile(TARGET, (3, 1)) + np.array([[0.0, 0, 0], [1.0, 0, 0], [2.0, 0, 0]])
     found = flight_metrics(flight([0.0, 1.0, 2.5]), path, 0.0)

@@ -25,6 +25,8 @@ def blast_functions(real: type) -> SimpleNamespace:
     Craft, Motion, Wrench = body.Craft, body.Motion, body.Wrench
     one, half = wp.constant(real(1.0)), wp.constant(real(0.5))
     gravity = wp.constant(real(FLIGHT_GRAVITY))
+    # a quotient of literals within a kernel would be of single precision
+    rankine = wp.constant(real(6.0 / 7.0))
 
     class Push:
         """Impulse and angular impulse; whether the wave has gone by."""
@@ -91,7 +93,7 @@ def blast_functions(real: type) -> SimpleNamespace:
         middle = wave.way_to(blasts, b, n, place)
         passage.away = middle.away
         passage.wave = wave.wave_at(blasts, b, n, middle.distance)
-        fast = wp.sqrt(one + real(6.0 / 7.0) * passage.wave.peak)
+        fast = wp.sqrt(one + rankine * passage.wave.peak)
         passage.front_speed = passage.wave.sound_speed * fast
         passage.density = blasts.rows[b, 12, n]
         moment_linear = vec3(real(0.0))

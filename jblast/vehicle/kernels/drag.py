@@ -31,6 +31,8 @@ def drag_functions(real: type) -> SimpleNamespace:
     mat_n = wp.types.matrix((2 * NODES, 3), real)
     vec_n = wp.types.vector(2 * NODES, real)
     one, half = wp.constant(real(1.0)), wp.constant(real(0.5))
+    # a quotient of literals within a kernel would be of single precision
+    sphere = wp.constant(real(4.0 / np.pi))
 
     class Passage:
         """As `blast_drag.Passage`, with what does not change within a step."""
@@ -69,7 +71,7 @@ def drag_functions(real: type) -> SimpleNamespace:
         """Diameter of the sphere of the mean area; a millimetre where there is none."""
         area = (craft.area[0] + craft.area[1] + craft.area[2]) / real(3.0)
         if area > real(0.0):
-            return wp.sqrt(real(4.0 / np.pi) * area)
+            return wp.sqrt(sphere * area)
         return real(1e-3)
 
     @wp.func
