@@ -38,7 +38,7 @@ def adjoint_edge() -> Edge:
         area="flights",
         method="Warp, adjoint of a loop that overwrites its state",
         edge=f"the derivative is off by more than {WRONG:.1%}, and nothing says so",
-        boundary=LOOPS[first],
+        boundary=float(LOOPS[first]),
         unit="steps",
         beyond=f"{LOOPS[-1]} steps: off by {errors[-1]:.0%}",
         deed=witnessed("refuses", "no derivatives" in said, "gradient by Warp"),
