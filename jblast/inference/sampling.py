@@ -12,6 +12,7 @@ from jblast.errors import InputError
 from jblast.inference import ensemble_emcee, ensemble_scan
 from jblast.inference.chains import Store
 from jblast.inference.convergence import Convergence, convergence
+from jblast.inference.interrupt import interrupts
 from jblast.inference.mixture import Mixture, mixture_of
 from jblast.inference.progress import Pace, Report, nothing
 from jblast.inference.walk import State, Stretch
@@ -117,8 +118,8 @@ def sample(
         report(pace.now())
 
     interrupted = False
-    try:
-        while steps < most_steps and not interrupted:
+    with interrupts() as noted:
+        while steps < most_steps and not (interrupted or noted):
             if steps in checks:
                 judged = _judged(done, axes)
                 if judged.reached(precision):
@@ -135,8 +136,7 @@ def sample(
                     store.keep(steps, stretch)
                 state = stretch.end
                 steps = pace.done = steps + len(stretch.chain)
-    except KeyboardInterrupt:
-        interrupted = True
+    interrupted = interrupted or bool(noted)
     if not done:  # nothing to keep
         raise KeyboardInterrupt
     judged = _judged(done, axes)

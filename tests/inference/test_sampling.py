@@ -1,3 +1,6 @@
+import os
+import signal
+
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -133,6 +136,24 @@ def test_control_c_keeps_what_is_sampled_and_the_rest_follows(tmp_path):
     assert not stopped.reached
     assert len(stopped.chain) == 137
     np.testing.assert_array_equal(walked(store).chain, walked(None).chain)
+
+
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
+def test_control_c_that_a_destructor_swallows_still_ends_the_walk():
+    class Dying:
+        def __del__(self):
+            os.kill(os.getpid(), signal.SIGINT)
+
+    def press(progress):
+        if progress.steps == 37:
+            Dying()  # gone at once; what is raised there, Python only prints
+
+    stopped = sample(
+        gaussian(), start(3), np.eye(3), precision=1e-9, most_steps=300, report=press
+    )
+    assert stopped.interrupted
+    assert 37 <= len(stopped.chain) <= 100
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
 
 
 def test_control_c_before_the_first_step_is_passed_on(monkeypatch):
