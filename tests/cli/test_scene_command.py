@@ -13,6 +13,7 @@ SOURCE_TABLES = {
     "charge_200g_incident_2m",
     "hrr5_infrapy_detections",
     "hrr5_infrasound_arrivals",
+    "rotorpy_flights",
 }
 """No logs, but what calibration scripts read."""
 
