@@ -12,8 +12,6 @@ two gains, forwards (`jax.jacfwd`), against the flight itself.
 """
 
 import os
-import time
-from collections.abc import Callable
 from typing import Any
 
 import equinox as eqx
@@ -22,6 +20,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from jblast.fidelity.timing import best_of
 from jblast.scene import Charge, Scene
 from jblast.vehicle import (
     FriedlanderGust,
@@ -105,17 +104,6 @@ def errors(options: dict[str, Any]) -> dict[float, float]:
     return found
 
 
-def best_time(run: Callable[[], Any]) -> float:
-    """Return the shortest of a few runs [s], the first, which compiles, not counted."""
-    jax.block_until_ready(run())
-    times = []
-    for _ in range(REPEATS):
-        begin = time.perf_counter()
-        jax.block_until_ready(run())
-        times.append(time.perf_counter() - begin)
-    return min(times)
-
-
 def rate(step_s: float, dtype: Any, options: dict[str, Any]) -> float:
     """Return right-hand sides a second."""
     state = starts(VEHICLES, dtype)
@@ -131,7 +119,7 @@ def rate(step_s: float, dtype: Any, options: dict[str, Any]) -> float:
             **options,
         )
 
-    return 4 * steps * VEHICLES / best_time(fly)
+    return 4 * steps * VEHICLES / best_of(fly, REPEATS)[0]
 
 
 def gradient_cost(vehicles: int, step_s: float) -> float:
@@ -159,7 +147,8 @@ def gradient_cost(vehicles: int, step_s: float) -> float:
 
     at = [jnp.asarray(1.0)] * 3
     run, slopes = jax.jit(off), jax.jit(jax.jacfwd(off, (0, 1, 2)))
-    return best_time(lambda: slopes(*at)) / best_time(lambda: run(*at))
+    forward, flight = (best_of(lambda f=f: f(*at), REPEATS)[0] for f in (slopes, run))
+    return forward / flight
 
 
 def row(name: str, step_s: float, error_m: float, per_second: float) -> str:

@@ -14,7 +14,7 @@ from jblast.report.fly_figure import error_figure, loads_figure
 from jblast.report.fly_path_figure import path_figure
 from jblast.report.fly_trajectory import trajectory_csv
 from jblast.study.fly_records import Flights
-from jblast.study.fly_summary import hold_words, target_of
+from jblast.study.fly_summary import hold_words, target_of, trajectory_of
 from jblast.vehicle import path_error
 
 JSON = "fly.json"
@@ -64,9 +64,8 @@ def write_flights(flights: Flights, text: str, directory: Path) -> list[str]:
 
 def _flight_csv(flights: Flights) -> str:
     """Return the first hold's flight."""
-    name, flown = next(iter(flights.holds.items()))
-    trajectory = flown.trajectory
-    assert trajectory is not None
+    name = next(iter(flights.holds))
+    trajectory = trajectory_of(flights, name)
     error = np.asarray(path_error(trajectory, target_of(flights.vehicle)))
     comment = (
         f"{flights.vehicle.model}, position hold {hold_words(name)}, clock of the scene"

@@ -12,7 +12,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, PyTree
+from jaxtyping import Array, Float
 
 from jblast.scene import Scene, UncertainScene, VehicleSpec
 from jblast.study.fly_draws import checked_scene, drawn_scenes, drawn_values
@@ -29,6 +29,7 @@ from jblast.vehicle import (
     start_of,
     vehicle_of,
 )
+from jblast.vehicle.numbers import in_precision
 
 GROUND_UP_M = 0.0
 HOLDS = {"with_integral": True, "without_integral": False}
@@ -116,7 +117,7 @@ def _flown(
         count = scenes.air.wind_east.shape
         start = jax.tree.map(lambda x: jnp.broadcast_to(x, (*count, *x.shape)), start)
     if jax.default_backend() != "cpu" or options.backend.startswith("warp"):
-        start = _cast(start, jnp.float32)
+        start = in_precision(start, np.dtype("float32"))
     steps = math.ceil(seconds / options.step_s)
     trajectory = simulate(
         vehicle_of(spec),
@@ -131,7 +132,7 @@ def _flown(
         store_every=math.ceil(steps / rows_stored(seconds, vehicles)),
         backend=options.backend,
     )
-    trajectory = _cast(trajectory, jnp.zeros(()).dtype)
+    trajectory = in_precision(trajectory, jnp.zeros(()).dtype)
     places = trajectory.position_m, trajectory.quaternion
     meeting = (_met if single else _met_each)(load, trajectory.time_s, *places)
     first = meeting.arrival_s.min(axis=-1)
@@ -172,12 +173,6 @@ def _wind(scenes: Scene) -> Float[Array, "*batch 3"]:
 
 def _lanes(scenes: Scene, lanes: np.ndarray) -> Scene:
     return jax.tree.map(lambda x: x[lanes], scenes)
-
-
-def _cast(tree: PyTree, dtype) -> PyTree:
-    return jax.tree.map(
-        lambda x: x.astype(dtype) if eqx.is_inexact_array(x) else x, tree
-    )
 
 
 def _joined(parts: list[Flown], vehicles: int) -> Flown:

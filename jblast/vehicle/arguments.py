@@ -10,7 +10,7 @@ from jaxtyping import Array, Float
 from jblast.errors import InputError, shown
 from jblast.vehicle.control import Controller, PositionHold
 from jblast.vehicle.integrators import INTEGRATORS
-from jblast.vehicle.lanes import Each
+from jblast.vehicle.lanes import Each, own
 from jblast.vehicle.parameters import Vehicle
 from jblast.vehicle.state import State
 from jblast.vehicle.step_limit import step_limit
@@ -128,7 +128,7 @@ def check_step(
     Raises:
         InputError: The step is too large.
     """
-    hold = control.value if isinstance(control, Each) else control
+    hold = own(control)
     gains = hold.gains if isinstance(hold, PositionHold) else None
     if isinstance(control, Each):
         gains = None  # a batch of gains: each lane that diverges is named

@@ -16,7 +16,7 @@ from jblast.vehicle.blast_load import BlastLoad
 from jblast.vehicle.control import PositionHold
 from jblast.vehicle.flight import Flight
 from jblast.vehicle.gusts import FriedlanderGust, NWaveGust, StepGust
-from jblast.vehicle.lanes import Each
+from jblast.vehicle.lanes import own
 
 BUILT_IN = {
     "wind": (StepGust, NWaveGust, FriedlanderGust),
@@ -60,8 +60,7 @@ def _unknown(flight: Flight) -> str:
     """Return what the kernel cannot fly, in words; "" if nothing."""
     given = {"wind": [flight.wind], "control": [flight.control], "loads": flight.loads}
     for name, values in given.items():
-        for value in values:
-            value = value.value if isinstance(value, Each) else value
+        for value in map(own, values):
             if value is not None and not isinstance(value, BUILT_IN[name]):
                 return f"{name} of the type {type(value).__name__}"
     return ""

@@ -18,15 +18,10 @@ from jblast.vehicle.flight import Flight
 from jblast.vehicle.kernels.drag import DRAG, FRONT, GAUSS, ROTORS
 from jblast.vehicle.kernels.gusts import FIELDS, KINDS
 from jblast.vehicle.kernels.wave import BURSTS, curve_table
-from jblast.vehicle.lanes import Each
+from jblast.vehicle.lanes import Each, own
 from jblast.vehicle.parameters import Vehicle
 from jblast.vehicle.timetable import Ticks
 from jblast.waves.scaling import sachs_distance_factor, sachs_time_factor
-
-
-def own(node: Any) -> Any:
-    """Return what an `Each` wraps, or the node itself."""
-    return node.value if isinstance(node, Each) else node
 
 
 class Sender:

@@ -10,8 +10,9 @@ from jaxtyping import Array, Float
 
 from jblast.errors import InputError
 from jblast.vehicle.flight import Flight
-from jblast.vehicle.kernel_arrays import Sender, own
+from jblast.vehicle.kernel_arrays import Sender
 from jblast.vehicle.kernels.rollout import COLUMNS, rollout_kernel
+from jblast.vehicle.lanes import own
 from jblast.vehicle.state import Trajectory
 from jblast.vehicle.timetable import Ticks
 

@@ -30,6 +30,11 @@ class Each(eqx.Module):
     value: Any
 
 
+def own(node: Any) -> Any:
+    """Return what an `Each` wraps, or the node itself."""
+    return node.value if isinstance(node, Each) else node
+
+
 def parted(arguments: PyTree, batch: tuple[int, ...]) -> tuple[PyTree, PyTree]:
     """Part what differs from vehicle to vehicle from what all share.
 
@@ -45,7 +50,7 @@ def parted(arguments: PyTree, batch: tuple[int, ...]) -> tuple[PyTree, PyTree]:
         def part(node: Any) -> Any:
             if isinstance(node, Each) != keep_each and not isinstance(node, Each):
                 return None
-            value = node.value if isinstance(node, Each) else node
+            value = own(node)
             if isinstance(node, Each):
                 arrays, rest = eqx.partition(value, eqx.is_array)
                 if not keep_each:
