@@ -1,18 +1,21 @@
 # Everything but `make lock` needs only git, make and Python 3.11 to 3.13.
 PYTHON ?= python3
 BIN := .venv/bin
-PIP = $(BIN)/python -m pip --quiet --disable-pip-version-check install
-PYTEST = $(BIN)/python -m pytest --numprocesses 2
-.PHONY: help fit test test-slow test-all check format lock clean
+# compiled Python is kept: without it every start takes seconds longer
+export PYTHONDONTWRITEBYTECODE =
+PYTEST = $(BIN)/python -m pytest --numprocesses 2 --dist loadfile --no-loadscope-reorder
+.PHONY: help fit test quick test-slow test-all check format lock bench-start clean
 
 help:
 	@echo 'make fit         fit real recordings; figures and reports go to out/'
 	@echo 'make test        the tests that take seconds'
+	@echo 'make quick       those of the rooms that changed since the last tag, or SINCE=COMMIT'
 	@echo 'make test-slow   those that take minutes'
 	@echo 'make test-all    both'
 	@echo 'make check       format, lint, types; notebooks without outputs'
 	@echo 'make format      format, and mend what the linter can'
-	@echo 'make lock        resolve the dependencies again (needs uv)'
+	@echo 'make lock        resolve the dependencies again'
+	@echo 'make bench-start how long all this takes on a fresh clone'
 	@echo 'make clean       remove .venv, out and every cache'
 	@echo 'Another Python: make fit PYTHON=python3.12'
 
@@ -22,8 +25,12 @@ fit: .venv/run
 test: .venv/dev
 	$(PYTEST) -m "not slow"
 
+quick: .venv/dev
+	$(PYTEST) -m "not slow" -o addopts= $$($(BIN)/python tests/changed.py $(SINCE))
+
+# FIRST names what comes first; after UNTIL (seconds since 1970) no test begins.
 test-slow: .venv/dev
-	$(PYTEST) -m slow
+	$(PYTEST) -m slow $(if $(FIRST),--first="$(FIRST)") $(if $(UNTIL),--until=$(UNTIL))
 
 test-all: .venv/dev
 	$(PYTEST)
@@ -38,29 +45,21 @@ format: .venv/dev
 	$(BIN)/python -m ruff format .
 	$(BIN)/python -m ruff check --fix .
 
-# .venv/run and .venv/dev stand for finished installations and are written last. One
-# that was cut short has no .venv/run: the next make starts from an empty .venv, since
-# pip takes a half-copied package for an installed one.
-.venv/run: pyproject.toml .ci/run.lock
-	@if test -e $@ && $(BIN)/python -m pip --version >/dev/null; then rm $@; else \
-	  $(PYTHON) -c 'import sys; v = sys.version_info[:2]; sys.exit(None if (3, 11) <= v <= (3, 13) else \
-	    "jblast needs Python 3.11, 3.12 or 3.13, and $(PYTHON) is %d.%d: name another, as in make PYTHON=python3.12" % v)' && \
-	  echo 'Setting up .venv, once: this takes a minute or two.' && \
-	  $(PYTHON) -m venv --clear .venv; fi
-	$(PIP) --require-hashes --requirement .ci/run.lock
-	$(PIP) --no-deps --no-build-isolation --editable .
-	@touch $@
+.venv/run: pyproject.toml .ci/setup .ci/setup.lock .ci/run.lock
+	@PYTHON=$(PYTHON) .ci/setup run
 
-.venv/dev: .venv/run .ci/dev.lock
-	@rm .venv/run
-	$(PIP) --require-hashes --requirement .ci/dev.lock
-	@touch .venv/run $@
+.venv/dev: pyproject.toml .ci/setup .ci/setup.lock .ci/dev.lock
+	@PYTHON=$(PYTHON) .ci/setup dev
 
 # Hashed requirements for every Python from 3.11 to 3.13.
-COMPILE = uv pip compile --quiet --universal --python-version 3.11 --generate-hashes --no-header --no-emit-index-url
-lock:
+COMPILE = $(BIN)/uv pip compile --quiet --universal --python-version 3.11 --generate-hashes --no-header --no-emit-index-url
+lock: .venv/run
+	echo uv | $(COMPILE) - --output-file .ci/setup.lock
 	$(COMPILE) pyproject.toml --group build --output-file .ci/run.lock
 	$(COMPILE) pyproject.toml --group build --group dev --constraint .ci/run.lock --output-file .ci/dev.lock
+
+bench-start:
+	$(PYTHON) calibration/benchmark_start.py
 
 clean:
 	rm -rf .venv out build dist .pytest_cache .ruff_cache .hypothesis .jax_cache

@@ -32,8 +32,9 @@ def test_the_version_is_the_same_wherever_it_stands():
     assert PROJECT["version"] == jblast.__version__ == cited[1]
 
 
-def test_there_is_a_run_lock_and_a_development_lock():
-    assert [lock.name for lock in LOCKS] == ["dev.lock", "run.lock"]
+def test_there_is_a_lock_to_run_one_to_develop_and_one_of_what_installs_them():
+    assert [lock.name for lock in LOCKS] == ["dev.lock", "run.lock", "setup.lock"]
+    assert list(requirements(ROOT / ".ci/setup.lock")) == ["uv"]
 
 
 @each_lock
@@ -48,8 +49,9 @@ def test_locks_name_no_place_to_download_from(lock):
     assert not re.search(r"://|--(extra-)?index-url|--find-links", lock.read_text())
 
 
-@each_lock
-def test_every_dependency_is_locked(lock):
+@pytest.mark.parametrize("name", ["dev.lock", "run.lock"])
+def test_every_dependency_is_locked(name):
+    lock = ROOT / ".ci" / name
     names = {re.split(r"[<>=\[ ]", need)[0] for need in PROJECT["dependencies"]}
     assert names <= requirements(lock).keys()
 
@@ -59,10 +61,10 @@ def test_both_locks_pin_the_same_versions():
         {
             (name, version)
             for name, version in re.findall(
-                r"^([\w.-]+)==([\w.]+)", lock.read_text(), re.M
+                r"^([\w.-]+)==([\w.]+)", (ROOT / ".ci" / lock).read_text(), re.M
             )
         }
-        for lock in reversed(LOCKS)
+        for lock in ("run.lock", "dev.lock")
     )
     assert run <= dev
 
