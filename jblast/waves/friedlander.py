@@ -114,7 +114,6 @@ def friedlander_decay(
     return decay_of_fraction(impulse / (peak * duration))
 
 
-@checked
 def friedlander_spectrum(
     frequency: Float[ArrayLike, "..."],
     peak_overpressure: Float[ArrayLike, "..."],
@@ -145,6 +144,16 @@ def friedlander_spectrum(
             "decay must be positive for a record to have a spectrum, "
             f"got {np.min(np.asarray(decay)):g}"
         )
+    return _spectrum(frequency, peak_overpressure, duration, decay)
+
+
+@checked
+def _spectrum(
+    frequency: Float[ArrayLike, "..."],
+    peak_overpressure: Float[ArrayLike, "..."],
+    duration: Float[ArrayLike, "..."],
+    decay: Float[ArrayLike, "..."],
+) -> Complex[Array, "..."]:
     frequency, peak, duration, decay = jnp.broadcast_arrays(
         *as_float_arrays(frequency, peak_overpressure, duration, decay)
     )

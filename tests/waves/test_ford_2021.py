@@ -137,7 +137,10 @@ def test_validity_follows_the_recordings():
     assert ford_2021_valid(100.0, 1.0, 0.0)
     assert not ford_2021_valid(19.9, 1.0, 0.0)
     assert not ford_2021_valid(1001.0, 1.0, 0.0)
-    assert ford_2021_valid(400.0, 8.0, -1.0)
+    assert ford_2021_valid(
+        400.0, 8.0, -1.0 + 1e-12
+    )  # 8^(1/3) is not 2 to the last digit
+    assert not ford_2021_valid(400.0, 8.0, -1.0 - 1e-12)
     assert not ford_2021_valid(400.0, 8.0, -1.01)
     assert not ford_2021_valid(400.0, 8.0, 2.01)
 
