@@ -72,6 +72,7 @@ def information(
     return jacobian.T @ jacobian
 
 
+@jax.jit
 def unit_diagonal(
     matrix: Float[Array, "free free"], scale: Float[Array, " free"]
 ) -> tuple[Float[Array, " free"], Float[Array, " free"], Float[Array, "free free"]]:

@@ -16,7 +16,7 @@ from jblast.inference.goodness import left_of
 from jblast.inference.how_sure import Method, how_sure
 from jblast.inference.identifiability import identifiability
 from jblast.inference.laplace import laplace
-from jblast.inference.optimum import optima
+from jblast.inference.optimum import likeliest_start, optima
 from jblast.inference.parameters import parameters_of
 from jblast.inference.posterior import posterior_of
 from jblast.inference.solution import Solution
@@ -126,7 +126,7 @@ def solve(
 ) -> Solution:
     """Find the posterior's optima, what is identifiable, and its normal approximation.
 
-    Laws left to us are chosen at the start, and once more at the answer.
+    Laws left to us are chosen at the likeliest start, and once more at the answer.
     """
     parameters = parameters_of(uncertain)
     if not parameters.names:
@@ -138,6 +138,11 @@ def solve(
     sigma = observations.error_scale()
     laws = resolve_laws(uncertain.scene, layout, sigma)
     key = jax.random.key(seed)
+    said = dict(uncertain.scene.law)
+    if any(said.get(q, "auto") == "auto" for q in layout.quantities()):
+        first = posterior_of(parameters, layout, observations, law_names(laws), noise)
+        near = parameters.scene_at(likeliest_start(key, first))
+        laws = resolve_laws(near, layout, sigma)
     for last in (False, True):
         posterior = posterior_of(
             parameters, layout, observations, law_names(laws), noise

@@ -4,8 +4,8 @@ from typing import NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
-from jax.scipy.special import betainc, gammaincc, ndtr, ndtri
 from jaxtyping import Float
+from scipy.special import betainc, gammaincc, ndtr, ndtri
 
 from jblast.inference.posterior import Posterior
 from jblast.observations import Observations
@@ -63,21 +63,21 @@ def chi_squared(
 
 def beyond(residual: Float[np.ndarray, " row"], noise: Noise) -> np.ndarray:
     """Return the chance of an error at least so far from zero, on either side."""
-    square = jnp.square(jnp.asarray(residual))
+    square = np.square(np.asarray(residual, float))
     if noise == "gaussian":
-        return np.asarray(2 * ndtr(-jnp.sqrt(square)))
+        return 2 * ndtr(-np.sqrt(square))
     nu = STUDENT_FREEDOM
-    return np.asarray(betainc(nu / 2, 0.5, nu / (nu + square)))
+    return betainc(nu / 2, 0.5, nu / (nu + square))
 
 
 def normal_scores(residual: Float[np.ndarray, " row"], noise: Noise) -> np.ndarray:
     """Return the sizes of normal errors as rare as these."""
-    return -np.asarray(ndtri(jnp.asarray(beyond(residual, noise)) / 2))
+    return -ndtri(beyond(residual, noise) / 2)
 
 
 def chance(chi2: float, dof: int) -> float | None:
     """Return the chance of a larger chi squared; None without degrees of freedom."""
-    return float(gammaincc(dof / 2, jnp.asarray(chi2 / 2))) if dof > 0 else None
+    return float(gammaincc(dof / 2, chi2 / 2)) if dof > 0 else None
 
 
 def suspected_outliers(

@@ -78,6 +78,14 @@ def optima(key: PRNGKeyArray, posterior: Posterior) -> Optima:
     return _in_order(posterior, ends, repeated, preference)
 
 
+@eqx.filter_jit
+def likeliest_start(key: PRNGKeyArray, posterior: Posterior) -> Float[Array, " free"]:
+    """Return the most probable of the places where a search begins."""
+    places = starts(key, posterior, STARTS)
+    density = lax.map(posterior.log_density, places)
+    return places[jnp.argmax(jnp.where(jnp.isnan(density), -jnp.inf, density))]
+
+
 def _searched(key: PRNGKeyArray, posterior: Posterior):
     """Return the optima, and the middle of the starts."""
     scale = spreads(posterior)

@@ -1,5 +1,6 @@
 """Where a search begins: many places, spread over what the parameters could be."""
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -35,6 +36,7 @@ WIND = 5.0
 """A typical wind [m/s]."""
 
 
+@eqx.filter_jit
 def layout_size(posterior: Posterior) -> Float[Array, ""]:
     """Return how far the sensors stand from one another, or from the charge [m].
 
@@ -47,6 +49,7 @@ def layout_size(posterior: Posterior) -> Float[Array, ""]:
     return jnp.where(given > 0, given, jnp.maximum(spread, least))
 
 
+@eqx.filter_jit
 def scales(posterior: Posterior) -> Float[Array, " free"]:
     """Return a typical step of each coordinate, which makes them alike to a solver."""
     size = layout_size(posterior)

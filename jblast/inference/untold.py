@@ -67,8 +67,9 @@ def ambiguities(solution: Solution, valid: bool) -> list[dict[str, Any]]:
     best = solution.laplace.z
     told: list[np.ndarray] = [best]
     answer = []
+    highest = float(found.log_density[0])
     for z, density in zip(*map(np.asarray, found), strict=True):
-        if 2 * (found.log_density[0] - density) > NEAR:
+        if 2 * (highest - density) > NEAR:
             continue
         if min(_apart(solution, other, z) for other in told) < SEPARATE:
             continue

@@ -2,9 +2,10 @@
 
 from collections.abc import Mapping
 
+import equinox as eqx
 import numpy as np
 
-from jblast.registry import call, law_for
+from jblast.registry import Law, call, law_for
 from jblast.scene import Scene
 from jblast.sensors.layout import Layout, components
 from jblast.sensors.record import path_to
@@ -27,12 +28,22 @@ def path_effects(
         first.setdefault(key, row)
     found = set()
     for (quantity, shot), row in first.items():
-        path = path_to(scene, layout.only(np.array([row])), scene.charges[shot])
         for name, _ in components(quantity):
-            _, of_path, _ = call(law_for(name, laws[name]).scatter, path)
+            of_path = _path_scatter(law_for(name, laws[name]), scene, layout, row)
             if not (isinstance(of_path, int | float) and of_path == 0):
                 found.add((name, shot))
     return frozenset(found)
+
+
+def _path_scatter(law: Law, scene: Scene, layout: Layout, row: int):
+    """Return a law's scatter from path to path: its shape, or a number that is known."""
+
+    def scatter():
+        charge = scene.charges[layout.shot[row]]
+        path = path_to(scene, layout.only(np.array([row])), charge)
+        return call(law.scatter, path)[1]
+
+    return eqx.filter_eval_shape(scatter)
 
 
 def count_effects(scene: Scene, layout: Layout, laws: Mapping[str, str]) -> int:

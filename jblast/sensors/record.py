@@ -79,6 +79,7 @@ def known(rows: np.ndarray) -> np.ndarray | Array:
     return lax.optimization_barrier(jnp.asarray(rows)) if rows.size > LONG else rows
 
 
+@eqx.filter_jit
 def path_to(scene: Scene, layout: Layout, charge: Charge | None = None) -> Path:
     """Return what lies between a charge (the first) and the sensor of each row."""
     charge = charge or scene.charge
