@@ -9,10 +9,16 @@ seen is measured by `python -m calibration.leave_out`.
 """
 
 import sys
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from jblast.cli.start import start_jax
+
+if TYPE_CHECKING:
+    from jblast.inference import Fit
 
 DATA = Path(__file__).parent / "data"
 OUT = Path("out")
@@ -64,38 +70,54 @@ CASES = {
 }
 
 
-def run(name: str) -> None:
-    """Fit one case, write its report and print its answer."""
+def fitted(name: str) -> "Fit":
+    """Fit one case."""
     from jblast.inference import fit
     from jblast.observations import read
-    from jblast.report import summary, write_report
     from jblast.scene import read_scene
 
-    case = CASES[name]
-    log, scene = DATA / f"{name}.csv", DATA / f"{name}.toml"
-    out = OUT / name
-    print(f"=== {case.title}")
+    log, scene = _files(name)
+    return fit(read(log), read_scene(scene))
+
+
+def run(names: Sequence[str]) -> None:
+    """Fit cases side by side, print each answer in turn, then draw their reports.
+
+    What they compile is shared; JAX compiles on one core while it traces on the other.
+    """
+    from jblast.report import summary, write_report
+
+    answers = {}
+    with ThreadPoolExecutor(2) as pool:
+        for name, answer in zip(names, pool.map(fitted, names), strict=True):
+            case, answers[name] = CASES[name], answer
+            log, scene = (_short(file) for file in _files(name))
+            print(f"=== {case.title}")
+            print(f"$ jblast fit {log} --scene {scene} --out {OUT / name}\n")
+            print(summary(answer, accepted=case.accepted))
+            if case.remark:
+                print(f"\n{case.remark}")
+            print(flush=True)
+    print("Reports and figures:", flush=True)
+    for name, answer in answers.items():
+        write_report(answer, OUT / name, accepted=CASES[name].accepted, force=True)
+        print(f"  {OUT / name}", flush=True)
+
+
+def _files(name: str) -> tuple[Path, Path]:
+    """Return the log and the scene of a case."""
+    return DATA / f"{name}.csv", DATA / f"{name}.toml"
+
+
+def _short(path: Path) -> Path:
     here = Path.cwd()
-    print(
-        f"$ jblast fit {_short(log, here)} --scene {_short(scene, here)} --out {out}\n"
-    )
-    answer = fit(read(log), read_scene(scene))
-    write_report(answer, out, accepted=case.accepted, force=True)
-    print(summary(answer, accepted=case.accepted, out=out))
-    if case.remark:
-        print(f"\n{case.remark}")
-    print()
-
-
-def _short(path: Path, here: Path) -> Path:
     return path.relative_to(here) if path.is_relative_to(here) else path
 
 
 def main() -> None:
     """Run the cases named on the command line, or all."""
-    start_jax()
-    for name in sys.argv[1:] or CASES:
-        run(name)
+    start_jax(quick=True)
+    run(sys.argv[1:] or list(CASES))
 
 
 if __name__ == "__main__":
