@@ -1,18 +1,67 @@
-"""Every test runs in float64 with promotions spelled out."""
+"""Every test runs in float64 with promotions spelled out.
+
+What is compiled is kept in `.jax_cache`, for both workers, the processes that tests
+start and the next run; XLA optimises little, since tests compile much and compute little.
+"""
 
 import os
+import threading
+from pathlib import Path
 
-import jax
-import pytest
-
-jax.config.update("jax_enable_x64", True)
-jax.config.update("jax_numpy_rank_promotion", "raise")
-jax.config.update("jax_numpy_dtype_promotion", "strict")
+CACHE = Path(__file__).parents[1] / ".jax_cache"
+os.environ["XDG_CACHE_HOME"] = str(CACHE)
 os.environ.setdefault("MPLBACKEND", "agg")
+
+import jax  # noqa: E402 (after what it reads from the environment)
+import pytest  # noqa: E402
+from jax._src.interpreters import mlir  # noqa: E402
+
+pytest_plugins = ["minutes"]
+
+PAGE = os.sysconf("SC_PAGE_SIZE")
+FULL = 0.2 * os.sysconf("SC_PHYS_PAGES") * PAGE
+"""Bytes that a process may hold before it drops what it compiled: two share a machine."""
+
+
+def pytest_sessionstart() -> None:
+    # here, since type checks reach only what is imported after pytest is configured
+    from jblast.cli.start import start_jax
+
+    start_jax(quick=True)
+    reuse_contexts()
+    jax.config.update("jax_numpy_rank_promotion", "raise")
+    jax.config.update("jax_numpy_dtype_promotion", "strict")
+
+
+def reuse_contexts(uses: int = 100) -> None:
+    """Have JAX use an MLIR context more than once, as it does itself from 0.12 on.
+
+    To make one for each of ten thousand programs takes a tenth of the time of all tests,
+    and as many are held in memory as there are programs.
+    """
+    if hasattr(mlir, "_thread_local_context"):
+        return
+    kept, make = threading.local(), mlir.make_ir_context
+
+    def context():
+        found, left = getattr(kept, "context", (None, 0))
+        if not left:
+            found, left = make(), uses
+        kept.context = found, left - 1
+        return found
+
+    mlir.make_ir_context = context
 
 
 @pytest.fixture(autouse=True, scope="module")
 def forget_what_was_compiled():
-    """Drop compiled programs after each module: thousands would fill the memory."""
+    """Drop compiled programs once there are so many that memory could run out."""
     yield
-    jax.clear_caches()
+    if held() > FULL:
+        jax.clear_caches()
+
+
+def held() -> int:
+    """Return the bytes that this process holds in memory; elsewhere than on Linux 0."""
+    pages = Path("/proc/self/statm")
+    return int(pages.read_text().split()[1]) * PAGE if pages.is_file() else 0

@@ -1,0 +1,118 @@
+"""How long a newcomer waits: set-up, `make fit` and `make test` on a fresh clone.
+
+    python3 calibration/benchmark_start.py [--slow] [--out FILE]
+
+Needs git and make alone, and a network. Clones the last commit into an empty folder and
+runs there with empty caches, as on a machine that has never seen the project; prints
+seconds and J, how long `import jax` takes (tests/import_time.py): machines differ
+threefold. With `--slow` the slow tests as well.
+"""
+
+import argparse
+import os
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+ROOT = Path(__file__).parents[1]
+ANSWERED = "Reports and figures"
+"""Begins the line that `make fit` prints after its last answer."""
+CACHES = ("XDG_CACHE_HOME", "UV_CACHE_DIR", "PIP_CACHE_DIR")
+
+
+class Clone:
+    """A fresh clone, whose home and caches are empty folders."""
+
+    def __init__(self, folder: Path):
+        self.tree = folder / "jblast"
+        cache = folder / "cache"
+        self.env = {**os.environ, "HOME": str(folder)} | dict.fromkeys(
+            CACHES, str(cache)
+        )
+        command = ["git", "clone", "--quiet", str(ROOT), str(self.tree)]
+        subprocess.run(command, check=True)
+
+    def make(self, target: str) -> tuple[float, float, str]:
+        """Run a target.
+
+        Returns:
+            Seconds until it had answered (`ANSWERED`) and in all, and its last line.
+        """
+        begun = time.perf_counter()
+        answered, last = 0.0, ""
+        run = subprocess.Popen(
+            ["make", target, f"PYTHON={sys.executable}"],
+            cwd=self.tree,
+            env=self.env,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+        )
+        assert run.stdout is not None
+        for line in run.stdout:
+            if line.startswith(ANSWERED):
+                answered = time.perf_counter() - begun
+            last = line.strip() or last
+        if run.wait():
+            print(f"make {target} failed: {last}")
+        whole = time.perf_counter() - begun
+        return answered or whole, whole, last
+
+    def import_time(self) -> float:
+        """Return J [s]."""
+        run = subprocess.run(
+            [".venv/bin/python", "tests/import_time.py"],
+            cwd=self.tree,
+            env=self.env,
+            check=True,
+            capture_output=True,
+            text=True,
+        )
+        return float(run.stdout)
+
+
+def main() -> None:
+    """Measure, and print a table."""
+    options = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    options.add_argument("--slow", action="store_true", help="the slow tests as well")
+    options.add_argument("--out", type=Path, help="write the table here too")
+    asked = options.parse_args()
+    rows: list[tuple[str, float, float]] = []
+    with tempfile.TemporaryDirectory() as one, tempfile.TemporaryDirectory() as two:
+        clone = Clone(Path(one))
+        rows.append(("set-up of `make fit`", clone.make(".venv/run")[1], 0))
+        answered, whole, _ = clone.make("fit")
+        rows[0] = (*rows[0][:2], 0)
+        set_up = rows[0][1]
+        rows.append(("first `make fit`, to the answer", set_up + answered, 100))
+        rows.append(("first `make fit`, with its reports", set_up + whole, 0))
+        answered, whole, _ = clone.make("fit")
+        rows.append(("second `make fit`, to the answer", answered, 0))
+        rows.append(("second `make fit`, with its reports", whole, 30))
+        unit = clone.import_time()
+        clone = Clone(Path(two))
+        _, seconds, last = clone.make("test")
+        rows.append((f"first `make test`: {last.strip('= ')}", seconds, 400))
+        _, seconds, last = clone.make("test")
+        rows.append((f"second `make test`: {last.strip('= ')}", seconds, 250))
+        if asked.slow:
+            _, seconds, last = clone.make("test-slow")
+            rows.append((f"`make test-slow`: {last.strip('= ')}", seconds, 1200))
+    lines = [
+        f"J = {unit:.2f} s, {os.cpu_count()} cores; a fresh clone, empty caches",
+        "",
+    ]
+    lines += [f"{'':>8s}  {'J':>6s}  {'asked':>6s}"]
+    for what, seconds, bound in rows:
+        wanted = f"{bound:d}" if bound else ""
+        lines.append(f"{seconds:6.0f} s  {seconds / unit:6.0f}  {wanted:>6s}  {what}")
+    text = "\n".join(lines) + "\n"
+    print(text, end="")
+    if asked.out:
+        asked.out.write_text(text)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,220 @@
+"""Forty faults of one token each, and whether the tests of their room notice.
+
+    python tests/mutants.py draw            # write tests/mutants.csv anew, from the seed
+    python tests/mutants.py run [NUMBER...] # run them, or those; fill in what killed each
+
+A mutant changes one operator, comparison or number in the body of a function. It is met
+by the tests of its own room only, those of its own file first, until one fails. One that
+lives is judged by hand in the last column: whether it changes anything at all.
+"""
+
+import ast
+import csv
+import os
+import random
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import asdict, dataclass, fields
+from pathlib import Path
+
+ROOT = Path(__file__).parents[1]
+LIST = ROOT / "tests" / "mutants.csv"
+ROOMS = ("waves", "inference", "sensors", "vehicle")
+PER_ROOM = 10
+SEED = 16
+LIMIT = 600.0
+"""Seconds after which a mutant counts as killed: it does not end."""
+
+OPERATORS = {
+    ast.Add: ("+", "-"),
+    ast.Sub: ("-", "+"),
+    ast.Mult: ("*", "/"),
+    ast.Div: ("/", "*"),
+    ast.Lt: ("<", ">"),
+    ast.Gt: (">", "<"),
+    ast.LtE: ("<=", ">"),
+    ast.GtE: (">=", "<"),
+    ast.Eq: ("==", "!="),
+    ast.NotEq: ("!=", "=="),
+}
+
+
+@dataclass
+class Mutant:
+    """A token to change, and what came of it.
+
+    Attributes:
+        number: From 1.
+        file: Under the root.
+        line: From 1.
+        column: From 0, in characters.
+        old: The token.
+        new: What takes its place.
+        killed_by: The test that failed; "lives" if none did; "" before a run.
+        judged: Of one that lives: why no test can see it, or that one should.
+    """
+
+    number: int
+    file: str
+    line: int
+    column: int
+    old: str
+    new: str
+    killed_by: str = ""
+    judged: str = ""
+
+    def applied(self, source: str) -> str:
+        """Return the source with the token changed."""
+        lines = source.splitlines(keepends=True)
+        line = lines[self.line - 1]
+        there = slice(self.column, self.column + len(self.old))
+        if line[there] != self.old:
+            raise SystemExit(
+                f"mutant {self.number}: {self.file}:{self.line}: expected "
+                f"{self.old!r} at column {self.column}, got {line[there]!r}: the "
+                "source has changed; draw anew, or move the mutant by hand"
+            )
+        lines[self.line - 1] = line[: there.start] + self.new + line[there.stop :]
+        return "".join(lines)
+
+
+def candidates(file: Path) -> list[tuple[int, int, str, str]]:
+    """Return every token of a source that could be changed, and into what."""
+    source = file.read_text()
+    lines = source.splitlines()
+    found = []
+    for function in ast.walk(ast.parse(source)):
+        if not isinstance(function, ast.FunctionDef):
+            continue
+        for statement in function.body:
+            for node in ast.walk(statement):
+                found += _of(node, lines)
+    return sorted(set(found))
+
+
+def _of(node: ast.AST, lines: list[str]) -> list[tuple[int, int, str, str]]:
+    if isinstance(node, ast.BinOp) and type(node.op) in OPERATORS:
+        return _between(node.left, node.right, *OPERATORS[type(node.op)], lines)
+    if isinstance(node, ast.Compare) and type(node.ops[0]) in OPERATORS:
+        first = node.comparators[0]
+        return _between(node.left, first, *OPERATORS[type(node.ops[0])], lines)
+    if isinstance(node, ast.Constant) and type(node.value) in (int, float):
+        line = lines[node.lineno - 1]
+        old = line[node.col_offset : node.end_col_offset]
+        new = repr(node.value + 1 if isinstance(node.value, int) else node.value * 1.1)
+        return [(node.lineno, node.col_offset, old, new)]
+    return []
+
+
+def _between(left, right, old: str, new: str, lines: list[str]):
+    """Find an operator between its operands, where all are on one line."""
+    if left.end_lineno != right.lineno:
+        return []
+    line = lines[right.lineno - 1]
+    column = line.find(old, left.end_col_offset, right.col_offset)
+    return [] if column < 0 else [(right.lineno, column, old, new)]
+
+
+def draw() -> list[Mutant]:
+    """Draw as many from each room, at most one a file."""
+    rng = random.Random(SEED)
+    drawn: list[Mutant] = []
+    for room in ROOMS:
+        files = sorted((ROOT / "jblast" / room).rglob("*.py"))
+        files = [file for file in files if file.read_text().isascii()]
+        rng.shuffle(files)
+        with_some = (file for file in files if candidates(file))
+        for file, _ in zip(with_some, range(PER_ROOM), strict=False):
+            token = rng.choice(candidates(file))
+            name = file.relative_to(ROOT).as_posix()
+            drawn.append(Mutant(len(drawn) + 1, name, *token))
+    return drawn
+
+
+def killer(mutant: Mutant) -> str:
+    """Return the test that fails with a mutant, in a copy of the tree."""
+    room = mutant.file.split("/")[1]
+    stem = Path(mutant.file).stem
+    with tempfile.TemporaryDirectory() as folder:
+        tree = Path(folder)
+        for name in ("jblast", "calibration", "tests"):
+            shutil.copytree(
+                ROOT / name, tree / name, ignore=shutil.ignore_patterns("__pycache__")
+            )
+        for name in ("pyproject.toml", "README.md", "CITATION.cff"):
+            shutil.copy(ROOT / name, tree)
+        (tree / ".jax_cache").symlink_to(ROOT / ".jax_cache")
+        file = tree / mutant.file
+        file.write_text(mutant.applied(file.read_text()))
+        tests = tree / "tests" / room
+        own = [str(t) for t in sorted(tests.rglob(f"test_*{stem}*.py"))]
+        command = [sys.executable, "-m", "pytest", "-x", "-q", "-m", "not slow"]
+        command += ["-p", "no:cacheprovider", "--no-header", "--tb=no"]
+        command += [f"--first={' '.join(own)}", f"tests/{room}"]
+        try:
+            run = subprocess.run(
+                command,
+                cwd=tree,
+                capture_output=True,
+                text=True,
+                timeout=LIMIT,
+                env={**os.environ, "PYTHONPATH": str(tree)},
+            )
+        except subprocess.TimeoutExpired:
+            return f"no end within {LIMIT:g} s"
+    if run.returncode == 0:
+        return "lives"
+    failed = [s for s in run.stdout.splitlines() if s.startswith(("FAILED", "ERROR"))]
+    if not failed:
+        raise SystemExit(f"mutant {mutant.number}: no test ran:\n{run.stdout[-2000:]}")
+    return failed[0].split(" - ")[0].split(" ", 1)[1]
+
+
+def read() -> list[Mutant]:
+    """Read the list."""
+    with LIST.open(newline="") as file:
+        return [
+            Mutant(
+                **{
+                    f.name: int(row[f.name]) if f.type is int else row[f.name]
+                    for f in fields(Mutant)
+                }
+            )
+            for row in csv.DictReader(file)
+        ]
+
+
+def write(mutants: list[Mutant]) -> None:
+    """Write the list."""
+    with LIST.open("w", newline="") as file:
+        rows = csv.DictWriter(file, [f.name for f in fields(Mutant)])
+        rows.writeheader()
+        rows.writerows(asdict(m) for m in mutants)
+
+
+def run(numbers: list[int]) -> None:
+    """Run mutants, as many at a time as there are cores, and keep what killed them."""
+    mutants = read()
+    chosen = [m for m in mutants if not numbers or m.number in numbers]
+    begun = time.monotonic()
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        for mutant, by in zip(chosen, pool.map(killer, chosen), strict=True):
+            mutant.killed_by = by
+            write(mutants)
+            print(f"{mutant.number:3d} {mutant.file}:{mutant.line} {by}", flush=True)
+    lives = sum(m.killed_by == "lives" for m in chosen)
+    minutes = (time.monotonic() - begun) / 60
+    print(f"{len(chosen) - lives} of {len(chosen)} killed in {minutes:.0f} minutes")
+
+
+if __name__ == "__main__":
+    if sys.argv[1:2] == ["draw"]:
+        write(draw())
+    elif sys.argv[1:2] == ["run"]:
+        run([int(number) for number in sys.argv[2:]])
+    else:
+        sys.exit(__doc__)
