@@ -59,7 +59,7 @@ lock: .venv/run
 	$(COMPILE) pyproject.toml --group build --group dev --constraint .ci/run.lock --output-file .ci/dev.lock
 
 bench-start:
-	$(PYTHON) calibration/benchmark_start.py
+	$(PYTHON) calibration/first_minutes.py
 
 clean:
 	rm -rf .venv out build dist .pytest_cache .ruff_cache .hypothesis .jax_cache

@@ -21,9 +21,9 @@ ROOM_OF = {
 ALWAYS = ("tests/test_import_order.py", "tests/test_packaging.py")
 
 
-def tests_of(files: Iterable[str]) -> list[str]:
+def asked_for(files: Iterable[str]) -> list[str]:
     """Return the tests that changed files ask for, in order."""
-    wanted = set(ALWAYS)
+    wanted: set[str] = set(ALWAYS)
     for file in files:
         top, *rest = Path(file).parts
         if top in ROOM_OF:
@@ -71,4 +71,4 @@ def _git(*arguments: str) -> list[str]:
 
 if __name__ == "__main__":
     since = sys.argv[1] if sys.argv[1:] else last_tag()
-    sys.stdout.write(" ".join(tests_of(changed_since(since))) + "\n")
+    sys.stdout.write(" ".join(asked_for(changed_since(since))) + "\n")

@@ -1,7 +1,7 @@
 """Every test runs in float64 with promotions spelled out.
 
 What is compiled is kept in `.jax_cache`, for both workers, the processes that tests
-start and the next run; XLA optimises little, since tests compile much and compute little.
+start and the next run; XLA optimises little: tests compile much and compute little.
 """
 
 import os
@@ -15,12 +15,13 @@ os.environ.setdefault("MPLBACKEND", "agg")
 import jax  # noqa: E402 (after what it reads from the environment)
 import pytest  # noqa: E402
 from jax._src.interpreters import mlir  # noqa: E402
+from jaxlib.mlir import ir  # noqa: E402
 
 pytest_plugins = ["minutes"]
 
 PAGE = os.sysconf("SC_PAGE_SIZE")
 FULL = 0.2 * os.sysconf("SC_PHYS_PAGES") * PAGE
-"""Bytes that a process may hold before it drops what it compiled: two share a machine."""
+"""Bytes that a process may hold before it drops what it compiled; two share them."""
 
 
 def pytest_sessionstart() -> None:
@@ -36,14 +37,16 @@ def pytest_sessionstart() -> None:
 def reuse_contexts(uses: int = 100) -> None:
     """Have JAX use an MLIR context more than once, as it does itself from 0.12 on.
 
-    To make one for each of ten thousand programs takes a tenth of the time of all tests,
-    and as many are held in memory as there are programs.
+    To make one for each of ten thousand programs takes a tenth of the time of all
+    tests, and as many are held in memory as there are programs.
     """
     if hasattr(mlir, "_thread_local_context"):
         return
     kept, make = threading.local(), mlir.make_ir_context
 
     def context():
+        if ir.Context.current is not None:  # a program within the making of another
+            return make()
         found, left = getattr(kept, "context", (None, 0))
         if not left:
             found, left = make(), uses

@@ -6,7 +6,7 @@ A plugin of pytest: prints the ten slowest tests in J (`import_time.py`), and wi
 
 import os
 import time
-from collections import Counter
+from collections import defaultdict
 from pathlib import Path
 
 import pytest
@@ -39,7 +39,7 @@ def pytest_configure(config: pytest.Config) -> None:
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list) -> None:
-    first = [Path(path).resolve() for path in config.getoption("--first").split()]
+    first = [Path(path).resolve() for path in str(config.getoption("--first")).split()]
     items.sort(key=lambda item: not any(item.path.is_relative_to(p) for p in first))
 
 
@@ -59,7 +59,7 @@ class Minutes:
 
     def __init__(self, config: pytest.Config):
         self.unit = _unit_of(config)
-        self.seconds: Counter[str] = Counter()
+        self.seconds: defaultdict[str, float] = defaultdict(float)
         self.left_out: list[str] = []
 
     def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
@@ -73,7 +73,8 @@ class Minutes:
             write(
                 f"The slowest, in J: how long import jax takes, {self.unit:.2f} s here"
             )
-        for name, seconds in self.seconds.most_common(SLOWEST):
+        slowest = sorted(self.seconds.items(), key=lambda item: -item[1])
+        for name, seconds in slowest[:SLOWEST]:
             write(f"{seconds / self.unit:6.1f} J  {name}")
         if self.left_out:
             write(f"NOT RUN, no time was left: {len(self.left_out)} tests")

@@ -1,11 +1,12 @@
 """Forty faults of one token each, and whether the tests of their room notice.
 
-    python tests/mutants.py draw            # write tests/mutants.csv anew, from the seed
-    python tests/mutants.py run [NUMBER...] # run them, or those; fill in what killed each
+    python tests/mutants.py draw            # write mutants.csv anew, from the seed
+    python tests/mutants.py run [NUMBER...] # run them all, or those; note what killed
 
-A mutant changes one operator, comparison or number in the body of a function. It is met
-by the tests of its own room only, those of its own file first, until one fails. One that
-lives is judged by hand in the last column: whether it changes anything at all.
+A mutant changes one operator, comparison or number in the body of a function. It is
+met by the default tests of its own room, those of its own file first, until one fails,
+and if it lives by the slow ones. One that lives still is judged by hand in the last
+column: whether it changes anything at all.
 """
 
 import ast
@@ -102,10 +103,14 @@ def _of(node: ast.AST, lines: list[str]) -> list[tuple[int, int, str, str]]:
     if isinstance(node, ast.Compare) and type(node.ops[0]) in OPERATORS:
         first = node.comparators[0]
         return _between(node.left, first, *OPERATORS[type(node.ops[0])], lines)
-    if isinstance(node, ast.Constant) and type(node.value) in (int, float):
+    if isinstance(node, ast.Constant) and isinstance(node.value, int | float):
         line = lines[node.lineno - 1]
         old = line[node.col_offset : node.end_col_offset]
-        new = repr(node.value + 1 if isinstance(node.value, int) else node.value * 1.1)
+        value = node.value
+        if isinstance(value, bool):
+            return []
+        more = value + 1 if isinstance(value, int) else 1.1 * value
+        new = repr(more or 1.0)
         return [(node.lineno, node.col_offset, old, new)]
     return []
 
@@ -136,7 +141,13 @@ def draw() -> list[Mutant]:
 
 
 def killer(mutant: Mutant) -> str:
-    """Return the test that fails with a mutant, in a copy of the tree."""
+    """Return the test that fails with a mutant: a default one, else a slow one."""
+    by = first_to_fail(mutant, "not slow")
+    return first_to_fail(mutant, "slow") if by == "lives" else by
+
+
+def first_to_fail(mutant: Mutant, chosen: str) -> str:
+    """Return which of the chosen tests fails with a mutant, in a copy of the tree."""
     room = mutant.file.split("/")[1]
     stem = Path(mutant.file).stem
     with tempfile.TemporaryDirectory() as folder:
@@ -152,7 +163,7 @@ def killer(mutant: Mutant) -> str:
         file.write_text(mutant.applied(file.read_text()))
         tests = tree / "tests" / room
         own = [str(t) for t in sorted(tests.rglob(f"test_*{stem}*.py"))]
-        command = [sys.executable, "-m", "pytest", "-x", "-q", "-m", "not slow"]
+        command = [sys.executable, "-m", "pytest", "-x", "-q", "-m", chosen]
         command += ["-p", "no:cacheprovider", "--no-header", "--tb=no"]
         command += [f"--first={' '.join(own)}", f"tests/{room}"]
         try:
@@ -177,14 +188,10 @@ def killer(mutant: Mutant) -> str:
 def read() -> list[Mutant]:
     """Read the list."""
     with LIST.open(newline="") as file:
+        next(file)  # names of the columns
         return [
-            Mutant(
-                **{
-                    f.name: int(row[f.name]) if f.type is int else row[f.name]
-                    for f in fields(Mutant)
-                }
-            )
-            for row in csv.DictReader(file)
+            Mutant(int(number), name, int(line), int(column), *rest)
+            for number, name, line, column, *rest in csv.reader(file)
         ]
 
 

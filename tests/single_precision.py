@@ -1,8 +1,8 @@
 """What `test_float32.py` asks of a process of its own, where JAX is in float32.
 
-    python single_precision.py laws|recording|fit
+    python single_precision.py
 
-Prints a JSON object.
+Prints a JSON object, an entry a question.
 """
 
 import dataclasses
@@ -108,5 +108,6 @@ def fitted() -> dict[str, Any]:
 
 
 if __name__ == "__main__":
-    asked = {"laws": laws, "recording": recording, "fit": fitted}[sys.argv[1]]
-    sys.stdout.write(json.dumps(asked()))
+    questions = {"laws": laws, "recording": recording, "fit": fitted}
+    answers = {name: answer() for name, answer in questions.items()}
+    sys.stdout.write(json.dumps(answers))

@@ -14,10 +14,11 @@ import pytest
 ROOT = Path(__file__).parents[1]
 
 
-def in_float32(question: str):
+@pytest.fixture(scope="module")
+def in_float32():
     """Ask `single_precision.py`; promotions are spelled out, warnings errors too."""
     run = subprocess.run(
-        [sys.executable, "-W", "error", "tests/single_precision.py", question],
+        [sys.executable, "-W", "error", "tests/single_precision.py"],
         capture_output=True,
         text=True,
         cwd=ROOT,
@@ -26,6 +27,8 @@ def in_float32(question: str):
             "PYTHONPATH": str(ROOT),
             "JAX_ENABLE_X64": "0",
             "JAX_NUMPY_DTYPE_PROMOTION": "strict",
+            "JAX_COMPILATION_CACHE_DIR": str(ROOT / ".jax_cache" / "jblast"),
+            "JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS": "0",
         },
     )
     assert run.returncode == 0, run.stderr
@@ -33,8 +36,10 @@ def in_float32(question: str):
 
 
 @pytest.mark.parametrize("question", ["laws", "recording"])
-def test_values_and_gradients_are_finite_and_stay_in_single_precision(question):
-    told = in_float32(question)
+def test_values_and_gradients_are_finite_and_stay_in_single_precision(
+    in_float32, question
+):
+    told = in_float32[question]
     assert told
     for name, arrays in told.items():
         assert arrays, name
@@ -43,8 +48,8 @@ def test_values_and_gradients_are_finite_and_stay_in_single_precision(question):
             assert finite, name
 
 
-def test_a_fit_gives_the_mass_back():
-    answer = in_float32("fit")
+def test_a_fit_gives_the_mass_back(in_float32):
+    answer = in_float32["fit"]
     mass = answer["estimates"]["charge_mass_kg"]
     assert answer["converged"]
     assert answer["identifiable"]

@@ -49,7 +49,7 @@ def run(asked: argparse.Namespace) -> int:
     """Compute the bound, print it, and return the exit code."""
     from jblast.cli.start import start_jax
 
-    start_jax()
+    start_jax(quick=not asked.map)  # a map is drawn from thousands of places
     import json
 
     from jblast.cli.laws import chosen_laws

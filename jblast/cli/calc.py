@@ -73,7 +73,7 @@ def run(asked: argparse.Namespace) -> int:
     """Calculate, print, and return the exit code."""
     from jblast.cli.start import start_jax
 
-    start_jax()
+    start_jax(quick=True)
     from jblast.cli.calc_input import check_plot, check_roots, question_of
     from jblast.report.calculator import calculation_text, roots_text
     from jblast.report.calculator_files import (

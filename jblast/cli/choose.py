@@ -37,7 +37,7 @@ def run(asked: argparse.Namespace) -> int:
     """Choose, print, and return the exit code: 4 where no method will do."""
     from jblast.cli.start import start_jax
 
-    start_jax()
+    start_jax(quick=True)
     import json
 
     from jblast.fidelity import choose

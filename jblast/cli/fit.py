@@ -1,12 +1,16 @@
 """Fit a blast to a log of sensor readings: how big, where, when, and how sure."""
 
 import argparse
+import os
 import sys
+from collections.abc import Sequence
 
 from jblast.cli.files import path, unwritable
 from jblast.cli.options import add_free, add_law, add_noise, names_to_free
 
 HELP = "fit a blast to a log of sensor readings"
+SMALL = 100_000
+"""Bytes of all logs together, about two thousand rows."""
 
 
 def add_arguments(verb: argparse.ArgumentParser) -> None:
@@ -60,7 +64,7 @@ def run(asked: argparse.Namespace) -> int:
     """Fit, report, and return the exit code."""
     from jblast.cli.start import start_jax
 
-    start_jax()
+    start_jax(quick=asked.posterior == "laplace" and _is_small(asked.observations))
     from pathlib import Path
 
     from jblast.cli.fit_logs import WALK, logs_of, only_a_walk, progress
@@ -110,6 +114,11 @@ def run(asked: argparse.Namespace) -> int:
     if not asked.json:
         sys.stdout.write(summary(answer, out=out) + "\n")
     return answer.exit_code
+
+
+def _is_small(files: Sequence[str]) -> bool:
+    """Return whether logs are so short that a fit compiles for longer than it runs."""
+    return sum(os.path.getsize(file) for file in files if os.path.isfile(file)) < SMALL
 
 
 def _many(answers, out, asked: argparse.Namespace) -> int:

@@ -31,7 +31,7 @@ def run(asked: argparse.Namespace) -> int:
     """Write the scene and return the exit code."""
     from jblast.cli.start import start_jax
 
-    start_jax()
+    start_jax(quick=True)
     from jblast.cli.files import refuse_existing, write_text
     from jblast.observations import read, starter_scene
 

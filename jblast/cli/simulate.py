@@ -55,7 +55,7 @@ def run(asked: argparse.Namespace) -> int:
     """Simulate, write the log and return the exit code."""
     from jblast.cli.start import start_jax
 
-    start_jax()
+    start_jax(quick=True)
     from jblast.cli.files import refuse_existing
     from jblast.observations import write
     from jblast.scene import read_scene

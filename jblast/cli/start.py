@@ -71,4 +71,4 @@ def _write_whole() -> None:
             part.write_bytes(value)
             part.replace(path)
 
-    lru_cache.LRUCache.put = put
+    setattr(lru_cache.LRUCache, "put", put)  # noqa: B010 (so that types allow it)

@@ -36,7 +36,7 @@ def path_effects(
 
 
 def _path_scatter(law: Law, scene: Scene, layout: Layout, row: int):
-    """Return a law's scatter from path to path: its shape, or a number that is known."""
+    """Return a law's scatter from path to path: its shape, or the number it is."""
 
     def scatter():
         charge = scene.charges[layout.shot[row]]

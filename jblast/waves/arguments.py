@@ -2,9 +2,9 @@
 
 A law's arguments have one name, unit and meaning wherever they occur, so one table
 checks them all. Values are looked at outside `jit` only: inside it, a law has no way to
-raise, and answers NaN or nonsense for what is refused here. Outside it a law is compiled
-as a whole, once for each shape: operation by operation it would take a hundred times as
-long at every call, and longer to compile.
+raise, and answers NaN or nonsense for what is refused here. Outside it a law is
+compiled as a whole, once for each shape: operation by operation every call would take
+many times as long, and so would compiling.
 """
 
 import functools

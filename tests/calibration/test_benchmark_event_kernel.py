@@ -1,6 +1,9 @@
+import pytest
+
 from calibration.benchmark_event_kernel import event_kernel_text
 
 
+@pytest.mark.slow
 def test_every_way_counts_the_known_events():
     lines = event_kernel_text((32, 40), 24).splitlines()
     rows = [line.split() for line in lines if line.startswith(("comp", "conv"))]

@@ -57,6 +57,13 @@ def test_json_has_every_key_and_stdout_holds_nothing_else(jblast):
     assert answer["at"] == {"charge_mass_kg": 15.0}
     assert answer["n_observations"] == 4
     assert 0.01 < answer["parameters"]["charge_mass_kg"]["log_sd"] < 0.5
+
+
+@pytest.mark.slow
+def test_the_noise_and_the_law_asked_for_are_taken(jblast):
+    scene = jblast.file("plan.toml", FREE)
+    asked = ("bound", scene, "--at", "charge_mass_kg=15", "--json")
+    answer = of_contract(jblast(*asked)[1])
     normal = json.loads(jblast(*asked, "--noise", "gaussian")[1])
     wide = answer["parameters"]["charge_mass_kg"]["log_sd"]
     assert normal["parameters"]["charge_mass_kg"]["log_sd"] < wide
@@ -64,6 +71,7 @@ def test_json_has_every_key_and_stdout_holds_nothing_else(jblast):
     assert named["law"]["peak_overpressure_pa"] == "swisdak"
 
 
+@pytest.mark.slow
 def test_a_number_freed_beside_the_scene_is_as_if_the_scene_had_it_free(jblast):
     scene = jblast.file("plan.toml", FREE)
     bare = jblast.file("bare.toml", FREE.replace('"free"', "2.0"))
@@ -80,6 +88,7 @@ def test_a_number_freed_beside_the_scene_is_as_if_the_scene_had_it_free(jblast):
     assert wider > told["parameters"]["charge_mass_kg"]["log_sd"]
 
 
+@pytest.mark.slow
 def test_text_and_map_say_the_same_and_fit_the_terminal(jblast, tmp_path):
     scene = jblast.file("plan.toml", PRIOR)
     code, out, err = jblast("bound", scene, "--map", jblast.path("map.svg"))

@@ -275,6 +275,7 @@ def test_roots_as_csv(calc):
     assert float(kingery_bulmash_pressure(float(value), 15.0)) == pytest.approx(2e4)
 
 
+@pytest.mark.slow
 def test_a_plot_is_written_once(jblast, calc, tmp_path):
     file = jblast.path("laws.png")
     assert f"Plot: {file}" in calc(f"--mass 15 --range 20 --plot {file}")

@@ -11,6 +11,7 @@ def jblast(tmp_path, capsys):
     return Command(tmp_path, capsys)
 
 
+@pytest.mark.slow
 def test_what_is_simulated_is_fitted_back_for_several_seeds(jblast):
     scene = jblast.file("truth.toml", PRIOR + SENSORS)
     seeds = range(6)

@@ -209,6 +209,7 @@ def test_one_sensor_leaves_the_charge_anywhere_on_a_circle():
     assert result.answer["null_directions"][0]["space"] == "linear"
 
 
+@pytest.mark.slow
 def test_five_microphones_find_mass_place_and_time_they_were_simulated_with():
     places = [(60.0, 0.0), (-70.0, 30.0), (0.0, 90.0), (20.0, -80.0), (120.0, 100.0)]
     truth = {
@@ -334,6 +335,7 @@ def test_a_mirror_image_is_told_beside_a_null_direction():
     assert other["parameters"]["charge_north_m"] == pytest.approx(-north, abs=0.01)
 
 
+@pytest.mark.slow
 def test_a_sedov_log_cannot_tell_energy_from_gamma():
     times = np.array([1e-3, 3e-3, 1e-2])
     radii = np.asarray(sedov_taylor_shock_radius(times, 2e7, 1.0, 1.3))

@@ -43,6 +43,7 @@ def mixed_log():
     return dataclasses.replace(log(*rows), clock=clocks)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scatter", [False, True])
 def test_rows_over_lanes_miss_as_the_posterior_does(scatter):
     observations = mixed_log()

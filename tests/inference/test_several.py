@@ -40,6 +40,7 @@ def of_shots(made, shots):
     return dataclasses.replace(made, shot=tuple(shots))
 
 
+@pytest.mark.slow
 def test_two_charges_are_told_apart_by_the_shot_of_each_row():
     truth = {"one": (15.0, (2.0, 1.0, 0.0), 0.5), "two": (40.0, (-4.0, 3.0, 0.0), 3.0)}
     rows = [
@@ -89,6 +90,7 @@ def test_a_shared_effect_of_one_charge_does_not_touch_the_other():
     assert result.answer["estimates"]["charge_mass_kg.two"]["value"] > 20
 
 
+@pytest.mark.slow
 def test_a_recorder_that_runs_late_is_found_and_the_blast_with_it():
     mass, at, time, late = 15.0, (2.0, 1.0, 0.0), 0.5, 7.25
     rows = [

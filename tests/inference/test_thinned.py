@@ -48,6 +48,7 @@ def arrivals(places, rows, scatter=True):
 RING = [(40.0, 0.0, 1.0), (-30.0, 35.0, 1.0), (-20.0, -45.0, 1.0), (60.0, 50.0, 1.0)]
 
 
+@pytest.mark.slow
 def test_the_optimum_of_a_long_log_is_that_of_all_its_rows():
     posterior = arrivals(RING, MOST_ROWS + 500)
     found = optima(jax.random.key(0), posterior)

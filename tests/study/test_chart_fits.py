@@ -31,6 +31,7 @@ def misses(logs):
     return {way.method: off / len(way.z) for way, off in found}
 
 
+@pytest.mark.slow
 def test_bfgs_in_float32_misses_what_fit_many_finds(misses):
     assert misses["own"] == 0.0
     # 733 of 2,000; the standard error of a share of 200 is 0.034

@@ -43,6 +43,7 @@ def flights():
     return fly_scene(scene(), SHORT)
 
 
+@pytest.mark.slow
 def test_the_blast_comes_when_the_load_says(flights):
     load = blast_load(scene().scene)
     for flown in flights.holds.values():

@@ -91,6 +91,7 @@ def agree(vehicle, state, *, duration_s=0.05, **options) -> None:
     assert not ours.lost.any()
 
 
+@pytest.mark.slow
 def test_same_flights_with_everything_at_once():
     agree(CRAFT, start(), **everything())
 
@@ -235,6 +236,7 @@ def squared_deviation(mass, backend):
     return jnp.sum(jnp.square(flown.position_m[-1] - state.position_m))
 
 
+@pytest.mark.slow
 def test_an_adjoint_of_a_loop_that_overwrites_its_state_is_wrong():
     """The trap: Warp's tape of x <- x + h x^2 errs by percents, and says nothing."""
     from jblast.study.stability.overwriting_loop import slope_by_tape, slope_of_steps

@@ -105,6 +105,7 @@ def test_mass_volume_and_energy_grow_by_what_the_shock_overtakes(source):
     np.testing.assert_allclose(shells, last.volume, rtol=1e-6)
 
 
+@pytest.mark.slow
 def test_the_peak_follows_the_energy_as_similarity_and_differences_demand():
     def log_peak(log_energy, radius):
         flow, state = start_sedov(jnp.exp(log_energy), AIR, 0.02, cells=80, length=1.0)

@@ -1,6 +1,6 @@
 """How long a newcomer waits: set-up, `make fit` and `make test` on a fresh clone.
 
-    python3 calibration/benchmark_start.py [--slow] [--out FILE]
+    python3 calibration/first_minutes.py [--slow] [--out FILE]
 
 Needs git and make alone, and a network. Clones the last commit into an empty folder and
 runs there with empty caches, as on a machine that has never seen the project; prints
@@ -75,7 +75,7 @@ class Clone:
 
 def main() -> None:
     """Measure, and print a table."""
-    options = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    options = argparse.ArgumentParser(description="Time a newcomer's wait.")
     options.add_argument("--slow", action="store_true", help="the slow tests as well")
     options.add_argument("--out", type=Path, help="write the table here too")
     asked = options.parse_args()
