@@ -2,7 +2,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from jax.test_util import check_grads
+from slopes import check_slopes
 
 from jblast.constants import STANDARD_PRESSURE, STANDARD_SOUND_SPEED
 from jblast.waves.atmosphere import (
@@ -140,10 +140,10 @@ def test_density_is_cipm_2007_but_for_the_ideal_gas():
 
 
 def test_gradients_are_the_derivatives():
-    check_grads(jax.jit(standard_atmosphere), (jnp.array(2000.0),), order=2, eps=1.0)
+    check_slopes(standard_atmosphere, (jnp.array(2000.0),), order=2, eps=1.0)
     # steps in units of each argument: they differ by five orders of magnitude
     for law in (sound_speed_in_air, air_density):
-        check_grads(
+        check_slopes(
             jax.jit(lambda x, law=law: law(290.0 * x[0], 9e4 * x[1], 0.6 * x[2])),
             (jnp.ones(3),),
             order=2,

@@ -5,7 +5,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from jax.test_util import check_grads
+from slopes import check_slopes
 
 from jblast.constants import STANDARD_PRESSURE, STANDARD_SOUND_SPEED
 from jblast.registry import law_for
@@ -140,9 +140,7 @@ def test_gradients_are_those_of_finite_differences_twice(law):
         return jnp.log(law(jnp.exp(log_distance), jnp.exp(log_mass), 9e4))
 
     for distance in (1.0, 60.0, 3e3):
-        check_grads(
-            jax.jit(log_law), (math.log(distance), math.log(ONE_KILOTON)), 2, rtol=1e-4
-        )
+        check_slopes(log_law, (math.log(distance), math.log(ONE_KILOTON)), 2, rtol=1e-4)
 
 
 @pytest.mark.parametrize("law", [dna_1kt_pressure, dna_1kt_arrival_time])

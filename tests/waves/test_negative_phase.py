@@ -2,8 +2,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from jax.test_util import check_grads
 from scipy.integrate import quad
+from slopes import check_slopes
 
 from jblast.waves.negative_phase import negative_phase_pressure
 
@@ -62,7 +62,7 @@ def test_gradients_are_those_of_finite_differences():
     def cubic(d, p, n):
         return negative_phase_pressure(1e-3 * time, 1e-3 * d, 1e4 * p, 1e-3 * n) / 1e4
 
-    check_grads(jax.jit(cubic), (4.0, 2.5, 11.0), order=2, rtol=1e-4)
+    check_slopes(cubic, (4.0, 2.5, 11.0), order=2, rtol=1e-4)
 
 
 def test_a_batch_is_its_loop_and_single_precision_is_as_good_as_the_lowest():

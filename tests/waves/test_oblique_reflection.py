@@ -4,7 +4,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from jax.test_util import check_grads
+from slopes import check_slopes
 
 from jblast.waves.oblique_reflection import (
     oblique_reflected_pressure,
@@ -75,9 +75,7 @@ def test_the_printed_form_dips_below_the_incident_pressure(
 
 @pytest.mark.parametrize("form", FORMS)
 def test_derivatives_of_two_orders_are_those_of_finite_differences(form):
-    check_grads(
-        jax.jit(form), (1.3, 4.0, jnp.array([0.1, 0.8, 1.4])), order=2, rtol=1e-4
-    )
+    check_slopes(form, (1.3, 4.0, jnp.array([0.1, 0.8, 1.4])), order=2, rtol=1e-4)
 
 
 @pytest.mark.parametrize("form", FORMS)

@@ -2,7 +2,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from jax.test_util import check_grads
+from slopes import check_slopes
 
 from jblast.waves.kingery_bulmash import (
     kingery_bulmash_pressure,
@@ -161,7 +161,7 @@ def test_derivatives_of_two_orders_are_those_of_finite_differences(law):
     def in_logs(log_relative):
         return jnp.log(law(jnp.exp(log_relative) * 1.0e5, 1.0e5))
 
-    check_grads(jax.jit(in_logs), (jnp.log(jnp.array([0.01, 0.3, 4.0])),), order=2)
+    check_slopes(in_logs, (jnp.log(jnp.array([0.01, 0.3, 4.0])),), order=2)
 
 
 def test_a_shock_slower_than_sound_is_refused():
