@@ -16,10 +16,22 @@ import sys
 import tempfile
 import time
 from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from jblast.inference.how_sure import Method
 
 DATA = Path(__file__).parent / "data"
 LOG = "hta_1"
 WAYS = {"optimised": False, "quick": True}
+
+
+WORK: "tuple[tuple[str, Method], ...]" = (
+    ("first fit", "laplace"),
+    ("second fit", "laplace"),
+    ("first walk", "emcee"),
+    ("second walk", "emcee"),
+)
 
 
 def measured() -> dict[str, float]:
@@ -30,12 +42,7 @@ def measured() -> dict[str, float]:
 
     log, scene = read(DATA / f"{LOG}.csv"), read_scene(DATA / f"{LOG}.toml")
     seconds = {}
-    for name, posterior in (
-        ("first fit", "laplace"),
-        ("second fit", "laplace"),
-        ("first walk", "emcee"),
-        ("second walk", "emcee"),
-    ):
+    for name, posterior in WORK:
         begun = time.perf_counter()
         answer = fit(log, scene, posterior=posterior).answer
         seconds[name] = time.perf_counter() - begun

@@ -1,6 +1,7 @@
 """How a command starts JAX: float64, and compiled code kept between runs."""
 
 import os
+import threading
 from importlib.metadata import version
 from pathlib import Path
 
@@ -48,9 +49,8 @@ def start_jax(*, all_cores: bool = False, quick: bool = False) -> None:
 
 def _compile_quickly() -> None:
     """Ask XLA for little optimisation; what the user asks of it goes before."""
-    wanted = (
-        f"{QUICK.get('.'.join(version('jaxlib').split('.')[:2]), '')} {UNOPTIMISED}"
-    )
+    release = ".".join(version("jaxlib").split(".")[:2])
+    wanted = f"{QUICK.get(release, '')} {UNOPTIMISED}".strip()
     flags = os.environ.get("XLA_FLAGS", "")
     if wanted not in flags:
         os.environ["XLA_FLAGS"] = f"{wanted} {flags}".strip()
@@ -62,12 +62,15 @@ def _write_whole() -> None:
     As it stands, another process may read half of one; and what was cut short by a
     kill is read again at every later start, each time with a warning.
     """
-    from jax._src import lru_cache
+    try:
+        from jax._src import lru_cache
+    except ImportError:  # a JAX that keeps them elsewhere: as it stands there
+        return
 
     def put(cache, key: str, value: bytes) -> None:
         path = cache.path / f"{key}-cache"
         if not path.exists():
-            part = cache.path / f"{key}.{os.getpid()}"
+            part = cache.path / f"{key}.{os.getpid()}.{threading.get_ident()}"
             part.write_bytes(value)
             part.replace(path)
 
