@@ -127,6 +127,6 @@ def test_a_wind_frozen_for_two_milliseconds_moves_it_forty_times_as_far():
     flown = simulate(
         vehicle, at_hover(vehicle), duration_s=2.0, wind=frozen, store_every=4000
     )
-    # Its samples at 0, 2 ... 20 ms sum to zero, but the first comes before the wave: the
-    # one at its very end, -30 m/s for 2 ms, is left over.
+    # Its samples at 0, 2 ... 20 ms sum to zero, but the first comes before the wave:
+    # the one at its very end, -30 m/s for 2 ms, is left over.
     assert abs(float(flown.position_m[-1, 0])) == pytest.approx(23e-3, rel=0.1)
