@@ -26,7 +26,7 @@ test: .venv/dev
 	$(PYTEST) -m "not slow"
 
 quick: .venv/dev
-	$(PYTEST) -m "not slow" -o addopts= $$($(BIN)/python tests/changed.py $(SINCE))
+	rooms=$$($(BIN)/python tests/changed.py $(SINCE)) && $(PYTEST) -m "not slow" -o addopts= $$rooms
 
 # FIRST names what comes first, as do the notebooks, the longest file: at the end one
 # worker would wait for them. After UNTIL (seconds since 1970) no test begins.
