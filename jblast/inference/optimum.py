@@ -80,7 +80,11 @@ def optima(key: PRNGKeyArray, posterior: Posterior) -> Optima:
 
 @eqx.filter_jit
 def likeliest_start(key: PRNGKeyArray, posterior: Posterior) -> Float[Array, " free"]:
-    """Return the most probable of the places where a search begins."""
+    """Return the most probable of the places where a search begins.
+
+    Of a long log some of the rows judge.
+    """
+    posterior = thinned(posterior) if is_long(posterior) else posterior
     places = starts(key, posterior, STARTS)
     density = lax.map(posterior.log_density, places)
     return places[jnp.argmax(jnp.where(jnp.isnan(density), -jnp.inf, density))]
