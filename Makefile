@@ -1,4 +1,4 @@
-# Everything but `make lock` needs only git, make and Python 3.11 to 3.13.
+# Everything needs only git, make and Python 3.11 to 3.13.
 PYTHON ?= python3
 BIN := .venv/bin
 # compiled Python is kept: without it every start takes seconds longer

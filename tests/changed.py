@@ -29,7 +29,7 @@ def asked_for(files: Iterable[str]) -> list[str]:
         if top in ROOM_OF:
             wanted.add(ROOM_OF[top])
         elif top == "jblast" and len(rest) > 1:
-            wanted |= set(_rooms(*rest))
+            wanted.add(_room(*rest))
         elif top == "tests" and len(rest) > 1:
             wanted.add(f"tests/{rest[0]}")
         elif top == "tests" and rest[0].startswith("test_"):
@@ -39,12 +39,12 @@ def asked_for(files: Iterable[str]) -> list[str]:
     return sorted(test for test in wanted if (ROOT / test).exists())
 
 
-def _rooms(*parts: str) -> list[str]:
-    """Return the folder of tests of a module, deepest first found."""
+def _room(*parts: str) -> str:
+    """Return the folder of tests of a module; all tests where it has none."""
     if parts[:2] == ("study", "stability"):
-        return ["tests/stability"]
-    folder = ROOT / "tests" / parts[0]
-    return [f"tests/{parts[0]}"] if folder.is_dir() else ["tests"]
+        return "tests/stability"
+    folder = f"tests/{parts[0]}"
+    return folder if (ROOT / folder).is_dir() else "tests"
 
 
 def changed_since(commit: str) -> list[str]:

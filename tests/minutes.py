@@ -35,7 +35,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 def pytest_configure(config: pytest.Config) -> None:
     # one for the controller; workers only skip
     if not hasattr(config, "workerinput"):
-        config.pluginmanager.register(Minutes(config), "told-minutes")
+        config.pluginmanager.register(Minutes(config), "minutes-report")
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list) -> None:

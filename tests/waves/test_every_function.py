@@ -109,7 +109,8 @@ def is_flag(f, word) -> bool:
 @every_other_function
 def test_jit_changes_nothing_and_a_batch_is_a_loop(f, word):
     values = drawn(f)
-    eager = np.asarray(as_one(call(f, word, values)))
+    with jax.disable_jit():  # a law compiles itself when called
+        eager = np.asarray(as_one(call(f, word, values)))
     assert eager.shape[0] == POINTS
     fused = jax.jit(lambda v: as_one(call(f, word, v)))(values)
     scale = np.abs(eager).max(axis=0)
