@@ -87,6 +87,7 @@ def run(names: Sequence[str]) -> None:
     """
     from jblast.report import summary, write_report
 
+    print(f"Fitting {len(names)} logs, two at a time\n", flush=True)
     answers = {}
     with ThreadPoolExecutor(2) as pool:
         for name, answer in zip(names, pool.map(fitted, names), strict=True):
