@@ -25,7 +25,8 @@ class Miss(NamedTuple):
     """Residuals and their slopes over lanes.
 
     Rows are first those of the log, then the shared effects and the numbers with a
-    prior (standard normal all), then ln of the rows' scales where they vary.
+    prior (standard normal all), then ln of the rows' scales where they vary with what
+    is fitted (not where logs merely have errors of their own).
 
     Attributes:
         residual: In standard deviations.
@@ -112,7 +113,7 @@ class Rows:
                 part, y, measured, sigma, told=told
             )
             terms.append((part.rows.size, u, columns))
-            if not isinstance(ln_sd, np.ndarray) and not told:
+            if self.varies and not told and not all(map(_is_zero, ln_sd_columns)):
                 scales.append((part.rows.size, ln_sd, ln_sd_columns))
         for k in [*range(len(self.parameters.names), self.unknowns), *self.with_prior]:
             unit = [known + (j == k) for j in range(self.unknowns)]
@@ -175,6 +176,11 @@ class Rows:
             ln_sd,
             part.spread(slopes[n + slots :], self.effects, y.dtype),
         )
+
+
+def _is_zero(cell: Cell) -> bool:
+    """Return whether a slope is known to be none, before any lane is."""
+    return isinstance(cell, np.ndarray) and not cell.any()
 
 
 def rows_of(
