@@ -1,7 +1,6 @@
 """The thesis's custom profiles: the reader, the interpolation, the pulse."""
 
 import itertools
-import os
 from pathlib import Path
 
 import equinox as eqx
@@ -15,7 +14,6 @@ from jblast.vehicle import Pulse, State, named, simulate
 from jblast.vehicle.custom_profile import custom_profile
 from jblast.vehicle.custom_profile_file import COLUMNS, read_custom_profile
 
-REFERENCE = os.environ.get("JBLAST_REFERENCE")
 CRAZYFLIE = named("crazyflie")
 
 # delay, distance, polar and azimuthal angle: seen towards (-1, -1, -1) and along x
@@ -24,6 +22,25 @@ ROWS = [
     [0.015, 8.66, ASIDE, -135.0, 0.09, 0.10, 0.21, -0.001, -21.0, 10.0],
     [0.030, 17.32, ASIDE, -135.0, 0.03, 0.03, 0.06, -0.0003, -6.0, 3.0],
 ]
+# the thesis's own sample, custom_blast_impulses.csv beside its code
+SAMPLE = np.array(
+    [
+        [0.0152527222, 8.660254037844387, 125.26438968275465, -135.0],
+        [0.029374545, 17.320508075688775, 125.26438968275465, -135.0],
+    ]
+)
+FORCES = np.array(
+    [
+        [0.09279357141272189, 0.09566386866174002, 0.2117570789277321],
+        [0.029612091682948406, 0.03139291896649157, 0.05660320046749514],
+    ]
+)
+MOMENTS = np.array(
+    [
+        [-0.0017737493622030124, -21.17334931621583, 9.565926105132245],
+        [-0.00027761661953933277, -5.659821222629029, 3.1391007587969755],
+    ]
+)
 AHEAD = [0.020, 10.0, 90.0, 0.0, -0.2, 0.0, 0.0, 0.0, 0.001, 0.0]
 
 
@@ -159,11 +176,9 @@ def test_the_whole_share_is_given_once_however_steps_cut_it(cases):
     np.testing.assert_allclose(total, ROWS[0][4:7], rtol=1e-9)
 
 
-@pytest.mark.skipif(REFERENCE is None, reason="JBLAST_REFERENCE is not set")
-def test_the_sample_s_moments_are_about_a_point_100_m_away():
-    assert REFERENCE is not None
-    path = Path(REFERENCE) / "observations" / "custom_blast_impulses.csv"
-    cases = read_custom_profile(path)
+def test_the_sample_s_moments_are_about_a_point_100_m_away(tmp_path):
+    rows = np.hstack([SAMPLE, FORCES, MOMENTS]).tolist()
+    cases = read_custom_profile(written(tmp_path / "sample.csv", rows))
     assert cases.shape == (2, 10)
     for case in cases:
         lever = -case[8] / case[6], case[9] / case[5]
