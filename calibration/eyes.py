@@ -55,7 +55,7 @@ def camera_at(distance: float) -> Camera:
     place = np.array([0.0, -distance, 1.7])
     return Camera(
         position=place,
-        rotation=look_at(place, np.array([0.0, 0.0, 0.06 * distance + 1.7])),
+        quaternion=look_at(place, np.array([0.0, 0.0, 0.06 * distance + 1.7])),
         focal=np.array([FOCAL, FOCAL]),
         center=np.array([(WIDTH - 1) / 2, (HEIGHT - 1) / 2]),
         width=WIDTH,

@@ -136,7 +136,7 @@ def _refuse_looking_away(film: "Film", source: str) -> None:
     charge = film.scene.charge
     place = np.array([charge.east, charge.north, charge.up])
     sight = place - np.asarray(film.camera.position)
-    axis = np.asarray(quaternion_matrix(film.camera.rotation))[:, 2]
+    axis = np.asarray(quaternion_matrix(film.camera.quaternion))[:, 2]
     angle = math.degrees(float(off_axis(film.scene, film.camera)))
     raise InputError(
         f"{source}: [camera]: expected a camera that sees some of the blast, got one "

@@ -13,7 +13,7 @@ FRAMES_HZ = 1000.0
 """Frames in a second where nothing else is said."""
 
 POSITIVE = ("focal", "frames_hz", "threshold")
-NUMBERS = ("position", "rotation", "center", "distortion", "exposure_s", *POSITIVE)
+NUMBERS = ("position", "quaternion", "center", "distortion", "exposure_s", *POSITIVE)
 
 
 class Camera(eqx.Module):
@@ -24,7 +24,7 @@ class Camera(eqx.Module):
 
     Attributes:
         position: East, north, up [m].
-        rotation: Camera to world, a quaternion (w, x, y, z); its length is ignored.
+        quaternion: Camera to world (x, y, z, w), scalar last; its length is ignored.
         focal: Focal lengths along x and y [px].
         center: Principal point (x, y) [px].
         width: Of the image [px].
@@ -42,7 +42,7 @@ class Camera(eqx.Module):
     """
 
     position: Float[Array, "3"] = eqx.field(converter=as_float_array)
-    rotation: Float[Array, "4"] = eqx.field(converter=as_float_array)
+    quaternion: Float[Array, "4"] = eqx.field(converter=as_float_array)
     focal: Float[Array, "2"] = eqx.field(converter=as_float_array)
     center: Float[Array, "2"] = eqx.field(converter=as_float_array)
     width: int = eqx.field(static=True)
@@ -72,8 +72,8 @@ class Camera(eqx.Module):
                 raise _refused(name, "finite numbers", value)
             if name in POSITIVE and not (number > 0).all():
                 raise _refused(name, "positive numbers", value)
-            if name == "rotation" and not (number != 0).any():
-                raise _refused(name, "a quaternion that is not zero", value)
+            if name == "quaternion" and not (number != 0).any():
+                raise _refused(name, "one that is not zero", value)
             if name == "exposure_s" and number < 0:
                 raise _refused(name, "zero or more", value)
 

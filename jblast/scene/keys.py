@@ -30,7 +30,7 @@ KEYS: dict[str, tuple[str, ...]] = {
     "camera": (
         "position_m",
         "look_at_m",
-        "quaternion",
+        "quaternion_xyzw",
         "width",
         "height",
         "focal_px",

@@ -28,7 +28,7 @@ LISTS = {
     "position_m": "[east, north, up]",
     "wind_m_s": "[east, north]",
     "look_at_m": "[east, north, up]",
-    "quaternion": "[w, x, y, z]",
+    "quaternion_xyzw": "[x, y, z, w]",
     "focal_px": "[x, y]",
     "center_px": "[x, y]",
     "distortion": "[k1, k2, p1, p2, k3]",

@@ -2,6 +2,9 @@
 
 World axes are east, north, up. Camera axes are OpenCV's: x to the image's right, y to
 its foot, z into the scene. A rotation takes camera axes to world axes.
+
+A quaternion is (x, y, z, w), scalar last, in all of jblast: of a camera and of a
+vehicle, in files, arrays and columns, as SciPy and ROS have it.
 """
 
 import jax
@@ -20,19 +23,19 @@ def quaternion_matrix(quaternion: Float[ArrayLike, "4"]) -> Float[Array, "3 3"]:
     the four numbers freely. A quaternion of length zero gives NaN.
 
     Args:
-        quaternion: $q = (w, v) = (w, x, y, z)$, scalar first.
+        quaternion: $q = (v, w) = (x, y, z, w)$, scalar last.
 
     Returns:
         $R$; its columns are the camera's axes in the world.
     """
-    w, x, y, z = q = as_float_array(quaternion)
+    x, y, z, w = q = as_float_array(quaternion)
     cross = jnp.array([[0 * w, -z, y], [z, 0 * w, -x], [-y, x, 0 * w]])
     turned = w * cross + cross @ cross
     return jnp.eye(3, dtype=q.dtype) + 2.0 / jnp.sum(jnp.square(q)) * turned
 
 
 def matrix_quaternion(matrix: Float[ArrayLike, "3 3"]) -> Float[Array, "4"]:
-    r"""Unit quaternion (w, x, y, z) of a rotation matrix, with $w \ge 0$.
+    r"""Unit quaternion (x, y, z, w) of a rotation matrix, with $w \ge 0$.
 
     $4\,q\,q^T$ is linear in the matrix. Its row with the largest diagonal, at least 1,
     is $q$ times a number far from zero, so no angle is singular (Shepperd 1978).
@@ -46,14 +49,14 @@ def matrix_quaternion(matrix: Float[ArrayLike, "3 3"]) -> Float[Array, "4"]:
     xy, xz, yz = even[0, 1], even[0, 2], even[1, 2]
     outer = jnp.array(
         [
-            [1 + a + b + c, wx, wy, wz],
-            [wx, 1 + a - b - c, xy, xz],
-            [wy, xy, 1 - a + b - c, yz],
-            [wz, xz, yz, 1 - a - b + c],
+            [1 + a - b - c, xy, xz, wx],
+            [xy, 1 - a + b - c, yz, wy],
+            [xz, yz, 1 - a - b + c, wz],
+            [wx, wy, wz, 1 + a + b + c],
         ]
     )
     unit = _unit(outer[jnp.argmax(jnp.diagonal(outer))])
-    return jnp.where(unit[0] < 0, -unit, unit)
+    return jnp.where(unit[3] < 0, -unit, unit)
 
 
 def look_at(
@@ -70,7 +73,7 @@ def look_at(
         target: What it looks at: east, north, up [m].
 
     Returns:
-        Unit quaternion (w, x, y, z), camera to world; NaN, with gradient zero, where
+        Unit quaternion (x, y, z, w), camera to world; NaN, with gradient zero, where
         the two places are one.
     """
     ahead = as_float_array(target) - as_float_array(position)
@@ -80,8 +83,8 @@ def look_at(
     tilted = jnp.any(level != 0)
     right = _unit(jnp.where(tilted, level, jnp.array([1.0, 0.0, 0.0], forward.dtype)))
     down = jnp.cross(forward, right)
-    rotation = matrix_quaternion(jnp.stack([right, down, forward], axis=-1))
-    return jnp.where(apart, rotation, jnp.nan)
+    turned = matrix_quaternion(jnp.stack([right, down, forward], axis=-1))
+    return jnp.where(apart, turned, jnp.nan)
 
 
 def _unit(vector: Float[Array, " axis"]) -> Float[Array, " axis"]:

@@ -26,8 +26,9 @@ def read_camera(document: dict[str, Any], source: str) -> Camera | None:
     """
     if "camera" not in document:
         return None
-    entry = table(document, "camera", source)
     where = f"{source}: [camera]"
+    _refuse_old_order(document["camera"], where)
+    entry = table(document, "camera", source)
     position = _list(entry, "position_m", where)
     width, height = (_pixels(entry, key, where) for key in ("width", "height"))
     optional: dict[str, Any] = {}
@@ -42,7 +43,7 @@ def read_camera(document: dict[str, Any], source: str) -> Camera | None:
         optional["threshold"] = _pair(entry, "threshold", where)
     return Camera(
         position=position,
-        rotation=_rotation(entry, position, where),
+        quaternion=_quaternion(entry, position, where),
         focal=_pair(entry, "focal_px", where),
         center=_list(entry, "center_px", where)
         if "center_px" in entry
@@ -53,12 +54,12 @@ def read_camera(document: dict[str, Any], source: str) -> Camera | None:
     )
 
 
-def _rotation(entry: dict[str, Any], position: Float[np.ndarray, "3"], where: str):
+def _quaternion(entry: dict[str, Any], position: Float[np.ndarray, "3"], where: str):
     """Return camera to world as a unit quaternion, from whichever is given."""
-    given = [key for key in ("look_at_m", "quaternion") if key in entry]
+    given = [key for key in ("look_at_m", "quaternion_xyzw") if key in entry]
     if len(given) != 1:
         raise InputError(
-            f"{where} look_at_m: expected either look_at_m or quaternion, "
+            f"{where} look_at_m: expected either look_at_m or quaternion_xyzw, "
             f"got {'both' if given else 'neither'}"
         )
     numbers = _list(entry, given[0], where)
@@ -71,13 +72,26 @@ def _rotation(entry: dict[str, Any], position: Float[np.ndarray, "3"], where: st
         return look_at(position, numbers)
     if not numbers.any():
         raise InputError(
-            f"{where} quaternion: expected [w, x, y, z] that is not zero, "
-            f"got {shown(entry['quaternion'])}"
+            f"{where} quaternion_xyzw: expected {LISTS['quaternion_xyzw']} that is not "
+            f"zero, got {shown(entry['quaternion_xyzw'])}"
         )
     scaled = (
         numbers / np.abs(numbers).max()
     )  # whose squares neither over- nor underflow
     return scaled / np.linalg.norm(scaled)
+
+
+def _refuse_old_order(entry: Any, where: str) -> None:
+    """Refuse the key that had the scalar first, with what to write in its place."""
+    if not isinstance(entry, dict) or "quaternion" not in entry:
+        return
+    old, new = entry["quaternion"], LISTS["quaternion_xyzw"]
+    if isinstance(old, list) and len(old) == 4:
+        new = str([*old[1:], old[0]])
+    raise InputError(
+        f"{where} quaternion: expected quaternion_xyzw, scalar last, in its place, got "
+        f"{shown(old)}, which was read scalar first: write quaternion_xyzw = {new}"
+    )
 
 
 def _list(entry: dict[str, Any], key: str, where: str) -> Float[np.ndarray, " number"]:

@@ -28,7 +28,7 @@ def film_camera() -> Camera:
     position = jnp.array([0.0, -80.0, 3.0])
     return Camera(
         position=position,
-        rotation=look_at(position, jnp.array([0.0, 0.0, 4.0])),
+        quaternion=look_at(position, jnp.array([0.0, 0.0, 4.0])),
         focal=jnp.array([100.0, 100.0]),
         center=jnp.array([(WIDTH - 1) / 2, (HEIGHT - 1) / 2]),
         width=WIDTH,

@@ -92,7 +92,7 @@ def times_transposed(matrix: Rows, v: Vector) -> Vector:
 
 
 def rotation(q: Four) -> Rows:
-    """Matrix, body to world, of a quaternion, scalar last, of any length but zero."""
+    """Matrix, body to world, of a quaternion (x, y, z, w) of any length but zero."""
     i, j, k, w = q
     # Divided entry by entry: XLA keeps a quotient, and calculates products again for
     # each number that needs them.

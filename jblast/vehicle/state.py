@@ -25,8 +25,8 @@ class State(eqx.Module):
     Attributes:
         position_m: East, north, up, (..., 3) [m].
         velocity_m_s: East, north, up, (..., 3) [m/s].
-        quaternion: Body to world, (..., 4), scalar last: i, j, k, w; of any length but
-            zero.
+        quaternion: Body to world, (..., 4): (x, y, z, w), scalar last, of any length
+            but zero.
         body_rate_rad_s: About the body's axes, (..., 3) [rad/s].
         rotor_speed_rad_s: (..., 4) [rad/s].
 
@@ -84,7 +84,7 @@ class Trajectory(eqx.Module):
         time_s: Of the stored rows; the first is the start.
         position_m: East, north, up [m].
         velocity_m_s: East, north, up [m/s].
-        quaternion: Body to world, of length 1, scalar last: i, j, k, w.
+        quaternion: Body to world (x, y, z, w), scalar last, of length 1.
         body_rate_rad_s: About the body's axes [rad/s].
         rotor_speed_rad_s: Of the four rotors [rad/s].
         force_n: All forces on the vehicle, its weight among them, that of the ground

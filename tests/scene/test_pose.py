@@ -12,18 +12,18 @@ turned_to = jax.jit(lambda p, t: quaternion_matrix(look_at(p, t)))
 COORDINATE = st.floats(-100.0, 100.0)
 PLACE = st.tuples(COORDINATE, COORDINATE, COORDINATE).map(np.array)
 # Half turns about each axis and between them are where a root of the trace fails.
-HALF_TURNS = [[0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1], [0, 0.6, -0.8, 0], [1, 0, 0, 0]]
+HALF_TURNS = [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0.6, -0.8, 0, 0], [0, 0, 0, 1]]
 NORMAL = np.random.default_rng(1).normal(size=(20, 4))
 RANDOM = (NORMAL / np.linalg.norm(NORMAL, axis=-1, keepdims=True)).tolist()
 
 
 @pytest.mark.parametrize("quaternion", HALF_TURNS + RANDOM)
 def test_matrix_is_that_of_scipy_and_gives_the_quaternion_back(quaternion):
-    expected = Rotation.from_quat(quaternion, scalar_first=True).as_matrix()
+    expected = Rotation.from_quat(quaternion).as_matrix()
     matrix = quaternion_matrix(3.0 * np.array(quaternion))  # its length is ignored
     np.testing.assert_allclose(matrix, expected, atol=1e-15)
     back = matrix_quaternion(matrix)
-    assert back[0] >= 0
+    assert back[3] >= 0
     # q and -q are one rotation; products of unit quaternions tell the angle between.
     assert abs(back @ jnp.array(quaternion, float)) == pytest.approx(1, abs=1e-15)
 
@@ -42,7 +42,7 @@ def test_gradients_of_a_rotation_are_those_of_finite_differences(quaternion):
 @given(PLACE, PLACE)
 def test_a_camera_that_looks_at_a_place_is_level_and_has_it_ahead(position, target):
     offset = target - position
-    if not offset.any():
+    if not (abs(offset) >= np.finfo(float).tiny).any():  # XLA takes less for zero
         assert jnp.isnan(look_at(position, target)).all()
         return
     matrix = turned_to(position, target)

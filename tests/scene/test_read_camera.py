@@ -37,7 +37,7 @@ def test_what_is_not_said_takes_its_default(camera):
     read = camera()
     assert read.position.tolist() == [0, -50, 2]
     expected = look_at(np.array([0.0, -50, 2]), np.array([0.0, 0, 5]))
-    assert read.rotation.tolist() == expected.tolist()
+    assert read.quaternion.tolist() == expected.tolist()
     assert (read.width, read.height) == (346, 260)
     assert read.focal.tolist() == [300, 300]
     assert read.center.tolist() == [172.5, 129.5]  # the first pixel's centre is 0
@@ -49,7 +49,7 @@ def test_what_is_not_said_takes_its_default(camera):
 def test_every_key_arrives_where_it_belongs(camera):
     read = camera(
         look_at_m=None,
-        quaternion="[2, -2, 0, 0]",
+        quaternion_xyzw="[-2, 0, 0, 2]",
         focal_px="[300, 310.5]",
         center_px="[170, 131.25]",
         distortion="[-0.3, 0.1, 1e-3, -2e-3, 0.01]",
@@ -57,7 +57,7 @@ def test_every_key_arrives_where_it_belongs(camera):
         exposure_s="2e-3",
         threshold="[0.2, 0.3]",
     )
-    assert read.rotation.tolist() == pytest.approx([0.5**0.5, -(0.5**0.5), 0, 0])
+    assert read.quaternion.tolist() == pytest.approx([-(0.5**0.5), 0, 0, 0.5**0.5])
     assert read.focal.tolist() == [300, 310.5]
     assert read.center.tolist() == [170, 131.25]
     assert read.distortion.tolist() == [-0.3, 0.1, 1e-3, -2e-3, 0.01]
@@ -67,12 +67,12 @@ def test_every_key_arrives_where_it_belongs(camera):
 
 def test_straight_up_is_a_direction(camera):
     read = camera(look_at_m="[0, -50, 9]")
-    assert read.rotation.tolist() == [1, 0, 0, 0]
+    assert read.quaternion.tolist() == [0, 0, 0, 1]
 
 
 def test_a_long_quaternion_becomes_a_unit_one(camera):
-    read = camera(look_at_m=None, quaternion="[0, 1e200, 0, 0]")
-    assert read.rotation.tolist() == [0, 1, 0, 0]
+    read = camera(look_at_m=None, quaternion_xyzw="[1e200, 0, 0, 0]")
+    assert read.quaternion.tolist() == [1, 0, 0, 0]
 
 
 BAD = {
@@ -95,14 +95,14 @@ BAD = {
         ["look_at_m: expected a place other than position_m"],
     ),
     "looking nowhere": ({"look_at_m": None}, ["either look_at_m or", "got neither"]),
-    "both": ({"quaternion": "[1, 0, 0, 0]"}, ["either look_at_m or", "got both"]),
+    "both": ({"quaternion_xyzw": "[1, 0, 0, 0]"}, ["either look_at_m or", "got both"]),
     "zero quaternion": (
-        {"look_at_m": None, "quaternion": "[0, 0, 0, 0]"},
-        ["quaternion: expected [w, x, y, z] that is not zero"],
+        {"look_at_m": None, "quaternion_xyzw": "[0, 0, 0, 0]"},
+        ["quaternion_xyzw: expected [x, y, z, w] that is not zero"],
     ),
     "short quaternion": (
-        {"look_at_m": None, "quaternion": "[1, 0, 0]"},
-        ["quaternion: expected [w, x, y, z], got [1, 0, 0]"],
+        {"look_at_m": None, "quaternion_xyzw": "[1, 0, 0]"},
+        ["quaternion_xyzw: expected [x, y, z, w], got [1, 0, 0]"],
     ),
     "no width": ({"width": None}, ["width", "a whole number", "got nothing"]),
     "half a pixel": ({"width": "346.5"}, ["width", "a whole number", "346.5"]),
@@ -137,7 +137,7 @@ def test_bad_input_is_told_by_file_key_expectation_and_find(camera, changed, sai
         ({"focal": [300.0, 0.0]}, r"camera focal: expected positive.*\[300.0, 0.0\]"),
         ({"focal": [np.nan, 1.0]}, "camera focal: expected finite"),
         ({"threshold": [0.2, -0.2]}, "camera threshold: expected positive"),
-        ({"rotation": [0.0, 0.0, 0.0, 0.0]}, "camera rotation: .* not zero"),
+        ({"quaternion": [0.0, 0.0, 0.0, 0.0]}, "camera quaternion: .* not zero"),
         ({"exposure_s": -1.0}, "camera exposure_s: expected zero or more, got -1.0"),
         ({"height": 0}, "camera height: expected at least 1 px, got 0"),
     ],
@@ -145,14 +145,14 @@ def test_bad_input_is_told_by_file_key_expectation_and_find(camera, changed, sai
 def test_a_camera_made_in_python_is_checked_too(changed, said):
     good = {
         "position": np.zeros(3),
-        "rotation": [1.0, 0.0, 0.0, 0.0],
+        "quaternion": [0.0, 0.0, 0.0, 1.0],
         "focal": [300.0, 300.0],
         "center": [172.5, 129.5],
         "width": 346,
         "height": 260,
     }
     arrays = {k: np.array(v) if isinstance(v, list) else v for k, v in changed.items()}
-    good["rotation"], good["focal"] = map(np.array, (good["rotation"], good["focal"]))
-    good["center"] = np.array(good["center"])
+    for name in ("quaternion", "focal", "center"):
+        good[name] = np.array(good[name])
     with pytest.raises(InputError, match=said):
         Camera(**{**good, **arrays})

@@ -69,4 +69,4 @@ def to_camera(
     """Return places of the world in the camera's axes: right, down, ahead [m]."""
     points = as_float_array(points)
     offset = points - jnp.broadcast_to(camera.position, points.shape)
-    return offset @ quaternion_matrix(camera.rotation)
+    return offset @ quaternion_matrix(camera.quaternion)

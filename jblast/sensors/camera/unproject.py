@@ -48,7 +48,7 @@ def unproject(
     plane = jnp.where(found, plane, 0.0)  # the camera's gradients stay finite
     ray = jnp.concatenate([plane, jnp.ones_like(plane[..., :1])], axis=-1)
     unit = ray / jnp.sqrt(jnp.sum(jnp.square(ray), axis=-1, keepdims=True))
-    return jnp.where(found, unit @ quaternion_matrix(camera.rotation).T, jnp.nan)
+    return jnp.where(found, unit @ quaternion_matrix(camera.quaternion).T, jnp.nan)
 
 
 @jax.custom_jvp

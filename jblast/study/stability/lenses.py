@@ -23,7 +23,7 @@ def wide_camera(distortion=BARREL) -> Camera:
     """Return a camera at the origin that looks north, 90 degrees wide and more."""
     return Camera(
         position=jnp.zeros(3),
-        rotation=jnp.array([np.sqrt(0.5), -np.sqrt(0.5), 0.0, 0.0]),
+        quaternion=jnp.array([-np.sqrt(0.5), 0.0, 0.0, np.sqrt(0.5)]),
         focal=jnp.full(2, 200.0),
         center=jnp.array([319.5, 239.5]),
         width=640,

@@ -25,7 +25,7 @@ def small_camera(
     position, target = np.array(position, float), np.array(target, float)
     numbers = {
         "position": position,
-        "rotation": look_at(position, target),
+        "quaternion": look_at(position, target),
         "focal": [40.0, 41.0],
         "center": [11.5, 8.0],
         "distortion": np.zeros(5),
@@ -40,7 +40,7 @@ def one_charge(mass: Any = 100.0, up: Any = 2.0, **changed: Any) -> Scene:
 
 def shifted(camera: Camera, along: float) -> Camera:
     """Return the camera moved along its axis [m]."""
-    axis = quaternion_matrix(camera.rotation)[:, 2]
+    axis = quaternion_matrix(camera.quaternion)[:, 2]
     return dataclasses.replace(camera, position=camera.position + along * axis)
 
 

@@ -31,7 +31,7 @@ def camera(position=(0.0, -40.0, 2.0), target=(0.0, 0.0, 4.0), **changed) -> Cam
     position, target = np.array(position), np.array(target)
     entries = {
         "position": position,
-        "rotation": look_at(position, target),
+        "quaternion": look_at(position, target),
         "focal": np.full(2, 30.0),
         "center": np.array([15.5, 11.5]),
         "width": 32,

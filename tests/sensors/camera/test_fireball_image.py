@@ -232,7 +232,7 @@ def test_axes_of_the_image_are_right_and_down():
     # a charge east of the axis and above is right of the middle and above, from south
     scene = one_charge(mass=5.0, east=8.0, up=10.0)
     camera = small_camera([0.0, -60.0, 4.0], [0.0, 0.0, 4.0])
-    assert quaternion_matrix(camera.rotation)[0, 0] == pytest.approx(1.0)
+    assert quaternion_matrix(camera.quaternion)[0, 0] == pytest.approx(1.0)
     rows, columns = np.nonzero(alpha_of(scene, camera))
     assert rows.max() < 8
     assert columns.min() > 12

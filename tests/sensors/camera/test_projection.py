@@ -22,7 +22,7 @@ def camera_at(position=(0.0, 0.0, 0.0), target=(0.0, 9.0, 0.0), distortion=(0.0,
     """A camera that looks north, 346 pixels by 260."""
     return Camera(
         position=np.array(position),
-        rotation=look_at(np.array(position), np.array(target)),
+        quaternion=look_at(np.array(position), np.array(target)),
         focal=np.array([300.0, 310.0]),
         center=np.array([172.5, 129.5]),
         width=346,
@@ -43,7 +43,7 @@ def test_pixels_are_those_of_opencv(lens):
     )
     camera = Camera(
         position=numbers(rows[0], "camera_east_m", "camera_north_m", "camera_up_m"),
-        rotation=turned.inv().as_quat(scalar_first=True),
+        quaternion=turned.inv().as_quat(),
         focal=numbers(rows[0], "focal_x", "focal_y"),
         center=numbers(rows[0], "center_x", "center_y"),
         width=640,

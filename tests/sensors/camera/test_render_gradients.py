@@ -17,7 +17,7 @@ from jblast.sensors.camera.smooth_counts import smooth_counts
 CAMERA = small_camera()
 TIMES = jnp.array([0.012, 0.02, 0.3, 0.45])
 UNKNOWN = jnp.concatenate(
-    [jnp.array([0.5, 1.0, 2.0, 100.0, 0.01]), CAMERA.position, CAMERA.rotation]
+    [jnp.array([0.5, 1.0, 2.0, 100.0, 0.01]), CAMERA.position, CAMERA.quaternion]
 )
 """Charge east, north, up [m], mass [kg], start [s]; camera place [m], quaternion."""
 WEIGHTS = np.random.default_rng(7).normal(size=(4, 18, 24, 3))
@@ -26,7 +26,7 @@ WEIGHTS = np.random.default_rng(7).normal(size=(4, 18, 24, 3))
 def frames(unknown, **options):
     east, north, up, mass, start = unknown[:5]
     charge = Charge(mass=mass, east=east, north=north, up=up, time=start)
-    camera = dataclasses.replace(CAMERA, position=unknown[5:8], rotation=unknown[8:])
+    camera = dataclasses.replace(CAMERA, position=unknown[5:8], quaternion=unknown[8:])
     return render(Scene(charge=charge), camera, TIMES, **options)
 
 

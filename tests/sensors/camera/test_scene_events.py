@@ -26,7 +26,7 @@ def camera():
     place = jnp.array([0.0, -80.0, 3.0])
     return Camera(
         position=place,
-        rotation=look_at(place, jnp.array([0.0, 0.0, 4.0])),
+        quaternion=look_at(place, jnp.array([0.0, 0.0, 4.0])),
         focal=jnp.array([40.0, 40.0]),
         center=jnp.array([4.5, 3.5]),
         width=10,

@@ -23,7 +23,7 @@ from jblast.sensors.camera.unproject import undistort, unproject
 BARREL = np.array([-0.35, 0.12, 0.01, -0.02, -0.02])
 CAMERA = Camera(
     position=np.array([3.0, -20.0, 2.0]),
-    rotation=look_at(np.array([3.0, -20.0, 2.0]), np.array([0.0, 0.0, 5.0])),
+    quaternion=look_at(np.array([3.0, -20.0, 2.0]), np.array([0.0, 0.0, 5.0])),
     focal=np.array([300.0, 310.0]),
     center=np.array([172.5, 129.5]),
     width=346,

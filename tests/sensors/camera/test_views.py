@@ -45,7 +45,7 @@ def camera(**changed) -> Camera:
     roll = np.array([[0.8, -0.6, 0.0], [0.6, 0.8, 0.0], [0.0, 0.0, 1.0]])
     entries = {
         "position": [0.0, 0.0, 1.5],
-        "rotation": matrix_quaternion(aimed @ roll),
+        "quaternion": matrix_quaternion(aimed @ roll),
         "focal": [150.0, 140.0],
         "center": [31.0, 24.0],
         "width": 64,
@@ -145,7 +145,7 @@ def test_a_place_on_the_billboard_is_shown_at_its_pixel():
 def test_size_is_focal_length_over_range():
     eye = camera(
         position=np.zeros(3),
-        rotation=look_at(np.zeros(3), np.array([0.0, 20.0, 0.0])),
+        quaternion=look_at(np.zeros(3), np.array([0.0, 20.0, 0.0])),
         focal=[300.0, 300.0],
         center=[31.5, 23.5],
         distortion=np.zeros(5),
@@ -271,9 +271,9 @@ def test_gradients_are_those_of_differences():
     @jax.jit
     def light(z):
         eye = eqx.tree_at(
-            lambda c: (c.position, c.rotation),
+            lambda c: (c.position, c.quaternion),
             camera(),
-            (camera().position + z[:3], camera().rotation + z[3:7]),
+            (camera().position + z[:3], camera().quaternion + z[3:7]),
         )
         views = views_of(blob(), 0.5 * blob(), metres_per_pixel=SCALE * jnp.exp(z[7:8]))
         scene = scene_of(jnp.asarray(BURST) + z[8:11], time=-0.05 + z[11])
