@@ -123,7 +123,7 @@ def _judged(posterior, normal, seed: int, along: bool) -> EndsOff:
 def _by_draws(posterior, normal, seed, parts: int, part: int, along: bool) -> EndsOff:
     """Judge by so many parts of so many draws."""
     root = root_of(normal)
-    w, log_drawn, log_normal = _reaching(
+    w, log_drawn, log_normal = reaching(
         parts * part, normal.z.size, np.random.default_rng(seed)
     )
     straight = normal.z + w @ root.T
@@ -165,8 +165,13 @@ def _by_draws(posterior, normal, seed, parts: int, part: int, along: bool) -> En
     )
 
 
-def _reaching(count: int, free: int, rng: np.random.Generator):
+def reaching(count: int, free: int, rng: np.random.Generator):
     """Draw from half a normal, half a Student-t.
+
+    Args:
+        count: Of draws.
+        free: Unknowns.
+        rng: Where chance comes from.
 
     Returns:
         The draws, and ln of the density they are from and of the normal there, both up

@@ -154,7 +154,7 @@ def _valley(density, one, other) -> float:
     It counts from the lower of the two; inf where the crest leads elsewhere.
     """
     start, end = jnp.asarray(one), jnp.asarray(other)
-    value = np.asarray(_crest(density, start, end))
+    value = np.asarray(crest(density, start, end))
     ends = np.asarray(densities(density, jnp.stack([start, end])))
     if not value[-1] >= ends[1] - VALLEY:
         return np.inf
@@ -162,7 +162,7 @@ def _valley(density, one, other) -> float:
 
 
 @jax.jit
-def _crest(density, start, end):
+def crest(density, start, end):
     """Return ln-density at the most probable place of each plane across the way."""
     along = end - start
     across = jnp.linalg.qr(along[:, None], mode="complete")[0][:, 1:]

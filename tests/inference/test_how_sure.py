@@ -7,9 +7,10 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from logs import log
+from scipy.stats import multivariate_normal, multivariate_t
 
 from jblast.inference import fit, solve
-from jblast.inference.ends import EndsOff, ends_judged
+from jblast.inference.ends import FREEDOM, EndsOff, ends_judged, reaching
 from jblast.inference.importance import ENDS
 from jblast.scene import Free, Scene, UncertainScene, freed
 from jblast.waves import kingery_bulmash_pressure, wu_hao_air_arrival_time
@@ -86,6 +87,23 @@ def ends_by_grid(solution):
     density = jax.vmap(solution.posterior.log_density)(jnp.asarray(z[:, None]))
     below = np.cumsum(np.exp(density - np.max(density)))
     return np.interp((0.05, 0.95), below / below[-1], x)
+
+
+@pytest.mark.parametrize("free", [1, 4])
+def test_draws_that_reach_further_come_with_their_density(free):
+    w, log_drawn, log_normal = reaching(40_000, free, np.random.default_rng(0))
+    normal = multivariate_normal(np.zeros(free)).logpdf(w)
+    student = multivariate_t(np.zeros(free), df=FREEDOM).logpdf(w)
+    mixed = np.logaddexp(normal, student) - np.log(2)
+    # up to the constant that both share
+    constant = (normal - log_normal)[0]
+    np.testing.assert_allclose(normal - log_normal, constant, rtol=1e-12)
+    np.testing.assert_allclose(mixed - log_drawn, constant - np.log(2), rtol=1e-11)
+    # and they are drawn from it: weights p/q of mean 1, for either half
+    for log_density in (normal, student):
+        weights = np.exp(log_density - mixed)
+        error = weights.std() / np.sqrt(len(w))
+        assert weights.mean() == pytest.approx(1.0, abs=4 * error)
 
 
 @pytest.mark.parametrize("apart", [0.0, 2.5, 4.0])

@@ -3,7 +3,7 @@ import numpy as np
 import pytest
 from densities_by_hand import Banana, Gaussian, Two, banana, gaussian
 
-from jblast.inference.modes import modes, ridge
+from jblast.inference.modes import POINTS, crest, modes, ridge
 
 
 def of(density, draws):
@@ -31,6 +31,19 @@ def test_a_thin_bent_ridge_with_few_draws_along_it_is_one_mode():
     w = np.column_stack([x, 0.5 * x**2 + 0.1 * rng.standard_normal(len(x))])
     long = Banana(jnp.array(0.5), jnp.array(100.0))
     assert len(modes(long, w, of(long, w), np.eye(2))) == 1
+
+
+@pytest.mark.parametrize("long", [1.0, 10.0])
+def test_the_way_between_two_places_keeps_to_the_crest(long):
+    # between two places as high the planes across are those of equal x, in which the
+    # most probable place of a banana is on its bend
+    density = Banana(jnp.array(0.5), jnp.array(long))
+    ends = jnp.array([-4.0, 8.0]), jnp.array([4.0, 8.0])
+    x = -4.0 + 8.0 * np.arange(1, POINTS + 1) / POINTS
+    # along the chord it would fall by 32; a Newton step of a quadratic is exact
+    np.testing.assert_allclose(
+        crest(density, *ends), -0.5 * (x / long) ** 2, rtol=0, atol=1e-9
+    )
 
 
 def test_one_mode_is_found_in_a_normal_of_many_unknowns():

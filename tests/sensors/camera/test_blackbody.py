@@ -3,9 +3,13 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from jax.test_util import check_grads
+from scipy import constants
 
 from jblast.sensors.camera.blackbody import (
+    FIRST_RADIATION,
     LINEAR_SRGB,
+    SECOND_RADIATION,
+    WAVELENGTHS,
     blackbody_light,
     blackbody_xyz,
     matching_functions,
@@ -41,6 +45,37 @@ def test_the_curves_have_the_heights_of_the_tables():
     for axis, wavelength, value in ((0, 600, 1.0622), (1, 555, 1.0), (2, 445, 1.7721)):
         found = functions[(wavelength - 360) // 5, axis]
         assert found == pytest.approx(value, rel=0.015)
+
+
+def test_the_constants_are_codata_s():
+    h, c, k = constants.h, constants.c, constants.k
+    # ten digits
+    assert pytest.approx(2 * h * c**2, rel=1e-9) == FIRST_RADIATION
+    assert pytest.approx(h * c / k, rel=1e-9) == SECOND_RADIATION
+
+
+def test_every_lobe_is_as_others_print_it():
+    # The same fit with widths in nm and three digits, as encyclopedias have it; rounded
+    # to 0.05 nm in 12 they move the curves by this much
+    nanometres = 1e9 * WAVELENGTHS
+
+    def lobe(height, middle, below, above):
+        away = nanometres - middle
+        return height * np.exp(-0.5 * (away / np.where(away < 0, below, above)) ** 2)
+
+    red = lobe(1.056, 599.8, 37.9, 31.0) + lobe(0.362, 442.0, 16.0, 26.7)
+    red += lobe(-0.065, 501.1, 20.4, 26.2)
+    green = lobe(0.821, 568.8, 46.9, 40.5) + lobe(0.286, 530.9, 16.3, 31.1)
+    blue = lobe(1.217, 437.0, 11.8, 36.0) + lobe(0.681, 459.0, 26.0, 13.8)
+    curves = zip(matching_functions().T, (red, green, blue), strict=True)
+    for (ours, printed), apart in zip(curves, (0.0011, 0.0009, 0.0022), strict=True):
+        np.testing.assert_allclose(ours, printed, rtol=0, atol=apart)
+
+
+def test_light_of_equal_energy_is_white():
+    # CIE 1931: all three curves hold 106.857 nm; the fit is good to 0.2 %
+    step = 1e9 * (WAVELENGTHS[1] - WAVELENGTHS[0])
+    np.testing.assert_allclose(step * matching_functions().sum(0), 106.857, rtol=2e-3)
 
 
 @pytest.mark.parametrize("temperature", [300.0, 798.0, 1500.0, 2200.0, 6504.0])
