@@ -86,7 +86,8 @@ def run(asked: argparse.Namespace) -> int:
         effects = Imperfections()
         events = real_stream(key, blocks, shape, thresholds, effects, table=table)
     try:
-        written = write_events(asked.out, events, width, height)
+        seconds = (len(files) - 1) / fps
+        written = write_events(asked.out, events, width, height, duration_s=seconds)
     except OSError as error:
         raise unwritable(asked.out, error) from None
     summary = {
@@ -94,7 +95,7 @@ def run(asked: argparse.Namespace) -> int:
         "width": width,
         "height": height,
         "fps": fps,
-        "duration_s": (len(files) - 1) / fps,
+        "duration_s": seconds,
         "threshold": list(thresholds),
         "srgb": asked.srgb,
         "noise": asked.noise,

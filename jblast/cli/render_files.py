@@ -118,7 +118,14 @@ class Recording:
             events = real_stream(key, self.blocks(), shape, steps, Imperfections())
         else:
             events = stream_events(self.blocks(), steps)
-        return write_events(self.out / EVENTS, events, camera.width, camera.height)
+        times = self.film.times
+        return write_events(
+            self.out / EVENTS,
+            events,
+            camera.width,
+            camera.height,
+            duration_s=float(times[-1] - times[0]),
+        )
 
     def write_sheet(self) -> None:
         """Write the contact sheet of the frames that were kept."""

@@ -95,7 +95,7 @@ def _times(
             masses = [c.tnt_mass("fireball_radius_m") for c in scene.charges]
             lives = [float(fireball_duration(mass)) for mass in masses]
         else:
-            lives = [views.frames.shape[1] / float(views.frames_hz)] * len(bursts)
+            lives = [float(views.duration(charge)) for charge in scene.charges]
         ends = [burst + life for burst, life in zip(bursts, lives, strict=True)]
         seconds = max(ends) - start
     # a whole number of frames is not lost to rounding

@@ -64,14 +64,18 @@ def test_events_of_frames_that_double_and_halve(jblast):
         assert column(file, "t_offset") == 0
 
 
-def test_ms_to_idx_finds_the_first_event_of_each_millisecond(jblast):
+def test_ms_to_idx_finds_the_first_event_of_each_millisecond_of_the_film(jblast):
+    for i in range(len(GREYS), 9):  # three milliseconds more, in which nothing happens
+        save(jblast.directory, i, np.full(SHAPE, GREYS[-1], np.uint8))
     converted(jblast)
     with h5py.File(jblast.path("events.h5")) as file:
         t, index = column(file, "events/t"), column(file, "ms_to_idx")
     # DSEC's own words: t[ms_to_idx[ms]] >= ms * 1000 > t[ms_to_idx[ms] - 1]
     expected = [np.searchsorted(t, 1000 * ms) for ms in range(len(index))]
     np.testing.assert_array_equal(index, expected)
-    assert index[-1] == len(t)
+    # its slicer wants the millisecond that ends a window: that of the last frame, too
+    assert len(index) == 9
+    assert t.max() == 5000
 
 
 def test_npz_holds_the_same(jblast):
@@ -95,7 +99,7 @@ def test_frames_without_events_give_an_empty_file(jblast):
     assert ": 0 events" in out
     with h5py.File(jblast.path("events.h5")) as file:
         assert column(file, "events/t").shape == (0,)
-        np.testing.assert_array_equal(column(file, "ms_to_idx"), [0])
+        np.testing.assert_array_equal(column(file, "ms_to_idx"), np.zeros(6))
 
 
 def test_colour_frames_count_by_their_luminance(jblast):

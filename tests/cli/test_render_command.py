@@ -158,6 +158,7 @@ def test_exposure_blurs_frames_but_not_events(jblast):
 
 
 VIEWS = """frames_hz = 100.0
+charge_mass_kg = 15.0
 metres_per_pixel = 0.5
 [[view]]
 frames = "south"

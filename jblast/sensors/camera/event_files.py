@@ -2,13 +2,15 @@
 
 `events/{x, y, t, p}`: column, row, whole microseconds from frame 0, 1 for brighter
 and 0 for darker. `t_offset` is 0. `ms_to_idx[i]` is the first event at or after
-millisecond i, and one entry past the last event ends it.
+millisecond i, to the end of the film: DSEC's slicer looks up the millisecond in which a
+window begins and the one by which it ends, and gives None where there is no entry.
 
 References:
     Gehrig, Aarents, Gehrig and Scaramuzza (2021), DSEC: a stereo event camera dataset
-    for driving scenarios, and its description of the data format.
+    for driving scenarios; its description of the data format, and its `eventslicer.py`.
 """
 
+import math
 from collections.abc import Iterable
 from pathlib import Path
 from typing import NamedTuple
@@ -35,7 +37,12 @@ class Written(NamedTuple):
 
 
 def write_events(
-    path: str | Path, blocks: Iterable[Events], width: int, height: int
+    path: str | Path,
+    blocks: Iterable[Events],
+    width: int,
+    height: int,
+    *,
+    duration_s: float = 0.0,
 ) -> Written:
     """Write a stream of events whole or not at all; the suffix says which format.
 
@@ -46,6 +53,7 @@ def write_events(
         blocks: In order of time, which begins at frame 0.
         width: Pixels of a row.
         height: Rows.
+        duration_s: Until when `ms_to_idx` goes at least: the time of the last frame.
 
     Raises:
         InputError: The suffix is another one, or the image is too large for the format.
@@ -56,9 +64,12 @@ def write_events(
             f"{path}: expected images of at most {LARGEST:,} pixels a side, which this "
             f"format can hold; got {width} x {height}"
         )
-    write = _write_npz if suffix == ".npz" else _write_hdf5
     with replacing(Path(path), suffix) as temporary:
-        brighter, darker = write(temporary, blocks, width, height)
+        if suffix == ".npz":
+            brighter, darker = _write_npz(temporary, blocks, width, height)
+        else:
+            last_ms = math.ceil(1e3 * duration_s - 1e-6)  # 8 ms, not 8.0000000001
+            brighter, darker = _write_hdf5(temporary, blocks, width, height, last_ms)
     return Written(brighter + darker, brighter, darker)
 
 
@@ -85,11 +96,13 @@ def _columns(events: Events) -> dict[str, np.ndarray]:
     return {name: values[name].astype(dtype) for name, dtype in TYPES.items()}
 
 
-def _write_hdf5(path: Path, blocks, width: int, height: int) -> tuple[int, int]:
+def _write_hdf5(
+    path: Path, blocks, width: int, height: int, last_ms: int
+) -> tuple[int, int]:
     import h5py
 
     count = brighter = 0
-    each_ms = np.zeros(0, np.int64)
+    each_ms = np.zeros(last_ms, np.int64)
     with h5py.File(path, "w") as file:
         group = file.create_group("events")
         group.attrs.update({"width": width, "height": height})

@@ -72,8 +72,7 @@ def _meets(
 
 def _shown(views: Views, charge: Charge, rays: Rays) -> Bool[Array, ""]:
     """Return whether a ray meets the picture."""
-    burst = jnp.stack([charge.east, charge.north, charge.up])
-    board = billboard(views, rays, burst)
+    board = billboard(views, rays, charge)
     height, width = views.frames.shape[2:4]
     inside = (board.x > -1) & (board.x < width) & (board.y > -1) & (board.y < height)
     return jnp.any(inside & jnp.isfinite(board.distance))

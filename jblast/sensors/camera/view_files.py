@@ -3,6 +3,7 @@
 `views.toml` stands in the folder; what all views share may stand at its top:
 
     frames_hz = 30.0
+    charge_mass_kg = 5.0          # TNT equivalent of what exploded in the pictures
     srgb = true                   # false: the PNG files hold linear light
     metres_per_pixel = 0.05       # at the burst
     anchor_px = [159.5, 277.0]    # the burst in the pictures, x and y; else the middle
@@ -15,7 +16,11 @@
     [[view]]
     frames = ["a.png", "b.png"]
     direction = [0.0, 1.0, 0.2]   # the same as east, north, up
+    up = [0.0, 0.0, 1.0]          # what is up in the pictures, if it was not held level
     metres_per_pixel = 0.04
+
+What is up in the pictures of a camera straight above is north, if only its `direction`
+is said; with an azimuth it is what a camera sees that looks down from there.
 """
 
 import math
@@ -30,13 +35,13 @@ from jaxtyping import Float
 from jblast.errors import InputError, nearest, read_text, shown
 from jblast.scene.numbers import finite, fixed_list
 from jblast.sensors.camera.frame_files import frame_files, read_pictures
-from jblast.sensors.camera.views import Views
+from jblast.sensors.camera.views import Views, upright
 
 INDEX = "views.toml"
 SHARED = ("metres_per_pixel", "anchor_px")
 KEYS = {
-    "": ("frames_hz", "srgb", *SHARED, "view"),
-    "[[view]] ": ("frames", "azimuth_deg", "elevation_deg", "direction", *SHARED),
+    "": ("frames_hz", "charge_mass_kg", "srgb", *SHARED, "view"),
+    "[[view]] ": ("frames", "azimuth_deg", "elevation_deg", "direction", "up", *SHARED),
 }
 """Keys of the index, and of each view."""
 
@@ -64,11 +69,12 @@ def read_views(directory: str | Path) -> Views:
     if not isinstance(entries, list) or not entries:
         raise InputError(f"{source}: expected views written [[view]], got none")
     hz = _positive(index.get("frames_hz"), f"{source}: frames_hz")
+    mass = _mass(index, source)
     srgb = index.get("srgb", True)
     if not isinstance(srgb, bool):
         raise InputError(f"{source}: srgb: expected true or false, got {shown(srgb)}")
     pictures: list[np.ndarray] = []
-    directions, scales, anchors = [], [], []
+    directions, ups, scales, anchors = [], [], [], []
     for number, entry in enumerate(entries, start=1):
         where = f"{source}: [[view]] {number} "
         if not isinstance(entry, dict):
@@ -82,16 +88,20 @@ def read_views(directory: str | Path) -> Views:
                 f"{where}frames: expected {_size(pictures[0])} as in the first view, "
                 f"got {_size(pictures[-1])}"
             )
-        directions.append(_direction(entry, where))
+        direction, up = _direction(entry, where)
+        directions.append(direction)
+        ups.append(_up(entry, direction, up, where))
         scale = entry.get("metres_per_pixel")
         scales.append(_positive(scale, f"{where}metres_per_pixel"))
         anchors.append(_anchor(entry, pictures[0], f"{where}anchor_px"))
     return Views(
         frames=jnp.asarray(np.stack(pictures)),
         direction=np.stack(directions),
+        up=np.stack(ups),
         metres_per_pixel=np.array(scales),
         anchor=np.stack(anchors),
         frames_hz=hz,
+        charge_mass=mass,
         srgb=srgb,
     )
 
@@ -101,6 +111,7 @@ def single_view(
     *,
     frames_hz: float,
     metres_per_pixel: float,
+    charge_mass_kg: float,
     anchor: tuple[float, float] | None = None,
     srgb: bool = True,
 ) -> Views:
@@ -110,6 +121,7 @@ def single_view(
         directory: PNG frames with alpha, their names in order.
         frames_hz: Frame k shows the blast k / frames_hz after the burst [1/s].
         metres_per_pixel: At the burst [m/px].
+        charge_mass_kg: TNT equivalent of what exploded in the pictures [kg].
         anchor: (x, y) of the burst [px]; by default the middle of the picture.
         srgb: Whether colours are sRGB, or linear light.
 
@@ -122,9 +134,11 @@ def single_view(
     return Views(
         frames=jnp.asarray(frames[None]),
         direction=np.array([[0.0, -1.0, 0.0]]),  # one is nearest from anywhere
+        up=np.array([[0.0, 0.0, 1.0]]),
         metres_per_pixel=np.array([_positive(metres_per_pixel, "metres_per_pixel")]),
         anchor=np.array([middle if anchor is None else anchor], float),
         frames_hz=_positive(frames_hz, "frames_hz"),
+        charge_mass=_positive(charge_mass_kg, "charge_mass_kg"),
         srgb=srgb,
     )
 
@@ -141,8 +155,10 @@ def _files(directory: Path, frames: Any, where: str) -> list[Path]:
     return [directory / name for name in frames]
 
 
-def _direction(entry: dict[str, Any], where: str) -> Float[np.ndarray, "3"]:
-    """Return the unit vector from the blast to the viewer."""
+def _direction(
+    entry: dict[str, Any], where: str
+) -> tuple[Float[np.ndarray, "3"], Float[np.ndarray, "3"]]:
+    """Return the unit vector from the blast to the viewer, and a level camera's up."""
     if ("azimuth_deg" in entry) == ("direction" in entry):
         both = "both" if "direction" in entry else "neither"
         raise InputError(
@@ -156,7 +172,8 @@ def _direction(entry: dict[str, Any], where: str) -> Float[np.ndarray, "3"]:
             raise InputError(
                 f"{at}: expected [east, north, up] alone, not zero, got {got}"
             )
-        return vector / np.linalg.norm(vector)
+        direction = vector / np.linalg.norm(vector)
+        return direction, upright(direction)
     azimuth = math.radians(finite(entry["azimuth_deg"], f"{where}azimuth_deg"))
     at = f"{where}elevation_deg"
     elevation = math.radians(finite(entry.get("elevation_deg", 0.0), at))
@@ -164,9 +181,43 @@ def _direction(entry: dict[str, Any], where: str) -> Float[np.ndarray, "3"]:
         raise InputError(
             f"{at}: expected between -90 and 90, got {shown(entry['elevation_deg'])}"
         )
-    flat = math.cos(elevation)
-    east, north = flat * math.sin(azimuth), flat * math.cos(azimuth)
-    return np.array([east, north, math.sin(elevation)])
+    towards = np.array([math.sin(azimuth), math.cos(azimuth), 0.0])
+    up = np.array([0.0, 0.0, 1.0])
+    flat, high = math.cos(elevation), math.sin(elevation)
+    return flat * towards + high * up, flat * up - high * towards
+
+
+def _up(
+    entry: dict[str, Any],
+    direction: Float[np.ndarray, "3"],
+    level: Float[np.ndarray, "3"],
+    where: str,
+) -> Float[np.ndarray, "3"]:
+    """Return what is up in a view's pictures, across its direction."""
+    if "up" not in entry:
+        return level
+    at = f"{where}up"
+    vector = fixed_list(entry["up"], at, "[east, north, up]")
+    across = vector - (vector @ direction) * direction
+    length = np.linalg.norm(across)
+    if not length > 1e-3 * np.linalg.norm(vector):
+        raise InputError(
+            f"{at}: expected a vector across the view's direction, not zero, got "
+            f"{shown(entry['up'])}"
+        )
+    return across / length
+
+
+def _mass(index: dict[str, Any], source: Path) -> float:
+    """Return the mass of the charge in the pictures."""
+    where = f"{source}: charge_mass_kg"
+    if "charge_mass_kg" not in index:
+        raise InputError(
+            f"{where}: expected the TNT equivalent [kg] of what exploded in the "
+            "pictures, by which they are scaled to the scene's charge; write "
+            "charge_mass_kg = 5.0 above the first [[view]], if that was 5 kg"
+        )
+    return _positive(index["charge_mass_kg"], where)
 
 
 def _anchor(

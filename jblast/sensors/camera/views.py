@@ -2,9 +2,19 @@ r"""Pictures of an explosion from several sides, in place of the procedural fire
 
 The picture shown is that of the view nearest by direction on the unit sphere about the
 blast: the largest $d \cdot u$, $d$ towards the camera, $u$ towards the viewer. It
-stands on a billboard: a plane through the burst, across the line of sight, upright in
-the world. A ray from the camera meets it at a place in metres, so that range, focal
-length, roll and distortion do with it what they do with any place.
+stands on a billboard: a plane through the burst, across the line of sight. A ray from
+the camera meets it at a place in metres, so that range, focal length, roll and
+distortion do with it what they do with any place.
+
+Each view keeps its own up, a fixed vector $v$ of the world that is up in its pictures.
+The billboard's up is what $v - (d \cdot v)^3\,u$ has across the line of sight: $v$
+from about the view; and away from the view's side as the camera climbs to stand where
+$v$ points, where $v$ alone would turn with every step. A picture has to turn somewhere
+(there is no field of directions on a sphere without such a place): it does behind the
+view, 58 degrees towards $v$, where a set should have another view.
+
+Another charge than the one in the pictures is shown as the fireball's law scales it:
+lengths by the cube root of the mass, times by `fireball_duration`.
 
 What a flat picture cannot do. It hides, and is hidden, at the billboard's distance as a
 whole. Where rays end at the ground, all of it that is below is cut off: seen from
@@ -19,11 +29,11 @@ References:
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jax.scipy.ndimage import map_coordinates
 from jaxtyping import Array, Float, Int, UInt8
 
 from jblast.scene.charge import Charge
-from jblast.scene.pose import look_at, quaternion_matrix
 from jblast.scene.scene import Scene
 from jblast.sensors.camera.compositing import (
     laid_over,
@@ -32,6 +42,7 @@ from jblast.sensors.camera.compositing import (
 )
 from jblast.sensors.camera.pixel_rays import Rays
 from jblast.types import as_float_array
+from jblast.waves.fireball import fireball_duration
 
 GRAZING = 1e-4
 """Cosine between a ray and the line of sight below which the billboard is not seen."""
@@ -43,18 +54,50 @@ class Views(eqx.Module):
     Attributes:
         frames: Red, green, blue and straight alpha of 8 bits.
         direction: Unit vector from the blast to the viewer: east, north, up.
+        up: Unit vector that is up in each view's pictures, across its direction:
+            `upright(direction)` of a camera held level.
         metres_per_pixel: Of each view's pictures, at the burst [m/px].
         anchor: (x, y) of the burst in each view's pictures [px].
         frames_hz: Frame k shows the blast k / frames_hz after the burst [1/s].
+        charge_mass: TNT-equivalent mass of the charge they show [kg].
         srgb: Whether colours are sRGB, or linear light.
     """
 
     frames: UInt8[Array, "view frame height width 4"]
     direction: Float[Array, "view 3"] = eqx.field(converter=as_float_array)
+    up: Float[Array, "view 3"] = eqx.field(converter=as_float_array)
     metres_per_pixel: Float[Array, " view"] = eqx.field(converter=as_float_array)
     anchor: Float[Array, "view 2"] = eqx.field(converter=as_float_array)
     frames_hz: Float[Array, ""] = eqx.field(converter=as_float_array)
+    charge_mass: Float[Array, ""] = eqx.field(converter=as_float_array)
     srgb: bool = eqx.field(static=True, default=True)
+
+    def duration(self, charge: Charge) -> Float[Array, ""]:
+        """Return how long the pictures of a charge last [s]."""
+        return self.frames.shape[1] / self.frames_hz * self.stretch(charge)
+
+    def stretch(self, charge: Charge) -> Float[Array, ""]:
+        """Return a charge's fireball's duration over that of the pictures [-]."""
+        mass = charge.tnt_mass("fireball_radius_m")
+        return fireball_duration(mass) / fireball_duration(self.charge_mass)
+
+    def size(self, charge: Charge) -> Float[Array, ""]:
+        """Return a charge's fireball's radius over that of the pictures [-]."""
+        return jnp.cbrt(charge.tnt_mass("fireball_radius_m") / self.charge_mass)
+
+
+def upright(direction: np.ndarray) -> np.ndarray:
+    """Return what is up in the picture of a level camera: a unit vector.
+
+    From straight above or below that is north, as on a map.
+
+    Args:
+        direction: Unit vector from the blast to the viewer: east, north, up.
+    """
+    up = np.array([0.0, 0.0, 1.0])
+    across = up - direction[2] * direction
+    length = float(np.linalg.norm(across))
+    return across / length if length > 1e-9 else np.array([0.0, 1.0, 0.0])
 
 
 class Billboard(eqx.Module):
@@ -83,28 +126,44 @@ def nearest_view(views: Views, direction: Float[Array, "3"]) -> Int[Array, ""]:
     return jnp.argmax(views.direction @ direction)
 
 
-def billboard(views: Views, rays: Rays, burst: Float[Array, "3"]) -> Billboard:
-    """Return where rays meet the picture of a burst.
+def billboard(views: Views, rays: Rays, charge: Charge) -> Billboard:
+    """Return where rays meet the picture of a charge.
 
     Args:
         views: The pictures.
         rays: Of a camera.
-        burst: East, north, up [m].
+        charge: Where it bursts, and how large it is.
     """
-    sight = burst - rays.origin
+    sight = jnp.stack([charge.east, charge.north, charge.up]) - rays.origin
     apart = jnp.any(sight != 0.0)
     sight = jnp.where(apart, sight, 1.0)
+    far = jnp.sqrt(jnp.sum(jnp.square(sight)))
+    forward = sight / far
     view = nearest_view(views, -sight)
-    axes = quaternion_matrix(look_at(jnp.zeros_like(sight), sight))
-    right, down, ahead = jnp.tensordot(axes.T, rays.direction, 1)
+    axes = _axes(forward, views.direction[view], views.up[view])
+    right, down, ahead = jnp.tensordot(axes, rays.direction, 1)
     met = (ahead > GRAZING) & (rays.farthest > 0.0) & apart
     ahead = jnp.where(met, ahead, 1.0)
-    distance = jnp.sqrt(jnp.sum(jnp.square(sight))) / ahead
+    distance = far / ahead
+    pixel = views.metres_per_pixel[view] * views.size(charge)
     x, y = (
-        jnp.where(met, anchor + part * distance / views.metres_per_pixel[view], -2.0)
+        jnp.where(met, anchor + part * distance / pixel, -2.0)
         for anchor, part in zip(views.anchor[view], (right, down), strict=True)
     )
     return Billboard(view, x, y, jnp.where(met, distance, jnp.inf))
+
+
+def _axes(
+    forward: Float[Array, "3"], towards: Float[Array, "3"], up: Float[Array, "3"]
+) -> Float[Array, "3 3"]:
+    """Return right, down and forward of a billboard, as rows."""
+    wanted = up - (-jnp.dot(forward, up)) ** 3 * towards
+    right = jnp.cross(forward, wanted)
+    square = jnp.sum(jnp.square(right))
+    turned = square > 0.0  # else any right will do: the one place where it turns
+    right = jnp.where(turned, right, jnp.cross(forward, up))
+    right = right / jnp.sqrt(jnp.where(turned, square, 1.0))
+    return jnp.stack([right, jnp.cross(forward, right), forward])
 
 
 def views_seen(
@@ -118,7 +177,7 @@ def views_seen(
     the burst with the first, and fades out within a frame after the last.
 
     Args:
-        views: Pictures of one explosion; each charge looks the same.
+        views: Pictures of one explosion; each charge looks the same but for its size.
         scene: Where and when the charges go off.
         rays: Where to look, and where the background is.
         time: On the common clock [s].
@@ -134,8 +193,9 @@ def _seen(
 ) -> tuple[Float[Array, "4 row column"], Float[Array, ""]]:
     """Return the premultiplied light of one charge's picture, and how far it is."""
     burst = jnp.stack([charge.east, charge.north, charge.up])
-    board = billboard(views, rays, burst)
-    layer = resampled(_picture(views, board.view, time - charge.time), board.x, board.y)
+    board = billboard(views, rays, charge)
+    since = (time - charge.time) / views.stretch(charge)
+    layer = resampled(_picture(views, board.view, since), board.x, board.y)
     visible = board.distance < rays.farthest
     return (
         jnp.where(visible[None], layer, 0.0),
@@ -146,7 +206,10 @@ def _seen(
 def _picture(
     views: Views, view: Int[Array, ""], since: Float[Array, ""]
 ) -> Float[Array, "height width 4"]:
-    """Return a view's picture at a time since the burst, premultiplied linear light."""
+    """Return a view's picture at a time of its own since the burst.
+
+    Premultiplied linear light.
+    """
     last = views.frames.shape[1] - 1
     position = since * views.frames_hz
     before = jnp.floor(position)

@@ -157,6 +157,7 @@ def test_the_clip_of_the_thesis_goes_through_the_whole_chain(tmp_path):
         Path(REFERENCE or "") / "blast_clip",
         frames_hz=30.0,
         metres_per_pixel=0.05,
+        charge_mass_kg=15.0,
         anchor=(164.0, 277.0),  # the foot of the explosion
     )
     assert clip.frames.shape == (1, 61, 320, 320, 4)

@@ -5,7 +5,7 @@ from PIL import Image
 from jblast.errors import InputError
 from jblast.sensors.camera.view_files import read_views, single_view
 
-TOP = "frames_hz = 30.0\nmetres_per_pixel = 0.05\n"
+TOP = "frames_hz = 30.0\nmetres_per_pixel = 0.05\ncharge_mass_kg = 5.0\n"
 SOUTH = '[[view]]\nframes = "south"\nazimuth_deg = 180.0\n'
 
 
@@ -43,12 +43,26 @@ def test_an_index_says_where_each_view_was_taken_from(folder):
         views.frames[:, :, 0, 0, 0], [[0, 10, 20], [0, 20, 10], [0, 10, 20]]
     )
     assert views.frames.shape == (3, 3, 4, 6, 4)
+    np.testing.assert_allclose(
+        views.up, [[0, 0, 1], [0, 1, 0], [-0.5, 0, 0.75**0.5]], atol=1e-15
+    )
     assert float(views.frames_hz) == 30.0
+    assert float(views.charge_mass) == 5.0
     assert not views.srgb
 
 
+def test_the_up_of_a_picture_may_be_said_or_follows_from_the_azimuth(folder):
+    east = '[[view]]\nframes = "high"\nazimuth_deg = 90\nelevation_deg = 90\n'
+    turned = SOUTH + "up = [3, 4, 0]\n"
+    views = read_views(folder(TOP + east + turned))
+    # looking down from the east, north is to the right and west is up
+    np.testing.assert_allclose(views.up, [[-1, 0, 0], [1, 0, 0]], atol=1e-15)
+
+
 def test_a_bare_folder_is_one_view(folder):
-    views = single_view(folder("") / "high", frames_hz=25.0, metres_per_pixel=0.2)
+    views = single_view(
+        folder("") / "high", frames_hz=25.0, metres_per_pixel=0.2, charge_mass_kg=2.0
+    )
     assert views.frames.shape == (1, 3, 4, 6, 4)
     np.testing.assert_array_equal(views.anchor, [[2.5, 1.5]])
     assert views.srgb
@@ -57,7 +71,16 @@ def test_a_bare_folder_is_one_view(folder):
 BAD = {
     "no frame rate": (SOUTH, "frames_hz: expected a positive number"),
     "frame rate 0": ("frames_hz = 0\n" + SOUTH, "frames_hz: .* got 0"),
-    "no scale": ("frames_hz = 30\n" + SOUTH, r"\[\[view\]\] 1 metres_per_pixel"),
+    "no mass": (
+        TOP.replace("charge_mass_kg = 5.0", "") + SOUTH,
+        r"charge_mass_kg: expected the TNT .* write charge_mass_kg = 5\.0 above",
+    ),
+    "mass 0": (TOP.replace("5.0", "0") + SOUTH, "charge_mass_kg: .* got 0"),
+    "up along the view": (TOP + SOUTH + "up = [0, 1, 0]\n", "up: expected a vector"),
+    "no scale": (
+        "frames_hz = 30\ncharge_mass_kg = 5\n" + SOUTH,
+        r"\[\[view\]\] 1 metres_per_pixel",
+    ),
     "no views": (TOP, r"written \[\[view\]\], got none"),
     "unknown key": (TOP + "fps = 3\n" + SOUTH, "'fps': unknown key"),
     "misspelt key": (TOP + SOUTH + "azimut_deg = 1\n", "did you mean azimuth_deg"),

@@ -28,6 +28,7 @@ from jblast.sensors.camera.views import (
 
 BURST = np.array([3.0, 40.0, 2.0])
 SCALE = 0.1
+MASS = 15.0
 
 
 def made(kind, entries):
@@ -68,9 +69,11 @@ def views_of(*frames, **changed) -> Views:
     entries = {
         "frames": jnp.asarray(frames[None]),
         "direction": [[0.0, -1.0, 0.0]],
+        "up": [[0.0, 0.0, 1.0]],
         "metres_per_pixel": [SCALE],
         "anchor": [[(frames.shape[2] - 1) / 2, (frames.shape[1] - 1) / 2]],
         "frames_hz": 10.0,
+        "charge_mass": MASS,
         "srgb": False,
     }
     return made(Views, entries | changed)
@@ -78,6 +81,7 @@ def views_of(*frames, **changed) -> Views:
 
 def scene_of(burst=BURST, **charge) -> Scene:
     east, north, up = burst
+    charge = {"mass": MASS} | charge
     return Scene(charge=Charge(east=east, north=north, up=up, **charge))
 
 
@@ -112,6 +116,7 @@ def test_the_nearest_view_is_the_one_of_the_largest_dot_product():
     views = views_of(
         frames=jnp.zeros((4, 1, 3, 3, 4), jnp.uint8),
         direction=directions,
+        up=np.full((4, 3), 0.5),
         metres_per_pixel=np.full(4, SCALE),
         anchor=np.ones((4, 2)),
     )
@@ -123,7 +128,7 @@ def test_the_nearest_view_is_the_one_of_the_largest_dot_product():
         turn = np.radians(elevation)
         assert nearest_view(views, jnp.array([0, np.cos(turn), np.sin(turn)])) == number
     # the camera stands south and above: its view is none of these but the nearest
-    seen = billboard(views, pixel_rays(camera()), jnp.asarray(BURST))
+    seen = billboard(views, pixel_rays(camera()), scene_of().charge)
     assert seen.view == 3
 
 
@@ -135,11 +140,72 @@ def test_a_place_on_the_billboard_is_shown_at_its_pixel():
     places = BURST + offsets @ np.asarray(axes[:, :2]).T
     unit = unproject(eye, project(eye, places).pixel).T[:, None]
     rays = Rays(eye.position, unit, jnp.full((1, 3), jnp.inf))
-    seen = billboard(views_of(), rays, jnp.asarray(BURST))
+    seen = billboard(views_of(), rays, scene_of().charge)
     met = np.stack([seen.x[0], seen.y[0]], axis=-1)
-    np.testing.assert_allclose(met, 20.0 + offsets / SCALE, atol=1e-6)
+    # half a metre below the burst it leans by 2e-7, over 20 pixels
+    np.testing.assert_allclose(met, 20.0 + offsets / SCALE, atol=1e-5)
     away = np.linalg.norm(places - np.asarray(eye.position), axis=-1)
     np.testing.assert_allclose(seen.distance[0], away, rtol=1e-9)
+
+
+def seen_from(place, direction, up):
+    """Return which way of the world is up on the billboard of one view."""
+    place = np.asarray(place, float)
+    east, north, above = place / np.linalg.norm(place)
+    eye, ahead = jnp.asarray(place), -np.array([east, north, above])
+    # two directions across the line of sight, and what the picture's axes say of them
+    aside = np.cross(ahead, [0.3, 0.5, 0.8])
+    across = np.stack([aside, np.cross(ahead, aside)]) / np.linalg.norm(aside)
+    unit = ahead + 1e-3 * across
+    unit /= np.linalg.norm(unit, axis=1)[:, None]
+    views = views_of(direction=[direction], up=[up], anchor=[[0.0, 0.0]])
+    rays = Rays(eye, jnp.asarray(unit.T[:, None]), jnp.full((1, 2), jnp.inf))
+    board = billboard(views, rays, scene_of(np.zeros(3)).charge)
+    turn = np.stack([board.x[0], -board.y[0]]) * SCALE / (1e-3 * np.linalg.norm(place))
+    return turn[1] @ across
+
+
+SOUTH, UP, NORTH = [0.0, -1.0, 0.0], [0.0, 0.0, 1.0], [0.0, 1.0, 0.0]
+
+
+@pytest.mark.parametrize(
+    ("direction", "up"), [(SOUTH, UP), (UP, NORTH), ([0.0, -0.6, 0.8], [0, 0.8, 0.6])]
+)
+def test_a_step_of_a_viewer_near_the_zenith_turns_no_picture(direction, up):
+    steps = [[0.005, 0.0], [-0.005, 0.0], [0.0, 0.005], [0.0, -0.005], [0.0, 0.0]]
+    ups = [seen_from([*step, 40.0], direction, up) for step in steps]
+    # 1 cm at 40 m is 2.5e-4 rad; the field of ups bends a few times faster at most
+    assert np.ptp(ups, axis=0).max() < 2e-3
+    np.testing.assert_allclose(ups[-1], NORTH, atol=1e-6)
+
+
+def test_a_level_view_stays_upright_from_all_around():
+    for azimuth in np.radians([0.0, 30.0, 90.0, 170.0]):
+        east, south = 40.0 * np.sin(azimuth), 40.0 * np.cos(azimuth)
+        level = seen_from([east, -south, 0.0], SOUTH, UP)
+        np.testing.assert_allclose(level, UP, atol=1e-6)
+        raised = seen_from([east, -south, 7.0], SOUTH, UP)
+        # it leans aside by the third power of the sine of ten degrees at most
+        assert abs(raised @ [south, east, 0.0]) / 40.0 < 0.0055
+        assert raised[2] > 0.98
+
+
+def test_another_charge_is_shown_as_the_law_of_its_fireball_has_it():
+    """Twice as wide for eight times the mass, and slower by the law's 8^0.349."""
+    frames = [np.full((41, 41, 4), 255 * share) for share in (0.2, 1.0)]
+    views = views_of(*frames, frames_hz=10.0)
+    rays = pixel_rays(camera())
+    one, eight = (scene_of(mass=MASS * times).charge for times in (1.0, 8.0))
+    small, large = (billboard(views, rays, charge) for charge in (one, eight))
+    np.testing.assert_allclose(large.x - 20.0, 0.5 * (small.x - 20.0), atol=1e-9)
+    np.testing.assert_allclose(large.distance, small.distance)
+    alphas = [
+        float(layer(views, scene_of(mass=MASS * times), camera(), at)[..., 3].max())
+        for times, at in ((1.0, 0.05), (8.0, 0.05 * 8**0.349), (8.0, 0.05))
+    ]
+    assert alphas[0] == pytest.approx(0.6)
+    assert alphas[1] == pytest.approx(0.6)
+    assert alphas[2] == pytest.approx(0.2 + 0.8 * 0.5 / 8**0.349)
 
 
 def test_size_is_focal_length_over_range():
@@ -214,9 +280,8 @@ def test_what_is_nearer_hides_it_as_a_whole():
 
 def test_the_ground_cuts_it_on_request():
     eye, low = camera(), scene_of(np.array([3.0, 40.0, 0.0]))
-    burst = jnp.array([3.0, 40.0, 0.0])
     rays = pixel_rays(eye, ground=False)
-    board = billboard(views_of(), rays, burst)
+    board = billboard(views_of(), rays, low.charge)
     up = 1.5 + np.asarray(board.distance * rays.direction[2])
     whole = np.asarray(layer(views_of(), low, eye))
     cut = np.asarray(layer(views_of(), low, eye, ground=True))
