@@ -151,3 +151,12 @@ def test_laws_pull_in_neither_warp_nor_pysindy_nor_matplotlib(tmp_path):
     assert "jax" in loaded
     assert loaded.isdisjoint({"warp", "pysindy", "matplotlib", "optimistix"})
     assert list(tmp_path.iterdir()) == []
+
+
+def test_the_calculator_pulls_in_neither_inference_nor_slow_parts_of_scipy(tmp_path):
+    calculation = "import jblast.report.calculator, jblast.cli.calc_input"
+    loaded = modules_after(calculation, tmp_path)
+    assert "jblast.waves" in loaded
+    assert loaded.isdisjoint(
+        {"jblast.inference", "optimistix", "scipy.interpolate", "scipy.special"}
+    )

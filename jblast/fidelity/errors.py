@@ -4,7 +4,6 @@ import math
 
 import numpy as np
 from jaxtyping import Bool, Float
-from scipy.interpolate import RegularGridInterpolator
 
 from jblast.constants import STANDARD_PRESSURE
 from jblast.fidelity import stored
@@ -72,6 +71,8 @@ def _log_loss(quantity: str, burst: str, log_z, log_mass, log_pressure) -> np.nd
     far = log_z > math.log(KINGERY_BULMASH_END)
     if not (lossy and far.any()):
         return np.zeros_like(log_z)
+    from scipy.interpolate import RegularGridInterpolator  # half as slow as all of JAX
+
     table = stored.losses(burst)
     axes = (table.log_z, table.log_mass, table.log_pressure)
     places = [

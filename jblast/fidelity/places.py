@@ -2,11 +2,11 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
+from statistics import NormalDist
 
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
-from scipy.special import ndtri
 
 from jblast.errors import InputError, nearest
 from jblast.quantities import DERIVED_QUANTITIES, QUANTITIES, components
@@ -28,7 +28,7 @@ DECIDES = (
 )
 """Numbers of a scene that decide which method will do."""
 
-SCORES = tuple(ndtri((0.05, 0.95)))
+SCORES = tuple(NormalDist().inv_cdf(p) for p in (0.05, 0.95))
 """Of the ends of a prior's 90 % interval."""
 
 

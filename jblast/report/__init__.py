@@ -1,8 +1,26 @@
 """What we print: the answer in words, its figures, and one page with all of it."""
 
-from jblast.report.text import summary as summary
-from jblast.report.write import (
-    check_directory as check_directory,
-    plain as plain,
-    write_report as write_report,
-)
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from jblast.report.json_values import plain as plain
+    from jblast.report.text import summary as summary
+    from jblast.report.write import (
+        check_directory as check_directory,
+        write_report as write_report,
+    )
+
+HOMES = {
+    "plain": "json_values",
+    "summary": "text",
+    "check_directory": "write",
+    "write_report": "write",
+}
+
+
+def __getattr__(name: str) -> Any:
+    """Import a name when it is asked for: a calculation needs nothing of a fit."""
+    if name in HOMES:
+        return getattr(import_module(f"{__name__}.{HOMES[name]}"), name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -10,7 +10,7 @@ import numpy as np
 from jblast.report.calculator_header import header, title
 from jblast.report.calculator_inputs import inputs
 from jblast.report.calculator_notes import notes
-from jblast.report.write import plain
+from jblast.report.json_values import plain
 from jblast.sensors.calculate import Calculated, Calculation
 from jblast.sensors.inverse import Roots
 from jblast.sensors.question import Question

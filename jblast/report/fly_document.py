@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from jblast.report.write import plain
+from jblast.report.json_values import plain
 from jblast.study.fly_records import Flights, Flown
 from jblast.study.fly_summary import (
     METRICS,

@@ -6,10 +6,10 @@ import io
 import json
 from collections.abc import Mapping, Sequence
 
+from jblast.report.json_values import plain
 from jblast.report.numbers import printed_number
 from jblast.report.text import hanging
 from jblast.report.words import capitalised
-from jblast.report.write import plain
 from jblast.study.stability.edge import Edge
 
 Edges = Mapping[str, Sequence[Edge]]

@@ -1,19 +1,17 @@
 """The report as files: the answer, the figures, and one page with all of it."""
 
 import json
-import math
 import os
 import tempfile
 import warnings
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
-
-import numpy as np
+from typing import TYPE_CHECKING
 
 from jblast.errors import InputError
 from jblast.inference.fit_result import Fit
 from jblast.report.accepted import Accepted
+from jblast.report.json_values import plain
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -131,19 +129,6 @@ def answer_json(fit: Fit) -> str:
         json.dumps(plain(fit.answer), indent=2, allow_nan=False, ensure_ascii=False)
         + "\n"
     )
-
-
-def plain(value: Any) -> Any:
-    """Return what JSON can hold: arrays as lists, NaN and infinities as None."""
-    if isinstance(value, Mapping):
-        return {str(key): plain(entry) for key, entry in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [plain(entry) for entry in value]
-    if isinstance(value, (str, bool, int)) or value is None:
-        return value
-    if isinstance(value, float):
-        return float(value) if math.isfinite(value) else None
-    return plain(np.asarray(value).tolist())
 
 
 def _put(path: Path, data: bytes) -> Path:

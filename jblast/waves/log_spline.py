@@ -46,15 +46,32 @@ def _spline(
     h, rise = np.diff(x), np.diff(f) / np.diff(x)
     # Half the curvature at each point: continuous slopes give one equation for each
     # point but the ends, where it is zero or follows from the slope.
-    equations, right = np.eye(x.size), np.zeros(x.size)
-    for i in range(1, x.size - 1):
-        equations[i, i - 1 : i + 2] = h[i - 1], 2.0 * (h[i - 1] + h[i]), h[i]
-        right[i] = 3.0 * (rise[i] - rise[i - 1])
-    if slopes is not None:
-        equations[0, :2] = 2.0 * h[0], h[0]
-        equations[-1, -2:] = h[-1], 2.0 * h[-1]
+    below, middle, above = (np.zeros(x.size) for _ in range(3))
+    right = np.zeros(x.size)
+    below[1:-1], middle[1:-1], above[1:-1] = h[:-1], 2.0 * (h[:-1] + h[1:]), h[1:]
+    right[1:-1] = 3.0 * np.diff(rise)
+    if slopes is None:
+        middle[[0, -1]] = 1.0
+    else:
+        middle[0], above[0] = 2.0 * h[0], h[0]
+        below[-1], middle[-1] = h[-1], 2.0 * h[-1]
         right[[0, -1]] = 3.0 * (rise[0] - slopes[0]), 3.0 * (slopes[1] - rise[-1])
-    half = np.linalg.solve(equations, right)
+    half = _tridiagonal_solution(below, middle, above, right)
     start = rise - h * (2.0 * half[:-1] + half[1:]) / 3.0
     end = start[-1] + h[-1] * (half[-2] + half[-1])
     return hermite_curve(x, f, np.append(start, end))
+
+
+def _tridiagonal_solution(
+    below: np.ndarray, middle: np.ndarray, above: np.ndarray, right: np.ndarray
+) -> np.ndarray:
+    """Solve by elimination: safe since the middle outweighs what is beside it."""
+    middle, right = middle.tolist(), right.tolist()
+    for i in range(1, len(right)):
+        share = below[i] / middle[i - 1]
+        middle[i] -= share * above[i - 1]
+        right[i] -= share * right[i - 1]
+    right[-1] /= middle[-1]
+    for i in reversed(range(len(right) - 1)):
+        right[i] = (right[i] - above[i] * right[i + 1]) / middle[i]
+    return np.array(right)
