@@ -63,11 +63,14 @@ def add_arguments(verb: argparse.ArgumentParser) -> None:
 def run(asked: argparse.Namespace) -> int:
     """Fit, report, and return the exit code."""
     from jblast.cli.start import start_jax
+    from jblast.progress import stages
 
+    begin = stages({"starting": 2.0, "reading": 1.0, "fitting": 9.0, "writing": 3.0})
+    begin("starting")
     start_jax(quick=asked.posterior == "laplace" and _is_small(asked.observations))
     from pathlib import Path
 
-    from jblast.cli.fit_logs import WALK, logs_of, only_a_walk, progress
+    from jblast.cli.fit_logs import WALK, logs_of, only_a_walk
     from jblast.cli.laws import chosen_laws
     from jblast.errors import InputError
     from jblast.inference import fit, fit_each
@@ -78,20 +81,17 @@ def run(asked: argparse.Namespace) -> int:
     if out and not only_a_walk(out):
         check_directory(out, asked.force)
     uncertain = read_scene(asked.scene) if asked.scene else default_scene()
+    begin("reading")
     logs, uncertain = logs_of(asked.observations, uncertain, together=asked.one_event)
     uncertain = freed(uncertain, names_to_free(asked.free))
     readable = {k: log for k, log in logs.items() if not isinstance(log, InputError)}
     held = {quantity for log in readable.values() for quantity in log.quantity}
     if readable:
         uncertain = with_laws(uncertain, chosen_laws(asked.law, held))
+    begin("fitting")
     if len(logs) > 1:
-        done = progress(list(readable))
         fitted = fit_each(
-            readable,
-            uncertain,
-            noise=asked.noise,
-            posterior=asked.posterior,
-            done=done,
+            readable, uncertain, noise=asked.noise, posterior=asked.posterior
         )
         answers = {name: fitted.get(name, logs[name]) for name in logs}
         return _many(answers, out, asked)
@@ -102,8 +102,8 @@ def run(asked: argparse.Namespace) -> int:
         noise=asked.noise,
         posterior=asked.posterior,
         store=out / WALK if out else None,
-        progress=sys.stderr.isatty(),
     )
+    begin("writing")
     if asked.json:
         _print_json(answer.answer)
     if out:

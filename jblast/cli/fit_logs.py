@@ -1,6 +1,5 @@
 """Which logs a fit is of: one, several, the shots of one, or one event's recordings."""
 
-import sys
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -9,6 +8,7 @@ from jblast.errors import InputError
 from jblast.inference.fit_result import Fit
 from jblast.observations import Observations, read
 from jblast.observations.together import by_shot, one_event
+from jblast.progress import each
 from jblast.scene import UncertainScene, freed
 from jblast.scene.parameters import CLOCK_OFFSET
 
@@ -42,11 +42,11 @@ def logs_of(
         if Path(file).suffix.lower() == ".toml":
             raise InputError(f"{file}: expected a log; a scene stands after --scene")
     if together:
-        whole, clocks = one_event([read(file) for file in files])
+        whole, clocks = one_event([read(file) for file in each(files, "files")])
         free = [f"{CLOCK_OFFSET}.{clock}" for clock in clocks]
         return {whole.source: whole}, freed(uncertain, free)
     logs: Logs = {}
-    for file, name in zip(files, _names(files), strict=True):
+    for file, name in zip(each(files, "files"), _names(files), strict=True):
         try:
             log = read(file)
         except InputError as error:
@@ -60,20 +60,6 @@ def logs_of(
         else:
             logs |= {f"{name}: {shot or 'no shot'}": of for shot, of in shots.items()}
     return logs, uncertain
-
-
-def progress(names: Sequence[str]):
-    """Return what tells on a terminal how many logs are through."""
-    through = 0
-
-    def done(name: str) -> None:
-        nonlocal through
-        through += 1
-        end = "\n" if through == len(names) else ""
-        sys.stderr.write(f"\r{through} of {len(names)} logs{end}")
-        sys.stderr.flush()
-
-    return done if sys.stderr.isatty() else lambda name: None
 
 
 def write_answers(answers: dict[str, Fit | InputError], directory: Path) -> None:

@@ -5,6 +5,7 @@ not identifiable or not good enough.
 """
 
 import argparse
+import contextlib
 import io
 import os
 import re
@@ -28,6 +29,7 @@ from jblast.cli import (
     simulate,
     stability,
 )
+from jblast.cli.progress_line import progress_told
 from jblast.errors import InputError
 
 VERBS = (
@@ -75,8 +77,13 @@ def parser() -> argparse.ArgumentParser:
     return root
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Run a command and return its exit code."""
+def main(arguments: Sequence[str] | None = None, *, progress: bool = True) -> int:
+    """Run a command and return its exit code.
+
+    Args:
+        arguments: What follows "jblast"; None: those of this process.
+        progress: Whether to say on stderr how far it has come.
+    """
     if sys.stdout is None:  # closed by the shell: `>&-`
         sys.stdout = open(os.devnull, "w")  # noqa: SIM115 (stays open to the end)
     if isinstance(sys.stdout, io.TextIOWrapper):  # a terminal may lack a sensor's "é"
@@ -87,7 +94,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return 2
     asked = root.parse_args(arguments)
     try:
-        with warnings.catch_warnings():
+        told = progress_told(asked.verb) if progress else contextlib.nullcontext()
+        with warnings.catch_warnings(), told:
             warnings.showwarning = _say
             code = asked.run(asked)
         sys.stdout.flush()

@@ -1,12 +1,13 @@
 """Many logs, one after the other: a bad one fails alone."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 
 from jblast.errors import InputError
 from jblast.inference.fit import fit
 from jblast.inference.fit_result import Fit
 from jblast.inference.how_sure import Method
 from jblast.observations import Observations
+from jblast.progress import each
 from jblast.scene import UncertainScene
 from jblast.sensors.observe import Noise
 
@@ -18,7 +19,6 @@ def fit_each(
     noise: Noise = "student",
     posterior: Method = "laplace",
     seed: int = 0,
-    done: Callable[[str], None] = lambda name: None,
 ) -> dict[str, Fit | InputError]:
     """Fit every log with the same scene. Logs of the same rows compile once.
 
@@ -28,18 +28,16 @@ def fit_each(
         noise: As for `fit`.
         posterior: As for `fit`.
         seed: As for `fit`.
-        done: Called with the name of each log that is through.
 
     Returns:
         By name, the fit; or why that log could not be fitted.
     """
     answers: dict[str, Fit | InputError] = {}
-    for name, observations in logs.items():
+    for name, observations in each(logs.items(), "logs"):
         try:
             answers[name] = fit(
                 observations, uncertain, noise=noise, posterior=posterior, seed=seed
             )
         except InputError as error:
             answers[name] = error
-        done(name)
     return answers

@@ -41,7 +41,7 @@ class Command:
         """Return exit code, stdout, stderr."""
         self.capsys.readouterr()
         try:
-            code = main(list(arguments))
+            code = main(list(arguments), progress=False)
         except SystemExit as left:  # argparse
             code = left.code if isinstance(left.code, int) else 1
         said = self.capsys.readouterr()

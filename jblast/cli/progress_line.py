@@ -1,0 +1,154 @@
+"""What a command says while it works: where it is, and about how long it will take.
+
+Nothing in the first second. Then, on a terminal, one line on stderr that is written
+over and cleared at the end; into a pipe or a file a line at each stage, and seldomer
+the longer it takes. Stdout is left alone.
+"""
+
+import sys
+import threading
+import time
+from bisect import bisect_right
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any, TextIO
+
+from jblast.progress import Listener, heard_by
+
+QUIET_S = 1.0
+"""A command that takes less says nothing."""
+OFTEN_S = 0.2
+"""Between two lines on a terminal."""
+AGAIN_S, AGAIN_SHARE = 10.0, 0.2
+"""Between two lines of one stage in a pipe, and as a share of the time so far."""
+NEXT_S, NEXT_SHARE = 1.0, 0.05
+"""The same between lines of two stages."""
+WIDTH = 79
+"""Of the line on a terminal."""
+
+
+class ProgressLine(Listener):
+    """A listener that writes what it hears."""
+
+    def __init__(
+        self, verb: str, file: TextIO, clock: Callable[[], float] = time.monotonic
+    ):
+        super().__init__()
+        self._verb, self._file, self._clock = verb, file, clock
+        self._terminal = file.isatty()
+        self._begun = self._last = clock()
+        self._last_words, self._width = "", 0
+        self._times, self._shares = [0.0], [0.0]
+        self._lock = threading.RLock()
+
+    def heard(self) -> None:
+        """Keep when it was, for the time left, and show it."""
+        with self._lock:
+            share = self.share()
+            if share > self._shares[-1]:
+                self._times.append(self._clock() - self._begun)
+                self._shares.append(share)
+            self.show()
+
+    def show(self) -> None:
+        """Write a line if there is reason to."""
+        with self._lock:
+            now, words = self._clock(), self.words()
+            gone, since = now - self._begun, now - self._last
+            if gone < QUIET_S:
+                return
+            if self._terminal:
+                if since >= OFTEN_S:
+                    self._write_over(self._line(words, gone))
+                    self._last = now
+                return
+            least = (AGAIN_S, AGAIN_SHARE)
+            if words != self._last_words:
+                least = (NEXT_S, NEXT_SHARE)
+            first = self._last == self._begun
+            if first or since >= max(least[0], least[1] * gone):
+                self._file.write(self._line(words, gone) + "\n")
+                self._file.flush()
+                self._last, self._last_words = now, words
+
+    def clear(self) -> None:
+        """Take the line off a terminal: something else is written there."""
+        with self._lock:
+            if self._width:
+                self._write_over("")
+
+    def seconds_left(self) -> float | None:
+        """Return about how long it will take: at the pace of the second half so far.
+
+        Not of the first, which compiles. None where that says nothing: no share of the
+        work is through, or the present one takes longer than it should.
+        """
+        share, gone = self._shares[-1], self._clock() - self._begun
+        if share <= 0.0:
+            return None
+        half = bisect_right(self._shares, share / 2.0) - 1
+        pace = (self._times[-1] - self._times[half]) / (share - self._shares[half])
+        left = pace * (1.0 - share) - (gone - self._times[-1])
+        return left if left > 0.0 else None
+
+    def _line(self, words: str, gone: float) -> str:
+        left = self.seconds_left()
+        told = f", about {_time(left)} left" if left is not None else ""
+        return f"jblast {self._verb}: {words or 'starting'}, {_time(gone)} so far{told}"
+
+    def _write_over(self, line: str) -> None:
+        if len(line) > WIDTH:
+            line = line[: WIDTH - 4] + " ..."
+        self._file.write("\r" + line.ljust(self._width) + ("" if line else "\r"))
+        self._file.flush()
+        self._width = len(line)
+
+
+@contextmanager
+def progress_told(verb: str) -> Iterator[None]:
+    """Say on stderr how far a command has come, as long as this is open.
+
+    What it writes to a terminal meanwhile takes the place of the line.
+    """
+    if sys.stderr is None:  # closed by the shell: `2>&-`
+        yield
+        return
+    line, over = ProgressLine(verb, sys.stderr), threading.Event()
+
+    def tick() -> None:
+        while not over.wait(OFTEN_S):
+            line.show()
+
+    streams = sys.stdout, sys.stderr
+    ticking = threading.Thread(target=tick, daemon=True)
+    ticking.start()
+    if sys.stderr.isatty():
+        sys.stdout, sys.stderr = (_Over(line, stream) for stream in streams)
+    try:
+        with heard_by(line):
+            yield
+    finally:
+        over.set()
+        ticking.join()
+        sys.stdout, sys.stderr = streams
+        line.clear()
+
+
+class _Over:
+    """A stream of text that takes the line off the terminal before it writes."""
+
+    def __init__(self, line: ProgressLine, stream: TextIO):
+        self._line, self._stream = line, stream
+
+    def write(self, text: str) -> int:
+        self._line.clear()
+        return self._stream.write(text)
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._stream, name)
+
+
+def _time(seconds: float) -> str:
+    if seconds < 90:
+        return f"{seconds:.0f} s"
+    return f"{seconds / 60:.0f} min" if seconds < 5400 else f"{seconds / 3600:.1f} h"
