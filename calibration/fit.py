@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from jblast.cli.start import start_jax
+from jblast.progress import Listener, heard_by
 
 if TYPE_CHECKING:
     from jblast.inference import Fit
@@ -74,6 +75,18 @@ CASES = {
 }
 
 
+class Stages(Listener):
+    """Prints each stage of a case's fit on stderr."""
+
+    def __init__(self, name: str):
+        super().__init__()
+        self.name = name
+
+    def heard(self) -> None:
+        """Print it."""
+        sys.stderr.write(f"{self.name}: {self.words()}\n")
+
+
 def fitted(name: str) -> "Fit":
     """Fit one case."""
     from jblast.inference import fit
@@ -81,7 +94,8 @@ def fitted(name: str) -> "Fit":
     from jblast.scene import read_scene
 
     log, scene = _files(name)
-    return fit(read(log), read_scene(scene))
+    with heard_by(Stages(name)):
+        return fit(read(log), read_scene(scene))
 
 
 def run(names: Sequence[str]) -> None:

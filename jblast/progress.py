@@ -18,12 +18,14 @@ class Level(NamedTuple):
     """Where one task is.
 
     Attributes:
-        words: In words: "searching (3 of 5)", "12 of 40 logs".
+        stage: In words: "searching (3 of 5)"; "" where a number tells.
+        number: "12 of 40 logs"; "" where nothing is counted.
         through: Share of the task that is done.
         current: Share that is being done, of which a level further down tells more.
     """
 
-    words: str
+    stage: str
+    number: str
     through: float
     current: float
 
@@ -48,7 +50,11 @@ class Listener:
 
     def words(self) -> str:
         """Return where it is, level by level."""
-        return ": ".join(level.words for level in self.levels)
+        return ": ".join(level.stage or level.number for level in self.levels)
+
+    def stages(self) -> tuple[str, ...]:
+        """Return the same without counts."""
+        return tuple(level.stage for level in self.levels)
 
     def share(self) -> float:
         """Return how much of the whole is done."""
@@ -84,18 +90,18 @@ def stages(shares: Mapping[str, float]) -> Callable[[str], None]:
         nth = names.index(name)
         through = sum(list(shares.values())[:nth])
         words = f"{name} ({nth + 1} of {len(names)})"
-        told(Level(words, through / whole, shares[name] / whole))
+        told(Level(words, "", through / whole, shares[name] / whole))
 
     return begin
 
 
-def counted(total: float, what: str) -> Callable[[float], None]:
+def counted(total: int, what: str) -> Callable[[float | int], None]:
     """Return what is to be called with how many of so many are through."""
     told = telling()
 
-    def through(done: float) -> None:
+    def through(done: float | int) -> None:
         words = f"{done:,.0f} of {total:,.0f} {what}"
-        told(Level(words, done / total, min(1.0, total - done) / total))
+        told(Level("", words, done / total, min(1.0, total - done) / total))
 
     if total > 0:
         through(0)

@@ -15,7 +15,7 @@ SOURCES = sorted(PACKAGE.rglob("*.py"))
 
 # Each may import what stands above it, and its own.
 ORDER = [
-    ("types", "constants", "registry", "errors", "quantities"),
+    ("types", "constants", "registry", "errors", "quantities", "progress"),
     ("scene",),
     ("waves",),
     ("fidelity",),

@@ -48,7 +48,11 @@ def add_arguments(verb: argparse.ArgumentParser) -> None:
 def run(asked: argparse.Namespace) -> int:
     """Compute the bound, print it, and return the exit code."""
     from jblast.cli.start import start_jax
+    from jblast.progress import stages
 
+    shares = {"starting": 2.0, "the bound": 8.0}
+    begin = stages(shares | ({"the map": 6.0} if asked.map else {}))
+    begin("starting")
     start_jax(quick=not asked.map)  # a map is drawn from thousands of places
     import json
 
@@ -65,8 +69,10 @@ def run(asked: argparse.Namespace) -> int:
     held = {q for sensor in uncertain.scene.sensors for q, _ in sensor.records}
     if held:  # else the message that nothing is recorded comes first
         uncertain = with_laws(uncertain, chosen_laws(asked.law, held))
+    begin("the bound")
     found = bound(uncertain, at, noise=asked.noise)
     if asked.map:
+        begin("the map")
         _draw(asked.map, found)
     if asked.json:
         text = json.dumps(plain(found.answer), indent=1, allow_nan=False)

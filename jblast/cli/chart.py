@@ -39,6 +39,7 @@ def run(asked: argparse.Namespace) -> int:
 
     from jblast.cli.files import unwritable
     from jblast.errors import InputError, nearest
+    from jblast.progress import Level, stages, telling
     from jblast.report import check_directory
     from jblast.report.chart_table import chart_markdown, write_chart
     from jblast.study.charts import TOPICS
@@ -53,10 +54,14 @@ def run(asked: argparse.Namespace) -> int:
     if out:
         check_directory(out, asked.force)
     names = list(TOPICS) if asked.topic == ALL else [asked.topic]
+    begin = stages(dict.fromkeys(names, 1.0))
     for name in names:
         topic = TOPICS[name]
-        points = topic.measure(_progress(name))
-        _progress(name)("")
+        begin(name)
+        tell = telling()
+        points = topic.measure(
+            lambda words, tell=tell: tell(Level(words, "", 0.0, 0.0))
+        )
         sys.stdout.write(chart_markdown(topic, points) + "\n")
         sys.stdout.flush()
         if out:
@@ -65,14 +70,3 @@ def run(asked: argparse.Namespace) -> int:
             except OSError as error:
                 raise unwritable(out, error) from None
     return 0
-
-
-def _progress(topic: str):
-    """Return what tells on a terminal which method is being measured."""
-
-    def tell(words: str) -> None:
-        text = f"{topic}: {words}" if words else ""
-        sys.stderr.write(f"\r{text:60}" + ("" if words else "\r"))
-        sys.stderr.flush()
-
-    return tell if sys.stderr.isatty() else lambda words: None

@@ -36,7 +36,10 @@ def add_arguments(verb: argparse.ArgumentParser) -> None:
 def run(asked: argparse.Namespace) -> int:
     """Choose, print, and return the exit code: 4 where no method will do."""
     from jblast.cli.start import start_jax
+    from jblast.progress import stages
 
+    begin = stages({"starting": 2.0, "choosing": 1.0})
+    begin("starting")
     start_jax(quick=True)
     import json
 
@@ -45,6 +48,7 @@ def run(asked: argparse.Namespace) -> int:
     from jblast.report.choice_text import choice_text
     from jblast.scene import read_scene
 
+    begin("choosing")
     choice = choose(read_scene(asked.scene), asked.quantity, asked.tolerance)
     if asked.json:
         text = json.dumps(plain(choice.document()), indent=1, allow_nan=False)

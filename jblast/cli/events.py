@@ -152,13 +152,13 @@ def threshold_pair(text: str) -> tuple[float, float]:
 
 
 def _timed(blocks, fps: float, total: int):
-    """Give each block its times, and tell a terminal how far it is."""
+    """Give each block its times, and tell how many frames are through."""
     import numpy as np
 
-    from jblast.cli.progress_bar import show_progress
+    from jblast.progress import counted
 
-    done = 0
+    through, done = counted(total, "frames"), 0
     for frames in blocks:
         yield (done + np.arange(len(frames))) / fps, frames
         done += len(frames)
-        show_progress(done, total)
+        through(done)

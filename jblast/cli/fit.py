@@ -65,7 +65,8 @@ def run(asked: argparse.Namespace) -> int:
     from jblast.cli.start import start_jax
     from jblast.progress import stages
 
-    begin = stages({"starting": 2.0, "reading": 1.0, "fitting": 9.0, "writing": 3.0})
+    shares = {"starting": 3.0, "reading": 0.3, "fitting": 9.0}
+    begin = stages(shares | ({"writing": 3.0} if asked.out else {}))
     begin("starting")
     start_jax(quick=asked.posterior == "laplace" and _is_small(asked.observations))
     from pathlib import Path
@@ -103,10 +104,10 @@ def run(asked: argparse.Namespace) -> int:
         posterior=asked.posterior,
         store=out / WALK if out else None,
     )
-    begin("writing")
     if asked.json:
         _print_json(answer.answer)
     if out:
+        begin("writing")
         try:
             write_report(answer, out, force=asked.force or only_a_walk(out))
         except OSError as error:

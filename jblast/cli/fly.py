@@ -89,12 +89,14 @@ def add_arguments(verb: argparse.ArgumentParser) -> None:
 def run(asked: argparse.Namespace) -> int:
     """Fly, write, print; return the exit code."""
     from jblast.cli.start import start_jax
+    from jblast.progress import stages
 
+    begin = stages({"starting": 1.0, "flying": 8.0, "writing": 1.0})
+    begin("starting")
     start_jax(all_cores=asked.vehicles > 1)
     import json
 
     from jblast.cli.fly_files import write_flights
-    from jblast.cli.progress_bar import show_progress
     from jblast.report.fly_document import flights_document
     from jblast.report.fly_text import flights_text
     from jblast.report.write import check_directory
@@ -104,13 +106,11 @@ def run(asked: argparse.Namespace) -> int:
     if asked.out:
         check_directory(asked.out, asked.force)
     options = _options(asked)
+    begin("flying")
     flights = fly_scene(
-        read_scene(asked.scene),
-        options,
-        vehicles=asked.vehicles,
-        seed=asked.seed,
-        progress=lambda done, total: show_progress(done, total, "vehicle"),
+        read_scene(asked.scene), options, vehicles=asked.vehicles, seed=asked.seed
     )
+    begin("writing")
     told = {"scene": asked.scene, "seed": asked.seed}
     document = {"schema": 1, **told, **flights_document(flights)}
     text = json.dumps(document, indent=2, ensure_ascii=False, allow_nan=False) + "\n"

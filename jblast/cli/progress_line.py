@@ -5,6 +5,7 @@ over and cleared at the end; into a pipe or a file a line at each stage, and sel
 the longer it takes. Stdout is left alone.
 """
 
+import io
 import sys
 import threading
 import time
@@ -14,6 +15,8 @@ from contextlib import contextmanager
 from typing import Any, TextIO
 
 from jblast.progress import Listener, heard_by
+
+Stream = TextIO | io.TextIOBase
 
 QUIET_S = 1.0
 """A command that takes less says nothing."""
@@ -31,13 +34,14 @@ class ProgressLine(Listener):
     """A listener that writes what it hears."""
 
     def __init__(
-        self, verb: str, file: TextIO, clock: Callable[[], float] = time.monotonic
+        self, verb: str, file: Stream, clock: Callable[[], float] = time.monotonic
     ):
         super().__init__()
         self._verb, self._file, self._clock = verb, file, clock
         self._terminal = file.isatty()
         self._begun = self._last = clock()
-        self._last_words, self._width = "", 0
+        self._last_stages: tuple[str, ...] = ()
+        self._width = 0
         self._times, self._shares = [0.0], [0.0]
         self._lock = threading.RLock()
 
@@ -53,7 +57,7 @@ class ProgressLine(Listener):
     def show(self) -> None:
         """Write a line if there is reason to."""
         with self._lock:
-            now, words = self._clock(), self.words()
+            now, words, stages = self._clock(), self.words(), self.stages()
             gone, since = now - self._begun, now - self._last
             if gone < QUIET_S:
                 return
@@ -63,13 +67,13 @@ class ProgressLine(Listener):
                     self._last = now
                 return
             least = (AGAIN_S, AGAIN_SHARE)
-            if words != self._last_words:
+            if stages != self._last_stages:
                 least = (NEXT_S, NEXT_SHARE)
             first = self._last == self._begun
             if first or since >= max(least[0], least[1] * gone):
                 self._file.write(self._line(words, gone) + "\n")
                 self._file.flush()
-                self._last, self._last_words = now, words
+                self._last, self._last_stages = now, stages
 
     def clear(self) -> None:
         """Take the line off a terminal: something else is written there."""
@@ -94,11 +98,13 @@ class ProgressLine(Listener):
     def _line(self, words: str, gone: float) -> str:
         left = self.seconds_left()
         told = f", about {_time(left)} left" if left is not None else ""
-        return f"jblast {self._verb}: {words or 'starting'}, {_time(gone)} so far{told}"
+        first, last = f"jblast {self._verb}: ", f", {_time(gone)} so far{told}"
+        words, room = words or "working", WIDTH - len(first) - len(last)
+        if self._terminal and len(words) > room:  # the end says most
+            words = "..." + words[3 - room :]
+        return first + words + last
 
     def _write_over(self, line: str) -> None:
-        if len(line) > WIDTH:
-            line = line[: WIDTH - 4] + " ..."
         self._file.write("\r" + line.ljust(self._width) + ("" if line else "\r"))
         self._file.flush()
         self._width = len(line)
@@ -137,7 +143,7 @@ def progress_told(verb: str) -> Iterator[None]:
 class _Over:
     """A stream of text that takes the line off the terminal before it writes."""
 
-    def __init__(self, line: ProgressLine, stream: TextIO):
+    def __init__(self, line: ProgressLine, stream: Stream):
         self._line, self._stream = line, stream
 
     def write(self, text: str) -> int:

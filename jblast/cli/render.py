@@ -93,7 +93,10 @@ def add_arguments(verb: argparse.ArgumentParser) -> None:
 def run(asked: argparse.Namespace) -> int:
     """Render, convert and write block by block; say what was written."""
     from jblast.cli.start import start_jax
+    from jblast.progress import stages
 
+    begin = stages({"starting": 3.0, "filming": 9.0, "drawing the sheet": 0.5})
+    begin("starting")
     start_jax()
     from jblast.cli.files import unwritable
     from jblast.cli.render_files import Recording, cleared
@@ -115,6 +118,7 @@ def run(asked: argparse.Namespace) -> int:
         "duration_s": float(times[-1] - times[0]),
         "seed": asked.seed,
     }
+    begin("filming")
     try:
         read = asked.background, asked.views
         cleared(out, asked.mode, force=asked.force, read=read)
@@ -126,6 +130,7 @@ def run(asked: argparse.Namespace) -> int:
             threshold = camera.threshold.tolist()
             summary |= {"threshold": threshold, "noise": asked.noise}
             summary |= written._asdict()
+        begin("drawing the sheet")
         recording.write_sheet()
     except OSError as error:
         raise unwritable(asked.out, error) from None

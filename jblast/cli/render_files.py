@@ -8,8 +8,8 @@ import jax
 import numpy as np
 
 from jblast.cli.files import refuse_existing
-from jblast.cli.progress_bar import show_progress
 from jblast.errors import InputError
+from jblast.progress import counted
 from jblast.report.contact_sheet import sheet_frames, time_label, write_contact_sheet
 from jblast.sensors.camera.event_files import Written, write_events
 from jblast.sensors.camera.event_stream import stream_events
@@ -84,6 +84,7 @@ class Recording:
         times = self.film.times
         digits = max(4, len(str(len(times) - 1)))
         wanted = sheet_frames(times, [float(c.time) for c in self.film.scene.charges])
+        through = counted(len(times), "frames")
         for which, frames, sensed in self._seen():
             numbers = range(which.start, which.stop)
             for number, frame in zip(numbers, frames, strict=True):
@@ -92,7 +93,7 @@ class Recording:
                 if number in wanted:
                     self.shown[number] = frame
             yield times[which] - times[0], luminance(sensed)
-            show_progress(which.stop, len(times))
+            through(which.stop)
 
     def _seen(self) -> Iterator[tuple[slice, Frames, Frames]]:
         """Return blocks: which frames, what is to be looked at, what makes events."""

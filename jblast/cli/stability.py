@@ -45,28 +45,20 @@ def run(asked: argparse.Namespace) -> int:
     from jblast.cli.start import start_jax
 
     start_jax()
+    from jblast.progress import stages
     from jblast.report.stability_text import stability_json, stability_text
     from jblast.study.stability.areas import edges_of
 
-    edges = {}
-    for done, area in enumerate(areas):
-        _tell(f"{area} ({done + 1} of {len(areas)})")
+    begin, edges = stages(dict.fromkeys(areas, 1.0)), {}
+    for area in areas:
+        begin(area)
         edges[area] = edges_of(area)
-    _tell("")
     if asked.out:
         _write(Path(asked.out), edges)
     sys.stdout.write(stability_json(edges) if asked.json else stability_text(edges))
     if asked.out and not asked.json:
         sys.stdout.write(f"\nWritten: {asked.out}, {', '.join(FILES)}\n")
     return 0
-
-
-def _tell(area: str) -> None:
-    """Say on a terminal what is being measured; "" clears the line."""
-    if sys.stderr.isatty():
-        line = f"measuring: {area}" if area else ""
-        sys.stderr.write(f"\r{line:40}" + ("" if area else "\r"))
-        sys.stderr.flush()
 
 
 def _check_out(directory: str, *, force: bool) -> None:

@@ -28,9 +28,16 @@ from jblast.inference.posterior import Posterior
 from jblast.inference.solution import Solution
 from jblast.inference.untold import ambiguities, determined, null_directions
 from jblast.observations import Observations
+from jblast.progress import stages
 from jblast.scene import Free, UncertainScene
 from jblast.sensors.observe import STUDENT_FREEDOM, Noise
 
+STAGES = {
+    "what the layout tells": 2.0,
+    "searching for a second answer": 4.0,
+    "what more data would tell": 2.0,
+}
+"""Of a bound, and about how many seconds each takes, most of them compiling."""
 STEPS = 12
 """Steps to the optimum, each of which goes most of the way."""
 
@@ -82,6 +89,8 @@ def bound(
         InputError: The scene and what is asked do not go together; the message says
             how.
     """
+    begin = stages(STAGES)
+    begin("what the layout tells")
     plan = planned(uncertain, at or {}, noise)
     posterior, z = plan.posterior, plan.z
     known = np.asarray(information(posterior, jnp.asarray(z)))
@@ -93,8 +102,10 @@ def bound(
         )
     told = identifiability(posterior, z)
     normal = cramer_rao(posterior, z, told.told, known)
+    begin("searching for a second answer")
     found = optima(jax.random.key(seed), posterior)
     solution = Solution(posterior, plan.laws, True, found, told, normal)
+    begin("what more data would tell")
     return Bound(
         answer=_answer(plan, solution),
         log=plan.log,

@@ -23,7 +23,7 @@ from jblast.inference.laplace import Laplace, laplace
 from jblast.inference.modes import Mode, Ridge, modes, ridge
 from jblast.inference.optimum import SEPARATE, Optima
 from jblast.inference.posterior import Posterior
-from jblast.inference.progress import Line, Report, nothing
+from jblast.inference.progress import Report, told
 from jblast.inference.sampling import (
     MOST_STEPS,
     PRECISION,
@@ -94,8 +94,8 @@ def ensemble(
     most_steps: int = MOST_STEPS,
     sampler: Sampler = "emcee",
     store: str | os.PathLike[str] | None = None,
-    progress: bool | Report = False,
     rows: Sequence[str] = (),
+    report: Report | None = None,
 ) -> Ensemble:
     """Draw from a posterior until its quantiles are known well enough.
 
@@ -113,8 +113,8 @@ def ensemble(
         sampler: "emcee", or "scan" for the same moves compiled.
         store: Folder in which the walk is kept; one that holds an unfinished walk of
             this posterior is gone on with, to the result an unbroken one has.
-        progress: Whether to write a line to stderr, or what to call with `Progress`.
         rows: What to call each row of the log in messages.
+        report: What to call with `Progress`; None: who listens (`jblast.progress`).
 
     Raises:
         InputError: The posterior is improper or no number at its optimum, the walkers
@@ -125,24 +125,19 @@ def ensemble(
     starts = [Start(np.zeros(normal.z.size), np.eye(normal.z.size), 1.0)]
     if optima is not None:
         starts += _others(density, normal, identifiability, optima)
-    line = Line() if progress is True else None
     axes = np.asarray(density.root)
-    try:
-        found = sample(
-            density,
-            starts,
-            axes,
-            seed=seed,
-            walkers=walkers,
-            precision=precision,
-            most_steps=most_steps,
-            sampler=sampler,
-            store=None if store is None else Store(Path(store)),
-            report=line or (progress if callable(progress) else nothing),
-        )
-    finally:
-        if line:
-            line.close()
+    found = sample(
+        density,
+        starts,
+        axes,
+        seed=seed,
+        walkers=walkers,
+        precision=precision,
+        most_steps=most_steps,
+        sampler=sampler,
+        store=None if store is None else Store(Path(store)),
+        report=report or told(),
+    )
     names = posterior.parameters.names
     warm_up = found.convergence.warm_up
     chain, value = found.chain[warm_up:], found.log_density[warm_up:]

@@ -1,7 +1,7 @@
 """Fit a blast to a log: the main job."""
 
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import jax
 import jax.numpy as jnp
@@ -23,12 +23,21 @@ from jblast.inference.solution import Solution
 from jblast.inference.starts import starts
 from jblast.inference.whitening import non_finite_rows
 from jblast.observations import Observations, place
+from jblast.progress import stages
 from jblast.scene import UncertainScene, default_scene
 from jblast.sensors import layout_of, resolve_laws
 from jblast.sensors.laws import law_names
 from jblast.sensors.observe import Noise
 
 DRAWS_IN_BANDS = 200
+STAGES = {
+    "choosing laws": 1.5,
+    "searching": 4.0,
+    "what can be told": 0.5,
+    "how sure": 2.0,
+    "the answer": 1.0,
+}
+"""Of a fit, and about how many seconds each takes, most of them compiling."""
 
 
 def fit(
@@ -39,7 +48,6 @@ def fit(
     posterior: Method = "laplace",
     seed: int = 0,
     store: str | os.PathLike[str] | None = None,
-    progress: bool | Callable[..., None] = False,
 ) -> Fit:
     """Find out what a log says of a blast.
 
@@ -53,7 +61,6 @@ def fit(
             (walkers), or "auto": walkers where the approximation is found wanting.
         seed: Of the starts of the search and the draws of the posterior.
         store: Folder in which a walk is kept, to be gone on with if it is cut short.
-        progress: Whether to tell on stderr how far a walk is, or what to call.
 
     Raises:
         ValueError: The log and the scene do not go together; the message says how.
@@ -61,7 +68,9 @@ def fit(
     uncertain = uncertain or default_scene()
     uncertain = as_seen(uncertain, observations.quantity, observations.time)
     observations = place(observations, uncertain.scene, uncertain.beliefs)
+    begin = stages(STAGES)
     solution = solve(observations, uncertain, noise=noise, seed=seed)
+    begin("how sure")
     density, z = solution.posterior, solution.laplace.z
     misfit = density.misfit(jnp.asarray(z))
     left = left_of(density, z)
@@ -72,9 +81,8 @@ def fit(
             observations.sensor, observations.quantity, strict=True
         )
     ]
-    sure = how_sure(
-        solution, posterior, seed=seed, rows=names, store=store, progress=progress
-    )
+    sure = how_sure(solution, posterior, seed=seed, rows=names, store=store)
+    begin("the answer")
     draws = sure.z
     values = parameters.values_of_each(jnp.asarray(draws))
     distance = np.asarray(misfit.slant_range)
@@ -134,6 +142,8 @@ def solve(
             "nothing to fit: every number of the scene is fixed; expected at least one "
             'that is "free", has a prior, or is named by --free'
         )
+    begin = stages(STAGES)
+    begin("choosing laws")
     layout = layout_of(observations, uncertain.scene)
     sigma = observations.error_scale()
     laws = resolve_laws(uncertain.scene, layout, sigma)
@@ -147,6 +157,7 @@ def solve(
         posterior = posterior_of(
             parameters, layout, observations, law_names(laws), noise
         )
+        begin("searching")
         found = optima(key, posterior)
         if not np.isfinite(found.log_density[0]):
             start = np.asarray(starts(key, posterior, 1)[0])
@@ -164,6 +175,7 @@ def solve(
             break
         laws = there
     z = np.asarray(found.z[0])
+    begin("what can be told")
     told = identifiability(posterior, z)
     normal = laplace(posterior, z, told.told)
     laws = {

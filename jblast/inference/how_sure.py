@@ -1,7 +1,7 @@
 """How sure the answer is: by the normal approximation, or by walkers where it fails."""
 
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -59,7 +59,6 @@ def how_sure(
     seed: int = 0,
     rows: Sequence[str] = (),
     store: str | os.PathLike[str] | None = None,
-    progress: bool | Callable[..., None] = False,
 ) -> HowSure:
     """Draw from the posterior by the method wanted.
 
@@ -71,7 +70,6 @@ def how_sure(
         seed: Of the draws.
         rows: What to call each row of the log in messages.
         store: Folder in which a walk is kept, to be gone on with if it is cut short.
-        progress: Whether to tell on stderr how far a walk is, or what to call.
     """
     normal = solution.laplace
     if len(solution.identifiability.null):
@@ -103,7 +101,6 @@ def how_sure(
         walkers=max(WALKERS, 4 * normal.z.size),
         rows=rows,
         store=store,
-        progress=progress,
     )
     parameters = solution.posterior.parameters
     told = marginals_of_draws(parameters, walk.draws())

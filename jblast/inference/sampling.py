@@ -124,7 +124,7 @@ def sample(
                 judged = _judged(done, axes)
                 if judged.reached(precision):
                     break
-                pace.judge(judged)
+                pace.judged = judged
                 report(pace.now())
             # so that a stretch cut short changes nothing of what follows
             ahead = min(BLOCK - steps % BLOCK, most_steps - steps)

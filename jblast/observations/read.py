@@ -14,6 +14,12 @@ from jblast.observations.table import (
     QUANTITIES,
     Observations,
 )
+from jblast.progress import counted, stages
+
+STAGES = {"loading": 1.0, "taking lines apart": 4.0, "checking columns": 8.0}
+"""Of reading, and about how long each takes, in seconds a million rows."""
+MANY = 50_000
+"""Lines between two reports of how far it is."""
 
 
 def read(path: str | os.PathLike[str]) -> Observations:
@@ -27,7 +33,10 @@ def read(path: str | os.PathLike[str]) -> Observations:
     Raises:
         InputError: The file is not as described; the message says where and how.
     """
+    begin = stages(STAGES)
+    begin("loading")
     text = read_text(path, "a CSV file of observations")
+    begin("taking lines apart")
     comments, lines, numbers = [], [], []
     for number, line in enumerate(text.split("\n"), start=1):
         stripped = line.strip()
@@ -48,6 +57,7 @@ def read(path: str | os.PathLike[str]) -> Observations:
             f"{path}: line {numbers[0]}: nothing after the header; "
             "expected one measurement a row"
         )
+    begin("checking columns")
     rows = Rows(str(path), numbers[1:], header, records[1:])
     return rows.observations(tuple(comments))
 
@@ -56,11 +66,14 @@ def _records(path: str, lines: list[str], numbers: list[int]) -> list[list[str]]
     """Split lines into fields; each line is one record, as wide as the header."""
     reader = csv.reader(lines, skipinitialspace=True, strict=True)
     records: list[list[str]] = []
+    through = counted(len(lines), "lines")
     try:
         for record in reader:
             records.append(record)
             if reader.line_num != len(records):
                 break
+            if not len(records) % MANY:
+                through(len(records))
     except csv.Error as error:
         raise InputError(
             f"{path}: line {numbers[len(records)]}: expected comma-separated fields, "

@@ -6,7 +6,6 @@ wind leaves an offset for ever, and no recovery.
 """
 
 import math
-from collections.abc import Callable
 
 import equinox as eqx
 import jax
@@ -14,6 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from jblast.progress import counted
 from jblast.scene import Scene, UncertainScene, VehicleSpec
 from jblast.study.fly_draws import checked_scene, drawn_scenes, drawn_values
 from jblast.study.fly_meeting import FlightLoad, Profile, load_of, met
@@ -45,7 +45,6 @@ def fly_scene(
     *,
     vehicles: int = 1,
     seed: int = 0,
-    progress: Callable[[int, int], None] | None = None,
 ) -> Flights:
     """Fly a scene's vehicle through its blasts.
 
@@ -54,7 +53,6 @@ def fly_scene(
         options: How to fly; None: the defaults.
         vehicles: How many scenes are drawn.
         seed: Of the draws.
-        progress: Told how many vehicles of how many have flown.
 
     Raises:
         InputError: The scene cannot be flown, a number cannot be drawn, or an option
@@ -75,14 +73,14 @@ def fly_scene(
         most = max(1, most * BATCH_ROWS // rows)
     chunks = math.ceil(vehicles / most)
     size = math.ceil(vehicles / chunks)
+    through = counted(vehicles, "vehicles")
     for n in range(chunks):
         # the last chunk is filled up: another size would compile everything anew
         lanes = np.minimum(np.arange(n * size, (n + 1) * size), vehicles - 1)
         some = scenes if vehicles == 1 else _lanes(scenes, lanes)
-        for name in names:
+        for nth, name in enumerate(names, start=1):
             flown[name].append(_flown(some, vehicle, name, seconds, vehicles, options))
-        if progress is not None:
-            progress(min((n + 1) * size, vehicles), vehicles)
+            through(min((n + nth / len(names)) * size, vehicles))
     charges = scenes.charges
     return Flights(
         vehicle=vehicle,

@@ -160,4 +160,6 @@ def test_a_reader_that_leaves_gets_no_traceback(jblast):
         capture_output=True,
         text=True,
     )
-    assert (done.returncode, done.stderr) == (141, "")
+    assert done.returncode == 141
+    lines = done.stderr.splitlines()  # how far it is, where that takes over a second
+    assert all(line.startswith("jblast scene: working") for line in lines)

@@ -9,6 +9,7 @@ import pytest
 from scipy.stats import beta
 
 from jblast.errors import InputError
+from jblast.progress import Listener, heard_by
 from jblast.scene import (
     Air,
     Charge,
@@ -224,10 +225,12 @@ def test_a_batch_flies_as_its_vehicles_alone(monkeypatch):
     )
     told = []
     options = dataclasses.replace(SHORT, seconds=0.5)
-    flights = fly_scene(
-        uncertain, options, vehicles=3, seed=5, progress=lambda *n: told.append(n)
-    )
-    assert told == [(2, 3), (3, 3)]
+    listener = Listener()
+    monkeypatch.setattr(listener, "heard", lambda: told.append(listener.words()))
+    with heard_by(listener):
+        flights = fly_scene(uncertain, options, vehicles=3, seed=5)
+    counts = ("0", "1", "2", "2", "3")  # each vehicle with two holds
+    assert told == [f"{count} of 3 vehicles" for count in counts]
     for lane in range(3):
         values = {name: drawn[lane] for name, drawn in flights.drawn.items()}
         alone = UncertainScene(with_values(uncertain.scene, values))

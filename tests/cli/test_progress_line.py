@@ -1,0 +1,166 @@
+"""What a command says while it works, by a clock that the test winds."""
+
+import io
+import subprocess
+import sys
+
+import pytest
+
+from jblast.cli.progress_line import ProgressLine
+from jblast.progress import counted, each, heard_by, stages
+
+
+class Stream(io.StringIO):
+    """A file that may be a terminal."""
+
+    def __init__(self, terminal: bool = False):
+        super().__init__()
+        self.terminal = terminal
+
+    def isatty(self) -> bool:
+        return self.terminal
+
+
+class Clock:
+    """Stands still until it is wound."""
+
+    def __init__(self):
+        self.now = 100.0
+
+    def __call__(self) -> float:
+        return self.now
+
+
+@pytest.fixture
+def clock() -> Clock:
+    return Clock()
+
+
+def line_on(stream: Stream, clock: Clock) -> ProgressLine:
+    return ProgressLine("fit", stream, clock)
+
+
+def test_nothing_is_said_in_the_first_second(clock):
+    stream = Stream()
+    with heard_by(line_on(stream, clock)):
+        begin = stages({"reading": 1.0, "fitting": 1.0})
+        begin("reading")
+        clock.now += 0.99
+        begin("fitting")
+    assert stream.getvalue() == ""
+
+
+def test_after_a_second_the_stage_is_told_and_of_how_many(clock):
+    stream = Stream()
+    line = line_on(stream, clock)
+    with heard_by(line):
+        stages({"reading": 1.0, "fitting": 1.0})("reading")
+        clock.now += 1.0
+        line.show()  # what the ticking thread does
+    assert stream.getvalue() == "jblast fit: reading (1 of 2), 1 s so far\n"
+
+
+def test_time_left_follows_the_shares_of_the_stages(clock):
+    line = line_on(Stream(), clock)
+    with heard_by(line):
+        begin = stages({"reading": 1.0, "fitting": 3.0})
+        begin("reading")
+        assert line.seconds_left() is None
+        clock.now += 2.0
+        begin("fitting")
+        assert line.seconds_left() == pytest.approx(6.0)
+        clock.now += 4.0
+        assert line.seconds_left() == pytest.approx(2.0)
+        clock.now += 4.0  # longer than thought: nothing is made up
+        assert line.seconds_left() is None
+
+
+def test_a_first_item_that_compiles_does_not_count_for_the_rest(clock):
+    line = line_on(Stream(), clock)
+    with heard_by(line):
+        for log in each(range(10), "logs"):
+            clock.now += 30.0 if log == 0 else 1.0
+            if log == 3:
+                break
+        # three through after 32 s, the last two of them in a second each
+        assert line.words() == "3 of 10 logs"
+        assert line.seconds_left() == pytest.approx(7.0 - 1.0)
+
+
+def test_a_task_within_a_task_moves_the_whole(clock):
+    line = line_on(Stream(), clock)
+    with heard_by(line):
+        begin = stages({"reading": 1.0, "fitting": 3.0})
+        begin("fitting")
+        through = counted(4, "logs")
+        through(2)
+        assert line.words() == "fitting (2 of 2): 2 of 4 logs"
+        assert line.share() == pytest.approx(0.25 + 0.75 * 0.5)
+        begin("reading")
+        assert line.words() == "reading (1 of 2)"
+
+
+def test_into_a_pipe_goes_a_line_a_stage_and_seldom_one_between(clock):
+    stream = Stream()
+    line = line_on(stream, clock)
+    with heard_by(line):
+        begin = stages({"reading": 1.0, "flying": 9.0})
+        begin("reading")
+        clock.now += 3.0
+        begin("flying")
+        through = counted(3000, "vehicles")
+        for vehicle in range(3000):
+            through(vehicle)
+            clock.now += 0.1
+    lines = stream.getvalue().splitlines()
+    assert all(text.startswith("jblast fit: ") for text in lines)
+    assert "flying (2 of 2)" in lines[0]
+    # 300 s: every 10 s for the first 50 s, then each a fifth later than the last
+    assert 10 <= len(lines) <= 20
+    assert "\r" not in stream.getvalue()
+    assert lines[-1].endswith("left")
+
+
+def test_on_a_terminal_one_line_is_written_over_and_cleared(clock):
+    stream = Stream(terminal=True)
+    line = line_on(stream, clock)
+    with heard_by(line):
+        for _ in each(range(20), "frames"):
+            clock.now += 0.5
+        line.clear()
+    assert "\n" not in stream.getvalue()
+    shown = stream.getvalue().split("\r")
+    assert shown[1].startswith("jblast fit: 2 of 20 frames, 1 s so far, about ")
+    assert max(map(len, shown)) < 80
+    assert shown[-2].strip() == shown[-1] == ""
+
+
+def test_where_nobody_listens_telling_does_nothing():
+    begin = stages({"reading": 1.0})
+    begin("reading")
+    assert list(each(range(3), "logs")) == [0, 1, 2]
+
+
+SLOW = """
+import sys
+from jblast.cli import calc, main, progress_line
+from jblast.progress import stages
+
+def run(asked):
+    begin = stages({"one": 1.0, "two": 1.0})
+    begin("one")
+    print("{}")
+    return 0
+
+progress_line.QUIET_S = 0.0
+calc.run = run
+sys.exit(main.main(["calc", "--mass", "1", "--range", "10"]))
+"""
+
+
+def test_a_pipe_gets_progress_on_stderr_and_stdout_stays_as_it_is():
+    done = subprocess.run(
+        [sys.executable, "-c", SLOW], check=True, capture_output=True, text=True
+    )
+    assert done.stdout == "{}\n"
+    assert done.stderr.splitlines()[0].startswith("jblast calc: one (1 of 2), 0 s")
