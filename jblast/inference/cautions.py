@@ -9,6 +9,7 @@ from jaxtyping import Bool, Float
 from jblast.inference.goodness import POOR, chance
 from jblast.inference.prior_conflict import against_priors
 from jblast.inference.solution import Solution
+from jblast.inference.still_air import still_air
 from jblast.observations import Observations
 from jblast.registry import law_for
 from jblast.scene import Charge, UncertainScene
@@ -79,7 +80,10 @@ def cautions_of(
     for charge in scene.charges:
         told += height_beside_the_curves(solution, charge)
         told += charge_is_no_point([name for name, _ in solution.laws.values()], charge)
-    return told + _clocks_taken_as_right(observations, uncertain)
+    told += _clocks_taken_as_right(observations, uncertain)
+    if still := still_air(solution):
+        told.append(still)
+    return told
 
 
 def _poor_fit(observations, uncertain, chi2, dof, p) -> str:
