@@ -37,7 +37,7 @@ def candidates_for(quantity: str, ways: Sequence[Ways], own: float) -> list[Cand
         }
     else:
         errors = {name: np.full(1, own) for name in names_for(quantity)}
-    blind = _blind_to_height(quantity, ways)
+    blind = blind_to_height(quantity, ways)
     costs = stored.costs()
     found = []
     for method, error in errors.items():
@@ -57,7 +57,7 @@ def candidates_for(quantity: str, ways: Sequence[Ways], own: float) -> list[Cand
     return found
 
 
-def _blind_to_height(quantity: str, ways: Sequence[Ways]) -> set[str]:
+def blind_to_height(quantity: str, ways: Sequence[Ways]) -> set[str]:
     """Return the methods that do not know how high or deep the charge is.
 
     None where it stands on the ground, or where the reference does not know either.

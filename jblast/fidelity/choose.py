@@ -9,7 +9,11 @@ import numpy as np
 from jaxtyping import Float
 
 from jblast.errors import InputError
-from jblast.fidelity.candidates import candidates_for, worst_own_error
+from jblast.fidelity.candidates import (
+    blind_to_height,
+    candidates_for,
+    worst_own_error,
+)
 from jblast.fidelity.choice import Candidate, Choice
 from jblast.fidelity.places import paths_in, sensors_for
 from jblast.fidelity.reason import reason_for
@@ -100,7 +104,12 @@ def choose_for(quantity: str, ways: Sequence[Ways], tolerance: float) -> Choice:
         alike = [c for c in enough if _cost(c) <= most]
         found = min(alike, key=lambda c: _preference(quantity, c, ways))
     else:
-        found = min(candidates, key=lambda c: _nearness(quantity, c, ways))
+        blind = blind_to_height(quantity, ways)
+        # one that knows of burial, out of its range, before any that does not
+        found = min(
+            candidates,
+            key=lambda c: (c.method in blind, *_nearness(quantity, c, ways)),
+        )
     choice = Choice(
         quantity=quantity,
         method=found.method,

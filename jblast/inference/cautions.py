@@ -109,8 +109,11 @@ def outside(observations, solution: Solution, valid) -> str:
         for quantity in quantities
         for part, _ in components(quantity)
     ]
+    posterior = solution.posterior
+    at = np.asarray(posterior.misfit(jnp.asarray(solution.laplace.z)).valid)
+    deeper = " as deep as the 90 % interval reaches" if at[rows].any() else ""
     return (
-        f"{len(rows)} of {len(valid)} rows lie outside their law's range "
+        f"{len(rows)} of {len(valid)} rows lie outside their law's range{deeper} "
         f"({', '.join(quantities)}); {'; '.join(dict.fromkeys(limits))}"
     )
 

@@ -10,6 +10,7 @@ import numpy as np
 from jblast.errors import InputError
 from jblast.inference.answer import answer_of
 from jblast.inference.bands import bands
+from jblast.inference.burial import valid_at_depth
 from jblast.inference.fireball_growth import as_seen
 from jblast.inference.fit_result import Fit
 from jblast.inference.goodness import left_of
@@ -92,7 +93,7 @@ def fit(
             uncertain,
             solution,
             sure,
-            np.asarray(misfit.valid),
+            np.asarray(misfit.valid) & valid_at_depth(solution, draws),
             left.residual,
             left.effects,
         ),

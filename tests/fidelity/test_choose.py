@@ -97,6 +97,14 @@ def test_a_buried_charge_needs_a_law_that_knows_of_it():
     assert not math.isfinite(candidate(deep, "kingery_bulmash").error)
 
 
+def test_of_a_charge_deeper_than_any_law_reaches_the_one_that_knows_of_depth_is_taken():
+    deep = scene(100.0, quantity=IMPULSE, charge_up_m=-2.5)  # 1 m/kg^(1/3)
+    choice = choose(deep, IMPULSE, 0.3)
+    assert choice.method == "ford_2021"
+    assert not choice.met
+    assert not candidate(choice, "ford_2021").valid
+
+
 def test_a_prior_counts_over_its_90_per_cent_interval():
     here = scene(80.0, mass=15.0)  # Z = 32; at a tenth of the mass 70
     wide = UncertainScene(here, {"charge_mass_kg": LogNormal(15.0, 4.0)})

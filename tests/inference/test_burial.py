@@ -1,0 +1,58 @@
+"""A buried charge is judged as deep as its posterior reaches."""
+
+import dataclasses
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from jblast.inference import Posterior
+from jblast.inference.burial import valid_at_depth
+from jblast.inference.cautions import outside
+from jblast.inference.laplace import Laplace
+from jblast.inference.parameters import parameters_of
+from jblast.inference.solution import Solution
+from jblast.scene import Scene, Sensor, UncertainScene, freed, with_values
+from jblast.sensors import planned_layout
+
+LAWS = {"positive_impulse_pa_s": "ford_2021"}
+MASS, UP = 1500.0, -2.1  # -0.183 m/kg^(1/3), where ford_2021 holds, to -0.2
+
+
+def found(up=UP):
+    """What a fit found: this mass, by impulses at two places."""
+    sensors = tuple(
+        Sensor(
+            name, jnp.array([east, 0.0, 0.0]), records=(("positive_impulse_pa_s", 0.1),)
+        )
+        for name, east in (("a", 800.0), ("b", 1500.0))
+    )
+    scene = dataclasses.replace(Scene(), sensors=sensors)
+    scene = with_values(scene, {"charge_mass_kg": MASS, "charge_up_m": up})
+    layout, sigma, _ = planned_layout(scene)
+    parameters = parameters_of(freed(UncertainScene(scene), ["charge_mass_kg"]))
+    posterior = Posterior(parameters, layout, sigma, sigma, tuple(LAWS.items()))
+    normal = Laplace(np.log([MASS]), np.eye(1), 0.0, True)
+    laws = {q: (name, "") for q, name in LAWS.items()}
+    return Solution(posterior, laws, True, None, None, normal)  # pyright: ignore[reportArgumentType]  not asked for
+
+
+# (2.1/0.2)^3 = 1158 kg would lie at the end of the range: 0.26 below 1500 kg in ln,
+# 1.6 sd of 0.16
+@pytest.mark.parametrize(("sd", "holds"), [(0.1, True), (0.15, True), (0.17, False)])
+def test_an_answer_carried_into_range_by_its_own_estimate_is_marked(sd, holds):
+    draws = np.log(MASS) + sd * np.random.default_rng(0).standard_normal((8000, 1))
+    solution = found()
+    assert solution.posterior.misfit(jnp.asarray(solution.laplace.z)).valid.all()
+    valid = valid_at_depth(solution, draws)
+    assert (valid == holds).all()
+    if not holds:
+        log = dataclasses.make_dataclass("Log", ["quantity"])(
+            ("positive_impulse_pa_s",) * 2
+        )
+        assert "as deep as the 90 % interval reaches" in outside(log, solution, valid)
+
+
+def test_a_charge_above_ground_is_not_judged_by_depth():
+    draws = np.log(MASS) + np.random.default_rng(0).standard_normal((100, 1))
+    assert valid_at_depth(found(up=2.1), draws).all()
