@@ -31,7 +31,7 @@ FEWEST = 200
 WORK = 400_000_000
 """Numbers that all draws may need before there are fewer of them: a tenth of what
 `--posterior auto` takes."""
-FREEDOM = 3.0
+FREEDOM = 3
 """Of the Student-t half: tails heavier than those of one reading."""
 RELIABLE = 0.7
 """Weights of a larger k-hat need not settle, however many (Vehtari et al. 2024)."""
