@@ -1,4 +1,4 @@
-"""Derivatives against differences, by two programs however many places are looked at.
+"""Derivatives by few programs, however many places are looked at.
 
 `jax.test_util.check_grads` of second order compiles sixteen; it stays where a rule of
 differentiation is our own.
@@ -57,6 +57,41 @@ def check_slopes(
     close(_inner(gradient, v), _inner(u, numeric), err_msg="reverse")
     if order > 1:
         jax.tree.map(lambda a, b: close(a, b, err_msg="second order"), curved, bent)
+
+
+def with_slopes(f: Callable[[Any], Any], size: int = 1024) -> Callable[..., Any]:
+    """Return a function's value, slope and curvature at any places, by one program.
+
+    The slope is that of reverse mode, the curvature that of forward over reverse.
+
+    Args:
+        f: Of a number, to a number.
+        size: Places are taken in blocks of so many.
+    """
+
+    @jax.jit
+    def program(x):
+        def at(x):
+            return jax.vmap(jax.value_and_grad(f))(x)
+
+        (value, slope), (_, curvature) = jax.jvp(at, (x,), (jnp.ones_like(x),))
+        return value, slope, curvature
+
+    def found(places):
+        x = np.asarray(places, float)
+        flat = x.ravel()
+        blocks = [
+            program(np.resize(flat[start : start + size], size))
+            for start in range(0, flat.size, size)
+        ]
+        return tuple(
+            np.concatenate([np.asarray(part) for part in parts])[: x.size].reshape(
+                x.shape
+            )
+            for parts in zip(*blocks, strict=True)
+        )
+
+    return found
 
 
 @functools.lru_cache(maxsize=8)

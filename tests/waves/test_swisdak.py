@@ -1,5 +1,6 @@
 import csv
 import math
+from functools import cache
 from importlib.resources import files
 from itertools import pairwise
 from pathlib import Path
@@ -8,6 +9,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from slopes import with_slopes
 
 from jblast.constants import STANDARD_PRESSURE, STANDARD_SOUND_SPEED
 from jblast.registry import law_for
@@ -37,6 +39,12 @@ KINGERY_BULMASH = {
     "shock_front_velocity": kb.kingery_bulmash_shock_speed,
 }
 every_law = pytest.mark.parametrize("quantity", LAWS)
+
+
+@cache
+def log_law(quantity):
+    """Give ln y of ln Z, at 1 kg in standard air, its slope and its curvature."""
+    return with_slopes(lambda log_z: jnp.log(LAWS[quantity](jnp.exp(log_z), 1.0)))
 
 
 def rows(path):
@@ -112,9 +120,9 @@ def test_that_program_has_the_sign_of_one_coefficient_wrong():
 )
 def test_it_agrees_with_kingery_bulmash_as_published(quantity, rms, largest):
     curve = swisdak_curve(quantity)
-    z = jnp.geomspace(max(curve.z_min, 0.0674), min(curve.z_max, 40.0), 1000)
-    ratio = LAWS[quantity](z, 1.0) / KINGERY_BULMASH[quantity](z, 1.0)
-    difference = 100 * (np.asarray(ratio) - 1)
+    z = np.geomspace(max(curve.z_min, 0.0674), min(curve.z_max, 40.0), 1000)
+    theirs = np.asarray(KINGERY_BULMASH[quantity](z, 1.0))
+    difference = 100 * (np.asarray(LAWS[quantity](z, 1.0)) / theirs - 1)
     assert np.sqrt(np.mean(difference**2)) == pytest.approx(rms, rel=0.05, abs=5e-4)
     assert np.abs(difference).max() == pytest.approx(largest, rel=0.15)
 
@@ -146,33 +154,22 @@ def test_the_segments_jump_by_what_the_docstring_says(quantity, jumps):
 
 @every_law
 def test_log_slopes_are_those_of_finite_differences(quantity):
-    def law(log_z):
-        return jnp.log(LAWS[quantity](jnp.exp(log_z), 1.0))
-
-    h = 3e-6
-    log_z = jnp.linspace(math.log(0.01), math.log(1e5), 2001)
+    h, log_z = 3e-6, np.linspace(math.log(0.01), math.log(1e5), 2001)
     for end in swisdak_joins(quantity):
-        log_z = log_z[jnp.abs(log_z - math.log(end)) > 2 * h]
-    central = (law(log_z + h) - law(log_z - h)) / (2 * h)
+        log_z = log_z[np.abs(log_z - math.log(end)) > 2 * h]
+    values, slopes, _ = log_law(quantity)([log_z + h, log_z, log_z - h])
+    central = (values[0] - values[2]) / (2 * h)
     # h^2/6 times 60 * jump / width^3 = 1e4 in a blend; rounding 1e-15 / 6e-6
-    np.testing.assert_allclose(
-        jax.vmap(jax.grad(law))(log_z), central, rtol=0, atol=1e-6
-    )
+    np.testing.assert_allclose(slopes[1], central, rtol=0, atol=1e-6)
 
 
 @every_law
 def test_past_its_range_it_is_a_power_law_and_its_curvature_is_finite(quantity):
-    def law(log_z):
-        return jnp.log(LAWS[quantity](jnp.exp(log_z), 1.0))
-
     first, *_, last = swisdak_joins(quantity)
-    slope = jax.grad(law)
-    for end, outside in ((first, 1e-3), (last, 1e6)):
-        assert float(slope(math.log(outside))) == pytest.approx(
-            float(slope(math.log(end))), rel=1e-12
-        )
-    log_z = jnp.log(jnp.array([1e-3, first, last, 1e6]))
-    assert jnp.isfinite(jax.vmap(jax.grad(slope))(log_z)).all()
+    _, slopes, curvatures = log_law(quantity)(np.log([1e-3, first, 1e6, last]))
+    assert slopes[0] == pytest.approx(slopes[1], rel=1e-12)
+    assert slopes[2] == pytest.approx(slopes[3], rel=1e-12)
+    assert np.isfinite(curvatures).all()
 
 
 def test_the_far_pressure_is_too_low():
@@ -196,18 +193,18 @@ def test_sachs_scaling_brings_every_charge_to_one_kilogram(quantity):
         "arrival_time": (time, (sound_speed,)),
         "shock_front_velocity": (c_factor, (sound_speed,)),
     }[quantity]
-    z = jnp.array([0.1, 0.7, 3.0, 30.0, 300.0])
+    z = np.array([0.1, 0.7, 3.0, 30.0, 300.0])
     # rounding of ln Z, and of exponents up to 20
     np.testing.assert_allclose(
         LAWS[quantity](z * size, mass, ambient, *air),
-        LAWS[quantity](z, 1.0) * factor,
+        np.asarray(LAWS[quantity](z, 1.0)) * factor,
         rtol=1e-13,
     )
 
 
 @every_law
 def test_a_batch_equals_its_loop(quantity):
-    z, mass = jnp.geomspace(0.02, 300.0, 30), jnp.linspace(1.0, 20.0, 30)
+    z, mass = np.geomspace(0.02, 300.0, 30), np.linspace(1.0, 20.0, 30)
     loop = [float(LAWS[quantity](r, w)) for r, w in zip(z, mass, strict=True)]
     np.testing.assert_allclose(
         jax.jit(jax.vmap(LAWS[quantity]))(z, mass), loop, rtol=1e-13
