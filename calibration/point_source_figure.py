@@ -4,7 +4,7 @@ import jax.numpy as jnp
 import numpy as np
 from matplotlib.figure import Figure
 
-from calibration.point_source import HANCOCK, law_over
+from calibration.point_source import END, hancock, law_over
 from jblast.report.figure_style import (
     BLUE,
     INK,
@@ -39,7 +39,7 @@ def point_source_figure(decay: Decay, run: March) -> Figure:
     figure = new_figure(11.0, 8.0)
     (above, apart), (inside, wave) = figure.subplots(2, 2)
     above.loglog(decay.scaled, decay.overpressure_ratio, color=BLUE)
-    log_scaled, log_ratio = np.array(HANCOCK).T
+    log_scaled, log_ratio, _ = hancock(0.1, END)
     above.loglog(
         np.exp(log_scaled), np.exp(log_ratio), "o", color=VERMILLION, markersize=5
     )

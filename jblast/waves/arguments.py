@@ -2,9 +2,9 @@
 
 A law's arguments have one name, unit and meaning wherever they occur, so one table
 checks them all. Values are looked at outside `jit` only: inside it, a law has no way to
-raise, and answers NaN or nonsense for what is refused here. Outside it a law is
-compiled as a whole, once for each shape: operation by operation every call would take
-many times as long, and so would compiling.
+raise, and answers NaN, a limit or nonsense for what is refused here. Outside it a law
+is compiled as a whole, once for each shape: operation by operation every call would
+take many times as long, and so would compiling.
 """
 
 import functools
@@ -17,6 +17,7 @@ from typing import ParamSpec, TypeVar
 import jax
 import numpy as np
 from jax.core import Tracer
+from jaxtyping import Float
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -32,6 +33,7 @@ class Argument:
         above: It has to be larger than this.
         at_least: It has to be at least this.
         at_most: It has to be at most this.
+        open: Whether NaN (not told) and infinity (never) are left to the law.
     """
 
     unit: str
@@ -39,11 +41,24 @@ class Argument:
     above: float = -math.inf
     at_least: float = -math.inf
     at_most: float = math.inf
+    open: bool = False
 
     def allows(self, values: np.ndarray) -> np.ndarray:
-        """Return where values lie within the bounds; NaN is left to propagate."""
+        """Return where values lie within the bounds; of NaN bounds say nothing."""
         low = (values > self.above) & (values >= self.at_least)
         return np.isnan(values) | (low & (values <= self.at_most))
+
+    def fault(self, values: Float[np.ndarray, "..."]) -> str:
+        """Return what is wrong with values, in words; empty if nothing is."""
+        for bad, expected in (
+            (~self.allows(values), self.bounds()),
+            (np.isnan(values) & (not self.open), "a number"),
+            (np.isinf(values) & (not self.open), "finite"),
+        ):
+            if bad.any():
+                unit = "" if self.unit == "1" else f" {self.unit}"
+                return f"must be {expected}, got {values[bad][0]:g}{unit}"
+        return ""
 
     def bounds(self) -> str:
         """Return the bounds in words."""
@@ -56,8 +71,8 @@ class Argument:
         return "not negative" if self.at_least == 0 else f"at least {self.at_least:g}"
 
 
-def _positive(unit: str, low: float, high: float) -> Argument:
-    return Argument(unit, (low, high), above=0.0)
+def _positive(unit: str, low: float, high: float, *, open: bool = False) -> Argument:
+    return Argument(unit, (low, high), above=0.0, open=open)
 
 
 ARGUMENTS: dict[str, Argument] = {
@@ -67,14 +82,14 @@ ARGUMENTS: dict[str, Argument] = {
     "sensor_height": Argument("m", (0.0, 10.0)),
     "charge_mass": _positive("kg", 1e-2, 1e6),
     "height_of_burst": Argument("m", (-1.0, 5.0)),
-    "time_since_detonation": Argument("s", (1e-4, 1.0)),
+    "time_since_detonation": Argument("s", (1e-4, 1.0), open=True),
     "shock_radius": _positive("m", 0.1, 1e4),
-    "toward_east": Argument("m", (0.1, 1e4)),
-    "toward_north": Argument("m", (0.1, 1e4)),
-    "toward_up": Argument("m", (0.1, 1e3)),
+    "toward_east": Argument("m", (0.1, 1e4), open=True),
+    "toward_north": Argument("m", (0.1, 1e4), open=True),
+    "toward_up": Argument("m", (0.1, 1e3), open=True),
     # fireball and camera
-    "fireball_growth": _positive("s", 1e-4, 1e-1),
-    "camera_focal": _positive("px", 1e2, 1e4),
+    "fireball_growth": _positive("s", 1e-4, 1e-1, open=True),
+    "camera_focal": _positive("px", 1e2, 1e4, open=True),
     # air and ground
     "ambient_pressure": _positive("Pa", 5e4, 1.05e5),
     "pressure": _positive("Pa", 5e4, 1.05e5),
@@ -87,7 +102,7 @@ ARGUMENTS: dict[str, Argument] = {
     "wind_along": Argument("m/s", (-20.0, 20.0)),
     "sedov_gamma": Argument("1", (1.15, 1.65), above=1.0),
     # the shape of a wave
-    "time": Argument("s", (-0.005, 0.02)),
+    "time": Argument("s", (-0.005, 0.02), open=True),
     "peak_overpressure": _positive("Pa", 1e2, 1e6),
     "reflected_pressure": _positive("Pa", 1e3, 5e6),
     "duration": _positive("s", 1e-3, 1e-2),
@@ -137,11 +152,7 @@ def checked(law: Callable[P, R]) -> Callable[P, R]:
     return checking
 
 
-def _check(name: str, values: np.ndarray) -> None:
-    argument = ARGUMENTS[name]
-    good = argument.allows(values)
-    if not good.all():
-        unit = "" if argument.unit == "1" else f" {argument.unit}"
-        raise ValueError(
-            f"{name} must be {argument.bounds()}, got {values[~good][0]:g}{unit}"
-        )
+def _check(name: str, values: Float[np.ndarray, "..."]) -> None:
+    fault = ARGUMENTS[name].fault(values)
+    if fault:
+        raise ValueError(f"{name} {fault}")

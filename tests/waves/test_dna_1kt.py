@@ -58,7 +58,10 @@ def test_one_kiloton_nuclear_is_nearly_half_a_kiloton_of_tnt(r, kilotons):
         (1.0, 0.4986),
         (3.0, 0.09463),
         (10.0, 0.02046),
+        (30.0, 5.64e-3),
         (100.0, 1.459e-3),
+        (1e3, 1.196e-4),
+        (1e6, 8.54e-8),
     ],
 )
 def test_its_pressure_is_a_half_to_four_fifths_of_the_point_source(scaled, exact):

@@ -373,6 +373,21 @@ def test_a_distance_that_is_none_is_refused(law, word, bad):
             evaluate(law, word, values | {name: bad})
 
 
+@every_law
+@pytest.mark.parametrize(
+    ("bad", "word_for_it"), [("nan", "a number"), ("inf", "finite")]
+)
+def test_a_distance_without_an_end_or_no_number_is_refused_by_its_own_name(
+    law, word, bad, word_for_it
+):
+    values = {name: float(value[1]) for name, value in grid(4, seed=4).items()}
+    for name in {"slant_range", "charge_mass"} & set(arguments(law)):
+        with pytest.raises(
+            ValueError, match=f"{name} must be {word_for_it}, got {bad}"
+        ):
+            evaluate(law, word, values | {name: float(bad)})
+
+
 def test_every_module_of_the_table_has_public_functions():
     public = {getattr(f, "__module__", "") for f in vars(jblast.waves).values()}
     assert {law.function.__module__ for law in LAWS.values()} <= public

@@ -57,6 +57,18 @@ def test_ratios_to_kingery_bulmash_are_the_printed_ones(z, ratio):
     assert got == pytest.approx(ratio, abs=5e-3)
 
 
+def test_nearer_it_is_above_kingery_bulmash_as_printed():
+    # printed 1.07 to 1.30 for Z < 0.3: at its ends; between it rises to 1.34
+    z = np.geomspace(0.0531, 0.3, 200)
+    reference = kingery_bulmash_pressure(z, 1.0, burst="free-air")
+    ratio = np.asarray(henrych_pressure(z, 1.0) / reference)
+    assert ratio[0] == pytest.approx(1.29, abs=5e-3)
+    assert ratio[-1] == pytest.approx(1.07, abs=5e-3)
+    assert ratio.min() == pytest.approx(1.065, abs=5e-4)
+    assert ratio.max() == pytest.approx(1.34, abs=5e-3)
+    assert z[ratio.argmax()] == pytest.approx(0.073, abs=1e-3)
+
+
 def test_the_pressure_falls_everywhere():
     slope = log_slope(jnp.geomspace(0.01, 1e5, 40_001))
     # flattest from the near end inwards, steepest inside the blend at 0.3

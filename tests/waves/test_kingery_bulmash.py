@@ -107,6 +107,27 @@ def test_ground_factors_are_the_published_ones(z, mass_ratio):
     )
 
 
+@pytest.mark.parametrize(
+    ("z", "mass_ratio"),
+    [
+        (0.2, 1.39),
+        (0.5, 1.39),
+        (1.0, 1.57),
+        (2.0, 1.62),
+        (5.0, 1.66),
+        (10.0, 1.82),
+        (20.0, 1.58),
+    ],
+)
+def test_ground_factors_by_arrival_are_the_published_ones(z, mass_ratio):
+    # formulas.md 8, likewise; half of the last digit, and a tenth of it for 1.8148
+    less, more = (
+        float(kb.kingery_bulmash_arrival_time(z, mass_ratio + h, burst="free-air"))
+        for h in (5.5e-3, -5.5e-3)
+    )
+    assert less < float(kb.kingery_bulmash_arrival_time(z, 1.0)) < more
+
+
 @both_bursts
 def test_the_shock_speed_is_rankine_hugoniot_past_a_scaled_distance_of_one(burst):
     # reference README: within 0.5 % for Z >= 1.

@@ -7,6 +7,7 @@ import pytest
 from slopes import check_slopes
 
 from jblast.registry import call, law_for
+from jblast.waves.kingery_bulmash import kingery_bulmash_arrival_time
 from jblast.waves.paths import Path
 from jblast.waves.wu_hao import (
     dual_path_ground_arrival_time,
@@ -40,6 +41,32 @@ def test_log_slopes_are_the_printed_exponents(law, speed, exponents):
     at = jnp.log(jnp.array([33.0, 7.0, speed]))
     slopes = jax.grad(lambda x: jnp.log(law(*jnp.exp(x))))(at)
     np.testing.assert_allclose(slopes, exponents, rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("z", "ratios"),
+    [
+        (0.2, (2.84, 2.37, 2.09, 1.79, 1.54, 1.13)),
+        (0.5, (2.65, 2.21, 1.95, 1.67, 1.43, 1.05)),
+        (1.0, (2.14, 1.79, 1.57, 1.35, 1.16, 0.85)),
+        (2.0, (1.56, 1.30, 1.15, 0.98, 0.84, 0.62)),
+        (3.0, (1.31, 1.10, 0.97, 0.83, 0.71, 0.52)),
+        (5.0, (1.15, 0.96, 0.85, 0.73, 0.63, 0.46)),
+        (7.0, (1.13, 0.94, 0.83, 0.71, 0.61, 0.45)),
+        (10.0, (1.16, 0.97, 0.85, 0.73, 0.63, 0.46)),
+        (20.0, (1.33, 1.11, 0.98, 0.84, 0.72, 0.53)),
+        (40.0, (1.63, 1.36, 1.20, 1.03, 0.88, 0.65)),
+    ],
+)
+def test_the_air_law_stands_to_kingery_and_bulmash_as_tabulated(z, ratios):
+    # formulas.md 1, for 1 kg to 1 kt; half of the last digit, and a tenth of it for
+    # the speed of sound, 340 or 340.29 m/s
+    mass = np.array([1.0, 15.0, 100.0, 1e3, 1e4, 1e6])
+    distance = z * np.cbrt(mass)
+    got = wu_hao_air_arrival_time(distance, mass, 340.0) / (
+        kingery_bulmash_arrival_time(distance, mass)
+    )
+    np.testing.assert_allclose(got, ratios, rtol=0, atol=5.5e-3)
 
 
 def test_the_air_law_ends_where_it_becomes_slower_than_sound():

@@ -107,29 +107,75 @@ def decay_at(
 ORDERS = (0.8, 2.5)
 """Between these an observed order is believed; outside, the nearer of the two."""
 
+FIRST = 0.1
+r"""$\lambda$ from where on the start is forgotten and errors are the scheme's."""
 
-def extrapolated(coarse: Decay, middle: Decay, fine: Decay) -> Decay:
+
+def extrapolated(
+    scaled: Float[np.ndarray, " node"], coarse: March, middle: March, fine: March
+) -> Decay:
     r"""Return the limit of three runs, each with twice the cells of the one before.
 
     $$q = q_3 + \frac{q_3 - q_2}{2^n - 1}, \qquad
     2^n = \frac{q_2-q_1}{q_3-q_2}$$
 
-    with the order $n$ observed: 2 until waves that went through the hot core catch up
-    with the shock, near $\lambda = 2$, and 1 beyond.
-    """
+    with the order $n$ observed: 1.7 until waves that went through the hot core catch up
+    with the shock, and 1 beyond. They do so the farther out, the finer the core: near
+    $\lambda$ = 0.78, 1.0, 1.25, 1.49, 1.76 with 100, 200, ..., 1600 cells. Between the
+    place of the coarse run and that of the fine one three runs are of two orders and
+    none can be seen; there the two runs on one side give the limit, with the order that
+    three had on that side.
 
-    def limit(a, b, c):
+    Args:
+        scaled: $\lambda$ [-], ascending, within the runs.
+        coarse: The first run.
+        middle: The second.
+        fine: The third.
+    """
+    runs = [decay_at(scaled, run) for run in (coarse, middle, fine)]
+    falls, ratios = _falls(coarse, middle, fine)
+
+    def limit(a, b, c, *, mixed):
         change = np.where(c == b, 1.0, c - b)
         ratio = np.clip((b - a) / change, 2.0 ** ORDERS[0], 2.0 ** ORDERS[1])
-        return c + (c - b) / (ratio - 1.0)
+        seen = c + (c - b) / (ratio - 1.0)
+        if not mixed:
+            return seen
+        before = c + (c - b) / (ratios[0] - 1.0)
+        behind = b + (b - a) / (ratios[1] - 1.0)
+        between = [scaled < end for end in falls]
+        return np.select(between, [seen, before, behind], seen)
 
-    runs = (coarse, middle, fine)
     return Decay(
-        fine.scaled,
-        np.exp(limit(*(np.log(run.overpressure_ratio) for run in runs))),
-        limit(*(run.slope for run in runs)),
-        np.exp(limit(*(np.log(run.arrival) for run in runs))),
+        scaled,
+        np.exp(limit(*(np.log(r.overpressure_ratio) for r in runs), mixed=True)),
+        limit(*(run.slope for run in runs), mixed=True),
+        # an integral over all that came before, of no order of its own
+        np.exp(limit(*(np.log(run.arrival) for run in runs), mixed=False)),
     )
+
+
+def _falls(coarse: March, middle: March, fine: March):
+    r"""Return where the order falls, and $2^n$ before and behind.
+
+    Returns:
+        $\lambda$ where it falls in the coarse and in the middle run, where their
+        pressure has the largest error, and where it has fallen in the fine one: the
+        places move out by a factor that shrinks. And $2^n$ of the last place before
+        all three and of the first behind.
+    """
+    runs = (coarse, middle, fine)
+    end = min(float(run.history.clock[-1]) for run in runs)
+    nodes = np.geomspace(FIRST, end, 2000)
+    first, second, third = (
+        np.log(decay_at(nodes, run).overpressure_ratio) for run in runs
+    )
+    changes = second - first, third - second
+    places = [nodes[np.argmax(np.abs(change))] for change in changes]
+    last = places[1] ** 2 / places[0]
+    # a record or two off the fall, which parabolas through three records round off
+    at = np.searchsorted(nodes[:-1], [places[0] / 1.02, last])
+    return (*places, last), changes[0][at] / changes[1][at]
 
 
 def _slopes(x: np.ndarray, y: np.ndarray) -> np.ndarray:
