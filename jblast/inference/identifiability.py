@@ -20,6 +20,10 @@ STEP = 1.0
 """How far a null direction is followed to confirm it, in typical steps."""
 UNSEEN = 1e-4
 """Data that move by less than this many standard deviations along it have not moved."""
+ROUNDS = 20
+"""Steps back onto the curve of a null direction, at most."""
+HALVINGS = 12
+"""Such a step is halved so often before it is given up: it must bring data nearer."""
 
 
 ROUNDING = 1e-5
@@ -84,15 +88,22 @@ def _followed(posterior, z, direction, size) -> np.ndarray | None:
     step = STEP * direction / np.max(np.abs(direction) / np.asarray(scales(posterior)))
     started = _whitened_prediction(posterior, z, z)
     there = z + step
-    for _ in range(10):
-        miss = _whitened_prediction(posterior, there, z) - started
-        if not np.isfinite(miss).all():
-            return None
+    miss = _whitened_prediction(posterior, there, z) - started
+    for _ in range(ROUNDS):
         if np.linalg.norm(miss) < UNSEEN:
             away = np.linalg.norm((there - z) * size)
             return there if away > 0.5 * np.linalg.norm(step * size) else None
         jacobian = np.asarray(whitened_jacobian(posterior, jnp.asarray(there)))
-        there = there - np.linalg.pinv(jacobian / size, rcond=1e-6) @ miss / size
+        if not (np.isfinite(jacobian).all() and np.isfinite(miss).all()):
+            return None
+        back = -np.linalg.pinv(jacobian / size, rcond=1e-6) @ miss / size
+        for part in 0.5 ** np.arange(HALVINGS):  # whole steps run away off a cone
+            nearer = _whitened_prediction(posterior, there + part * back, z) - started
+            if np.linalg.norm(nearer) < np.linalg.norm(miss):
+                there, miss = there + part * back, nearer
+                break
+        else:
+            return None
     return None
 
 

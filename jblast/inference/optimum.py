@@ -176,7 +176,9 @@ def _distinct(posterior: Posterior, ends, preference):
         known = information(posterior, ends[best])
         away = ends - ends[best][None, :]
         distance = jnp.einsum("ni,ij,nj->n", away, known, away)
-        gone = ~(distance > SAME**2)
+        # at a sensor itself no slope is a number: that end alone goes
+        itself = jnp.arange(len(ends)) == best
+        gone = jnp.where(jnp.isfinite(known).all(), ~(distance > SAME**2), itself)
         picked = ends[best], known, left[best] == -jnp.inf
         return jnp.where(gone, -jnp.inf, left), picked
 
