@@ -15,6 +15,7 @@ from jblast.sensors.camera.events import (
     Events as Events,
     continued_events as continued_events,
     ideal_events as ideal_events,
+    reset_events as reset_events,
 )
 from jblast.sensors.camera.fireball_image import fireball_layer as fireball_layer
 from jblast.sensors.camera.grey_composite import (

@@ -33,9 +33,11 @@ def stream_events(
     table: Float[np.ndarray, "256"] | None = None,
     background: Float[np.ndarray, "height width"] | None = None,
     in_logarithms: bool = False,
+    begun: Float[np.ndarray, "height width"] | None = None,
+    refractory_s: float | None = None,
     workers: int | None = None,
 ) -> Iterator[Events]:
-    """Return the events of each block of a stream, an ideal camera's.
+    """Return the events of each block of a stream.
 
     Two blocks are held in memory at a time; sixteen to thirty-two frames a block are
     the fastest. How a stream is cut into blocks does not change its events.
@@ -49,6 +51,10 @@ def stream_events(
         table: Logarithm of the light of each 8-bit value; by default `grey_table()`.
         background: Grey light behind the frames, full scale 1.
         in_logarithms: Whether float frames hold the logarithm of the light already.
+        begun: How far the logarithm of the first frame is above a pixel's reference;
+            by default nowhere.
+        refractory_s: So long a pixel is held in reset after an event [s]; see
+            `reset_pixel`. By default it is not.
         workers: Threads, each for a strip of rows; by default one a core.
 
     Raises:
@@ -69,8 +75,9 @@ def stream_events(
             _check(times, time, frames, shape)
             time, width = times[-1], shape[1]
             if not strips:
-                options = table, in_logarithms
-                strips = _strips(shape, thresholds, options, background, workers)
+                options = table, in_logarithms, refractory_s
+                begun = np.zeros(shape[:2]) if begun is None else begun
+                strips = _strips(shape, thresholds, begun, options, background, workers)
             jobs = [
                 pool.submit(strip.advance, times, strip.rows_of(frames))
                 for strip in strips
@@ -93,14 +100,15 @@ def _check(times, before, frames, shape) -> None:
         )
 
 
-def _strips(shape, thresholds, options, background, workers) -> list[Strip]:
+def _strips(shape, thresholds, begun, options, background, workers) -> list[Strip]:
     """Cut the image into strips of rows, one a worker."""
     height, width = shape[:2]
     both = [np.broadcast_to(np.asarray(t, float), (height, width)) for t in thresholds]
     edges = np.linspace(0, height, min(workers, height) + 1).astype(int)
     strips = []
     for a, b in pairwise(edges):
-        given = slice(a, b), width, (both[0][a:b], both[1][a:b]), *options
+        steps = both[0][a:b], both[1][a:b]
+        given = slice(a, b), width, steps, begun[a:b], *options
         strips.append(
             Strip(*given)
             if background is None

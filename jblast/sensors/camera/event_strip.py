@@ -8,6 +8,7 @@ from jaxtyping import Float, Int
 
 from jblast.sensors.camera.event_pixel import Reference, count_events, rounding
 from jblast.sensors.camera.log_intensity import DARKEST
+from jblast.sensors.camera.reset_pixel import Held, reset_runs
 
 
 class Found(NamedTuple):
@@ -27,9 +28,19 @@ class Found(NamedTuple):
 class Strip:
     """Rows of the image; `advance` takes their next frames."""
 
-    def __init__(self, rows: slice, width: int, thresholds, table, in_logarithms: bool):
-        """Take rows, width, thresholds of each pixel, logarithm of each grey value."""
+    def __init__(
+        self,
+        rows: slice,
+        width: int,
+        thresholds,
+        begun: Float[np.ndarray, "height width"],
+        table: Float[np.ndarray, "256"],
+        in_logarithms: bool,
+        refractory_s: float | None,
+    ):
+        """Take what does not change; see `stream_events`."""
         self.rows, self.table, self.in_logarithms = rows, table, in_logarithms
+        self.begun, self.refractory_s = begun.ravel(), refractory_s
         self.offset = rows.start * width
         self.positive, self.negative = (t.ravel() for t in thresholds)
         self.last: np.ndarray | None = None
@@ -37,7 +48,8 @@ class Strip:
     def start(self, time: float, values: np.ndarray) -> None:
         """See the first frame: it sets the reference and gives no event."""
         self.time, self.last = time, values
-        self.first = self.log(values)
+        self.first = self.log(values) - self.begun
+        self.until = np.full(values.shape, -np.inf)
         self.up = np.zeros(values.shape, np.int32)
         self.down = np.zeros(values.shape, np.int32)
         self.lowest, self.highest = self.bounds(np.arange(values.size))
@@ -82,6 +94,9 @@ class Strip:
         found = self.follow(at, np.append(self.time, times), logs)
         self.time, self.last = float(times[-1]), last
         self.lowest[at], self.highest[at] = self.bounds(at)
+        held = at[self.until[at] > self.time]  # followed until the reference is known
+        whole = last.dtype == np.uint8
+        self.lowest[held], self.highest[held] = (255, 0) if whole else (np.inf, -np.inf)
         return found
 
     def rows_of(self, frames: np.ndarray) -> np.ndarray:
@@ -106,6 +121,26 @@ class Strip:
         """Follow some pixels frame by frame, and return their events."""
         if not len(at):
             return Found(at, np.empty(0), at)
+        if self.refractory_s is None:
+            interval, lane, crossed, first, pace = self.crossed(at, times, logs)
+        else:
+            interval, lane, crossed, first, pace = self.held(at, times, logs)
+        number = np.abs(crossed)
+        ends = np.cumsum(number)
+        nth = np.arange(number.sum()) - np.repeat(ends - number, number)
+        time = np.repeat(first, number) + nth * np.repeat(pace, number)
+        start, stop = np.repeat(times[interval], number), times[interval + 1]
+        time = np.clip(time, start, np.repeat(stop, number))
+        pixel = np.repeat(at[lane] + self.offset, number)
+        return Found(pixel, time, np.repeat(np.sign(crossed), number))
+
+    def crossed(self, at, times, logs):
+        """Follow pixels that are never held.
+
+        Returns:
+            Intervals and lanes in which there are events, how many of which sign, when
+            the first of them is sent, and the time from one to the next [s].
+        """
         state = [widened(v[at]) for v in (self.first, self.up, self.down)]
         steps = [self.positive[at], self.negative[at]]
         both = [widened(step) for step in steps]
@@ -116,19 +151,23 @@ class Strip:
         interval, lane = np.nonzero(counts)
         crossed = counts[interval, lane]
         before, after = logs[interval, lane], logs[interval + 1, lane]
-        # parts of the interval until the reference level, and from event to event
-        late = (levels[interval, lane] - before) / (after - before)
+        pace = (times[interval + 1] - times[interval]) / (after - before)
         step = np.where(crossed > 0, steps[0][lane], -steps[1][lane])
-        pace = step / (after - before)
-        number = np.abs(crossed)
-        ends = np.cumsum(number)
-        nth = np.arange(1, number.sum() + 1) - np.repeat(ends - number, number)
-        part = np.repeat(late, number) + nth * np.repeat(pace, number)
-        start, length = times[interval], times[interval + 1] - times[interval]
-        time = np.clip(part, 0.0, 1.0) * np.repeat(length, number)
-        pixel = np.repeat(at[lane] + self.offset, number)
-        sign = np.repeat(np.sign(crossed), number)
-        return Found(pixel, np.repeat(start, number) + time, sign)
+        first = times[interval] + (levels[interval, lane] + step - before) * pace
+        return interval, lane, crossed, first, step * pace
+
+    def held(self, at, times, logs):
+        """Follow pixels that are held after an event; returns as `crossed`."""
+        state = [widened(v[at]) for v in (self.first, self.until)]
+        both = [widened(step[at]) for step in (self.positive, self.negative)]
+        with jax.enable_x64(True):
+            answer = _reset(widened(logs), times, both, self.refractory_s, state)
+            runs, state = (
+                [np.asarray(v)[..., : len(at)] for v in part] for part in answer
+            )
+        self.first[at], self.until[at] = state
+        interval, lane = np.nonzero(runs[0])
+        return interval, lane, *(v[interval, lane] for v in runs)
 
 
 def widened(values: np.ndarray) -> np.ndarray:
@@ -149,3 +188,11 @@ def _count(logs, thresholds, state):
     """Count events; see `count_events`."""
     counts, levels, after = count_events(logs, tuple(thresholds), Reference(*state))
     return counts, levels, after.up, after.down
+
+
+@jax.jit
+def _reset(logs, times, thresholds, refractory_s, state):
+    """Return events and state of pixels that are held; see `reset_runs`."""
+    held = Held(*state)
+    runs, held = reset_runs(logs, times, tuple(thresholds), refractory_s, held)
+    return (runs.count, runs.first, runs.pace), (held.level, held.until)

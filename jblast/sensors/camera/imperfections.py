@@ -3,10 +3,15 @@
 References:
     Hu, Liu and Delbruck (2021), v2e: from video frames to realistic DVS events, for
     the effects, and the defaults of its program; mismatch is 0.03 of a threshold of
-    0.2 there. Hot pixels are a choice of ours.
+    0.2 there, and leak rates are log-normal over 0.1 decades (`emulator.py`). What it
+    adds to them from frame to frame averages out as frames become shorter, and is left
+    out. Hot pixels are a choice of ours.
+    Rebecq, Gehrig and Scaramuzza (2018), ESIM: what it does in a refractory period,
+    read in the programs (`event_simulator.cpp`; `esim.cpp` of vid2e is the same).
 """
 
-from typing import NamedTuple
+import math
+from typing import Literal, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -24,23 +29,39 @@ class Imperfections(NamedTuple):
     Attributes:
         mismatch: Standard deviation of the logarithm of thresholds, pixel to pixel.
         bandwidth_hz: Of the photoreceptor, a first-order low-pass.
-        leak_hz: Brighter events of a pixel in still light, by a drifting reference.
+        leak_hz: Brighter events of a pixel in still light, by a drifting reference:
+            the mean of all pixels but hot ones, and but for refractory periods.
+        leak_spread: Standard deviation of the logarithm of leak rates, pixel to pixel,
+            those of hot pixels included.
         hot_fraction: Share of pixels that leak at `hot_hz`.
-        hot_hz: Their rate.
+        hot_hz: The mean of their rates.
         shot_hz: Events of a pixel from noise, of either sign.
         refractory_s: After an event a pixel sends none for so long.
+        refractory: What a pixel does then. "reset": it is held in reset, and starts
+            anew from the light at the end. "esim": it goes on, and its events are left
+            out, as in ESIM and vid2e.
     """
 
     mismatch: float | None = 0.15
     bandwidth_hz: float | None = 300.0
     leak_hz: float | None = 0.01
+    leak_spread: float = 0.1 * math.log(10.0)
     hot_fraction: float | None = 1e-4
     hot_hz: float = 10.0
     shot_hz: float | None = 0.001
     refractory_s: float | None = 0.5e-3
+    refractory: Literal["reset", "esim"] = "reset"
 
 
-IDEAL = Imperfections(None, None, None, None, 0.0, None, None)
+IDEAL = Imperfections(
+    mismatch=None,
+    bandwidth_hz=None,
+    leak_hz=None,
+    hot_fraction=None,
+    hot_hz=0.0,
+    shot_hz=None,
+    refractory_s=None,
+)
 """None of them."""
 
 
@@ -88,12 +109,29 @@ def low_passed(
     return jnp.concatenate([first[None], signals])
 
 
-def leak_rates(
+class Leak(NamedTuple):
+    """How the references of pixels sink.
+
+    Attributes:
+        rate: Leak events of each pixel in still light [Hz].
+        phase: Part of the way to its next one that a pixel has gone at the first
+            frame, 0 to 1: they were not all switched on together.
+    """
+
+    rate: Float[Array, "height width"]
+    phase: Float[Array, "height width"]
+
+
+def leaks(
     key: PRNGKeyArray, shape: tuple[int, int], imperfections: Imperfections
-) -> Float[Array, "height width"]:
-    """Return the rate at which each pixel leaks [Hz], hot pixels among them."""
-    hot = jax.random.uniform(key, shape) < (imperfections.hot_fraction or 0.0)
-    return jnp.where(hot, imperfections.hot_hz, imperfections.leak_hz or 0.0)
+) -> Leak:
+    """Return how each pixel leaks, hot pixels among them."""
+    hot_key, rate_key, phase_key = jax.random.split(key, 3)
+    hot = jax.random.uniform(hot_key, shape) < (imperfections.hot_fraction or 0.0)
+    mean = jnp.where(hot, imperfections.hot_hz, imperfections.leak_hz or 0.0)
+    spread = imperfections.leak_spread
+    own = jnp.exp(spread * jax.random.normal(rate_key, shape) - 0.5 * spread**2)
+    return Leak(mean * own, jax.random.uniform(phase_key, shape))
 
 
 def leaked(

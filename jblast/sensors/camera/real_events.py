@@ -7,12 +7,13 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Float, PRNGKeyArray
 
+from jblast.sensors.camera.event_pixel import first_reference
 from jblast.sensors.camera.event_stream import Block, stream_events
-from jblast.sensors.camera.events import Events, ideal_events
+from jblast.sensors.camera.events import Events, continued_events, reset_events
 from jblast.sensors.camera.imperfections import (
     Imperfections,
-    leak_rates,
     leaked,
+    leaks,
     low_passed,
     merged,
     mismatched,
@@ -39,7 +40,7 @@ def real_events(
         times: Of the frames [s], rising.
         thresholds: Positive and negative, as positive numbers.
         imperfections: Which effects, and how large.
-        capacity: Room for events, before those of the refractory period are left out.
+        capacity: Room for events, before noise in refractory periods is left out.
     """
     shape = log_frames.shape[1], log_frames.shape[2]
     pixel, hot, noise = jax.random.split(key, 3)
@@ -48,11 +49,22 @@ def real_events(
     if imperfections.bandwidth_hz is not None:
         first = log_frames[0]
         log_frames = low_passed(log_frames, times, imperfections.bandwidth_hz, first)
+    first = log_frames[0]
     if _leaks(imperfections):
-        rates = leak_rates(hot, shape, imperfections)
+        leak = leaks(hot, shape, imperfections)
         positive = jnp.broadcast_to(jnp.asarray(thresholds[0]), shape)
-        log_frames = leaked(log_frames, times - times[0], rates, positive)
-    events = ideal_events(log_frames, times, thresholds, capacity=capacity)
+        first = first - leak.phase * positive
+        log_frames = leaked(log_frames, times - times[0], leak.rate, positive)
+    held = _held(imperfections)
+    if held is not None:
+        events = reset_events(
+            log_frames, times, thresholds, held, first, capacity=capacity
+        )
+    else:
+        seen = first_reference(first)
+        events, _ = continued_events(
+            log_frames, times, thresholds, seen, capacity=capacity
+        )
     if imperfections.shot_hz is not None:
         span = times[0], times[-1]
         rate = imperfections.shot_hz
@@ -62,6 +74,11 @@ def real_events(
         never = jnp.full(shape, -jnp.inf, times.dtype)
         events, _ = rested(events, imperfections.refractory_s, never)
     return events
+
+
+def _held(imperfections: Imperfections) -> float | None:
+    """Return how long a pixel is held in reset after an event [s], if it is."""
+    return imperfections.refractory_s if imperfections.refractory == "reset" else None
 
 
 def _leaks(imperfections: Imperfections) -> bool:
@@ -97,13 +114,24 @@ def real_stream(
     positive, negative = (np.broadcast_to(np.asarray(t), shape) for t in both)
     spans: list[tuple[float, float]] = []
     signal = imperfections.bandwidth_hz is not None or _leaks(imperfections)
+    begun = np.zeros(shape)
     blocks = _noted(blocks, spans)
     if signal:
-        rates = leak_rates(hot, shape, imperfections)
-        drift = (rates, jnp.asarray(positive)) if _leaks(imperfections) else None
+        drift = None
+        if _leaks(imperfections):
+            leak = leaks(hot, shape, imperfections)
+            drift = leak.rate, jnp.asarray(positive)
+            begun = np.asarray(leak.phase) * positive
         blocks = _signals(blocks, table, imperfections.bandwidth_hz, drift)
-    options = {"table": table, "in_logarithms": signal}
-    stream = stream_events(blocks, (positive, negative), **options)
+    held = _held(imperfections)
+    stream = stream_events(
+        blocks,
+        (positive, negative),
+        table=table,
+        in_logarithms=signal,
+        begun=begun,
+        refractory_s=held,
+    )
     last = jnp.full(shape, -jnp.inf)
     for i, events in enumerate(stream):
         start, stop = spans[i]
@@ -116,7 +144,7 @@ def real_stream(
             extra = _shot_noise(
                 here, imperfections.shot_hz, shape, start, stop, capacity=room
             )
-        if imperfections.refractory_s is None and extra is None:
+        if extra is None and (held is not None or imperfections.refractory_s is None):
             yield events
             continue
         events = _padded(events)

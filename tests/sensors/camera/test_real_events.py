@@ -9,6 +9,7 @@ from jblast.sensors.camera.events import Events, ideal_events
 from jblast.sensors.camera.imperfections import (
     IDEAL,
     Imperfections,
+    leaks,
     low_passed,
     mismatched,
     rested,
@@ -63,17 +64,81 @@ def test_the_low_pass_is_exact_for_ramps_and_steps_at_any_frame_rate():
     np.testing.assert_allclose(answer, 1.0 - jnp.exp(-rate * times), atol=1e-14)
 
 
-def test_leak_and_hot_pixels_send_brighter_events_at_their_rates():
-    leaky = IDEAL._replace(leak_hz=0.55)
-    events = convert(STILL, CLOCK, leaky)
-    assert int(events.count) == 5 * 20 * 30  # 0.55 Hz for 10 s
-    assert (np.asarray(events.polarity[:3000]) == 1).all()
-    np.testing.assert_allclose(events.time[0], 1.0 / 0.55)
-    hot = convert(STILL, CLOCK, IDEAL._replace(hot_fraction=0.1, hot_hz=2.05))
-    pixels = np.unique(np.asarray(hot.y * 30 + hot.x)[: int(hot.count)])
-    assert int(hot.count) == 20 * len(pixels)
+def test_leaking_pixels_have_own_rates_and_phases_from_the_first_second():
+    """A still film of 100 s, at the default rate: none of it at one instant."""
+    clock = jnp.array([0.0, 37.0, 100.0])
+    still = 2.0 * jnp.ones((3, 48, 64))
+    leaky = IDEAL._replace(leak_hz=0.01, refractory_s=0.5e-3)
+    events = convert(still, clock, leaky)
+    pixels, count = 48 * 64, int(events.count)
+    time = np.asarray(events.time)[:count]
+    assert (np.asarray(events.polarity)[:count] == 1).all()
+    # pixels take turns at random: not more scatter than of a Poisson process
+    assert abs(count - pixels) < 4.0 * np.sqrt(pixels)
+    seconds = np.histogram(time, np.arange(101))[0]
+    mean = 0.01 * pixels
+    # the most of 100 seconds: Poisson, 4.5 standard deviations
+    assert seconds.max() < mean + 4.5 * np.sqrt(mean)
+    assert seconds.var() < 1.6 * mean  # 1 is Poisson's, standard error 0.14
+    for first in (1, 10):  # from the beginning
+        early = seconds[:first].sum()
+        assert abs(early - first * mean) < 4.0 * np.sqrt(first * mean)
+    assert np.unique(time).size > 0.999 * count
+
+
+def test_leak_rates_scatter_as_asked_about_their_mean():
+    lanes = IDEAL._replace(leak_hz=0.5, hot_fraction=0.1, hot_hz=40.0)
+    leak = leaks(KEY, (100, 100), lanes)
+    hot = np.asarray(leak.rate) > 5.0
+    # binomial: 1000 of 10,000, standard deviation 30; four of them
+    assert abs(hot.sum() - 1000) < 120
+    for rates, mean in ((leak.rate[~hot], 0.5), (leak.rate[hot], 40.0)):
+        logs = np.log(np.asarray(rates) / mean)
+        error = lanes.leak_spread / np.sqrt(logs.size)
+        assert abs(logs.std() - lanes.leak_spread) < 4.0 * error
+        assert abs(np.asarray(rates).mean() / mean - 1.0) < 4.2 * error
+    phase = np.asarray(leak.phase)
+    # uniform: standard errors of mean and variance of 10,000
+    assert abs(phase.mean() - 0.5) < 4.0 * 0.0029
+    assert abs(phase.var() - 1 / 12) < 4.0 * 0.00075
+    assert abs(np.corrcoef(phase.ravel(), np.ravel(leak.rate))[0, 1]) < 0.04
+
+
+def test_hot_pixels_share_no_grid():
+    hot = IDEAL._replace(hot_fraction=0.1, hot_hz=10.0)
+    events = convert(STILL, CLOCK, hot)
+    count = int(events.count)
+    time, x, y = (np.asarray(f)[:count] for f in (events.time, events.x, events.y))
+    pixels, number = np.unique(y * 30 + x, return_counts=True)
     # binomial: 60 of 600, standard deviation 7.3; four of them
     assert abs(len(pixels) - 60) < 30
+    error = hot.leak_spread / np.sqrt(len(pixels))
+    assert abs(number.mean() / 100.0 - 1.0) < 4.0 * error
+    assert np.unique(np.round(time, 6)).size > 0.99 * count
+    # each is a clock of its own: as regular as its phase, and within its rate's spread
+    for pixel in pixels[:5]:
+        steps = np.diff(time[(y * 30 + x) == pixel])
+        np.testing.assert_allclose(steps, steps[0], rtol=1e-9)
+
+
+def test_noise_has_no_memory():
+    """Waits of pixels and of the camera are exponential, counts uncorrelated."""
+    noise = jax.jit(shot_noise, static_argnums=2, static_argnames="capacity")
+    events = noise(KEY, 0.5, (20, 30), 2.0, 22.0, capacity=1 << 13)
+    time = np.asarray(events.time)[: int(events.count)]
+    waits = np.diff(time)
+    # of an exponential: mean and standard deviation alike; 6,000 waits
+    assert abs(waits.std() / waits.mean() - 1.0) < 4.0 * np.sqrt(2.0 / 6000)
+    counts = np.histogram(time, np.linspace(2.0, 22.0, 401))[0]
+    assert abs(counts.var() / counts.mean() - 1.0) < 4.0 * np.sqrt(2.0 / 400)
+    assert abs(np.corrcoef(counts[1:], counts[:-1])[0, 1]) < 4.0 / np.sqrt(400)
+    each = np.bincount(np.asarray(events.y * 30 + events.x)[: time.size])
+    assert abs(each.var() / each.mean() - 1.0) < 4.0 * np.sqrt(2.0 / 600)
+
+
+def test_a_still_film_sends_nothing_without_leak_and_noise():
+    quiet = Imperfections(leak_hz=None, hot_fraction=None, shot_hz=None)
+    assert int(convert(STILL, CLOCK, quiet).count) == 0
 
 
 def test_noise_comes_at_its_rate_from_everywhere_with_either_sign():
@@ -119,6 +184,7 @@ def test_a_key_gives_the_same_events_again_and_another_key_others():
         IDEAL._replace(bandwidth_hz=300.0),
         IDEAL._replace(leak_hz=5.0, hot_fraction=0.01, hot_hz=100.0),
         IDEAL._replace(refractory_s=0.002),
+        IDEAL._replace(refractory_s=0.002, refractory="esim"),
         Imperfections(shot_hz=None),
     ],
 )

@@ -79,10 +79,9 @@ def views_of(*frames, **changed) -> Views:
     return made(Views, entries | changed)
 
 
-def scene_of(burst=BURST, **charge) -> Scene:
+def scene_of(burst=BURST, mass=MASS, **charge) -> Scene:
     east, north, up = burst
-    charge = {"mass": MASS} | charge
-    return Scene(charge=Charge(east=east, north=north, up=up, **charge))
+    return Scene(charge=Charge(mass=mass, east=east, north=north, up=up, **charge))
 
 
 def layer(views, scene, camera, time=0.0, depth: ArrayLike = jnp.inf, ground=False):
