@@ -37,13 +37,12 @@ def area(burst, start, end):
 @both_bursts
 def test_it_is_silent_until_the_arrival_and_then_at_its_peak(burst):
     arrival = phases(burst)[0]
-    time = jnp.array([-1.0, 0.0, arrival * (1 - 1e-12)])
-    assert blast_pressure(time, *AIR, burst).tolist() == [0.0, 0.0, 0.0]
+    time = np.array([-1.0, 0.0, arrival * (1 - 1e-12), arrival * (1 + 1e-12)])
+    *before, first = blast_pressure(time, *AIR, burst).tolist()
+    assert before == [0.0, 0.0, 0.0]
     peak = kb.kingery_bulmash_pressure(RANGE, MASS, AMBIENT, burst)
     # 1e-12 of the travel time later
-    np.testing.assert_allclose(
-        blast_pressure(arrival * (1 + 1e-12), *AIR, burst), peak, rtol=1e-10
-    )
+    np.testing.assert_allclose(first, peak, rtol=1e-10)
 
 
 @both_bursts
@@ -70,9 +69,9 @@ def test_it_is_lowest_by_the_law_of_the_negative_phase(burst):
 @both_bursts
 def test_the_pressure_is_continuous_where_the_phases_meet(burst):
     arrival, duration, suction, _ = phases(burst)
-    ends = arrival + duration + jnp.array([-1e-10, 1e-10])
+    ends = arrival + duration + np.array([-1e-10, 1e-10])
     # slopes are of the order of P/t_d = 1e7 Pa/s: 1e-3 Pa
-    left, right = blast_pressure(ends, *AIR, burst)
+    left, right = blast_pressure(ends, *AIR, burst).tolist()
     assert 0 < left < 1e-7 * suction
     assert -1e-7 * suction < right < 0
 
@@ -80,11 +79,9 @@ def test_the_pressure_is_continuous_where_the_phases_meet(burst):
 @both_bursts
 def test_no_pressure_falls_below_vacuum(burst):
     z = np.geomspace(0.05, 40.0, 60)[:, None]
-    time = (
-        kb.kingery_bulmash_arrival_time(z, 1.0, burst=burst)
-        + (jnp.linspace(0.0, 0.03, 400)[None, :])
-    )
-    pressure = blast_pressure(time, z, 1.0, burst=burst)
+    arrival = np.asarray(kb.kingery_bulmash_arrival_time(z, 1.0, burst=burst))
+    time = arrival + np.linspace(0.0, 0.03, 400)
+    pressure = np.asarray(blast_pressure(time, z, 1.0, burst=burst))
     assert pressure.min() > -STANDARD_PRESSURE
     assert pressure.min() < -0.95 * STANDARD_PRESSURE
 
@@ -98,40 +95,42 @@ def test_value_and_gradient_are_finite_from_the_fireball_to_the_far_field(burst)
             lambda *x: blast_pressure(*x, burst=burst), argnums=(0, 1, 2)
         )(t, r, w)
 
-    z = jnp.geomspace(0.01, 1e5, 100)
+    z = np.geomspace(0.01, 1e5, 100)
     for mass in (1e-4, 1e9):
-        place = z * mass ** (1 / 3), jnp.full(100, mass)
-        arrival = kb.kingery_bulmash_arrival_time(*place, burst=burst)
-        duration = kb.kingery_bulmash_duration(*place, burst=burst)
+        place = z * mass ** (1 / 3), np.full(100, mass)
+        arrival = np.asarray(kb.kingery_bulmash_arrival_time(*place, burst=burst))
+        duration = np.asarray(kb.kingery_bulmash_duration(*place, burst=burst))
         for phase in (-1.0, 0.0, 0.5, 1.0, 2.0, 1e4):
             for part in jax.tree.leaves(
                 value_and_slopes(arrival + phase * duration, *place)
             ):
-                assert jnp.isfinite(part).all()
+                assert np.isfinite(part).all()
 
 
 def test_gradients_are_those_of_finite_differences():
     arrival, duration, suction, impulse = phases("surface")
 
-    def pressure(t, x):
-        return blast_pressure(t, *jnp.exp(x))
+    @jax.jit
+    @jax.vmap
+    def pressure_and_slope(t, x):
+        return jax.value_and_grad(lambda x: blast_pressure(t, *jnp.exp(x)))(x)
 
-    at = jnp.log(jnp.array(AIR))
+    at, h = np.log(AIR), 1e-6 * np.eye(4)
+    places = np.concatenate([at[None], at + h, at - h])
     length = 16 / 9 * impulse / suction
     for time in (arrival + 0.4 * duration, arrival + duration + 0.6 * length):
-        slope = jax.grad(pressure, argnums=1)(time, at)
-        for i, h in enumerate(np.eye(4) * 1e-6):
-            central = (pressure(time, at + h) - pressure(time, at - h)) / 2e-6
-            # rounding 1e-16 of 1e4 Pa and of times over 2e-6; curvature 1e-12 of p'''
-            np.testing.assert_allclose(slope[i], central, rtol=1e-6, atol=1e-2)
+        pressure, slope = map(np.asarray, pressure_and_slope(np.full(9, time), places))
+        central = (pressure[1:5] - pressure[5:]) / 2e-6
+        # rounding 1e-16 of 1e4 Pa and of times over 2e-6; curvature 1e-12 of p'''
+        np.testing.assert_allclose(slope[0], central, rtol=1e-6, atol=1e-2)
 
 
 def test_a_record_is_its_loop_and_numbers_broadcast():
-    time = jnp.linspace(0.0, 0.08, 41)
+    time = np.linspace(0.0, 0.08, 41)
     batch = jax.jit(blast_pressure, static_argnames="burst")(time, *AIR)
     loop = [blast_pressure(t, *AIR) for t in time]
     np.testing.assert_allclose(batch, loop, rtol=1e-9, atol=1e-6)
-    ranges = jnp.array([10.0, 20.0, 30.0])[:, None]
+    ranges = np.array([10.0, 20.0, 30.0])[:, None]
     assert blast_pressure(time[None, :], ranges, MASS).shape == (3, 41)
 
 
