@@ -1,10 +1,24 @@
-"""Which rotor speeds make a thrust and a moment."""
+r"""Which rotor speeds make a thrust and a moment, and what gives way where none do.
+
+Rotor thrusts $f$ are asked for by the inverse $B$ of the allocation, $f = B (T, M)$,
+and lie between those of the least and the greatest speed. Where they would not, the
+axes give way in the order of PX4's airmode for roll and pitch (MC_AIRMODE 1; commit
+1bbd116, ControlAllocationSequentialDesaturation.cpp, mixAirmodeRP and mixYaw): yaw
+first, then the thrust, lowered or raised, and roll and pitch last. PX4 takes the worst
+rotor and its opposite twice and lets yaw have 15 % past the greatest thrust; here each
+factor is the greatest that is possible, and no rotor passes its limits.
+"""
+
+import functools
 
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from jblast.vehicle.motion import Four
+from jblast.vehicle.motion import Four, Number
 from jblast.vehicle.parameters import Vehicle
+
+SLOWEST = 1e-6
+"""Of the greatest speed: what is slower stands, or its root would have no slope."""
 
 
 def allocation(vehicle: Vehicle) -> Float[Array, "4 4"]:
@@ -19,25 +33,74 @@ def allocation(vehicle: Vehicle) -> Float[Array, "4 4"]:
 
 
 def rotor_speeds(vehicle: Vehicle, wanted: Four) -> Float[Array, "4"]:
-    """Rotor speeds that make a thrust [N] and a moment [N m]; negative for a pull down.
+    """Rotor speeds that make a thrust [N] and a moment [N m], whatever their limits.
 
     Args:
         vehicle: The vehicle, at rest in still air.
         wanted: Thrust and moments about body x, y and z.
+
+    Returns:
+        Speeds [rad/s]; negative for a pull down.
     """
-    return speeds_by(vehicle, jnp.linalg.inv(allocation(vehicle)), wanted)
+    thrusts = jnp.linalg.inv(allocation(vehicle)) @ jnp.stack(wanted)
+    square = jnp.abs(thrusts) / vehicle.thrust_coefficient
+    turns = square > 0
+    speeds = jnp.sign(thrusts) * jnp.sqrt(jnp.where(turns, square, 1))
+    return jnp.where(turns, speeds, 0)
 
 
-def speeds_by(
+def speeds_within(
     vehicle: Vehicle, inverse: Float[Array, "4 4"], wanted: Four
 ) -> Float[Array, "4"]:
-    """Return the same by the inverse of the allocation."""
+    """Rotor speeds within their limits that come nearest to a thrust and a moment.
+
+    Args:
+        vehicle: The vehicle; at hover each of its rotors carries a share.
+        inverse: Of its allocation.
+        wanted: Thrust [N] and moments about body x, y and z [N m].
+    """
+    thrust, roll, pitch, yaw = wanted
+    slow, fast = vehicle.rotor_speed_min_rad_s, vehicle.rotor_speed_max_rad_s
+    least, most = (vehicle.thrust_coefficient * x * x for x in (slow, fast))
+    shares, lows, highs, tilts, turns = [], [], [], [], []
+    for share, by_roll, by_pitch, by_yaw in inverse:
+        shares.append(share)
+        lows.append(least / share)
+        highs.append(most / share)
+        tilts.append((by_roll * roll + by_pitch * pitch) / share)
+        turns.append(by_yaw * yaw / share)
+    room = _least(highs) - _greatest(lows)
+    spread = _greatest(tilts) - _least(tilts)
+    kept = _kept(jnp.maximum(room, 0), spread)
+    tilts = [kept * tilt for tilt in tilts]
+    given = [low - tilt for low, tilt in zip(lows, tilts, strict=True)]
+    thrust = jnp.maximum(thrust, _greatest(given))
+    given = [high - tilt for high, tilt in zip(highs, tilts, strict=True)]
+    thrust = jnp.minimum(thrust, _least(given))
+    level = [tilt + thrust for tilt in tilts]
+    left = [
+        _kept(jnp.where(turn > 0, high - x, x - low), jnp.abs(turn))
+        for turn, low, high, x in zip(turns, lows, highs, level, strict=True)
+    ]
+    kept = _least(left)
+    standing = SLOWEST * SLOWEST * fast * fast
     speeds = []
-    for row in inverse:
-        a, b, c, d = row
-        thrust = a * wanted[0] + b * wanted[1] + c * wanted[2] + d * wanted[3]
-        square = jnp.abs(thrust) / vehicle.thrust_coefficient
-        turns = square > 0
-        speed = jnp.sqrt(jnp.where(turns, square, 1))
-        speeds.append(jnp.where(turns, jnp.sign(thrust) * speed, 0))
+    for share, x, turn in zip(shares, level, turns, strict=True):
+        square = share * (x + kept * turn) / vehicle.thrust_coefficient
+        rotates = square > standing
+        speeds.append(jnp.where(rotates, jnp.sqrt(jnp.where(rotates, square, 1)), 0))
     return jnp.stack(speeds)
+
+
+def _kept(room: Number, asked: Number) -> Number:
+    """Share of what is asked for that there is room for."""
+    short = asked > room
+    return jnp.where(short, room / jnp.where(short, asked, 1), 1)
+
+
+def _least(numbers: list[Number]) -> Number:
+    return functools.reduce(jnp.minimum, numbers)
+
+
+def _greatest(numbers: list[Number]) -> Number:
+    return functools.reduce(jnp.maximum, numbers)

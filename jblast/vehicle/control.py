@@ -1,17 +1,21 @@
-r"""Position hold by geometric control on SE(3).
+r"""Position hold by geometric control on SE(3), within what a vehicle can do.
 
 Lee, Leok and McClamroch (2010), with a target at rest:
 
-- $F = m(-k_p e_x - k_d e_v - k_i \int e_x\,dt + g z)$, thrust $F \cdot R z$;
+- pull $F/m = -k_p e_x - k_d e_v - k_i \int e_x\,dt + g z$, within the limits of
+  `pull.py`; thrust $F \cdot R z$, at least its floor;
 - $b_3 = F/|F|$, $b_2 = b_3 \times c/|b_3 \times c|$ with the heading
-  $c = (\cos\psi, \sin\psi, 0)$, $b_1 = b_2 \times b_3$, $R_d = (b_1, b_2, b_3)$;
+  $c = (\cos\psi, \sin\psi, 0)$, or 45 degrees from the vehicle's towards it,
+  $b_1 = b_2 \times b_3$, $R_d = (b_1, b_2, b_3)$;
 - $e_R = \frac12 (R_d^T R - R^T R_d)^\vee$;
 - $M = J(-k_R e_R - k_\omega \omega) + \omega \times J\omega$;
-- rotor thrusts $f$ from thrust and moment by the inverse allocation, rotor speeds
-  $\mathrm{sign}(f_i)\sqrt{|f_i|/k_\eta}$.
+- rotor speeds from thrust and moment by `allocation.py`: within their limits, roll and
+  pitch before the thrust and that before yaw.
 
-Without the integral a steady wind leaves an offset for ever. Each axis of the integral
-is held within its limit, or it would go on filling while the motors are saturated.
+No limit is reached near hover. Without them the law by itself asks for less than no
+thrust as soon as it climbs faster than $g/k_d$, 1.1 m/s: its rotors stand, and it can
+neither right itself nor brake. Without the integral a steady wind leaves an offset for
+ever; each axis of it is held within its limit.
 """
 
 from typing import Protocol, runtime_checkable
@@ -21,7 +25,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, PyTree
 
 from jblast.constants import FLIGHT_GRAVITY
-from jblast.vehicle.allocation import allocation, speeds_by
+from jblast.vehicle.allocation import allocation, speeds_within
 from jblast.vehicle.gains import Gains
 from jblast.vehicle.motion import (
     Rows,
@@ -37,6 +41,7 @@ from jblast.vehicle.motion import (
 )
 from jblast.vehicle.numbers import floats
 from jblast.vehicle.parameters import Vehicle
+from jblast.vehicle.pull import THRUST_FLOOR, pull_within
 from jblast.vehicle.state import State
 
 
@@ -105,28 +110,17 @@ class PositionHold(eqx.Module):
         memory: Float[Array, "3"],
         period_s: Float[Array, ""],
     ) -> tuple[Float[Array, "4"], Float[Array, "3"]]:
-        gains, limit = self.gains, self.gains.integral_limit
-        accelerations, integral = [], []
-        for x, v, target, total, k_p, k_d, k_i in zip(
-            state.position_m,
-            state.velocity_m_s,
-            self.target_m,
-            memory,
-            gains.position,
-            gains.velocity,
-            gains.integral,
-            strict=True,
-        ):
-            away = x - target
-            sum_now = jnp.clip(total - k_i * period_s * away, -limit, limit)
-            accelerations.append(sum_now - k_p * away - k_d * v)
-            integral.append(sum_now)
-        east, north, up = accelerations
-        pull = (east, north, up + FLIGHT_GRAVITY)
+        gains = self.gains
+        away = add(three(state.position_m), three(-self.target_m))
+        pull, integral = pull_within(
+            vehicle, gains, away, three(state.velocity_m_s), memory, period_s
+        )
         attitude = rotation(four(state.quaternion))
         upward = (attitude[0][2], attitude[1][2], attitude[2][2])
-        thrust = vehicle.mass_kg * dot(pull, upward)
-        wanted = _attitude(pull, (jnp.cos(self.yaw_rad), jnp.sin(self.yaw_rad)))
+        along = jnp.maximum(dot(pull, upward), THRUST_FLOOR * FLIGHT_GRAVITY)
+        thrust = vehicle.mass_kg * along
+        heading = _heading((jnp.cos(self.yaw_rad), jnp.sin(self.yaw_rad)), attitude)
+        wanted = _attitude(pull, heading)
         error, w = _error(wanted, attitude), three(state.body_rate_rad_s)
         inertia = rows(vehicle.inertia_kg_m2)
         turn = (
@@ -135,7 +129,7 @@ class PositionHold(eqx.Module):
             -gains.attitude * error[2] - gains.body_rate * w[2],
         )
         moment = add(times(inertia, turn), cross(w, times(inertia, w)))
-        speeds = speeds_by(vehicle, inverse, (thrust, *moment))
+        speeds = speeds_within(vehicle, inverse, (thrust, *moment))
         return speeds, jnp.stack(integral)
 
 
@@ -157,6 +151,18 @@ class _ReadyHold(eqx.Module):
         period_s: Float[Array, ""],
     ) -> tuple[Float[Array, "4"], Float[Array, "3"]]:
         return self.hold._answer(state, vehicle, self.inverse, memory, period_s)
+
+
+def _heading(aim: tuple[Array, Array], attitude: Rows) -> tuple[Array, Array]:
+    """Return a heading within 45 degrees of the vehicle's; the aim if that is.
+
+    The further off the heading, the less $e_R$ sees of a tilt: half a turn off nothing,
+    and a vehicle that spins falls over.
+    """
+    x, y = attitude[0][0], attitude[1][0]
+    along, across = aim[0] * x + aim[1] * y, aim[1] * x - aim[0] * y
+    far, side = along < jnp.abs(across), jnp.where(across < 0, -1, 1)
+    return jnp.where(far, x - side * y, aim[0]), jnp.where(far, y + side * x, aim[1])
 
 
 def _attitude(pull: Vector, heading: tuple[Array, Array]) -> Rows:

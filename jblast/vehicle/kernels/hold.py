@@ -7,7 +7,9 @@ from typing import no_type_check
 import warp as wp
 
 from jblast.constants import FLIGHT_GRAVITY
+from jblast.vehicle.allocation import SLOWEST
 from jblast.vehicle.kernels.body import body_functions
+from jblast.vehicle.pull import DESCENT_M_S, THRUST_FLOOR, TILT_SLOPE
 
 
 @cache
@@ -22,6 +24,9 @@ def hold_functions(real: type) -> SimpleNamespace:
     vec3, vec4, mat33 = body.vec3, body.vec4, body.mat33
     Craft, Motion = body.Craft, body.Motion
     gravity = wp.constant(real(FLIGHT_GRAVITY))
+    floor = wp.constant(real(THRUST_FLOOR * FLIGHT_GRAVITY))
+    descent, slope = wp.constant(real(DESCENT_M_S)), wp.constant(real(TILT_SLOPE))
+    slowest, one = wp.constant(real(SLOWEST)), wp.constant(real(1.0))
 
     class Order:
         """Where to stay, the heading as a vector, and `Gains`."""
@@ -72,12 +77,17 @@ def hold_functions(real: type) -> SimpleNamespace:
     @wp.func
     def attitude_error(pull: vec3, heading: vec3, attitude: mat33) -> vec3:
         """Return how far the attitude is from the one a pull and a heading ask for."""
-        b_3 = unit(pull)
-        b_2 = unit(wp.cross(b_3, heading))
-        b_1 = wp.cross(b_2, b_3)
         x = column(attitude, 0)
         y = column(attitude, 1)
         z = column(attitude, 2)
+        aim = heading  # as `control._heading`
+        across = aim[1] * x[0] - aim[0] * x[1]
+        if aim[0] * x[0] + aim[1] * x[1] < wp.abs(across):
+            side = wp.where(across < real(0.0), -one, one)
+            aim = vec3(x[0] - side * x[1], x[1] + side * x[0], real(0.0))
+        b_3 = unit(pull)
+        b_2 = unit(wp.cross(b_3, aim))
+        b_1 = wp.cross(b_2, b_3)
         return real(0.5) * vec3(
             wp.dot(b_3, y) - wp.dot(b_2, z),
             wp.dot(b_1, z) - wp.dot(b_3, x),
@@ -85,14 +95,40 @@ def hold_functions(real: type) -> SimpleNamespace:
         )
 
     @wp.func
-    def rotor_speeds(craft: Craft, thrust: real, moment: vec3) -> vec4:
-        """As `control.rotor_speeds`."""
-        wanted = vec4(thrust, moment[0], moment[1], moment[2])
-        each = craft.inverse_allocation @ wanted
+    def kept(room: real, asked: real) -> real:
+        """As `allocation._kept`."""
+        share = one
+        if asked > room:
+            share = room / asked
+        return share
+
+    @wp.func
+    def speeds_within(craft: Craft, asked: real, moment: vec3) -> vec4:
+        """As `allocation.speeds_within`."""
+        b = craft.inverse_allocation
+        k = craft.thrust_coefficient
+        least = k * craft.speed_min * craft.speed_min
+        most = k * craft.speed_max * craft.speed_max
+        low, high, tilt, turn = vec4(), vec4(), vec4(), vec4()
+        for i in range(4):
+            low[i] = least / b[i, 0]
+            high[i] = most / b[i, 0]
+            tilt[i] = (b[i, 1] * moment[0] + b[i, 2] * moment[1]) / b[i, 0]
+            turn[i] = b[i, 3] * moment[2] / b[i, 0]
+        room = wp.max(wp.min(high) - wp.max(low), real(0.0))
+        tilt = kept(room, wp.max(tilt) - wp.min(tilt)) * tilt
+        thrust = wp.min(wp.max(asked, wp.max(low - tilt)), wp.min(high - tilt))
+        share = one
+        for i in range(4):
+            level = tilt[i] + thrust
+            space = wp.where(turn[i] > real(0.0), high[i] - level, level - low[i])
+            share = wp.min(share, kept(space, wp.abs(turn[i])))
+        standing = slowest * slowest * craft.speed_max * craft.speed_max
         speeds = vec4(real(0.0))
         for i in range(4):
-            speed = wp.sqrt(wp.abs(each[i]) / craft.thrust_coefficient)
-            speeds[i] = wp.where(each[i] < real(0.0), -speed, speed)
+            square = b[i, 0] * (tilt[i] + thrust + share * turn[i]) / k
+            if square > standing:
+                speeds[i] = wp.sqrt(square)
         return speeds
 
     @wp.func
@@ -103,22 +139,42 @@ def hold_functions(real: type) -> SimpleNamespace:
         so_far: vec3,
         period: real,
     ) -> Answer:
-        """As `control.PositionHold`."""
+        """As `control.PositionHold`, and `pull.pull_within`."""
         away = motion.position - order.target
-        sums = so_far - period * wp.cw_mul(order.integral, away)
+        gained = -period * wp.cw_mul(order.integral, away)
+        sums = so_far + gained
         for i in range(3):
             sums[i] = wp.clamp(sums[i], -order.limit, order.limit)
-        pull = sums - wp.cw_mul(order.position, away)
-        pull -= wp.cw_mul(order.velocity, motion.velocity)
-        pull[2] = pull[2] + gravity
+        back = -order.position[2] * away[2]
+        dive = -order.velocity[2] * descent
+        pull = sums - wp.cw_mul(order.velocity, motion.velocity)
+        pull[0] = pull[0] - order.position[0] * away[0]
+        pull[1] = pull[1] - order.position[1] * away[1]
+        up = pull[2] + wp.max(back, dive) + gravity
+        speed = craft.speed_max
+        most = real(4.0) * craft.thrust_coefficient * speed * speed / craft.mass
+        held = wp.min(wp.max(up, floor), most)
+        if ((back < dive or up < floor) and gained[2] < real(0.0)) or (
+            up > most and gained[2] > real(0.0)
+        ):
+            sums[2] = so_far[2]
+        across = slope * held
+        square = pull[0] * pull[0] + pull[1] * pull[1]
+        if square > across * across:
+            share = across / wp.sqrt(square)
+            for i in range(2):
+                if gained[i] * pull[i] > real(0.0):
+                    sums[i] = so_far[i]
+                pull[i] = share * pull[i]
+        pull[2] = held
         attitude = body.rotation(motion.quaternion)
-        thrust = craft.mass * wp.dot(pull, column(attitude, 2))
+        thrust = craft.mass * wp.max(wp.dot(pull, column(attitude, 2)), floor)
         w = motion.body_rate
         error = attitude_error(pull, order.heading, attitude)
         turn = -order.attitude * error - order.body_rate * w
         moment = craft.inertia @ turn + wp.cross(w, craft.inertia @ w)
         answer = Answer()
-        answer.command = rotor_speeds(craft, thrust, moment)
+        answer.command = speeds_within(craft, thrust, moment)
         answer.integral = sums
         return answer
 
