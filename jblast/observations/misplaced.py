@@ -110,6 +110,18 @@ def refuse_on_charge(
         )
 
 
+def refuse_never(
+    observations: Observations, charge: Charge, here: Bool[np.ndarray, " row"]
+) -> None:
+    """Refuse a row of a charge of which nothing can be recorded."""
+    if here.any() and bool(charge.never):
+        named = f"of {shown(charge.name)}" if charge.name else "of a charge"
+        raise InputError(
+            f"{observations.where(int(np.argmax(here)))}: got a row {named}, which "
+            "never happens in the scene: its time is inf; expected a finite time"
+        )
+
+
 def refuse_before_origin(
     observations: Observations,
     scene: Scene,

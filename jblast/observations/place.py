@@ -14,6 +14,7 @@ from jblast.observations.misplaced import (
     metres,
     refuse_aimless,
     refuse_before_origin,
+    refuse_never,
     refuse_on_charge,
     refuse_placeless,
     refuse_wind_without_place,
@@ -64,6 +65,7 @@ def place(
         position[row] = camera_place(scene, position[row], who)
     for shot, charge in enumerate(scene.charges):
         here = shots == shot
+        refuse_never(observations, charge, here)
         label = scene.label(charge)
         free = {base for base in PARAMETERS if base + label in beliefs}
         for row in np.flatnonzero(here & ~np.isnan(observations.slant_range)):

@@ -124,5 +124,5 @@ def _recovery_words(metrics) -> str:
 
 
 def _arrival_lines(axes: Axes, arrivals: Float[np.ndarray, " blast"]) -> None:
-    for arrival in arrivals:
+    for arrival in arrivals[np.isfinite(arrivals)]:  # one may never come
         axes.axvline(float(arrival), color=INK, linewidth=0.9, linestyle=(0, (4, 3)))

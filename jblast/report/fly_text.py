@@ -151,7 +151,7 @@ def _one(name: str, value: float, digits: int = 4) -> str:
     if math.isnan(value):
         return "-"
     if math.isinf(value):
-        return "never here" if name == "recovery_time_s" else "-"
+        return {"recovery_time_s": "never here", "arrival_s": "never"}.get(name, "-")
     if 0 < abs(value) < 1e-6:
         return printed_number(name, 0.0)
     return printed_number(name, value, digits) if name else significant(value, digits)

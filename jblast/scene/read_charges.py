@@ -1,5 +1,6 @@
 """The reader of a scene's charges: one, or several with a name each."""
 
+import math
 from typing import Any
 
 from jblast.errors import InputError, shown
@@ -67,6 +68,11 @@ def _charge(entry: dict[str, Any], where: str, n_sensors: int) -> Charge:
     if "tnt_factor" in entry and explosive != "TNT":
         raise InputError(
             f"{where} tnt_factor: expected either tnt_factor or an explosive, got both"
+        )
+    if entry.get("time_s") == math.inf:
+        raise InputError(
+            f"{where} time_s: expected a finite number, got inf: leave a charge that "
+            "never happens out of the file; only a scene made in Python can have one"
         )
     if "range_m" in entry and "position_m" in entry:
         raise InputError(

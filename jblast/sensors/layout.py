@@ -97,7 +97,7 @@ def layout_of(observations: Observations, scene: Scene) -> Layout:
 
 
 def planned_layout(scene: Scene) -> tuple[Layout, Float[Array, " row"], Sequence[str]]:
-    """Return the rows a scene's sensors say they record, of each charge.
+    """Return the rows a scene's sensors say they record, of each charge that happens.
 
     Returns:
         The layout, the sigma of each row (in its unit for `ADDITIVE`, else relative),
@@ -109,15 +109,17 @@ def planned_layout(scene: Scene) -> tuple[Layout, Float[Array, " row"], Sequence
     """
     plan = [
         (shot, i, sensor, quantity, sigma, time)
-        for shot in range(len(scene.charges))
+        for shot, charge in enumerate(scene.charges)
+        if not charge.never
         for i, sensor in enumerate(scene.sensors)
         for quantity, sigma in sensor.records
-        for time in _times(scene.charges[shot], sensor, quantity)
+        for time in _times(charge, sensor, quantity)
     ]
     if not plan:
         raise InputError(
             "no sensor records anything: expected at least one [[sensor]] with "
             "records = { QUANTITY = SIGMA }"
+            + ("; got charges that never happen" if _all_never(scene) else "")
         )
     layout = Layout(
         quantity=tuple(quantity for *_, quantity, _, _ in plan),
@@ -132,6 +134,10 @@ def planned_layout(scene: Scene) -> tuple[Layout, Float[Array, " row"], Sequence
     )
     sigma = jnp.asarray([sigma for *_, sigma, _ in plan])
     return layout, sigma, [sensor.name for _, _, sensor, *_ in plan]
+
+
+def _all_never(scene: Scene) -> bool:
+    return all(bool(charge.never) for charge in scene.charges)
 
 
 def _times(charge: Charge, sensor: Sensor, quantity: str) -> tuple[float, ...]:

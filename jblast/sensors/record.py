@@ -32,9 +32,11 @@ class Recording(eqx.Module):
     """What every row would read, and how the laws scatter about nature there.
 
     Attributes:
-        value: The reading without error, in the unit of the row's quantity.
+        value: The reading without error, in the unit of the row's quantity. Of a charge
+            that never happens there is nothing: a time on a clock is infinite, what has
+            a size is zero, a direction or a difference of arrivals NaN.
         slant_range: Distance from the charge [m].
-        valid: Whether the row's laws hold there.
+        valid: Whether the row's laws hold there; so too where nothing happens.
         record_sd: Law scatter of this row alone; seconds for times, else ln.
         shot_loading: By quantity (and charge, if several), what one standard deviation
             of the effect shared by the whole shot adds to each row, same unit.
@@ -83,7 +85,8 @@ def known(rows: np.ndarray) -> np.ndarray | Array:
 def path_to(scene: Scene, layout: Layout, charge: Charge | None = None) -> Path:
     """Return what lies between a charge (the first) and the sensor of each row."""
     charge = charge or scene.charge
-    since = layout.time - clock_offsets(scene, layout) - charge.time
+    detonation = charge.as_if_at_zero().time
+    since = layout.time - clock_offsets(scene, layout) - detonation
     return path_between(scene, charge, layout.position, layout.slant_range, since)
 
 
@@ -117,6 +120,7 @@ def record(scene: Scene, layout: Layout, laws: Mapping[str, str]) -> Recording:
     of_shots: dict[str, Array] = {}
     of_paths: dict[str, Array] = {}
     for shot, charge in enumerate(scene.charges):
+        never, charge = charge.never, charge.as_if_at_zero()
         path = path_to(scene, layout, charge)
         here = shots == shot
         distance = jnp.where(known(here), path.slant_range, distance)
@@ -138,13 +142,18 @@ def record(scene: Scene, layout: Layout, laws: Mapping[str, str]) -> Recording:
             )
             unit = given if quantity in TIMES else jnp.ones_like(given)
             sds = call(law.scatter, way) if scene.scatter else (0.0, 0.0, 0.0)
-            of_shot, of_path, of_record = (sd * unit * sign for sd in sds)
+            of_shot, of_path, of_record = (
+                jnp.where(never, 0.0, sd * unit * sign) for sd in sds
+            )
             name = quantity + scene.label(charge)
             if not _is_zero(sds[0]):
                 of_shots[name] = jnp.zeros(n).at[rows].set(of_shot)
             if not _is_zero(sds[1]):
                 of_paths[name] = jnp.zeros(n).at[rows].set(of_path)
             record_variance = record_variance.at[rows].add(of_record**2)
+        lost = known(here) & never
+        value = jnp.where(lost, known(_nothing(layout.quantity)), value)
+        valid = valid | lost
     some = record_variance > 0
     record_sd = jnp.where(some, jnp.sqrt(jnp.where(some, record_variance, 1.0)), 0.0)
     return Recording(value, distance, valid, record_sd, of_shots, of_paths)
@@ -153,6 +162,12 @@ def record(scene: Scene, layout: Layout, laws: Mapping[str, str]) -> Recording:
 def _rows_of(path: Path, rows: np.ndarray | Array) -> Path:
     """Pick the rows of every field that has rows; what all share stays a scalar."""
     return jax.tree.map(lambda x: x[rows] if x.ndim else x, path)
+
+
+def _nothing(quantity: Sequence[str]) -> np.ndarray:
+    """Return what is read of a charge that never happens."""
+    sizeless = np.where(np.isin(quantity, ADDITIVE), np.nan, 0.0)
+    return np.where(np.isin(quantity, CLOCK_TIMES), np.inf, sizeless)
 
 
 def _is_zero(sd: object) -> bool:

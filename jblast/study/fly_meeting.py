@@ -35,7 +35,7 @@ class Meeting(NamedTuple):
     """Blasts as they come to a vehicle; one in each place of the last axis.
 
     Attributes:
-        arrival_s: On the scene's clock.
+        arrival_s: On the scene's clock; infinite: it never happens.
         distance_m: From the charge to the vehicle then.
         scaled_distance: Sachs's [m/kg^(1/3)]; NaN by a custom profile.
         overpressure_pa: At its peak, incident; NaN by a custom profile.
@@ -73,6 +73,7 @@ def meeting_at(
     """Return how the blasts come to a place."""
     if isinstance(load, CustomProfile):
         delay = load.impulse_at(position_m, quaternion)[2]
+        never = jnp.isposinf(load.time_s)
         distance = slant_range(load.charge_m, position_m)
         unknown = jnp.full((1,), jnp.nan)
         return Meeting(
@@ -80,7 +81,7 @@ def meeting_at(
             distance[None],
             unknown,
             unknown,
-            load.in_range(position_m, quaternion)[None],
+            (load.in_range(position_m, quaternion) | never)[None],
         )
     distances = jnp.stack(
         [slant_range(blast.position_m, position_m) for blast in load.blasts]
@@ -96,7 +97,8 @@ def meeting_at(
         distances,
         jnp.stack(scaled),
         jnp.stack(peaks) * load.pressure_pa,
-        load.in_range(position_m),
+        # of one that never happens it is known that there is none
+        load.in_range(position_m) | jnp.stack([b.never for b in load.blasts]),
     )
 
 

@@ -66,7 +66,11 @@ def warnings_of(flights: Flights) -> list[str]:
         said.append(
             f"a blast{whose} comes from where no {known}: its load is finite, no more"
         )
-    late = np.mean((meeting.arrival_s > flights.seconds).any(axis=-1))
+    arrival = np.asarray(meeting.arrival_s)
+    never = np.isposinf(arrival).any(axis=-1)
+    if never.any():
+        said.append("a blast never happens: the time of its charge is infinite")
+    late = np.mean(((arrival > flights.seconds) & (arrival < np.inf)).any(axis=-1))
     if late:
         said.append("a blast comes after the end of the flight")
     for name, flown in flights.holds.items():

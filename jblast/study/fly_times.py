@@ -60,6 +60,11 @@ def flight_seconds(
     batch = scenes.air.wind_east.ndim > 0
     came = np.asarray((eqx.filter_vmap(arrivals) if batch else arrivals)(scenes))
     source = source or "scene"
+    if np.isposinf(came).all(axis=-1).any():
+        raise InputError(
+            f"{source}: [charge] time_s: expected a blast that comes to the vehicle, "
+            "got none: every charge's time is inf, which is never"
+        )
     if not came.min() >= 0:
         raise InputError(
             f"{source}: [charge] time_s: expected blasts that come to the vehicle "
@@ -67,7 +72,8 @@ def flight_seconds(
         )
     seconds = options.seconds
     if seconds is None:
-        seconds = math.ceil(10 * (came.max() + AFTER_S)) / 10
+        last = came.max(where=came < np.inf, initial=0.0)
+        seconds = math.ceil(10 * (last + AFTER_S)) / 10
     first = came.min(axis=-1).max()
     if seconds <= first:
         raise InputError(

@@ -1,10 +1,11 @@
 """A charge, and what comes from it to a place."""
 
+from dataclasses import replace
 from typing import NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
 from jblast.types import as_float_array
 from jblast.vehicle.blast_curves import FIRST
@@ -32,7 +33,7 @@ class Blast(eqx.Module):
 
     Attributes:
         position_m: East, north, up.
-        time_s: Of detonation.
+        time_s: Of detonation; infinite: it never happens.
         mass_kg: TNT that makes the same pressure.
         impulse_mass_kg: TNT that makes the same impulse.
         burst: "surface" or "free-air".
@@ -43,6 +44,19 @@ class Blast(eqx.Module):
     mass_kg: Float[Array, "*batch"] = eqx.field(converter=as_float_array)
     impulse_mass_kg: Float[Array, "*batch"] = eqx.field(converter=as_float_array)
     burst: str = eqx.field(static=True, default="surface")
+
+    @property
+    def never(self) -> Bool[Array, "*batch"]:
+        """Whether it never happens."""
+        return jnp.isposinf(self.time_s)
+
+    def by(self, time_s: Float[Array, "..."]) -> "Blast":
+        """Return a blast that never happens as if it did at a time; others as they are.
+
+        For what is computed before it is masked: an infinite time has gradients that
+        are no numbers, masked or not.
+        """
+        return replace(self, time_s=jnp.where(self.never, time_s, self.time_s))
 
     def way(
         self, air: Surroundings, position_m: Float[Array, "... 3"]

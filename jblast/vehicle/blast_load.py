@@ -104,8 +104,10 @@ class BlastLoad(eqx.Module):
         )
         push = turn = three(jnp.zeros_like(state.position_m))
         for blast in self.blasts:
+            # one that never happens has not come by the step's end, and gives nothing
+            happens = ~blast.never
             passage = blast_passage(
-                blast, self._air(), start_s, end_s, state, acceleration
+                blast.by(end_s), self._air(), start_s, end_s, state, acceleration
             )
             force = moment = None
             if self.rotors:
@@ -121,12 +123,14 @@ class BlastLoad(eqx.Module):
                 drag=self.drag,
                 front=self.front,
             )
-            push = add(push, given.body)
             arm = three(body.pressure_centre_m)
-            turn = add(turn, cross(arm, times_transposed(attitude, given.body)))
+            pushed = given.body
+            turned_by = cross(arm, times_transposed(attitude, given.body))
             if force is not None and moment is not None:
-                push = add(push, polynomial(force, given))
-                turn = add(turn, polynomial(moment, given))
+                pushed = add(pushed, polynomial(force, given))
+                turned_by = add(turned_by, polynomial(moment, given))
+            push = add(push, _only(happens, pushed))
+            turn = add(turn, _only(happens, turned_by))
         return jnp.stack(push), jnp.stack(turn)
 
     def quiet_until(
@@ -147,31 +151,43 @@ class BlastLoad(eqx.Module):
         speed, most = _length(state.velocity_m_s), MOST_ACCELERATION_M_S2
         quiet = jnp.asarray(jnp.inf, start_s.dtype)
         for n, blast in enumerate(self.blasts):
-            wave = self.wave(n, state.position_m)
+            wave, happens = self.wave(n, state.position_m), ~blast.never
+            blast = blast.by(start_s)
             came = blast.time_s + blast.travel_time_s(self._air(), state.position_m)
             crossing = crossing_time(body, wave)  # of which half comes before
             left = jnp.maximum(came - crossing - start_s, 0)
             wait = left * sound / (sound + speed + most * left)
             over = start_s - came - crossing > 1.05 * (wave.duration_s + wave.suction_s)
             slow = jnp.maximum(sound / 5 - speed, 0) / most
-            quiet = jnp.minimum(quiet, start_s + jnp.where(over, slow, wait))
+            until = start_s + jnp.where(over, slow, wait)
+            quiet = jnp.minimum(quiet, jnp.where(happens, until, jnp.inf))
         return quiet
 
     def arrival_time_s(
         self, position_m: Float[Array, "... 3"]
     ) -> Float[Array, "... blast"]:
-        """Return when the fronts come to places [s]."""
+        """Return when the fronts come to places [s]; infinite: never."""
         return jnp.stack(
             [
-                blast.time_s + blast.travel_time_s(self._air(), position_m)
+                jnp.where(
+                    blast.never,
+                    jnp.inf,
+                    blast.by(jnp.zeros_like(blast.time_s)).time_s
+                    + blast.travel_time_s(self._air(), position_m),
+                )
                 for blast in self.blasts
             ],
             axis=-1,
         )
 
     def wave(self, blast: int, position_m: Float[Array, "... 3"]) -> Wave:
-        """Return what passes a place."""
-        return self.blasts[blast].wave(self._air(), position_m)
+        """Return what passes a place; without pressure if it never happens."""
+        wave = self.blasts[blast].wave(self._air(), position_m)
+        never = self.blasts[blast].never
+        return wave._replace(
+            peak=jnp.where(never, 0.0, wave.peak),
+            suction=jnp.where(never, 0.0, wave.suction),
+        )
 
     def in_range(self, position_m: Float[Array, "... 3"]) -> Bool[Array, "... blast"]:
         """Return where the waves laws hold: elsewhere the load is finite, no more.
@@ -194,6 +210,11 @@ class BlastLoad(eqx.Module):
 
 def _minus(v: Vector) -> Vector:
     return -v[0], -v[1], -v[2]
+
+
+def _only(happens: Bool[Array, ""], v: Vector) -> Vector:
+    x, y, z = (jnp.where(happens, part, 0.0) for part in v)
+    return x, y, z
 
 
 def _length(v: Float[Array, "3"]) -> Float[Array, ""]:

@@ -57,7 +57,7 @@ class CustomProfile(eqx.Module):
         reach: Ln of the least and greatest distance of each direction.
         spacing_rad: How far a case's direction speaks for others.
         charge_m: Where the charge is: east, north, up.
-        time_s: Of its detonation.
+        time_s: Of its detonation; infinite: it never happens.
         duration_s: Over which the impulse is given.
     """
 
@@ -109,17 +109,19 @@ class CustomProfile(eqx.Module):
         attitude = rotation(unit(four(state.quaternion)))
         world = jnp.stack(times(attitude, three(push)))
         step = end_s - start_s
-        first = (start_s - self.time_s - delay) / self.duration_s
+        never = jnp.isposinf(self.time_s)
+        time_s = jnp.where(never, end_s, self.time_s)
+        first = (start_s - time_s - delay) / self.duration_s
 
         def share(place: Float[Array, "3"]) -> Float[Array, ""]:
             later = self.impulse_at(place, state.quaternion)[2]
-            last = (end_s - self.time_s - later) / self.duration_s
+            last = (end_s - time_s - later) / self.duration_s
             return jnp.clip(last, 0, 1) - jnp.clip(first, 0, 1)
 
         ahead = state.position_m + state.velocity_m_s * step
         # pushed away it sees less of the pulse: what is left the next step gives
         pushed = share(ahead) * world * step / (2 * vehicle.mass_kg)
-        given = share(ahead + pushed)
+        given = jnp.where(never, 0.0, share(ahead + pushed))
         return world * given, turn * given
 
     def in_range(

@@ -1,6 +1,7 @@
 """Gusts that fill the whole air at once: a step, an N-wave, Friedlander's pulse.
 
-Each has its limit from inside at its beginning and is zero before it.
+Each has its limit from inside at its beginning and is zero before it. One whose
+beginning is infinite never blows.
 """
 
 import equinox as eqx
@@ -46,9 +47,9 @@ class NWaveGust(eqx.Module):
         self, time_s: Float[Array, ""], position_m: Float[Array, "3"]
     ) -> Float[Array, "3"]:
         """Velocity of the air [m/s]."""
-        phase = (time_s - self.start_s) / self.duration_s
-        inside = (phase >= 0) & (phase <= 1)
-        return self.velocity_m_s * jnp.where(inside, 1 - 2 * phase, 0)
+        begun = time_s >= self.start_s
+        phase = jnp.where(begun, time_s - self.start_s, 0) / self.duration_s
+        return self.velocity_m_s * jnp.where(begun & (phase <= 1), 1 - 2 * phase, 0)
 
 
 class FriedlanderGust(eqx.Module):
@@ -70,7 +71,7 @@ class FriedlanderGust(eqx.Module):
         self, time_s: Float[Array, ""], position_m: Float[Array, "3"]
     ) -> Float[Array, "3"]:
         """Velocity of the air [m/s]."""
-        since = time_s - self.start_s
+        since = jnp.where(time_s >= self.start_s, time_s - self.start_s, -1)
         one = jnp.ones_like(since)
         shape = modified_friedlander_pressure(since, one, self.duration_s, self.decay)
         return self.velocity_m_s * shape

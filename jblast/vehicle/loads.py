@@ -104,9 +104,12 @@ def pulse_wrench(
 
         def look(load: Any = load, mean: Any = mean) -> tuple[Wrench, Number]:
             until = load.quiet_until(start_s, joined(motion), vehicle)
-            # a vehicle that is lost waits for nothing
-            until = jax.lax.stop_gradient(jnp.where(jnp.isnan(until), jnp.inf, until))
-            until = until.astype(start_s.dtype)
+            # A vehicle that is lost waits for nothing. For another a time that is no
+            # number is a fault of the load, which is asked and loses it.
+            lost = ~jnp.isfinite(sum(jax.tree.leaves(motion)))
+            unknown = jnp.where(lost, jnp.inf, -jnp.inf)
+            until = jnp.where(jnp.isnan(until), unknown, until)
+            until = jax.lax.stop_gradient(until).astype(start_s.dtype)
             if axis is not None:
                 # one answer for all keeps the branch a branch
                 until = jax.lax.pmin(until, axis)

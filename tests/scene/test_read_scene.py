@@ -287,7 +287,11 @@ BAD = {
     "per cent": ("[air]\nrelative_humidity = 50\n", ["between 0 and 1", "got 50"]),
     "above the troposphere": ("[air]\naltitude_m = 2e4\n", ["altitude_m", "11000"]),
     "gamma": ("[law]\nsedov_gamma = 1.0\n", ["sedov_gamma", "above 1", "got 1.0"]),
-    "infinite": ("[charge]\ntime_s = inf\n", ["time_s", "a finite number", "inf"]),
+    "never": (
+        "[charge]\ntime_s = inf\n",
+        ["[charge] time_s: expected a finite number", "never happens out of the file"],
+    ),
+    "infinite": ("[charge]\ntime_s = -inf\n", ["time_s", "a finite number", "-inf"]),
     "not a number": ("[charge]\nmass_kg = nan\n", ["a finite number", "got nan"]),
     "overflow": ("[charge]\nmass_kg = 1" + "0" * 400, ["a finite number", "..."]),
     "text": ("[charge]\nmass_kg = '15'\n", ['a number, "free" or', "got '15'"]),

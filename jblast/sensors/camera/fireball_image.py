@@ -156,7 +156,7 @@ def cloud(scene: Scene, charge: Charge, time: Float[Array, ""]) -> Cloud:
     if air.altitude is not None:
         temperature, _ = standard_atmosphere(air.altitude)
     mass = charge.tnt_mass("fireball_radius_m")
-    since, growth = time - charge.time, scene.fireball_growth
+    since, growth = charge.since(time), scene.fireball_growth
     ball = fireball(mass, since, temperature, growth)
     centre = jnp.stack([charge.east, charge.north, charge.up + ball.rise])
     depth = ball.optical_depth

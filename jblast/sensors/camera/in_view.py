@@ -40,7 +40,8 @@ def _in_view(scene: Scene, camera: Camera, views: Views | None) -> Bool[Array, "
         else _shown(views, charge, rays)
         for charge in scene.charges
     ]
-    return jnp.stack(shown).any()
+    happens = [~charge.never for charge in scene.charges]
+    return jnp.any(jnp.stack(shown) & jnp.stack(happens))
 
 
 def off_axis(scene: Scene, camera: Camera) -> Float[Array, ""]:
@@ -56,6 +57,7 @@ def _meets(
     scene: Scene, charge: Charge, rays: Rays, margin: Float[Array, ""]
 ) -> Bool[Array, ""]:
     """Return whether a ray meets the sphere, or passes it within an angle [rad]."""
+    charge = charge.as_if_at_zero()
     life = fireball_duration(charge.tnt_mass("fireball_radius_m"))
 
     def at(part):

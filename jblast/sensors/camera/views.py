@@ -194,7 +194,7 @@ def _seen(
     """Return the premultiplied light of one charge's picture, and how far it is."""
     burst = jnp.stack([charge.east, charge.north, charge.up])
     board = billboard(views, rays, charge)
-    since = (time - charge.time) / views.stretch(charge)
+    since = charge.since(time) / views.stretch(charge)
     layer = resampled(_picture(views, board.view, since), board.x, board.y)
     visible = board.distance < rays.farthest
     return (

@@ -29,7 +29,7 @@ def blast_functions(real: type) -> SimpleNamespace:
     rankine = wp.constant(real(6.0 / 7.0))
 
     class Push:
-        """Impulse and angular impulse; whether the wave has gone by."""
+        """Impulse and angular impulse; whether the wave has gone by, or never comes."""
 
         impulse: vec3
         turn: vec3
@@ -63,6 +63,9 @@ def blast_functions(real: type) -> SimpleNamespace:
         total = Push()
         near = wave.way_to(blasts, b, n, motion.position)
         first = wave.since_arrival(blasts, b, n, near, start)
+        if wp.isinf(first) and first < real(0.0):  # it never happens
+            total.over = True
+            return total
         # by the step's end its first half may cross, as the vehicle flies to meet it
         nearer = wp.length(motion.velocity) * real(2.0) * step + drag.width(craft)
         if first + step + nearer / near.speed < real(0.0):
