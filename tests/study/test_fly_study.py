@@ -10,6 +10,9 @@ from scipy.stats import beta
 
 from jblast.errors import InputError
 from jblast.progress import Listener, heard_by
+from jblast.report.fly_document import flights_document
+from jblast.report.fly_figure import loads_figure
+from jblast.report.fly_text import flights_text
 from jblast.scene import (
     Air,
     Charge,
@@ -102,7 +105,43 @@ def test_a_flight_lasts_five_seconds_past_the_last_blast():
         assert arrival + 5.0 <= seconds < arrival + 5.1
 
 
+def test_a_charge_that_never_happens_changes_nothing(flights):
+    never = Charge(mass=5.0, east=4.0, time=np.inf, name="b")
+    both = scene(charge=Charge(mass=1.0, name="a"), others=(never,))
+    found = fly_scene(both, SHORT)
+    for name, flown in found.holds.items():
+        expected = flights.holds[name]
+        for here, there in zip(
+            *map(jax.tree.leaves, (flown.metrics, expected.metrics)), strict=True
+        ):
+            np.testing.assert_allclose(here, there, rtol=1e-9)
+        meeting = flown.meeting
+        assert (float(meeting.arrival_s[1]), float(meeting.overpressure_pa[1])) == (
+            np.inf,
+            0.0,
+        )
+    said = warnings_of(found)
+    assert [w for w in said if w not in warnings_of(flights)] == [
+        "a blast never happens: the time of its charge is infinite"
+    ]
+    assert any(
+        row.split()[:2] == ["b", "never"] for row in flights_text(found).splitlines()
+    )
+    assert flights_document(found)["blasts"][1]["arrival_s"] is None
+    assert loads_figure(found) is not None
+    seconds = [
+        fly.flight_seconds(of.scene, SPEC, "scene.toml", Options())
+        for of in (both, scene())
+    ]
+    assert seconds[0] == seconds[1]
+
+
 REFUSED = {
+    "charges that never happen": (
+        lambda: scene(charge=Charge(mass=1.0, time=np.inf)),
+        {},
+        ["scene.toml: [charge] time_s: expected a blast that comes", "never"],
+    ),
     "no vehicle": (lambda: scene(None), {}, ["[vehicle]", "got none"]),
     "a charge without a place": (
         lambda: scene(charge=Charge(mass=1.0, range=10.0)),
