@@ -1,8 +1,10 @@
 """What `jblast render` writes: frames as they come, events, and the contact sheet."""
 
+import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import NamedTuple
 
 import jax
 import numpy as np
@@ -13,13 +15,40 @@ from jblast.progress import counted
 from jblast.report.contact_sheet import sheet_frames, time_label, write_contact_sheet
 from jblast.sensors.camera.event_files import Written, write_events
 from jblast.sensors.camera.event_stream import stream_events
-from jblast.sensors.camera.film import Film, Frames
-from jblast.sensors.camera.grey_composite import luminance
+from jblast.sensors.camera.events import Events
+from jblast.sensors.camera.film import Film
 from jblast.sensors.camera.imperfections import Imperfections
+from jblast.sensors.camera.instants import (
+    STAMP_ERROR,
+    Block,
+    first_instants,
+    subdivided,
+)
 from jblast.sensors.camera.png_files import write_png
 from jblast.sensors.camera.real_events import real_stream
+from jblast.sensors.camera.render_events import render_events
 
 FRAMES, EVENTS, SHEET = "frames", "events.h5", "contact_sheet.png"
+SOLVED = 1e-6
+"""Times in the file are whole microseconds [s]."""
+
+
+class Stamps(NamedTuple):
+    """How good the times of events are.
+
+    Attributes:
+        error_s: Bound [s]; of all if they are solved for, else of 99 in 100.
+        how: In two words.
+    """
+
+    error_s: float
+    how: str
+
+
+def is_solvable(film: Film) -> bool:
+    """Return whether a film's light is the law's fireball before what stands still."""
+    still = not isinstance(film.background, tuple)
+    return film.views is None and film.supersample == 1 and still
 
 
 def cleared(
@@ -76,57 +105,72 @@ class Recording:
     mode: str
     shown: dict[int, np.ndarray] = field(default_factory=dict)
 
-    def blocks(self) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-        """Write the frames of each block, then give its times and grey light.
-
-        Times count from frame 0.
-        """
-        times = self.film.times
-        digits = max(4, len(str(len(times) - 1)))
-        wanted = sheet_frames(times, [float(c.time) for c in self.film.scene.charges])
+    def write_frames(self) -> None:
+        """Write the frames; or look only at those of the contact sheet."""
+        film = self.film
+        times, digits = film.times, max(4, len(str(len(film.times) - 1)))
+        wanted = sheet_frames(times, [float(c.time) for c in film.scene.charges])
+        if self.mode == "events":
+            few = sorted(wanted)
+            images = film.some(few)
+            self.shown |= dict(zip(few, images, strict=True))
+            return
         through = counted(len(times), "frames")
-        for which, frames, sensed in self._seen():
+        for which, frames in film.frames():
             numbers = range(which.start, which.stop)
             for number, frame in zip(numbers, frames, strict=True):
-                if self.mode != "events":
-                    write_png(self.out / FRAMES / f"{number:0{digits}}.png", frame)
+                write_png(self.out / FRAMES / f"{number:0{digits}}.png", frame)
                 if number in wanted:
                     self.shown[number] = frame
-            yield times[which] - times[0], luminance(sensed)
             through(which.stop)
 
-    def _seen(self) -> Iterator[tuple[slice, Frames, Frames]]:
-        """Return blocks: which frames, what is to be looked at, what makes events."""
-        film = self.film
-        if self.mode == "events":
-            film = film.at_instants()
-        if self.mode != "both" or float(film.camera.exposure_s) == 0.0:
-            for which, frames in film.frames():
-                yield which, frames, frames
-            return
-        pairs = zip(film.frames(), film.at_instants().frames(), strict=True)
-        for (which, frames), (_, sensed) in pairs:
-            yield which, frames, sensed
+    def write_events(self, noise: bool, seed: int) -> tuple[Written, Stamps]:
+        """Write the events; and say how good their times are.
 
-    def write_events(self, noise: bool, seed: int) -> Written:
-        """Write the events, and the frames on the way."""
-        camera = self.film.camera
-        shape = camera.height, camera.width
-        brighter, darker = (float(step) for step in camera.threshold)
-        steps = brighter, darker
-        if noise:
-            key = jax.random.key(seed)
-            events = real_stream(key, self.blocks(), shape, steps, Imperfections())
+        They are solved for where the light is a function of time that we know and the
+        camera is ideal; else the light between two of many instants is interpolated.
+        """
+        film, camera = self.film, self.film.camera
+        stamps = Stamps(SOLVED, "solved for")
+        if noise or not is_solvable(film):
+            shape = camera.height, camera.width
+            brighter, darker = (float(step) for step in camera.threshold)
+            steps = brighter, darker
+            stamps = Stamps(STAMP_ERROR, "interpolated")
+            blocks = self._instants(min(steps))
+            if noise:
+                key = jax.random.key(seed)
+                events = real_stream(key, blocks, shape, steps, Imperfections())
+            else:
+                events = stream_events(blocks, steps)
         else:
-            events = stream_events(self.blocks(), steps)
-        times = self.film.times
-        return write_events(
-            self.out / EVENTS,
-            events,
-            camera.width,
-            camera.height,
-            duration_s=float(times[-1] - times[0]),
+            events = [self._solved()]
+        start, stop = float(film.times[0]), float(film.times[-1])
+        path, size = self.out / EVENTS, (camera.width, camera.height)
+        written = write_events(path, events, *size, duration_s=stop - start)
+        return written, stamps
+
+    def _instants(self, threshold: float) -> Iterator[Block]:
+        """Return times from frame 0 on and grey light, and tell how far it is."""
+        start, stop = float(self.film.times[0]), float(self.film.times[-1])
+        total = max(1, math.ceil(1e3 * (stop - start)))
+        through = counted(total, "milliseconds of events")
+        for times, light in subdivided(self.film, threshold):
+            yield times - start, light
+            through(1e3 * (times[-1] - start))
+
+    def _solved(self) -> Events:
+        """Return the events of an ideal camera, at their times from frame 0 on."""
+        film = self.film
+        assert not isinstance(film.background, tuple)
+        events = render_events(
+            film.scene,
+            film.camera,
+            first_instants(film),
+            background=film.background,
+            tolerance=0.1 * SOLVED,
         )
+        return replace(events, time=events.time - film.times[0])
 
     def write_sheet(self) -> None:
         """Write the contact sheet of the frames that were kept."""

@@ -85,6 +85,30 @@ def test_the_frames_are_what_jblast_events_reads(jblast):
     assert 50 < json.loads(told)["events"] < said["events"]
 
 
+@pytest.mark.slow  # the solver is compiled for half a minute
+def test_times_of_events_owe_nothing_to_the_frame_rate(jblast):
+    answers = []
+    for fps in ("26", "101"):
+        said = rendered(jblast, "--times", "2:2.1", "--fps", fps, "--force")
+        assert (said["stamps"], said["stamp_error_s"]) == ("solved for", 1e-6)
+        answers.append(events_in(said["files"]["events"]))
+    slow, fast = answers
+    both = min(slow["t"].max(), fast["t"].max())  # their last frames differ
+    slow, fast = ({n: v[e["t"] <= both] for n, v in e.items()} for e in answers)
+    orders = [np.lexsort((e["t"], e["p"], e["x"], e["y"])) for e in (slow, fast)]
+    assert len(slow["t"]) > 50
+    for name in "xyp":
+        np.testing.assert_array_equal(slow[name][orders[0]], fast[name][orders[1]])
+    # each is rounded to a microsecond
+    off = slow["t"][orders[0]] - fast["t"][orders[1]]
+    assert np.abs(off).max() <= 1
+
+
+def test_a_real_camera_has_its_times_to_a_bound_that_is_said(jblast):
+    said = rendered(jblast, "--seconds", "0.04", "--mode", "events", "--noise", "on")
+    assert (said["stamps"], said["stamp_error_s"]) == ("interpolated", 1e-4)
+
+
 def test_modes_write_what_they_say(jblast):
     both = rendered(jblast, "--seconds", "0.02")
     kept = events_in(both["files"]["events"])
@@ -110,6 +134,7 @@ def test_what_is_said_without_json(jblast):
     code, out, _ = jblast("render", jblast.path("scene.toml"), *words)
     assert code == 0
     assert out.startswith("5 frames of 24 x 18 pixels at 500 Hz from 2 s: ")
+    assert "darker; times interpolated, within 100 us for 99 in 100\n" in out
     assert out.endswith(
         "".join(
             f"{jblast.path('out')}/{name}\n"

@@ -12,6 +12,7 @@ import numpy as np
 from jaxtyping import ArrayLike, Float, Int
 
 from jblast.errors import InputError
+from jblast.progress import counted
 from jblast.sensors.camera.event_pixel import check_thresholds, crossings, rounding
 from jblast.sensors.camera.event_stream import gathered
 from jblast.sensors.camera.event_strip import Found
@@ -70,15 +71,15 @@ def frameless_events(
     ]
     tolerance = max(tolerance, float(np.spacing(np.abs(times).max())))
     each = max(1, AT_ONCE // len(times))
+    found, done = [Found(pixels[:0], np.empty(0), pixels[:0])], 0
+    through = counted(len(pixels), "pixels")
     with jax.enable_x64(True):
-        found = (
-            [
-                _found(log_light, shape[1], at, times, [b[at] for b in both], tolerance)
-                for at in np.array_split(pixels, -(-len(pixels) // each))
-            ]
-            if len(pixels)
-            else [Found(pixels, np.empty(0), pixels)]
-        )
+        for at in np.array_split(pixels, max(1, -(-len(pixels) // each))):
+            if len(at):
+                here = [b[at] for b in both]
+                found.append(_found(log_light, shape[1], at, times, here, tolerance))
+                done += len(at)
+                through(done)
     return gathered(found, shape[1])
 
 

@@ -1,6 +1,6 @@
 """Frames of a scene in order of time, block by block: of any length."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -11,6 +11,7 @@ from jaxtyping import Float
 from jblast.errors import InputError
 from jblast.scene import Camera, Scene
 from jblast.sensors.camera.frame_files import frame_files, read_colours
+from jblast.sensors.camera.grey_composite import luminance
 from jblast.sensors.camera.render import BACKGROUND, render
 from jblast.sensors.camera.views import Views
 
@@ -61,29 +62,75 @@ class Film:
             InputError: A file of the background cannot be read, or has another size
                 than the image; and as in `render`.
         """
-        length = max(
-            1, min(LONGEST, PIXELS // (self.camera.width * self.camera.height))
-        )
+        length = self._length()
         for start in range(0, len(self.times), length):
             which = slice(start, min(start + length, len(self.times)))
-            count = which.stop - start
-            # a last block as long as the others, so that it needs no other program
-            padded = np.minimum(np.arange(start, start + length), which.stop - 1)
-            background = self.background
-            if isinstance(background, tuple):
-                images = [self._image(background[k]) for k in range(start, which.stop)]
-                background = np.stack(images + [images[-1]] * (length - count))
-            frames = render(
-                self.scene,
-                self.camera,
-                self.times[padded],
-                background=background,
-                # a picture from above shows also what its billboard has below ground
-                ground=self.views is None,
-                supersample=self.supersample,
-                views=self.views,
-            )
-            yield which, np.asarray(frames)[:count]
+            places = np.arange(which.start, which.stop, dtype=float)
+            yield which, self._rendered(self.times[which], places)
+
+    def some(self, numbers: Sequence[int]) -> Frames:
+        """Return a few frames by their numbers, as instants."""
+        still, length = self.at_instants(), self._length()
+        parts = [numbers[a : a + length] for a in range(0, len(numbers), length)]
+        frames = [
+            still._rendered(self.times[part], np.asarray(part, float)) for part in parts
+        ]
+        return np.concatenate(frames)
+
+    def light(self, times: Float[np.ndarray, " _"]) -> Float[np.ndarray, "_ _ _"]:
+        """Return the grey light at some instants, whatever the exposure [s].
+
+        A background that moves is linear between its frames.
+        """
+        still, length = self.at_instants(), self._length()
+        places = np.interp(times, self.times, np.arange(len(self.times)))
+        parts = [slice(a, a + length) for a in range(0, len(times), length)]
+        frames = [still._rendered(times[part], places[part]) for part in parts]
+        return np.concatenate([luminance(part) for part in frames])
+
+    def _length(self) -> int:
+        """Return how many frames are rendered together."""
+        pixels = self.camera.width * self.camera.height
+        return max(1, min(LONGEST, PIXELS // pixels))
+
+    def _rendered(
+        self, times: Float[np.ndarray, " few"], places: Float[np.ndarray, " few"]
+    ) -> Frames:
+        """Return what is seen at a few times, each at a place between the frames."""
+        count = len(times)
+        # as many as in every block, so that there is one program
+        room = (0, self._length() - count)
+        times, places = (np.pad(v, room, mode="edge") for v in (times, places))
+        background = self.background
+        if isinstance(background, tuple):
+            background = self._moving(background, places)
+        frames = render(
+            self.scene,
+            self.camera,
+            times,
+            background=background,
+            # a picture from above shows also what its billboard has below ground
+            ground=self.views is None,
+            supersample=self.supersample,
+            views=self.views,
+        )
+        return np.asarray(frames)[:count]
+
+    def _moving(
+        self, files: tuple[Path, ...], place: Float[np.ndarray, " _"]
+    ) -> Float[np.ndarray, "_ _ _ 3"]:
+        """Return the background at places between its frames, linear between them."""
+        before = np.floor(place).astype(int)
+        images = {k: self._image(files[k]) for k in np.unique(before)}
+        for k in np.unique(before[place > before] + 1):
+            images.setdefault(k, self._image(files[k]))
+        share = place - before
+        return np.stack(
+            [
+                images[k] if not s else (1.0 - s) * images[k] + s * images[k + 1]
+                for k, s in zip(before, share, strict=True)
+            ]
+        )
 
     def _image(self, path: Path) -> Float[np.ndarray, "height width 3"]:
         image = read_colours(path)

@@ -1,0 +1,115 @@
+import dataclasses
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from jblast.scene import Camera, Charge, Scene
+from jblast.scene.pose import look_at
+from jblast.sensors.camera.event_stream import stream_events
+from jblast.sensors.camera.film import Film
+from jblast.sensors.camera.instants import (
+    LEFT,
+    STAMP_ERROR,
+    first_instants,
+    subdivided,
+)
+from jblast.sensors.camera.png_files import write_png
+from jblast.sensors.camera.render_events import render_events
+from jblast.sensors.camera.views import Views
+
+BOTH = (0.2, 0.3)
+
+
+def camera(width=20, height=15) -> Camera:
+    position = jnp.array([0.0, -40.0, 2.0])
+    return Camera(
+        position=position,
+        quaternion=look_at(position, jnp.array([0.0, 0.0, 4.0])),
+        focal=jnp.full(2, 0.87 * width),
+        center=jnp.array([(width - 1) / 2, (height - 1) / 2]),
+        width=width,
+        height=height,
+        threshold=jnp.array(BOTH),
+    )
+
+
+SCENE = Scene(charge=Charge(mass=15.0, up=1.0, time=2.0))
+
+
+def filmed(fps=30.0, seconds=0.5, **options) -> Film:
+    times = 2.0 + np.arange(round(seconds * fps)) / fps
+    return Film(SCENE, camera(), times, **options)
+
+
+def fields(parts):
+    """Place and sign, and times, by pixel, sign and time."""
+    x, y, sign, time = (
+        np.concatenate([np.asarray(getattr(p, name))[: int(p.count)] for p in parts])
+        for name in ("x", "y", "polarity", "time")
+    )
+    order = np.lexsort((time, sign, x, y))
+    return np.stack([x, y, sign])[:, order], time[order]
+
+
+@pytest.mark.slow  # the solver is compiled for half a minute
+def test_times_are_within_the_bound_of_those_solved_for_at_any_frame_rate():
+    film = filmed()
+    known, when = fields([render_events(SCENE, camera(), first_instants(film))])
+    assert known.shape[1] > 300
+    for fps in (30.0, 400.0):
+        blocks = subdivided(dataclasses.replace(filmed(fps), times=film.times), 0.2)
+        found, time = fields(list(stream_events(blocks, BOTH)))
+        np.testing.assert_array_equal(found, known)
+        assert np.quantile(np.abs(time - when), 1.0 - LEFT) < STAMP_ERROR
+
+
+def test_a_smaller_bound_takes_more_instants_and_is_kept():
+    film = filmed(seconds=0.1)
+
+    def at(bound):
+        blocks = list(subdivided(film, 0.2, bound))
+        times = np.concatenate([times for times, _ in blocks])
+        assert (np.diff(times) > 0.0).all()
+        assert times[0] == film.times[0]
+        assert times[-1] == film.times[-1]
+        assert {len(times) for times, _ in blocks[:-1]} <= {16}
+        return len(times), fields(list(stream_events(blocks, BOTH)))
+
+    (many, (known, when)), (few, (found, time)) = at(2e-6), at(1e-4)
+    assert many > 2 * few
+    np.testing.assert_array_equal(found, known)
+    assert np.quantile(np.abs(time - when), 1.0 - LEFT) < 1e-4
+
+
+def test_where_nothing_happens_few_instants_are_looked_at():
+    film = filmed(seconds=0.5)
+    before = dataclasses.replace(film, times=film.times - 10.0)
+    count = sum(len(times) for times, _ in subdivided(before, 0.2))
+    assert count == 4 * len(first_instants(before)) - 3
+
+
+def test_pictures_and_moving_backgrounds_are_looked_at_when_they_change(tmp_path):
+    frames = np.zeros((1, 3, 9, 9, 4), np.uint8)
+    views = Views(
+        frames=jnp.asarray(frames),
+        direction=np.array([[0.0, -1.0, 0.0]]),
+        up=np.array([[0.0, 0.0, 1.0]]),
+        metres_per_pixel=np.ones(1),
+        anchor=np.full((1, 2), 4.0),
+        frames_hz=10.0,
+        charge_mass=15.0,
+    )
+    instants = first_instants(filmed(views=views))
+    for k in range(5):
+        assert np.abs(instants - 2.0 - 0.1 * k).min() < 1e-9
+    files = []
+    for k in range(15):
+        files.append(tmp_path / f"{k}.png")
+        write_png(files[-1], np.full((15, 20, 3), 0.1 + 0.05 * k))
+    film = filmed(background=tuple(files))
+    assert np.isin(film.times, first_instants(film)).all()
+    # half way between two frames, before the blast is anywhere near the corner
+    grey = film.light(np.array([2.0, 2.0 + 0.5 / 30.0, 2.0 + 1.0 / 30.0]))[:, 0, 0]
+    np.testing.assert_allclose(grey[1], 0.5 * (grey[0] + grey[2]))
+    assert grey[2] > 1.2 * grey[0]
