@@ -68,11 +68,16 @@ class Law:
 
 
 LAWS: dict[tuple[str, str], Law] = {}
+REPLACED: set[tuple[str, str]] = set()
+"""Laws that are others than at first."""
 
 
 def register(law: Law) -> Law:
     """Enter a law into the table; a law of the same quantity and name is replaced."""
-    LAWS[law.quantity, law.name] = law
+    key = law.quantity, law.name
+    if key in LAWS:
+        REPLACED.add(key)
+    LAWS[key] = law
     return law
 
 

@@ -11,6 +11,7 @@ from pathlib import Path
 CACHE = Path(__file__).parents[1] / ".jax_cache"
 os.environ["XDG_CACHE_HOME"] = str(CACHE)
 os.environ.setdefault("MPLBACKEND", "agg")
+os.environ["JBLAST_KEEP_PROGRAMS"] = "0"  # tests put other numbers into the package
 
 import jax  # noqa: E402 (after what it reads from the environment)
 import pytest  # noqa: E402

@@ -16,6 +16,8 @@ SOURCES = sorted(PACKAGE.rglob("*.py"))
 # Each may import what stands above it, and its own.
 ORDER = [
     ("types", "constants", "registry", "errors", "quantities", "progress"),
+    ("program_words",),
+    ("kept_programs",),
     ("scene",),
     ("waves",),
     ("fidelity",),

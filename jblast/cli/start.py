@@ -45,6 +45,10 @@ def start_jax(*, all_cores: bool = False, quick: bool = False) -> None:
     jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
     jax.config.update("jax_persistent_cache_min_entry_size_bytes", 0)
     _write_whole()
+    if os.environ.get("JBLAST_KEEP_PROGRAMS") != "0":
+        from jblast.kept_programs import keep_in
+
+        keep_in(Path(home) / "jblast")
 
 
 def _compile_quickly() -> None:

@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping, Sequence
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -10,6 +9,7 @@ from jaxtyping import Float
 
 from jblast.inference.fit_result import Band
 from jblast.inference.parameters import Parameters
+from jblast.kept_programs import kept
 from jblast.observations import Observations
 from jblast.quantities import DIRECTIONS, TIMED
 from jblast.sensors import Layout, record
@@ -86,7 +86,7 @@ def bands(
     return tuple(answer)
 
 
-@eqx.filter_jit
+@kept
 def _recordings(parameters, draws, layout, laws):
     def one(z):
         recording = record(parameters.scene_at(z), layout, dict(laws))

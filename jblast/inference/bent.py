@@ -10,13 +10,13 @@ randomize-then-optimize (Bardsley, Solonen, Haario & Laine 2014, SIAM J. Sci. Co
 
 from typing import NamedTuple
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from jblast.inference.fisher import whitened, whitened_jacobian
 from jblast.inference.posterior import Posterior
+from jblast.kept_programs import kept
 
 STEPS = 8
 """Of Newton's method; of draws up to 6 sd along a ridge 999 in 1000 arrive."""
@@ -36,7 +36,7 @@ class Placed(NamedTuple):
     log_ratio: Float[Array, " place"]
 
 
-@eqx.filter_jit
+@kept
 def bent(
     posterior: Posterior,
     center: Float[Array, " free"],

@@ -6,12 +6,12 @@ Student-t. What the size of the errors tells about the parameters is left out: i
 small, and no layout is planned for it.
 """
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from jblast.inference.posterior import Misfit, Posterior
+from jblast.kept_programs import kept
 from jblast.sensors.observe import STUDENT_FREEDOM, Noise
 
 NULL = 1e-10
@@ -63,7 +63,7 @@ def information_of_row(noise: Noise) -> float:
     return 1.0 if noise == "gaussian" else (nu + 1) / (nu + 3)
 
 
-@eqx.filter_jit
+@kept
 def information(
     posterior: Posterior, z: Float[Array, " free"]
 ) -> Float[Array, "free free"]:

@@ -12,7 +12,6 @@ density falls as it should.
 
 from dataclasses import dataclass
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -26,6 +25,7 @@ from jblast.inference.fisher import (
 )
 from jblast.inference.parameters import Parameters
 from jblast.inference.posterior import Posterior
+from jblast.kept_programs import kept
 from jblast.scene import place_of
 
 NORMAL_Q95 = 1.6448536269514722
@@ -124,7 +124,7 @@ def _fall_of_crest(posterior, z, axis, others, top) -> float:
     return min(top - end for end in ends)
 
 
-@eqx.filter_jit
+@kept
 def _bend(posterior: Posterior, z, there, step):
     """Return how far readings moved beyond a straight step, as slopes."""
     here, moved = posterior.misfit(z), posterior.misfit(there)
@@ -156,7 +156,7 @@ def half_width(posterior, z, axis, top) -> float:
     return steps[at]
 
 
-@eqx.filter_jit
+@kept
 def density_and_slope(posterior: Posterior, z):
     """Return ln of the density per unit of z, and its gradient."""
     return jax.value_and_grad(posterior.log_density)(z)

@@ -14,7 +14,6 @@ whole search may be batched over logs.
 
 from typing import NamedTuple
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import optimistix as optx
@@ -25,6 +24,7 @@ from jblast.inference.fisher import information
 from jblast.inference.posterior import Posterior
 from jblast.inference.starts import spreads, starts
 from jblast.inference.thinned import is_long, thinned
+from jblast.kept_programs import kept
 from jblast.sensors.observe import STUDENT_FREEDOM
 
 STARTS = 64
@@ -57,7 +57,7 @@ class Optima(NamedTuple):
     log_density: Float[Array, " optimum"]
 
 
-@eqx.filter_jit
+@kept
 def optima(key: PRNGKeyArray, posterior: Posterior) -> Optima:
     """Search a posterior from `STARTS` places and climb from the best few ends."""
     if not is_long(posterior):
@@ -78,7 +78,7 @@ def optima(key: PRNGKeyArray, posterior: Posterior) -> Optima:
     return _in_order(posterior, ends, repeated, preference)
 
 
-@eqx.filter_jit
+@kept
 def likeliest_start(key: PRNGKeyArray, posterior: Posterior) -> Float[Array, " free"]:
     """Return the most probable of the places where a search begins.
 

@@ -9,6 +9,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from jblast.kept_programs import kept
 from jblast.scene import Free, Scene, UncertainScene, place_of, with_values
 from jblast.scene.priors import Belief
 
@@ -35,7 +36,7 @@ class Parameters(eqx.Module):
             )
         }
 
-    @eqx.filter_jit
+    @kept
     def values_of_each(
         self, z: Float[Array, "draw free"]
     ) -> dict[str, Float[Array, " draw"]]:

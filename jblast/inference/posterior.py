@@ -10,6 +10,7 @@ from jaxtyping import Array, Bool, Float
 from jblast.errors import InputError
 from jblast.inference.likelihood import log_likelihood
 from jblast.inference.parameters import Parameters
+from jblast.kept_programs import kept
 from jblast.observations import Observations
 from jblast.observations.clocks import refuse_unresolved
 from jblast.registry import law_for
@@ -69,7 +70,7 @@ class Posterior(eqx.Module):
 
     # Jitted, so that each is traced once however many derivatives are taken of it.
 
-    @eqx.filter_jit
+    @kept
     def misfit(self, z: Float[Array, " free"]) -> Misfit:
         """Return how the scene at $z$ misses the data."""
         scene = self.parameters.scene_at(z)
@@ -88,7 +89,7 @@ class Posterior(eqx.Module):
             slant_range=recording.slant_range,
         )
 
-    @eqx.filter_jit
+    @kept
     def log_density(self, z: Float[Array, " free"]) -> Float[Array, ""]:
         """Return ln of the posterior density per unit of $z$, up to a constant."""
         misfit = self.misfit(z)
@@ -97,7 +98,7 @@ class Posterior(eqx.Module):
         )
         return likelihood + self.parameters.log_prior(z)
 
-    @eqx.filter_jit
+    @kept
     def effects(self, z: Float[Array, " free"]) -> Float[Array, " effect"]:
         """Return the most probable shared effects at $z$."""
         misfit = self.misfit(z)

@@ -1,6 +1,5 @@
 """Where a search begins: many places, spread over what the parameters could be."""
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -9,6 +8,7 @@ from jaxtyping import Array, Float, PRNGKeyArray
 from jblast.constants import STANDARD_SOUND_SPEED
 from jblast.inference.posterior import Posterior
 from jblast.inference.starts_in_sight import along_sight, sight_length
+from jblast.kept_programs import kept
 from jblast.observations import CLOCK_TIMES
 from jblast.quantities import FIREBALL_RADII
 from jblast.scene import Free, place_of
@@ -36,7 +36,7 @@ WIND = 5.0
 """A typical wind [m/s]."""
 
 
-@eqx.filter_jit
+@kept
 def layout_size(posterior: Posterior) -> Float[Array, ""]:
     """Return how far the sensors stand from one another, or from the charge [m].
 
@@ -49,7 +49,7 @@ def layout_size(posterior: Posterior) -> Float[Array, ""]:
     return jnp.where(given > 0, given, jnp.maximum(spread, least))
 
 
-@eqx.filter_jit
+@kept
 def scales(posterior: Posterior) -> Float[Array, " free"]:
     """Return a typical step of each coordinate, which makes them alike to a solver."""
     size = layout_size(posterior)

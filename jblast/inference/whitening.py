@@ -16,6 +16,7 @@ from jblast.errors import InputError
 from jblast.inference.identifiability import Identifiability
 from jblast.inference.laplace import Laplace
 from jblast.inference.posterior import Posterior
+from jblast.kept_programs import kept
 
 
 @runtime_checkable
@@ -45,7 +46,7 @@ class Whitened(eqx.Module):
         return self.posterior.log_density(self.center + self.root @ w)
 
 
-@jax.jit
+@kept
 def densities(density: Density, w: Float[Array, "place free"]):
     """Return the log-density of many places; -inf where it is no number."""
     value = jax.vmap(density.log_density)(w)

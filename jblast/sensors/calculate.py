@@ -4,12 +4,12 @@ import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
 import jblast.waves as _waves  # noqa: F401  laws enter the registry as they are imported
+from jblast.kept_programs import kept
 from jblast.quantities import DERIVED_QUANTITIES, QUANTITIES
 from jblast.registry import LAWS, Law, call
 from jblast.scene import Scene
@@ -113,7 +113,7 @@ def evaluate(
     return np.asarray(values)[:, :n], np.asarray(valid)[:, :n]
 
 
-@eqx.filter_jit
+@kept
 def _evaluate(
     scene: Scene,
     slant_range: Float[Array, " row"],

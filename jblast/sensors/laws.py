@@ -7,7 +7,6 @@ third of their smallest sigma.
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
-import equinox as eqx
 import jax
 import numpy as np
 from jaxtyping import Float
@@ -15,6 +14,7 @@ from jaxtyping import Float
 from jblast.errors import InputError, nearest
 from jblast.fidelity import choose_for, tolerance_of
 from jblast.fidelity.ways import Ways, ways_of
+from jblast.kept_programs import kept
 from jblast.registry import names_for
 from jblast.scene import Scene
 from jblast.sensors.layout import Layout
@@ -74,7 +74,7 @@ def choose_laws(
     }
 
 
-@eqx.filter_jit
+@kept
 def _ways(
     scene: Scene, layout: Layout, quantities: tuple[str, ...]
 ) -> dict[str, list[Ways | None]]:

@@ -4,12 +4,12 @@ import dataclasses
 import math
 from dataclasses import dataclass
 
-import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Float
 
 from jblast.constants import TNT_DENSITY
+from jblast.kept_programs import kept
 from jblast.scene import Scene
 from jblast.sensors.layout import Layout
 from jblast.sensors.record import path_to
@@ -57,7 +57,7 @@ def tnt_factor_in(scene: Scene, quantity: str) -> Float[Array, ""]:
     return scene.charge.tnt_mass(quantity) / scene.charge.mass
 
 
-@eqx.filter_jit
+@kept
 def scene_path(scene: Scene) -> Path:
     """Return what lies between the charge of a scene and a sensor 1 m away.
 

@@ -16,6 +16,7 @@ import numpy as np
 from jax import lax
 from jaxtyping import Array, ArrayLike, Bool, Float
 
+from jblast.kept_programs import kept
 from jblast.quantities import ADDITIVE, CIRCULAR, CLOCK_TIMES, TIMES
 from jblast.registry import call, law_for
 from jblast.scene import Charge, Scene
@@ -81,7 +82,7 @@ def known(rows: np.ndarray) -> np.ndarray | Array:
     return lax.optimization_barrier(jnp.asarray(rows)) if rows.size > LONG else rows
 
 
-@eqx.filter_jit
+@kept
 def path_to(scene: Scene, layout: Layout, charge: Charge | None = None) -> Path:
     """Return what lies between a charge (the first) and the sensor of each row."""
     charge = charge or scene.charge

@@ -13,6 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from jblast.kept_programs import kept
 from jblast.progress import counted
 from jblast.scene import Scene, UncertainScene, VehicleSpec
 from jblast.study.fly_draws import checked_scene, drawn_scenes, drawn_values
@@ -154,7 +155,7 @@ def _flown(
     )
 
 
-_met = eqx.filter_jit(met)
+_met = kept(met)
 _met_each = eqx.filter_jit(jax.vmap(met, (0, None, 0, 0)))
 
 

@@ -10,6 +10,7 @@ import jax.numpy as jnp
 from jax.core import Tracer
 from jaxtyping import Array, Float
 
+from jblast.kept_programs import kept
 from jblast.vehicle.arguments import (
     check_choices,
     check_commands,
@@ -135,7 +136,8 @@ def simulate(
         flown.fly()
         return flown.trajectory()
     traced = any(isinstance(x, Tracer) for x in jax.tree.leaves((flight, ticks)))
-    rows = (_FLY_WITHIN if traced else _FLY_ALL)(
+    program = _FLY_WITHIN if traced else _FLY_EACH if batch else _FLY_ONE
+    rows = program(
         flight,
         ticks,
         jnp.asarray(period, dtype),
@@ -174,7 +176,8 @@ def _fly_all(
 _OPTIONS: dict[str, Any] = {"compiler_options": {"xla_cpu_prefer_vector_width": 512}}
 """XLA keeps to vectors of 256 bits unless told: by 512, where the CPU has them, a
 flight is a quarter faster."""
-_FLY_ALL = eqx.filter_jit(_fly_all, **_OPTIONS)
+_FLY_ONE = kept(_fly_all, **_OPTIONS)
+_FLY_EACH = eqx.filter_jit(_fly_all, **_OPTIONS)
 _FLY_WITHIN = eqx.filter_jit(_fly_all)
 """Within another program, which has options of its own."""
 

@@ -1,0 +1,179 @@
+"""Traced programs kept between runs.
+
+The compilation cache of JAX spares a second run the compiling. To look a program up
+there it has to be traced and lowered again, though: half of what a warm `jblast fit`
+computes. `kept` writes down what was lowered (`jax.export`), by everything it depends
+on: the package's own files, versions, the shapes of arrays, the value of all else.
+Nothing is kept before `keep_in` names a folder, as commands do; the library does not.
+"""
+
+import contextlib
+import functools
+import hashlib
+import json
+import os
+import threading
+from collections.abc import Callable
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any, ParamSpec, TypeVar
+
+import equinox as eqx
+import jax
+from jax import export
+from jax.core import Tracer
+
+from jblast.program_words import Unkept, described, is_array, rebuilt, spelled
+from jblast.registry import LAWS, REPLACED
+
+P = ParamSpec("P")
+R = TypeVar("R")
+
+LIBRARIES = ("jax", "jaxlib", "equinox", "optimistix", "lineax", "numpy")
+LAPACK = ("geqrf", "orgqr", "ormqr", "potrf", "getrf", "syevd", "gesdd", "trsm")
+UNSTABLE = tuple(
+    export.DisabledSafetyCheck.custom_call(f"lapack_{kind}{name}_ffi")
+    for kind in "sd"
+    for name in LAPACK
+)
+"""Calls whose meaning another version of JAX may change: ours is part of the name."""
+SETTINGS = (
+    "jax_enable_x64",
+    "jax_default_matmul_precision",
+    "jax_default_prng_impl",
+    "jax_threefry_partitionable",
+)
+
+
+class _Store:
+    """Where programs are kept, and those that were used already."""
+
+    folder: Path | None = None
+    used: dict[str, Callable[..., Any] | None]
+
+    def __init__(self) -> None:
+        self.used = {}
+
+
+STORE = _Store()
+
+
+def keep_in(folder: str | Path | None) -> None:
+    """Keep traced programs in a folder from now on; None: no longer."""
+    STORE.folder = None if folder is None else Path(folder)
+    STORE.used = {}
+
+
+def kept(function: Callable[P, R], **options: Any) -> Callable[P, R]:
+    """Compile as `equinox.filter_jit` does, and keep the traced program between runs.
+
+    Where that cannot be (inside another program, an argument that cannot be written
+    down) it is `filter_jit` alone. To name a program takes a millisecond at each call.
+
+    Args:
+        function: What to compile.
+        options: Of `jax.jit`.
+    """
+    compiled = eqx.filter_jit(function, **options)
+
+    @functools.wraps(function)
+    def keeping(*args: P.args, **kwargs: P.kwargs) -> R:
+        if STORE.folder is None:
+            return compiled(*args, **kwargs)
+        arguments = args, kwargs
+        leaves = jax.tree.leaves(arguments)
+        if any(isinstance(leaf, Tracer) for leaf in leaves):
+            return compiled(*args, **kwargs)
+        try:
+            key = _key(function, arguments)
+        except Unkept:
+            return compiled(*args, **kwargs)
+        if key not in STORE.used:
+            path = STORE.folder / f"traced-{key}"
+            STORE.used[key] = _read(path, options) or _made(
+                function, arguments, path, options
+            )
+        program = STORE.used[key]
+        if program is None:
+            return compiled(*args, **kwargs)
+        return program(*(leaf for leaf in leaves if is_array(leaf)))
+
+    return keeping
+
+
+def _made(
+    function: Callable, arguments: Any, path: Path, options: Any
+) -> Callable | None:
+    """Trace a program, write it down, and return it; None where it cannot be kept."""
+    leaves, tree = jax.tree.flatten(arguments)
+    structure = []
+
+    def flat(*arrays):
+        left = iter(arrays)
+        filled = [next(left) if is_array(leaf) else leaf for leaf in leaves]
+        args, kwargs = jax.tree.unflatten(tree, filled)
+        answer = function(*args, **kwargs)
+        found: list[Any] = []
+        structure.append(described(answer, found))
+        return found
+
+    arrays = [leaf for leaf in leaves if is_array(leaf)]
+    try:
+        made = export.export(jax.jit(flat), disabled_checks=UNSTABLE)(*arrays)
+        data = bytes(made.serialize())
+    except (Unkept, ValueError, NotImplementedError, ImportError):
+        return None
+    head = json.dumps(structure[-1]).encode()
+    part = path.with_name(f"{path.name}.{os.getpid()}.{threading.get_ident()}")
+    with contextlib.suppress(OSError):  # a full disk: not kept
+        path.parent.mkdir(parents=True, exist_ok=True)
+        part.write_bytes(head + b"\n" + data)
+        part.replace(path)
+    # what is read back, not what was made: XLA's cache tells them apart
+    return _program(data, structure[-1], options)
+
+
+def _read(path: Path, options: Any) -> Callable | None:
+    """Return a kept program, or None if there is none that can be read."""
+    try:
+        head, data = path.read_bytes().split(b"\n", 1)
+        return _program(data, json.loads(head), options)
+    except Exception:  # none, or not whole: it is made again
+        return None
+
+
+def _program(data: bytes, structure: Any, options: Any) -> Callable:
+    run = jax.jit(export.deserialize(bytearray(data)).call, **options)
+    return lambda *arrays: rebuilt(structure, run(*arrays))
+
+
+def _key(function: Callable, arguments: Any) -> str:
+    """Return a name for what a program depends on."""
+    whole = f"{_surroundings()} {spelled(function)} {spelled(arguments)}"
+    return hashlib.sha256(whole.encode()).hexdigest()
+
+
+@functools.cache
+def _source() -> str:
+    """Return a fingerprint of the package's files and the libraries' versions."""
+    digest = hashlib.sha256()
+    root = Path(__file__).parent
+    for path in sorted(root.rglob("*")):
+        if path.is_file() and path.suffix != ".pyc":
+            digest.update(f"{path.relative_to(root)} ".encode() + path.read_bytes())
+    digest.update(" ".join(version(name) for name in LIBRARIES).encode())
+    return digest.hexdigest()
+
+
+def _surroundings() -> str:
+    """Return what else tracing depends on.
+
+    Raises:
+        Unkept: There is a law that is not of this package, or another than at first.
+    """
+    if REPLACED or not all(
+        law.function.__module__.startswith("jblast.") for law in LAWS.values()
+    ):
+        raise Unkept
+    settings = [getattr(jax.config, name) for name in SETTINGS]
+    return f"{_source()} {jax.default_backend()} {settings}"

@@ -1,0 +1,153 @@
+"""A kept program answers as the one it was made of, and never for another."""
+
+import sys
+from collections import Counter
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import jblast.waves  # noqa: F401  registers the laws
+from jblast import kept_programs
+from jblast.kept_programs import keep_in, kept
+from jblast.program_words import Unkept, spelled
+from jblast.registry import LAWS, REPLACED, register
+
+TRACED = Counter()
+
+
+class Pair(NamedTuple):
+    """What a program answers with."""
+
+    total: jax.Array
+    parts: dict[str, jax.Array]
+
+
+class Line(eqx.Module):
+    """What a program is given: an array, and a number that is part of it."""
+
+    slope: jax.Array
+    power: int = eqx.field(static=True)
+
+
+@dataclass(frozen=True)
+class Table:
+    """Holds numbers that are part of a program, which their shape does not tell."""
+
+    numbers: np.ndarray
+
+
+def climb(line, x):
+    """Say that it was traced, and answer."""
+    TRACED[line.power] += 1
+    value = line.slope * x**line.power
+    return Pair(jnp.sum(value), {"each": value})
+
+
+# as if of the package: others' functions may change without a trace
+for own in (climb, Pair, Line):
+    own.__module__ = "jblast.climb"
+
+
+@pytest.fixture(autouse=True)
+def store(tmp_path):
+    TRACED.clear()
+    keep_in(tmp_path)
+    yield tmp_path
+    keep_in(None)
+
+
+def started_again(store):
+    """Forget what this process holds, as another process would."""
+    keep_in(store)
+    return kept(climb)
+
+
+X = np.array([1.0, 2.0, 3.0])
+
+
+@pytest.fixture
+def found(monkeypatch):
+    """Let what is read back find the classes of this file."""
+    monkeypatch.setitem(sys.modules, "jblast.climb", sys.modules[__name__])
+
+
+def test_a_second_start_answers_the_same_without_tracing(store, found):
+    line = Line(jnp.asarray(2.0), 2)
+    first = kept(climb)(line, X)
+    assert len(list(store.iterdir())) == 1
+    second = started_again(store)(line, X)
+    assert TRACED[2] == 1
+    assert isinstance(second, Pair)
+    np.testing.assert_array_equal(second.parts["each"], 2.0 * X**2)
+    np.testing.assert_array_equal(first.total, second.total)
+
+
+def test_arrays_are_given_and_all_else_is_another_program(store, found):
+    program = kept(climb)
+    program(Line(jnp.asarray(2.0), 2), X)
+    assert program(Line(jnp.asarray(5.0), 2), X).total == 5.0 * np.sum(X**2)
+    assert len(list(store.iterdir())) == 1
+    assert program(Line(jnp.asarray(2.0), 3), X).total == 2.0 * np.sum(X**3)
+    program(Line(jnp.asarray(2.0), 2), X[:2])
+    program(Line(jnp.asarray(2.0, jnp.float32), 2), X.astype(np.float32))
+    assert len(list(store.iterdir())) == 4
+
+
+def test_another_state_of_the_package_is_another_program(store, found, monkeypatch):
+    program, line = kept(climb), Line(jnp.asarray(2.0), 2)
+    program(line, X)
+    monkeypatch.setattr(kept_programs, "_source", lambda: "edited")
+    program(line, X)
+    assert TRACED[2] == 2
+
+
+def test_half_a_file_is_made_again(store, found):
+    line = Line(jnp.asarray(2.0), 2)
+    kept(climb)(line, X)
+    (file,) = store.iterdir()
+    whole = file.read_bytes()
+    for size in (0, 10, len(whole) // 2):
+        file.write_bytes(whole[:size])
+        assert started_again(store)(line, X).total == 2.0 * np.sum(X**2)
+        assert file.read_bytes()[:10] == whole[:10]
+
+
+def test_derivatives_and_batches_go_through_the_function_itself(found):
+    program = kept(climb)
+    slope = jax.grad(lambda s: program(Line(s, 2), X).total)(jnp.asarray(2.0))
+    assert slope == np.sum(X**2)
+    many = jax.vmap(lambda s: program(Line(s, 2), X).total)(jnp.arange(3.0))
+    np.testing.assert_array_equal(many, np.arange(3.0) * np.sum(X**2))
+
+
+def test_numbers_within_a_program_have_no_name():
+    with pytest.raises(Unkept):
+        spelled(Table(np.array([1.0])))
+    with pytest.raises(Unkept):
+        spelled(lambda x: x)
+    with pytest.raises(Unkept):
+        spelled(test_numbers_within_a_program_have_no_name)  # not of the package
+
+
+def test_once_a_law_is_replaced_nothing_is_kept(store, found):
+    program, line = kept(climb), Line(jnp.asarray(2.0), 2)
+    law = LAWS["flash_time_s", "light"]
+    register(law)
+    try:
+        assert program(line, X).total == 2.0 * np.sum(X**2)
+        assert not list(store.iterdir())
+    finally:
+        REPLACED.discard((law.quantity, law.name))
+    program(line, X)
+    assert list(store.iterdir())
+
+
+def test_without_a_folder_nothing_is_kept(store):
+    keep_in(None)
+    kept(climb)(Line(jnp.asarray(2.0), 2), X)
+    assert not list(store.iterdir())
