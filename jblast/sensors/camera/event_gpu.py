@@ -1,7 +1,8 @@
 """Frames to events on a GPU, by one kernel over the pixels.
 
 The events are those of `stream_events`, in the same order. Frames may be arrays of
-NumPy, or arrays of JAX that lie on the GPU already and are not copied.
+NumPy, or arrays of JAX that lie on the GPU already and are not copied. Of a real
+camera's imperfections thresholds, leaks and the refractory period are done here.
 """
 
 from collections.abc import Iterable, Iterator
@@ -25,7 +26,15 @@ from jblast.sensors.camera.event_pixel import check_thresholds
 from jblast.sensors.camera.event_stream import gathered
 from jblast.sensors.camera.event_strip import Found as FoundOnHost
 from jblast.sensors.camera.events import Events
+from jblast.sensors.camera.imperfections import Leak
 from jblast.sensors.camera.log_intensity import grey_table
+from jblast.sensors.camera.reset_kernel import (
+    HeldPixels,
+    Reset,
+    begin_reset,
+    follow_reset,
+    screen_reset,
+)
 
 ROOM = 1 << 16
 """Events a block may have before it is done again with more room."""
@@ -39,7 +48,7 @@ and their frames lie in more pages than a GPU can look up at once."""
 
 
 class EventKernel:
-    """An ideal event camera on one device; `advance` takes its next frames."""
+    """An event camera on one device; `advance` takes its next frames."""
 
     def __init__(
         self,
@@ -48,6 +57,8 @@ class EventKernel:
         *,
         background: Float[np.ndarray, "height width"] | None = None,
         table: Float[np.ndarray, "256"] | None = None,
+        leak: Leak | None = None,
+        refractory_s: float = 0.0,
         device: str | None = None,
     ):
         """Take what does not change.
@@ -58,6 +69,8 @@ class EventKernel:
                 or an array (height, width).
             background: Grey light behind frames of RGBA, full scale 1.
             table: Logarithm of the light of each 8-bit value; else `grey_table()`.
+            leak: How the pixels leak; by default they do not.
+            refractory_s: So long a pixel is held in reset after an event [s].
             device: Warp's name of it; by default the first GPU, or the CPU.
 
         Raises:
@@ -85,9 +98,21 @@ class EventKernel:
         self.camera.table = wp.array(table, dtype=wp.float64, device=self.device)
         lights = np.exp(table).astype(np.float32)
         self.camera.lights = wp.array(lights, device=self.device)
-        self.pixels, self.spare = (self._room_for(Pixels, self.size) for _ in range(2))
+        self.is_ideal = leak is None and refractory_s == 0.0
+        kind = Pixels if self.is_ideal else HeldPixels
+        self.pixels, self.spare = (self._room_for(kind, self.size) for _ in range(2))
+        self._set_reset(leak, refractory_s)
         self.loud = self._room_for(Loud, self.size)
         self.room, self.time = ROOM, -np.inf
+
+    def _set_reset(self, leak: Leak | None, refractory_s: float) -> None:
+        """Say how pixels leak, and how long they are held."""
+        self.reset, self.reset.period = Reset(), refractory_s
+        positive = self.camera.positive.numpy()
+        for name, part in (("begun", "phase"), ("drift", "rate")):
+            share = np.zeros(self.size) if leak is None else getattr(leak, part)
+            each = np.asarray(share, float).ravel() * positive
+            setattr(self.reset, name, wp.array(each, device=self.device))
 
     def advance(self, times: Float[np.ndarray, " frame"], frames: Any) -> int:
         """Take the next frames and return how many events there are in them.
@@ -102,7 +127,12 @@ class EventKernel:
         clock = wp.array(times, dtype=wp.float64, device=self.device)
         values = self._values(frames)
         if self.time == -np.inf:
-            self._launch(begin, values, self.camera, self.pixels)
+            self.reset.origin = float(times[0])
+            if self.is_ideal:
+                self._launch(begin, values, self.camera, self.pixels)
+            else:
+                known = self.camera, self.reset
+                self._launch(begin_reset, values, *known, self.pixels)
         self._copy(self.pixels, self.spare)
         while True:
             self.found = self._room_for(Found, self.room)
@@ -123,10 +153,16 @@ class EventKernel:
         for part, start in enumerate(starts):
             stop = min(start + TOGETHER, len(times))
             where = start, stop, part
-            state = self.camera, self.pixels, self.loud
-            self._launch(screen, values, *where, *state)
             now = wp.float64(last)
-            self._launch(follow, values, clock, *where, now, *state, self.found)
+            if self.is_ideal:
+                state = self.camera, self.pixels, self.loud
+                self._launch(screen, values, *where, *state)
+                self._launch(follow, values, clock, *where, now, *state, self.found)
+            else:
+                state = self.camera, self.reset, self.pixels, self.loud
+                both = values, clock, *where, now, *state
+                self._launch(screen_reset, *both)
+                self._launch(follow_reset, *both, self.found)
             last = float(times[stop - 1])
 
     def _launch(self, kernel: Any, *inputs: Any) -> None:
@@ -139,7 +175,7 @@ class EventKernel:
         )
 
     def _copy(self, source: Any, goal: Any) -> None:
-        for name in Pixels.vars:
+        for name in (Pixels if self.is_ideal else HeldPixels).vars:
             wp.copy(getattr(goal, name), getattr(source, name))
 
     def in_order(self) -> Events:
@@ -201,7 +237,8 @@ def kernel_events(
             of linear light, or with a `background` RGBA.
         shape: Height and width.
         thresholds: Positive and negative, as positive numbers.
-        **options: `background`, `table` and `device` of `EventKernel`.
+        **options: `background`, `table`, `leak`, `refractory_s` and `device` of
+            `EventKernel`.
 
     Raises:
         InputError: As `EventKernel` and its `advance`.

@@ -88,10 +88,10 @@ def _interval(held: Held, before, after, start, stop, thresholds, refractory_s):
     change, slack = after - level, rounding(after)
     sign = jnp.where(change + slack >= positive, 1, 0)
     sign = jnp.where(change - slack <= -negative, -1, sign)
-    sign = jnp.where(gone, 0, sign)
+    sign = jnp.where(gone | (slope == 0.0), 0, sign)
     sends = sign != 0
     size = jnp.where(sign > 0, positive, negative)
-    steep = jnp.where(sends & (slope != 0.0), slope, 1.0)
+    steep = jnp.where(sends, slope, 1.0)
     first = start + (level + sign * size - before) / steep
     first = jnp.clip(first, begin, stop)
     pace = refractory_s + size / jnp.abs(steep)

@@ -1,3 +1,4 @@
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -6,6 +7,8 @@ from jblast.errors import InputError
 from jblast.sensors.camera import event_gpu
 from jblast.sensors.camera.event_gpu import EventKernel, kernel_events
 from jblast.sensors.camera.event_stream import stream_events
+from jblast.sensors.camera.imperfections import IDEAL, leaks
+from jblast.sensors.camera.log_intensity import grey_table
 
 SHAPE = (40, 12, 17)
 TIMES = np.arange(SHAPE[0]) / 500.0
@@ -75,6 +78,43 @@ def test_arrays_of_jax_are_taken_as_they_are():
     ours = joined(kernel_events(cut(frames, 40), SHAPE[1:], BOTH, **options))
     blocks = [(TIMES, jnp.asarray(frames))]
     same(joined(kernel_events(blocks, SHAPE[1:], BOTH, **options)), ours)
+
+
+@pytest.mark.parametrize(("size", "together"), [(7, 3), (40, 64)])
+def test_pixels_leak_and_are_held_as_those_of_the_stream(size, together, monkeypatch):
+    """The same rates, phases and period: the JAX route has the leak in its frames."""
+    monkeypatch.setattr(event_gpu, "TOGETHER", together)
+    frames = walk(())
+    leaky = IDEAL._replace(leak_hz=30.0, hot_fraction=0.1, hot_hz=200.0)
+    leak = leaks(jax.random.key(1), SHAPE[1:], leaky)
+    options = {"leak": leak, "refractory_s": 0.0013, "device": "cpu"}
+    ours = joined(kernel_events(cut(frames, size), SHAPE[1:], BOTH, **options))
+    rise = 0.2 * np.asarray(leak.rate)
+    logs = grey_table()[frames] + TIMES[:, None, None] * rise
+    begun = 0.2 * np.asarray(leak.phase)
+    blocks = [(TIMES[a : a + 9], logs[a : a + 9]) for a in range(0, SHAPE[0], 9)]
+    held = {"in_logarithms": True, "begun": begun, "refractory_s": 0.0013}
+    theirs = joined(stream_events(blocks, BOTH, **held))
+    orders = [np.lexsort((e[2], e[0], e[1])) for e in (ours, theirs)]
+    assert len(ours[0]) > 1000
+    for field, other in zip(ours, theirs, strict=True):
+        # sums in another order: last digits of a time and of a logarithm
+        np.testing.assert_allclose(field[orders[0]], other[orders[1]], atol=1e-12)
+
+
+def test_a_still_film_leaks_at_its_rate_without_being_followed_in_vain():
+    still = np.full((40, 12, 17), 90, np.uint8)
+    leak = leaks(jax.random.key(0), SHAPE[1:], IDEAL._replace(leak_hz=100.0))
+    options = {"leak": leak, "device": "cpu"}
+    events = joined(kernel_events([(TIMES, still)], SHAPE[1:], BOTH, **options))
+    count = np.floor(TIMES[-1] * np.asarray(leak.rate) + np.asarray(leak.phase))
+    each = np.bincount(events[1] * 17 + events[0], minlength=12 * 17)
+    np.testing.assert_array_equal(each, count.ravel())
+    # the first comes when the rest of the way is gone
+    first = np.full(12 * 17, np.inf)
+    np.minimum.at(first, events[1] * 17 + events[0], events[2])
+    expected = ((1.0 - leak.phase) / leak.rate).ravel()
+    np.testing.assert_allclose(first, expected, rtol=1e-9)
 
 
 def test_a_block_with_more_events_than_room_is_done_again():
