@@ -21,8 +21,6 @@ from jblast.scene import (
 )
 from jblast.waves import kingery_bulmash_pressure
 
-pytestmark = pytest.mark.slow  # each layout compiles its own search
-
 RING = {"a": (60.0, 0.0), "b": (-70.0, 30.0), "c": (0.0, 90.0), "d": (20.0, -80.0)}
 MASS = {"charge_mass_kg": Free(positive=True)}
 PLACE = {"charge_east_m": Free(positive=False), "charge_north_m": Free(positive=False)}
@@ -60,25 +58,35 @@ def sentences(found):
     return " ".join(text.split())
 
 
-def test_normal_errors_give_the_textbook_standard_deviation():
-    # ln p falls as s ln R; with exact laws sd(ln W) = 3 sigma / (|s| sqrt n)
-    places = {name: (30.0, 0.0) for name in "abcd"}
-    uncertain = scene_of(MASS, places, PRESSURE)
-    found = bound(uncertain, {"charge_mass_kg": 15.0}, noise="gaussian")
+FOUR = scene_of(MASS, {name: (30.0, 0.0) for name in "abcd"}, PRESSURE)
+FIFTEEN = {"charge_mass_kg": 15.0}
+
+
+def textbook():
+    """Give sd(ln W) of four pressures by exact laws, and how ln p falls in ln R."""
     step = 1e-4
     up, down = (
         kingery_bulmash_pressure(30.0 * np.exp(s * step), 15.0) for s in (1, -1)
     )
     slope = abs(float(np.log(up / down))) / (2 * step)
-    expected = 3 * 0.05 / (slope * 2)
+    # ln p falls as s ln R: sd(ln W) = 3 sigma / (|s| sqrt n)
+    return 3 * 0.05 / (slope * 2), slope
+
+
+def test_normal_errors_give_the_textbook_standard_deviation():
+    found = bound(FOUR, FIFTEEN, noise="gaussian")
+    expected, slope = textbook()
     # finite differences of the slope are good to 1e-6
     spread = found.answer["parameters"]["charge_mass_kg"]
     assert spread["log_sd"] == pytest.approx(expected, rel=1e-4)
     (low, high) = found.answer["mass_exponents"]["peak_overpressure_pa"]
     assert low == high == pytest.approx(slope / 3, rel=1e-4)
-    student = bound(uncertain, {"charge_mass_kg": 15.0})
-    # heavy tails keep 5/7 of the information
-    ratio = student.answer["parameters"]["charge_mass_kg"]["log_sd"] / expected
+
+
+@pytest.mark.slow  # each layout compiles its own search
+def test_heavy_tails_keep_five_sevenths_of_the_information():
+    student = bound(FOUR, FIFTEEN)
+    ratio = student.answer["parameters"]["charge_mass_kg"]["log_sd"] / textbook()[0]
     assert ratio == pytest.approx(np.sqrt(7 / 5), rel=1e-4)
 
 
@@ -97,6 +105,7 @@ def planned():
     return bound(PLAN, TRUE)
 
 
+@pytest.mark.slow
 def test_the_bound_is_what_a_fit_of_the_errorless_log_says(planned):
     scene = dataclasses.replace(PLAN.scene, law=tuple(planned.answer["law"].items()))
     estimates = fit(planned.log, dataclasses.replace(PLAN, scene=scene)).answer[
@@ -111,6 +120,7 @@ def test_the_bound_is_what_a_fit_of_the_errorless_log_says(planned):
         assert (spread["log_sd"] is None) == name.endswith(("east_m", "north_m"))
 
 
+@pytest.mark.slow
 def test_what_an_added_datum_leaves_is_the_bound_of_the_layout_that_has_it(planned):
     # rows of one shot share effects: what they tell does not add up
     (entry,) = (
@@ -134,6 +144,7 @@ def test_what_an_added_datum_leaves_is_the_bound_of_the_layout_that_has_it(plann
     assert left < 0.99 * planned.answer["parameters"]["charge_mass_kg"]["log_sd"]
 
 
+@pytest.mark.slow
 def test_help_is_ranked_by_what_it_leaves_of_the_mass_and_says_whose_sigma(planned):
     inside = [e for e in planned.answer["help"] if e["law_valid"]]
     sds = [e["log_sd"] for e in inside]
@@ -148,6 +159,7 @@ def test_help_is_ranked_by_what_it_leaves_of_the_mass_and_says_whose_sigma(plann
     )
 
 
+@pytest.mark.slow
 def test_a_map_is_the_bound_with_one_more_sensor_at_each_place(planned):
     drawn = bound_map(planned, points=5)
     assert drawn.log_sd_mass is not None
@@ -174,6 +186,7 @@ def test_a_map_is_the_bound_with_one_more_sensor_at_each_place(planned):
     assert (drawn.log_sd_mass <= drawn.now["mass"] * (1 + 1e-9)).all()
 
 
+@pytest.mark.slow
 def test_information_of_many_layouts_at_once_is_that_of_each(planned):
     posterior = planned.posterior
     z, laws = jnp.asarray(planned.z), dict(posterior.laws)
@@ -197,6 +210,7 @@ WU_HAO = (("air_arrival_s", "wu_hao"), ("ground_arrival_s", "wu_hao"))
 
 
 @pytest.mark.parametrize("ranges", [[20.0], [15.0, 20.0, 30.0, 50.0]])
+@pytest.mark.slow
 def test_wu_hao_arrivals_never_tell_mass_from_speeds(ranges):
     free = {
         "charge_mass_kg": Free(positive=True),
@@ -229,6 +243,7 @@ def test_wu_hao_arrivals_never_tell_mass_from_speeds(ranges):
 
 
 @pytest.mark.parametrize("names", ["a", "abc"])
+@pytest.mark.slow
 def test_one_sensor_or_all_at_one_place_leave_the_charge_on_a_circle(names):
     found = bound(
         scene_of(PLACE, dict.fromkeys(names, (0.0, 0.0))),
@@ -241,6 +256,7 @@ def test_one_sensor_or_all_at_one_place_leave_the_charge_on_a_circle(names):
     assert "cannot tell the charge east and charge north apart" in sentences(found)
 
 
+@pytest.mark.slow
 def test_sensors_in_a_line_leave_a_mirror_image():
     places = {"a": (-100.0, 0.0), "b": (0.0, 0.0), "c": (150.0, 0.0)}
     found = bound(
@@ -260,6 +276,7 @@ def test_sensors_in_a_line_leave_a_mirror_image():
 TRIANGLE = {"a": (0.0, 0.0), "b": (100.0, 0.0), "c": (0.0, 100.0)}
 
 
+@pytest.mark.slow
 def test_three_sensors_with_the_charge_outside_their_triangle_leave_a_second_place():
     law = (("air_arrival_s", "shock_kinematics"),)
     uncertain = scene_of(PLACE | TIME, TRIANGLE, law=law)
@@ -276,6 +293,7 @@ def test_three_sensors_with_the_charge_outside_their_triangle_leave_a_second_pla
     assert bound(uncertain, within).answer["identifiable"]
 
 
+@pytest.mark.slow
 def test_clocks_all_unknown_tell_no_place_and_no_origin_time():
     clocks = {f"clock_offset_s.{name}": Free(positive=False) for name in RING}
     at = dict.fromkeys(clocks, 0.0) | {"charge_east_m": 5.0, "charge_north_m": 10.0}
@@ -294,6 +312,7 @@ def test_clocks_all_unknown_tell_no_place_and_no_origin_time():
     )
 
 
+@pytest.mark.slow
 def test_far_out_the_mass_leans_on_a_prior_of_the_sound_speed():
     believed = MASS | {"air_sound_speed_m_s": LogNormal(C, 1.01)}
     mass, sds = 8.0, {}
@@ -325,6 +344,7 @@ def test_far_out_the_mass_leans_on_a_prior_of_the_sound_speed():
     assert null["parameters"]["air_sound_speed_m_s"] == pytest.approx(-0.03, abs=0.005)
 
 
+@pytest.mark.slow
 def test_fewer_data_than_unknowns_are_computed_and_marked():
     found = bound(
         scene_of(PLACE | TIME | MASS, {"a": (50.0, 0.0), "b": (0.0, 70.0)}),
@@ -334,6 +354,7 @@ def test_fewer_data_than_unknowns_are_computed_and_marked():
     assert len(found.answer["null_directions"]) == 2
 
 
+@pytest.mark.slow
 def test_a_value_away_from_the_priors_middle_keeps_the_priors_width():
     # a prior that pulled the answer would make a second solution of the first
     wide = {"charge_mass_kg": LogUniform(1.0, 100.0)}
@@ -351,6 +372,7 @@ def test_a_value_away_from_the_priors_middle_keeps_the_priors_width():
     assert 0.9 * uniform < sd < uniform
 
 
+@pytest.mark.slow
 def test_a_height_told_by_symmetry_alone_has_its_measured_width():
     free = PLACE | {"charge_up_m": Free(positive=False)}
     at = {"charge_east_m": 5.0, "charge_north_m": 10.0, "charge_up_m": 0.0}
@@ -391,6 +413,7 @@ def test_what_cannot_be_bounded_is_refused(at, beliefs, places, words):
         bound(scene_of(beliefs, places), at)
 
 
+@pytest.mark.slow
 def test_a_map_without_anything_to_draw_is_refused():
     ground = {"ground_p_speed_m_s": LogNormal(5660.0, 1.1)}
     found = bound(scene_of(ground, RING, (("ground_arrival_s", 1e-4),)))
