@@ -16,14 +16,13 @@ from calibration.gauge_200g import (
     as_read,
     at_front,
     distance,
-    predicted,
     table,
     tnt_mass,
 )
 from jblast.cli.start import start_jax
 from jblast.report.figure_style import BLUE, INK, VERMILLION, new_figure, quiet, titled
 from jblast.waves.friedlander import modified_friedlander_pressure
-from jblast.waves.waveform import blast_pressure
+from jblast.waves.waveform import blast_pressure, blast_pulse
 
 OUTPUT = Path(__file__).parent / "results" / "gauge_200g.png"
 LAST = 8e-3
@@ -37,7 +36,7 @@ def figure() -> Figure:
     plot = new_figure(7.0, 3.8)
     axes = plot.add_subplot()
     for burst, colour in (("free-air", BLUE), ("surface", VERMILLION)):
-        since = time + predicted("arrival", burst)
+        since = time + blast_pulse(distance(), tnt_mass(), burst=burst).arrival_time
         told = blast_pressure(since, distance(), tnt_mass(), burst=burst)
         label = f"Kingery and Bulmash, {burst}"
         axes.plot(1e3 * time, 1e-3 * np.asarray(told), color=colour, label=label)

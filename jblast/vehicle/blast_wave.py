@@ -1,6 +1,9 @@
 r"""A blast wave at a place: its overpressure, and the wind that blows with it.
 
 Overpressure: Friedlander's pulse, then the cubic suction of `negative_phase.py`.
+Arrival, peak, duration, decay and suction are those of `waves.waveform.blast_pulse`,
+from which a gauge's record follows too (`waves.blast_pressure`); the two differ in one
+thing, how long the suction lasts, for the reason below.
 
 Wind: at the front Rankine's and Hugoniot's, $u_s = 5c_0x/(7\sqrt{1+6x/7})$ with
 $x = p/P_0$. Behind it, with $x$ of the moment and the afterflow of a spherical wave,
@@ -16,9 +19,9 @@ wind of the shape of the overpressure, as handbooks have it, 0.52, 0.64, 0.70, 0
 0.85.
 
 The whole wave has no impulse, as no spherical sound has one (the same article): the
-suction lasts $t^- = \tfrac{16}{9}\,i^+/P^-$, so the wind ends at zero. By the tables of
-the suction its impulse would be 1.05 to 1.16 times the positive one at Z = 5 to 36, 1.3
-at 2 and 1.5 at 1.
+suction lasts $t^- = \tfrac{16}{9}\,i^+/P^-$, so the wind ends at zero. A record has the
+impulse of the tables of the suction: 1.05 to 1.16 times the positive one at Z = 5 to
+36, 1.3 at 2, 1.5 at 1 and 3 at 0.5, and lasts as much longer.
 
 The density of the wind is that behind a shock of the moment's overpressure.
 """

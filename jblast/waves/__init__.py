@@ -155,7 +155,9 @@ from jblast.waves.transmission_loss import (
     transmission_loss as transmission_loss,
 )
 from jblast.waves.waveform import (
+    BlastPulse as BlastPulse,
     blast_pressure as blast_pressure,
+    blast_pulse as blast_pulse,
 )
 from jblast.waves.weak_shock_iso import (
     weak_shock_iso_pressure as weak_shock_iso_pressure,

@@ -7,6 +7,7 @@ from scipy.integrate import quad
 from jblast.constants import STANDARD_PRESSURE
 from jblast.waves import kingery_bulmash as kb, negative_phase_ufc as ufc
 from jblast.waves.ground_factor import ground_factor
+from jblast.waves.shock_kinematics import shock_kinematics_arrival_time
 from jblast.waves.waveform import blast_pressure
 
 BURSTS = ("surface", "free-air")
@@ -23,7 +24,7 @@ def phases(burst):
     suction = ufc.ufc_negative_pressure(RANGE, mass, AMBIENT)
     impulse = ufc.ufc_negative_impulse(RANGE, mass, AMBIENT, SPEED)
     return (
-        float(kb.kingery_bulmash_arrival_time(*AIR, burst)),
+        float(shock_kinematics_arrival_time(*AIR, burst)),
         float(kb.kingery_bulmash_duration(*AIR, burst)),
         float(suction),
         float(impulse),

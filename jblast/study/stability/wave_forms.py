@@ -80,7 +80,7 @@ def _negative() -> Edge:
         refusal = str(error)
     else:
         refusal = ""
-    # the pulse whose decay is negative in the free-air curves
+    # where the peak of Kingery's and Bulmash's last stretch asks for a negative decay
     arrival = kingery_bulmash_arrival_time(38.0, 1.0, burst="free-air")
     duration = kingery_bulmash_duration(38.0, 1.0, burst="free-air")
     end = blast_pressure(arrival + 50.0 * duration, 38.0, 1.0, burst="free-air")
