@@ -29,8 +29,9 @@ PUBLIC = {
     and not isinstance(value, type | ModuleType)
     and not name.startswith("_")
 }
-NOT_ELEMENTWISE = {"slant_range"}
-"""Takes places, not numbers: tests/waves/test_paths.py."""
+NOT_ELEMENTWISE = {"slant_range", "blast_pulse"}
+"""One takes places, not numbers: tests/waves/test_paths.py. The other gives several:
+they are tested as what it is made of, and in tests/waves/test_waveform.py."""
 
 FUNCTIONS = [
     pytest.param(f, word, id=f"{name}-{word or 'any'}")
