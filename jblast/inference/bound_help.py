@@ -2,7 +2,6 @@
 
 from typing import Any, NamedTuple
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -13,6 +12,7 @@ from jblast.inference.cure import CANDIDATES, aside, laws_beside
 from jblast.inference.fisher import whitened
 from jblast.inference.planned import Planned
 from jblast.inference.posterior import Posterior
+from jblast.kept_programs import kept
 from jblast.quantities import TIMES
 from jblast.sensors import Layout
 
@@ -138,7 +138,7 @@ def candidates(plan: Planned) -> list[Datum]:
     return answer
 
 
-@eqx.filter_jit
+@kept
 def _with_each(
     posterior: Posterior, z: Float[Array, " free"], planned: int
 ) -> tuple[Float[Array, "added free free"], Bool[Array, " added"]]:

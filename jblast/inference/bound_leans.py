@@ -2,7 +2,6 @@
 
 from typing import Any
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -12,6 +11,7 @@ from jblast.inference.bound_spread import spread_left
 from jblast.inference.fisher import information
 from jblast.inference.planned import Planned
 from jblast.inference.posterior import Posterior
+from jblast.kept_programs import kept
 from jblast.quantities import ADDITIVE, TIMES
 from jblast.sensors.record import clock_offsets
 
@@ -96,7 +96,7 @@ def mass_exponents(plan: Planned) -> dict[str, tuple[float, float]]:
     return answer
 
 
-@eqx.filter_jit
+@kept
 def _mass_slopes(posterior: Posterior, z: Float[Array, " free"], mass: int):
     """Return predictions, their slopes in a mass's coordinate, and that of ln mass."""
 

@@ -14,6 +14,7 @@ from jblast.inference.bound_spread import information_of_layout, worst
 from jblast.inference.fisher import known_covariance
 from jblast.inference.posterior import Posterior
 from jblast.inference.starts import scales
+from jblast.kept_programs import kept
 from jblast.sensors import Layout, record
 
 POINTS = 60
@@ -161,7 +162,7 @@ def _grid(sensors, charges, points: int):
     return middle[0] + line, middle[1] + line
 
 
-@eqx.filter_jit
+@kept
 def _over(
     posterior: Posterior,
     new: Layout,

@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping
 
-import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
@@ -12,11 +11,12 @@ from jblast.inference.laplace import FALLS, Laplace, half_width, marginals
 from jblast.inference.parameters import Parameters
 from jblast.inference.posterior import Posterior
 from jblast.inference.starts import scales
+from jblast.kept_programs import kept
 from jblast.sensors import Layout
 from jblast.sensors.observe import Noise
 
 
-@eqx.filter_jit
+@kept
 def information_of_layout(
     parameters: Parameters,
     layout: Layout,

@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -12,6 +11,7 @@ from jblast.constants import STANDARD_SOUND_SPEED
 from jblast.inference.fireball_growth import GROWTH
 from jblast.inference.posterior import Posterior
 from jblast.inference.starts import layout_size, scales
+from jblast.kept_programs import kept
 from jblast.observations import CLOCK_TIMES, TIMES
 from jblast.scene import Scene
 from jblast.scene.parameters import CLOCK_OFFSET
@@ -126,7 +126,7 @@ def laws_beside(posterior: Posterior, scene: Scene, layout: Layout) -> dict[str,
     }
 
 
-@eqx.filter_jit
+@kept
 def log_reading(posterior, layout, laws, z) -> Float[Array, " row"]:
     """Readings of a layout in ln, or in units of a typical travel time."""
     scene = posterior.parameters.scene_at(z)
