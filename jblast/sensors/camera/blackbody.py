@@ -110,8 +110,10 @@ def _relative_xyz(
         return jnp.tensordot(inverse, jnp.asarray(numbers, dtype), 0)
 
     terms = SECOND_RADIATION / WAVELENGTHS
-    relative = jnp.exp(-outer(terms - longest)) / -jnp.expm1(-outer(terms))
+    scale = jnp.exp(-longest * inverse)
+    part = jnp.exp(-outer(terms - longest))  # of the whole exponential: one, not two
+    relative = part / (1.0 - scale[..., None] * part)
     step = WAVELENGTHS[1] - WAVELENGTHS[0]
     power = EFFICACY * step * FIRST_RADIATION / WAVELENGTHS**5
     weights = jnp.asarray(power[:, None] * matching_functions(), dtype)
-    return relative @ weights, jnp.exp(-longest * inverse)
+    return relative @ weights, scale

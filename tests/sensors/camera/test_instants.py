@@ -56,9 +56,10 @@ def fields(parts):
 def test_times_are_within_the_bound_of_those_solved_for_at_any_frame_rate():
     film = filmed()
     known, when = fields([render_events(SCENE, camera(), first_instants(film))])
-    assert known.shape[1] > 300
-    for fps in (30.0, 400.0):
-        blocks = subdivided(dataclasses.replace(filmed(fps), times=film.times), 0.2)
+    assert known.shape[1] > 250
+    for frames in (2, 400):
+        times = np.linspace(film.times[0], film.times[-1], frames)
+        blocks = subdivided(dataclasses.replace(film, times=times), 0.2)
         found, time = fields(list(stream_events(blocks, BOTH)))
         np.testing.assert_array_equal(found, known)
         assert np.quantile(np.abs(time - when), 1.0 - LEFT) < STAMP_ERROR

@@ -207,3 +207,22 @@ def test_noise_of_a_stream_comes_at_its_rate():
     stream = real_stream(KEY, blocks, (20, 30), BOTH, IDEAL._replace(shot_hz=0.5))
     count = sum(int(part.count) for part in stream)
     assert abs(count - 2400) < 196  # Poisson: four standard deviations
+
+
+def test_a_stream_repeats_with_its_key():
+    times, light = np.arange(33) / 4.0, np.full((33, 20, 30), 0.5)
+    blocks = [(times[a : a + 8], light[a : a + 8]) for a in range(0, 33, 8)]
+    noisy = Imperfections(leak_hz=0.2, shot_hz=0.2)
+    one, two, other = (
+        np.concatenate(
+            [
+                np.asarray(part.time)[: int(part.count)]
+                for part in real_stream(key, blocks, (20, 30), BOTH, noisy)
+            ]
+        )
+        for key in (KEY, KEY, jax.random.key(1))
+    )
+    np.testing.assert_array_equal(one, two)
+    assert not np.array_equal(one, other)
+    # leak and noise together: 0.4 Hz of 600 pixels for 8 s; Poisson at most
+    assert abs(one.size - 1920) < 4.0 * np.sqrt(1920)
