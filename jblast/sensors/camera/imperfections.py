@@ -115,7 +115,7 @@ class Leak(NamedTuple):
     Attributes:
         rate: Leak events of each pixel in still light [Hz].
         phase: Part of the way to its next one that a pixel has gone at the first
-            frame, 0 to 1: they were not all switched on together.
+            frame, 0 to 1: they were not all switched on together. 0 where none leaks.
     """
 
     rate: Float[Array, "height width"]
@@ -131,7 +131,8 @@ def leaks(
     mean = jnp.where(hot, imperfections.hot_hz, imperfections.leak_hz or 0.0)
     spread = imperfections.leak_spread
     own = jnp.exp(spread * jax.random.normal(rate_key, shape) - 0.5 * spread**2)
-    return Leak(mean * own, jax.random.uniform(phase_key, shape))
+    phase = jnp.where(mean > 0.0, jax.random.uniform(phase_key, shape), 0.0)
+    return Leak(mean * own, phase)
 
 
 def leaked(

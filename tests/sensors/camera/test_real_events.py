@@ -102,6 +102,10 @@ def test_leak_rates_scatter_as_asked_about_their_mean():
     assert abs(phase.mean() - 0.5) < 4.0 * 0.0029
     assert abs(phase.var() - 1 / 12) < 4.0 * 0.00075
     assert abs(np.corrcoef(phase.ravel(), np.ravel(leak.rate))[0, 1]) < 0.04
+    # a pixel that does not leak begins with its first light, as an ideal one
+    some = leaks(KEY, (100, 100), lanes._replace(leak_hz=None))
+    np.testing.assert_array_equal(some.phase[~hot], 0.0)
+    np.testing.assert_array_equal(some.rate[~hot], 0.0)
 
 
 def test_hot_pixels_share_no_grid():
