@@ -42,10 +42,11 @@ def add_arguments(verb: argparse.ArgumentParser) -> None:
     add_noise(verb)
     verb.add_argument(
         "--posterior",
-        choices=("laplace", "emcee", "auto"),
-        default="laplace",
-        help="how intervals are found: a normal approximation (default), walkers, or "
-        "walkers where the approximation is found wanting",
+        choices=("weighted", "laplace", "emcee", "auto"),
+        default="weighted",
+        help="how intervals are found: draws of a normal approximation weighted by the "
+        "posterior (default), that approximation alone, walkers, or walkers where the "
+        "approximation is found wanting",
     )
     verb.add_argument(
         "--out",
@@ -68,7 +69,10 @@ def run(asked: argparse.Namespace) -> int:
     shares = {"starting": 3.0, "reading": 0.3, "fitting": 9.0}
     begin = stages(shares | ({"writing": 3.0} if asked.out else {}))
     begin("starting")
-    start_jax(quick=asked.posterior == "laplace" and _is_small(asked.observations))
+    start_jax(
+        quick=asked.posterior in ("weighted", "laplace")
+        and _is_small(asked.observations)
+    )
     from pathlib import Path
 
     from jblast.cli.fit_logs import WALK, logs_of, only_a_walk

@@ -17,10 +17,11 @@ from math import lgamma
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Float
 
 from jblast.inference.bent import bent
 from jblast.inference.importance import ENDS, HELD, pareto_smoothed
-from jblast.inference.laplace import Laplace
+from jblast.inference.laplace import NORMAL_Q95, Laplace
 from jblast.inference.posterior import Posterior
 from jblast.inference.weighted import weighted_quantiles
 from jblast.inference.whitening import Whitened, densities, root_of
@@ -47,6 +48,26 @@ SURE = 2.0
 
 
 @dataclass(frozen=True)
+class Drawn:
+    """Weighted draws of a posterior, and what they make of its normal approximation.
+
+    Attributes:
+        z: Coordinates.
+        weights: What each counts; they add to 1.
+        straight: The same draws, of the normal approximation.
+        of_normal: What each of those counts for it.
+        quantiles: 5, 50 and 95 % of each coordinate: the normal's, moved by what the
+            same draws say that the posterior's lie away from it.
+    """
+
+    z: Float[np.ndarray, "draw free"]
+    weights: Float[np.ndarray, " draw"]
+    straight: Float[np.ndarray, "draw free"]
+    of_normal: Float[np.ndarray, " draw"]
+    quantiles: Float[np.ndarray, "3 free"]
+
+
+@dataclass(frozen=True)
 class EndsOff:
     """The end that is surely off by most.
 
@@ -57,6 +78,7 @@ class EndsOff:
         k_hat: Shape of the tail of the weights.
         share: Effective draws for each draw.
         settled: Whether more draws would say the same, of every end.
+        drawn: The posterior by these draws.
     """
 
     name: str
@@ -65,6 +87,7 @@ class EndsOff:
     k_hat: float
     share: float
     settled: bool = False
+    drawn: Drawn | None = None
 
     @property
     def believed(self) -> bool:
@@ -138,7 +161,7 @@ def _by_draws(posterior, normal, seed, parts: int, part: int, along: bool) -> En
         density = Whitened(posterior, center, axes)
         z = straight
         value = np.concatenate(
-            [np.asarray(densities(density, x)) for x in np.split(w, parts)]
+            [np.asarray(densities(density, jnp.asarray(x))) for x in np.split(w, parts)]
         )
     log_weights, k_hat = pareto_smoothed(value - log_drawn)
     weights, of_normal = np.exp(log_weights), np.exp(log_normal - log_drawn)
@@ -148,6 +171,9 @@ def _by_draws(posterior, normal, seed, parts: int, part: int, along: bool) -> En
         of_posterior = _ends(z[draws], weights[draws])
         return (of_posterior - _ends(straight[draws], of_normal[draws])) / sd
 
+    away = _quantiles(z, weights) - _quantiles(straight, of_normal)
+    at = np.array([-NORMAL_Q95, 0.0, NORMAL_Q95])[:, None]
+    drawn = Drawn(z, weights, straight, of_normal, normal.z + at * sd + away)
     edges = np.linspace(0, len(w), BLOCKS + 1).astype(int)
     blocks = [off(slice(*block)) for block in itertools.pairwise(edges)]
     error = np.std(blocks, axis=0, ddof=1) / np.sqrt(BLOCKS)
@@ -162,6 +188,7 @@ def _by_draws(posterior, normal, seed, parts: int, part: int, along: bool) -> En
         k_hat=k_hat,
         share=float(np.isfinite(k_hat) / np.sum(weights**2)) / len(weights),
         settled=bool((quiet or loud) and k_hat <= RELIABLE),
+        drawn=drawn,
     )
 
 
@@ -190,8 +217,14 @@ def reaching(count: int, free: int, rng: np.random.Generator):
     return w, np.logaddexp(-0.5 * square, log_student), -0.5 * square
 
 
-def _ends(z, weights):
-    """Return both ends of the 90 % interval of each coordinate."""
+def _quantiles(z, weights):
+    """Return both ends of the 90 % interval of each coordinate, the median between."""
     with np.errstate(invalid="ignore"):  # a block of draws of no weight at all: nan
-        ends = [weighted_quantiles(x, weights, (0.05, 0.95)) for x in z.T]
-    return np.array(ends).T
+        return np.array(
+            [weighted_quantiles(x, weights, (0.05, 0.5, 0.95)) for x in z.T]
+        ).T
+
+
+def _ends(z, weights):
+    """Return both ends alone."""
+    return _quantiles(z, weights)[::2]

@@ -46,7 +46,7 @@ def fit(
     uncertain: UncertainScene | None = None,
     *,
     noise: Noise = "student",
-    posterior: Method = "laplace",
+    posterior: Method = "weighted",
     seed: int = 0,
     store: str | os.PathLike[str] | None = None,
 ) -> Fit:
@@ -58,7 +58,8 @@ def fit(
             of unknown mass at the origin at time 0, in sea-level air. A fireball's
             growth time is free unless the scene says otherwise.
         noise: Distribution of the independent errors.
-        posterior: How intervals are found: "laplace" (a normal approximation), "emcee"
+        posterior: How intervals are found: "weighted" (draws of a normal approximation,
+            weighted by the posterior), "laplace" (that approximation alone), "emcee"
             (walkers), or "auto": walkers where the approximation is found wanting.
         seed: Of the starts of the search and the draws of the posterior.
         store: Folder in which a walk is kept, to be gone on with if it is cut short.
@@ -113,6 +114,7 @@ def fit(
             if told
         },
         posterior_reason=sure.reason,
+        weighted=sure.weighted,
         ensemble=sure.ensemble,
         density=density,
         bands=bands(

@@ -17,7 +17,7 @@ def fit_each(
     uncertain: UncertainScene | None = None,
     *,
     noise: Noise = "student",
-    posterior: Method = "laplace",
+    posterior: Method = "weighted",
     seed: int = 0,
 ) -> dict[str, Fit | InputError]:
     """Fit every log with the same scene. Logs of the same rows compile once.

@@ -53,6 +53,7 @@ class Fit:
         draws: Posterior draws of every parameter that the data determine.
         shot: Which of the scene's charges each row is of.
         bands: One for each quantity observed, and charge.
+        weighted: Whether draws of the normal approximation were weighted.
         posterior_reason: Why intervals come from the normal approximation, or a walk.
         ensemble: The walk the draws are from, where there was one.
         density: The posterior.
@@ -71,6 +72,7 @@ class Fit:
     draws: Mapping[str, Float[np.ndarray, " draw"]] = field(default_factory=dict)
     bands: tuple[Band, ...] = ()
     posterior_reason: str = ""
+    weighted: bool = False
     ensemble: Any = None
     density: Any = None
 

@@ -25,8 +25,10 @@ from jblast.inference.sampling import WALKERS
 from jblast.inference.solution import Solution
 from jblast.inference.weighted import marginals_of_draws
 
-Method = Literal["laplace", "emcee", "auto"]
+Method = Literal["weighted", "laplace", "emcee", "auto"]
 DRAWS = 8000
+FEW = 100
+"""So many effective draws an interval takes at least."""
 
 
 @dataclass(frozen=True)
@@ -35,6 +37,8 @@ class HowSure:
 
     Attributes:
         method: "laplace" or "emcee".
+        weighted: Whether the normal approximation's draws were weighted by the
+            posterior.
         reason: Why that one.
         z: Draws of the coordinates.
         marginals: By number: value (the most probable), sd, log_sd, q05, q50, q95.
@@ -50,6 +54,7 @@ class HowSure:
     converged: bool
     why: tuple[str, ...] = ()
     ensemble: Ensemble | None = None
+    weighted: bool = False
 
 
 def how_sure(
@@ -65,8 +70,10 @@ def how_sure(
     Args:
         solution: What inference found.
         method: "laplace" takes the normal approximation, and says so where the ends of
-            its intervals are off. "auto" takes it where importance sampling finds
-            nothing against it and numbers are narrow, and walkers else.
+            its intervals are off; "weighted" moves them to where importance sampling
+            finds the posterior's, wherever it can tell. "auto" takes the normal
+            approximation where importance sampling finds nothing against it and
+            numbers are narrow, and walkers else.
         seed: Of the draws.
         rows: What to call each row of the log in messages.
         store: Folder in which a walk is kept, to be gone on with if it is cut short.
@@ -87,6 +94,8 @@ def how_sure(
         if laplace_holds(k_hat, log_sd, off):
             return _by_normal(solution, f"{said}: {limits}", seed)
         reason = f"the normal approximation does not do ({said}; {limits})"
+    elif method == "weighted":
+        return _weighted(solution, seed)
     elif method == "laplace":
         return _by_normal(solution, "as asked for", seed, _doubts(solution, seed))
     else:
@@ -113,6 +122,39 @@ def how_sure(
         converged=walk.converged,
         why=(reason, *walk.why) if method == "auto" else walk.why,
         ensemble=walk,
+    )
+
+
+def _weighted(solution: Solution, seed: int) -> HowSure:
+    """Weight draws of the normal approximation; without them where they cannot tell."""
+    normal, parameters = solution.laplace, solution.posterior.parameters
+    if not normal.converged:
+        return _by_normal(solution, "the search did not arrive at an optimum", seed)
+    found = ends_judged(solution.posterior, normal, seed=seed)
+    drawn = found.drawn
+    effective = 0.0 if drawn is None else found.share * len(drawn.z)
+    if drawn is None or not found.believed or effective < FEW:
+        reason = f"importance sampling cannot tell (k-hat {found.k_hat:.2f})"
+        doubt = found.doubt()
+        return _by_normal(solution, reason, seed, (doubt,) if doubt else ())
+    told = marginals_of_draws(parameters, drawn.z, drawn.weights, drawn.quantiles)
+    alone = marginals_of_draws(parameters, drawn.straight, drawn.of_normal)
+    exact = marginals(parameters, normal)
+    for name, number in told.items():  # what chance did to both, it did to one alike
+        for sd in ("sd", "log_sd"):
+            by_draws, known, drawn_sd = alone[name][sd], exact[name][sd], number[sd]
+            if by_draws and known and drawn_sd and np.isfinite([by_draws, known]).all():
+                number[sd] = drawn_sd * known / by_draws
+    best = parameters.values(jnp.asarray(normal.z))
+    picked = np.random.default_rng(seed).choice(len(drawn.z), DRAWS, p=drawn.weights)
+    return HowSure(
+        method="laplace",
+        reason="draws of the normal approximation, weighted by the posterior "
+        f"(importance sampling, k-hat {found.k_hat:.2f}, {effective:.0f} draws' worth)",
+        z=drawn.z[picked],
+        marginals={n: told[n] | {"value": float(best[n])} for n in parameters.names},
+        converged=True,
+        weighted=True,
     )
 
 

@@ -74,11 +74,13 @@ def limits(fit: Fit) -> list[str]:
     how = {
         "laplace": "Intervals come from the curvature of the posterior at its maximum "
         "(Laplace); where they span a factor of several, read them as rough.",
+        "weighted": "Intervals come from draws of a normal approximation, weighted by "
+        "the posterior (importance sampling).",
         "emcee": "Intervals come from draws of the posterior by an ensemble of walkers "
         "(emcee).",
     }
     lines = [given_sentence(fit)]
-    if posterior := fit.answer.get("posterior"):
+    if posterior := "weighted" if fit.weighted else fit.answer.get("posterior"):
         why = f" Why: {fit.posterior_reason}." if fit.posterior_reason else ""
         lines.append(how.get(posterior, f"Intervals come from: {posterior}.") + why)
     if fit.answer["estimates"]:

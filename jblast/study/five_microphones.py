@@ -5,6 +5,7 @@ normal approximation is weakest there.
 """
 
 import dataclasses
+from collections.abc import Sequence
 
 import jax
 import jax.numpy as jnp
@@ -28,11 +29,13 @@ LAWS = {quantity: "shock_kinematics" for quantity, _ in RECORDS}
 SEED = 11
 
 
-def scene_with(*, scatter: bool) -> Scene:
-    """Return five microphones about a charge, laws exact or scattering."""
+def scene_with(
+    *, scatter: bool, places: Sequence[tuple[float, float]] = PLACES
+) -> Scene:
+    """Return microphones about a charge, laws exact or scattering."""
     sensors = tuple(
         Sensor(f"m{i}", jnp.array([*place, 1.5]), records=RECORDS)
-        for i, place in enumerate(PLACES)
+        for i, place in enumerate(places)
     )
     empty = dataclasses.replace(Scene(), scatter=scatter, sensors=sensors)
     return with_values(empty, TRUTH)

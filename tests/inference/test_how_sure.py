@@ -11,6 +11,7 @@ from scipy.stats import multivariate_normal, multivariate_t
 
 from jblast.inference import fit, solve
 from jblast.inference.ends import FREEDOM, EndsOff, ends_judged, reaching
+from jblast.inference.how_sure import how_sure
 from jblast.inference.importance import ENDS
 from jblast.scene import Free, Scene, UncertainScene, freed
 from jblast.waves import kingery_bulmash_pressure, wu_hao_air_arrival_time
@@ -114,11 +115,42 @@ def test_ends_are_off_by_what_integration_says_and_the_answer_warns(apart):
     found = ends_judged(solution.posterior, solution.laplace)
     assert found.off == pytest.approx(by, abs=3 * found.error + 0.01)
     assert found.believed
-    said = [w for w in fit(made, MASS_FREE).answer["warnings"] if "90 %" in w]
+    alone = fit(made, MASS_FREE, posterior="laplace").answer
+    said = [w for w in alone["warnings"] if "90 %" in w]
     warned = f"off by up to {found.off:.1f} of a standard deviation at charge_mass_kg"
     assert [warned in w and "--posterior emcee walks" in w for w in said] == (
         [True] if by > ENDS else []
     )
+
+
+@pytest.mark.parametrize("apart", [0.0, 4.0])
+def test_weighted_intervals_end_where_integration_says(apart):
+    made = disagreeing(apart)
+    solution = solve(made, MASS_FREE)
+    weighted = fit(made, MASS_FREE)
+    assert weighted.weighted
+    mass = weighted.answer["estimates"]["charge_mass_kg"]
+    normal = solution.laplace
+    ends = (np.log([mass["q05"], mass["q95"]]) - normal.z) / np.sqrt(normal.covariance)
+    found = ends_judged(solution.posterior, normal)
+    # chance moves an end by its standard error, told of the worst one alone
+    expected = ends_by_grid(solution)
+    np.testing.assert_allclose(ends[0], expected, atol=3 * max(found.error, 0.03))
+    assert np.abs(ends[0]).max() == pytest.approx(
+        np.abs(expected).max(), abs=3 * max(found.error, 0.03)
+    )
+    assert not any("90 %" in said for said in weighted.answer["warnings"])
+
+
+def test_where_importance_sampling_cannot_tell_the_approximation_stands_alone():
+    solution = solve(disagreeing(0.0), MASS_FREE)
+    normal = solution.laplace
+    # a normal a hundredth as wide as the posterior: weights of a heavy tail
+    thin = replace(normal, covariance=1e-4 * normal.covariance)
+    sure = how_sure(solution._replace(laplace=thin), "weighted")
+    assert not sure.weighted
+    assert "cannot tell" in sure.reason
+    assert any("of a normal approximation" in why for why in sure.why)
 
 
 def test_a_doubt_is_told_where_chance_cannot_be_the_cause():
