@@ -28,6 +28,7 @@ def agree(told, exact, mean, sd, ends):
     assert told.q95 == pytest.approx(exact.q95, abs=ends * exact.sd)
 
 
+@pytest.mark.slow  # a walk
 def test_a_fit_agrees_with_the_exact_posterior_of_the_mass(hri_2):
     fitted, exact = hri_2
     assert fitted.valid
@@ -46,6 +47,7 @@ def test_where_the_scatter_grows_emcee_is_nearer_to_the_exact_posterior():
     assert away > 2 * abs(fitted.emcee.mean - exact.mean)
 
 
+@pytest.mark.slow  # of the same walk
 def test_score_is_the_normal_density_at_the_recorded_mass(hri_2):
     log, fitted = log_of("HRI-2"), hri_2[0].laplace
     miss = (fitted.mean - np.log(log.charge_mass[0])) / fitted.sd
@@ -53,6 +55,7 @@ def test_score_is_the_normal_density_at_the_recorded_mass(hri_2):
     assert fitted.log_density_at_truth == pytest.approx(expected)
 
 
+@pytest.mark.slow  # of the same walk
 def test_score_of_emcee_is_the_exact_density_at_the_recorded_mass(hri_2):
     fitted, exact = hri_2
     # apart from what Laplace's method costs in the integral over shared effects

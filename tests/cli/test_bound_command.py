@@ -103,6 +103,7 @@ def test_text_and_map_say_the_same_and_fit_the_terminal(jblast, tmp_path):
     assert "exists already" in refusal
 
 
+@pytest.mark.slow
 def test_what_is_not_identifiable_exits_4_and_is_still_printed(jblast):
     content = FREE.replace('"free"', '"free"\ntime_s = "free"').replace(
         "peak_overpressure_pa = 0.05, positive_impulse_pa_s = 0.05", "air_arrival_s = 1"

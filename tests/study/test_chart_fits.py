@@ -24,7 +24,6 @@ def misses(logs):
             ("own", ours(logs).z),
             ("poor", ours(logs, logs.starts).z),
             ("bfgs", bfgs.z),
-            ("scipy", by_scipy(logs, LOOPED)),
         )
     ]
     found = zip(ends, missed(logs, ends), strict=True)
@@ -39,9 +38,10 @@ def test_bfgs_in_float32_misses_what_fit_many_finds(misses):
     assert misses["own"] < misses["poor"] < misses["bfgs"]
 
 
-def test_scipy_from_poor_starts_ends_mostly_at_the_optimum(misses):
+def test_scipy_from_poor_starts_ends_mostly_at_the_optimum(logs):
+    ends = Ends("scipy", "", 1.0, np.asarray(by_scipy(logs, LOOPED)))
     # 38 of 500; of 20 hardly ever more than 6
-    assert misses["scipy"] <= 0.3
+    assert missed(logs, [ends])[0] / len(ends.z) <= 0.3
 
 
 def test_an_end_off_by_a_standard_deviation_or_by_nan_is_missed(logs):
