@@ -55,8 +55,8 @@ def frameless_events(
         pixels: Those whose light changes, row times width plus column; all by default.
 
     Raises:
-        InputError: Times do not rise or are not finite, or a threshold is not
-            positive.
+        InputError: Times do not rise or are not finite, light is not finite, or a
+            threshold is not positive.
     """
     check_thresholds(thresholds)
     times = np.asarray(times, float)
@@ -90,6 +90,12 @@ def _found(log_light, width: int, at, times, both, tolerance: float) -> Found:
     def curve(pixel, time) -> Knots:
         run = functools.partial(sample, log_light)
         value, slope = in_lanes(run, time, column[pixel], row[pixel])
+        if not np.isfinite(value).all():
+            n = int(np.argmin(np.isfinite(value)))
+            raise InputError(
+                f"light: expected the logarithm of light to be finite, got {value[n]} "
+                f"at row {row[pixel][n]}, column {column[pixel][n]}, {time[n]:g} s"
+            )
         return Knots(pixel, time, value, slope)
 
     knots = _moving(monotone_knots(curve, times, np.minimum(*both), tolerance), both)

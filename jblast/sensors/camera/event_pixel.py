@@ -41,6 +41,30 @@ def check_thresholds(
             )
 
 
+def check_light(light: ArrayLike, frame: int = 0) -> None:
+    """Refuse light that is no number: no threshold is ever crossed by it.
+
+    Inside jit it is not looked at.
+
+    Args:
+        light: Frames of light or of its logarithm, (frame, height, width, ...).
+        frame: Number of the first, for the message.
+
+    Raises:
+        InputError: A pixel's light is not finite.
+    """
+    if isinstance(light, Tracer):
+        return
+    values = np.asarray(light)
+    if values.dtype.kind != "f" or np.isfinite(values).all():
+        return
+    at = np.argwhere(~np.isfinite(values))[0]
+    raise InputError(
+        f"frames: expected light that is a finite number, got {values[tuple(at)]} in "
+        f"frame {frame + at[0]}, row {at[1]}, column {at[2]} (the first is 0)"
+    )
+
+
 class Reference(eqx.Module):
     """The reference level of every pixel.
 

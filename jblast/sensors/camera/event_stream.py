@@ -16,7 +16,7 @@ from jaxtyping import ArrayLike, Float, UInt8
 
 from jblast.errors import InputError
 from jblast.sensors.camera.composite_strip import CompositeStrip
-from jblast.sensors.camera.event_pixel import check_thresholds
+from jblast.sensors.camera.event_pixel import check_light, check_thresholds
 from jblast.sensors.camera.event_strip import Found, Strip
 from jblast.sensors.camera.events import Events
 from jblast.sensors.camera.log_intensity import grey_table
@@ -58,22 +58,23 @@ def stream_events(
         workers: Threads, each for a strip of rows; by default one a core.
 
     Raises:
-        InputError: Times do not rise, a frame has another size than the first, or a
-            threshold is not positive.
+        InputError: Times do not rise, a frame has another size than the first, light is
+            not finite, or a threshold is not positive.
     """
     check_thresholds(thresholds)
     table = grey_table() if table is None else table
     workers = workers or os.cpu_count() or 1
     strips: list[Strip] = []
     found: list[Found] = []
-    width, shape, time = 0, (), -np.inf
+    width, shape, time, seen = 0, (), -np.inf, 0
     with ThreadPoolExecutor(workers) as pool:
         for times, frames in blocks:
             if not len(times):
                 continue
             shape = shape or frames.shape[1:]
             _check(times, time, frames, shape)
-            time, width = times[-1], shape[1]
+            check_light(frames, seen)
+            time, width, seen = times[-1], shape[1], seen + len(times)
             if not strips:
                 options = table, in_logarithms, refractory_s
                 begun = np.zeros(shape[:2]) if begun is None else begun

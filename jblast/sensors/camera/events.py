@@ -6,6 +6,7 @@ threshold. That time is second order in the frame interval, and differentiable.
 """
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import equinox as eqx
 import jax
@@ -18,6 +19,7 @@ from jblast.errors import InputError
 from jblast.sensors.camera.event_pixel import (
     Reference,
     Thresholds,
+    check_light,
     check_thresholds,
     count_events,
     first_reference,
@@ -29,7 +31,9 @@ from jblast.types import as_float_array
 class Events(eqx.Module):
     """Events in order of time, those of one time in order of pixel (row by row).
 
-    Empty places stand at the end: x and y -1, time infinite, polarity 0.
+    Empty places stand at the end: x and y -1, time infinite, polarity 0. Light that is
+    no number crosses no threshold: inside jit, where it cannot be refused, all times
+    are NaN.
 
     Attributes:
         x: Column.
@@ -66,7 +70,8 @@ def ideal_events(
             intervals are kept and `lost` says how many are not.
 
     Raises:
-        InputError: Outside jit: a threshold is not positive, or times do not rise.
+        InputError: Outside jit: a threshold is not positive, times do not rise, or
+            light is not finite.
     """
     return continued_events(
         log_frames, times, thresholds, first_reference(log_frames[0]), capacity=capacity
@@ -101,7 +106,7 @@ def continued_events(
         part = jnp.clip((target - before) / change, 0.0, 1.0).astype(times.dtype)
         return times[interval] + part * (times[interval + 1] - times[interval])
 
-    return _write_out(counts, when, capacity), after
+    return _marked(_write_out(counts, when, capacity), log_frames), after
 
 
 def reset_events(
@@ -138,7 +143,13 @@ def reset_events(
         later = (nth - 1).astype(dtype) * runs.pace.ravel()[cell]
         return runs.first.ravel()[cell] + later
 
-    return _write_out(runs.count, when, capacity)
+    return _marked(_write_out(runs.count, when, capacity), log_frames)
+
+
+def _marked(events: Events, light: Float[Array, "frame height width"]) -> Events:
+    """Return events without times where light was no number."""
+    unknown = jnp.isnan(light).any()
+    return replace(events, time=jnp.where(unknown, jnp.nan, events.time))
 
 
 def _fitting(
@@ -150,6 +161,7 @@ def _fitting(
 ]:
     """Return frames with an interval between them, and thresholds of each pixel."""
     check_thresholds(thresholds)
+    check_light(log_frames)
     clock_rises = isinstance(times, Tracer) or (np.diff(np.asarray(times)) > 0).all()
     if not clock_rises:
         raise InputError("times: expected times that rise from frame to frame")

@@ -114,7 +114,7 @@ def passage(offset: Float[Array, "3"], radius: Float[Array, ""], rays: Rays) -> 
     along = jnp.tensordot(offset, rays.direction, 1)
     aside = offset[:, None, None] - along[None] * rays.direction
     room = jnp.square(radius) - jnp.sum(jnp.square(aside), axis=0)
-    met = room > 0
+    met = ~(room <= 0)  # so that a radius that is no number is seen, not missed
     half = jnp.sqrt(jnp.where(met, room, 1.0))
     begin = jnp.clip(-along, -half, half)
     end = jnp.clip(rays.farthest - along, -half, half)

@@ -134,7 +134,8 @@ def _reached(
             moved = 0.5 * (high.centre[2] - low.centre[2])
             along = jnp.tensordot(offset, rays.direction, 1)
             square = jnp.sum(jnp.square(offset)) - jnp.square(jnp.maximum(along, 0.0))
-            reached |= square <= jnp.square(high.radius + moved)
+            # a radius that is no number may be anywhere
+            reached |= ~(square > jnp.square(high.radius + moved))
         return reached, None
 
     none = jnp.zeros(rays.farthest.shape, bool)
