@@ -51,6 +51,10 @@ def path_between(
     toward = jnp.where(is_placed[:, None], source - position, 0.0)
     untold = jnp.full((), jnp.nan)
     growth, camera = scene.fireball_growth, scene.camera
+    if growth is not None:  # to a law NaN is a growth that is not told
+        time_since_detonation = jnp.where(
+            jnp.isnan(growth), jnp.nan, time_since_detonation
+        )
     return Path(
         slant_range=jnp.where(given, told, slant),
         ground_range=jnp.where(given, told, ground),

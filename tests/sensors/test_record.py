@@ -214,3 +214,24 @@ def test_each_charge_is_worth_its_own_tnt():
     assert layout.shot == (0, 1)
     # each shot has a scatter of its own: one column and one row a charge
     np.testing.assert_allclose(loadings(got, layout), 0.1 * np.eye(2))
+
+
+def test_a_growth_that_is_no_number_is_not_the_laws_own():
+    """None leaves it to the law; a fit that goes astray must not come back by that."""
+    sensor = Sensor(
+        "a",
+        jnp.array([20.0, 0.0, 0.0]),
+        records=(("fireball_radius_m", 0.1),),
+        times=(2.001,),
+    )
+    scene = dataclasses.replace(SCENE, sensors=(sensor,))
+
+    def radius(growth):
+        return float(
+            recording(dataclasses.replace(scene, fireball_growth=growth))[0].value[0]
+        )
+
+    own = radius(None)
+    assert own > 0.0
+    assert radius(1e-3 * 15.0 ** (1 / 3)) == pytest.approx(own, rel=1e-12)
+    assert np.isnan(radius(np.nan))
