@@ -106,10 +106,14 @@ def names() -> tuple[str, ...]:
 
 
 def call(function: Callable[..., Any], path: Any) -> Any:
-    """Call a law (or its `valid` or `scatter`) with what it asks for of a path."""
-    return function(
-        *(getattr(path, name) for name in inspect.signature(function).parameters)
-    )
+    """Call a law (or its `valid` or `scatter`) with what it asks for of a path.
+
+    Where the path leaves the curve set to the height, by the one it leaves.
+    """
+    names = inspect.signature(function).parameters
+    if "burst" in names and path.burst is None:
+        return path.by_height(lambda way: call(function, way))
+    return function(*(getattr(path, name) for name in names))
 
 
 def declared_scatter(

@@ -36,7 +36,7 @@ def add_arguments(verb: argparse.ArgumentParser) -> None:
     verb.add_argument(
         "--burst",
         metavar="surface|free-air",
-        help="hemispherical or spherical curves (default: surface)",
+        help="hemispherical or spherical curves (default: as the height leaves it)",
     )
     verb.add_argument(
         "--height", metavar="M", help="of burst; negative is buried (default: 0)"

@@ -11,10 +11,11 @@ from jblast.cli.files import refuse_existing
 from jblast.errors import InputError, nearest, shown
 from jblast.report.numbers import printed_number
 from jblast.scene import Air, Charge, Ground, Scene
+from jblast.scene.charge import BURSTS
 from jblast.scene.explosives import explosive_named
-from jblast.scene.keys import BURSTS, NUMBERS
+from jblast.scene.keys import NUMBERS
 from jblast.sensors.inverse import Roots
-from jblast.sensors.question import Question, charge_radius
+from jblast.sensors.question import Question, charge_radius, with_burst
 from jblast.waves.atmosphere import water_vapour_fraction
 
 DRY = {"relative_humidity": 0.0}
@@ -52,7 +53,7 @@ def question_of(asked: argparse.Namespace) -> Question:
         defaults=frozenset(defaults),
     )
     _check_rows(question, measured)
-    return question
+    return with_burst(question)
 
 
 def check_plot(file: str, question: Question, *, force: bool) -> None:
@@ -148,8 +149,8 @@ def _check_rows(question: Question, measured: Sequence[str]) -> None:
 
 
 def _scene(asked: argparse.Namespace) -> Scene:
-    burst = "surface" if asked.burst is None else asked.burst
-    if burst not in BURSTS:
+    burst = asked.burst
+    if burst is not None and burst not in BURSTS:
         raise InputError(
             f"--burst: expected one of {', '.join(BURSTS)}; got {shown(burst)}"
             f"{nearest(burst, BURSTS)}"

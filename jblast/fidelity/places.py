@@ -100,11 +100,32 @@ def paths_in(
                 "its [[sensor]], got nothing"
             )
     place = jnp.stack([sensor.position for sensor in sensors])
-    return [
-        tnt_path(case, charge, quantity, place)
-        for case in cases
-        for charge in case.charges
-    ]
+    return by_curves(
+        [
+            tnt_path(case, charge, quantity, place)
+            for case in cases
+            for charge in case.charges
+        ]
+    )
+
+
+def by_curves(paths: Sequence[Path]) -> list[Path]:
+    """Return paths whose curve set is said: the one that the height leaves.
+
+    Where it leaves both, a method has to do for either at every place: the surface
+    curves first, the free-air ones behind all others.
+    """
+    first, more = [], []
+    for path in paths:
+        if path.free_air is None:
+            first.append(path)
+            continue
+        free = np.asarray(path.free_air)
+        one = "free-air" if free.all() else "surface"
+        first.append(replace(path, burst=one, free_air=None))
+        if free.any() and not free.all():
+            more.append(replace(path, burst="free-air", free_air=None))
+    return first + more
 
 
 def tnt_path(scene: Scene, charge: Charge, quantity: str, place: Array) -> Path:

@@ -15,10 +15,8 @@ from jblast.registry import law_for
 from jblast.scene import Charge, UncertainScene
 from jblast.scene.parameters import CLOCK_OFFSET
 from jblast.scene.uncertain import NO_SCENE
+from jblast.sensors.bursts import height_notes, scaled_height
 from jblast.sensors.layout import components
-from jblast.sensors.record import path_to
-from jblast.waves.ground_factor import FREE_HEIGHT
-from jblast.waves.scaling import sachs_distance_factor
 
 FAR = 4.0
 """A shared effect larger than this many standard deviations is told of."""
@@ -135,26 +133,20 @@ def _unlearned(solution: Solution, against: Collection[str]) -> list[str]:
 
 
 def height_beside_the_curves(solution: Solution, charge: Charge) -> list[str]:
-    """Say what the curves leave out for a charge buried, or neither low nor high."""
+    """Say by which curves a charge off the ground is taken, and what they leave out."""
     if not {name for name, _ in solution.laws.values()} & set(IDEAL_BURSTS):
         return []
-    mass = charge.tnt_mass("peak_overpressure_pa")
     scene = solution.posterior.parameters.scene_at(jnp.asarray(solution.laplace.z))
-    path = path_to(scene, solution.posterior.layout, charge)
-    height = float(charge.up / sachs_distance_factor(mass, path.ambient_pressure))
-    which = f"the charge {charge.name}" if charge.name else "the charge"
+    shot = [each.name for each in scene.charges].index(charge.name)
+    told = height_notes(scene, solution.posterior.layout, shot)
+    height = float(scaled_height(scene, charge))
     if height < 0:
-        return [
+        which = f"the charge {charge.name}" if charge.name else "the charge"
+        told.append(
             f"{which} lay {-height:.2g} m/kg^(1/3) deep, of which the laws used "
             "know nothing but the longer way"
-        ]
-    if not 0 < height < FREE_HEIGHT:
-        return []
-    limit = "hemispherical" if charge.burst == "surface" else "spherical"
-    return [
-        f"{which} stood {height:.2g} m/kg^(1/3) above the ground, between the "
-        f"limits of the curves: the {limit} ones were used"
-    ]
+        )
+    return told
 
 
 def charge_is_no_point(laws: Collection[str], charge: Charge) -> list[str]:

@@ -2,6 +2,7 @@
 
 import os
 from collections.abc import Sequence
+from dataclasses import replace
 
 import jax
 import jax.numpy as jnp
@@ -27,6 +28,7 @@ from jblast.observations import Observations, place
 from jblast.progress import stages
 from jblast.scene import UncertainScene, default_scene
 from jblast.sensors import layout_of, resolve_laws
+from jblast.sensors.bursts import settled, with_bursts
 from jblast.sensors.laws import law_names
 from jblast.sensors.observe import Noise
 
@@ -137,25 +139,31 @@ def solve(
 ) -> Solution:
     """Find the posterior's optima, what is identifiable, and its normal approximation.
 
-    Laws left to us are chosen at the likeliest start, and once more at the answer.
+    Laws left to us are chosen at the likeliest start, and once more at the answer; so
+    are the curve sets of charges whose `burst` is left to their height.
     """
-    parameters = parameters_of(uncertain)
-    if not parameters.names:
+    if not parameters_of(uncertain).names:
         raise InputError(
             "nothing to fit: every number of the scene is fixed; expected at least one "
             'that is "free", has a prior, or is named by --free'
         )
     begin = stages(STAGES)
     begin("choosing laws")
-    layout = layout_of(observations, uncertain.scene)
+    rows = layout_of(observations, uncertain.scene)
     sigma = observations.error_scale()
-    laws = resolve_laws(uncertain.scene, layout, sigma)
+    scene, layout = settled(uncertain.scene, rows)
+    parameters = parameters_of(replace(uncertain, scene=scene))
+    laws = resolve_laws(scene, layout, sigma)
     key = jax.random.key(seed)
     said = dict(uncertain.scene.law)
-    if any(said.get(q, "auto") == "auto" for q in layout.quantities()):
+    lifted = any(charge.by_height and charge.up > 0.0 for charge in scene.charges)
+    if lifted or any(said.get(q, "auto") == "auto" for q in layout.quantities()):
         first = posterior_of(parameters, layout, observations, law_names(laws), noise)
         near = parameters.scene_at(likeliest_start(key, first))
+        near, layout = settled(near, rows)
         laws = resolve_laws(near, layout, sigma)
+        scene = with_bursts(scene, near)
+        parameters = parameters_of(replace(uncertain, scene=scene))
     for last in (False, True):
         posterior = posterior_of(
             parameters, layout, observations, law_names(laws), noise
@@ -165,18 +173,22 @@ def solve(
         if not np.isfinite(found.log_density[0]):
             start = np.asarray(starts(key, posterior, 1)[0])
             wrong = non_finite_rows(posterior, start)
-            rows = [observations.where(row) for row in wrong]
+            where = [observations.where(row) for row in wrong]
             raise InputError(
                 f"{observations.source or 'observations'}: no value of "
                 f"{', '.join(parameters.names)} gives the log a probability; expected "
                 "readings, sigmas and a scene that one charge could explain"
-                + (f", got no number for {_shortly(rows)}" if rows else "")
+                + (f", got no number for {_shortly(where)}" if where else "")
             )
-        there = resolve_laws(parameters.scene_at(found.z[0]), layout, sigma)
-        settled = law_names(there) == law_names(laws)
-        if settled or last:
+        end, layout_there = settled(parameters.scene_at(found.z[0]), rows)
+        there = resolve_laws(end, layout_there, sigma)
+        same = law_names(there) == law_names(laws)
+        same &= [c.burst for c in end.charges] == [c.burst for c in scene.charges]
+        same &= layout_there.free_air == layout.free_air
+        if same or last:
             break
-        laws = there
+        laws, layout, scene = there, layout_there, with_bursts(scene, end)
+        parameters = parameters_of(replace(uncertain, scene=scene))
     z = np.asarray(found.z[0])
     begin("what can be told")
     told = identifiability(posterior, z)
@@ -185,7 +197,7 @@ def solve(
         quantity: there[quantity] if there[quantity][0] == name else (name, reason)
         for quantity, (name, reason) in laws.items()
     }
-    return Solution(posterior, laws, settled, found, told, normal)
+    return Solution(posterior, laws, same, found, told, normal)
 
 
 def _shortly(names: Sequence[str], most: int = 5) -> str:

@@ -24,6 +24,7 @@ from jblast.scene.keys import NUMBERS
 from jblast.scene.parameters import names_in
 from jblast.scene.priors import Belief
 from jblast.sensors import layout_of, planned_layout, resolve_laws
+from jblast.sensors.bursts import settled
 from jblast.sensors.laws import law_names
 from jblast.sensors.observe import Noise
 from jblast.sensors.simulate import written
@@ -104,9 +105,10 @@ def planned(
         for name, belief in uncertain.beliefs.items()
     }
     scene = with_values(uncertain.scene, values)
+    drawn, sigma, sensors = planned_layout(scene)
+    scene, drawn = settled(scene, drawn)
     z = jnp.stack([b.unconstrain(jnp.asarray(values[n])) for n, b in beliefs.items()])
     parameters = parameters_of(UncertainScene(scene, beliefs))
-    drawn, sigma, sensors = planned_layout(scene)
     laws = resolve_laws(scene, drawn, np.asarray(sigma))
     names = tuple(sorted(law_names(laws).items()))
     blank = Posterior(parameters, drawn, jnp.zeros_like(sigma), sigma, names, noise)
@@ -123,7 +125,7 @@ def planned(
             f"{source}: sensor {log.sensor[row]!r}: {log.quantity[row]} is {value[row]}"
             f" at {_shown(values)}; expected values that allow a reading"
         )
-    layout = layout_of(log, scene)
+    layout = replace(layout_of(log, scene), free_air=drawn.free_air)
     posterior = posterior_of(parameters, layout, log, law_names(laws), noise)
     return Planned(values, np.asarray(z), posterior, laws, log)
 

@@ -113,7 +113,9 @@ def _charge(observations: Observations, logs: list[_Log], shot: str) -> str:
         lines.append('time_s = "free"  # on the clock of the sensors')
     else:
         lines.append('time_s = 0.0  # on the clock of the sensors; or "free"')
-    lines.append('burst = "surface"  # or "free-air", before any reflection arrived')
+    lines.append(
+        '# burst = "surface"  # or "free-air"; if not said, the height decides'
+    )
     return "\n".join(lines) + "\n"
 
 

@@ -75,12 +75,12 @@ def _list(
     quantity: str,
     by_law: Mapping[str, Calculated],
     other: Mapping[str, Calculated],
-    burst: str,
+    burst: str | None,
     column: int,
 ) -> Lines:
     """Return a line a law: value, mark, range; `other` is of the other burst."""
     lines = []
-    other_burst = "free-air" if burst == "surface" else "surface"
+    other_burst = "surface" if burst == "free-air" else "free-air"
     unit = _unit(quantity, by_law)
     for name, of_law in by_law.items():
         value, mark = _value(of_law, unit)

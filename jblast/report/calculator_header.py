@@ -30,7 +30,8 @@ def header(question: Question) -> list[tuple[str, str]]:
     height = given["height_m"]
     place = "" if not height else f", {printed_number('_m', abs(height))} "
     place += "" if not height else "above ground" if height > 0 else "deep"
-    lines.append(("burst", f"{charge.burst}{_default('burst', defaults)}{place}"))
+    burst = charge.burst or "each range by its height"
+    lines.append(("burst", f"{burst}{_default('burst', defaults)}{place}"))
     air = [
         f"{given['temperature_k']:.2f} K",
         f"{given['pressure_pa'] / 1e3:.3f} kPa",

@@ -48,7 +48,7 @@ def inputs(question: Question) -> dict[str, Any]:
             "pressure": tnt_factor_in(scene, "peak_overpressure_pa").item(),
             "impulse": tnt_factor_in(scene, "positive_impulse_pa_s").item(),
         },
-        "burst": charge.burst,
+        "burst": charge.burst or "by height",
         "height_m": charge.up.item(),
         "temperature_k": temperature.item(),
         "pressure_pa": path.ambient_pressure.item(),

@@ -2,15 +2,22 @@
 
 import numpy as np
 
-from jblast.sensors.question import Question, scene_path, tnt_factor_in
-from jblast.waves.ground_factor import FREE_HEIGHT
+from jblast.sensors.bursts import burst_notes
+from jblast.sensors.question import (
+    Question,
+    free_air_rows,
+    scene_path,
+    tnt_factor_in,
+)
 from jblast.waves.scaling import sachs_distance_factor
 
 
 def between_limits(question: Question) -> bool:
-    """Return whether some charge bursts neither on the ground nor in free air."""
-    low, high = _scaled_heights(question)
-    return bool(question.charge_mass) and high > 0.0 and low < FREE_HEIGHT
+    """Return whether some charge bursts neither on the ground nor as in free air."""
+    _, high = _scaled_heights(question)
+    return (
+        bool(question.charge_mass) and high > 0.0 and not free_air_rows(question).all()
+    )
 
 
 def notes(question: Question, *, beside: bool = True) -> list[str]:
@@ -20,38 +27,25 @@ def notes(question: Question, *, beside: bool = True) -> list[str]:
         question: What was asked.
         beside: Whether the answer has room for what the other curve set gives.
     """
-    burst = question.scene.charge.burst
+    charge = question.scene.charge
     low, high = _scaled_heights(question)
-    height = f"{low:.2g}" if low == high else f"{low:.2g} to {high:.2g}"
-    limit = f"about {FREE_HEIGHT:g} m/kg^(1/3)"
-    said = []
     if high < 0.0:
-        said.append(
-            f"the charge is buried: the {burst} curves were used; ford_2021 alone "
-            "takes the depth into account"
-        )
-    elif low > 0.0 and not question.charge_mass:
-        said.append(
-            f"the {burst} curves were used; a burst above the ground lies between "
-            f"surface and free-air until its height is {limit}: compare with the "
-            "other --burst"
-        )
-    elif between_limits(question):
-        said.append(
-            f"the charge bursts {height} m/kg^(1/3) above the ground, between the "
-            f"limits: on the ground, and in free air from {limit} on; the {burst} "
-            f"curves were used; {_other_set(question, beside)}"
-        )
-    elif low >= FREE_HEIGHT and burst == "surface":
-        said.append(
-            f"the charge bursts {height} m/kg^(1/3) above the ground: the surface "
-            f"curves were used, but from {limit} on --burst free-air is nearer"
-        )
-    if low > 0.0 and burst == "free-air" and question.charge_mass:
-        said.append(
-            "free-air curves hold until the reflection from the ground arrives, which "
-            "is not looked at"
-        )
+        return [
+            f"the charge is buried: the {charge.burst} curves were used; ford_2021 "
+            "alone takes the depth into account"
+        ]
+    if low > 0.0 and not question.charge_mass:
+        return [
+            f"the {charge.burst} curves were used; a burst above the ground lies "
+            "between surface and free-air until its reflection comes after the "
+            "positive phase: compare with the other --burst"
+        ]
+    if not high > 0.0:
+        return []
+    said = burst_notes(charge, (low, high), free_air_rows(question), "range")
+    said[-1] += "; sensors were taken to stand as low as the range allows"
+    if between_limits(question):
+        said[-1] += f"; {_other_set(question, beside)}"
     return said
 
 

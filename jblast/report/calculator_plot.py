@@ -50,7 +50,7 @@ def calculator_figure(question: Question) -> Figure:
             axes.axvline(question.slant_range[0], color=MUTED, linewidth=0.8, zorder=1)
     for axes in list(grid.flat)[len(panels) :]:
         axes.set_axis_off()
-    burst = question.scene.charge.burst
+    burst = question.scene.charge.burst or "surface or free-air"
     figure.suptitle(
         f"{title(question)}, {burst} burst", x=0.01, ha="left", fontsize=13, color=INK
     )

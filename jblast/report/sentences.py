@@ -130,11 +130,12 @@ def given_sentence(fit: Fit) -> str:
 def _explosive_words(charge: Charge) -> str:
     """Say what a charge is of, what that is worth in TNT, and which curves hold."""
     of = f"{charge.name}: " if charge.name else ""
+    curves = charge.burst or "surface or free-air (by reading)"
     if charge.explosive == "TNT":
-        return f"{of}{charge.burst} burst"
+        return f"{of}{curves} burst"
     factors = EXPLOSIVES[charge.explosive]
     return (
-        f"{of}{charge.burst} burst of {charge.explosive}, worth {factors.pressure:g} "
+        f"{of}{curves} burst of {charge.explosive}, worth {factors.pressure:g} "
         f"of its mass in TNT by pressure and {factors.impulse:g} by impulse "
         f"({factors.source})"
     )

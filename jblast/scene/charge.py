@@ -14,6 +14,7 @@ from jblast.scene.explosives import tnt_factor
 from jblast.types import as_float_array, as_optional_float_array
 
 Burst = Literal["surface", "free-air"]
+BURSTS: tuple[Burst, ...] = ("surface", "free-air")
 
 
 class Charge(eqx.Module):
@@ -29,7 +30,9 @@ class Charge(eqx.Module):
             varying number of charges.
         range: Slant distance to the one sensor there is [m]; takes the place of the
             distance from the position. None where positions decide.
-        burst: Which curve set holds: "surface" (hemispherical) or "free-air".
+        burst: Which curve set holds: "surface" (hemispherical) or "free-air"; None
+            leaves it to the height, place by place (`waves/height_of_burst.py`).
+        by_height: Whether `burst` was not said but follows from the height.
         explosive: What it is of, a name of `explosives.EXPLOSIVES`.
         tnt_factor: TNT mass over mass, for every quantity [-]; None takes the
             explosive's own.
@@ -48,7 +51,8 @@ class Charge(eqx.Module):
     range: Float[Array, ""] | None = eqx.field(
         converter=as_optional_float_array, default=None
     )
-    burst: Burst = eqx.field(static=True, default="surface")
+    burst: Burst | None = eqx.field(static=True, default=None)
+    by_height: bool = eqx.field(static=True, default=False)
     explosive: str = eqx.field(static=True, default="TNT")
     tnt_factor: Float[Array, ""] | None = eqx.field(
         converter=as_optional_float_array, default=None

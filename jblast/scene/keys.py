@@ -65,7 +65,6 @@ LATER: dict[str, tuple[str, ...]] = {
 
 SENSOR_KINDS = ("pressure", "microphone", "anemometer", "geophone", "flash", "imu")
 VEHICLE_MODELS = ("crazyflie", "hummingbird", "iris")
-BURSTS = ("surface", "free-air")
 GROUND_PATHS = ("head", "thesis")
 
 LAW_NAMES_LATER = ("euler", "emulator")

@@ -4,9 +4,8 @@ import math
 from typing import Any
 
 from jblast.errors import InputError, shown
-from jblast.scene.charge import Charge
+from jblast.scene.charge import BURSTS, Charge
 from jblast.scene.explosives import explosive_named
-from jblast.scene.keys import BURSTS
 from jblast.scene.numbers import Uncertain, read_numbers
 from jblast.scene.tables import choice, name_of, table, tables
 
@@ -83,4 +82,4 @@ def _charge(entry: dict[str, Any], where: str, n_sensors: int) -> Charge:
             f"{where} range_m: expected one sensor, to which it is the distance, "
             f"got {n_sensors}"
         )
-    return Charge(name=name, explosive=explosive, burst=entry.get("burst", "surface"))
+    return Charge(name=name, explosive=explosive, burst=entry.get("burst"))

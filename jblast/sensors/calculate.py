@@ -92,7 +92,7 @@ def calculate(
 
 def with_other_burst(scene: Scene) -> Scene:
     """Return the scene with the other of the two curve sets."""
-    other: Burst = "free-air" if scene.charge.burst == "surface" else "surface"
+    other: Burst = "surface" if scene.charge.burst == "free-air" else "free-air"
     charge = dataclasses.replace(scene.charge, burst=other)
     return dataclasses.replace(scene, charge=charge)
 

@@ -16,7 +16,9 @@ from jblast.fidelity import choose_for, tolerance_of
 from jblast.fidelity.ways import Ways, ways_of
 from jblast.kept_programs import kept
 from jblast.registry import names_for
-from jblast.scene import Scene
+from jblast.scene import Charge, Scene
+from jblast.scene.charge import BURSTS, Burst
+from jblast.sensors.bursts import settled
 from jblast.sensors.layout import Layout
 from jblast.sensors.record import path_to
 
@@ -67,9 +69,11 @@ def choose_laws(
         if not names_for(quantity):
             raise InputError(f"no law gives {quantity}: not supported yet")
     told = np.full(len(layout.quantity), np.nan) if sigma is None else np.array(sigma)
+    if any(charge.burst is None for charge in scene.charges) and not layout.free_air:
+        scene, layout = settled(scene, layout)
     ways = jax.tree.map(np.asarray, _ways(scene, layout, tuple(quantities)))
     return {
-        quantity: _choose(quantity, layout, ways[quantity], told)
+        quantity: _choose(quantity, scene, layout, ways[quantity], told)
         for quantity in quantities
     }
 
@@ -80,10 +84,10 @@ def _ways(
 ) -> dict[str, list[Ways | None]]:
     """Return the ways from every charge to the rows a quantity takes part in."""
     ways: dict[str, list[Ways | None]] = {quantity: [] for quantity in quantities}
-    for shot, charge in enumerate(scene.charges):
-        path = path_to(scene, layout, charge)
+    for charge, shot, burst in _charges(scene):
+        path = replace(path_to(scene, layout, charge), burst=burst, free_air=None)
         for quantity, found in ways.items():
-            rows, _ = layout.rows(quantity, shot)
+            rows = _rows(layout, quantity, shot, charge, burst)
             way = replace(
                 jax.tree.map(lambda x, rows=rows: x[rows] if x.ndim else x, path),
                 charge_mass=charge.tnt_mass(quantity),
@@ -92,17 +96,37 @@ def _ways(
     return ways
 
 
+def _charges(scene: Scene) -> list[tuple[Charge, int, Burst]]:
+    """Return every charge, its number, and each curve set that its rows are by."""
+    return [
+        (charge, shot, burst)
+        for shot, charge in enumerate(scene.charges)
+        for burst in (BURSTS if charge.burst is None else (charge.burst,))
+    ]
+
+
+def _rows(
+    layout: Layout, quantity: str, shot: int, charge: Charge, burst: Burst
+) -> np.ndarray:
+    """Return the rows of a quantity that are by a curve set."""
+    rows, _ = layout.rows(quantity, shot)
+    if charge.burst is None:
+        rows = rows[np.array(layout.free_air)[rows] == (burst == "free-air")]
+    return rows
+
+
 def _choose(
     quantity: str,
+    scene: Scene,
     layout: Layout,
     ways: Sequence[Ways | None],
     sigma: Float[np.ndarray, " row"],
 ) -> tuple[str, str]:
     """Return the law and the reason for one quantity."""
     found, shares = [], []
-    for shot, way in enumerate(ways):
+    for (charge, shot, burst), way in zip(_charges(scene), ways, strict=True):
         if way is not None:
-            rows, _ = layout.rows(quantity, shot)
+            rows = _rows(layout, quantity, shot, charge, burst)
             found.append(way)
             shares.append(tolerance_of(sigma[rows], quantity, [way]))
     told = [share for share in shares if share > 0.0]

@@ -26,6 +26,8 @@ class Layout(eqx.Module):
         group: Rows with the same number share the effects of their path.
         shot: Which of the scene's charges each row is of.
         clock: Name of the clock of each row; one the scene does not know is right.
+        free_air: By row, whether the free-air curves hold where a charge leaves that to
+            its height, as settled beforehand; () decides wherever numbers are.
     """
 
     quantity: tuple[str, ...] = eqx.field(static=True)
@@ -35,6 +37,7 @@ class Layout(eqx.Module):
     group: tuple[int, ...] = eqx.field(static=True)
     shot: tuple[int, ...] = eqx.field(static=True)
     clock: tuple[str, ...] = eqx.field(static=True)
+    free_air: tuple[bool, ...] = eqx.field(static=True, default=())
 
     def quantities(self) -> tuple[str, ...]:
         """Return the quantities a law is needed for, each once."""
@@ -64,6 +67,7 @@ class Layout(eqx.Module):
             group=tuple(self.group[row] for row in rows),
             shot=tuple(self.shot[row] for row in rows),
             clock=tuple(self.clock[row] for row in rows),
+            free_air=tuple(self.free_air[row] for row in rows if self.free_air),
         )
 
     def rows(self, quantity: str, shot: int) -> tuple[np.ndarray, np.ndarray]:

@@ -6,13 +6,14 @@ from dataclasses import dataclass
 
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, ArrayLike, Float
+from jaxtyping import Array, ArrayLike, Bool, Float
 
 from jblast.constants import TNT_DENSITY
 from jblast.kept_programs import kept
 from jblast.scene import Scene
 from jblast.sensors.layout import Layout
 from jblast.sensors.record import path_to
+from jblast.waves.height_of_burst import bursts_in_free_air
 from jblast.waves.paths import Path
 
 
@@ -82,11 +83,63 @@ def with_rows(
 ) -> Path:
     """Return a path with ranges and TNT masses put in; both ranges are the slant one.
 
+    Where the height leaves the curve set, sensors stand as low as their ranges allow.
+
     Args:
         path: From `scene_path`.
         slant_range: Distances [m].
         charge_mass: TNT-equivalent masses [kg].
     """
+    free_air = path.free_air
+    if free_air is not None:
+        ranges = jnp.asarray(slant_range)
+        free_air = bursts_in_free_air(
+            ranges,
+            charge_mass,
+            path.height_of_burst,
+            jnp.maximum(path.height_of_burst - ranges, 0.0),
+            path.ambient_pressure,
+            path.sound_speed,
+        )
     return dataclasses.replace(
-        path, slant_range=slant_range, ground_range=slant_range, charge_mass=charge_mass
+        path,
+        slant_range=slant_range,
+        ground_range=slant_range,
+        charge_mass=charge_mass,
+        free_air=free_air,
     )
+
+
+def free_air_rows(question: Question) -> Bool[np.ndarray, " row"]:
+    """Return at which rows the reflection comes after the positive phase.
+
+    A sensor stands as low as its range allows: on the ground, unless the charge is
+    higher than the range is long.
+    """
+    ranges, masses = question.rows()
+    charge = question.scene.charge
+    if question.quantity or not float(charge.up) > 0.0:
+        return np.zeros(ranges.shape, bool)
+    unsaid = dataclasses.replace(charge, burst=None)
+    path = scene_path(dataclasses.replace(question.scene, charge=unsaid))
+    factor = tnt_factor_in(question.scene, "peak_overpressure_pa").item()
+    rows = with_rows(path, jnp.asarray(ranges), jnp.asarray(factor * masses))
+    return np.asarray(rows.free_air)
+
+
+def with_burst(question: Question) -> Question:
+    """Return a question with the curve set that the height leaves, if none is said.
+
+    One set for all rows, or, where the height leaves both, each row its own. Where a
+    range or a mass is asked for it is the surface curves.
+    """
+    charge = question.scene.charge
+    if charge.burst is not None:
+        return question
+    free = free_air_rows(question)
+    burst = (
+        "free-air" if free.size and free.all() else None if free.any() else "surface"
+    )
+    charge = dataclasses.replace(charge, burst=burst, by_height=True)
+    scene = dataclasses.replace(question.scene, charge=charge)
+    return dataclasses.replace(question, scene=scene)

@@ -88,7 +88,10 @@ def path_to(scene: Scene, layout: Layout, charge: Charge | None = None) -> Path:
     charge = charge or scene.charge
     detonation = charge.as_if_at_zero().time
     since = layout.time - clock_offsets(scene, layout) - detonation
-    return path_between(scene, charge, layout.position, layout.slant_range, since)
+    path = path_between(scene, charge, layout.position, layout.slant_range, since)
+    if charge.burst is None and layout.free_air:
+        path = replace(path, free_air=jnp.asarray(layout.free_air))
+    return path
 
 
 def clock_offsets(scene: Scene, layout: Layout) -> Float[Array, " row"]:

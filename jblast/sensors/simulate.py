@@ -12,6 +12,7 @@ from jblast.observations import Observations
 from jblast.quantities import ADDITIVE
 from jblast.scene import Scene, UncertainScene, draw_scene
 from jblast.scene.parameters import value_of
+from jblast.sensors.bursts import height_notes, settled
 from jblast.sensors.laws import law_names, resolve_laws
 from jblast.sensors.layout import Layout, planned_layout
 from jblast.sensors.observe import Noise, observe
@@ -33,16 +34,23 @@ def simulate(
     scene_key, noise_key = jax.random.split(jax.random.key(seed))
     scene = draw_scene(scene_key, uncertain)
     layout, sigma, sensors = planned_layout(scene)
+    scene, layout = settled(scene, layout)
     laws = law_names(resolve_laws(scene, layout, np.asarray(sigma)))
     value = np.asarray(_observe(noise_key, scene, layout, laws, sigma, noise))
     truth = [
         f"truth: {name} = {float(np.asarray(value_of(scene, name)))!r}"
         for name in uncertain.beliefs
     ]
+    notes = [
+        note
+        for shot in range(len(scene.charges))
+        for note in height_notes(scene, layout, shot)
+    ]
     used = ", ".join(f"{quantity} by {law}" for quantity, law in laws.items())
     comments = (
         f"SIMULATED, not measured: {uncertain.source or 'a scene'}, seed {seed}",
         f"laws: {used}; independent errors: {noise}",
+        *(f"note: {note}" for note in notes),
         *truth,
     )
     log = written(scene, layout, value, np.asarray(sigma), sensors)

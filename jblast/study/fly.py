@@ -16,6 +16,7 @@ from jaxtyping import Array, Float
 from jblast.kept_programs import kept
 from jblast.progress import counted
 from jblast.scene import Scene, UncertainScene, VehicleSpec
+from jblast.study.fly_bursts import with_bursts_at_start
 from jblast.study.fly_draws import checked_scene, drawn_scenes, drawn_values
 from jblast.study.fly_meeting import FlightLoad, Profile, load_of, met
 from jblast.study.fly_records import Flights, Flown, Options
@@ -62,6 +63,9 @@ def fly_scene(
     options = Options() if options is None else options
     vehicle = checked_scene(uncertain, vehicles, options.profile is not None)
     scenes = drawn_scenes(uncertain, vehicles, seed)
+    notes = ()
+    if options.profile is None:
+        scenes, notes = with_bursts_at_start(scenes, vehicle)
     seconds = flight_seconds(scenes, vehicle, uncertain.source, options)
     names = tuple(HOLDS)
     own = None if vehicle.integral is None else names[not vehicle.integral]
@@ -96,6 +100,7 @@ def fly_scene(
         wind_m_s=np.stack([scenes.air.wind_east, scenes.air.wind_north], axis=-1),
         holds={name: _joined(parts, vehicles) for name, parts in flown.items()},
         own=own,
+        notes=notes,
     )
 
 

@@ -67,6 +67,7 @@ class Flights:
         wind_m_s: Towards east, north.
         holds: By a name of `fly.HOLDS`, the scene's own first.
         own: The scene's own hold; None where it does not say.
+        notes: What there is to say of the curves that the blasts were taken by.
     """
 
     vehicle: VehicleSpec
@@ -79,3 +80,4 @@ class Flights:
     wind_m_s: Float[np.ndarray, "*batch 2"]
     holds: dict[str, Flown]
     own: str | None
+    notes: tuple[str, ...] = ()

@@ -55,7 +55,7 @@ def survival(alive: Bool[np.ndarray, " vehicle"]) -> tuple[float, float]:
 
 def warnings_of(flights: Flights) -> list[str]:
     """Return sentences on what the numbers do not tell by themselves."""
-    said = []
+    said = list(flights.notes)
     meeting = next(iter(flights.holds.values())).meeting
     outside = np.mean(~meeting.in_range.all(axis=-1))
     if outside:

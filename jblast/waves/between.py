@@ -5,6 +5,7 @@ from jaxtyping import Array, Float
 
 from jblast.scene import Charge, Scene
 from jblast.waves.atmosphere import air_density, sound_speed_in_air, standard_atmosphere
+from jblast.waves.height_of_burst import bursts_in_free_air
 from jblast.waves.paths import Path, slant_range
 from jblast.waves.wind import effective_sound_speed
 
@@ -55,8 +56,20 @@ def path_between(
         time_since_detonation = jnp.where(
             jnp.isnan(growth), jnp.nan, time_since_detonation
         )
+    distance = jnp.where(given, told, slant)
+    sensor_height = jnp.where(is_placed, position[:, 2], 0.0)
+    free_air = None
+    if charge.burst is None:
+        free_air = bursts_in_free_air(
+            distance,
+            charge.tnt_mass("peak_overpressure_pa"),
+            charge.up,
+            sensor_height,
+            pressure,
+            sound_speed,
+        )
     return Path(
-        slant_range=jnp.where(given, told, slant),
+        slant_range=distance,
         ground_range=jnp.where(given, told, ground),
         charge_mass=charge.mass,
         height_of_burst=charge.up,
@@ -68,7 +81,7 @@ def path_between(
         p_speed=scene.ground.p_speed,
         sedov_gamma=scene.sedov_gamma,
         time_since_detonation=time_since_detonation,
-        sensor_height=jnp.where(is_placed, position[:, 2], 0.0),
+        sensor_height=sensor_height,
         temperature=temperature,
         relative_humidity=air.relative_humidity,
         toward_east=toward[:, 0],
@@ -77,6 +90,7 @@ def path_between(
         fireball_growth=untold if growth is None else growth,
         # a circle is seen as an ellipse where the two differ: that of its area
         camera_focal=untold if camera is None else jnp.sqrt(jnp.prod(camera.focal)),
+        free_air=free_air,
         burst=charge.burst,
         ground_path=scene.ground.path,
     )

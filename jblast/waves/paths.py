@@ -1,13 +1,16 @@
 """What lies between a charge and a sensor: everything a law may depend on."""
 
 import math
+from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
-from jblast.scene.charge import Burst
+from jblast.scene.charge import BURSTS, Burst
 from jblast.scene.ground import GroundPath
 from jblast.types import as_float_array
 
@@ -41,7 +44,9 @@ class Path(eqx.Module):
         fireball_growth: Time constant of the fireball's expansion [s]; NaN for the
             law's own.
         camera_focal: Focal length of the scene's camera [px]; NaN without one.
-        burst: "surface" or "free-air".
+        burst: "surface" or "free-air"; None where `free_air` tells.
+        free_air: Whether the reflection from the ground comes too late to matter, by
+            place; None where `burst` is told.
         ground_path: "head" (along the ground) or "thesis" (ground leg, then up).
     """
 
@@ -63,8 +68,17 @@ class Path(eqx.Module):
     toward_up: Float[Array, "..."] = _untold()
     fireball_growth: Float[Array, "..."] = _untold()
     camera_focal: Float[Array, "..."] = _untold()
-    burst: Burst = eqx.field(static=True, default="surface")
+    free_air: Bool[Array, "..."] | None = None
+    burst: Burst | None = eqx.field(static=True, default="surface")
     ground_path: GroundPath = eqx.field(static=True, default="head")
+
+    def by_height(self, answer: Callable[["Path"], Any]) -> Any:
+        """Return an answer by the curve set that the height leaves, place by place."""
+        surface, free_air = (
+            answer(replace(self, burst=burst, free_air=None)) for burst in BURSTS
+        )
+        high = False if self.free_air is None else self.free_air
+        return jax.tree.map(lambda f, s: jnp.where(high, f, s), free_air, surface)
 
 
 def slant_range(

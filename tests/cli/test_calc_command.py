@@ -147,7 +147,7 @@ def test_csv_is_one_value_a_line_beneath_comments(calc, numbers):
 def test_a_burst_between_the_limits_says_what_the_other_set_gives(numbers, calc):
     found = numbers("--mass 15 --range 20 --height 1")
     (note,) = found["inputs"]["notes"]
-    assert "surface curves were used" in note
+    assert "the surface ones were used" in note
     entry = found["quantities"]["peak_overpressure_pa"]["kingery_bulmash"]
     free = numbers("--mass 15 --range 20 --burst free-air")
     other = free["quantities"]["peak_overpressure_pa"]["kingery_bulmash"]
@@ -168,8 +168,10 @@ def test_a_note_of_a_csv_promises_no_more_than_stands_there(calc):
         ("--height -1", "buried"),
         ("--height -1e-1", "buried"),
         ("--height -1 --burst free-air", "the free-air curves were used"),
-        ("--height 30", "--burst free-air is nearer"),
-        ("--height 30 --burst free-air", "until the reflection"),
+        ("--height 30", "of which the surface ones were used"),
+        ("--height 200", "the free-air curves were used"),
+        ("--height 200 --burst surface", "contradicts the height"),
+        ("--height 30 --burst free-air", "contradicts the height"),
     ],
 )
 def test_other_heights_are_noted(numbers, words, said):

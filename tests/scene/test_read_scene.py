@@ -158,7 +158,7 @@ def test_an_empty_file_is_the_default_scene(scene):
     uncertain = scene("")
     assert uncertain.beliefs == {"charge_mass_kg": Free(positive=True)}
     assert uncertain.scene.charge.time == 0
-    assert uncertain.scene.charge.burst == "surface"
+    assert uncertain.scene.charge.burst is None  # the height decides: the surface
     assert uncertain.scene.air.temperature == 288.15
     assert uncertain.scene.air.pressure == 101325
     assert uncertain.scene.air.relative_humidity == 0.5

@@ -2,6 +2,7 @@
 
 import functools
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 import jax
@@ -27,6 +28,7 @@ from jblast.inference.parameters import parameters_of
 from jblast.inference.posterior import Posterior
 from jblast.scene import UncertainScene
 from jblast.sensors import Layout
+from jblast.sensors.bursts import settled
 from jblast.sensors.observe import Noise
 
 KEPT = 16
@@ -53,7 +55,8 @@ def engine_for(
         jnp.zeros(()).dtype.str,
     )
     if key not in _ENGINES:
-        parameters = parameters_of(uncertain)
+        scene, layout = settled(uncertain.scene, layout)
+        parameters = parameters_of(replace(uncertain, scene=scene))
         if not parameters.names:
             raise InputError("nothing to fit: every number of the scene is fixed")
         rows = rows_of(parameters, layout, laws, noise)

@@ -1,0 +1,107 @@
+from dataclasses import replace
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from jblast.constants import STANDARD_SOUND_SPEED
+from jblast.scene import Air, Charge, Scene, Sensor
+from jblast.sensors.bursts import height_notes, settled
+from jblast.sensors.layout import planned_layout
+from jblast.sensors.record import record
+from jblast.waves.kingery_bulmash import kingery_bulmash_impulse
+
+LAW = {"positive_impulse_pa_s": "kingery_bulmash"}
+QUANTITY = "positive_impulse_pa_s"
+
+
+def scene(up, burst=None, heights=(12.0, 0.0), name=""):
+    sensors = tuple(
+        Sensor(
+            position=np.array([5.0, 0.0, h]), name=f"s{h}", records=((QUANTITY, 0.05),)
+        )
+        for h in heights
+    )
+    charge = Charge(mass=1.0, up=up, burst=burst, name=name)
+    air = Air(sound_speed=STANDARD_SOUND_SPEED)
+    return Scene(charge=charge, air=air, sensors=sensors)
+
+
+def distances(up, heights=(12.0, 0.0)):
+    return np.hypot(5.0, np.array(heights) - up)
+
+
+def test_each_reading_is_by_the_curves_that_the_height_leaves():
+    high = scene(12.0)
+    layout, _, _ = planned_layout(high)
+    value = record(high, layout, LAW).value
+    near, far = distances(12.0)
+    expected = [
+        kingery_bulmash_impulse(near, 1.0, burst="free-air"),
+        kingery_bulmash_impulse(far, 1.0, burst="surface"),
+    ]
+    np.testing.assert_allclose(value, expected, rtol=1e-12)
+    # and settled beforehand, row by row, the same
+    fixed, rows = settled(high, layout)
+    assert rows.free_air == (True, False)
+    np.testing.assert_allclose(record(fixed, rows, LAW).value, expected, rtol=1e-12)
+
+
+def test_where_all_readings_are_of_one_set_the_charge_is_given_it():
+    for up, heights, burst in (
+        (12.0, (12.0, 10.0), "free-air"),
+        (0.3, (12.0, 0.0), "surface"),
+        (0.0, (12.0, 0.0), "surface"),
+    ):
+        this = scene(up, heights=heights)
+        fixed, rows = settled(this, planned_layout(this)[0])
+        assert (fixed.charge.burst, rows.free_air) == (burst, ())
+        assert fixed.charge.by_height
+
+
+def test_what_is_settled_has_derivatives_across_the_limit():
+    high = scene(2.0, heights=(2.0, 0.0))
+    fixed, rows = settled(high, planned_layout(high)[0])
+    assert rows.free_air == (True, False)
+
+    def impulse(mass):
+        heavier = replace(fixed, charge=replace(fixed.charge, mass=mass))
+        return record(heavier, rows, LAW).value
+
+    # at 8 kg the reflection comes within the phase: what was settled stays
+    value, slope = jax.jit(jax.vmap(jax.value_and_grad(lambda m: impulse(m)[0])))(
+        jnp.array([1.0, 8.0])
+    )
+    free = kingery_bulmash_impulse(5.0, np.array([1.0, 8.0]), burst="free-air")
+    np.testing.assert_allclose(value, free, rtol=1e-12)
+    assert np.isfinite(slope).all()
+
+
+@pytest.mark.parametrize(
+    ("up", "burst", "heights", "said"),
+    [
+        (0.0, None, (12.0, 0.0), []),
+        (0.0, "surface", (12.0, 0.0), []),
+        (12.0, None, (12.0, 11.0), ["every reading", "free-air curves were used"]),
+        (12.0, None, (12.0, 0.0), ["1 of 2 readings", "neither set holds"]),
+        (0.3, None, (1.0, 0.0), ["between the limits", "the surface ones were used"]),
+        (0.3, "surface", (1.0, 0.0), ["between the limits"]),
+        (12.0, "surface", (12.0, 0.0), ['"surface" contradicts the height', "1 of 2"]),
+        (
+            12.0,
+            "free-air",
+            (12.0, 0.0),
+            ['"free-air" contradicts the height', "1 of 2"],
+        ),
+        (0.0, "free-air", (12.0, 0.0), ['"free-air" contradicts the height']),
+        (12.0, "free-air", (12.0, 11.0), ["free-air curves were used"]),
+    ],
+)
+def test_what_is_said_of_a_height(up, burst, heights, said):
+    this = scene(up, burst, heights)
+    fixed, rows = settled(this, planned_layout(this)[0])
+    told = height_notes(fixed, rows, 0)
+    assert len(told) == bool(said)
+    for words in said:
+        assert words in told[0]

@@ -1,0 +1,40 @@
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from jblast.scene import Charge, Scene, VehicleSpec
+from jblast.study.fly_bursts import with_bursts_at_start
+from jblast.vehicle import blast_load
+
+CRAFT = VehicleSpec(model="crazyflie", position=np.array([5.0, 0.0, 12.0]))
+
+
+def flown(up, burst=None):
+    return with_bursts_at_start(
+        Scene(charge=Charge(mass=1.0, up=up, burst=burst), vehicle=CRAFT), CRAFT
+    )
+
+
+def test_a_charge_high_up_is_flown_by_the_free_air_curves_and_said_so():
+    scene, (note,) = flown(12.0)
+    assert scene.charge.burst == "free-air"
+    assert "at every vehicle the reflection" in note
+    assert flown(0.0)[0].charge.burst == "surface"
+    assert flown(0.0)[1] == ()
+    scene, (note,) = flown(12.0, "surface")
+    assert scene.charge.burst == "surface"
+    assert 'burst = "surface" contradicts the height' in note
+
+
+def test_a_load_of_a_scene_with_a_vehicle_is_by_its_height():
+    for up, burst in ((12.0, "free-air"), (0.0, "surface")):
+        scene = Scene(charge=Charge(mass=1.0, up=up), vehicle=CRAFT)
+        assert blast_load(scene).blasts[0].burst == burst
+
+
+def test_a_batch_of_both_is_flown_by_the_stronger_set_and_marked():
+    heights = jnp.array([0.2, 12.0])
+    scenes = jax.vmap(lambda up: Scene(charge=Charge(mass=1.0, up=up)))(heights)
+    scene, (note,) = with_bursts_at_start(scenes, CRAFT)
+    assert scene.charge.burst == "surface"
+    assert "1 of 2 vehicles it does; the surface curves were used for all" in note
