@@ -12,7 +12,7 @@ help:
 	@echo 'make quick       those of the rooms that changed since the last tag, or SINCE=COMMIT'
 	@echo 'make test-slow   those that take minutes'
 	@echo 'make test-all    both'
-	@echo 'make check       format, lint, types; notebooks without outputs'
+	@echo 'make check       format, lint, types; notebooks without outputs; figures of README'
 	@echo 'make format      format, and mend what the linter can'
 	@echo 'make lock        resolve the dependencies again'
 	@echo 'make bench-start how long all this takes on a fresh clone'
@@ -41,6 +41,7 @@ check: .venv/dev
 	$(BIN)/python -m ruff check .
 	$(BIN)/python -m pyright --pythonpath $(BIN)/python
 	$(BIN)/python -m nbstripout --verify notebooks/*.ipynb
+	$(BIN)/python -m calibration.figures
 
 format: .venv/dev
 	$(BIN)/python -m ruff format .
