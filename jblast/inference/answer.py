@@ -1,5 +1,6 @@
 """The answer as `jblast fit --json` prints it, key by key of the contract."""
 
+from collections.abc import Callable
 from typing import Any
 
 import jax.numpy as jnp
@@ -8,9 +9,16 @@ from jaxtyping import Bool, Float
 
 from jblast.constants import TNT_SPECIFIC_ENERGY
 from jblast.inference.cautions import cautions_of
-from jblast.inference.goodness import chi_squared, suspected_outliers
+from jblast.inference.goodness import (
+    FITS,
+    POOR,
+    chance,
+    chi_squared,
+    suspected_outliers,
+)
 from jblast.inference.how_sure import HowSure
 from jblast.inference.solution import Solution
+from jblast.inference.suspects import explained_by, lies_far
 from jblast.inference.untold import ambiguities, determined, null_directions
 from jblast.observations import Observations
 from jblast.scene import UncertainScene
@@ -34,6 +42,7 @@ def answer_of(
     valid: Bool[np.ndarray, " row"],
     residual: Float[np.ndarray, " row"],
     effects: Float[np.ndarray, " effect"],
+    refit: Callable[[Observations], Solution],
 ) -> dict[str, Any]:
     """Put a solution into the contract's words.
 
@@ -45,6 +54,7 @@ def answer_of(
         valid: Whether each row's laws hold at the answer.
         residual: What is left of each row, in standard deviations.
         effects: The most probable shared effects.
+        refit: Solves for a log of the same rows; asked where no scene fits this one.
     """
     z = solution.laplace.z
     estimates = _estimates(solution, sure)
@@ -53,11 +63,20 @@ def answer_of(
     chi2, dof = chi_squared(
         solution.posterior, z, residual, effects, solution.identifiability.told.shape[1]
     )
+    p = chance(chi2, dof)
+    converged = solution.laplace.converged and sure.converged
+    answered = (
+        converged and not null and valid.any() and not (p is not None and p < POOR)
+    )
+    wrong = []
+    if not answered or lies_far(solution) or (p is not None and p < FITS):
+        wrong = explained_by(observations, solution, answered, refit)
     return {
         "schema": 1,
         "law": {quantity: name for quantity, (name, _) in solution.laws.items()},
         "law_reason": {q: reason for q, (_, reason) in solution.laws.items()},
         "law_valid": bool(valid.all()),
+        "law_valid_rows": int(valid.sum()),
         "estimates": estimates,
         "derived": _derived(estimates, solution),
         "free": list(solution.posterior.parameters.names),
@@ -66,13 +85,14 @@ def answer_of(
         "ambiguities": doubles,
         "determined": determined(solution),
         "posterior": sure.method,
-        "converged": solution.laplace.converged and sure.converged,
+        "converged": converged,
         "chi2": chi2,
         "dof": dof,
         "n_observations": len(observations),
         "suspected_outliers": suspected_outliers(
             observations, residual, solution.posterior.noise
         ),
+        "explained_by": wrong,
         "warnings": cautions_of(
             observations, uncertain, solution, valid, chi2, dof, effects
         )

@@ -99,6 +99,7 @@ def fit(
             np.asarray(misfit.valid) & valid_at_depth(solution, draws),
             left.residual,
             left.effects,
+            lambda log: solve(log, uncertain, noise=noise, seed=seed),
         ),
         observations=observations,
         scene=parameters.scene_at(jnp.asarray(z)),
@@ -194,10 +195,19 @@ def solve(
     told = identifiability(posterior, z)
     normal = laplace(posterior, z, told.told)
     laws = {
-        quantity: there[quantity] if there[quantity][0] == name else (name, reason)
-        for quantity, (name, reason) in laws.items()
+        quantity: (name, of_answer(name, *there[quantity]))
+        for quantity, (name, _) in laws.items()
     }
     return Solution(posterior, laws, same, found, told, normal)
+
+
+def of_answer(used: str, chosen: str, reason: str) -> str:
+    """Return why a law was used, judged at the answer."""
+    if used == chosen:
+        return reason
+    return (
+        f"chosen before the answer was known, at which it would be {chosen}: {reason}"
+    )
 
 
 def _shortly(names: Sequence[str], most: int = 5) -> str:

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Bool, Float
 
+from jblast.inference.goodness import POOR, chance
 from jblast.observations import Observations
 from jblast.scene import Scene
 
@@ -57,7 +58,9 @@ class Fit:
         posterior_reason: Why intervals come from the normal approximation, or a walk.
         ensemble: The walk the draws are from, where there was one.
         density: The posterior.
-        exit_code: 0 answered, 4 computed but not converged or not identifiable.
+        exit_code: 0 answered, 4 computed with a doubt: not converged, not
+            identifiable, a poor fit, a law that holds for no row, or a log that one
+            clock or sensor spoils.
     """
 
     answer: Mapping[str, Any]
@@ -86,4 +89,16 @@ class Fit:
     def exit_code(self) -> int:
         """Return the exit code of the contract: 0 answered, 4 computed with a doubt."""
         answered = self.answer["converged"] and self.answer["identifiable"]
-        return 0 if answered else 4
+        doubt = self.is_poor or self.is_outside or self.answer["explained_by"]
+        return 0 if answered and not doubt else 4
+
+    @property
+    def is_poor(self) -> bool:
+        """Whether the log disagrees with its laws by more than its errors allow."""
+        p = chance(self.answer["chi2"], self.answer["dof"])
+        return p is not None and p < POOR
+
+    @property
+    def is_outside(self) -> bool:
+        """Whether the laws hold for no row."""
+        return self.answer["law_valid_rows"] == 0

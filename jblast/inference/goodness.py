@@ -17,6 +17,9 @@ WILD = 0.05
 POOR = 0.001
 """A fit with a smaller chance than this is called poor."""
 
+FITS = 0.01
+"""With no smaller chance than this a log and a scene agree."""
+
 
 class Left(NamedTuple):
     """What a scene leaves of a log.

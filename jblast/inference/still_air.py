@@ -86,7 +86,7 @@ def wider_with_wind(solution: Solution, sd: float = WIND) -> dict[str, float] | 
     left = to_wind.T @ weighted + np.eye(2) / sd**2 - weighted.T @ to_fitted @ gain
     added = np.diag(gain @ np.linalg.pinv(left, hermitian=True) @ gain.T)
     return {
-        name: float(np.sqrt(1 + more / one**2))
+        name: float(np.sqrt(1 + max(more, 0.0) / one**2))
         for name, one, more in zip(posterior.parameters.names, sds, added, strict=True)
         if one > 0
     }

@@ -14,6 +14,7 @@ from jblast.report.doubts import (
     unidentified,
 )
 from jblast.report.goodness import goodness_sentence
+from jblast.report.headline import headline
 from jblast.report.laws import law_sentence, validity_sentence
 from jblast.report.numbers import finite, printed_estimate, printed_number, significant
 from jblast.report.words import capitalised, joined, parameter_words, split_name
@@ -48,11 +49,7 @@ def conclusion(fit: Fit, accepted: Accepted | None = None) -> list[str]:
         accepted: Published values by parameter name, each with where it comes from.
     """
     answer = fit.answer
-    said = (
-        []
-        if answer["converged"]
-        else ["The search did not converge: take no number here as an answer."]
-    )
+    said = headline(fit)
     doubts = _cannot_tell(answer)
     if unidentified(answer):  # then this is the news, and comes first
         said, doubts = said + doubts, []

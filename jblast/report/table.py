@@ -95,7 +95,13 @@ def _doubts(fit: Fit) -> str:
         for word, doubtful in (
             ("not converged", not answer["converged"]),
             ("not identifiable", not answer["identifiable"]),
-            ("outside its law", not answer["law_valid"]),
+            ("poor fit", fit.is_poor),
+            ("no row within its law", fit.is_outside),
+            ("outside its law", not answer["law_valid"] and not fit.is_outside),
+            *(
+                (f"without {entry['name']} it fits", True)
+                for entry in answer["explained_by"]
+            ),
             ("outliers", bool(answer["suspected_outliers"])),
         )
         if doubtful

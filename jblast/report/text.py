@@ -17,6 +17,7 @@ from jblast.report.doubts import (
     unidentified,
 )
 from jblast.report.goodness import goodness_numbers, goodness_sentence
+from jblast.report.headline import headline
 from jblast.report.laws import laws_used, validity_sentence
 from jblast.report.numbers import printed_estimate
 from jblast.report.rows import log_name
@@ -42,8 +43,9 @@ def summary(
     """
     answer = fit.answer
     lines = [_title(fit), *_how_intervals_held(fit), ""]
-    if not answer["converged"]:
-        lines += ["NOT CONVERGED: take no number below as an answer.", ""]
+    if doubts := headline(fit):  # above every line but the title
+        said = (line for doubt in doubts for line in textwrap.wrap(doubt, WIDTH))
+        lines[1:1] = ["", *said, ""]
     lines += _estimate_table(answer, accepted)
     lines += section("", accepted_not_fitted(fit, accepted))
     lines += ["", "Laws"]

@@ -12,6 +12,7 @@ ANSWER = {
     "law": dict,
     "law_reason": dict,
     "law_valid": bool,
+    "law_valid_rows": int,
     "estimates": dict,
     "derived": dict,
     "free": list,
@@ -25,6 +26,7 @@ ANSWER = {
     "dof": int,
     "n_observations": int,
     "suspected_outliers": list,
+    "explained_by": list,
     "warnings": list,
 }
 ESTIMATE = ("value", "sd", "log_sd", "q05", "q50", "q95")

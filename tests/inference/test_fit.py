@@ -7,6 +7,8 @@ from logs import log
 
 from jblast.errors import InputError
 from jblast.inference import fit
+from jblast.inference.fit import of_answer
+from jblast.report import summary
 from jblast.scene import (
     Free,
     LogNormal,
@@ -349,3 +351,30 @@ def test_a_sedov_log_cannot_tell_energy_from_gamma():
     (null,) = answer["null_directions"]
     assert set(null["parameters"]) == {"charge_mass_kg", "sedov_gamma"}
     assert answer["estimates"]["charge_mass_kg"]["value"] is None
+
+
+def test_a_poor_fit_exits_4_and_says_so_above_its_numbers():
+    made = pressures(15.0, [10.0, 20.0, 40.0], sigma=0.02)
+    made.value[:] *= [1.0, 3.0, 0.3]
+    found = fit(made, MASS_FREE, noise="gaussian")
+    assert found.exit_code == 4
+    text = summary(found)
+    assert text.index("POOR FIT (p < 0.001)") < text.index("Estimates")
+
+
+def test_an_answer_whose_law_holds_for_no_row_exits_4_and_says_so():
+    laws = {"peak_overpressure_pa": "kingery_bulmash"}  # to Z = 40
+    beyond = fit(pressures(15.0, [200.0, 400.0, 800.0]), with_laws(MASS_FREE, laws))
+    assert beyond.answer["law_valid_rows"] == 0
+    assert beyond.exit_code == 4
+    assert summary(beyond).index("OUTSIDE THE LAWS") < summary(beyond).index(
+        "Estimates"
+    )
+
+
+def test_the_reason_of_a_law_is_that_at_the_answer():
+    assert (
+        of_answer("swisdak", "swisdak", "the reference there") == "the reference there"
+    )
+    said = of_answer("swisdak", "ford_2021", "the best of those that hold there")
+    assert "at which it would be ford_2021: the best of those that hold there" in said

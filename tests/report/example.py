@@ -35,6 +35,7 @@ def answer(**changes) -> dict[str, Any]:
         "law": {},
         "law_reason": {},
         "law_valid": True,
+        "law_valid_rows": 12,
         "estimates": {},
         "derived": {},
         "free": [],
@@ -48,6 +49,7 @@ def answer(**changes) -> dict[str, Any]:
         "dof": 9,
         "n_observations": 12,
         "suspected_outliers": [],
+        "explained_by": [],
         "warnings": [],
     } | changes
 

@@ -77,7 +77,7 @@ def test_outliers_and_ambiguities_are_named():
 
 def test_a_fit_that_did_not_converge_says_so_first():
     assert "NOT CONVERGED" in summary(example.no_draws())
-    assert conclusion(example.no_draws())[0].startswith("The search did not converge")
+    assert conclusion(example.no_draws())[0].startswith("NOT CONVERGED")
     assert "nan" not in summary(example.no_draws()).lower()
 
 
