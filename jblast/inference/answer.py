@@ -65,9 +65,8 @@ def answer_of(
     )
     p = chance(chi2, dof)
     converged = solution.laplace.converged and sure.converged
-    answered = (
-        converged and not null and valid.any() and not (p is not None and p < POOR)
-    )
+    poor = p is not None and p < POOR
+    answered = converged and not null and bool(valid.any()) and not poor
     wrong = []
     if not answered or lies_far(solution) or (p is not None and p < FITS):
         wrong = explained_by(observations, solution, answered, refit)

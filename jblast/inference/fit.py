@@ -122,10 +122,11 @@ def fit(
         density=density,
         bands=bands(
             parameters,
+            z,
             draws[:: max(len(draws) // DRAWS_IN_BANDS, 1)],
             observations,
+            density.layout,
             distance,
-            density.layout.shot,
             law_names(solution.laws),
         ),
     )

@@ -23,9 +23,9 @@ class Band:
         x: Where, increasing.
         q05: 5 % quantile over the posterior, laws taken as exact; clock times are on
             the common clock.
-        q50: Median.
+        answer: The law at the answer, as `Fit.predicted`.
         q95: 95 % quantile.
-        valid: Where the law holds at the median answer.
+        valid: Where the law holds at the answer.
     """
 
     quantity: str
@@ -33,7 +33,7 @@ class Band:
     axis: str
     x: Float[np.ndarray, " point"]
     q05: Float[np.ndarray, " point"]
-    q50: Float[np.ndarray, " point"]
+    answer: Float[np.ndarray, " point"]
     q95: Float[np.ndarray, " point"]
     valid: Bool[np.ndarray, " point"]
 

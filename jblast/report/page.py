@@ -142,7 +142,7 @@ def _picture(fit: Fit, kind: str, figure: Figure) -> Picture:
         "recordings": (
             f"Recordings against {along}",
             f"Plot of {quantities} against {along}: recordings with error bars, the "
-            "median law and its 5 to 95 % band.",
+            "law at the answer and its 5 to 95 % band.",
             "The band is what the posterior leaves open with the law taken as exact. "
             "Error bars hold the recording's error and the law's scatter from record "
             "to record; a whole shot or path may lie to one side by what it shares.",

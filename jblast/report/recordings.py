@@ -5,6 +5,7 @@ from itertools import pairwise
 import numpy as np
 from jaxtyping import Bool, Float
 from matplotlib.axes import Axes
+from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
 
 from jblast.inference.fit_result import Band, Fit
@@ -24,11 +25,15 @@ from jblast.report.reduced import Reduction, common_clock, reduction
 from jblast.report.rows import outlier_rows
 from jblast.report.words import capitalised, law_words, quantity_words
 
+BESIDE = 1.2
+"""The band of a time goes this much further than its readings, as a factor."""
+
 
 def recordings_figure(fit: Fit) -> Figure:
-    """Draw one panel a quantity and charge: points with errors, median and 5-95 % band.
+    """Draw one panel a quantity and charge: points with errors, law, 5-95 % band.
 
-    The line is dashed where the law does not hold; suspected outliers are ringed.
+    The law is that at the answer, where the points stand too; its line is dashed where
+    it does not hold. Suspected outliers are ringed.
     """
     panels = list(dict.fromkeys(zip(fit.observations.quantity, fit.shot, strict=True)))
     columns = min(len(panels), 2)
@@ -68,7 +73,12 @@ def _panel(axes: Axes, fit: Fit, quantity: str, shot: int) -> None:
     x_unit = unit_for("_s" if against_time else "_m", *_finite(x))
     y_unit = unit_for(quantity, *_finite(y))
     if band is not None and band_x is not None:
-        _draw_band(axes, band, band_x, less, x_unit, y_unit)
+        beside = np.isfinite(band_x)
+        if additive and _finite(x):  # further off it would dwarf the readings
+            beside &= (band_x >= np.nanmin(x) / BESIDE) & (
+                band_x <= np.nanmax(x) * BESIDE
+            )
+        _draw_band(axes, band, band_x, beside, less, x_unit, y_unit)
     x, y, low, high = (
         x / x_unit.size,
         y / y_unit.size,
@@ -89,7 +99,7 @@ def _panel(axes: Axes, fit: Fit, quantity: str, shot: int) -> None:
     quiet(axes)
     _scales(axes, x[drawn], logarithmic=not additive)
     if additive and np.any(drawn):
-        _frame(axes, x[drawn], [low[drawn], high[drawn]])
+        _frame(axes, [low[drawn], high[drawn]])
     what = less.label if less else quantity_words(quantity)
     axes.set_ylabel(_with_unit(what, y_unit))
     along = "time after detonation" if against_time else "slant range"
@@ -125,15 +135,16 @@ def _draw_band(
     axes: Axes,
     band: Band,
     x: Float[np.ndarray, " point"],
+    beside: Bool[np.ndarray, " point"],
     less: Reduction | None,
     x_unit: Unit,
     y_unit: Unit,
 ) -> None:
     low, middle, high = (
-        _shown(less, q, x) / y_unit.size for q in (band.q05, band.q50, band.q95)
+        _shown(less, q, x) / y_unit.size for q in (band.q05, band.answer, band.q95)
     )
     x = x / x_unit.size
-    finite = np.isfinite(low + middle + high)
+    finite = np.isfinite(low + middle + high) & beside
     if less is None:
         finite &= (low > 0.0) & (x > 0.0)
     for start, stop, valid in runs(band.valid):
@@ -195,14 +206,13 @@ def _scales(axes: Axes, x: Float[np.ndarray, " n"], logarithmic: bool) -> None:
         log_ticks(axes.yaxis, axes.get_ylim())
 
 
-def _frame(
-    axes: Axes, x: Float[np.ndarray, " n"], readings: list[Float[np.ndarray, " n"]]
-) -> None:
-    """Frame the readings and the band between them; beyond, the band may run off."""
+def _frame(axes: Axes, readings: list[Float[np.ndarray, " n"]]) -> None:
+    """Frame the readings, the law and the whole of its band."""
     seen = list(readings)
-    for line in axes.get_lines():
-        along, value = (np.asarray(d, float) for d in line.get_data())
-        seen.append(value[(along >= x.min()) & (along <= x.max())])
+    seen += [np.asarray(line.get_ydata(), float) for line in axes.get_lines()]
+    for drawn in axes.collections:
+        if isinstance(drawn, PolyCollection):
+            seen += [np.asarray(p.vertices)[:, 1] for p in drawn.get_paths()]
     every = np.concatenate(seen)
     every = every[np.isfinite(every)]
     margin = 0.08 * max(np.ptp(every), 1e-9)
@@ -212,7 +222,7 @@ def _frame(
 def _key(figure: Figure, fit: Fit, columns: int) -> None:
     key = ["points: recordings ± 1 sd"]
     if fit.bands:
-        key += ["line: median", "band: 5 to 95 % of the posterior"]
+        key += ["line: the law at the answer", "band: 5 to 95 % of the posterior"]
     if any(not np.all(band.valid) for band in fit.bands):
         key.append("dashed: outside the law's range")
     if fit.bands and (
