@@ -99,7 +99,9 @@ def _followed(posterior, z, direction, size) -> np.ndarray | None:
         back = -np.linalg.pinv(jacobian / size, rcond=1e-6) @ miss / size
         for part in 0.5 ** np.arange(HALVINGS):  # whole steps run away off a cone
             nearer = _whitened_prediction(posterior, there + part * back, z) - started
-            if np.linalg.norm(nearer) < np.linalg.norm(miss):
+            with np.errstate(over="ignore"):  # beyond all reach is no nearer
+                is_nearer = np.linalg.norm(nearer) < np.linalg.norm(miss)
+            if is_nearer:
                 there, miss = there + part * back, nearer
                 break
         else:
