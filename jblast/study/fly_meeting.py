@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from jblast.scene import Scene
-from jblast.vehicle import BlastLoad, CustomProfile, blast_load
+from jblast.vehicle import BlastLoad, CustomProfile, blast_load, vehicle_of
 from jblast.vehicle.custom_profile import custom_profile
 from jblast.waves.paths import slant_range
 from jblast.waves.scaling import scaled_distance
@@ -59,7 +59,10 @@ def load_of(scene: Scene, profile: Profile | None) -> FlightLoad:
         return blast_load(scene)
     charge = scene.charge
     load = custom_profile(
-        profile.cases, (0.0, 0.0, 0.0), moment_point_m=profile.moment_point_m
+        profile.cases,
+        (0.0, 0.0, 0.0),
+        moment_point_m=profile.moment_point_m,
+        vehicle=None if scene.vehicle is None else vehicle_of(scene.vehicle),
     )
     place = jnp.stack([charge.east, charge.north, charge.up])
     return eqx.tree_at(

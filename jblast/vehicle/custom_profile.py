@@ -30,6 +30,7 @@ from jaxtyping import Array, Bool, Float
 
 from jblast.errors import InputError
 from jblast.types import as_float_array
+from jblast.vehicle.custom_profile_lever import check_levers
 from jblast.vehicle.motion import (
     four,
     rotation,
@@ -162,6 +163,7 @@ def custom_profile(
     time_s: float = 0.0,
     duration_s: float = 1e-3,
     moment_point_m: Sequence[float] | None = None,
+    vehicle: Vehicle | None = None,
 ) -> CustomProfile:
     """Return the pulse of cases.
 
@@ -173,12 +175,16 @@ def custom_profile(
         duration_s: Over which the impulse is given [s]; the thesis's is 1 ms.
         moment_point_m: From the point about which the moments are told to the
             vehicle's centre of mass, body axes [m]; None: they are about that.
+        vehicle: On which they act. Where no point is told their levers are held against
+            its size; None: they are not.
 
     Raises:
         InputError: The duration is not positive, or a point has not three numbers.
     """
     if not duration_s > 0:
         raise InputError(f"duration_s: expected a positive time [s], got {duration_s}")
+    if moment_point_m is None and vehicle is not None:
+        check_levers(cases, vehicle)
     arm = np.zeros(3) if moment_point_m is None else np.asarray(moment_point_m, float)
     for name, value in (("moment_point_m", arm), ("charge_m", jnp.asarray(charge_m))):
         if value.shape != (3,):

@@ -145,6 +145,29 @@ def test_moments_of_a_far_point_are_taken_about_the_vehicle(cases):
     np.testing.assert_allclose(turn, expected, atol=1e-9)
 
 
+def test_moments_about_a_far_point_are_refused_unless_it_is_named(cases):
+    """The sample's lever is 21/0.25 m; a Crazyflie's rotors are 4.3 cm away."""
+    with pytest.raises(InputError) as caught:
+        custom_profile(cases, (0.0, 0.0, 0.0), vehicle=CRAZYFLIE)
+    turn, push = (np.linalg.norm(ROWS[0][a:b]) for a, b in ((7, 10), (4, 7)))
+    for said in (
+        f"{turn:.3g} N m s",
+        f"{push:.3g} N s",
+        f"{turn / push:.3g} m",
+        "at most 0.13 m",
+        "moment_point_m (--profile-moments-about X,Y,Z)",
+    ):
+        assert said in str(caught.value)
+    for point in ((100.0, 0.0, 0.0), (0.0, 0.0, 0.0)):
+        custom_profile(cases, (0.0, 0.0, 0.0), vehicle=CRAZYFLIE, moment_point_m=point)
+    own = cases.copy()
+    own[:, 7:] = np.cross([0.0, 0.0, 0.05], own[:, 4:7])
+    custom_profile(own, (0.0, 0.0, 0.0), vehicle=CRAZYFLIE)
+    own[:, 4:7] = 0.0  # a moment without an impulse has no lever
+    with pytest.raises(InputError, match="a lever of inf m"):
+        custom_profile(own, (0.0, 0.0, 0.0), vehicle=CRAZYFLIE)
+
+
 @pytest.mark.parametrize("step", [0.5e-3, 2e-3, 10e-3])
 def test_a_flight_gains_the_whole_impulse_at_any_step(cases, step):
     cases = cases.copy()
