@@ -13,7 +13,7 @@ from pathlib import Path
 from jblast.cli.files import path
 from jblast.cli.options import seed
 
-HELP = "fly a scene's vehicle through its blasts: deviation, recovery, survival"
+HELP = "fly a scene's vehicle through its blasts: deviation, recovery, who flies on"
 
 
 def add_arguments(verb: argparse.ArgumentParser) -> None:
@@ -70,7 +70,8 @@ def add_arguments(verb: argparse.ArgumentParser) -> None:
         "--profile-moments-about",
         metavar="X,Y,Z",
         help="from the point the profile's moments are about to the vehicle's centre "
-        "of mass, body axes [m] (default: they are about that)",
+        "of mass, body axes [m] (default: they are about that, and refused where their "
+        "lever is longer than the vehicle)",
     )
     verb.add_argument("--seed", type=seed, default=0, help="of the priors (default: 0)")
     verb.add_argument(

@@ -19,7 +19,7 @@ from jblast.report.figure_style import (
 from jblast.report.fly_figure import HOLD_COLOURS
 from jblast.report.numbers import printed_number, unit_for
 from jblast.study.fly_records import Flights, Flown
-from jblast.study.fly_summary import hold_words, metric, survived
+from jblast.study.fly_summary import flies_on, hold_words, metric
 
 MOST_POINTS = 4000
 """Of the scatter: more only darken it."""
@@ -38,13 +38,13 @@ def distribution_figure(flights: Flights) -> Figure:
     unit = unit_for("path_error_m", most)
     styles = zip(flights.holds.items(), HOLD_COLOURS, ("-", (0, (4, 3))), strict=True)
     for (name, flown), colour, dashes in styles:
-        share = 100 * np.mean(survived(flown))
+        share = 100 * np.mean(flies_on(flown))
         _shares(
             deviation,
             metric(flown, "peak_deviation_m") / unit.size,
             colour,
             dashes,
-            f"{hold_words(name)}, {share:.4g} % survive",
+            f"{hold_words(name)}, {share:.4g} % fly on",
         )
         _shares(
             recovery, metric(flown, "recovery_time_s"), colour, dashes, hold_words(name)
@@ -66,7 +66,10 @@ def distribution_figure(flights: Flights) -> Figure:
     for axes in (deviation, recovery):
         axes.set_ylim(0.0, 102.0)
         axes.set_ylabel("vehicles with at most this [%]")
-    deviation.legend(frameon=False, fontsize=8.5, loc="best")
+    # below the axes: whatever the curves do, it does not lie over one
+    deviation.legend(
+        frameon=False, fontsize=8.5, loc="upper center", bbox_to_anchor=(0.5, -0.16)
+    )
     titled(deviation, "Peak deviation")
     titled(
         recovery,

@@ -11,14 +11,17 @@ from numpy.typing import ArrayLike
 from jblast.report.json_values import plain
 from jblast.study.fly_records import Flights, Flown
 from jblast.study.fly_summary import (
+    EXPOSURES,
     METRICS,
+    flies_on,
     metric,
+    past_threshold,
     quantiles,
-    survival,
-    survived,
+    share_interval,
     target_of,
     warnings_of,
 )
+from jblast.vehicle.thresholds import THRESHOLDS
 
 MOST_NAMED = 100
 """Lost vehicles that are named one by one."""
@@ -49,9 +52,13 @@ def flights_document(flights: Flights) -> dict[str, Any]:
             "blasts": [
                 _blast(flights, first, n, several) for n in range(len(flights.blasts))
             ],
+            "thresholds": {
+                name: {"value": limit.value, "source": limit.source}
+                for name, limit in THRESHOLDS[vehicle.model].items()
+            },
             "scene_hold": flights.own,
             "holds": {
-                name: _several(flown) if several else _single(flown)
+                name: (_several if several else _single)(vehicle.model, flown)
                 for name, flown in flights.holds.items()
             },
             "warnings": warnings_of(flights),
@@ -68,13 +75,13 @@ def flights_csv(flights: Flights) -> str:
     table.writerow(
         ["vehicle", "hold", *flights.drawn]
         + [f"{column}{blast}" for blast in blasts for column in met]
-        + [*METRICS, "settled", "crashed", "lost"]
+        + [*METRICS, *EXPOSURES, "settled", "crashed", "lost"]
     )
     for hold, flown in flights.holds.items():
         columns: list[Any] = list(flights.drawn.values())
         for n in range(len(blasts)):
             columns += [getattr(flown.meeting, name)[:, n] for name in met]
-        columns += [metric(flown, name) for name in METRICS]
+        columns += [metric(flown, name) for name in (*METRICS, *EXPOSURES)]
         columns += [flown.metrics.settled, flown.metrics.crashed, flown.lost]
         rows = zip(*map(np.asarray, columns), strict=True)
         for lane, row in enumerate(rows):
@@ -88,30 +95,38 @@ def _field(value: Any) -> str:
     return f"{value:.9g}"
 
 
-def _single(flown: Flown) -> dict[str, Any]:
+def _single(model: str, flown: Flown) -> dict[str, Any]:
     """Return the metrics of one flight."""
     metrics = flown.metrics
-    told = {name: metric(flown, name) for name in METRICS}
+    told = {name: metric(flown, name) for name in (*METRICS, *EXPOSURES)}
     return told | {
         "recovered": math.isfinite(float(metrics.recovery_time_s)),
         "settled": metrics.settled,
         "crashed": metrics.crashed,
         "lost": flown.lost,
-        "survived": not metrics.crashed,
+        "flies_on": flies_on(flown),
+        "past_threshold": past_threshold(model, flown),
     }
 
 
-def _several(flown: Flown) -> dict[str, Any]:
+def _several(model: str, flown: Flown) -> dict[str, Any]:
     """Return the distribution of each metric, and shares of the vehicles."""
     metrics = flown.metrics
-    low, high = survival(survived(flown))
+    on = flies_on(flown)
+    low, high = share_interval(on)
     lost = np.flatnonzero(flown.lost)
-    told: dict[str, Any] = {name: _spread(metric(flown, name)) for name in METRICS}
+    told: dict[str, Any] = {
+        name: _spread(metric(flown, name)) for name in (*METRICS, *EXPOSURES)
+    }
     return told | {
         "recovered_share": _share(np.isfinite(metrics.recovery_time_s)),
         "settled_share": _share(metrics.settled),
         "crashed_share": _share(metrics.crashed),
-        "survived_share": {"value": _share(survived(flown)), "q05": low, "q95": high},
+        "flies_on_share": {"value": _share(on), "q05": low, "q95": high},
+        "past_threshold_share": {
+            name: None if past is None else _share(past)
+            for name, past in past_threshold(model, flown).items()
+        },
         "lost": lost.size,
         "lost_vehicles": lost[:MOST_NAMED],
     }

@@ -9,17 +9,20 @@ from numpy.typing import ArrayLike
 
 from jblast.report.numbers import printed_number, significant
 from jblast.report.words import capitalised, parameter_words
-from jblast.study.fly_records import Flights, Flown
+from jblast.study.fly_records import Flights
 from jblast.study.fly_summary import (
+    EXPOSURES,
     METRICS,
+    flies_on,
     hold_words,
     metric,
+    past_threshold,
     quantiles,
-    survival,
-    survived,
+    share_interval,
     target_of,
     warnings_of,
 )
+from jblast.vehicle.thresholds import THRESHOLDS
 
 WIDTH = 96
 WORDS = {
@@ -29,6 +32,14 @@ WORDS = {
     "peak_deviation_m": "peak deviation",
     "peak_time_s": "  after the blast",
     "recovery_time_s": "recovery time",
+    "peak_overpressure_pa": "peak overpressure",
+    "peak_acceleration_m_s2": "peak acceleration",
+    "fireball_time_s": "in a fireball for",
+}
+THRESHOLD_WORDS = {
+    "peak_overpressure_pa": "threshold of overpressure",
+    "peak_acceleration_m_s2": "threshold of acceleration",
+    "fireball_time_s": "threshold of time in a fireball",
 }
 
 
@@ -113,13 +124,31 @@ def _holds(flights: Flights) -> list[tuple[str, ...]]:
         for word, of in shares.items():
             cells = [f"{100 * np.mean(of(f)):.4g} %" for f in holds.values()]
             rows.append((word, *cells))
-        rows.append(("survived", *(_survival(f) for f in holds.values())))
-        return rows
+        rows.append(("flies on", *(_interval(flies_on(f)) for f in holds.values())))
+        return rows + _exposures(flights)
     for word in ("settled", "crashed"):
         flags = [bool(getattr(f.metrics, word)) for f in holds.values()]
         rows.append((word, *map(_yes, flags)))
-    rows.append(("survived", *(_yes(bool(survived(f))) for f in holds.values())))
+    rows.append(("flies on", *(_yes(bool(flies_on(f))) for f in holds.values())))
+    return rows + _exposures(flights)
+
+
+def _exposures(flights: Flights) -> list[tuple[str, ...]]:
+    """Return what the blasts did beside moving it, and who is past a threshold."""
+    model, rows = flights.vehicle.model, []
+    for name in EXPOSURES:
+        held = flights.holds.values()
+        rows.append((WORDS[name], *(_number(name, metric(f, name)) for f in held)))
+        past = [past_threshold(model, f)[name] for f in held]
+        cells = ["not known" if each is None else _past(each) for each in past]
+        limit = THRESHOLDS[model][name].value
+        told = "" if limit is None else f" {_one(name, limit, 3)}"
+        rows.append((f"  past{told or ' a threshold'}", *cells))
     return rows
+
+
+def _past(flags: np.ndarray) -> str:
+    return _interval(flags) if flags.ndim else _yes(bool(flags))
 
 
 def _notes(flights: Flights) -> list[str]:
@@ -128,15 +157,18 @@ def _notes(flights: Flights) -> list[str]:
     notes = [
         f"Path errors are root mean squares. Recovery: from the first blast's arrival "
         f"until the path error stays within {tolerance}; 0 where it never left. "
-        "Survived: never hit the ground, turned over or diverged, and came back or not."
+        "Flies on: never hit the ground, turned over or diverged, and came back or "
+        "not; whether the blast broke it is not judged by that."
     ]
+    for name, limit in THRESHOLDS[flights.vehicle.model].items():
+        notes.append(f"{capitalised(THRESHOLD_WORDS[name])}: {limit.source}.")
     notes += [f"{capitalised(warning)}." for warning in warnings_of(flights)]
     return [line for note in notes for line in textwrap.wrap(note, WIDTH)]
 
 
-def _survival(flown: Flown) -> str:
-    low, high = (100 * share for share in survival(survived(flown)))
-    return f"{100 * np.mean(survived(flown)):.4g} % [{low:.4g} to {high:.4g} %]"
+def _interval(flags: np.ndarray) -> str:
+    low, high = (100 * share for share in share_interval(flags))
+    return f"{100 * np.mean(flags):.4g} % [{low:.4g} to {high:.4g} %]"
 
 
 def _number(name: str, values: ArrayLike) -> str:

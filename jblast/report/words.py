@@ -2,7 +2,19 @@
 
 from collections.abc import Sequence
 
-SUFFIXES = ("_pa_s", "_m_s", "_rad", "_kg", "_pa", "_px", "_m", "_s", "_j", "_k")
+SUFFIXES = (
+    "_pa_s",
+    "_m_s2",
+    "_m_s",
+    "_rad",
+    "_kg",
+    "_pa",
+    "_px",
+    "_m",
+    "_s",
+    "_j",
+    "_k",
+)
 """Unit suffixes of names, longest first: `_m_s` must be tried before `_s`."""
 
 PARAMETER_WORDS = {

@@ -18,11 +18,13 @@ from jblast.progress import counted
 from jblast.scene import Scene, UncertainScene, VehicleSpec
 from jblast.study.fly_bursts import with_bursts_at_start
 from jblast.study.fly_draws import checked_scene, drawn_scenes, drawn_values
+from jblast.study.fly_exposure import exposed
 from jblast.study.fly_meeting import FlightLoad, Profile, load_of, met
 from jblast.study.fly_records import Flights, Flown, Options
 from jblast.study.fly_times import BATCH_ROWS, flight_seconds, rows_stored
 from jblast.vehicle import (
     Each,
+    State,
     StepGust,
     flight_metrics,
     hold_of,
@@ -151,9 +153,23 @@ def _flown(
     times = jnp.broadcast_to(trajectory.time_s, error.shape)
     last = jnp.sum(times < first[..., None], axis=-1, keepdims=True) - 1
     before = jnp.take_along_axis(error, jnp.maximum(last, 0), axis=-1)[..., 0]
+    exposure = (_exposed if single else _exposed_each)(
+        load,
+        vehicle_of(spec),
+        meeting,
+        trajectory.time_s,
+        State(
+            trajectory.position_m,
+            trajectory.velocity_m_s,
+            trajectory.quaternion,
+            trajectory.body_rate_rad_s,
+            trajectory.rotor_speed_rad_s,
+        ),
+    )
     return Flown(
         metrics,
         meeting,
+        exposure,
         before,
         trajectory.lost,
         trajectory if single else None,
@@ -162,6 +178,8 @@ def _flown(
 
 _met = kept(met)
 _met_each = eqx.filter_jit(jax.vmap(met, (0, None, 0, 0)))
+_exposed = eqx.filter_jit(exposed)
+_exposed_each = eqx.filter_jit(eqx.filter_vmap(exposed, in_axes=(0, None, 0, None, 0)))
 
 
 def _load(scenes: Scene, profile: Profile | None, single: bool) -> FlightLoad:
@@ -190,6 +208,7 @@ def _joined(parts: list[Flown], vehicles: int) -> Flown:
     return Flown(
         jax.tree.map(whole, *(part.metrics for part in parts)),
         jax.tree.map(whole, *(part.meeting for part in parts)),
+        jax.tree.map(whole, *(part.exposure for part in parts)),
         whole(*(part.error_at_blast_m for part in parts)),
         whole(*(part.lost for part in parts)),
         None,

@@ -6,6 +6,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from jblast.scene import VehicleSpec
+from jblast.study.fly_exposure import Exposure
 from jblast.study.fly_meeting import Meeting, Profile
 from jblast.vehicle import STEP_S, FlightMetrics, Trajectory
 
@@ -40,6 +41,7 @@ class Flown:
     Attributes:
         metrics: From the first blast's arrival on.
         meeting: How each blast came to it.
+        exposure: What they did to it beside moving it.
         error_at_blast_m: Path error as the first blast comes.
         lost: Whether a vehicle diverged.
         trajectory: Of a single flight; None of a batch.
@@ -47,6 +49,7 @@ class Flown:
 
     metrics: FlightMetrics
     meeting: Meeting
+    exposure: Exposure
     error_at_blast_m: Float[Array, "*batch"]
     lost: Bool[Array, "*batch"]
     trajectory: Trajectory | None

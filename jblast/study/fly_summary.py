@@ -1,12 +1,14 @@
-"""What flights amount to: their distribution, who survived, what to beware of."""
+"""What flights amount to: their distribution, who flies on, what to beware of."""
 
 import numpy as np
 from jaxtyping import Bool, Float
 from scipy.stats import binomtest
 
 from jblast.scene import VehicleSpec
+from jblast.study.fly_exposure import Exposure
 from jblast.study.fly_records import Flights, Flown
 from jblast.vehicle import Trajectory
+from jblast.vehicle.thresholds import THRESHOLDS
 
 METRICS = (
     "error_before_m",
@@ -17,13 +19,14 @@ METRICS = (
     "recovery_time_s",
 )
 """Numbers of a flight: those of `vehicle.FlightMetrics`, and one of `Flown`."""
+EXPOSURES = Exposure._fields
 QUANTILES = (0.05, 0.5, 0.95)
 
 
 def metric(flown: Flown, name: str) -> Float[np.ndarray, "*batch"]:
-    """Return one of `METRICS`."""
+    """Return one of `METRICS` or of `EXPOSURES`."""
     owner = flown if name == "error_at_blast_m" else flown.metrics
-    return np.asarray(getattr(owner, name))
+    return np.asarray(getattr(flown.exposure if name in EXPOSURES else owner, name))
 
 
 def quantiles(
@@ -39,17 +42,29 @@ def quantiles(
     return [float(np.quantile(known, s, method="inverted_cdf")) for s in shares]
 
 
-def survived(flown: Flown) -> Bool[np.ndarray, "*batch"]:
-    """Return who neither crashed nor was lost."""
+def flies_on(flown: Flown) -> Bool[np.ndarray, "*batch"]:
+    """Return who neither crashed nor was lost; no more is asked of them."""
     return np.asarray(~flown.metrics.crashed)
 
 
-def survival(alive: Bool[np.ndarray, " vehicle"]) -> tuple[float, float]:
-    """Return the 90 % interval of the chance to survive.
+def past_threshold(
+    model: str, flown: Flown
+) -> dict[str, Bool[np.ndarray, "*batch"] | None]:
+    """Return who is past a threshold of its model, by exposure; None: not known."""
+    found: dict[str, Bool[np.ndarray, "*batch"] | None] = {}
+    for name in EXPOSURES:
+        limit, values = THRESHOLDS[model][name].value, metric(flown, name)
+        unknown = limit is None or np.isnan(values).all()
+        found[name] = None if unknown else np.asarray(values > limit)
+    return found
+
+
+def share_interval(flags: Bool[np.ndarray, " vehicle"]) -> tuple[float, float]:
+    """Return the 90 % interval of a chance of which so many flags are known.
 
     The exact one of a binomial share (Clopper and Pearson 1934).
     """
-    found = binomtest(int(alive.sum()), alive.size).proportion_ci(0.90, method="exact")
+    found = binomtest(int(flags.sum()), flags.size).proportion_ci(0.90, method="exact")
     return float(found.low), float(found.high)
 
 

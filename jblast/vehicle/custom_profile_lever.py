@@ -37,5 +37,5 @@ def check_levers(cases: Float[np.ndarray, "case 10"], vehicle: Vehicle) -> None:
         f"{levers[worst]:.3g} m; expected at most {SIZES * size:.2g} m, {SIZES:g} "
         "times from the vehicle's centre to its rotors. Moments about another point "
         "need moment_point_m (--profile-moments-about X,Y,Z): from that point to the "
-        "centre of mass, body axes; 0,0,0 where they are about the centre of mass after all"
+        "centre of mass, body axes; 0,0,0 where they are about that after all"
     )

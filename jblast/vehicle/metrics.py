@@ -14,7 +14,7 @@ time of the blast (its arrival at the vehicle) and a tolerance $\epsilon$:
 - crashed: whether it came down to the ground from above it, diverged, or turned over
   (body z below the horizon); one that starts on the ground flies once it is higher than
   the tolerance;
-- survived: not crashed.
+- flies on: not crashed; what the blast broke is not in it.
 
 A vehicle that diverged has rows of NaN: its peak is of the rows there are, and it never
 recovers. Where there are no rows to speak of, a number is NaN. A recovery is not known

@@ -49,7 +49,7 @@ def test_json_is_all_of_stdout_and_has_no_infinity(jblast):
     for hold in document["holds"].values():
         assert hold["recovery_time_s"] is None
         assert hold["recovered"] is False
-        assert hold["survived"] is True
+        assert hold["flies_on"] is True
         assert hold["peak_deviation_m"] > 0.05
 
 
@@ -92,7 +92,7 @@ def test_a_crash_is_an_answer(jblast):
     code, out, err = flown(jblast, scene=heavy + VEHICLE + OWN)
     assert code == 0, err
     assert any(line.split() == ["crashed", "yes", "yes"] for line in out.splitlines())
-    assert any(line.split() == ["survived", "no", "no"] for line in out.splitlines())
+    assert any(line.split() == ["flies", "on", "no", "no"] for line in out.splitlines())
 
 
 @pytest.mark.slow
@@ -202,4 +202,4 @@ def test_many_vehicles_have_a_distribution(jblast):
     assert [drawn["q05"], drawn["q50"], drawn["q95"]] == pytest.approx(
         [masses[0], masses[2], masses[4]]
     )
-    assert document["holds"]["with_integral"]["survived_share"]["value"] == 1.0
+    assert document["holds"]["with_integral"]["flies_on_share"]["value"] == 1.0

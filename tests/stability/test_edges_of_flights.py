@@ -78,8 +78,8 @@ def test_loads_are_finite_and_marked_where_laws_end():
 
 
 @pytest.mark.slow
-def test_held_vehicles_survive_up_to_a_charge_and_no_more():
-    alive, peak = flight_blasts.survived()
+def test_held_vehicles_fly_on_up_to_a_charge_and_no_more():
+    alive, peak = flight_blasts.fly_on()
     assert alive[:, 0].all()
     assert not alive[:, -1].any()
     for one, moved in zip(alive, peak, strict=True):

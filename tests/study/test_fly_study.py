@@ -27,7 +27,7 @@ from jblast.scene import (
 from jblast.study import fly
 from jblast.study.fly import Options, fly_scene
 from jblast.study.fly_meeting import Profile, load_of, meeting_at
-from jblast.study.fly_summary import quantiles, survival, warnings_of
+from jblast.study.fly_summary import quantiles, share_interval, warnings_of
 from jblast.vehicle import blast_load, flight_metrics
 
 PLACE = jnp.array([5.0, 0.0, 2.0])
@@ -232,8 +232,8 @@ def test_quantiles_may_be_infinite():
     assert np.isnan(quantiles(np.array([np.nan]), (0.5,))).all()
 
 
-def test_survival_is_an_interval_about_the_share():
-    low, high = survival(np.arange(100) >= 20)
+def test_the_interval_of_a_share_is_an_interval_about_the_share():
+    low, high = share_interval(np.arange(100) >= 20)
     # Clopper and Pearson: quantiles of beta distributions
     assert low == pytest.approx(beta(80, 21).ppf(0.05), abs=1e-9)
     assert high == pytest.approx(beta(81, 20).ppf(0.95), abs=1e-9)
@@ -249,6 +249,13 @@ def test_a_custom_profile_takes_the_place_of_the_charge():
     assert float(meeting.distance_m[0]) == pytest.approx(8.0)
     assert meeting.in_range.tolist() == [True]
     assert np.isnan(meeting.scaled_distance[0])
+
+
+def test_a_profile_whose_moments_are_about_another_place_is_not_flown():
+    case = np.array([0.01, 8.0, np.pi / 2, np.pi, 1e-3, 0.0, 0.0, 0.0, 0.1, 0.0])
+    asked = dataclasses.replace(SHORT, profile=Profile(case[None]))
+    with pytest.raises(InputError, match=r"a lever of 100 m; expected at most 0\.13 m"):
+        fly_scene(scene(), asked)
 
 
 @pytest.mark.slow

@@ -23,7 +23,7 @@ from jblast.vehicle import (
 
 NEAR = np.array([0.0, 0.01, 0.1, 0.2, 0.5, 1.0, 2.0])
 """Places so far from a charge of 1 kg [m]."""
-CHARGES = np.geomspace(1.0, 100.0, 21)
+CHARGES = np.geomspace(1.0, 1000.0, 31)
 """TNT 5 m away [kg]."""
 
 
@@ -68,10 +68,10 @@ def near_edge() -> Edge:
     )
 
 
-def survived() -> tuple[
+def fly_on() -> tuple[
     Bool[np.ndarray, "vehicle charge"], Float[np.ndarray, "vehicle charge"]
 ]:
-    """Return which `CHARGES` each held vehicle survives, and its peak deviations [m].
+    """Return after which `CHARGES` each held vehicle flies on, and peak deviations [m].
 
     They hover 5 m up and 5 m from the charge, in the air; to come down or to turn over
     is a crash.
@@ -100,9 +100,9 @@ def survived() -> tuple[
 
 
 def charge_edges() -> list[Edge]:
-    """Measure the least charge that each held vehicle does not survive."""
+    """Measure the least charge after which each held vehicle does not fly on."""
     edges = []
-    for name, alive, peak in zip(NAMES, *survived(), strict=True):
+    for name, alive, peak in zip(NAMES, *fly_on(), strict=True):
         first = int(np.argmin(alive))
         edges.append(
             Edge(
@@ -112,7 +112,7 @@ def charge_edges() -> list[Edge]:
                 boundary=float(CHARGES[first]),
                 unit="kg of TNT",
                 beyond=f"{CHARGES[first - 1]:.2g} kg moves it {peak[first - 1]:.2g} m; "
-                f"of {CHARGES.size - first - 1} larger charges it survives "
+                f"after {CHARGES.size - first - 1} larger charges it flies on: "
                 f"{int(alive[first:].sum())}",
                 deed=witnessed("marks", first > 0 and not alive[first], name),
                 said="crashed, in the metrics of the flight",
