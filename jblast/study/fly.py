@@ -87,7 +87,8 @@ def fly_scene(
         some = scenes if vehicles == 1 else _lanes(scenes, lanes)
         for nth, name in enumerate(names, start=1):
             flown[name].append(_flown(some, vehicle, name, seconds, vehicles, options))
-            through(min((n + nth / len(names)) * size, vehicles))
+            here = min(size, vehicles - n * size)
+            through(n * size + nth / len(names) * here)
     charges = scenes.charges
     return Flights(
         vehicle=vehicle,
@@ -178,7 +179,7 @@ def _flown(
 
 _met = kept(met)
 _met_each = eqx.filter_jit(jax.vmap(met, (0, None, 0, 0)))
-_exposed = eqx.filter_jit(exposed)
+_exposed = kept(exposed)
 _exposed_each = eqx.filter_jit(eqx.filter_vmap(exposed, in_axes=(0, None, 0, None, 0)))
 
 

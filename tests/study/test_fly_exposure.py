@@ -22,7 +22,7 @@ def standing(place) -> State:
     rows = np.ones((TIME.size, 1))
     still = 0 * rows * np.zeros(3)
     turned = rows * np.asarray(LEVEL)
-    return State(rows * place, still, turned, still, rows * np.zeros(4))
+    return State(rows * place[None, :], still, turned, still, rows * np.zeros(4))
 
 
 @eqx.filter_jit
