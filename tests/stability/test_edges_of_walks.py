@@ -111,4 +111,5 @@ def test_the_normal_approximation_says_past_its_boundary_that_it_fails():
     assert any("off by up to 0.4 of a standard" in w for w in answers[0]["warnings"])
     # importance sampling by the normal's own draws puts these off by 0.5
     assert np.abs(ends[2] - ends[3]).max() < ENDS * sds[1]
-    assert answers[2]["warnings"] == []
+    quiet = [w for w in answers[2]["warnings"] if not w.startswith("still air")]
+    assert quiet == []
