@@ -1,12 +1,13 @@
-"""Forty faults of one token each, and whether the tests of their room notice.
+"""Faults of one token each, and whether the tests of their room notice.
 
-    python tests/mutants.py draw            # write mutants.csv anew, from the seed
+    python tests/mutants.py draw            # add five of each room to mutants.csv
     python tests/mutants.py run [NUMBER...] # run those not run yet; note what killed
 
 A mutant changes one operator, comparison or number in the body of a function. It is
 met by the default tests of its own room, those of its own file first, until one fails.
 One that lives is judged by hand in the last column: whether it changes anything at all,
-and which slow test, if any, kills it.
+and which slow test, if any, kills it. Lines are found by their text, so a mutant stays
+what it is while its file changes elsewhere.
 """
 
 import ast
@@ -25,8 +26,7 @@ from pathlib import Path
 ROOT = Path(__file__).parents[1]
 LIST = ROOT / "tests" / "mutants.csv"
 ROOMS = ("waves", "inference", "sensors", "vehicle")
-PER_ROOM = 10
-SEED = 16
+PER_ROOM = 5
 LIMIT = 600.0
 """Seconds after which a mutant counts as killed: it does not end."""
 
@@ -51,8 +51,9 @@ class Mutant:
     Attributes:
         number: From 1.
         file: Under the root.
-        line: From 1.
-        column: From 0, in characters.
+        line: From 1, when it was drawn.
+        text: Of that line, without what indents it.
+        column: From 0, in characters of the text.
         old: The token.
         new: What takes its place.
         killed_by: The test that failed; "lives" if none did; "" before a run.
@@ -62,6 +63,7 @@ class Mutant:
     number: int
     file: str
     line: int
+    text: str
     column: int
     old: str
     new: str
@@ -71,15 +73,16 @@ class Mutant:
     def applied(self, source: str) -> str:
         """Return the source with the token changed."""
         lines = source.splitlines(keepends=True)
-        line = lines[self.line - 1]
-        there = slice(self.column, self.column + len(self.old))
-        if line[there] != self.old:
+        same = [n for n, line in enumerate(lines, 1) if line.strip() == self.text]
+        if not same:
             raise SystemExit(
-                f"mutant {self.number}: {self.file}:{self.line}: expected "
-                f"{self.old!r} at column {self.column}, got {line[there]!r}: the "
-                "source has changed; draw anew, or move the mutant by hand"
+                f"mutant {self.number}: {self.file} has no line {self.text!r}: "
+                "remove the mutant, or move it by hand"
             )
-        lines[self.line - 1] = line[: there.start] + self.new + line[there.stop :]
+        place = min(same, key=lambda n: abs(n - self.line)) - 1
+        start = lines[place].index(self.text) + self.column
+        stop = start + len(self.old)
+        lines[place] = lines[place][:start] + self.new + lines[place][stop:]
         return "".join(lines)
 
 
@@ -124,9 +127,9 @@ def _between(left, right, old: str, new: str, lines: list[str]):
     return [] if column < 0 else [(right.lineno, column, old, new)]
 
 
-def draw() -> list[Mutant]:
-    """Draw as many from each room, at most one a file."""
-    rng = random.Random(SEED)
+def draw(there: list[Mutant]) -> list[Mutant]:
+    """Draw as many more of each room, at most one a file; the seed is their number."""
+    rng = random.Random(len(there))
     drawn: list[Mutant] = []
     for room in ROOMS:
         files = sorted((ROOT / "jblast" / room).rglob("*.py"))
@@ -134,10 +137,14 @@ def draw() -> list[Mutant]:
         rng.shuffle(files)
         with_some = (file for file in files if candidates(file))
         for file, _ in zip(with_some, range(PER_ROOM), strict=False):
-            token = rng.choice(candidates(file))
+            line, column, old, new = rng.choice(candidates(file))
+            number = len(there) + len(drawn) + 1
             name = file.relative_to(ROOT).as_posix()
-            drawn.append(Mutant(len(drawn) + 1, name, *token))
-    return drawn
+            whole = file.read_text().splitlines()[line - 1]
+            text = whole.strip()
+            column -= whole.index(text)
+            drawn.append(Mutant(number, name, line, text, column, old, new))
+    return there + drawn
 
 
 def killer(mutant: Mutant) -> str:
@@ -184,8 +191,8 @@ def read() -> list[Mutant]:
     with LIST.open(newline="") as file:
         next(file)  # names of the columns
         return [
-            Mutant(int(number), name, int(line), int(column), *rest)
-            for number, name, line, column, *rest in csv.reader(file)
+            Mutant(int(number), name, int(line), text, int(column), *rest)
+            for number, name, line, text, column, *rest in csv.reader(file)
         ]
 
 
@@ -198,11 +205,11 @@ def write(mutants: list[Mutant]) -> None:
 
 
 def run(numbers: list[int]) -> None:
-    """Run mutants, as many at a time as there are cores, and keep what killed them."""
+    """Run mutants, one on each core there is for us, and keep what killed them."""
     mutants = read()
     chosen = [m for m in mutants if m.number in numbers or not (numbers or m.killed_by)]
     begun = time.monotonic()
-    with ThreadPoolExecutor(os.cpu_count()) as pool:
+    with ThreadPoolExecutor(len(os.sched_getaffinity(0))) as pool:
         for mutant, by in zip(chosen, pool.map(killer, chosen), strict=True):
             mutant.killed_by = by
             write(mutants)
@@ -214,7 +221,7 @@ def run(numbers: list[int]) -> None:
 
 if __name__ == "__main__":
     if sys.argv[1:2] == ["draw"]:
-        write(draw())
+        write(draw(read()))
     elif sys.argv[1:2] == ["run"]:
         run([int(number) for number in sys.argv[2:]])
     else:

@@ -6,10 +6,11 @@ from jblast.inference.laplace import marginals
 from jblast.inference.weighted import marginals_of_draws, weighted_quantiles
 
 
-def test_quantiles_of_equal_weights_are_those_of_numpy():
-    x = np.random.default_rng(0).standard_normal(101)
+@pytest.mark.parametrize("count", [2, 3, 101])
+def test_quantiles_of_equal_weights_are_those_of_numpy(count):
+    x = np.random.default_rng(0).standard_normal(count)
     shares = (0.05, 0.5, 0.95)
-    found = weighted_quantiles(x, np.full(101, 1 / 101), shares)
+    found = weighted_quantiles(x, np.full(count, 1 / count), shares)
     assert found == pytest.approx(np.quantile(x, shares), rel=1e-12)
 
 
