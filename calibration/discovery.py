@@ -13,8 +13,15 @@ in three ranges, with 1 % of noise (seed 0).
 How to read the table: "exact" is the share of seeds in which exactly the true terms
 came out; "missing" and "false" are mean numbers of terms; "error" is the largest
 relative error of a coefficient, the median over the exact ones; "in 90 %" the share of
-true coefficients inside their 5 to 95 %; "holds" the share whose equations, integrated
-from the start, stay within 10 % of the spread of the clean record.
+true coefficients inside their 90 % intervals; "holds" the share whose equations,
+integrated from the start, stay within 10 % of the spread of the clean record; "law"
+the share that foretells stretches it has not seen, "whole" the share of which no more
+is left over than noise leaves.
+
+Then records in which there is no law to find, or not among the candidates (products of
+up to two columns, and |x| x): in how many a law is told without a doubt. They are white
+noise, a walk of normal steps, noise that remembers 0.8 of the row before, each of 401
+rows with and without an input, and du/dt = -0.2 u - 0.05 u^3 + push, seeds 0 to 19.
 """
 
 import argparse
@@ -23,13 +30,18 @@ from pathlib import Path
 
 import jax
 import numpy as np
+from scipy.integrate import solve_ivp
+from scipy.signal import lfilter
 
 from jblast.observations import read
 from jblast.report.discovery_figure import noise_figure
 from jblast.report.discovery_text import outcomes_text, slowing_text
+from jblast.study.discovery import discover
 from jblast.study.discovery_cases import CASES
-from jblast.study.discovery_noise import noise_sweep
+from jblast.study.discovery_integrate import replay
+from jblast.study.discovery_noise import MEMBERS, noise_sweep
 from jblast.study.discovery_shock import shock_slowing
+from jblast.study.discovery_terms import polynomial
 from jblast.waves import kingery_bulmash_arrival_time, shock_kinematics_arrival_time
 
 TRINITY = Path(__file__).parent / "data" / "trinity.csv"
@@ -39,6 +51,8 @@ RANGES = ((0.1, 2.0), (0.5, 5.0), (2.0, 40.0))
 """Of scaled distance [m/kg^(1/3)]: near, middle, far."""
 NOISE = 0.01
 ROWS = 60
+ROWS_WITHOUT_LAW = 401
+SEEDS = 20
 LAWS = {
     "Kingery and Bulmash": kingery_bulmash_arrival_time,
     "shock_kinematics": shock_kinematics_arrival_time,
@@ -58,6 +72,7 @@ def main() -> None:
     print(outcomes_text(outcomes))
     if asked.out:
         noise_figure(outcomes).savefig(asked.out)
+    print(without_law())
     photographs = read(TRINITY)
     for shift in SHIFTS_S:
         moved = f", time {1e6 * shift:+.0f} µs" if shift else ""
@@ -70,6 +85,84 @@ def main() -> None:
             print(f"{law}, 1 kg, {near:g} to {far:g} m, {100 * NOISE:g} % of noise")
             time = np.asarray(arrival(radius, 1.0))
             print(slowing_text(shock_slowing(time, radius * drawn)))
+
+
+def without_law() -> str:
+    """Return a table of records whose law is none, or not among the candidates."""
+    text = f"{'no law among the candidates':44}terms  law   whole  certain\n"
+    for name, make in RECORDS.items():
+        told = []
+        for seed in range(SEEDS):
+            time, states, inputs = make(np.random.default_rng(seed))
+            names = ("u", "push")[: 1 + inputs.shape[1]]
+            candidates, outside = (
+                polynomial(names, degree, signed_squares=True) for degree in (2, 3)
+            )
+            found = discover(
+                time,
+                states,
+                inputs,
+                names=names,
+                candidates=candidates,
+                outside=outside,
+                members=MEMBERS,
+                seed=seed,
+            )
+            judged = found.judged[0]
+            holds = replay(found, time, states, inputs).reproduced[0]
+            certain = judged.law and judged.whole and holds
+            told.append((len(found.terms(0)), judged.law, judged.whole, certain))
+        terms, law, whole, sure = np.mean(told, axis=0)
+        text += f"{name:44}{terms:<7.2f}{law:<6.2f}{whole:<7.2f}{sure:.2f}\n"
+    return text
+
+
+def _noise(memory: float, push: bool):
+    """Return what makes records of noise that remembers a share of the row before."""
+
+    def make(rng: np.random.Generator):
+        time = np.linspace(0.0, 20.0, ROWS_WITHOUT_LAW)
+        states = lfilter([1.0], [1.0, -memory], rng.standard_normal(ROWS_WITHOUT_LAW))
+        return time, np.reshape(states, (-1, 1)), _push(time)[:, None][:, : int(push)]
+
+    return make
+
+
+def _cubic(noise: float):
+    """Return what makes records of a body with cubic drag that is pushed."""
+    time = np.linspace(0.0, 20.0, ROWS_WITHOUT_LAW)
+    clean = solve_ivp(
+        lambda t, u: -0.2 * u - 0.05 * u**3 + np.interp(t, time, _push(time)),
+        (0.0, 20.0),
+        [3.0],
+        t_eval=time,
+        rtol=1e-9,
+        atol=1e-9,
+        max_step=0.05,
+    ).y[0]
+
+    def make(rng: np.random.Generator):
+        states = clean + noise * np.std(clean) * rng.standard_normal(len(clean))
+        return time, states[:, None], _push(time)[:, None]
+
+    return make
+
+
+def _push(time: np.ndarray) -> np.ndarray:
+    return 2.0 * np.sin(1.3 * time) + 1.2 * np.sin(0.47 * time + 1.0)
+
+
+RECORDS = {
+    "white noise": _noise(0.0, push=False),
+    "white noise beside an input": _noise(0.0, push=True),
+    "a walk": _noise(1.0, push=False),
+    "a walk beside an input": _noise(1.0, push=True),
+    "noise that remembers 0.8": _noise(0.8, push=False),
+    "cubic drag, 0.1 % of noise": _cubic(0.001),
+    "cubic drag, 1 % of noise": _cubic(0.01),
+    "cubic drag, 3 % of noise": _cubic(0.03),
+    "cubic drag, 10 % of noise": _cubic(0.1),
+}
 
 
 if __name__ == "__main__":

@@ -7,6 +7,7 @@ from jaxtyping import Float
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from jblast.report.discovery_doubts import doubts
 from jblast.report.discovery_text import equation_text
 from jblast.report.figure_style import (
     BLUE,
@@ -50,12 +51,13 @@ def discovery_figure(
         left.set_ylabel(name)
         titled(left, _cut(equation_text(found, state)))
         left.text(0.01, 0.96, "data", color=MUTED, transform=left.transAxes, va="top")
+        doubtful = bool(doubts(found, again, state))
         left.text(
             0.09,
             0.96,
             "equations, integrated from the first row"
-            + ("" if again.reproduced[state] else ": NOT reproduced"),
-            color=BLUE if again.reproduced[state] else VERMILLION,
+            + (": IN DOUBT" if doubtful else ""),
+            color=VERMILLION if doubtful else BLUE,
             transform=left.transAxes,
             va="top",
         )

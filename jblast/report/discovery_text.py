@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from jblast.report.discovery_doubts import certain, doubts, doubts_text
 from jblast.report.numbers import finite, significant
 from jblast.study.discovery import Discovery
 from jblast.study.discovery_integrate import Replay
@@ -19,15 +20,27 @@ SEEN = 0.05
 """Share of the ensemble from which a term left out is told of."""
 
 
-def discovery_text(found: Discovery, again: Replay) -> str:
-    """Return the equations, their terms with certainty, and whether they hold."""
+def discovery_text(
+    found: Discovery, again: Replay, further: tuple[Discovery, Replay] | None = None
+) -> str:
+    """Return the equations, their terms with certainty, and whether they hold.
+
+    Args:
+        found: The equations.
+        again: What they give, integrated.
+        further: The same among products of one column more, where that was tried.
+    """
     lines = []
     for state, name in enumerate(found.states):
+        doubt = doubts_text(found, again, state)
+        if doubt:
+            lines += [doubt, *_further_lines(further, state), ""]
         lines += [equation_text(found, state), ""]
         lines += _terms_lines(found, state)
         lines += [
             f"  {_replay_words(found, again, state)} (noise of {name}: "
             f"{significant(found.noise_sd[state])})",
+            f"  {_skill_words(found, state)}",
             "",
         ]
     if found.repeated:
@@ -56,9 +69,12 @@ def equation_text(found: Discovery, state: int) -> str:
     return f"d({found.states[state]})/dt = {right}"
 
 
-def discovery_document(found: Discovery, again: Replay) -> dict[str, Any]:
-    """Return what --json prints of the equations."""
+def discovery_document(
+    found: Discovery, again: Replay, further: tuple[Discovery, Replay] | None = None
+) -> dict[str, Any]:
+    """Return what --json prints of the equations; as `discovery_text`."""
     return {
+        "certain": certain(found, again),
         "equations": {
             name: {
                 "equation": equation_text(found, state),
@@ -67,8 +83,23 @@ def discovery_document(found: Discovery, again: Replay) -> dict[str, Any]:
                 "noise_sd": float(found.noise_sd[state]),
                 "misfit": finite(again.misfit[state]),
                 "reproduced": again.reproduced[state],
+                "law": bool(found.terms(state)) and found.judged[state].law,
+                "doubts": doubts(found, again, state),
+                "skill_not_seen": finite(found.judged[state].skill),
+                "p_excess": finite(found.judged[state].excess),
+                "p_serial": finite(found.judged[state].serial),
+                "p_outside": finite(found.judged[state].outside),
             }
             for state, name in enumerate(found.states)
+        },
+        "one_degree_more": None
+        if further is None
+        else {
+            "certain": certain(*further),
+            "equations": {
+                name: equation_text(further[0], state)
+                for state, name in enumerate(found.states)
+            },
         },
         "repeated": list(found.repeated),
         "reproduced": all(again.reproduced),
@@ -81,15 +112,29 @@ def slowing_text(slowing: Slowing) -> str:
     lines = [
         equation_text(found, 0).replace("d(R)/dt", "dR/dt"),
         *_terms_lines(found, 0),
-        f"  one power: dR/dt ~ R^{slowing.exponent:.3f}, ensemble {slowing.low:.3f} "
-        f"to {slowing.high:.3f}; it leaves {100.0 * slowing.misfit:.1f} %",
+        f"  one power: dR/dt ~ R^{slowing.exponent:.3f}, 90 % interval "
+        f"{slowing.low:.3f} to {slowing.high:.3f}; it leaves "
+        f"{100.0 * slowing.misfit:.1f} %",
     ]
     return "\n".join(lines) + "\n"
 
 
 def outcomes_text(outcomes: Sequence[Outcome]) -> str:
     """Return a table: a row for each noise of each equation."""
-    rows = [("of", "noise", "exact", "missing", "false", "error", "in 90 %", "holds")]
+    rows = [
+        (
+            "of",
+            "noise",
+            "exact",
+            "missing",
+            "false",
+            "error",
+            "in 90 %",
+            "holds",
+            "law",
+            "whole",
+        )
+    ]
     for o in outcomes:
         rows.append(
             (
@@ -101,6 +146,8 @@ def outcomes_text(outcomes: Sequence[Outcome]) -> str:
                 "-" if math.isnan(o.error) else f"{100.0 * o.error:.2g} %",
                 "-" if math.isnan(o.covered) else f"{o.covered:.2f}",
                 f"{o.reproduced:.2f}",
+                f"{o.law:.2f}",
+                f"{o.whole:.2f}",
             )
         )
     widths = [max(map(len, column)) + 2 for column in zip(*rows, strict=True)]
@@ -147,14 +194,38 @@ def _terms_lines(found: Discovery, state: int) -> list[str]:
         low, high = (significant(term[q], 4) for q in ("q05", "q95"))
         lines.append(
             f"  {term['term'].ljust(width)}  {significant(term['coefficient'], 4)}, "
-            f"5 to 95 % of the ensemble {low} to {high}; in "
-            f"{100.0 * term['inclusion']:.0f} % of it"
+            f"90 % interval {low} to {high}; in "
+            f"{100.0 * term['inclusion']:.0f} % of the ensemble"
         )
     others = _terms(found, state, kept=False)
     if others:
         words = (f"{o['term']} {100.0 * o['inclusion']:.0f} %" for o in others)
         lines.append(f"  left out, though some of the ensemble had: {', '.join(words)}")
     return lines
+
+
+def _further_lines(further: tuple[Discovery, Replay] | None, state: int) -> list[str]:
+    """Say what products of one column more give."""
+    if further is None:
+        return []
+    if not further[0].terms(state):
+        return ["One degree more: no term is certain either"]
+    words = doubts(*further, state)
+    verdict = "of which nothing of the kind is to be said"
+    if words:
+        verdict = f"in doubt too: {'; '.join(words)}"
+    return [f"One degree more: {equation_text(further[0], state)}, {verdict}"]
+
+
+def _skill_words(found: Discovery, state: int) -> str:
+    """Say how an equation does where it has not been found."""
+    skill = found.judged[state].skill
+    if not math.isfinite(skill):
+        return "over stretches it has not seen it runs away"
+    return (
+        f"over stretches it has not seen it saves {100.0 * max(skill, 0.0):.1f} % of "
+        "the squared miss of a guess"
+    )
 
 
 def _replay_words(found: Discovery, again: Replay, state: int) -> str:

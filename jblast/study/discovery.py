@@ -1,13 +1,15 @@
-"""The equation of motion in a recorded trajectory: which terms, how sure, does it hold.
+"""The equation of motion in a recorded trajectory: which terms, how sure, is it a law.
 
 For each state x the terms of dx/dt are looked for among candidates, in integrals over
 short windows (`discovery_weak.py`), by PySINDy's thresholded least squares
-(`discovery_sparse.py`). How sure: the smoothed record gets new noise, normal and as
-large as the old, on the left side, and terms and coefficients are found again, time
-after time (parametric bootstrap: Efron and Tibshirani 1993, chapter 6). The spread
-holds what independent noise does to the left side; not what it leaves on the terms, nor
-what the candidates lack. Measured (`calibration/discovery.py`), the interval from 5 to
-95 % holds the true coefficient in 60 to 80 of 100 noisy records rather than 90.
+(`discovery_sparse.py`). How sure: records are made, with new noise, normal and as large
+as the old; each is smoothed, and its terms and coefficients found, as the record was
+(parametric bootstrap: Efron and Tibshirani 1993, chapter 6). Terms are counted in
+records made from the smoothed states. Coefficients are found again in records that the
+equations made, whose true coefficients are known: how far off they come is how far off
+ours may be, bias included (the basic interval of Davison and Hinkley 1997, section
+5.2). So noise counts on both sides, in what the terms are computed from too.
+Whether it is a law is judged in `discovery_judge.py`.
 """
 
 from collections.abc import Sequence
@@ -17,11 +19,18 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from jblast.errors import InputError
+from jblast.progress import counted, stages
+from jblast.study.discovery_ensemble import (
+    coefficients_of,
+    how_sure,
+    integrals,
+    outside_terms,
+)
+from jblast.study.discovery_judge import Judgement, held_out_skill
 from jblast.study.discovery_record import Record, trajectory_record
 from jblast.study.discovery_sparse import (
     Regression,
     Selection,
-    least_squares,
     repeated_terms,
     sparse_terms,
 )
@@ -33,6 +42,8 @@ MEMBERS = 100
 """Of the ensemble."""
 LIKELY = 0.5
 """Share of the ensemble that has to hold a term."""
+STAGES = {"which terms": 4.0, "how sure": 3.0, "stretches not seen": 3.0}
+"""Of a discovery, and about how long each takes."""
 
 
 @dataclass(frozen=True)
@@ -43,13 +54,13 @@ class Discovery:
         states: Names of the states.
         candidates: Terms they were looked for among.
         coefficients: Of each equation, zero for a term it lacks.
-        low: Coefficients plus the 5 % quantile of the ensemble's spread about what the
-            smoothed record gives, the terms kept.
-        high: The same with the 95 % quantile.
+        low: 5 % end of the 90 % interval of each, the terms kept.
+        high: 95 % end.
         inclusion: Share of the ensemble that holds each term.
         noise_sd: Standard deviation of the noise of each state, in its unit.
         repeated: Terms left out, since sums of others equal them on this record.
         start: Smoothed states at the first row.
+        judged: What speaks for and against each equation.
     """
 
     states: tuple[str, ...]
@@ -61,6 +72,7 @@ class Discovery:
     noise_sd: Float[np.ndarray, " state"]
     repeated: tuple[str, ...]
     start: Float[np.ndarray, " state"]
+    judged: tuple[Judgement, ...]
 
     def terms(self, state: int) -> tuple[str, ...]:
         """Return the names of the terms of an equation."""
@@ -75,6 +87,7 @@ def discover(
     *,
     names: Sequence[str],
     candidates: Candidates | None = None,
+    outside: Candidates | None = None,
     held: bool = False,
     threshold: float = THRESHOLD,
     members: int = MEMBERS,
@@ -88,6 +101,8 @@ def discover(
         inputs: What drives them, taken as exact.
         names: Of the states, then of the inputs.
         candidates: Terms looked among; default: products of up to two columns.
+        outside: Terms that what is left over is held against; default: products of up
+            to three columns, or none where `candidates` are named.
         held: Inputs keep their value until the next row; else linear between rows.
         threshold: Least share of a derivative's root mean square for a term to stay.
         members: Of the ensemble.
@@ -95,10 +110,13 @@ def discover(
     """
     inputs = np.empty((len(time_s), 0)) if inputs is None else inputs
     record = trajectory_record(time_s, states, inputs, held=held)
+    if candidates is None:
+        candidates, outside = polynomial(names), outside or polynomial(names, 3)
     return discover_in(
         record,
-        candidates or polynomial(names),
+        candidates,
         names[: states.shape[1]],
+        outside=outside,
         threshold=threshold,
         members=members,
         seed=seed,
@@ -110,6 +128,7 @@ def discover_in(
     candidates: Candidates,
     states: Sequence[str],
     *,
+    outside: Candidates | None = None,
     select: Selection = sparse_terms,
     threshold: float = THRESHOLD,
     members: int = MEMBERS,
@@ -121,6 +140,7 @@ def discover_in(
         record: The states.
         candidates: Terms looked among.
         states: Their names.
+        outside: Terms that what is left over is held against.
         select: What picks the terms.
         threshold: Of what picks them.
         members: Of the ensemble.
@@ -129,68 +149,79 @@ def discover_in(
     Raises:
         InputError: A candidate overflows.
     """
+    begin = stages(STAGES)
+    begin("which terms")
+    _refuse_overflow(record, candidates)
+    terms = integrals(record, record.sides, candidates)
+    told = ~repeated_terms(terms)
+    covariances = [
+        (to_left @ to_left.T).toarray() * record.noise_sd[state] ** 2
+        for state in range(len(states))
+        for to_left in (record.noise_map(state),)
+    ]
+
+    def kept_in(
+        terms: Float[np.ndarray, "window term"],
+        left: Float[np.ndarray, "window state"],
+    ) -> Bool[np.ndarray, "state term"]:
+        kept = np.zeros((len(states), len(told)), bool)
+        for state, covariance in enumerate(covariances):
+            regression = Regression(terms[:, told], covariance)
+            kept[state, told] = select(regression, left[:, state], threshold)
+        return kept
+
+    rng = np.random.default_rng(seed)
+    through = counted(members, "records with new noise")
+    count = np.zeros((len(states), len(told)), int)
+    for member in range(members):
+        sides = record.sides_of(record.with_noise(record.smooth, rng))
+        found = kept_in(integrals(record, sides, candidates), sides.left)
+        count += found
+        through(member + 1)
+    inclusion = count / members
+    kept = inclusion > LIKELY
+    own = coefficients_of(terms, record.sides.left, kept)
+    begin("how sure")
+    sure = how_sure(
+        record,
+        candidates,
+        outside_terms(record, candidates, outside),
+        own,
+        kept,
+        members,
+        rng,
+    )
+    begin("stretches not seen")
+    skill = held_out_skill(
+        record,
+        candidates,
+        lambda seen: coefficients_of(terms[seen], record.sides.left[seen], kept),
+    )
+    names = np.asarray(candidates.names)
+    scale = np.sqrt(np.mean(record.smooth**2, axis=0)) if record.relative else 1.0
+    return Discovery(
+        tuple(states),
+        candidates,
+        own,
+        sure.low,
+        sure.high,
+        inclusion,
+        record.noise_sd * scale,
+        tuple(names[~told].tolist()),
+        record.smooth[0],
+        tuple(
+            Judgement(float(skill[state]), *sure.odds[state], sure.likest[state])
+            for state in range(len(states))
+        ),
+    )
+
+
+def _refuse_overflow(record: Record, candidates: Candidates) -> None:
     with np.errstate(over="ignore", invalid="ignore"):  # refused just below
-        values = candidates.evaluate(record.columns) * record.rate[:, None]
+        values = candidates.evaluate(record.sides.columns) * record.rate[:, None]
     if not np.all(np.isfinite(values)):
         worst = candidates.names[np.argmin(np.all(np.isfinite(values), axis=0))]
         raise InputError(
             f"term {worst}: expected finite values all along the record, got others; "
             "use larger units or a lower degree"
         )
-    terms = record.windows.integral @ values
-    repeats = repeated_terms(terms)
-    rng = np.random.default_rng(seed)
-    found = [
-        _equation(record, state, terms, ~repeats, select, threshold, members, rng)
-        for state in range(len(states))
-    ]
-    coefficients, low, high, inclusion = (
-        np.stack(part) for part in zip(*found, strict=True)
-    )
-    names = np.asarray(candidates.names)
-    scale = np.sqrt(np.mean(record.scale**2, axis=0))
-    return Discovery(
-        tuple(states),
-        candidates,
-        coefficients,
-        low,
-        high,
-        inclusion,
-        record.noise_sd * scale,
-        tuple(names[repeats].tolist()),
-        record.smooth[0],
-    )
-
-
-def _equation(
-    record: Record,
-    state: int,
-    terms: Float[np.ndarray, "window term"],
-    told: Bool[np.ndarray, " term"],
-    select: Selection,
-    threshold: float,
-    members: int,
-    rng: np.random.Generator,
-) -> tuple[Float[np.ndarray, " term"], ...]:
-    """Return one state's coefficients, their quantiles, and how often terms came."""
-    to_left, sd = record.noise_map(state), record.noise_sd[state]
-    covariance = (to_left @ to_left.T).toarray() * sd**2
-    regression = Regression(terms[:, told], covariance)
-    lefts = record.noisy_lefts(state, members, rng)
-    held = np.stack([select(regression, left, threshold) for left in lefts])
-    inclusion = np.mean(held, axis=0)
-    kept = inclusion > LIKELY
-    own = least_squares(regression, record.left[:, state], kept)[0]
-    middle = least_squares(regression, record.smooth_left[:, state], kept)[0]
-    off = [least_squares(regression, left, kept)[0] - middle for left in lefts]
-    parts = (own, *(own + np.quantile(off, (0.05, 0.95), axis=0)), inclusion)
-    return tuple(_with_gaps(part, told) for part in parts)
-
-
-def _with_gaps(
-    part: Float[np.ndarray, " told"], told: Bool[np.ndarray, " term"]
-) -> Float[np.ndarray, " term"]:
-    """Put zeros where a term was left out."""
-    whole = np.zeros(told.shape)
-    whole[told] = part
-    return whole

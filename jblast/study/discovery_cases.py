@@ -41,6 +41,7 @@ class Case:
         candidates: Terms to look among.
         truth: Coefficient of each term of each state.
         shock: Whether it is the radius of a shock since the detonation.
+        outside: Terms that what is left over is held against.
     """
 
     name: str
@@ -52,6 +53,7 @@ class Case:
     candidates: Candidates
     truth: dict[str, dict[str, float]]
     shock: bool = False
+    outside: Candidates | None = None
 
 
 def drag_case() -> Case:
@@ -100,6 +102,7 @@ def drag_case() -> Case:
                 "|U| w": -float(frame[2]) / mass,
             },
         },
+        outside=Candidates(("u^3", "u^2 w", "u w^2", "w^3"), _cubes_in_air),
     )
 
 
@@ -110,6 +113,12 @@ def _in_air(values: Float[np.ndarray, "place column"]) -> np.ndarray:
     return np.stack(
         [np.ones_like(u), u, w, u**2, u * w, w**2, both * u, both * w], axis=1
     )
+
+
+def _cubes_in_air(values: Float[np.ndarray, "place column"]) -> np.ndarray:
+    """Return products of three speeds through the air."""
+    u, w = values[:, 0] - values[:, 2], values[:, 1]
+    return np.stack([u**3, u**2 * w, u * w**2, w**3], axis=1)
 
 
 def motor_case() -> Case:
@@ -141,6 +150,7 @@ def motor_case() -> Case:
         True,
         polynomial(names),
         {"speed": {"speed": -1.0 / lag, "command": 1.0 / lag}},
+        outside=polynomial(names, 3),
     )
 
 

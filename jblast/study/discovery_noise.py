@@ -34,6 +34,8 @@ class Outcome:
             coefficient; NaN where none was exact.
         covered: Share of the true coefficients of the exact ones within 5 to 95 %.
         reproduced: Share whose equations, integrated, give the clean record back.
+        law: Share judged to foretell stretches not seen.
+        whole: Share of which nothing is left over that noise would not leave.
     """
 
     case: str
@@ -46,6 +48,8 @@ class Outcome:
     error: float
     covered: float
     reproduced: float
+    law: float
+    whole: float
 
 
 def noise_sweep(
@@ -78,6 +82,7 @@ def found_in(case: Case, states: np.ndarray, seed: int) -> Discovery:
         case.inputs,
         names=case.names,
         candidates=case.candidates,
+        outside=case.outside,
         held=case.held,
         members=MEMBERS,
         seed=seed,
@@ -92,15 +97,15 @@ def _outcomes(case: Case, noise: float, seeds: Sequence[int]) -> list[Outcome]:
             found = found_in(case, noisy_states(case, noise, seed), seed)
         except InputError:  # noise so large that the radius shrinks somewhere
             for row, true in zip(rows, case.truth.values(), strict=True):
-                row.append((0.0, len(true), 0.0, np.nan, np.nan, 0.0))
+                row.append((0.0, len(true), 0.0, np.nan, np.nan, 0.0, 0.0, 0.0))
             continue
         again = replay(
             found, case.time_s, case.states, case.inputs, held=case.held, noise=False
         )
         for state, true in enumerate(case.truth.values()):
-            rows[state].append(
-                (*_against(found, state, true), float(again.reproduced[state]))
-            )
+            judged = found.judged[state]
+            rest = again.reproduced[state], judged.law, judged.whole
+            rows[state].append((*_against(found, state, true), *map(float, rest)))
     return [
         Outcome(case.name, state, noise, len(row), *_summary(row))
         for state, row in zip(case.truth, rows, strict=True)
@@ -124,7 +129,7 @@ def _against(
 
 def _summary(rows: Sequence[tuple[float, ...]]) -> tuple[float, ...]:
     """Return the means, and the median of the errors of the exact ones."""
-    exact, missing, false, error, covered, reproduced = np.array(rows, float).T
+    exact, missing, false, error, covered, *shares = np.array(rows, float).T
     any_exact = bool(np.any(exact))
     return (
         float(np.mean(exact)),
@@ -132,5 +137,5 @@ def _summary(rows: Sequence[tuple[float, ...]]) -> tuple[float, ...]:
         float(np.mean(false)),
         float(np.nanmedian(error)) if any_exact else np.nan,
         float(np.nanmean(covered)) if any_exact else np.nan,
-        float(np.mean(reproduced)),
+        *(float(np.mean(share)) for share in shares),
     )

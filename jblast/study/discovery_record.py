@@ -1,5 +1,6 @@
 """A noisy record, smoothed, and its windows: what every equation is looked for in."""
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -7,46 +8,66 @@ from jaxtyping import Float
 from scipy import sparse
 
 from jblast.errors import InputError
-from jblast.study.discovery_smooth import smoothed
+from jblast.study.discovery_smooth import Curves, smoothed
 from jblast.study.discovery_weak import Windows, half_width, windows
+
+
+class Sides(NamedTuple):
+    r"""Both sides of the equations of some states, but for the coefficients.
+
+    Attributes:
+        columns: States, smoothed, then inputs, at the places of quadrature.
+        left: $-\int \varphi' x$ of the states as they were recorded.
+    """
+
+    columns: Float[np.ndarray, "place column"]
+    left: Float[np.ndarray, "window state"]
 
 
 class Record(NamedTuple):
     r"""States over a time, and what they look like without noise.
 
     Attributes:
+        time_s: Of the rows.
+        states: At the rows, as recorded.
+        inputs: At the rows.
+        held: Whether inputs keep their value until the next row.
         windows: Integrals over windows.
-        columns: States, smoothed, then inputs, at the places of quadrature.
         rate: What the terms are multiplied by: dt/ds, where windows lie in another time
             s than t.
         smooth: States at the rows, smoothed.
-        left: $-\int \varphi' x$ of the states as they were recorded.
-        smooth_left: The same of the smoothed states.
-        noise_sd: Standard deviation of the noise of each state, relative if `scale` is
-            not 1.
-        scale: What noise is multiplied by, at the rows.
+        sides: Of the equations, of the states as they were recorded.
+        noise_sd: Standard deviation of the noise of each state, relative if `relative`.
+        relative: Whether noise multiplies.
+        sides_of: The sides of other states at these rows, smoothed as much.
     """
 
+    time_s: Float[np.ndarray, " row"]
+    states: Float[np.ndarray, "row state"]
+    inputs: Float[np.ndarray, "row input"]
+    held: bool
     windows: Windows
-    columns: Float[np.ndarray, "place column"]
     rate: Float[np.ndarray, " place"]
     smooth: Float[np.ndarray, "row state"]
-    left: Float[np.ndarray, "window state"]
-    smooth_left: Float[np.ndarray, "window state"]
+    sides: Sides
     noise_sd: Float[np.ndarray, " state"]
-    scale: Float[np.ndarray, "row state"]
+    relative: bool
+    sides_of: Callable[[Float[np.ndarray, "row state"]], Sides]
 
     def noise_map(self, state: int) -> sparse.csr_array:
         """Return what takes the noise of a state at the rows to the left side."""
-        scale = self.scale[:, state]
-        return sparse.csr_array(self.windows.of_rows.multiply(scale[None, :]))
+        if not self.relative:
+            return self.windows.of_rows
+        return sparse.csr_array(
+            self.windows.of_rows.multiply(self.smooth[:, state][None, :])
+        )
 
-    def noisy_lefts(
-        self, state: int, members: int, rng: np.random.Generator
-    ) -> Float[np.ndarray, "member window"]:
-        """Return left sides of the smoothed state with new noise."""
-        noise = self.noise_sd[state] * rng.standard_normal((len(self.scale), members))
-        return self.smooth_left[:, state] + (self.noise_map(state) @ noise).T
+    def with_noise(
+        self, states: Float[np.ndarray, "row state"], rng: np.random.Generator
+    ) -> Float[np.ndarray, "row state"]:
+        """Return states with noise as large as this record's."""
+        noise = self.noise_sd * rng.standard_normal(states.shape)
+        return states * np.exp(noise) if self.relative else states + noise
 
 
 def trajectory_record(
@@ -65,19 +86,27 @@ def trajectory_record(
         held: Inputs keep their value until the next row, as commands do; else they are
             linear between rows.
     """
-    smooth, slope, at, noise_sd = smoothed(time_s, states)
-    cut = windows(time_s, half_width(time_s, smooth, slope))
-    curves = at(cut.time)
+    curves, noise_sd, again = smoothed(time_s, states)
+    cut = windows(time_s, half_width(time_s, curves.value, curves.slope(time_s)))
     between = [input_at(time_s, column, cut.time, held=held) for column in inputs.T]
+
+    def sides(states: Float[np.ndarray, "row state"], curves: Curves) -> Sides:
+        at = curves.at(cut.time)
+        left = cut.derivative @ at + cut.of_rows @ (states - curves.value)
+        return Sides(np.column_stack([at, *between]), left)
+
     return Record(
+        time_s,
+        states,
+        inputs,
+        held,
         cut,
-        np.column_stack([curves, *between]),
         np.ones(len(cut.time)),
-        smooth,
-        cut.derivative @ curves + cut.of_rows @ (states - smooth),
-        cut.derivative @ curves,
+        curves.value,
+        sides(states, curves),
         noise_sd,
-        np.ones(states.shape),
+        False,
+        lambda states: sides(states, again(states)),
     )
 
 
@@ -99,26 +128,43 @@ def shock_record(
     """
     log_time = np.log(time_s)
     log_radius = np.log(radius_m)[:, None]
-    smooth, slope, at, noise_sd = smoothed(log_time, log_radius)
-    cut = windows(log_time, half_width(log_time, smooth, slope))
-    radius = np.exp(at(cut.time))
-    left = cut.derivative @ radius
+    curves, noise_sd, again = smoothed(log_time, log_radius)
+    half = half_width(log_time, curves.value, curves.slope(log_time))
+    cut = windows(log_time, half)
+    left = cut.derivative @ np.exp(curves.at(cut.time))
     if not np.all(left > 0.0):
         raise InputError(
             "shock radius: expected one that grows with time; smoothed, it shrinks "
             "somewhere: its noise is too large"
         )
     relative = sparse.diags_array(1.0 / left[:, 0])
-    cut = Windows(cut.time, *(sparse.csr_array(relative @ part) for part in cut[1:]))
+    cut = cut._replace(
+        integral=sparse.csr_array(relative @ cut.integral),
+        derivative=sparse.csr_array(relative @ cut.derivative),
+        of_rows=sparse.csr_array(relative @ cut.of_rows),
+    )
+
+    def sides(log_radius: Float[np.ndarray, "row state"], curves: Curves) -> Sides:
+        radius, smooth = np.exp(curves.at(cut.time)), np.exp(curves.value)
+        noise = cut.of_rows @ (smooth * (log_radius - curves.value))
+        return Sides(radius, cut.derivative @ radius + noise)
+
+    def sides_of(radius: Float[np.ndarray, "row state"]) -> Sides:
+        log_radius = np.log(radius)
+        return sides(log_radius, again(log_radius))
+
     return Record(
+        time_s,
+        radius_m[:, None],
+        np.empty((len(time_s), 0)),
+        False,
         cut,
-        radius,
         np.exp(cut.time),
-        np.exp(smooth),
-        np.ones(left.shape) + cut.of_rows @ (np.exp(smooth) * (log_radius - smooth)),
-        np.ones(left.shape),
+        np.exp(curves.value),
+        sides(log_radius, curves),
         noise_sd,
-        np.exp(smooth),
+        True,
+        sides_of,
     )
 
 

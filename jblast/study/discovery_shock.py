@@ -12,7 +12,8 @@ from jaxtyping import Float
 from scipy.optimize import minimize_scalar
 
 from jblast.study.discovery import MEMBERS, THRESHOLD, Discovery, discover_in
-from jblast.study.discovery_record import Record, shock_record
+from jblast.study.discovery_ensemble import basic_interval
+from jblast.study.discovery_record import Record, Sides, shock_record
 from jblast.study.discovery_sparse import grown_terms
 from jblast.study.discovery_terms import powers
 
@@ -30,8 +31,8 @@ class Slowing:
     Attributes:
         discovery: The equation, as a sum of powers of R [m, s].
         exponent: Of the one power that comes nearest, dR/dt = a R^n, any real number.
-        low: Exponent plus the 5 % quantile of the ensemble's spread.
-        high: Exponent plus the 95 % quantile.
+        low: 5 % end of its 90 % interval.
+        high: 95 % end.
         misfit: Root mean square of what the one power leaves, as a share of dR/dt; what
             noise does is in it.
     """
@@ -70,19 +71,21 @@ def shock_slowing(
         members=members,
         seed=seed,
     )
-    lefts = record.noisy_lefts(0, members, np.random.default_rng(seed))
-    exponent, misfit = _one_power(record, record.left[:, 0])
-    middle, _ = _one_power(record, record.smooth_left[:, 0])
-    off = [_one_power(record, left)[0] - middle for left in lefts]
-    low, high = exponent + np.quantile(off, (0.05, 0.95))
+    rng = np.random.default_rng(seed)
+    exponent, misfit = _one_power(record, record.sides)
+    middle, _ = _one_power(record, record.sides_of(record.smooth))
+    found = [
+        _one_power(record, record.sides_of(record.with_noise(record.smooth, rng)))[0]
+        for _ in range(members)
+    ]
+    low, high = basic_interval(np.array(exponent), np.array(found) - middle)
     return Slowing(discovery, exponent, float(low), float(high), misfit)
 
 
-def _one_power(
-    record: Record, left: Float[np.ndarray, " window"]
-) -> tuple[float, float]:
+def _one_power(record: Record, sides: Sides) -> tuple[float, float]:
     """Return the exponent that leaves least over, and how much that is, relative."""
-    log_radius = np.log(record.columns[:, 0] / record.smooth[0, 0])
+    left = sides.left[:, 0]
+    log_radius = np.log(sides.columns[:, 0] / record.smooth[0, 0])
 
     def over(exponent: float) -> float:
         term = record.windows.integral @ (record.rate * np.exp(exponent * log_radius))

@@ -40,10 +40,7 @@ def polynomial(
         names += [f"|{name}| {name}" for name in columns]
 
     def evaluate(values: Float[np.ndarray, "place column"]) -> np.ndarray:
-        products = np.stack(
-            [np.prod(values[:, power > 0] ** power[power > 0], 1) for power in powers],
-            axis=1,
-        )
+        products = np.prod(values[:, None, :] ** powers, axis=2)
         if not signed_squares:
             return products
         return np.concatenate([products, np.abs(values) * values], axis=1)

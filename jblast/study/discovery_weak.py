@@ -34,12 +34,16 @@ class Windows(NamedTuple):
         integral: $\int \varphi f$ of what is known at the places.
         derivative: $-\int \varphi' f$ of what is known at the places.
         of_rows: $-\int \varphi' f$ of what is known at the rows, linear between them.
+        centre: Of each window.
+        half: Half width of all.
     """
 
     time: Float[np.ndarray, " place"]
     integral: sparse.csr_array
     derivative: sparse.csr_array
     of_rows: sparse.csr_array
+    centre: Float[np.ndarray, " window"]
+    half: float
 
 
 def half_width(
@@ -83,7 +87,8 @@ def windows(time: Float[np.ndarray, " row"], half: float) -> Windows:
 
     integral = matrix(bell**POWER)
     derivative = matrix(2.0 * POWER / half * offset * bell ** (POWER - 1))
-    return Windows(places, integral, derivative, derivative @ _between(time, places))
+    of_rows = derivative @ _between(time, places)
+    return Windows(places, integral, derivative, of_rows, centres, half)
 
 
 def _quadrature(

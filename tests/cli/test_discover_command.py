@@ -51,7 +51,7 @@ def test_drag_is_found_and_printed_with_its_certainty(jblast):
     assert first.startswith("d(u_m_s)/dt = -0.3")
     assert "push_m_s2 - 0.0" in first
     assert first.endswith("|u_m_s| u_m_s")
-    assert "5 to 95 % of the ensemble" in out
+    assert "90 % interval" in out
     assert "of the ensemble" in out
     assert "off the data" in out
 
@@ -85,6 +85,34 @@ def test_equations_that_do_not_give_the_data_back_exit_with_four(jblast):
     code, out, _ = discovered(jblast, content)
     assert code == 4
     assert "not reproduced" in out
+
+
+def test_a_law_beyond_the_candidates_is_a_doubt_and_exit_code_four(jblast):
+    content = pushed(noise=0.02, cube=0.05)
+    options = ("--input", "push_m_s2", "--drag")
+    code, out, _ = discovered(jblast, content, *options)
+    assert code == 4
+    first, second = out.splitlines()[:2]
+    assert first.startswith("In doubt, u_m_s: ")
+    assert "u_m_s^3, which it was not looked among" in first
+    assert second.startswith("One degree more: d(u_m_s)/dt = ")
+    assert "u_m_s^3" in second
+    code, out, _ = discovered(jblast, content, *options, "--json")
+    assert code == 4
+    answer = json.loads(out)
+    assert answer["certain"] is False
+    assert answer["equations"]["u_m_s"]["p_outside"] < 1e-3
+    assert "u_m_s^3" in answer["one_degree_more"]["equations"]["u_m_s"]
+
+
+def test_no_law_in_noise_is_the_headline_and_exit_code_four(jblast):
+    drawn = np.random.default_rng(0).standard_normal(TIME.shape)
+    content = table(TIME, drawn, header="time_s,x")
+    code, out, _ = discovered(jblast, content)
+    assert code == 4
+    assert out.startswith("No law found, x: no term is certain\n")
+    answer = json.loads(discovered(jblast, content, "--json")[1])
+    assert answer["equations"]["x"]["law"] is False
 
 
 def test_files_are_written_and_not_overwritten_unasked(jblast):

@@ -29,12 +29,15 @@ def test_a_strong_shock_slows_down_as_sedov_says():
     assert factor == pytest.approx(case.truth["R"]["R^-1.5"], rel=1e-3)
 
 
-def test_noise_of_one_percent_leaves_the_exponent_within_its_interval():
-    case = shock_case()
-    slowing = shock_slowing(case.time_s, with_noise(case.states[:, 0], 0.01))
-    assert slowing.discovery.terms(0) == ("R^-1.5",)
-    assert slowing.low < -1.5 < slowing.high
-    assert 0.0 < slowing.high - slowing.low < 0.15
+def test_noise_of_one_percent_leaves_the_exponent_within_its_interval_mostly():
+    case, held = shock_case(), 0
+    for seed in range(8):
+        noisy = with_noise(case.states[:, 0], 0.01, seed)
+        slowing = shock_slowing(case.time_s, noisy, members=20)
+        assert slowing.discovery.terms(0) == ("R^-1.5",)
+        assert 0.0 < slowing.high - slowing.low < 0.15
+        held += slowing.low < -1.5 < slowing.high
+    assert held >= 5  # of eight with 0.9 each: fewer once in two hundred times
 
 
 def test_trinity_slows_down_as_a_point_source():

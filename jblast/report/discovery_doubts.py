@@ -1,0 +1,52 @@
+"""What speaks against an equation that was found, in words."""
+
+from jblast.report.numbers import significant
+from jblast.study.discovery import Discovery
+from jblast.study.discovery_integrate import Replay
+from jblast.study.discovery_judge import DOUBTFUL
+
+
+def doubts(found: Discovery, again: Replay, state: int) -> list[str]:
+    """Return what speaks against one equation; the gravest first."""
+    judged, name = found.judged[state], found.states[state]
+    if not found.terms(state):
+        return ["no term is certain"]
+    words = []
+    if not judged.law:
+        words.append(
+            "over stretches it has not seen it comes hardly nearer than their start, "
+            "or the mean elsewhere"
+        )
+    if not again.reproduced[state]:
+        words.append(f"integrated from the first row it does not give {name} back")
+    if judged.outside < DOUBTFUL:
+        words.append(
+            f"what is left over goes with {judged.outside_term}, which it was not "
+            f"looked among (p = {significant(judged.outside, 2)})"
+        )
+    if judged.excess < DOUBTFUL:
+        words.append(
+            "more is left over than the noise would leave "
+            f"(p = {significant(judged.excess, 2)})"
+        )
+    if judged.serial < DOUBTFUL:
+        words.append(
+            "what is left over is no independent noise "
+            f"(p = {significant(judged.serial, 2)})"
+        )
+    return words
+
+
+def certain(found: Discovery, again: Replay) -> bool:
+    """Return whether nothing speaks against any equation."""
+    return not any(doubts(found, again, state) for state in range(len(found.states)))
+
+
+def doubts_text(found: Discovery, again: Replay, state: int) -> str:
+    """Return the doubt about one equation as its headline; "" if there is none."""
+    words = doubts(found, again, state)
+    if not words:
+        return ""
+    is_law = found.terms(state) and found.judged[state].law
+    first = "In doubt" if is_law else "No law found"
+    return f"{first}, {found.states[state]}: {'; '.join(words)}"

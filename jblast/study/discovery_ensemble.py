@@ -1,0 +1,153 @@
+"""How sure equations are: coefficients, and what is left over, in records made anew."""
+
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from jblast.progress import counted
+from jblast.study.discovery_flow import CLOSE, flow
+from jblast.study.discovery_judge import PER_TERM, left_over, unlikely
+from jblast.study.discovery_record import Record, Sides
+from jblast.study.discovery_terms import Candidates
+from jblast.study.discovery_weak import PER_HALF_WIDTH
+
+
+class Sureness(NamedTuple):
+    """How sure the equations of some states are.
+
+    Attributes:
+        low: 5 % end of the 90 % interval of each coefficient.
+        high: 95 % end.
+        odds: p of so much, so like itself and so like terms outside being left over,
+            state by state (`Judgement`).
+        likest: Name of the likest of the terms outside, state by state.
+    """
+
+    low: Float[np.ndarray, "state term"]
+    high: Float[np.ndarray, "state term"]
+    odds: list[tuple[float, float, float]]
+    likest: list[str]
+
+
+def basic_interval(
+    own: Float[np.ndarray, "..."], off: Float[np.ndarray, "member ..."]
+) -> Float[np.ndarray, "2 ..."]:
+    """Return the ends of a 90 % interval: a number less how far off members come.
+
+    Quantile p of so many members is the (members + 1) p-th of them.
+    """
+    return own - np.quantile(off, (0.95, 0.05), axis=0, method="weibull")
+
+
+def how_sure(
+    record: Record,
+    candidates: Candidates,
+    others: Candidates | None,
+    own: Float[np.ndarray, "state term"],
+    kept: Bool[np.ndarray, "state term"],
+    members: int,
+    rng: np.random.Generator,
+) -> Sureness:
+    """Make records with new noise, and find the coefficients in each.
+
+    The equations make them; where they do not give the record back, the smoothed states
+    do, and there is no p.
+
+    Args:
+        record: What the equations were found in.
+        candidates: Terms they were looked for among.
+        others: Terms that what is left over is held against.
+        own: Coefficients found.
+        kept: Which terms they have.
+        members: Of the ensemble.
+        rng: Of the noise.
+    """
+    made = flow(
+        candidates.evaluate,
+        own,
+        record.smooth[0],
+        record.time_s,
+        record.inputs,
+        np.std(record.states, axis=0),
+        held=record.held,
+    )
+    off = np.sqrt(np.mean((made - record.smooth) ** 2, axis=0))
+    is_it = bool(np.all(off <= CLOSE * np.std(record.states, axis=0)))
+    if record.relative:
+        is_it = is_it and bool(np.all(made > 0.0))
+    base = made if is_it else record.smooth
+    apart = 2 * PER_HALF_WIDTH
+
+    def numbers(sides: Sides):
+        terms = integrals(record, sides, candidates)
+        beyond = np.zeros((len(terms), 0))
+        if others is not None:
+            beyond = integrals(record, sides, others)
+        coefficients = coefficients_of(terms, sides.left, kept)
+        over = [
+            left_over(terms[:, row], sides.left[:, state], beyond, apart)
+            for state, row in enumerate(kept)
+        ]
+        return coefficients, np.stack([o[0] for o in over]), [o[1] for o in over]
+
+    through = counted(members, "records with new noise")
+    found, over = [], []
+    for member in range(members):
+        sides = record.sides_of(record.with_noise(base, rng))
+        coefficients, over_by, _ = numbers(sides)
+        found.append(coefficients)
+        over.append(over_by)
+        through(member + 1)
+    middle = own if is_it else numbers(record.sides_of(base))[0]
+    low, high = basic_interval(own, np.stack(found) - middle)
+    _, numbers_own, shares = numbers(record.sides)
+    odds = np.full((len(own), 3), np.nan)
+    if is_it:
+        for state in range(len(own)):
+            odds[state] = unlikely(numbers_own[state], np.stack(over)[:, state])
+    likest = [""] * len(own)
+    if others is None:
+        odds[:, 2] = np.nan
+    else:
+        likest = [others.names[int(np.argmax(share))] for share in shares]
+    told = [(float(a), float(b), float(c)) for a, b, c in odds]
+    return Sureness(low, high, told, likest)
+
+
+def outside_terms(
+    record: Record,
+    candidates: Candidates,
+    outside: Candidates | None,
+) -> Candidates | None:
+    """Return the terms outside, if they are numbers and few enough to tell."""
+    if outside is None:
+        return None
+    new = np.array([name not in candidates.names for name in outside.names])
+    names = tuple(np.asarray(outside.names)[new].tolist())
+    with np.errstate(over="ignore", invalid="ignore"):  # not tried then
+        finite = np.all(np.isfinite(outside.evaluate(record.sides.columns)))
+    few = PER_TERM * len(names) <= len(record.windows.centre)
+    if not (names and finite and few):
+        return None
+    return Candidates(names, lambda values: outside.evaluate(values)[:, new])
+
+
+def integrals(
+    record: Record, sides: Sides, candidates: Candidates
+) -> Float[np.ndarray, "window term"]:
+    """Return the integral of each candidate over each window."""
+    values = candidates.evaluate(sides.columns) * record.rate[:, None]
+    return record.windows.integral @ values
+
+
+def coefficients_of(
+    terms: Float[np.ndarray, "window term"],
+    left: Float[np.ndarray, "window state"],
+    kept: Bool[np.ndarray, "state term"],
+) -> Float[np.ndarray, "state term"]:
+    """Return each state's coefficients by least squares, zero for terms not kept."""
+    found = np.zeros(kept.shape)
+    for state, row in enumerate(kept):
+        found[state, row] = np.linalg.lstsq(terms[:, row], left[:, state])[0]
+    return found
