@@ -14,6 +14,7 @@ import functools
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from jblast.kept_programs import kept
 from jblast.vehicle.motion import Four, Number
 from jblast.vehicle.parameters import Vehicle
 
@@ -32,6 +33,7 @@ def allocation(vehicle: Vehicle) -> Float[Array, "4 4"]:
     return jnp.stack([jnp.ones_like(x), y, -x, reach * vehicle.rotor_direction])
 
 
+@kept
 def rotor_speeds(vehicle: Vehicle, wanted: Four) -> Float[Array, "4"]:
     """Rotor speeds that make a thrust [N] and a moment [N m], whatever their limits.
 

@@ -25,6 +25,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike, Bool, Float
 
+from jblast.kept_programs import kept
 from jblast.types import as_float_array
 from jblast.vehicle.state import Trajectory
 
@@ -66,6 +67,7 @@ def path_error(
     return jnp.linalg.norm(away, axis=-1)
 
 
+@kept
 def flight_metrics(
     trajectory: Trajectory,
     target_m: Float[ArrayLike, "..."],
