@@ -25,6 +25,8 @@ sky above and of a ground a fifth as bright: $0.6 + 0.4\,n_z$, $n$ the normal wh
 ray enters. The fireball lights nothing but itself, and the wind does not carry it.
 """
 
+from collections.abc import Sequence
+
 import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike, Float
@@ -38,6 +40,9 @@ from jblast.sensors.camera.pixel_rays import Rays, pixel_rays, pixels
 from jblast.types import as_float_array
 from jblast.waves.atmosphere import standard_atmosphere
 from jblast.waves.fireball import fireball
+
+Glow = tuple[Float[Array, "3"], Float[Array, "3"]]
+"""Light of the limb and of the middle of a fireball [cd/m2]."""
 
 FAINTEST = 1e-30
 """Light that no float loses [cd/m2]."""
@@ -77,16 +82,30 @@ def fireballs_seen(
     rays: Rays,
     time: Float[Array, ""],
     look: Look | None = None,
+    glows: Sequence[Glow] | None = None,
 ) -> Float[Array, "4 row column"]:
     """Return the light of all fireballs along rays, laid over each other.
 
     Whichever's centre is farther is behind; where two meet, the nearer hides the other.
 
+    Args:
+        scene: Charges and air.
+        rays: Along which to look.
+        time: On the common clock [s].
+        look: How it is exposed, and how the smoke is distributed.
+        glows: Light of limb and middle of each charge, where it is known already.
+
     Returns:
         Red, green and blue times alpha, and alpha.
     """
     look = Look() if look is None else look
-    return laid_over([_seen(scene, c, rays, time, look) for c in scene.charges])
+    known = [None] * len(scene.charges) if glows is None else glows
+    return laid_over(
+        [
+            _seen(scene, charge, rays, time, look, one)
+            for charge, one in zip(scene.charges, known, strict=True)
+        ]
+    )
 
 
 class Passage(eqx.Module):
@@ -163,12 +182,19 @@ def cloud(scene: Scene, charge: Charge, time: Float[Array, ""]) -> Cloud:
     return Cloud(centre, ball.radius, ball.temperature, depth, temperature)
 
 
+def glow(ball: Cloud, look: Look) -> Glow:
+    """Return the light of the limb and of the middle of a fireball [cd/m2]."""
+    limb = ball.air + look.rim * (ball.temperature - ball.air)
+    return blackbody_light(limb), blackbody_light(ball.temperature)
+
+
 def _seen(
     scene: Scene,
     charge: Charge,
     rays: Rays,
     time: Float[Array, ""],
     look: Look,
+    known: Glow | None,
 ) -> tuple[Float[Array, "4 row column"], Float[Array, ""]]:
     """Return the premultiplied light of one charge's fireball, and how far it is."""
     ball = cloud(scene, charge, time)
@@ -176,11 +202,11 @@ def _seen(
     met = passage(offset, ball.radius, rays)
     lumps = -look.lumps * jnp.expm1(-ball.optical_depth / look.lumps)
     alpha = -jnp.expm1(-lumps * met.column)
-    limb = ball.air + look.rim * (ball.temperature - ball.air)
-    light = _between(
-        blackbody_light(limb), blackbody_light(ball.temperature), met.chord
+    limb, middle = glow(ball, look) if known is None else known
+    light = (
+        _between(limb, middle, met.chord) / look.white
+        + (look.smoke * (0.6 + 0.4 * met.height))[None]
     )
-    light = light / look.white + (look.smoke * (0.6 + 0.4 * met.height))[None]
     layer = jnp.concatenate([alpha[None] * light, alpha[None]])
     return layer, jnp.sqrt(jnp.sum(jnp.square(offset)))
 

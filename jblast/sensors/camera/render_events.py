@@ -1,5 +1,7 @@
 """Events of a scene's fireballs, at their instants: no frames in between."""
 
+from dataclasses import replace
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -10,6 +12,7 @@ from jblast.scene import Camera, Scene
 from jblast.sensors.camera.crossing_times import frameless_events
 from jblast.sensors.camera.events import Events
 from jblast.sensors.camera.fireball_image import cloud, fireballs_seen
+from jblast.sensors.camera.glow_table import GlowTable, glow_table
 from jblast.sensors.camera.grey_composite import luminance
 from jblast.sensors.camera.log_intensity import log_intensity
 from jblast.sensors.camera.look import Look
@@ -48,6 +51,12 @@ def render_events(
     light = pixel_light(
         scene, camera, background=background, depth=depth, ground=ground, look=look
     )
+    with jax.enable_x64(True):
+        last = jnp.asarray(times, float)[-1]
+        tables = [
+            glow_table(scene, charge, light.look, last) for charge in scene.charges
+        ]
+    light = replace(light, tables=tuple(tables))
     positive, negative = np.asarray(camera.threshold, float)
     both, shape = (positive, negative), (camera.height, camera.width)
     pixels = np.flatnonzero(_reached(scene, light.rays, jnp.asarray(times)))
@@ -64,12 +73,14 @@ class PixelLight(eqx.Module):
         rays: One a pixel.
         background: Grey light behind the fireballs, full scale 1.
         look: Of the fireballs.
+        tables: Of their glow, each for a charge; None to take Planck's law at once.
     """
 
     scene: Scene
     rays: Rays
     background: Float[Array, "height width"]
     look: Look
+    tables: tuple[GlowTable, ...] | None = None
 
     def __call__(
         self, time: Float[Array, " at"], x: Float[Array, " at"], y: Float[Array, " at"]
@@ -81,7 +92,10 @@ class PixelLight(eqx.Module):
             rays = Rays(
                 self.rays.origin, direction[:, None, None], farthest[None, None]
             )
-            return fireballs_seen(self.scene, rays, time, self.look)[:, 0, 0]
+            glows = None
+            if self.tables is not None:
+                glows = [table.at(time) for table in self.tables]
+            return fireballs_seen(self.scene, rays, time, self.look, glows)[:, 0, 0]
 
         lanes = self.rays.direction[:, *at], self.rays.farthest[at]
         colour = jax.vmap(seen, (0, 1, 0))(time, *lanes)
