@@ -55,8 +55,10 @@ def glow_table(
     knots: int = KNOTS,
 ) -> GlowTable:
     """Return the table of a charge's fireball from its burst to a time [s]."""
-    pace = jnp.maximum(stop - charge.time, 1e-6) / (knots - 1)
-    times = charge.time + pace * jnp.arange(knots, dtype=pace.dtype)
+    # of a charge that never goes off, or not yet, any time will do: nothing is seen
+    begin = jnp.where(charge.time < stop, charge.time, stop)
+    pace = jnp.maximum(stop - begin, 1e-6) / (knots - 1)
+    times = begin + pace * jnp.arange(knots, dtype=pace.dtype)
 
     def logarithm(time):
         return jnp.log(jnp.stack(glow(cloud(scene, charge, time), look)))
@@ -66,4 +68,4 @@ def glow_table(
 
     # a fireball cools from its burst on: the slope there is that from the right
     times = times.at[0].add(1e-9 * pace)
-    return GlowTable(charge.time, pace, jax.lax.map(knot, times, batch_size=256))
+    return GlowTable(begin, pace, jax.lax.map(knot, times, batch_size=256))

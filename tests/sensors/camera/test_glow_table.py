@@ -26,3 +26,12 @@ def test_the_table_is_planck_s_law_from_before_the_burst_to_its_end():
     np.testing.assert_allclose(ours[0], law[0], rtol=1e-9)
     np.testing.assert_allclose(ours[1][2:], law[1][2:], rtol=1e-6)
     np.testing.assert_array_equal(ours[1][0], 0.0)
+
+
+def test_a_charge_that_has_not_gone_off_has_a_finite_glow():
+    for time in (5.0, np.inf):
+        charge = Charge(mass=15.0, up=1.0, time=time)
+        table = glow_table(Scene(charge=charge), charge, LOOK, jnp.asarray(3.0))
+        limb, middle = table.at(jnp.asarray(2.5))
+        assert jnp.isfinite(limb).all()
+        assert jnp.isfinite(middle).all()
