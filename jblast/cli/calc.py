@@ -84,6 +84,7 @@ def run(asked: argparse.Namespace) -> int:
     )
     from jblast.report.calculator_notes import between_limits
     from jblast.sensors.calculate import calculate, with_other_burst
+    from jblast.sensors.disagreement import disagreements
     from jblast.sensors.inverse import roots
 
     question = question_of(asked)
@@ -102,11 +103,12 @@ def run(asked: argparse.Namespace) -> int:
         other = calculate(with_other_burst(question.scene), *rows)
     if asked.plot:
         _draw(asked.plot, question)
+    apart = disagreements(question, answer)
     if asked.csv:
-        sys.stdout.write(calculation_csv(question, answer))
+        sys.stdout.write(calculation_csv(question, answer, apart))
     else:
         write = calculation_json if asked.json else calculation_text
-        sys.stdout.write(write(question, answer, other))
+        sys.stdout.write(write(question, answer, other, apart))
     if asked.plot and not (asked.json or asked.csv):
         sys.stdout.write(f"\nPlot: {asked.plot}\n")
     return 0

@@ -1,15 +1,16 @@
 """The calculator's answer as the terminal shows it."""
 
 import textwrap
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
 from jblast.report.calculator_header import header, title
-from jblast.report.calculator_notes import notes
+from jblast.report.calculator_notes import disagreement_words, notes
 from jblast.report.numbers import Unit, printed_number, significant, unit_for
 from jblast.report.words import capitalised, quantity_words
 from jblast.sensors.calculate import Calculated, Calculation
+from jblast.sensors.disagreement import Disagreement
 from jblast.sensors.inverse import Roots
 from jblast.sensors.question import Question
 
@@ -20,7 +21,10 @@ Lines = list[str]
 
 
 def calculation_text(
-    question: Question, answer: Calculation, other: Calculation | None = None
+    question: Question,
+    answer: Calculation,
+    other: Calculation | None = None,
+    apart: Sequence[Disagreement] = (),
 ) -> str:
     """Return every quantity by every law, each beside its range.
 
@@ -28,8 +32,10 @@ def calculation_text(
         question: What was asked.
         answer: What the laws say.
         other: What those of two curve sets say by the other set, if that is of use.
+        apart: Where laws that hold disagree.
     """
     lines = _head(question)
+    words = {one.quantity: one for one in apart}
     one_row = len(question.rows()[0]) == 1
     column = _law_column(name for by_law in answer.values() for name in by_law)
     for quantity, by_law in answer.items():
@@ -41,6 +47,9 @@ def calculation_text(
             lines += _list(quantity, by_law, beside, burst, column)
         else:
             lines += _table(question, quantity, by_law)
+        if quantity in words:
+            said = disagreement_words(words[quantity], len(question.rows()[0]))
+            lines += _hanging("  ! ", said)
     return "\n".join(line.rstrip() for line in lines) + "\n"
 
 

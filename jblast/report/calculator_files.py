@@ -3,21 +3,27 @@
 import csv
 import io
 import json
+from collections.abc import Sequence
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
 
 from jblast.report.calculator_header import header, title
 from jblast.report.calculator_inputs import inputs
-from jblast.report.calculator_notes import notes
+from jblast.report.calculator_notes import disagreement_words, notes
 from jblast.report.json_values import plain
 from jblast.sensors.calculate import Calculated, Calculation
+from jblast.sensors.disagreement import Disagreement
 from jblast.sensors.inverse import Roots
 from jblast.sensors.question import Question
 
 
 def calculation_json(
-    question: Question, answer: Calculation, other: Calculation | None = None
+    question: Question,
+    answer: Calculation,
+    other: Calculation | None = None,
+    apart: Sequence[Disagreement] = (),
 ) -> str:
     """Return inputs and quantities; lists by row where there are several rows.
 
@@ -25,6 +31,7 @@ def calculation_json(
         question: What was asked.
         answer: What the laws say.
         other: What those of two curve sets say by the other set, if that is of use.
+        apart: Where laws that hold disagree.
     """
     quantities: dict[str, dict[str, Any]] = {}
     for quantity, by_law in answer.items():
@@ -34,7 +41,8 @@ def calculation_json(
             if other is not None and of_law.two_sets:
                 entry["other_burst"] = _value(other[quantity][name])
             quantities[quantity][name] = entry
-    return _json({"inputs": inputs(question), "quantities": quantities})
+    told = {"inputs": inputs(question), "quantities": quantities}
+    return _json(told | {"disagreements": [asdict(one) for one in apart]})
 
 
 def roots_json(question: Question, answer: dict[str, Roots]) -> str:
@@ -53,7 +61,9 @@ def roots_json(question: Question, answer: dict[str, Roots]) -> str:
     return _json({"inputs": asked, "quantities": {asked["asked"]: by_law}})
 
 
-def calculation_csv(question: Question, answer: Calculation) -> str:
+def calculation_csv(
+    question: Question, answer: Calculation, apart: Sequence[Disagreement] = ()
+) -> str:
     """Return one value a line; the inputs stand above as comments."""
     ranges, masses = question.rows()
     lines = [("range_m", "mass_kg", "quantity", "law", "value", "valid")]
@@ -63,7 +73,10 @@ def calculation_csv(question: Question, answer: Calculation) -> str:
                 value, valid = repr(float(of_law.value[i])), bool(of_law.valid[i])
                 row = (repr(float(r)), repr(float(m)), quantity, name, value)
                 lines.append((*row, str(valid).lower()))
-    return _comments(question) + _csv(lines)
+    said = "".join(
+        f"# {one.quantity}: {disagreement_words(one, len(ranges))}\n" for one in apart
+    )
+    return _comments(question) + said + _csv(lines)
 
 
 def roots_csv(question: Question, answer: dict[str, Roots]) -> str:

@@ -2,7 +2,9 @@
 
 import numpy as np
 
+from jblast.report.numbers import printed_number
 from jblast.sensors.bursts import burst_notes
+from jblast.sensors.disagreement import Disagreement
 from jblast.sensors.question import (
     Question,
     free_air_rows,
@@ -47,6 +49,20 @@ def notes(question: Question, *, beside: bool = True) -> list[str]:
     if between_limits(question):
         said[-1] += f"; {_other_set(question, beside)}"
     return said
+
+
+def disagreement_words(found: Disagreement, rows: int) -> str:
+    """Say that laws of a quantity that hold disagree, and which one we would take."""
+    where = ""
+    if rows > 1:
+        place = printed_number("_m", found.range_m)
+        where = f" at {found.rows} of {rows} rows, most at {place}"
+    taken = f"we would take {found.taken}: {found.reason}"
+    return (
+        f"laws that hold disagree{where}: {found.high} is {found.ratio:.2f} times "
+        f"{found.low}, where their scatter leaves {found.expected:.2f}; "
+        f"{taken if found.taken else found.reason}"
+    )
 
 
 def _other_set(question: Question, beside: bool) -> str:

@@ -72,11 +72,13 @@ class Path(eqx.Module):
     burst: Burst | None = eqx.field(static=True, default="surface")
     ground_path: GroundPath = eqx.field(static=True, default="head")
 
+    def at_burst(self, burst: Burst) -> "Path":
+        """Return the same with one curve set at all places."""
+        return replace(self, burst=burst, free_air=None)
+
     def by_height(self, answer: Callable[["Path"], Any]) -> Any:
         """Return an answer by the curve set that the height leaves, place by place."""
-        surface, free_air = (
-            answer(replace(self, burst=burst, free_air=None)) for burst in BURSTS
-        )
+        surface, free_air = (answer(self.at_burst(burst)) for burst in BURSTS)
         high = False if self.free_air is None else self.free_air
         return jax.tree.map(lambda f, s: jnp.where(high, f, s), free_air, surface)
 
