@@ -158,7 +158,7 @@ def record(scene: Scene, layout: Layout, laws: Mapping[str, str]) -> Recording:
         lost = known(here) & never
         value = jnp.where(lost, known(_nothing(layout.quantity)), value)
         valid = valid | lost
-    some = record_variance > 0
+    some = ~(record_variance <= 0)  # a scatter that is no number is not none
     record_sd = jnp.where(some, jnp.sqrt(jnp.where(some, record_variance, 1.0)), 0.0)
     return Recording(value, distance, valid, record_sd, of_shots, of_paths)
 

@@ -161,7 +161,7 @@ def drag_force(body: Body, attitude: Rows, density: Number, past: Vector) -> Vec
     r_x, r_y, r_z = times_transposed(attitude, past)
     a, b, c = three(body.area_m2)
     square = (a * r_x) ** 2 + (b * r_y) ** 2 + (c * r_z) ** 2
-    blows = square > 0
+    blows = ~(square <= 0)  # an area that is no number does not stand still
     size = jnp.where(blows, jnp.sqrt(jnp.where(blows, square, 1.0)), 0.0)
     half = 0.5 * density * body.drag_coefficient * size
     return half * x, half * y, half * z

@@ -21,7 +21,7 @@ def crossing_time(body: Body, wave: Wave) -> Number:
     """Return how long the front takes to cross a body [s]."""
     speed = wave.sound_speed_m_s * jnp.sqrt(1 + 6 / 7 * wave.peak)
     area = jnp.mean(body.area_m2)
-    known = area > 0
+    known = ~(area <= 0)
     diameter = jnp.sqrt(4 / jnp.pi * jnp.where(known, area, 1.0))
     return jnp.where(known, diameter, 1e-3) / speed
 

@@ -51,7 +51,7 @@ def elevation(
     """
     east, north, up = as_float_arrays(toward_east, toward_north, toward_up)
     squared = jnp.square(east) + jnp.square(north)
-    aside = squared > 0
+    aside = ~(squared <= 0)  # NaN stays NaN
     level = jnp.where(aside, jnp.sqrt(jnp.where(aside, squared, 1.0)), 0.0)
     apart = aside | (up != 0)
     return jnp.arctan2(jnp.where(apart, up, 0.0), jnp.where(apart, level, 1.0))

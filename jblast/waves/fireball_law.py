@@ -84,7 +84,7 @@ def fireball_law_radius_in_image(
     """
     distance, focal = as_float_arrays(slant_range, camera_focal)
     radius = fireball_law_radius(time_since_detonation, charge_mass, fireball_growth)
-    apart = distance > 0
+    apart = ~(distance <= 0)  # NaN stays NaN
     sine = jnp.where(apart, radius / jnp.where(apart, distance, 1.0), 1.0)
     inside = jnp.minimum(sine, NEAREST)
     tangent = inside / jnp.sqrt(1.0 - jnp.square(inside))

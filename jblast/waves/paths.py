@@ -88,8 +88,9 @@ def slant_range(
 ) -> Float[Array, "..."]:
     """Return the straight distance between two places [m].
 
-    Its gradient at distance zero is defined, as zero.
+    Its gradient at distance zero is defined, as zero. From a place that is no number it
+    is none either.
     """
     squared = jnp.sum(jnp.square(sensor - source), axis=-1)
-    apart = squared > 0
+    apart = ~(squared <= 0)  # NaN is no place, and no distance of zero
     return jnp.where(apart, jnp.sqrt(jnp.where(apart, squared, 1.0)), 0.0)

@@ -2,6 +2,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from jblast.waves.direction import elevation
+from jblast.waves.fireball_law import fireball_law_radius_in_image
 from jblast.waves.paths import slant_range
 
 
@@ -30,3 +32,12 @@ def test_one_source_meets_many_sensors():
     assert together.shape == (4,)
     for sensor, distance in zip(sensors, together, strict=True):
         assert slant_range(source[0], sensor) == distance
+
+
+def test_what_is_no_number_has_no_distance_direction_or_size_in_an_image():
+    nowhere = jnp.array([jnp.nan, 0.0, 0.0])
+    assert jnp.isnan(slant_range(nowhere, jnp.array([1.0, 2.0, 3.0])))
+    assert jnp.isnan(jax.jit(elevation)(jnp.nan, 1.0, 2.0))
+    seen_from = jax.jit(fireball_law_radius_in_image)
+    assert jnp.isnan(seen_from(0.1, 10.0, jnp.nan, jnp.nan, 300.0))
+    assert seen_from(0.1, 10.0, jnp.nan, 50.0, 300.0) > 0.0
