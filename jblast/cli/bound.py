@@ -27,7 +27,7 @@ def add_arguments(verb: argparse.ArgumentParser) -> None:
         default=[],
         metavar="PARAMETER=VALUE",
         help="number taken for true, as charge_mass_kg=15; needed for all that is free "
-        "(default: the median of the prior); may be repeated",
+        "but origin times and clocks (default: the median of the prior); repeatable",
     )
     add_free(verb)
     verb.add_argument(

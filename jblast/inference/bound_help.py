@@ -42,7 +42,8 @@ def added_data(plan: Planned) -> tuple[list[dict[str, Any]], int]:
     worst for its typical size.
 
     Returns:
-        An entry for each row, the most helpful first, and the number's index.
+        An entry for each row, those first whose laws hold, the most helpful of them
+        before all; and the number's index.
     """
     posterior, z = plan.posterior, plan.z
     target = worst(posterior, z)

@@ -19,9 +19,10 @@ from jblast.inference.fireball_growth import (
 from jblast.inference.parameters import parameters_of
 from jblast.inference.posterior import Posterior, posterior_of
 from jblast.observations import Observations, place
+from jblast.quantities import TIMED
 from jblast.scene import Free, Scene, UncertainScene, with_values
 from jblast.scene.keys import NUMBERS
-from jblast.scene.parameters import names_in
+from jblast.scene.parameters import CLOCK_OFFSET, names_in, value_of
 from jblast.scene.priors import Belief
 from jblast.sensors import layout_of, planned_layout, resolve_laws
 from jblast.sensors.bursts import settled
@@ -162,6 +163,7 @@ def values_at(uncertain: UncertainScene, at: Mapping[str, float]) -> dict[str, f
                 f"scene; expected one of {', '.join(beliefs)}{nearest(name, beliefs)}"
                 + (f", or --free {name} beside it" if fixed else "")
             )
+    at = {**_shown_by_clocks(uncertain), **at}
     open_ = [n for n, b in beliefs.items() if isinstance(b, Free) and n not in at]
     if open_:
         raise InputError(
@@ -174,6 +176,25 @@ def values_at(uncertain: UncertainScene, at: Mapping[str, float]) -> dict[str, f
         if name in at
         else float(belief.constrain(jnp.zeros(())))
         for name, belief in beliefs.items()
+    }
+
+
+def _shown_by_clocks(uncertain: UncertainScene) -> dict[str, float]:
+    """Return the free numbers that only shift what clocks show, as the scene has them.
+
+    What a layout tells does not depend on them, unless a sensor takes readings at times
+    of its clock.
+    """
+    scene = uncertain.scene
+    taken = {q for sensor in scene.sensors for q, _ in sensor.records}
+    if taken & set(TIMED):
+        return {}
+    return {
+        name: float(0.0 if value is None else value)
+        for name, belief in uncertain.beliefs.items()
+        if isinstance(belief, Free)
+        and name.partition(".")[0] in ("origin_time_s", CLOCK_OFFSET)
+        for value in [value_of(scene, name)]
     }
 
 

@@ -1,5 +1,6 @@
 """Which one more datum would help, as the terminal shows it."""
 
+import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -39,7 +40,9 @@ def data_lines(answer: Mapping[str, Any]) -> list[str]:
     target = answer["help"][0]["parameter"]
     now = answer["parameters"][target]
     rows, idle = [], []
-    for quantity, entry in list(best.items())[:MOST_HELP]:
+    for quantity, entry in sorted(best.items(), key=lambda of: _left(of[1]))[
+        :MOST_HELP
+    ]:
         if _helps(entry, now):
             rows.append(_row(quantity, entry))
         else:
@@ -58,8 +61,14 @@ def data_lines(answer: Mapping[str, Any]) -> list[str]:
 
 def _helps(entry: Mapping[str, Any], now: Mapping[str, float | None]) -> bool:
     key = "sd" if entry["log_sd"] is None else "log_sd"
-    left, before = finite(entry[key]), finite(now[key])
-    return left is not None and (before is None or left < LITTLE * before)
+    before = finite(now[key])
+    return _left(entry) < (math.inf if before is None else LITTLE * before)
+
+
+def _left(entry: Mapping[str, Any]) -> float:
+    """Return the sd that a datum leaves; infinite if nothing is told then."""
+    left = finite(entry["sd"] if entry["log_sd"] is None else entry["log_sd"])
+    return math.inf if left is None else left
 
 
 def _row(quantity: str, entry: Mapping[str, Any]) -> tuple[str, str, str]:

@@ -7,7 +7,11 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from jblast.errors import InputError
 from jblast.inference import bound, bound_map, fit, information_of_layout
+from jblast.inference.planned import values_at
+from jblast.quantities import QUANTITIES
+from jblast.report.bound_data import data_lines
 from jblast.report.bound_text import bound_text
 from jblast.scene import (
     Air,
@@ -427,3 +431,38 @@ def test_a_map_without_anything_to_draw_is_refused():
     assert all(entry["position_m"] is None for entry in found.answer["help"])
     with pytest.raises(ValueError, match="needs places"):
         bound_map(found)
+
+
+def test_what_only_shifts_clocks_needs_no_value():
+    shifts = {n: Free(positive=False) for n in ("origin_time_s", "clock_offset_s.b")}
+    scene = scene_of(MASS | shifts, RING)
+    values = values_at(scene, {"charge_mass_kg": 10.0, "clock_offset_s.b": 0.5})
+    assert values["origin_time_s"] == 0.0
+    assert values["clock_offset_s.b"] == 0.5
+    with pytest.raises(InputError, match="--at charge_mass_kg=VALUE; what"):
+        values_at(scene, {})
+
+
+@pytest.mark.slow
+def test_a_bound_does_not_depend_on_when_it_exploded():
+    scene = scene_of(MASS | {"origin_time_s": Free(positive=False)}, RING)
+    known = {"charge_mass_kg": 10.0}
+    early, late = bound(scene, known), bound(scene, known | {"origin_time_s": 70.0})
+    for name, spread in early.answer["parameters"].items():
+        again = late.answer["parameters"][name]["sd"]
+        assert spread["sd"] == pytest.approx(again, rel=1e-6)  # of 70 s in 1e-4 s
+
+
+def test_further_data_stand_in_the_order_of_the_sd_they_leave():
+    left = (0.3, None, 0.1, 0.2)
+    quantities = list(QUANTITIES)[: len(left)]
+    entry = {"sd": 1.0, "sigma": 0.1, "sigma_from": "layout", "where": "at sensor a"}
+    entry |= {"position_m": None, "charge": None, "law_valid": True}
+    entry |= {"parameter": "charge_mass_kg"}
+    made = [
+        entry | {"quantity": q, "log_sd": sd, "sd": sd}
+        for q, sd in zip(quantities, left, strict=True)
+    ]
+    now = {"charge_mass_kg": {"sd": 5.0, "log_sd": 0.5}}
+    _, _, *lines = data_lines({"help": made, "parameters": now})
+    assert [line.split("%")[0].split()[-1] for line in lines[:3]] == ["10", "20", "30"]
