@@ -138,10 +138,12 @@ def main() -> None:
     start_jax(quick=True)
     count, seed = map(int, [*sys.argv[1:], *("1000", "0")[len(sys.argv) - 1 :]])
     wrong = 0
-    for i, (kind, found) in enumerate(logs(count, len(KINDS), seed)):
+    for i, (kind, found) in enumerate(logs(count, len(KINDS), seed), start=1):
         if said := fault(found):
             wrong += 1
             sys.stdout.write(f"{i}: {kind}: {said}\n")
+        if i % 50 == 0:
+            sys.stdout.write(f"{i - wrong} of {i}\n")
             sys.stdout.flush()
     sys.stdout.write(f"{count - wrong} of {count} as they should be\n")
 
