@@ -103,7 +103,8 @@ def fitted() -> dict[str, Any]:
         clock=("",) * 3,
     )
     exact = dataclasses.replace(Scene(), scatter=False)
-    answer = fit(log, UncertainScene(exact, {"charge_mass_kg": Free(positive=True)}))
+    uncertain = UncertainScene(exact, {"charge_mass_kg": Free(positive=True)})
+    answer = fit(log, uncertain, posterior="laplace")
     return dict(answer.answer)
 
 
