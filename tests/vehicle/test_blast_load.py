@@ -143,7 +143,7 @@ def test_a_vehicle_that_flies_away_meets_the_front_later():
 
 def test_the_wave_pushes_away_from_the_charge_and_turns_about_the_pressure_centre():
     vehicle = named("iris")
-    load = blast_load(scene(east=1.0, north=2.0, up=0.5), rotors=False)
+    load = blast_load(scene(east=1.0, north=2.0, up=0.5, burst="surface"), rotors=False)
     state = hovering(vehicle, (4.0, 6.0, 0.5))
     push, turn = load.impulse(jnp.asarray(0.0), jnp.asarray(0.012), state, vehicle)
     np.testing.assert_allclose(push[1] / push[0], 4 / 3, rtol=1e-3)
