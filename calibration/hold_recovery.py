@@ -132,7 +132,7 @@ def table(maps: dict[tuple[str, bool], np.ndarray]) -> str:
         + "".join(f"{word:>24}" for word in WORDS),
     ]
     for (name, bare), found in maps.items():
-        for way, each in zip(WAYS, found, strict=True):
+        for way, each in zip((*WAYS, "all of these"), (*found, found), strict=True):
             shares = [100 * np.mean(each == n) for n in range(len(WORDS))]
             cells = "".join(f"{share:24.1f}" for share in shares)
             law = "bare law" if bare else "ours"

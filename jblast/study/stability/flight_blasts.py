@@ -112,8 +112,8 @@ def charge_edges() -> list[Edge]:
                 boundary=float(CHARGES[first]),
                 unit="kg of TNT",
                 beyond=f"{CHARGES[first - 1]:.2g} kg moves it {peak[first - 1]:.2g} m; "
-                f"after {CHARGES.size - first - 1} larger charges it flies on: "
-                f"{int(alive[first:].sum())}",
+                f"it flies on after {int(alive[first:].sum())} of "
+                f"{CHARGES.size - first - 1} larger charges",
                 deed=witnessed("marks", first > 0 and not alive[first], name),
                 said="crashed, in the metrics of the flight",
             )
