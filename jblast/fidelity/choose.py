@@ -27,6 +27,15 @@ SHARE_OF_SIGMA = 1.0 / 3.0
 """Of the data's sigma: the tolerance where none is told. In quadrature a method that
 far off widens an error by 5 %."""
 
+BY_HEIGHT = {
+    ("free-air",): "the height leaves the free-air curves",
+    ("surface",): "the charge stands between the limits of the curves, of which the "
+    "surface ones were taken",
+    ("free-air", "surface"): "by its height the charge bursts as in free air for some "
+    "sensors and numbers, for the others neither set holds: it does for both sets",
+}
+"""What is said of the curve sets that heights leave."""
+
 ALIKE = 2.0
 """Costs within this factor count as one: a busy machine moves them by as much. Of
 methods that cost alike, the one with the smallest promised error is taken."""
@@ -54,16 +63,19 @@ def choose(
     sensors = sensors_for(uncertain.scene, quantity)
     if not names_for(quantity):
         raise InputError(f"no law gives {quantity}: not supported yet")
-    ways = [
-        jax.tree.map(np.asarray, jitted_ways(quantity, path))
-        for path in paths_in(uncertain, quantity, sensors)
-    ]
+    paths = paths_in(uncertain, quantity, sensors)
+    ways = [jax.tree.map(np.asarray, jitted_ways(quantity, path)) for path in paths]
     if tolerance is None:
         sigma = np.array([dict(s.records).get(quantity, math.nan) for s in sensors])
         tolerance = tolerance_of(
             sigma, quantity, ways[: 1 + len(uncertain.scene.others)]
         )
-    return choose_for(quantity, ways, tolerance)
+    choice = choose_for(quantity, ways, tolerance)
+    lifted = [c for c in uncertain.scene.charges if c.burst is None and float(c.up) > 0]
+    if not lifted:
+        return choice
+    height = BY_HEIGHT[tuple(sorted({str(path.burst) for path in paths}))]
+    return replace(choice, reason=f"{choice.reason}; {height}")
 
 
 def tolerance_of(

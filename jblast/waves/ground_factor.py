@@ -30,9 +30,6 @@ from jblast.waves.scaling import log_scaled_distance
 RANGE = (0.2, 20.0)
 """Scaled distances of the table [m/kg^(1/3)]."""
 
-FREE_HEIGHT = 1.0
-"""Height of burst past which the ground's reflection comes late [m/kg^(1/3)]."""
-
 SPACING = 0.02
 """Of the table in ln Z: it leaves less than 1e-7 of the factor."""
 

@@ -10,7 +10,7 @@ from jblast.fidelity.choose import ALIKE, SHARE_OF_SIGMA, tolerance_of
 from jblast.fidelity.measure import standard_path
 from jblast.fidelity.reference import END, FARTHEST
 from jblast.fidelity.ways import ways_of
-from jblast.scene import Scene, Sensor, UncertainScene, freed
+from jblast.scene import Charge, Scene, Sensor, UncertainScene, freed
 from jblast.scene.parameters import with_values
 from jblast.scene.priors import LogNormal
 
@@ -166,3 +166,13 @@ def test_a_sensor_that_does_not_say_what_it_records_may_record_anything():
 def test_the_end_of_the_reference_belongs_to_it():
     inside = choose(scene(END - 1.0, mass=1.0), ARRIVAL, 0.1)
     assert inside.met
+
+
+def test_a_charge_high_up_is_chosen_for_by_the_free_air_curves():
+    sensor = Sensor("a", position=np.array([5.0, 0.0, 12.0]))
+    high = Scene(charge=Charge(mass=1.0, up=12.0), sensors=(sensor,))
+    choice = choose(high, "peak_overpressure_pa", 0.2)
+    assert "the height leaves the free-air curves" in choice.reason
+    candidates = {c.method: c.valid for c in choice.candidates}
+    assert candidates["kinney_graham"]  # of free air alone
+    assert not candidates["swisdak"]  # of the ground alone
