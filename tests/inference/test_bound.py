@@ -79,6 +79,7 @@ def textbook():
 
 def test_normal_errors_give_the_textbook_standard_deviation():
     found = bound(FOUR, FIFTEEN, noise="gaussian")
+    assert found.exit_code == 0
     expected, slope = textbook()
     # finite differences of the slope are good to 1e-6
     spread = found.answer["parameters"]["charge_mass_kg"]
