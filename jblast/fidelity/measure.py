@@ -107,13 +107,13 @@ def value_of(quantity: str, method: str, path: Path) -> Float[np.ndarray, " plac
 def holds(quantity: str, method: str, path: Path) -> Bool[np.ndarray, " place"]:
     """Return where a method holds, by place."""
     if method == solver.METHOD:
-        return np.asarray(solver.holds(scaled_distances(path), path.burst))
+        return np.asarray(solver.holds(scaled_distances(path), path.one_burst()))
     valid = np.asarray(call(law_for(quantity, method).valid, path))
     return np.broadcast_to(valid, path.slant_range.shape)
 
 
 def _by_solver(quantity: str, path: Path) -> Float[np.ndarray, " place"]:
-    value = solver.scaled_value(quantity, scaled_distances(path), path.burst)
+    value = solver.scaled_value(quantity, scaled_distances(path), path.one_burst())
     unit = {
         "air_arrival_s": path.slant_range / path.sound_speed,
         "peak_overpressure_pa": path.ambient_pressure,

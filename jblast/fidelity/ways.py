@@ -55,7 +55,7 @@ def ways_of(quantity: str, path: Path) -> Ways:
         name: call(law_for(quantity, name).valid, path) for name in names_for(quantity)
     }
     if quantity in solver.QUANTITIES:
-        holds[solver.METHOD] = solver.holds(z, path.burst)
+        holds[solver.METHOD] = solver.holds(z, path.one_burst())
     return Ways(
         z=z,
         slant_range=path.slant_range,
@@ -64,7 +64,7 @@ def ways_of(quantity: str, path: Path) -> Ways:
         sound_time=path.slant_range / path.sound_speed,
         scaled_height=z * path.height_of_burst / path.slant_range,
         holds={name: each(where) for name, where in holds.items()},
-        burst=path.burst,
+        burst=path.one_burst(),
     )
 
 

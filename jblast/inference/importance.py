@@ -68,7 +68,9 @@ def importance(
     w = np.random.default_rng(seed).standard_normal((draws, normal.z.size))
     density = Whitened(posterior, jnp.asarray(normal.z), jnp.asarray(root))
     parts = np.array_split(w, -(-draws * of_one // HELD))
-    value = np.concatenate([np.asarray(densities(density, part)) for part in parts])
+    value = np.concatenate(
+        [np.asarray(densities(density, jnp.asarray(part))) for part in parts]
+    )
     log_ratio = value + 0.5 * np.sum(w**2, axis=1)
     log_weights, k_hat = pareto_smoothed(log_ratio)
     weights = np.exp(log_weights)

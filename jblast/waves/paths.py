@@ -72,6 +72,16 @@ class Path(eqx.Module):
     burst: Burst | None = eqx.field(static=True, default="surface")
     ground_path: GroundPath = eqx.field(static=True, default="head")
 
+    def one_burst(self) -> Burst:
+        """Return the curve set of every place.
+
+        Raises:
+            ValueError: `free_air` tells of each place for itself.
+        """
+        if self.burst is None:
+            raise ValueError("expected a path with one burst, got one of each place")
+        return self.burst
+
     def at_burst(self, burst: Burst) -> "Path":
         """Return the same with one curve set at all places."""
         return replace(self, burst=burst, free_air=None)
