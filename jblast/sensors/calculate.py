@@ -104,6 +104,11 @@ def evaluate(
     laws: tuple[Law, ...],
 ) -> tuple[Float[np.ndarray, "law row"], Bool[np.ndarray, "law row"]]:
     """Return values and validity of some laws, then of what they give together."""
+    charge = scene.charge
+    if charge.burst is None and not float(charge.up) > 0.0:  # half of the program
+        scene = dataclasses.replace(
+            scene, charge=dataclasses.replace(charge, burst="surface", by_height=True)
+        )
     n = len(slant_range)
     padding = (0, max(FEWEST_ROWS, 1 << (n - 1).bit_length()) - n)
     ranges, masses = (

@@ -13,6 +13,7 @@ SOURCE_TABLES = {
     "charge_200g_incident_2m",
     "hrr5_infrapy_detections",
     "hrr5_infrasound_arrivals",
+    "point_source_s1x4",
     "rotorpy_flights",
 }
 """No logs, but what calibration scripts read."""

@@ -166,6 +166,7 @@ def test_a_scene_names_the_way_of_the_ground_wave():
         **dict.fromkeys(Path.__dataclass_fields__, jnp.array(1.0)),
         **dict(zip(names, map(jnp.asarray, fields), strict=True)),
         "burst": "surface",
+        "free_air": None,
     }
     head, thesis = (
         call(law.function, Path(**{**numbers, "ground_path": way}))
