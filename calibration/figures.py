@@ -73,8 +73,9 @@ def printed(text: str) -> tuple[float, float]:
     """Return a printed number, and half a unit of its last digit."""
     mantissa, _, power = text.replace(",", "").partition("e")
     whole, _, after = mantissa.partition(".")
-    # zeros at the end of a whole number are rounding's
-    digits = len(after) or len(whole.rstrip("0") or "0") - len(whole)
+    # zeros at the end of a whole number may be rounding's, past its second digit
+    kept = max(len(whole.rstrip("0")), min(2, len(whole)))
+    digits = len(after) or kept - len(whole)
     unit = 10.0 ** (int(power or 0) - digits)
     return float(mantissa) * 10.0 ** int(power or 0), 0.5 * unit * (1 + 1e-6)
 

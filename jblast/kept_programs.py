@@ -24,7 +24,7 @@ from jax import export
 from jax.core import Tracer
 
 from jblast.program_words import Unkept, described, is_array, rebuilt, spelled
-from jblast.registry import LAWS, REPLACED
+from jblast.registry import are_packaged
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -169,11 +169,9 @@ def _surroundings() -> str:
     """Return what else tracing depends on.
 
     Raises:
-        Unkept: There is a law that is not of this package, or another than at first.
+        Unkept: There is a law that the package does not come with.
     """
-    if REPLACED or not all(
-        law.function.__module__.startswith("jblast.") for law in LAWS.values()
-    ):
+    if not are_packaged():
         raise Unkept
     settings = [getattr(jax.config, name) for name in SETTINGS]
     return f"{_source()} {jax.default_backend()} {settings}"

@@ -29,8 +29,10 @@ def spelled(value: Any, fixed: bool = False) -> str:
         fixed: Whether an array in it would be part of the program.
 
     Raises:
-        Unkept: It holds what has no lasting name.
+        Unkept: It holds what has no lasting name, or is spread over devices.
     """
+    if isinstance(value, jax.Array) and len(value.devices()) > 1:
+        raise Unkept
     if is_array(value) and not fixed:
         return f"{value.dtype}{value.shape}{getattr(value, 'weak_type', False)}"
     if value is None or isinstance(value, bool | int | float | complex | str):

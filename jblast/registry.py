@@ -68,17 +68,24 @@ class Law:
 
 
 LAWS: dict[tuple[str, str], Law] = {}
-REPLACED: set[tuple[str, str]] = set()
-"""Laws that are others than at first."""
+PACKAGED: dict[tuple[str, str], Law] = {}
+"""Those that the package comes with."""
 
 
 def register(law: Law) -> Law:
     """Enter a law into the table; a law of the same quantity and name is replaced."""
-    key = law.quantity, law.name
-    if key in LAWS:
-        REPLACED.add(key)
-    LAWS[key] = law
+    LAWS[law.quantity, law.name] = law
     return law
+
+
+def mark_packaged() -> None:
+    """Take the laws registered so far for those that the package comes with."""
+    PACKAGED.update(LAWS)
+
+
+def are_packaged() -> bool:
+    """Return whether all laws are those that the package comes with."""
+    return all(PACKAGED.get(key) is law for key, law in LAWS.items())
 
 
 def law_for(quantity: str, name: str) -> Law:

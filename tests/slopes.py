@@ -50,7 +50,9 @@ def check_slopes(
         for s in (1.0, -1.0)
     ]
     numeric, bent = jax.tree.map(lambda a, b: (a - b) / (2 * eps), *ends)
-    close = functools.partial(np.testing.assert_allclose, atol=atol, rtol=rtol)
+    close = functools.partial(
+        np.testing.assert_allclose, atol=atol, rtol=rtol, equal_nan=False
+    )
     middle = jax.tree.map(lambda a, b: (a + b) / 2, ends[0][0], ends[1][0])
     jax.tree.map(lambda a, b: close(a, b, err_msg="value"), value, middle)
     jax.tree.map(lambda a, b: close(a, b, err_msg="forward"), pushed, numeric)

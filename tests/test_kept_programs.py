@@ -2,7 +2,7 @@
 
 import sys
 from collections import Counter
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import equinox as eqx
@@ -15,7 +15,7 @@ import jblast.waves  # noqa: F401  registers the laws
 from jblast import kept_programs
 from jblast.kept_programs import keep_in, kept
 from jblast.program_words import Unkept, spelled
-from jblast.registry import LAWS, REPLACED, register
+from jblast.registry import LAWS, register
 
 TRACED = Counter()
 
@@ -134,15 +134,17 @@ def test_numbers_within_a_program_have_no_name():
         spelled(test_numbers_within_a_program_have_no_name)  # not of the package
 
 
-def test_once_a_law_is_replaced_nothing_is_kept(store, found):
+@pytest.mark.parametrize("name", ["light", "light by another's numbers"])
+def test_beside_a_law_that_is_not_the_packages_nothing_is_kept(store, found, name):
     program, line = kept(climb), Line(jnp.asarray(2.0), 2)
     law = LAWS["flash_time_s", "light"]
-    register(law)
+    register(replace(law, name=name))
     try:
         assert program(line, X).total == 2.0 * np.sum(X**2)
         assert not list(store.iterdir())
     finally:
-        REPLACED.discard((law.quantity, law.name))
+        del LAWS["flash_time_s", name]
+        register(law)
     program(line, X)
     assert list(store.iterdir())
 

@@ -11,7 +11,7 @@ import threading
 import time
 from bisect import bisect_right
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from typing import Any, TextIO
 
 from jblast.progress import Listener, heard_by
@@ -71,8 +71,7 @@ class ProgressLine(Listener):
                 least = (NEXT_S, NEXT_SHARE)
             first = self._last == self._begun
             if first or since >= max(least[0], least[1] * gone):
-                self._file.write(self._line(words, gone) + "\n")
-                self._file.flush()
+                self._write(self._line(words, gone) + "\n")
                 self._last, self._last_stages = now, stages
 
     def clear(self) -> None:
@@ -105,9 +104,14 @@ class ProgressLine(Listener):
         return first + words + last
 
     def _write_over(self, line: str) -> None:
-        self._file.write("\r" + line.ljust(self._width) + ("" if line else "\r"))
-        self._file.flush()
+        self._write("\r" + line.ljust(self._width) + ("" if line else "\r"))
         self._width = len(line)
+
+    def _write(self, text: str) -> None:
+        # nobody reads any more, or there is no room: the answer is worth more
+        with suppress(OSError, ValueError):
+            self._file.write(text)
+            self._file.flush()
 
 
 @contextmanager

@@ -164,3 +164,22 @@ def test_a_pipe_gets_progress_on_stderr_and_stdout_stays_as_it_is():
     )
     assert done.stdout == "{}\n"
     assert done.stderr.splitlines()[0].startswith("jblast calc: one (1 of 2), 0 s")
+
+
+@pytest.mark.parametrize("terminal", [True, False])
+@pytest.mark.parametrize("fault", [BrokenPipeError, OSError(28, "full"), ValueError])
+def test_where_nothing_can_be_said_the_command_goes_on(
+    clock, terminal, fault, monkeypatch
+):
+    stream = Stream(terminal)
+
+    def refuse(_):
+        raise fault
+
+    monkeypatch.setattr(stream, "write", refuse)
+    line = line_on(stream, clock)
+    with heard_by(line):
+        stages({"reading": 1.0})("reading")
+        clock.now += 5.0
+        line.show()
+        line.clear()
