@@ -27,7 +27,8 @@ def path_between(
         charge: One charge of the scene. Its `range`, where it has one, is the distance
             of every place.
         position: East, north, up [m]; not used where `told_range` is finite.
-        told_range: Distance from the charge [m]; NaN where positions decide.
+        told_range: Distance from the charge [m]; NaN where positions decide. Where the
+            height leaves the curve set, such a place stands as low as that allows.
         time_since_detonation: When a place is asked about [s]; NaN if at no time.
     """
     air = scene.air
@@ -60,11 +61,12 @@ def path_between(
     sensor_height = jnp.where(is_placed, position[:, 2], 0.0)
     free_air = None
     if charge.burst is None:
+        lowest = jnp.maximum(charge.up - distance, 0.0)  # that a range alone allows
         free_air = bursts_in_free_air(
             distance,
             charge.tnt_mass("peak_overpressure_pa"),
             charge.up,
-            sensor_height,
+            jnp.where(is_placed, position[:, 2], lowest),
             pressure,
             sound_speed,
         )

@@ -10,6 +10,7 @@ from jblast.scene import Air, Charge, Scene, Sensor
 from jblast.sensors.bursts import height_notes, settled
 from jblast.sensors.layout import planned_layout
 from jblast.sensors.record import record
+from jblast.waves.between import path_between
 from jblast.waves.kingery_bulmash import kingery_bulmash_impulse
 
 LAW = {"positive_impulse_pa_s": "kingery_bulmash"}
@@ -76,6 +77,28 @@ def test_what_is_settled_has_derivatives_across_the_limit():
     free = kingery_bulmash_impulse(5.0, np.array([1.0, 8.0]), burst="free-air")
     np.testing.assert_allclose(value, free, rtol=1e-12)
     assert np.isfinite(slope).all()
+
+
+# A place 5 m from a charge 12 m up stands 7 m up or higher: its reflection comes over
+# sqrt(5^2 + 4 * 12 * 7) = 19 m or more, 14 m or 35 ms later, after a phase of 2.6 ms.
+# 40 m off it may stand on the ground, where both come at once.
+@pytest.mark.parametrize(
+    ("up", "distance", "free"),
+    [(12.0, 5.0, True), (12.0, 40.0, False), (0.0, 5.0, False)],
+)
+@pytest.mark.parametrize("told_by", ["row", "charge"])
+def test_a_range_alone_leaves_a_place_as_low_as_it_allows(told_by, up, distance, free):
+    charge = Charge(mass=1.0, up=up, range=distance if told_by == "charge" else None)
+    told = jnp.array([distance if told_by == "row" else jnp.nan])
+    path = path_between(
+        Scene(charge=charge),
+        charge,
+        jnp.full((1, 3), jnp.nan) if told_by == "row" else jnp.zeros((1, 3)),
+        told,
+        jnp.full(1, jnp.nan),
+    )
+    assert path.free_air is not None
+    assert path.free_air.tolist() == [free]
 
 
 @pytest.mark.parametrize(

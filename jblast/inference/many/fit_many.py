@@ -31,6 +31,10 @@ def fit_many(
     its optimum differs by what ln det of their curvature varies). Levenberg-Marquardt
     (`LaneLevenbergMarquardt`), on all devices there are.
 
+    Where `burst` is left to the height, the curve sets are settled once, at the scene's
+    own numbers, the same for all logs; nothing marks a log whose answer would change
+    them.
+
     Args:
         uncertain: The scene and what is not known of it, the same for all logs.
         layout: Who recorded what.
