@@ -3,7 +3,7 @@
 from jblast.report.numbers import significant
 from jblast.study.discovery import Discovery
 from jblast.study.discovery_integrate import Replay
-from jblast.study.discovery_judge import DOUBTFUL
+from jblast.study.discovery_judge import DOUBTFUL, FEWEST_MEMBERS
 
 
 def doubts(found: Discovery, again: Replay, state: int) -> list[str]:
@@ -19,6 +19,12 @@ def doubts(found: Discovery, again: Replay, state: int) -> list[str]:
         )
     if not again.reproduced[state]:
         words.append(f"integrated from the first row it does not give {name} back")
+    if not judged.tested:
+        words.append(
+            "whether what is left over is noise could not be judged: that takes "
+            f"equations that give every state back, and {FEWEST_MEMBERS} or more "
+            "records with new noise"
+        )
     if judged.outside < DOUBTFUL:
         words.append(
             f"what is left over goes with {judged.outside_term}, which it was not "

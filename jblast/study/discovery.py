@@ -198,7 +198,6 @@ def discover_in(
         lambda seen: coefficients_of(terms[seen], record.sides.left[seen], kept),
     )
     names = np.asarray(candidates.names)
-    scale = np.sqrt(np.mean(record.smooth**2, axis=0)) if record.relative else 1.0
     return Discovery(
         tuple(states),
         candidates,
@@ -206,7 +205,7 @@ def discover_in(
         sure.low,
         sure.high,
         inclusion,
-        record.noise_sd * scale,
+        record.noise_in_unit,
         tuple(names[~told].tolist()),
         record.smooth[0],
         tuple(

@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from jblast.progress import counted
-from jblast.study.discovery_flow import CLOSE, flow
+from jblast.study.discovery_flow import CLOSE, flow, misfit
 from jblast.study.discovery_judge import PER_TERM, left_over, unlikely
 from jblast.study.discovery_record import Record, Sides
 from jblast.study.discovery_terms import Candidates
@@ -51,8 +51,8 @@ def how_sure(
 ) -> Sureness:
     """Make records with new noise, and find the coefficients in each.
 
-    The equations make them; where they do not give the record back, the smoothed states
-    do, and there is no p.
+    The equations make them; where they do not give the record back (`misfit`, all
+    states), the smoothed states do, and there is no p.
 
     Args:
         record: What the equations were found in.
@@ -72,11 +72,11 @@ def how_sure(
         np.std(record.states, axis=0),
         held=record.held,
     )
-    off = np.sqrt(np.mean((made - record.smooth) ** 2, axis=0))
-    is_it = bool(np.all(off <= CLOSE * np.std(record.states, axis=0)))
+    off = misfit(made, record.states, record.noise_in_unit)
+    reproduced = bool(np.all(off <= CLOSE))
     if record.relative:
-        is_it = is_it and bool(np.all(made > 0.0))
-    base = made if is_it else record.smooth
+        reproduced = reproduced and bool(np.all(made > 0.0))
+    base = made if reproduced else record.smooth
     apart = 2 * PER_HALF_WIDTH
 
     def numbers(sides: Sides):
@@ -99,11 +99,11 @@ def how_sure(
         found.append(coefficients)
         over.append(over_by)
         through(member + 1)
-    middle = own if is_it else numbers(record.sides_of(base))[0]
+    middle = own if reproduced else numbers(record.sides_of(base))[0]
     low, high = basic_interval(own, np.stack(found) - middle)
     _, numbers_own, shares = numbers(record.sides)
     odds = np.full((len(own), 3), np.nan)
-    if is_it:
+    if reproduced:
         for state in range(len(own)):
             odds[state] = unlikely(numbers_own[state], np.stack(over)[:, state])
     likest = [""] * len(own)

@@ -1,4 +1,4 @@
-"""Equations integrated over the rows of a record."""
+"""Equations integrated over the rows of a record, and how far off it they come."""
 
 from collections.abc import Callable
 
@@ -71,3 +71,18 @@ def flow(
     states = np.full((len(time_s), len(start)), np.nan)
     states[: answer.y.shape[1]] = answer.y.T
     return states
+
+
+def misfit(
+    made: Float[np.ndarray, "row state"],
+    states: Float[np.ndarray, "row state"],
+    noise_sd: Float[np.ndarray, " state"],
+) -> Float[np.ndarray, " state"]:
+    """Return how far equations come off a record, beside the spread of each state.
+
+    It is the root mean square, the noise taken off in quadrature; infinite where the
+    integration was given up. Up to `CLOSE` the equations give the record back.
+    """
+    over = np.mean((states - made) ** 2, axis=0) - noise_sd**2
+    share = np.sqrt(np.maximum(over, 0.0)) / np.std(states, axis=0)
+    return np.where(np.isnan(over), np.inf, share)

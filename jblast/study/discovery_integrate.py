@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Float
 
 from jblast.study.discovery import Discovery
-from jblast.study.discovery_flow import CLOSE, flow
+from jblast.study.discovery_flow import CLOSE, flow, misfit
 
 
 @dataclass(frozen=True)
@@ -45,17 +45,14 @@ def replay(
         noise: Whether the states have the noise found; it is taken off then.
     """
     inputs = np.empty((len(time_s), 0)) if inputs is None else inputs
-    spread = np.std(states, axis=0)
     own = flow(
         discovery.candidates.evaluate,
         discovery.coefficients,
         discovery.start,
         time_s,
         inputs,
-        spread,
+        np.std(states, axis=0),
         held=held,
     )
-    over = np.mean((states - own) ** 2, axis=0) - noise * discovery.noise_sd**2
-    misfit = np.sqrt(np.maximum(over, 0.0)) / spread
-    misfit = np.where(np.isnan(over), np.inf, misfit)
-    return Replay(own, misfit, tuple((misfit <= CLOSE).tolist()))
+    off = misfit(own, states, noise * discovery.noise_sd)
+    return Replay(own, off, tuple((off <= CLOSE).tolist()))

@@ -48,7 +48,8 @@ class Judgement:
             that the equation saves over stretches it has not seen; -inf if it runs
             away.
         excess: p of so much being left over, were the equation and independent normal
-            noise all; NaN where records of it could not be made.
+            noise all; NaN where it does not give the record back, all states at once,
+            or the ensemble is too small: then it is untested.
         serial: p of what is left over being so much like itself a window later.
         outside: p of it being so much like candidates outside; NaN if none were tried.
         outside_term: Name of the likest of them; "" if none were tried.
@@ -66,9 +67,16 @@ class Judgement:
         return self.skill >= LEAST_SKILL
 
     @property
+    def tested(self) -> bool:
+        """Whether what is left over could be held against noise."""
+        p = [self.excess, self.serial, *[self.outside] * bool(self.outside_term)]
+        return bool(np.all(np.isfinite(p)))
+
+    @property
     def whole(self) -> bool:
-        """Whether nothing is left over that noise would not leave."""
-        return not any(p < DOUBTFUL for p in (self.excess, self.serial, self.outside))
+        """Whether nothing is left over that noise would not leave; no, untested."""
+        odds = (self.excess, self.serial, self.outside)
+        return self.tested and not any(p < DOUBTFUL for p in odds)
 
 
 Find = Callable[[Bool[np.ndarray, " window"]], Float[np.ndarray, "state term"]]

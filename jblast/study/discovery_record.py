@@ -54,6 +54,13 @@ class Record(NamedTuple):
     relative: bool
     sides_of: Callable[[Float[np.ndarray, "row state"]], Sides]
 
+    @property
+    def noise_in_unit(self) -> Float[np.ndarray, " state"]:
+        """Standard deviation of the noise of each state, in its unit, over the rows."""
+        if not self.relative:
+            return self.noise_sd
+        return self.noise_sd * np.sqrt(np.mean(self.smooth**2, axis=0))
+
     def noise_map(self, state: int) -> sparse.csr_array:
         """Return what takes the noise of a state at the rows to the left side."""
         if not self.relative:

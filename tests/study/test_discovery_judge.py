@@ -5,9 +5,11 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.interpolate import make_smoothing_spline
 
+from jblast.report.discovery_doubts import certain, doubts
 from jblast.study.discovery import discover
 from jblast.study.discovery_cases import motor_case
-from jblast.study.discovery_judge import left_over, unlikely
+from jblast.study.discovery_integrate import replay
+from jblast.study.discovery_judge import Judgement, left_over, unlikely
 from jblast.study.discovery_noise import noise_sweep
 from jblast.study.discovery_smooth import smoothed
 from jblast.study.discovery_terms import polynomial
@@ -33,7 +35,7 @@ def pushed(square: float, cube: float, noise: float = 0.01, seed: int = 0):
     return (clean + noise * np.std(clean) * drawn)[:, None]
 
 
-def found_in(states: np.ndarray, degree: int = 2, seed: int = 0):
+def found_in(states: np.ndarray, degree: int = 2, seed: int = 0, members: int = 20):
     names = ("u", "push")
     candidates, outside = (
         polynomial(names, n, signed_squares=True) for n in (degree, degree + 1)
@@ -45,7 +47,7 @@ def found_in(states: np.ndarray, degree: int = 2, seed: int = 0):
         names=names,
         candidates=candidates,
         outside=outside,
-        members=20,
+        members=members,
         seed=seed,
     )
 
@@ -70,6 +72,42 @@ def test_a_true_law_is_not_doubted(noise):
     assert set(found.terms(0)) == {"u", "push", "|u| u"}
     assert found.judged[0].law
     assert found.judged[0].whole
+
+
+@pytest.mark.parametrize(
+    ("excess", "serial", "outside", "term", "whole"),
+    [
+        (0.5, 0.5, 0.5, "u^3", True),
+        (0.5, 0.5, np.nan, "", True),  # none were tried
+        (0.5, 0.5, np.nan, "u^3", False),
+        (np.nan, 0.5, 0.5, "u^3", False),
+        (0.5, np.nan, 0.5, "u^3", False),
+        (0.5, 0.5, 1e-4, "u^3", False),
+    ],
+)
+def test_a_law_without_a_p_is_not_the_whole_of_it(excess, serial, outside, term, whole):
+    assert Judgement(0.9, excess, serial, outside, term).whole == whole
+
+
+def test_a_law_that_could_not_be_judged_is_in_doubt():
+    states = pushed(square=0.0, cube=0.05)
+    found = found_in(states, members=4)  # too few for a p
+    again = replay(found, TIME, states, PUSH[:, None])
+    assert again.reproduced == (True,)
+    assert np.isnan(found.judged[0].excess)
+    (doubt,) = doubts(found, again, 0)
+    assert "could not be judged" in doubt
+    assert not certain(found, again)
+
+
+def test_what_is_reproduced_is_judged():
+    # half as much noise as motion: the smoothed record is far from the equation's
+    states = pushed(square=0.0, cube=0.05, noise=0.5, seed=2)
+    found = found_in(states, members=10)
+    again = replay(found, TIME, states, PUSH[:, None])
+    judged = found.judged[0]
+    assert again.reproduced == (True,)
+    assert np.all(np.isfinite([judged.excess, judged.serial, judged.outside]))
 
 
 @pytest.mark.parametrize("memory", [0.0, 1.0])
