@@ -17,9 +17,8 @@ from jblast.waves.scaling import sachs_distance_factor
 def between_limits(question: Question) -> bool:
     """Return whether some charge bursts neither on the ground nor as in free air."""
     _, high = _scaled_heights(question)
-    return (
-        bool(question.charge_mass) and high > 0.0 and not free_air_rows(question).all()
-    )
+    asked = question.quantity  # no rows yet: what is asked for may lie on either side
+    return not asked and high > 0.0 and not free_air_rows(question).all()
 
 
 def notes(question: Question, *, beside: bool = True) -> list[str]:
@@ -36,7 +35,7 @@ def notes(question: Question, *, beside: bool = True) -> list[str]:
             f"the charge is buried: the {charge.burst} curves were used; ford_2021 "
             "alone takes the depth into account"
         ]
-    if low > 0.0 and not question.charge_mass:
+    if high > 0.0 and question.quantity:
         return [
             f"the {charge.burst} curves were used; a burst above the ground lies "
             "between surface and free-air until its reflection comes after the "
@@ -66,7 +65,7 @@ def disagreement_words(found: Disagreement, rows: int) -> str:
 
 
 def _other_set(question: Question, beside: bool) -> str:
-    if not beside or question.quantity or len(question.rows()[0]) > 1:
+    if not beside or len(question.rows()[0]) > 1:
         return "compare with the other --burst"
     return "beside a law of two curve sets stands what the other set gives"
 

@@ -92,24 +92,30 @@ def burst_notes(
     at = f"at every {what}" if free.all() else at
     late = "the reflection from the ground comes after the positive phase"
     stood = f"{which} stood {height} m/kg^(1/3) above the ground"
+    against = f'burst = "{charge.burst}" contradicts the height: '
+    asked = "as asked for"
+    if charge.by_height:  # settled elsewhere, and not as the height here would have it
+        against, asked = "", "chosen before the height was known"
+    if not free.size:
+        return []
     if high <= 0.0:
-        if charge.burst == "free-air" and not charge.by_height and charge.range is None:
+        if charge.burst == "free-air" and charge.range is None:
             return [
-                f'burst = "free-air" contradicts the height: {which} stood on the '
-                "ground or in it; the free-air curves were used as asked for"
+                f"{against}{which} stood on the ground or in it; the free-air curves "
+                f"were used, {asked}"
             ]
         return []
-    if charge.burst == "surface" and not charge.by_height and free.any():
+    if charge.burst == "surface" and (free.all() if charge.by_height else free.any()):
         return [
-            f'burst = "surface" contradicts the height: {stood}, and {at} {late}; the '
-            "surface curves, of up to twice the impulse, were used as asked for"
+            f"{against}{stood}, and {at} {late}; the surface curves, of up to twice "
+            f"the impulse, were used, {asked}"
         ]
     if charge.burst == "free-air" and not free.all():
         early = f"at {(~free).sum()} of {free.size} {what}s"
         return [
-            f'burst = "free-air" contradicts the height: {stood}, and {early} the '
-            "reflection from the ground comes within the positive phase, of which the "
-            "free-air curves know nothing"
+            f"{against}{stood}, and {early} the reflection from the ground comes "
+            "within the positive phase, of which the free-air curves know nothing; "
+            f"they were used, {asked}"
         ]
     if free.all():
         return [f"{stood}; {at} {late}: the free-air curves were used"]

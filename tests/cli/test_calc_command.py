@@ -178,6 +178,25 @@ def test_other_heights_are_noted(numbers, words, said):
     assert said in " ".join(numbers(f"--mass 15 --range 90 {words}")["inputs"]["notes"])
 
 
+@pytest.mark.parametrize(
+    ("words", "used"),
+    [
+        ("--mass 1 --height 1", "surface"),
+        ("--mass 1 --height 12 --burst surface", "surface"),
+        ("--mass 1 --height 12 --burst free-air", "free-air"),
+        ("--range 5 --height 12", "surface"),
+    ],
+)
+def test_where_a_range_or_a_mass_is_asked_for_the_curves_used_are_named(
+    words, used, numbers
+):
+    found = numbers(f"{words} --overpressure 20000")["inputs"]
+    (note,) = found["notes"]
+    assert found["burst"] == used
+    assert note.startswith(f"the {used} curves were used")
+    assert "compare with the other --burst" in note
+
+
 def test_on_the_ground_there_is_nothing_to_note(numbers):
     assert numbers("--mass 15 --range 20")["inputs"]["notes"] == []
 
