@@ -25,7 +25,7 @@ sky above and of a ground a fifth as bright: $0.6 + 0.4\,n_z$, $n$ the normal wh
 ray enters. The fireball lights nothing but itself, and the wind does not carry it.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -46,6 +46,24 @@ Glow = tuple[Float[Array, "3"], Float[Array, "3"]]
 
 FAINTEST = 1e-30
 """Light that no float loses [cd/m2]."""
+
+
+class Cloud(eqx.Module):
+    """A charge's fireball where it is at an instant.
+
+    Attributes:
+        centre: East, north, up [m].
+        radius: Of the cloud [m].
+        temperature: Of its light [K].
+        optical_depth: Of its soot along a diameter [-].
+        air: Temperature of the air around [K].
+    """
+
+    centre: Float[Array, "3"]
+    radius: Float[Array, ""]
+    temperature: Float[Array, ""]
+    optical_depth: Float[Array, ""]
+    air: Float[Array, ""]
 
 
 def fireball_layer(
@@ -82,7 +100,7 @@ def fireballs_seen(
     rays: Rays,
     time: Float[Array, ""],
     look: Look | None = None,
-    glows: Sequence[Glow] | None = None,
+    shining: Callable[[Cloud], Glow] | None = None,
 ) -> Float[Array, "4 row column"]:
     """Return the light of all fireballs along rays, laid over each other.
 
@@ -93,18 +111,15 @@ def fireballs_seen(
         rays: Along which to look.
         time: On the common clock [s].
         look: How it is exposed, and how the smoke is distributed.
-        glows: Light of limb and middle of each charge, where it is known already.
+        shining: Light of limb and middle of a fireball, where it is tabulated; None to
+            take Planck's law.
 
     Returns:
         Red, green and blue times alpha, and alpha.
     """
     look = Look() if look is None else look
-    known = [None] * len(scene.charges) if glows is None else glows
     return laid_over(
-        [
-            _seen(scene, charge, rays, time, look, one)
-            for charge, one in zip(scene.charges, known, strict=True)
-        ]
+        [_seen(scene, charge, rays, time, look, shining) for charge in scene.charges]
     )
 
 
@@ -151,29 +166,9 @@ def passage(offset: Float[Array, "3"], radius: Float[Array, ""], rays: Rays) -> 
     )
 
 
-class Cloud(eqx.Module):
-    """A charge's fireball where it is at an instant.
-
-    Attributes:
-        centre: East, north, up [m].
-        radius: Of the cloud [m].
-        temperature: Of its light [K].
-        optical_depth: Of its soot along a diameter [-].
-        air: Temperature of the air around [K].
-    """
-
-    centre: Float[Array, "3"]
-    radius: Float[Array, ""]
-    temperature: Float[Array, ""]
-    optical_depth: Float[Array, ""]
-    air: Float[Array, ""]
-
-
 def cloud(scene: Scene, charge: Charge, time: Float[Array, ""]) -> Cloud:
     """Return the fireball of a scene's charge at a time on the common clock [s]."""
-    air, temperature = scene.air, scene.air.temperature
-    if air.altitude is not None:
-        temperature, _ = standard_atmosphere(air.altitude)
+    temperature = air_temperature(scene)
     mass = charge.tnt_mass("fireball_radius_m")
     since, growth = charge.since(time), scene.fireball_growth
     ball = fireball(mass, since, temperature, growth)
@@ -182,10 +177,24 @@ def cloud(scene: Scene, charge: Charge, time: Float[Array, ""]) -> Cloud:
     return Cloud(centre, ball.radius, ball.temperature, depth, temperature)
 
 
-def glow(ball: Cloud, look: Look) -> Glow:
-    """Return the light of the limb and of the middle of a fireball [cd/m2]."""
-    limb = ball.air + look.rim * (ball.temperature - ball.air)
-    return blackbody_light(limb), blackbody_light(ball.temperature)
+def air_temperature(scene: Scene) -> Float[Array, ""]:
+    """Return the temperature of the air around a scene's fireballs [K]."""
+    altitude = scene.air.altitude
+    if altitude is None:
+        return scene.air.temperature
+    return standard_atmosphere(altitude)[0]
+
+
+def glow(temperature: Float[Array, ""], air: Float[Array, ""], look: Look) -> Glow:
+    """Return the light of the limb and of the middle of a fireball [cd/m2].
+
+    Args:
+        temperature: Of its middle [K].
+        air: Temperature of the air around [K].
+        look: How much cooler its limb is.
+    """
+    limb = air + look.rim * (temperature - air)
+    return blackbody_light(limb), blackbody_light(temperature)
 
 
 def _seen(
@@ -194,7 +203,7 @@ def _seen(
     rays: Rays,
     time: Float[Array, ""],
     look: Look,
-    known: Glow | None,
+    shining: Callable[[Cloud], Glow] | None,
 ) -> tuple[Float[Array, "4 row column"], Float[Array, ""]]:
     """Return the premultiplied light of one charge's fireball, and how far it is."""
     ball = cloud(scene, charge, time)
@@ -202,7 +211,10 @@ def _seen(
     met = passage(offset, ball.radius, rays)
     lumps = -look.lumps * jnp.expm1(-ball.optical_depth / look.lumps)
     alpha = -jnp.expm1(-lumps * met.column)
-    limb, middle = glow(ball, look) if known is None else known
+    if shining is None:
+        limb, middle = glow(ball.temperature, ball.air, look)
+    else:
+        limb, middle = shining(ball)
     light = (
         _between(limb, middle, met.chord) / look.white
         + (look.smoke * (0.6 + 0.4 * met.height))[None]

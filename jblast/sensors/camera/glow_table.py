@@ -1,8 +1,12 @@
-"""The glow of a fireball tabulated over time, where it is wanted a million times.
+"""The glow of fireballs tabulated over temperature, where it is wanted a million times.
 
-Planck's law is hundreds of exponentials. Of one fireball it is a smooth function of
-time alone, so that cubics between its values and slopes (Hermite) tell it: with `KNOTS`
-over the time looked at, to 1e-9 of its value.
+Planck's law is hundreds of exponentials. In one air and look the light of limb and
+middle is a smooth function of the fireball's temperature alone, so that cubics between
+its values and slopes (Hermite) tell it: with `KNOTS` from the air's temperature to that
+of the burst, its luminance to 1e-9 of its value, however long a film lasts.
+
+Colour stands apart from luminance and leaves it alone: while anything glows it is known
+to 1e-9 of it too, and below that less well.
 """
 
 from functools import partial
@@ -12,9 +16,10 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from jblast.scene import Charge, Scene
-from jblast.sensors.camera.fireball_image import cloud, glow
+from jblast.sensors.camera.fireball_image import Cloud, Glow, glow
+from jblast.sensors.camera.grey_composite import luminance
 from jblast.sensors.camera.look import Look
+from jblast.waves.fireball import HOTTEST
 
 KNOTS = 4096
 
@@ -23,49 +28,42 @@ class GlowTable(eqx.Module):
     """Light of a fireball's limb and of its middle.
 
     Attributes:
-        begin: The burst, before which it is as at the burst [s].
-        pace: From one knot to the next [s].
-        knots: Logarithm of the light [cd/m2], and its change over a pace.
+        air: Temperature of the air around, to which it cools [K].
+        pace: From one knot to the next [K].
+        knots: Logarithm of luminance [cd/m2] and the light over it, and their change
+            over a pace.
     """
 
-    begin: Float[Array, ""]
+    air: Float[Array, ""]
     pace: Float[Array, ""]
-    knots: Float[Array, "knot 2 2 3"]
+    knots: Float[Array, "knot 2 2 4"]
 
-    def at(self, time: Float[Array, ""]) -> tuple[Float[Array, "3"], Float[Array, "3"]]:
-        """Return the light of limb and middle at a time up to the last knot [cd/m2]."""
-        place = jnp.maximum(time - self.begin, 0.0) / self.pace
+    def __call__(self, ball: Cloud) -> Glow:
+        """Return the light of limb and middle of a fireball in the table's air."""
+        place = (ball.temperature - self.air) / self.pace
         before = jnp.clip(place.astype(int), 0, len(self.knots) - 2)
         u = place - before.astype(place.dtype)
         (a, rise), (b, leave) = self.knots[before], self.knots[before + 1]
         square, cube = u * u, u * u * u
         bend = 3.0 * square - 2.0 * cube
         slopes = rise * (u - 2.0 * square + cube) + leave * (cube - square)
-        limb, middle = jnp.exp(a + (b - a) * bend + slopes)
+        found = a + (b - a) * bend + slopes
+        limb, middle = jnp.exp(found[:, :1]) * found[:, 1:]
         return limb, middle
 
 
 @partial(jax.jit, static_argnames="knots")
-def glow_table(
-    scene: Scene,
-    charge: Charge,
-    look: Look,
-    stop: Float[Array, ""],
-    *,
-    knots: int = KNOTS,
-) -> GlowTable:
-    """Return the table of a charge's fireball from its burst to a time [s]."""
-    # of a charge that never goes off, or not yet, any time will do: nothing is seen
-    begin = jnp.where(charge.time < stop, charge.time, stop)
-    pace = jnp.maximum(stop - begin, 1e-6) / (knots - 1)
-    times = begin + pace * jnp.arange(knots, dtype=pace.dtype)
+def glow_table(air: Float[Array, ""], look: Look, *, knots: int = KNOTS) -> GlowTable:
+    """Return the table of fireballs in air of a temperature [K]."""
+    pace = (HOTTEST - air) / (knots - 1)
+    temperatures = air + pace * jnp.arange(knots, dtype=pace.dtype)
 
-    def logarithm(time):
-        return jnp.log(jnp.stack(glow(cloud(scene, charge, time), look)))
+    def glowing(temperature):
+        light = jnp.stack(glow(temperature, air, look))
+        grey = luminance(light)[:, None]
+        return jnp.concatenate([jnp.log(grey), light / grey], axis=1)
 
-    def knot(time):
-        return jnp.stack(jax.jvp(logarithm, (time,), (pace,)))
+    def knot(temperature):
+        return jnp.stack(jax.jvp(glowing, (temperature,), (pace,)))
 
-    # a fireball cools from its burst on: the slope there is that from the right
-    times = times.at[0].add(1e-9 * pace)
-    return GlowTable(begin, pace, jax.lax.map(knot, times, batch_size=256))
+    return GlowTable(air, pace, jax.lax.map(knot, temperatures, batch_size=256))

@@ -11,7 +11,11 @@ from jaxtyping import Array, ArrayLike, Bool, Float
 from jblast.scene import Camera, Scene
 from jblast.sensors.camera.crossing_times import frameless_events
 from jblast.sensors.camera.events import Events
-from jblast.sensors.camera.fireball_image import cloud, fireballs_seen
+from jblast.sensors.camera.fireball_image import (
+    air_temperature,
+    cloud,
+    fireballs_seen,
+)
 from jblast.sensors.camera.glow_table import GlowTable, glow_table
 from jblast.sensors.camera.grey_composite import luminance
 from jblast.sensors.camera.log_intensity import log_intensity
@@ -52,11 +56,8 @@ def render_events(
         scene, camera, background=background, depth=depth, ground=ground, look=look
     )
     with jax.enable_x64(True):
-        last = jnp.asarray(times, float)[-1]
-        tables = [
-            glow_table(scene, charge, light.look, last) for charge in scene.charges
-        ]
-    light = replace(light, tables=tuple(tables))
+        table = glow_table(air_temperature(scene), light.look)
+    light = replace(light, table=table)
     positive, negative = np.asarray(camera.threshold, float)
     both, shape = (positive, negative), (camera.height, camera.width)
     pixels = np.flatnonzero(_reached(scene, light.rays, jnp.asarray(times)))
@@ -73,14 +74,14 @@ class PixelLight(eqx.Module):
         rays: One a pixel.
         background: Grey light behind the fireballs, full scale 1.
         look: Of the fireballs.
-        tables: Of their glow, each for a charge; None to take Planck's law at once.
+        table: Of their glow; None to take Planck's law at once.
     """
 
     scene: Scene
     rays: Rays
     background: Float[Array, "height width"]
     look: Look
-    tables: tuple[GlowTable, ...] | None = None
+    table: GlowTable | None = None
 
     def __call__(
         self, time: Float[Array, " at"], x: Float[Array, " at"], y: Float[Array, " at"]
@@ -92,10 +93,8 @@ class PixelLight(eqx.Module):
             rays = Rays(
                 self.rays.origin, direction[:, None, None], farthest[None, None]
             )
-            glows = None
-            if self.tables is not None:
-                glows = [table.at(time) for table in self.tables]
-            return fireballs_seen(self.scene, rays, time, self.look, glows)[:, 0, 0]
+            light = fireballs_seen(self.scene, rays, time, self.look, self.table)
+            return light[:, 0, 0]
 
         lanes = self.rays.direction[:, *at], self.rays.farthest[at]
         colour = jax.vmap(seen, (0, 1, 0))(time, *lanes)
