@@ -15,8 +15,8 @@ came out; "missing" and "false" are mean numbers of terms; "error" is the larges
 relative error of a coefficient, the median over the exact ones; "in 90 %" the share of
 true coefficients inside their 90 % intervals; "holds" the share whose equations,
 integrated from the start, stay within 10 % of the spread of the clean record; "law"
-the share that foretells stretches it has not seen, "whole" the share of which no more
-is left over than noise leaves.
+the share that foretells stretches its coefficients have not seen, "whole" the share of
+which no more is left over than noise leaves, tested on records the equations made.
 
 Then records in which there is no law to find, or not among the candidates (products of
 up to two columns, and |x| x): in how many a law is told without a doubt. They are white

@@ -1,8 +1,8 @@
 """Find the equation of motion in a trajectory: which terms, how sure, is it a law.
 
-Exit code 4: no law was found, or what it leaves over is more than noise, or, integrated
-from the first row, it does not give the data back. Products of one column more are
-tried then.
+Exit code 4: no law was found, or what it leaves over is more than noise, or could not
+be judged, or, integrated from the first row, it does not give the data back. Products
+of one column more are tried then.
 """
 
 import argparse
@@ -69,7 +69,8 @@ def add_arguments(verb: argparse.ArgumentParser) -> None:
         type=int,
         default=100,
         metavar="N",
-        help="records with new noise that say how sure a term is (default: 100)",
+        help="records with new noise that say how sure a term is, 19 or more "
+        "(default: 100)",
     )
     verb.add_argument("--seed", type=seed, default=0, help="of the noise (default: 0)")
     verb.add_argument(
@@ -87,15 +88,18 @@ def run(asked: argparse.Namespace) -> int:
 
     from jblast.errors import InputError
     from jblast.progress import stages
+    from jblast.study.discovery_ensemble import FEWEST_OF_INTERVAL
 
     threshold = _share(asked.threshold)
-    for option, value, most in (
-        ("--degree", asked.degree, 6),
-        ("--ensemble", asked.ensemble, 10_000),
+    few = "; fewer have no 5 % and 95 % quantiles"
+    for option, value, least, most, why in (
+        ("--degree", asked.degree, 1, 6, ""),
+        ("--ensemble", asked.ensemble, FEWEST_OF_INTERVAL, 10_000, few),
     ):
-        if not 1 <= value <= most:
+        if not least <= value <= most:
             raise InputError(
-                f"{option}: expected a whole number from 1 to {most}, got {value}"
+                f"{option}: expected a whole number from {least} to {most}, got "
+                f"{value}{why}"
             )
     if asked.out:
         _check_out(Path(asked.out), force=asked.force)

@@ -14,8 +14,8 @@ def doubts(found: Discovery, again: Replay, state: int) -> list[str]:
     words = []
     if not judged.law:
         words.append(
-            "over stretches it has not seen it comes hardly nearer than their start, "
-            "or the mean elsewhere"
+            "over stretches that its coefficients have not seen it comes hardly nearer "
+            "than their start, or the mean elsewhere"
         )
     if not again.reproduced[state]:
         words.append(f"integrated from the first row it does not give {name} back")

@@ -17,8 +17,8 @@ class Sureness(NamedTuple):
     """How sure the equations of some states are.
 
     Attributes:
-        low: 5 % end of the 90 % interval of each coefficient.
-        high: 95 % end.
+        low: Lower end of the interval of each coefficient (`interval_level`).
+        high: Upper end.
         odds: p of so much, so like itself and so like terms outside being left over,
             state by state (`Judgement`).
         likest: Name of the likest of the terms outside, state by state.
@@ -30,14 +30,30 @@ class Sureness(NamedTuple):
     likest: list[str]
 
 
+LEVEL = 0.9
+"""Of an interval, nominal."""
+FEWEST_OF_INTERVAL = 19
+"""Members of which the 5 and 95 % quantiles are the least and the greatest."""
+
+
+def interval_level(members: int) -> float:
+    """Return the nominal level of an interval: 90 %, of fewer than 19 members less.
+
+    The least and the greatest of them hold one more with (members - 1)/(members + 1).
+    """
+    return min(LEVEL, (members - 1) / (members + 1))
+
+
 def basic_interval(
     own: Float[np.ndarray, "..."], off: Float[np.ndarray, "member ..."]
 ) -> Float[np.ndarray, "2 ..."]:
-    """Return the ends of a 90 % interval: a number less how far off members come.
+    """Return the ends of an interval: a number less how far off members come.
 
-    Quantile p of so many members is the (members + 1) p-th of them.
+    Quantile p of so many members is the (members + 1) p-th of them, and the least or
+    the greatest where there is none: its level is `interval_level`.
     """
-    return own - np.quantile(off, (0.95, 0.05), axis=0, method="weibull")
+    tail = 0.5 * (1.0 - LEVEL)
+    return own - np.quantile(off, (1.0 - tail, tail), axis=0, method="weibull")
 
 
 def how_sure(

@@ -1,12 +1,12 @@
-"""Is it a law? What it says of rows it has not seen, and what it leaves over.
+"""Is it a law? What it says of rows its coefficients have not seen, and what is left.
 
 Two questions. Stretch by stretch the coefficients of its terms are found anew from
 windows that touch none of it, and the equation is integrated over it from its first
 row: a law has to come nearer to its rows than their mean elsewhere, or the stretch's
-start, would. And what the equation leaves
-over in the windows has to be what the noise leaves over in records that this equation
-made: as much, as little like itself a window later, as little like candidates outside
-those looked among.
+start, would. Which terms it has was chosen from all rows, these too. And what the
+equation leaves over in the windows has to be what the noise leaves over in records that
+this equation made: as much, as little like itself a window later, as little like
+candidates outside those looked among.
 """
 
 from collections.abc import Callable
@@ -45,8 +45,8 @@ class Judgement:
 
     Attributes:
         skill: Share of the squared miss of the better of two guesses, mean and start,
-            that the equation saves over stretches it has not seen; -inf if it runs
-            away.
+            that the equation saves over stretches its coefficients have not seen; -inf
+            if it runs away.
         excess: p of so much being left over, were the equation and independent normal
             noise all; NaN where it does not give the record back, all states at once,
             or the ensemble is too small: then it is untested.
@@ -63,7 +63,7 @@ class Judgement:
 
     @property
     def law(self) -> bool:
-        """Whether it foretells what it has not seen better than a guess."""
+        """Whether it foretells stretches left out better than a guess."""
         return self.skill >= LEAST_SKILL
 
     @property
@@ -86,7 +86,10 @@ Find = Callable[[Bool[np.ndarray, " window"]], Float[np.ndarray, "state term"]]
 def held_out_skill(
     record: Record, candidates: Candidates, find: Find
 ) -> Float[np.ndarray, " state"]:
-    """Return how much better than a guess equations foretell stretches not seen."""
+    """Return how much better than a guess equations foretell stretches left out.
+
+    Their coefficients have not seen these; their terms were chosen from all rows.
+    """
     rows = len(record.time_s)
     place = np.log(record.time_s) if record.relative else record.time_s
     cut, spread = record.windows, np.std(record.states, axis=0)

@@ -32,9 +32,10 @@ class Outcome:
         false: Mean number of terms that are not true.
         error: Median over the exact ones of the largest relative error of a
             coefficient; NaN where none was exact.
-        covered: Share of the true coefficients of the exact ones within 5 to 95 %.
+        covered: Share of the true coefficients of the exact ones inside their 90 %
+            intervals, which are nominal.
         reproduced: Share whose equations, integrated, give the clean record back.
-        law: Share judged to foretell stretches not seen.
+        law: Share judged to foretell stretches its coefficients have not seen.
         whole: Share of which nothing is left over that noise would not leave.
     """
 

@@ -31,8 +31,8 @@ class Slowing:
     Attributes:
         discovery: The equation, as a sum of powers of R [m, s].
         exponent: Of the one power that comes nearest, dR/dt = a R^n, any real number.
-        low: 5 % end of its 90 % interval.
-        high: 95 % end.
+        low: Lower end of its interval, whose nominal level is the discovery's.
+        high: Upper end.
         misfit: Root mean square of what the one power leaves, as a share of dR/dt; what
             noise does is in it.
     """

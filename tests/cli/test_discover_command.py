@@ -54,6 +54,8 @@ def test_drag_is_found_and_printed_with_its_certainty(jblast):
     assert "90 % interval" in out
     assert "of the ensemble" in out
     assert "off the data" in out
+    assert "Intervals are nominal: those of 90 % held the true coefficient" in out
+    assert "its coefficients have not seen" in out
 
 
 def test_json_is_all_of_stdout(jblast):
@@ -73,6 +75,7 @@ def test_json_is_all_of_stdout(jblast):
         assert 0.5 < term["inclusion"] <= 1.0
     assert found["noise_sd"] == pytest.approx(0.02, rel=0.15)
     assert answer["reproduced"] is True
+    assert answer["interval"]["nominal"] == 0.9
 
 
 def test_equations_that_do_not_give_the_data_back_exit_with_four(jblast):
@@ -160,7 +163,11 @@ def spoiled(row: int, text: str) -> str:
         ("", (), "the file is empty"),
         (spoiled(0, ROWS[0]), ("--state", "x", "--threshold", "2"), "--threshold"),
         (spoiled(0, ROWS[0]), ("--state", "x", "--degree", "0"), "--degree"),
-        (spoiled(0, ROWS[0]), ("--state", "x", "--ensemble", "-1"), "--ensemble"),
+        (
+            spoiled(0, ROWS[0]),
+            ("--state", "x", "--ensemble", "18"),
+            "from 19 to 10000",
+        ),
     ],
 )
 def test_bad_input_is_one_message(jblast, content, options, said):

@@ -3,8 +3,10 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from jblast.errors import InputError
+from jblast.report.discovery_text import discovery_text
 from jblast.study.discovery import discover
 from jblast.study.discovery_cases import drag_case, motor_case
+from jblast.study.discovery_ensemble import basic_interval, interval_level
 from jblast.study.discovery_integrate import replay
 from jblast.study.discovery_noise import noisy_states
 from jblast.study.discovery_smooth import smoothed
@@ -95,6 +97,19 @@ def test_a_damped_pendulum_is_found():
     assert np.all(found.low <= found.coefficients)
     assert np.all(found.coefficients <= found.high)
     np.testing.assert_allclose(found.noise_sd, 0.01, rtol=0.15)
+    text = discovery_text(found, replay(found, TIME, pendulum(0.01)))
+    assert "88 % interval" in text  # the least and the greatest of 15: 14/16
+
+
+@pytest.mark.parametrize("members", [4, 9, 18, 19, 100])
+def test_an_interval_holds_one_more_number_as_often_as_its_level_says(members):
+    drawn = np.random.default_rng(0).standard_normal((members + 1, 20_000))
+    low, high = basic_interval(np.zeros(20_000), drawn[1:])
+    held = np.mean((low <= -drawn[0]) & (-drawn[0] <= high))
+    level = interval_level(members)
+    assert level == (0.9 if members >= 19 else (members - 1) / (members + 1))
+    # binomial, four standard errors
+    assert held == pytest.approx(level, abs=4.0 * np.sqrt(level * (1 - level) / 20_000))
 
 
 def test_the_same_seed_gives_the_same_ensemble():
