@@ -40,6 +40,7 @@ def answer_of(
     solution: Solution,
     sure: HowSure,
     valid: Bool[np.ndarray, " row"],
+    deep: Bool[np.ndarray, " row"],
     residual: Float[np.ndarray, " row"],
     effects: Float[np.ndarray, " effect"],
     refit: Callable[[Observations], Solution],
@@ -52,6 +53,7 @@ def answer_of(
         solution: What inference found.
         sure: How sure it is.
         valid: Whether each row's laws hold at the answer.
+        deep: Whether they do as deep as its interval reaches, too.
         residual: What is left of each row, in standard deviations.
         effects: The most probable shared effects.
         refit: Solves for a log of the same rows; asked where no scene fits this one.
@@ -74,7 +76,7 @@ def answer_of(
         "schema": 1,
         "law": {quantity: name for quantity, (name, _) in solution.laws.items()},
         "law_reason": {q: reason for q, (_, reason) in solution.laws.items()},
-        "law_valid": bool(valid.all()),
+        "law_valid": bool((valid & deep).all()),
         "law_valid_rows": int(valid.sum()),
         "estimates": estimates,
         "derived": _derived(estimates, solution),
@@ -93,7 +95,7 @@ def answer_of(
         ),
         "explained_by": wrong,
         "warnings": cautions_of(
-            observations, uncertain, solution, valid, chi2, dof, effects
+            observations, uncertain, solution, valid & deep, chi2, dof, effects
         )
         + list(sure.why),
     }

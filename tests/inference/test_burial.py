@@ -19,22 +19,24 @@ LAWS = {"positive_impulse_pa_s": "ford_2021"}
 MASS, UP = 1500.0, -2.1  # -0.183 m/kg^(1/3), where ford_2021 holds, to -0.2
 
 
-def found(up=UP):
+def found(up=UP, laws=LAWS, free=("charge_mass_kg",), far=1500.0):
     """What a fit found: this mass, by impulses at two places."""
     sensors = tuple(
         Sensor(
             name, jnp.array([east, 0.0, 0.0]), records=(("positive_impulse_pa_s", 0.1),)
         )
-        for name, east in (("a", 800.0), ("b", 1500.0))
+        for name, east in (("a", 800.0), ("b", far))
     )
     scene = dataclasses.replace(Scene(), sensors=sensors)
     scene = with_values(scene, {"charge_mass_kg": MASS, "charge_up_m": up})
     layout, sigma, _ = planned_layout(scene)
-    parameters = parameters_of(freed(UncertainScene(scene), ["charge_mass_kg"]))
-    posterior = Posterior(parameters, layout, sigma, sigma, tuple(LAWS.items()))
-    normal = Laplace(np.log([MASS]), np.eye(1), 0.0, True)
-    laws = {q: (name, "") for q, name in LAWS.items()}
-    return Solution(posterior, laws, True, None, None, normal)  # pyright: ignore[reportArgumentType]  not asked for
+    parameters = parameters_of(freed(UncertainScene(scene), list(free)))
+    posterior = Posterior(parameters, layout, sigma, sigma, tuple(laws.items()))
+    at = {"charge_mass_kg": np.log(MASS)}
+    z = np.array([at.get(name, 0.0) for name in free])
+    normal = Laplace(z, np.eye(len(z)), 0.0, True)
+    named = {q: (name, "") for q, name in laws.items()}
+    return Solution(posterior, named, True, None, None, normal)  # pyright: ignore[reportArgumentType]  not asked for
 
 
 # (2.1/0.2)^3 = 1158 kg would lie at the end of the range: 0.26 below 1500 kg in ln,
@@ -51,6 +53,23 @@ def test_an_answer_carried_into_range_by_its_own_estimate_is_marked(sd, holds):
             ("positive_impulse_pa_s",) * 2
         )
         assert "as deep as the 90 % interval reaches" in outside(log, solution, valid)
+
+
+def test_what_else_a_draw_says_does_not_count():
+    # the far place lies at Z = 980, and the law's range ends at 1000, 230 m beyond: a
+    # third of the draws leave it by their east, none by a mass known to 1 %
+    free = ("charge_mass_kg", "charge_east_m")
+    solution = found(free=free, far=980.0 * np.cbrt(MASS))
+    assert solution.posterior.misfit(jnp.asarray(solution.laplace.z)).valid.all()
+    for seed in range(8):
+        draws = np.random.default_rng(seed).standard_normal((2000, 2)) * (0.01, 500.0)
+        assert valid_at_depth(solution, draws + (np.log(MASS), 0.0)).all()
+
+
+def test_a_law_that_knows_of_no_depth_is_not_judged_by_it():
+    # at 1 kg both places lie outside of its range, which is told of at the answer
+    laws = {"positive_impulse_pa_s": "kingery_bulmash"}
+    assert valid_at_depth(found(laws=laws), np.zeros((100, 1))).all()
 
 
 def test_a_charge_above_ground_is_not_judged_by_depth():

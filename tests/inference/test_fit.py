@@ -21,6 +21,7 @@ from jblast.scene import (
 )
 from jblast.sensors import simulate
 from jblast.waves import (
+    ford_2021_impulse,
     kingery_bulmash_pressure,
     sedov_taylor_shock_radius,
     shock_kinematics_arrival_time,
@@ -370,6 +371,33 @@ def test_an_answer_whose_law_holds_for_no_row_exits_4_and_says_so():
     assert summary(beyond).index("OUTSIDE THE LAWS") < summary(beyond).index(
         "Estimates"
     )
+
+
+def test_a_burial_that_few_draws_leave_the_law_by_is_a_warning_and_no_refusal():
+    # 1500 kg at 2.1 m, 0.183 m/kg^(1/3): inside of the law's 0.2, which 1158 kg
+    # leaves; sd of ln W about 3 * 0.6 / sqrt(3)
+    scene = with_values(EXACT, {"charge_mass_kg": 1500.0, "charge_up_m": -2.1})
+    made = log(
+        *(
+            ("abc"[i], "positive_impulse_pa_s", p, 0.3 * p, (r, 0.0, 0.0))
+            for i, r in enumerate((800.0, 1100.0, 1500.0))
+            for p in [
+                float(
+                    ford_2021_impulse(np.hypot(r, 2.1), 1500.0, -2.1, 101325.0, 340.29)
+                )
+            ]
+        )
+    )
+    laws = {"positive_impulse_pa_s": "ford_2021"}
+    uncertain = with_laws(freed(UncertainScene(scene), ["charge_mass_kg"]), laws)
+    found = fit(made, uncertain, noise="gaussian", posterior="laplace")
+    answer = found.answer
+    assert not answer["law_valid"]
+    assert any("as deep as the 90 % interval" in said for said in answer["warnings"])
+    assert answer["law_valid_rows"] == 3  # at the answer
+    assert not found.is_outside
+    assert found.exit_code == 0
+    assert "OUTSIDE THE LAWS" not in summary(found)
 
 
 def test_the_reason_of_a_law_is_that_at_the_answer():
