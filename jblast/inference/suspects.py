@@ -14,6 +14,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float, Int
 
+from jblast.errors import InputError
 from jblast.inference.fisher import whitened, whitened_jacobian
 from jblast.inference.goodness import FITS, POOR, beyond, chance, chi_squared, left_of
 from jblast.inference.laplace import marginals
@@ -77,7 +78,10 @@ def explained_by(
     possible = [s for s in suspects(observations, solution) if len(s.rows) < spare]
     found = []
     for suspect in each(_likeliest(solution, possible)[:MOST], "sensors left out"):
-        rest = refit(_without(observations, suspect.rows))
+        try:
+            rest = refit(_without(observations, suspect.rows))
+        except InputError:  # no scene gives the others a probability
+            continue
         density = float(rest.optima.log_density[0])
         left_out = float(log_noise(jnp.zeros(()), posterior.noise)) - math.log(UNHEARD)
         density -= len(suspect.rows) * (left_out + math.log(WIDTH))

@@ -62,8 +62,9 @@ def test_what_else_a_draw_says_does_not_count():
     solution = found(free=free, far=980.0 * np.cbrt(MASS))
     assert solution.posterior.misfit(jnp.asarray(solution.laplace.z)).valid.all()
     for seed in range(8):
-        draws = np.random.default_rng(seed).standard_normal((2000, 2)) * (0.01, 500.0)
-        assert valid_at_depth(solution, draws + (np.log(MASS), 0.0)).all()
+        at, sd = np.array([np.log(MASS), 0.0]), np.array([0.01, 500.0])
+        draws = at + sd * np.random.default_rng(seed).standard_normal((2000, 2))
+        assert valid_at_depth(solution, draws).all()
 
 
 def test_a_law_that_knows_of_no_depth_is_not_judged_by_it():

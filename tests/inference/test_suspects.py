@@ -4,7 +4,9 @@ import numpy as np
 import pytest
 from clocks_off import ASKED, MASS, NAMES, accused, heard
 
-from jblast.inference import fit
+from jblast.errors import InputError
+from jblast.inference import fit, solve
+from jblast.inference.suspects import explained_by
 from jblast.report import summary
 
 
@@ -30,6 +32,19 @@ def test_an_honest_log_of_the_same_sensors_accuses_nobody():
     found = fit(heard("arrivals", np.random.default_rng(4)), ASKED)
     assert accused(found) == []
     assert found.exit_code == 0
+
+
+def test_a_rest_that_has_no_answer_accuses_nobody_and_ends_nothing():
+    made = heard("arrivals", np.random.default_rng(3), clock={"c": -0.8})
+    solution = solve(made, ASKED)
+    asked = []
+
+    def refused(log):
+        asked.append(log)
+        raise InputError("no value of charge_mass_kg gives the log a probability")
+
+    assert explained_by(made, solution, False, refused) == []
+    assert len(asked) == len(NAMES)  # each was tried
 
 
 @pytest.mark.slow
