@@ -25,13 +25,15 @@ STEP = 1e-3
 """Of differences: that part of a standard deviation, or of a typical step."""
 WIDER = 1.05
 """An interval that would be wider by less is not told of."""
+SPEEDS = ("air_sound_speed_m_s", "air_temperature_k")
+"""Of sound: one that is fitted stands for a wind along ranges."""
 BY_AIR = ("air_arrival_s", "arrival_difference_s")
 MOST = 3
 """So many numbers are named, those that widen most first."""
 
 
 def still_air(solution: Solution) -> str:
-    """Say what still air did to an answer; "" where it was not assumed, or not felt."""
+    """Say what still air did to an answer; "" where it was not taken, or not felt."""
     posterior = solution.posterior
     air = posterior.parameters.scene.air
     told = any(name.startswith("wind_") for name in posterior.parameters.names)
@@ -40,9 +42,16 @@ def still_air(solution: Solution) -> str:
     arrivals = bool(set(BY_AIR) & set(posterior.layout.quantities()))
     factors = wider_with_wind(solution)
     if factors is None:
+        decides = SPEEDS if air.sound_speed is None else SPEEDS[:1]
+        fitted = [name for name in decides if name in posterior.parameters.names]
+        stands = (
+            f"{fitted[0]}, which is fitted, stands for it"
+            if fitted
+            else f"a prior on {SPEEDS[0]} stands for it"
+        )
         return (
-            "still air was assumed, and a wind along the ranges would pass for another "
-            "sound speed: a prior on air_sound_speed_m_s stands for it"
+            "still air was taken, and a wind along the ranges would pass for another "
+            f"sound speed: {stands}"
             if arrivals
             else ""
         )
@@ -50,16 +59,20 @@ def still_air(solution: Solution) -> str:
         (name for name, factor in factors.items() if factor >= WIDER),
         key=lambda name: -factors[name],
     )
-    said = "still air was assumed: were the wind unknown, "
+    said = "still air was taken: were the wind unknown, "
     said += f"0 +- {WIND:g} m/s (1 sd) towards east and north, "
     if worst:
         wide = ", ".join(f"{name} {factors[name]:.2g} times" for name in worst[:MOST])
         return f"{said}90 % intervals would be wider: {wide}"
+    if not np.isfinite(list(factors.values())).all():
+        return f"{said}by how much intervals would widen cannot be told"
     return f"{said}no 90 % interval would widen by 5 %" if arrivals else ""
 
 
 def wider_with_wind(solution: Solution, sd: float = WIND) -> dict[str, float] | None:
     """Return by what factor each interval would widen; None if no row feels a wind.
+
+    NaN where predictions have no slopes.
 
     Args:
         solution: What was found in still air.
@@ -84,7 +97,9 @@ def wider_with_wind(solution: Solution, sd: float = WIND) -> dict[str, float] | 
     weighted = _weighted(here, information_of_row(posterior.noise), to_wind)
     gain = normal.covariance @ to_fitted.T @ weighted
     left = to_wind.T @ weighted + np.eye(2) / sd**2 - weighted.T @ to_fitted @ gain
-    added = np.diag(gain @ np.linalg.pinv(left, hermitian=True) @ gain.T)
+    if np.isfinite(left).all():
+        left = np.linalg.pinv(left, hermitian=True)
+    added = np.diag(gain @ left @ gain.T)
     return {
         name: float(np.sqrt(1 + max(more, 0.0) / one**2))
         for name, one, more in zip(posterior.parameters.names, sds, added, strict=True)

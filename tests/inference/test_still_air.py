@@ -80,10 +80,10 @@ def test_intervals_widen_as_with_the_wind_among_the_unknowns(scatter):
     )
 
 
-def test_still_air_is_told_where_it_was_assumed_and_only_there():
+def test_still_air_is_told_where_it_was_taken_and_only_there():
     factor = by_hand(False, 5.0)
     said = still_air(solved())
-    assert said.startswith("still air was assumed: were the wind unknown, 0 +- 5 m/s")
+    assert said.startswith("still air was taken: were the wind unknown, 0 +- 5 m/s")
     assert f"charge_east_m {factor[0]:.2g} times" in said
     assert still_air(solved(wind=3.0)) == ""
     open_wind = solved(free=("charge_east_m", "wind_east_m_s"))
@@ -97,3 +97,24 @@ def test_along_a_range_alone_a_wind_is_another_sound_speed():
     posterior = dataclasses.replace(found.posterior, layout=at_range)
     said = still_air(found._replace(posterior=posterior))
     assert "a prior on air_sound_speed_m_s" in said
+    free = parameters_of(
+        freed(UncertainScene(posterior.parameters.scene), ["air_sound_speed_m_s"])
+    )
+    fitted = dataclasses.replace(posterior, parameters=free)
+    normal = dataclasses.replace(found.laplace, z=np.log([SOUND]))
+    said = still_air(found._replace(posterior=fitted, laplace=normal))
+    assert "prior" not in said  # it is fitted already
+    assert "air_sound_speed_m_s, which is fitted, stands for it" in said
+
+
+def test_where_a_prediction_has_no_slope_nobody_says_that_intervals_would_not_widen():
+    found = solved()
+    unread = found.posterior.measured.at[2].set(jnp.nan)
+    posterior = dataclasses.replace(found.posterior, measured=unread)
+    broken = found._replace(posterior=posterior)
+    factors = wider_with_wind(broken)
+    assert factors is not None
+    assert np.isnan(list(factors.values())).all()
+    said = still_air(broken)
+    assert "cannot be told" in said
+    assert "no 90 %" not in said
