@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
@@ -15,13 +16,15 @@ from jblast.fidelity.candidates import (
     worst_own_error,
 )
 from jblast.fidelity.choice import Candidate, Choice
-from jblast.fidelity.places import paths_in, sensors_for
+from jblast.fidelity.places import by_curves, paths_in, sensors_for, tnt_path
 from jblast.fidelity.reason import reason_for
 from jblast.fidelity.reference import REFERENCES, refers
 from jblast.fidelity.ways import Ways, jitted_ways
 from jblast.quantities import TIMES
 from jblast.registry import names_for
-from jblast.scene import Scene, UncertainScene
+from jblast.scene import Scene, Sensor, UncertainScene
+from jblast.waves.burst_and_height import burst_notes, scaled_height
+from jblast.waves.paths import Path
 
 SHARE_OF_SIGMA = 1.0 / 3.0
 """Of the data's sigma: the tolerance where none is told. In quadrature a method that
@@ -63,7 +66,8 @@ def choose(
     sensors = sensors_for(uncertain.scene, quantity)
     if not names_for(quantity):
         raise InputError(f"no law gives {quantity}: not supported yet")
-    paths = paths_in(uncertain, quantity, sensors)
+    unsettled = paths_in(uncertain, quantity, sensors)
+    paths = by_curves(unsettled)
     ways = [jax.tree.map(np.asarray, jitted_ways(quantity, path)) for path in paths]
     if tolerance is None:
         sigma = np.array([dict(s.records).get(quantity, math.nan) for s in sensors])
@@ -71,11 +75,35 @@ def choose(
             sigma, quantity, ways[: 1 + len(uncertain.scene.others)]
         )
     choice = choose_for(quantity, ways, tolerance)
-    lifted = [c for c in uncertain.scene.charges if c.burst is None and float(c.up) > 0]
-    if not lifted:
-        return choice
-    height = BY_HEIGHT[tuple(sorted({str(path.burst) for path in paths}))]
-    return replace(choice, reason=f"{choice.reason}; {height}")
+    said = [choice.reason, *_of_heights(uncertain.scene, unsettled, quantity, sensors)]
+    return replace(choice, reason="; ".join(said))
+
+
+def _of_heights(
+    scene: Scene, unsettled: Sequence[Path], quantity: str, sensors: Sequence[Sensor]
+) -> list[str]:
+    """Say what heights leave of the curve sets, or what contradicts them.
+
+    Args:
+        scene: The charges.
+        unsettled: The paths from every charge, and again at every end of a prior.
+        quantity: What is measured.
+        sensors: Where.
+    """
+    place = jnp.stack([sensor.position for sensor in sensors])
+    by_height, notes = [], []
+    for n, charge in enumerate(scene.charges):
+        if charge.burst is None:
+            by_height += unsettled[n :: len(scene.charges)] if charge.up > 0.0 else []
+            continue
+        path = tnt_path(scene, replace(charge, burst=None), quantity, place)
+        height = float(scaled_height(scene, charge))
+        free = np.asarray(path.free_air)
+        notes += burst_notes(charge, (height, height), free, "sensor")
+    if by_height:
+        bursts = {str(path.burst) for path in by_curves(by_height)}
+        return [BY_HEIGHT[tuple(sorted(bursts))], *notes]
+    return notes
 
 
 def tolerance_of(

@@ -3,7 +3,6 @@
 import numpy as np
 
 from jblast.report.numbers import printed_number
-from jblast.sensors.bursts import burst_notes
 from jblast.sensors.disagreement import Disagreement
 from jblast.sensors.question import (
     Question,
@@ -11,6 +10,7 @@ from jblast.sensors.question import (
     scene_path,
     tnt_factor_in,
 )
+from jblast.waves.burst_and_height import burst_notes
 from jblast.waves.scaling import sachs_distance_factor
 
 

@@ -9,8 +9,8 @@ import numpy as np
 from jaxtyping import Array
 
 from jblast.scene import Charge, Scene, VehicleSpec
-from jblast.sensors.bursts import burst_notes, scaled_height
 from jblast.vehicle.blast_from_scene import free_air_at
+from jblast.waves.burst_and_height import burst_notes, scaled_height
 
 
 def with_bursts_at_start(

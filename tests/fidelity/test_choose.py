@@ -176,3 +176,25 @@ def test_a_charge_high_up_is_chosen_for_by_the_free_air_curves():
     candidates = {c.method: c.valid for c in choice.candidates}
     assert candidates["kinney_graham"]  # of free air alone
     assert not candidates["swisdak"]  # of the ground alone
+
+
+def test_a_charge_on_the_ground_does_not_blur_what_is_said_of_one_high_up():
+    sensor = Sensor("a", position=np.array([5.0, 0.0, 12.0]))
+    high = Charge(mass=1.0, up=12.0, name="high")
+    ground = Charge(mass=1.0, east=40.0, name="ground")
+    both = Scene(charge=ground, others=(high,), sensors=(sensor,))
+    reason = choose(both, "peak_overpressure_pa", 0.2).reason
+    assert "the height leaves the free-air curves" in reason
+    assert "neither set holds" not in reason
+
+
+@pytest.mark.parametrize("burst", ["surface", "free-air"])
+@pytest.mark.parametrize("height", [12.0, 0.1])
+def test_a_burst_that_contradicts_the_height_is_marked(burst, height):
+    sensor = Sensor("a", position=np.array([5.0, 0.0, height]))
+    charge = Charge(mass=1.0, up=height, burst=burst)
+    reason = choose(
+        Scene(charge=charge, sensors=(sensor,)), "peak_overpressure_pa", 0.2
+    ).reason
+    contradicts = (burst == "surface") == (height == 12.0)
+    assert (f'burst = "{burst}" contradicts the height' in reason) == contradicts

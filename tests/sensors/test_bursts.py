@@ -7,10 +7,11 @@ import pytest
 
 from jblast.constants import STANDARD_SOUND_SPEED
 from jblast.scene import Air, Charge, Scene, Sensor
-from jblast.sensors.bursts import burst_notes, height_notes, settled
+from jblast.sensors.bursts import height_notes, settled
 from jblast.sensors.layout import planned_layout
 from jblast.sensors.record import record
 from jblast.waves.between import path_between
+from jblast.waves.burst_and_height import burst_notes
 from jblast.waves.kingery_bulmash import kingery_bulmash_impulse
 
 LAW = {"positive_impulse_pa_s": "kingery_bulmash"}
