@@ -71,7 +71,7 @@ def add_arguments(verb: argparse.ArgumentParser) -> None:
         metavar="X,Y,Z",
         help="from the point the profile's moments are about to the vehicle's centre "
         "of mass, body axes [m] (default: they are about that, and refused where their "
-        "lever is longer than the vehicle)",
+        "lever is longer than 3 times from there to the farthest rotor)",
     )
     verb.add_argument("--seed", type=seed, default=0, help="of the priors (default: 0)")
     verb.add_argument(

@@ -19,6 +19,7 @@ from jblast.sensors.camera.events import Events
 from jblast.sensors.camera.film import Film
 from jblast.sensors.camera.imperfections import Imperfections
 from jblast.sensors.camera.instants import (
+    LIGHT_ERROR,
     STAMP_ERROR,
     Block,
     first_instants,
@@ -37,7 +38,8 @@ class Stamps(NamedTuple):
     """How good the times of events are.
 
     Attributes:
-        error_s: Bound [s]; of all if they are solved for, else of 99 in 100.
+        error_s: Bound [s]; of all if they are solved for, else of 99 in 100, of a real
+            camera by trial (`instants.LIGHT_ERROR`).
         how: In two words.
     """
 
@@ -137,7 +139,8 @@ class Recording:
             brighter, darker = (float(step) for step in camera.threshold)
             steps = brighter, darker
             stamps = Stamps(STAMP_ERROR, "interpolated")
-            blocks = self._instants(min(steps))
+            light_error = LIGHT_ERROR * min(steps) if noise else math.inf
+            blocks = self._instants(min(steps), light_error)
             if noise:
                 key = jax.random.key(seed)
                 events = real_stream(key, blocks, shape, steps, Imperfections())
@@ -150,12 +153,12 @@ class Recording:
         written = write_events(path, events, *size, duration_s=stop - start)
         return written, stamps
 
-    def _instants(self, threshold: float) -> Iterator[Block]:
+    def _instants(self, threshold: float, light_error: float) -> Iterator[Block]:
         """Return times from frame 0 on and grey light, and tell how far it is."""
         start, stop = float(self.film.times[0]), float(self.film.times[-1])
         total = max(1, math.ceil(1e3 * (stop - start)))
         through = counted(total, "milliseconds of events")
-        for times, light in subdivided(self.film, threshold):
+        for times, light in subdivided(self.film, threshold, light_error=light_error):
             yield times - start, light
             through(1e3 * (times[-1] - start))
 

@@ -39,7 +39,8 @@ class Imperfections(NamedTuple):
         refractory_s: After an event a pixel sends none for so long.
         refractory: What a pixel does then. "reset": it is held in reset, and starts
             anew from the light at the end. "esim": it goes on, and its events are left
-            out, as in ESIM and vid2e.
+            out, as in ESIM and vid2e. An event from noise begins a period by the rule
+            of ESIM in both: others within it are left out, and it resets nothing.
     """
 
     mismatch: float | None = 0.15

@@ -10,8 +10,9 @@ Each view keeps its own up, a fixed vector $v$ of the world that is up in its pi
 The billboard's up is what $v - (d \cdot v)^3\,u$ has across the line of sight: $v$
 from about the view; and away from the view's side as the camera climbs to stand where
 $v$ points, where $v$ alone would turn with every step. A picture has to turn somewhere
-(there is no field of directions on a sphere without such a place): it does behind the
-view, 58 degrees towards $v$, where a set should have another view.
+(there is no field of directions on a sphere without such a place): it does at two,
+behind the view, 58 degrees from straight behind, towards $v$ and away from it, where a
+set should have other views.
 
 Another charge than the one in the pictures is shown as the fireball's law scales it:
 lengths by the cube root of the mass, times by `fireball_duration`.
@@ -160,7 +161,7 @@ def _axes(
     wanted = up - (-jnp.dot(forward, up)) ** 3 * towards
     right = jnp.cross(forward, wanted)
     square = jnp.sum(jnp.square(right))
-    turned = square > 0.0  # else any right will do: the one place where it turns
+    turned = square > 0.0  # else any right will do: here it turns
     right = jnp.where(turned, right, jnp.cross(forward, up))
     right = right / jnp.sqrt(jnp.where(turned, square, 1.0))
     return jnp.stack([right, jnp.cross(forward, right), forward])

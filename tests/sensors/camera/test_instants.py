@@ -1,5 +1,6 @@
 import dataclasses
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -8,17 +9,21 @@ from jblast.scene import Camera, Charge, Scene
 from jblast.scene.pose import look_at
 from jblast.sensors.camera.event_stream import stream_events
 from jblast.sensors.camera.film import Film
+from jblast.sensors.camera.imperfections import Imperfections
 from jblast.sensors.camera.instants import (
     LEFT,
+    LIGHT_ERROR,
     STAMP_ERROR,
     first_instants,
     subdivided,
 )
 from jblast.sensors.camera.png_files import write_png
+from jblast.sensors.camera.real_events import real_stream
 from jblast.sensors.camera.render_events import render_events
 from jblast.sensors.camera.views import Views
 
 BOTH = (0.2, 0.3)
+KEY = jax.random.key(0)
 
 
 def camera(width=20, height=15) -> Camera:
@@ -81,6 +86,28 @@ def test_a_smaller_bound_takes_more_instants_and_is_kept():
     assert many > 2 * few
     np.testing.assert_array_equal(found, known)
     assert np.quantile(np.abs(time - when), 1.0 - LEFT) < 1e-4
+
+
+@pytest.mark.slow  # two films at a fine pace
+def test_a_real_camera_s_times_are_within_the_bound_of_those_in_finer_light():
+    """Its references are taken from the light: errors of one event move the next."""
+    film = filmed(seconds=0.5)
+    camera_s = Imperfections(shot_hz=None)  # noise is drawn block by block
+
+    def real(bound, light_error):
+        blocks = subdivided(film, 0.2, bound, light_error)
+        return fields(list(real_stream(KEY, blocks, (15, 20), (0.2, 0.2), camera_s)))
+
+    finer, when = real(0.2 * STAMP_ERROR, 0.01 * LIGHT_ERROR * 0.2)
+    found, time = real(STAMP_ERROR, LIGHT_ERROR * 0.2)
+    np.testing.assert_array_equal(found, finer)
+    off = np.abs(time - when)
+    assert off.size > 200
+    assert np.quantile(off, 1.0 - LEFT) < STAMP_ERROR
+    # by the bound of fixed levels alone most are farther off
+    found, time = real(STAMP_ERROR, np.inf)
+    np.testing.assert_array_equal(found, finer)
+    assert np.mean(np.abs(time - when) > STAMP_ERROR) > 0.5
 
 
 def test_where_nothing_happens_few_instants_are_looked_at():
