@@ -1,5 +1,6 @@
 """What the reader of an answer has to be told beside the numbers."""
 
+import inspect
 from collections.abc import Collection, Mapping
 
 import jax.numpy as jnp
@@ -24,7 +25,6 @@ FAR = 4.0
 UNLEARNED = 0.95
 """A number whose sd is more than this much of its prior's has not been learned."""
 
-IDEAL_BURSTS = ("kingery_bulmash", "shock_kinematics")
 POINT_SOURCES = ("sedov_taylor", "point_source")
 """Laws of energy let go at a point, by which chemical charges cannot be weighed near
 them: of TNT radius and time give 5 % of the energy at Z = 0.2, the peak 37 % at 0.3."""
@@ -135,7 +135,11 @@ def _unlearned(solution: Solution, against: Collection[str]) -> list[str]:
 
 def height_beside_the_curves(solution: Solution, charge: Charge) -> list[str]:
     """Say by which curves a charge off the ground is taken, and what they leave out."""
-    if not {name for name, _ in solution.laws.values()} & set(IDEAL_BURSTS):
+    laws = [law_for(quantity, name) for quantity, (name, _) in solution.laws.items()]
+    asks = any("burst" in law.arguments() for law in laws)
+    if not charge.by_height:  # one law, of one set, holds or not as the user said
+        asks |= any("burst" in inspect.signature(law.valid).parameters for law in laws)
+    if not asks:
         return []
     scene = solution.posterior.parameters.scene_at(jnp.asarray(solution.laplace.z))
     shot = [each.name for each in scene.charges].index(charge.name)

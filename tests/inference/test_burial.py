@@ -2,13 +2,14 @@
 
 import dataclasses
 
+import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
 from jblast.inference import Posterior
 from jblast.inference.burial import valid_at_depth
-from jblast.inference.cautions import outside
+from jblast.inference.cautions import height_beside_the_curves, outside
 from jblast.inference.laplace import Laplace
 from jblast.inference.parameters import parameters_of
 from jblast.inference.solution import Solution
@@ -71,6 +72,34 @@ def test_a_law_that_knows_of_no_depth_is_not_judged_by_it():
     # at 1 kg both places lie outside of its range, which is told of at the answer
     laws = {"positive_impulse_pa_s": "kingery_bulmash"}
     assert valid_at_depth(found(laws=laws), np.zeros((100, 1))).all()
+
+
+PRESSURE, IMPULSE = "peak_overpressure_pa", "positive_impulse_pa_s"
+
+
+@pytest.mark.parametrize(
+    ("quantity", "law", "asks"),
+    [
+        (IMPULSE, "kingery_bulmash", True),
+        (PRESSURE, "weak_shock", True),  # of two curve sets
+        (IMPULSE, "swisdak", True),  # of one, where it holds
+        (IMPULSE, "ford_2021", False),  # of heights themselves
+    ],
+)
+def test_a_burst_against_the_height_is_marked_where_a_law_asks_for_it(
+    quantity, law, asks
+):
+    solution = found(up=0.0, laws={quantity: law})
+    posterior = eqx.tree_at(
+        lambda p: p.parameters.scene.charge,
+        solution.posterior,
+        dataclasses.replace(
+            solution.posterior.parameters.scene.charge, burst="free-air"
+        ),
+    )
+    solution = solution._replace(posterior=posterior)
+    told = height_beside_the_curves(solution, posterior.parameters.scene.charge)
+    assert any("contradicts the height" in said for said in told) == asks
 
 
 def test_a_charge_above_ground_is_not_judged_by_depth():
