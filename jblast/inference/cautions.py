@@ -63,6 +63,11 @@ def cautions_of(
             "the automatic choice of law at the answer differs from the one it was "
             "fitted with; name one with --law"
         )
+    if not solution.bursts_settled:
+        told.append(
+            "the curve sets that the height leaves at the answer differ from those it "
+            'was fitted with; say burst = "surface" or "free-air" of the charge'
+        )
     if uncertain.source == NO_SCENE:
         told.append(
             "no scene was given: a surface charge of TNT at the origin at time 0, in "

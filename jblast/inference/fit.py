@@ -185,10 +185,11 @@ def solve(
             )
         end, layout_there = settled(parameters.scene_at(found.z[0]), rows)
         there = resolve_laws(end, layout_there, sigma)
-        same = law_names(there) == law_names(laws)
-        same &= [c.burst for c in end.charges] == [c.burst for c in scene.charges]
-        same &= layout_there.free_air == layout.free_air
-        if same or last:
+        same_laws = law_names(there) == law_names(laws)
+        bursts = [charge.burst for charge in scene.charges]
+        same_bursts = [charge.burst for charge in end.charges] == bursts
+        same_bursts &= layout_there.free_air == layout.free_air
+        if (same_laws and same_bursts) or last:
             break
         laws, layout, scene = there, layout_there, with_bursts(scene, end)
         parameters = parameters_of(replace(uncertain, scene=scene))
@@ -200,7 +201,7 @@ def solve(
         quantity: (name, of_answer(name, *there[quantity]))
         for quantity, (name, _) in laws.items()
     }
-    return Solution(posterior, laws, same, found, told, normal)
+    return Solution(posterior, laws, same_laws, found, told, normal, same_bursts)
 
 
 def of_answer(used: str, chosen: str, reason: str) -> str:

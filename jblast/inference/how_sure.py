@@ -136,6 +136,13 @@ def _weighted(solution: Solution, seed: int) -> HowSure:
     if drawn is None or not found.believed or effective < FEW:
         reason = f"importance sampling cannot tell (k-hat {found.k_hat:.2f})"
         doubt = found.doubt()
+        if drawn is not None and found.believed:
+            left = f"{effective:.0f} draws' worth, of {FEW} that intervals take"
+            reason = f"importance sampling is left with {left}"
+            doubt = doubt or (
+                "the 90 % intervals are those of a normal approximation, as "
+                f"{reason}: --posterior emcee walks"
+            )
         return _by_normal(solution, reason, seed, (doubt,) if doubt else ())
     told = marginals_of_draws(parameters, drawn.z, drawn.weights, drawn.quantiles)
     alone = marginals_of_draws(parameters, drawn.straight, drawn.of_normal)

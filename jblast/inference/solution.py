@@ -15,10 +15,12 @@ class Solution(NamedTuple):
     Attributes:
         posterior: What was climbed.
         laws: Name and reason of the law for each quantity.
-        laws_settled: Whether the automatic choice at the answer is the one used.
+        laws_settled: Whether the automatic choice of law at the answer is that used.
         optima: The ends of the searches, the best first.
         identifiability: What the data tell of the parameters.
         laplace: The posterior about the best optimum.
+        bursts_settled: Whether the curve sets that heights leave at the answer are
+            those used.
     """
 
     posterior: Posterior
@@ -27,3 +29,4 @@ class Solution(NamedTuple):
     optima: Optima
     identifiability: Identifiability
     laplace: Laplace
+    bursts_settled: bool = True

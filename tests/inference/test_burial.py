@@ -6,10 +6,11 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from logs import log
 
 from jblast.inference import Posterior
 from jblast.inference.burial import valid_at_depth
-from jblast.inference.cautions import height_beside_the_curves, outside
+from jblast.inference.cautions import cautions_of, height_beside_the_curves, outside
 from jblast.inference.laplace import Laplace
 from jblast.inference.parameters import parameters_of
 from jblast.inference.solution import Solution
@@ -100,6 +101,21 @@ def test_a_burst_against_the_height_is_marked_where_a_law_asks_for_it(
     solution = solution._replace(posterior=posterior)
     told = height_beside_the_curves(solution, posterior.parameters.scene.charge)
     assert any("contradicts the height" in said for said in told) == asks
+
+
+def test_what_changed_at_the_answer_is_told_by_its_own_sentence():
+    solution = found()
+    made = log(("a", IMPULSE, 1.0, 0.1, (800.0, 0.0, 0.0)))
+    nothing = np.ones(2, bool), 1.0, 1, np.zeros(0)
+    scene = UncertainScene(solution.posterior.parameters.scene)
+
+    def said(**flags):
+        told = cautions_of(made, scene, solution._replace(**flags), *nothing)
+        return [cure for cure in ("--law", "burst =") if cure in " ".join(told)]
+
+    assert said() == []
+    assert said(laws_settled=False) == ["--law"]
+    assert said(bursts_settled=False) == ["burst ="]
 
 
 def test_a_charge_above_ground_is_not_judged_by_depth():

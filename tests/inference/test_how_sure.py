@@ -9,6 +9,7 @@ import pytest
 from logs import log
 from scipy.stats import multivariate_normal, multivariate_t
 
+import jblast.inference.how_sure
 from jblast.inference import fit, solve
 from jblast.inference.ends import FREEDOM, EndsOff, ends_judged, reaching
 from jblast.inference.how_sure import how_sure
@@ -151,6 +152,22 @@ def test_where_importance_sampling_cannot_tell_the_approximation_stands_alone():
     assert not sure.weighted
     assert "cannot tell" in sure.reason
     assert any("of a normal approximation" in why for why in sure.why)
+
+
+def test_where_few_draws_count_the_answer_says_so(monkeypatch):
+    solution = solve(disagreeing(0.0), MASS_FREE)
+    judged = ends_judged(solution.posterior, solution.laplace)
+    assert judged.drawn is not None
+    few = replace(judged, off=0.0, share=50.4 / len(judged.drawn.z), k_hat=0.4)
+    assert few.believed
+    monkeypatch.setattr(jblast.inference.how_sure, "ends_judged", lambda *_, **__: few)
+    sure = how_sure(solution, "weighted")
+    assert not sure.weighted
+    assert "k-hat" not in sure.reason
+    (why,) = sure.why
+    for said in (sure.reason, why):
+        assert "50 draws' worth" in said
+    assert "--posterior emcee walks" in why
 
 
 def test_a_doubt_is_told_where_chance_cannot_be_the_cause():
