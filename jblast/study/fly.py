@@ -155,6 +155,7 @@ def _flown(
     last = jnp.sum(times < first[..., None], axis=-1, keepdims=True) - 1
     before = jnp.take_along_axis(error, jnp.maximum(last, 0), axis=-1)[..., 0]
     exposure = (_exposed if single else _exposed_each)(
+        scenes,
         load,
         vehicle_of(spec),
         meeting,
@@ -180,7 +181,9 @@ def _flown(
 _met = kept(met)
 _met_each = eqx.filter_jit(jax.vmap(met, (0, None, 0, 0)))
 _exposed = kept(exposed)
-_exposed_each = eqx.filter_jit(eqx.filter_vmap(exposed, in_axes=(0, None, 0, None, 0)))
+_exposed_each = eqx.filter_jit(
+    eqx.filter_vmap(exposed, in_axes=(0, 0, None, 0, None, 0))
+)
 
 
 def _load(scenes: Scene, profile: Profile | None, single: bool) -> FlightLoad:

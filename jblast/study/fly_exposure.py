@@ -7,9 +7,11 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from jblast.scene import Scene
+from jblast.sensors.camera.fireball_image import cloud
 from jblast.study.fly_meeting import FlightLoad, Meeting
 from jblast.vehicle import BlastLoad, State, Vehicle
-from jblast.waves.fireball import fireball, fireball_duration
+from jblast.waves.fireball import fireball_duration
 
 WINDOW_S = 5e-5
 """An acceleration is a mean over so long: a tenth of what a front takes to cross."""
@@ -33,6 +35,7 @@ class Exposure(NamedTuple):
 
 
 def exposed(
+    scene: Scene,
     load: FlightLoad,
     vehicle: Vehicle,
     meeting: Meeting,
@@ -44,6 +47,7 @@ def exposed(
     A blast that comes after its end, or never, does nothing to it.
 
     Args:
+        scene: Whose fireballs these are, as its camera sees them.
         load: Of the blasts.
         vehicle: The vehicle.
         meeting: As `fly_meeting.met` returns it.
@@ -67,23 +71,24 @@ def exposed(
     return Exposure(
         jnp.max(jnp.where(felt, meeting.overpressure_pa, 0.0)),
         jnp.max(jnp.where(felt, greatest, 0.0)),
-        _in_fire(load, time_s, states.position_m),
+        _in_fire(scene, load, time_s, states.position_m),
     )
 
 
 def _in_fire(
-    load: FlightLoad, time_s: Float[Array, " time"], position_m: Float[Array, "time 3"]
+    scene: Scene,
+    load: FlightLoad,
+    time_s: Float[Array, " time"],
+    position_m: Float[Array, "time 3"],
 ) -> Float[Array, ""]:
     """Return how long a vehicle is within the fireball of any charge [s]."""
     if not isinstance(load, BlastLoad):
         return jnp.full((), jnp.nan)
     inside = jnp.zeros(time_s.shape, bool)
-    for blast in load.blasts:
-        since = time_s - blast.by(time_s[-1]).time_s
-        ball = fireball(blast.mass_kg, since)
-        up = jnp.array([0.0, 0.0, 1.0])
-        centre = blast.position_m[None, :] + ball.rise[:, None] * up[None, :]
-        away = jnp.sum(jnp.square(position_m - centre), axis=-1)
-        glows = (since > 0) & (since < fireball_duration(blast.mass_kg))
-        inside |= glows & ~blast.never & (away < jnp.square(ball.radius))
+    for charge in scene.charges:
+        ball = jax.vmap(cloud, (None, None, 0))(scene, charge, time_s)
+        away = jnp.sum(jnp.square(position_m - ball.centre), axis=-1)
+        since = charge.since(time_s)
+        life = fireball_duration(charge.tnt_mass("fireball_radius_m"))
+        inside |= (since > 0) & (since < life) & (away < jnp.square(ball.radius))
     return jnp.sum(jnp.where(inside[:-1], jnp.diff(time_s), 0.0))

@@ -26,15 +26,16 @@ def standing(place) -> State:
 
 
 @eqx.filter_jit
-def exposure(load, place):
+def exposure(scene, load, place):
     meeting = meeting_at(load, jnp.asarray(place), LEVEL)
-    return exposed(load, CRAZYFLIE, meeting, jnp.asarray(TIME), standing(place))
+    return exposed(scene, load, CRAZYFLIE, meeting, jnp.asarray(TIME), standing(place))
 
 
 def test_a_pulse_of_a_millisecond_accelerates_by_its_impulse():
     case = np.array([0.1, 8.0, np.pi / 2, np.pi, 3e-3, 0.0, 4e-3, 0.0, 0.0, 0.0])
     made = Scene(charge=Charge(mass=1.0, east=-3.0, up=2.0))
-    found = exposure(load_of(made, Profile(case[None])), jnp.array([5.0, 0.0, 2.0]))
+    load = load_of(made, Profile(case[None]))
+    found = exposure(made, load, jnp.array([5.0, 0.0, 2.0]))
     # 5 mN s over 1 ms on 30 g; it is pushed 0.1 mm away while it lasts
     assert float(found.peak_acceleration_m_s2) == pytest.approx(5.0 / 0.03, rel=1e-3)
     assert np.isnan(found.peak_overpressure_pa)
@@ -42,12 +43,13 @@ def test_a_pulse_of_a_millisecond_accelerates_by_its_impulse():
 
 
 def test_a_place_in_a_fireball_is_in_it_from_when_it_comes_to_when_it_fades():
-    load = blast_load(Scene(charge=Charge(mass=1.0, time=0.2)))
-    found = exposure(load, jnp.array([1.0, 0.0, 0.0]))
+    scene = Scene(charge=Charge(mass=1.0, time=0.2))
+    load = blast_load(scene)
+    found = exposure(scene, load, jnp.array([1.0, 0.0, 0.0]))
     reached = -1e-3 * np.log(1 - 1.0 / 1.81)
     # rows a millisecond apart, a flag at each end
     assert float(found.fireball_time_s) == pytest.approx(0.258 - reached, abs=2e-3)
-    far = exposure(load, jnp.array([3.0, 0.0, 0.0]))
+    far = exposure(scene, load, jnp.array([3.0, 0.0, 0.0]))
     assert far.fireball_time_s == 0
     peak = meeting_at(load, jnp.array([3.0, 0.0, 0.0]), LEVEL).overpressure_pa[0]
     np.testing.assert_allclose(far.peak_overpressure_pa, peak)
@@ -57,9 +59,20 @@ def test_a_place_in_a_fireball_is_in_it_from_when_it_comes_to_when_it_fades():
     assert found.peak_acceleration_m_s2 > far.peak_acceleration_m_s2 > push / 0.03
 
 
+def test_the_fireball_flown_into_is_the_one_filmed():
+    """With the growth time of the scene, and the explosive's worth in TNT."""
+    charge = Charge(mass=1.0, time=0.2, explosive="C4")
+    scene = Scene(charge=charge, fireball_growth=50e-3)
+    found = exposure(scene, blast_load(scene), jnp.array([1.0, 0.0, 0.0]))
+    # while it reaches the place it rises by 1 cm, a millisecond's worth of growth
+    reached = -50e-3 * np.log(1 - 1.0 / (1.81 * 1.37 ** (1 / 3)))
+    duration = 0.258 * 1.37**0.349
+    assert float(found.fireball_time_s) == pytest.approx(duration - reached, abs=3e-3)
+
+
 def test_a_blast_that_comes_after_the_end_does_nothing_to_it():
-    load = blast_load(Scene(charge=Charge(mass=1.0, time=2.0)))
-    found = exposure(load, jnp.array([3.0, 0.0, 0.0]))
+    scene = Scene(charge=Charge(mass=1.0, time=2.0))
+    found = exposure(scene, blast_load(scene), jnp.array([3.0, 0.0, 0.0]))
     assert [float(value) for value in found] == [0.0, 0.0, 0.0]
 
 
