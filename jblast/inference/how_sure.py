@@ -27,6 +27,8 @@ from jblast.inference.weighted import marginals_of_draws
 
 Method = Literal["weighted", "laplace", "emcee", "auto"]
 DRAWS = 8000
+AS_ASKED = "as asked for"
+"""Why a method was used that was named."""
 FEW = 100
 """So many effective draws an interval takes at least."""
 
@@ -97,9 +99,9 @@ def how_sure(
     elif method == "weighted":
         return _weighted(solution, seed)
     elif method == "laplace":
-        return _by_normal(solution, "as asked for", seed, _doubts(solution, seed))
+        return _by_normal(solution, AS_ASKED, seed, _doubts(solution, seed))
     else:
-        reason = "as asked for"
+        reason = AS_ASKED
 
     walk = ensemble(
         solution.posterior,
