@@ -76,7 +76,7 @@ def summary(
 def _how_intervals_held(fit: Fit) -> list[str]:
     """Say how an approximate posterior's intervals held in simulated logs.
 
-    Those were fitted well, with weighted draws or as asked for; of others none is known.
+    Those were fitted well, with weighted draws or as asked for: no other is like them.
     """
     if fit.answer["posterior"] != "laplace" or not fit.answer["converged"]:
         return []
