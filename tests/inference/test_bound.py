@@ -113,9 +113,9 @@ def planned():
 @pytest.mark.slow
 def test_the_bound_is_what_a_fit_of_the_errorless_log_says(planned):
     scene = dataclasses.replace(PLAN.scene, law=tuple(planned.answer["law"].items()))
-    estimates = fit(planned.log, dataclasses.replace(PLAN, scene=scene)).answer[
-        "estimates"
-    ]
+    # the bound is of the normal approximation, not of the weighted draws
+    free = dataclasses.replace(PLAN, scene=scene)
+    estimates = fit(planned.log, free, posterior="laplace").answer["estimates"]
     assert planned.answer["identifiable"]
     assert planned.exit_code == 0
     assert planned.answer["at"] == TRUE | {"air_sound_speed_m_s": C}

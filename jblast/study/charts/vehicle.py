@@ -80,7 +80,9 @@ def cases(count: int = VEHICLES) -> list[Case]:
     away = rng.uniform([-2.0, -2.0, -1.0], [2.0, 2.0, 1.0], (count, 3))
     held = State(home + away, still, level, still, hover)
     hold = PositionHold(HOME, named_gains("crazyflie"))
-    blast = blast_load(Scene(charge=Charge(mass=1.0, east=8.0, up=1.0, time=0.1)))
+    blast = blast_load(
+        Scene(charge=Charge(mass=1.0, east=8.0, up=1.0, time=0.1, burst="surface"))
+    )
     return [
         Case("swinging wind", thrown, STEPS, {"wind": swinging_wind}),
         Case(
