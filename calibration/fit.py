@@ -94,8 +94,9 @@ def fitted(name: str) -> "Fit":
     from jblast.scene import read_scene
 
     log, scene = _files(name)
+    observations, uncertain = read(log), read_scene(scene)
     with heard_by(Stages(name)):
-        return fit(read(log), read_scene(scene))
+        return fit(observations, uncertain)
 
 
 def run(names: Sequence[str]) -> None:
