@@ -98,7 +98,7 @@ def _outcomes(case: Case, noise: float, seeds: Sequence[int]) -> list[Outcome]:
             found = found_in(case, noisy_states(case, noise, seed), seed)
         except InputError:  # noise so large that the radius shrinks somewhere
             for row, true in zip(rows, case.truth.values(), strict=True):
-                row.append((0.0, len(true), 0.0, np.nan, np.nan, 0.0, 0.0, 0.0))
+                row.append((0.0, float(len(true)), 0.0, np.nan, np.nan, 0.0, 0.0, 0.0))
             continue
         again = replay(
             found, case.time_s, case.states, case.inputs, held=case.held, noise=False

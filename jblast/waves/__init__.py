@@ -1,6 +1,6 @@
 """How a blast travels: one law a file, each registered where it is defined."""
 
-from jblast.registry import mark_packaged
+from jblast import registry
 from jblast.waves.absorption import (
     DECIBELS_PER_NEPER as DECIBELS_PER_NEPER,
     iso_9613_absorption as iso_9613_absorption,
@@ -176,4 +176,4 @@ from jblast.waves.wu_hao import (
     wu_hao_ground_path_arrival_time as wu_hao_ground_path_arrival_time,
 )
 
-mark_packaged()
+registry.mark_packaged()
