@@ -11,6 +11,8 @@ import equinox as eqx
 import jax
 import numpy as np
 
+from jblast.registry import PACKAGED, Law
+
 
 class Unkept(Exception):
     """A program cannot be kept: it depends on what cannot be written down."""
@@ -39,6 +41,8 @@ def spelled(value: Any, fixed: bool = False) -> str:
         return f"{type(value).__name__}:{value!r}"
     if isinstance(value, Enum):
         return f"{name_of(type(value))}.{value.name}"
+    if isinstance(value, Law) and PACKAGED.get((value.quantity, value.name)) is value:
+        return f"law {value.quantity} {value.name}"
     if isinstance(value, type):
         return name_of(value)
     if isinstance(value, FunctionType) and value.__closure__ is None:
