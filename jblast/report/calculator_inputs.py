@@ -11,7 +11,7 @@ from jblast.sensors.question import (
     scene_path,
     tnt_factor_in,
 )
-from jblast.waves.atmosphere import standard_atmosphere
+from jblast.waves.ambient import ambient
 from jblast.waves.ground_factor import ground_factor
 from jblast.waves.scaling import scaled_distance
 
@@ -21,11 +21,7 @@ def inputs(question: Question) -> dict[str, Any]:
     scene = question.scene
     charge, air = scene.charge, scene.air
     path = scene_path(scene)
-    temperature = (
-        air.temperature
-        if air.altitude is None
-        else standard_atmosphere(air.altitude)[0]
-    )
+    temperature, _ = ambient(air)
     ranges, masses = question.rows()
     given: dict[str, Any]
     if question.quantity and question.charge_mass:

@@ -4,7 +4,7 @@ Arrivals over two decades of range hide a millisecond; less range over speed, th
 how much the shock outran sound, and the residuals can be seen.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float
@@ -12,7 +12,7 @@ from jaxtyping import Float
 from jblast.constants import LIGHT_SPEED
 from jblast.inference.fit_result import Fit
 from jblast.report.doubts import unidentified
-from jblast.waves.atmosphere import sound_speed_in_air, standard_atmosphere
+from jblast.waves.ambient import sound_speed_of
 
 
 @dataclass(frozen=True)
@@ -46,10 +46,7 @@ def axis_sound_speed(fit: Fit) -> float:
         fit.answer
     ):
         return float(air.sound_speed)
-    temperature, pressure = air.temperature, air.pressure
-    if air.altitude is not None:
-        temperature, pressure = standard_atmosphere(air.altitude)
-    return float(sound_speed_in_air(temperature, pressure, air.relative_humidity))
+    return float(sound_speed_of(replace(air, sound_speed=None)))
 
 
 def reduction(fit: Fit, quantity: str, shot: int) -> Reduction | None:

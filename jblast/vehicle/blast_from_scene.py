@@ -11,7 +11,7 @@ from jblast.scene import Charge, Scene
 from jblast.scene.charge import Burst
 from jblast.vehicle.blast import Blast
 from jblast.vehicle.blast_load import BlastLoad
-from jblast.waves.atmosphere import sound_speed_in_air, standard_atmosphere
+from jblast.waves.ambient import ambient, sound_speed_of
 from jblast.waves.between import path_between
 
 
@@ -34,16 +34,10 @@ def blast_load(
             the ground does not say its burst, and the scene has no vehicle.
     """
     air = scene.air
-    temperature, pressure = air.temperature, air.pressure
-    if air.altitude is not None:
-        temperature, pressure = standard_atmosphere(air.altitude)
-    sound_speed = air.sound_speed
-    if sound_speed is None:
-        sound_speed = sound_speed_in_air(temperature, pressure, air.relative_humidity)
     return BlastLoad(
         blasts=tuple(_blast(charge, scene) for charge in scene.charges),
-        pressure_pa=pressure,
-        sound_speed_m_s=sound_speed,
+        pressure_pa=ambient(air)[1],
+        sound_speed_m_s=sound_speed_of(air),
         wind_m_s=jnp.stack([air.wind_east, air.wind_north, 0 * air.wind_east]),
         drag=drag,
         front=front,

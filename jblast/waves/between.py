@@ -4,7 +4,8 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from jblast.scene import Charge, Scene
-from jblast.waves.atmosphere import air_density, sound_speed_in_air, standard_atmosphere
+from jblast.waves.ambient import ambient, sound_speed_of
+from jblast.waves.atmosphere import air_density
 from jblast.waves.height_of_burst import bursts_in_free_air
 from jblast.waves.paths import Path, slant_range
 from jblast.waves.wind import effective_sound_speed
@@ -39,13 +40,8 @@ def path_between(
     if charge.range is not None:
         slant = ground = jnp.broadcast_to(charge.range, slant.shape)
     told = jnp.where(given, told_range, 1.0)
-    if air.altitude is None:
-        temperature, pressure = air.temperature, air.pressure
-    else:
-        temperature, pressure = standard_atmosphere(air.altitude)
-    sound_speed = air.sound_speed
-    if sound_speed is None:
-        sound_speed = sound_speed_in_air(temperature, pressure, air.relative_humidity)
+    temperature, pressure = ambient(air)
+    sound_speed = sound_speed_of(air)
     wind = jnp.stack([air.wind_east, air.wind_north])
     along = jnp.where(slant > 0, slant, 1.0)[:, None]
     along = (position - source)[:, :2] / along @ wind

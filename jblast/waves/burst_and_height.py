@@ -4,7 +4,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from jblast.scene import Charge, Scene
-from jblast.waves.atmosphere import standard_atmosphere
+from jblast.waves.ambient import ambient
 from jblast.waves.scaling import sachs_distance_factor
 
 
@@ -72,9 +72,6 @@ def burst_notes(
 
 def scaled_height(scene: Scene, charge: Charge) -> Float[Array, ""]:
     """Return the height of burst [m/kg^(1/3)]."""
-    air = scene.air
-    pressure = (
-        air.pressure if air.altitude is None else standard_atmosphere(air.altitude)[1]
-    )
+    _, pressure = ambient(scene.air)
     mass = charge.tnt_mass("peak_overpressure_pa")
     return charge.up / sachs_distance_factor(mass, pressure)

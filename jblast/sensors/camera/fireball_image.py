@@ -38,7 +38,7 @@ from jblast.sensors.camera.grey_composite import luminance
 from jblast.sensors.camera.look import Look
 from jblast.sensors.camera.pixel_rays import Rays, pixel_rays, pixels
 from jblast.types import as_float_array
-from jblast.waves.atmosphere import standard_atmosphere
+from jblast.waves.ambient import ambient
 from jblast.waves.fireball import fireball
 
 Glow = tuple[Float[Array, "3"], Float[Array, "3"]]
@@ -168,21 +168,13 @@ def passage(offset: Float[Array, "3"], radius: Float[Array, ""], rays: Rays) -> 
 
 def cloud(scene: Scene, charge: Charge, time: Float[Array, ""]) -> Cloud:
     """Return the fireball of a scene's charge at a time on the common clock [s]."""
-    temperature = air_temperature(scene)
+    temperature, _ = ambient(scene.air)
     mass = charge.tnt_mass("fireball_radius_m")
     since, growth = charge.since(time), scene.fireball_growth
     ball = fireball(mass, since, temperature, growth)
     centre = jnp.stack([charge.east, charge.north, charge.up + ball.rise])
     depth = ball.optical_depth
     return Cloud(centre, ball.radius, ball.temperature, depth, temperature)
-
-
-def air_temperature(scene: Scene) -> Float[Array, ""]:
-    """Return the temperature of the air around a scene's fireballs [K]."""
-    altitude = scene.air.altitude
-    if altitude is None:
-        return scene.air.temperature
-    return standard_atmosphere(altitude)[0]
 
 
 def glow(temperature: Float[Array, ""], air: Float[Array, ""], look: Look) -> Glow:

@@ -12,7 +12,6 @@ from jblast.scene import Camera, Scene
 from jblast.sensors.camera.crossing_times import frameless_events
 from jblast.sensors.camera.events import Events
 from jblast.sensors.camera.fireball_image import (
-    air_temperature,
     cloud,
     fireballs_seen,
 )
@@ -23,6 +22,7 @@ from jblast.sensors.camera.look import Look
 from jblast.sensors.camera.pixel_rays import Rays, pixel_rays
 from jblast.sensors.camera.render import BACKGROUND
 from jblast.types import as_float_array
+from jblast.waves.ambient import ambient
 
 
 def render_events(
@@ -56,7 +56,7 @@ def render_events(
         scene, camera, background=background, depth=depth, ground=ground, look=look
     )
     with jax.enable_x64(True):
-        table = glow_table(air_temperature(scene), light.look)
+        table = glow_table(ambient(scene.air)[0], light.look)
     light = replace(light, table=table)
     positive, negative = np.asarray(camera.threshold, float)
     both, shape = (positive, negative), (camera.height, camera.width)

@@ -4,10 +4,11 @@ import numpy as np
 import pytest
 
 from jblast.scene import Air, Charge, Scene
-from jblast.sensors.camera.fireball_image import air_temperature, cloud, glow
+from jblast.sensors.camera.fireball_image import cloud, glow
 from jblast.sensors.camera.glow_table import glow_table
 from jblast.sensors.camera.grey_composite import luminance
 from jblast.sensors.camera.look import Look
+from jblast.waves.ambient import ambient
 from jblast.waves.fireball import fireball_duration
 
 LOOK = Look(rim=0.8)
@@ -18,7 +19,7 @@ def lights():
     """The light by the table, and by the law itself; and the change of both."""
 
     def both(scene, times):
-        table = glow_table(air_temperature(scene), LOOK)
+        table = glow_table(ambient(scene.air)[0], LOOK)
         ball = jax.tree_util.Partial(cloud, scene, scene.charge)
 
         def law(time):
