@@ -124,6 +124,28 @@ Pixels, Camera = wp.struct(_Pixels), wp.struct(_Camera)
 Loud, Found = wp.struct(_Loud), wp.struct(_Found)
 
 
+@wp.func
+@typing.no_type_check
+def span_of(
+    frames: wp.array2d[Any],
+    p: wp.int32,
+    start: wp.int32,
+    stop: wp.int32,
+    camera: Camera,
+):
+    """Return the least and the greatest light of a pixel in some frames."""
+    behind = camera.behind[p]
+    top = wp.float32(0.0)
+    low = wp.float32(1e30)
+    for k in range(start, stop, RUN):
+        for j in range(RUN):  # asked for together, as a GPU's memory answers late
+            value = frames[wp.min(k + j, stop - 1), p]
+            light = light_of(value, behind, camera.lights)
+            top = wp.max(top, light)
+            low = wp.min(low, light)
+    return wp.vec2f(low, top)
+
+
 @wp.kernel
 @typing.no_type_check
 def begin(frames: wp.array2d[Any], camera: Camera, pixels: Pixels):
@@ -152,17 +174,9 @@ def screen(
 ):
     """List a pixel if its light leaves the bounds in some frames."""
     p = wp.tid()
-    behind = camera.behind[p]
-    top = wp.float32(0.0)
-    low = wp.float32(1e30)
-    for k in range(start, stop, RUN):
-        for j in range(RUN):  # asked for together, as a GPU's memory answers late
-            value = frames[wp.min(k + j, stop - 1), p]
-            light = light_of(value, behind, camera.lights)
-            top = wp.max(top, light)
-            low = wp.min(low, light)
+    seen = span_of(frames, p, start, stop, camera)
     quiet = pixels.quiet[p]
-    if top > quiet[1] or low < quiet[0]:
+    if seen[1] > quiet[1] or seen[0] < quiet[0]:
         loud.pixel[wp.atomic_add(loud.count, part, 1)] = p
     else:
         pixels.value[p] = wp.uint32(frames[stop - 1, p])

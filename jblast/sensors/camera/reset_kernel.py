@@ -11,7 +11,6 @@ from typing import Any
 import warp as wp
 
 from jblast.sensors.camera.event_kernel import (
-    RUN,
     SLACK,
     Camera,
     Found,
@@ -19,6 +18,7 @@ from jblast.sensors.camera.event_kernel import (
     bounds_of,
     light_of,
     log_of,
+    span_of,
 )
 
 
@@ -80,21 +80,13 @@ def screen_reset(
 ):
     """List a pixel if its light leaves the bounds in some frames, or if it is held."""
     p = wp.tid()
-    behind = camera.behind[p]
-    top = wp.float32(0.0)
-    low = wp.float32(1e30)
-    for k in range(start, stop, RUN):
-        for j in range(RUN):  # asked for together, as a GPU's memory answers late
-            value = frames[wp.min(k + j, stop - 1), p]
-            light = light_of(value, behind, camera.lights)
-            top = wp.max(top, light)
-            low = wp.min(low, light)
+    seen = span_of(frames, p, start, stop, camera)
     level, drift = pixels.level[p], reset.drift[p]
     first = level - drift * (last_time - reset.origin)
     final = level - drift * (times[stop - 1] - reset.origin)
     lowest = bounds_of(first, camera.positive[p], camera.negative[p])[0]
     highest = bounds_of(final, camera.positive[p], camera.negative[p])[1]
-    if pixels.until[p] > last_time or top > highest or low < lowest:
+    if pixels.until[p] > last_time or seen[1] > highest or seen[0] < lowest:
         loud.pixel[wp.atomic_add(loud.count, part, 1)] = p
     else:
         pixels.value[p] = wp.uint32(frames[stop - 1, p])
