@@ -6,6 +6,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from jblast.fidelity import solver
+from jblast.kept_programs import kept
 from jblast.registry import call, law_for, names_for
 from jblast.scene.charge import Burst
 from jblast.waves.paths import Path
@@ -68,4 +69,4 @@ def ways_of(quantity: str, path: Path) -> Ways:
     )
 
 
-jitted_ways = eqx.filter_jit(ways_of)
+jitted_ways = kept(ways_of)

@@ -2,17 +2,17 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Bool, Float
 
 from jblast.registry import LAWS, call
 from jblast.sensors.calculate import Calculated, Calculation
-from jblast.sensors.question import Question, scene_path, tnt_factor_in, with_rows
+from jblast.sensors.question import Question, path_of_rows
+from jblast.waves.paths import Path
 
 BEYOND = 1.645
 """Standard deviations of the difference of two laws: 90 % of their scatter lies within.
@@ -62,7 +62,8 @@ def _of(
     names = [name for name in names if by_law[name].valid.any()]
     if len(names) < 2:
         return None
-    scatter = {name: _scatter(question, quantity, name) for name in names}
+    way = path_of_rows(question, quantity)
+    scatter = {name: _scatter(quantity, name, way) for name in names}
     apart = {
         pair: _sds_apart([by_law[n] for n in pair], [scatter[n] for n in pair])
         for pair in combinations(names, 2)
@@ -90,16 +91,11 @@ def _of(
     )
 
 
-def _scatter(question: Question, quantity: str, name: str) -> Float[np.ndarray, " row"]:
+def _scatter(quantity: str, name: str, way: Path) -> Float[np.ndarray, " row"]:
     """Return one standard deviation of nature about a law, in ln, of each row."""
-    ranges, masses = question.rows()
-    factor = tnt_factor_in(question.scene, quantity).item()
-    way = with_rows(
-        scene_path(question.scene), jnp.asarray(ranges), jnp.asarray(factor * masses)
-    )
     parts = call(LAWS[quantity, name].scatter, way)
     squares = sum(np.square(np.asarray(part)) for part in parts)
-    return np.broadcast_to(np.sqrt(squares), ranges.shape)
+    return np.broadcast_to(np.sqrt(squares), way.slant_range.shape)
 
 
 def _sds_apart(
@@ -124,10 +120,12 @@ def _taken(question: Question, quantity: str, row: int) -> tuple[str, str]:
     if quantity not in REFERENCES:
         return "", "nothing here tells which of them is nearer to nature"
     ranges, masses = question.rows()
-    factor = tnt_factor_in(question.scene, quantity).item()
-    here = np.array([row])
-    path = scene_path(question.scene)
-    way = with_rows(path, jnp.asarray(ranges[here]), jnp.asarray(factor * masses[here]))
+    here = replace(
+        question,
+        slant_range=(float(ranges[row]),),
+        charge_mass=(float(masses[row]),),
+    )
+    way = path_of_rows(here, quantity)
     if way.burst is None:
         burst = "free-air" if bool(np.asarray(way.free_air)[0]) else "surface"
         way = way.at_burst(burst)

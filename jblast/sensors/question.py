@@ -110,20 +110,27 @@ def with_rows(
     )
 
 
+def path_of_rows(question: Question, quantity: str = "peak_overpressure_pa") -> Path:
+    """Return the path of each row, its masses those of TNT for a quantity."""
+    ranges, masses = question.rows()
+    factor = tnt_factor_in(question.scene, quantity).item()
+    path = scene_path(question.scene)
+    return with_rows(path, jnp.asarray(ranges), jnp.asarray(factor * masses))
+
+
 def free_air_rows(question: Question) -> Bool[np.ndarray, " row"]:
     """Return at which rows the reflection comes after the positive phase.
 
     A sensor stands as low as its range allows: on the ground, unless the charge is
     higher than the range is long.
     """
-    ranges, masses = question.rows()
+    ranges, _ = question.rows()
     charge = question.scene.charge
     if question.quantity or not float(charge.up) > 0.0:
         return np.zeros(ranges.shape, bool)
     unsaid = dataclasses.replace(charge, burst=None)
-    path = scene_path(dataclasses.replace(question.scene, charge=unsaid))
-    factor = tnt_factor_in(question.scene, "peak_overpressure_pa").item()
-    rows = with_rows(path, jnp.asarray(ranges), jnp.asarray(factor * masses))
+    scene = dataclasses.replace(question.scene, charge=unsaid)
+    rows = path_of_rows(dataclasses.replace(question, scene=scene))
     return np.asarray(rows.free_air)
 
 
