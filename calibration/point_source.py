@@ -21,6 +21,7 @@ from pathlib import Path
 import jax.numpy as jnp
 import numpy as np
 
+from calibration.point_source_references import END, hancock, law_over
 from jblast.cli.start import start_jax
 from jblast.waves.euler import Decay, decay_at, extrapolated, point_source_march
 from jblast.waves.euler.march import March
@@ -30,7 +31,6 @@ from jblast.waves.point_source_front import log_overpressure_ratio, point_source
 CELLS = (100, 200, 400, 800, 1600)
 QUICK_CELLS = (100, 200, 400)
 """For `--json`, which prints their limit."""
-END = 100.0
 NODES = np.exp(np.linspace(math.log(0.1), math.log(END), 139))
 """Spaced by 0.05 in the logarithm: a cubic spline leaves less than 1e-5 between."""
 NODES[[0, -1]] = 0.1, END
@@ -47,22 +47,6 @@ PRINTED = {
 FAR_PRINTED = {1000.0: 1.196e-4, 1e6: 8.54e-8}
 FARTHEST = 1e6
 r"""$\lambda$ to which the weak-shock law is compared, a hundred times its range."""
-
-
-def hancock(first: float, last: float) -> np.ndarray:
-    r"""Return ln lambda, ln p/P0 and ln(lambda - c0 t) of every row of table S1x4.
-
-    Args:
-        first: $\lambda$ where they begin [-].
-        last: Where they end [-].
-    """
-    file = Path(__file__).parent / "data" / "point_source_s1x4.csv"
-    lines = [line for line in file.read_text().splitlines() if line[:1] != "#"]
-    rows = np.genfromtxt(lines, delimiter=",", names=True)
-    x = rows["log_lambda"]
-    rows = rows[(x >= math.log(first)) & (x <= math.log(last))]
-    names = ("log_lambda", "log_overpressure_ratio", "log_lead")
-    return np.array([rows[name] for name in names])
 
 
 def runs(cells: tuple[int, ...]) -> list[March]:
@@ -148,14 +132,6 @@ def energy_error(run: March) -> float:
 def fine_limit(marches: list[March]) -> Decay:
     """Return the solver's limit at a thousand distances, off the nodes."""
     return limit_at(np.geomspace(0.1, END * (1 - 1e-9), 1000), marches)
-
-
-def law_over(limit: Decay) -> tuple[np.ndarray, np.ndarray]:
-    """Return how far `point_source` is above the solver: pressure and arrival, of 1."""
-    log_scaled = jnp.log(limit.scaled)
-    pressure = np.exp(np.asarray(log_overpressure_ratio(log_scaled)))
-    arrival = np.exp(np.asarray(log_sound_fraction(log_scaled))) * limit.scaled
-    return pressure / limit.overpressure_ratio - 1.0, arrival / limit.arrival - 1.0
 
 
 def law_lines(limit: Decay) -> list[str]:

@@ -4,7 +4,7 @@ import jax.numpy as jnp
 import numpy as np
 from matplotlib.figure import Figure
 
-from calibration.point_source import END, hancock, law_over
+from calibration.point_source_references import END, hancock, law_over
 from jblast.report.figure_style import (
     BLUE,
     INK,
