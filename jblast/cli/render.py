@@ -14,10 +14,14 @@ import argparse
 import sys
 from pathlib import Path
 
+from jblast.cli.calc_numbers import (
+    positive_of_any_size,
+    seed,
+    threshold_pair,
+    time_span,
+)
 from jblast.cli.files import path
-from jblast.cli.options import seed
 
-HELP = "film a scene's blast: frames and events of its camera"
 MOST = 1000
 """Frames where nothing is said of how many."""
 
@@ -41,16 +45,23 @@ def add_arguments(verb: argparse.ArgumentParser) -> None:
     )
     verb.add_argument(
         "--times",
+        type=time_span,
         metavar="START:STOP",
         help="from when to when, on the scene's clock [s]; STOP is no frame any more "
         "(default: from the first explosion until no fireball glows, but at most "
         f"{MOST:,} frames)",
     )
     verb.add_argument(
-        "--seconds", metavar="S", help="so long from the first explosion on [s]"
+        "--seconds",
+        type=positive_of_any_size,
+        metavar="S",
+        help="so long from the first explosion on [s]",
     )
     verb.add_argument(
-        "--fps", metavar="HZ", help="frames a second (default: the camera's frames_hz)"
+        "--fps",
+        type=positive_of_any_size,
+        metavar="HZ",
+        help="frames a second (default: the camera's frames_hz)",
     )
     verb.add_argument(
         "--background",
@@ -75,6 +86,7 @@ def add_arguments(verb: argparse.ArgumentParser) -> None:
     )
     verb.add_argument(
         "--threshold",
+        type=threshold_pair,
         metavar="STEP[,DARKER]",
         help="change of the logarithm of light that gives an event (default: the "
         "camera's)",
@@ -104,13 +116,13 @@ def run(asked: argparse.Namespace) -> int:
     begin("starting")
     start_jax()
     from jblast.cli.files import unwritable
-    from jblast.cli.render_files import Recording, cleared
+    from jblast.cli.render_files import FilmWriter, cleared
     from jblast.cli.render_film import film_asked
 
-    film = film_asked(asked)
+    film = film_asked(asked, MOST)
     next(film.frames())  # what cannot be rendered is refused with all files in place
     out, noise = Path(asked.out), asked.noise == "on"
-    recording = Recording(film, out, asked.mode)
+    writer = FilmWriter(film, out, asked.mode)
     camera, times = film.camera, film.times
     summary = {
         "scene": asked.scene,
@@ -127,19 +139,19 @@ def run(asked: argparse.Namespace) -> int:
     try:
         read = asked.background, asked.views
         cleared(out, asked.mode, force=asked.force, read=read)
-        recording.write_frames()
+        writer.write_frames()
         if asked.mode != "rgb":
             begin("finding events")
-            written, stamps = recording.write_events(noise, asked.seed)
+            written, stamps = writer.write_events(noise, asked.seed)
             threshold = camera.threshold.tolist()
             summary |= {"threshold": threshold, "noise": asked.noise}
             summary |= written._asdict()
             summary |= {"stamps": stamps.how, "stamp_error_s": stamps.error_s}
         begin("drawing the sheet")
-        recording.write_sheet()
+        writer.write_sheet()
     except OSError as error:
         raise unwritable(asked.out, error) from None
-    summary["files"] = recording.files()
+    summary["files"] = writer.files()
     if asked.json:
         import json
 

@@ -92,7 +92,7 @@ def cleared(
 
 
 @dataclass
-class Recording:
+class FilmWriter:
     """A film on its way into a directory.
 
     Attributes:

@@ -7,8 +7,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from jblast.cli.events import positive, threshold_pair
-from jblast.cli.render import MOST
 from jblast.errors import InputError
 
 if TYPE_CHECKING:
@@ -20,16 +18,21 @@ TOO_MANY = 1_000_000
 """Frames: a quarter of an hour at 1 kHz; more are probably a slip of the pen."""
 
 
-def film_asked(asked: argparse.Namespace) -> "Film":
+def film_asked(asked: argparse.Namespace, most: int) -> "Film":
     """Return the film a command line asks for.
+
+    Args:
+        asked: The options.
+        most: Frames where nothing is said of how many.
 
     Raises:
         InputError: Something in it cannot be; the message names the option or the key.
     """
     import jax
 
+    from jblast.cli.render_background import background_named
     from jblast.scene import draw_scene, read_scene
-    from jblast.sensors.camera.film import Film, background_from
+    from jblast.sensors.camera.film import Film
     from jblast.sensors.camera.view_files import read_views
 
     uncertain = read_scene(asked.scene)
@@ -48,10 +51,10 @@ def film_asked(asked: argparse.Namespace) -> "Film":
     if asked.supersample < 1:
         raise InputError(f"--supersample: expected at least 1, got {asked.supersample}")
     views = read_views(asked.views) if asked.views else None
-    times = _times(scene, float(camera.frames_hz), views, asked)
+    times = _times(scene, float(camera.frames_hz), views, asked, most)
     film = Film(scene, camera, times, views=views, supersample=asked.supersample)
     if asked.background is not None:
-        light = background_from(asked.background, camera, len(times))
+        light = background_named(asked.background, camera, len(times))
         film = replace(film, background=light)
     if not isinstance(film.background, tuple):  # one that moves is to be seen itself
         _refuse_looking_away(film, asked.scene)
@@ -61,21 +64,24 @@ def film_asked(asked: argparse.Namespace) -> "Film":
 def _camera(camera: "Camera", asked: argparse.Namespace) -> "Camera":
     """Return the scene's camera, with the frame rate and thresholds of the options."""
     if asked.threshold is not None:
-        both = np.array(threshold_pair(asked.threshold))
-        camera = replace(camera, threshold=both)
+        camera = replace(camera, threshold=np.array(asked.threshold))
     if asked.fps is not None:
-        hz, exposure = positive("--fps", asked.fps), float(camera.exposure_s)
+        hz, exposure = asked.fps, float(camera.exposure_s)
         if exposure * hz > 1.0:
             raise InputError(
                 f"--fps: expected at most {1 / exposure:g} Hz, as the camera's "
-                f"exposure_s is {exposure:g} s; got {asked.fps!r}"
+                f"exposure_s is {exposure:g} s; got '{hz:g}'"
             )
         camera = replace(camera, frames_hz=hz)
     return camera
 
 
 def _times(
-    scene: "Scene", hz: float, views: "Views | None", asked: argparse.Namespace
+    scene: "Scene",
+    hz: float,
+    views: "Views | None",
+    asked: argparse.Namespace,
+    most: int,
 ) -> np.ndarray:
     """Return when the frames begin."""
     from jblast.waves.fireball import fireball_duration
@@ -83,14 +89,14 @@ def _times(
     bursts = [float(charge.time) for charge in scene.charges]
     if asked.times is not None and asked.seconds is not None:
         raise InputError("--times: expected either --times or --seconds, got both")
-    start, most = min(bursts), math.inf
+    start, bound = min(bursts), math.inf
     if asked.times is not None:
-        start, stop = _span(asked.times)
+        start, stop = asked.times
         seconds = stop - start
     elif asked.seconds is not None:
-        seconds = positive("--seconds", asked.seconds)
+        seconds = asked.seconds
     else:
-        most = MOST
+        bound = most
         if views is None:
             masses = [c.tnt_mass("fireball_radius_m") for c in scene.charges]
             lives = [float(fireball_duration(mass)) for mass in masses]
@@ -99,7 +105,7 @@ def _times(
         ends = [burst + life for burst, life in zip(bursts, lives, strict=True)]
         seconds = max(ends) - start
     # a whole number of frames is not lost to rounding
-    count = min(math.ceil(seconds * hz - 1e-6), most)
+    count = min(math.ceil(seconds * hz - 1e-6), bound)
     fewest = 1 if asked.mode == "rgb" else 2
     if not fewest <= count <= TOO_MANY:
         raise InputError(
@@ -108,22 +114,6 @@ def _times(
             f"{seconds:g} s"
         )
     return start + np.arange(int(count)) / hz
-
-
-def _span(text: str) -> tuple[float, float]:
-    """Return the two numbers of --times."""
-    words = text.split(":")
-    try:
-        start, stop = (float(word) for word in words)
-    except ValueError:
-        start = stop = math.nan
-    if not (math.isfinite(start) and math.isfinite(stop)):
-        raise InputError(
-            f"--times: expected START:STOP, two numbers of seconds, got {text!r}"
-        )
-    if stop <= start:
-        raise InputError(f"--times: expected START before STOP, got {text!r}")
-    return start, stop
 
 
 def _refuse_looking_away(film: "Film", source: str) -> None:

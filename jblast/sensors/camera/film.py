@@ -10,7 +10,7 @@ from jaxtyping import Float
 
 from jblast.errors import InputError
 from jblast.scene import Camera, Scene
-from jblast.sensors.camera.frame_files import frame_files, read_colours
+from jblast.sensors.camera.frame_files import read_colours
 from jblast.sensors.camera.grey_composite import luminance
 from jblast.sensors.camera.render import BACKGROUND, render
 from jblast.sensors.camera.views import Views
@@ -121,9 +121,9 @@ class Film:
     ) -> Float[np.ndarray, "_ _ _ 3"]:
         """Return the background at places between its frames, linear between them."""
         before = np.floor(place).astype(int)
-        images = {k: self._image(files[k]) for k in np.unique(before)}
+        images = {k: background_image(files[k], self.camera) for k in np.unique(before)}
         for k in np.unique(before[place > before] + 1):
-            images.setdefault(k, self._image(files[k]))
+            images.setdefault(k, background_image(files[k], self.camera))
         share = place - before
         return np.stack(
             [
@@ -132,55 +132,21 @@ class Film:
             ]
         )
 
-    def _image(self, path: Path) -> Float[np.ndarray, "height width 3"]:
-        image = read_colours(path)
-        camera = self.camera
-        if image.shape[:2] != (camera.height, camera.width):
-            raise InputError(
-                f"{path}: expected {camera.width} x {camera.height} pixels as the "
-                f"camera has, got {image.shape[1]} x {image.shape[0]}"
-            )
-        return image
 
-
-def background_from(
-    text: str, camera: Camera, frames: int
-) -> float | Float[np.ndarray, "..."] | tuple[Path, ...]:
-    """Return the background a word names: light, an image, or an image a frame.
+def background_image(path: Path, camera: Camera) -> Float[np.ndarray, "height width 3"]:
+    """Return the linear light of an sRGB file that is to stand behind a scene.
 
     Args:
-        text: A grey of linear light, 0 to 1; red, green and blue with commas between; a
-            PNG file; or a directory of them. Files are sRGB.
-        camera: Whose image size a file must have.
-        frames: How many there are to be.
+        path: A PNG file.
+        camera: Whose image size it must have.
 
     Raises:
-        InputError: It is none of these, or there are too few frames.
+        InputError: It cannot be read, or has another size.
     """
-    try:
-        numbers = [float(word) for word in text.split(",")]
-    except ValueError:
-        pass
-    else:
-        light = np.array(numbers)
-        if len(numbers) not in (1, 3) or not ((light >= 0) & (light <= 1)).all():
-            raise InputError(
-                f"--background: expected one or three numbers from 0 to 1, got {text!r}"
-            )
-        return numbers[0] if len(numbers) == 1 else light
-    path = Path(text)
-    if path.is_file():
-        still = Film(Scene(), camera, np.zeros(0))
-        return still._image(path)
-    if not path.is_dir():
+    image = read_colours(path)
+    if image.shape[:2] != (camera.height, camera.width):
         raise InputError(
-            "--background: expected a grey, R,G,B, a PNG file or a directory of them, "
-            f"got {text!r}"
+            f"{path}: expected {camera.width} x {camera.height} pixels as the "
+            f"camera has, got {image.shape[1]} x {image.shape[0]}"
         )
-    files = frame_files(path)
-    if len(files) < frames:
-        raise InputError(
-            f"{path}: expected at least {frames:,} frames, one for each that is to be "
-            f"rendered, got {len(files):,}"
-        )
-    return tuple(files[:frames])
+    return image

@@ -16,7 +16,7 @@ from jblast.sensors.camera import (
     stream_events,
     write_events,
 )
-from jblast.sensors.camera.film import Film, background_from
+from jblast.sensors.camera.film import Film
 from jblast.sensors.camera.grey_composite import LUMINANCE
 from jblast.sensors.camera.in_view import in_view, off_axis
 from jblast.sensors.camera.png_files import write_png
@@ -69,41 +69,17 @@ def test_an_exposure_is_left_out_for_events():
     assert not np.allclose(blurred, expected)
 
 
-def test_a_background_may_be_light_an_image_or_an_image_a_frame(tmp_path):
-    eye, times = camera(target=(0.0, -90.0, 2.0)), np.arange(4) * 1e-3
-
-    def seen(text):
-        film = Film(SCENE, eye, times, background=background_from(text, eye, 4))
-        return np.concatenate([frames for _, frames in film.frames()])
-
-    np.testing.assert_array_equal(seen("0.25"), 0.25)
-    np.testing.assert_array_equal(seen("0.1, 0.2,0.3")[2, 5, 5], [0.1, 0.2, 0.3])
-    lights = np.array([0.0, 0.5, 1.0, 0.7, 0.2])
-    still = tmp_path / "behind" / "3.png"
-    (tmp_path / "behind").mkdir()
-    for k, light in enumerate(lights):
-        image = np.full((24, 32, 3), light)
-        write_png(tmp_path / "behind" / f"{k}.png", image)
+def test_a_moving_background_is_an_image_a_frame_of_the_cameras_size(tmp_path):
+    eye, times = camera(target=(0.0, -90.0, 2.0)), np.arange(2) * 1e-3
+    files = tuple(tmp_path / f"{k}.png" for k in range(2))
+    for file, light in zip(files, (0.7, 0.2), strict=True):
+        write_png(file, np.full((24, 32, 3), light))
+    frames = np.concatenate([f for _, f in Film(SCENE, eye, times, files).frames()])
     # half a step of 8 bits is at most 0.0045 of light
-    np.testing.assert_allclose(seen(str(still)), lights[3], atol=0.0045)
-    each = seen(str(tmp_path / "behind"))
-    np.testing.assert_allclose(each[:, 3, 4, 1], lights[:4], atol=0.0045)
-
-
-def test_a_background_that_cannot_be_is_refused(tmp_path):
-    eye = camera()
-    for text in ("1,2", "-0.1", "2", "nan", "0.1,0.2,0.3,0.4", "sky"):
-        with pytest.raises(InputError, match="--background: expected"):
-            background_from(text, eye, 2)
-    write_png(tmp_path / "0.png", np.zeros((24, 31, 3)))
+    np.testing.assert_allclose(frames[:, 3, 4, 1], (0.7, 0.2), atol=0.0045)
+    write_png(files[0], np.zeros((24, 31, 3)))
     with pytest.raises(InputError, match=r"0\.png: expected 32 x 24 .*got 31 x 24"):
-        background_from(str(tmp_path / "0.png"), eye, 2)
-    write_png(tmp_path / "1.png", np.zeros((24, 31, 3)))
-    with pytest.raises(InputError, match=r"expected at least 3 frames.*got 2"):
-        background_from(str(tmp_path), eye, 3)
-    moving = Film(SCENE, eye, np.zeros(2), background_from(str(tmp_path), eye, 2))
-    with pytest.raises(InputError, match=r"0\.png: expected 32 x 24"):
-        list(moving.frames())
+        list(Film(SCENE, eye, times, files).frames())
 
 
 @pytest.mark.parametrize(
