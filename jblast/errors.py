@@ -28,9 +28,15 @@ def shown(value: Any, width: int = 60) -> str:
 
 def nearest(name: str, known: Iterable[str]) -> str:
     """Return "; did you mean ...?" for a misspelt name, or "" if none is close."""
+    close = closest(name, known)
+    return f"; did you mean {close}?" if close else ""
+
+
+def closest(name: str, known: Iterable[str]) -> str | None:
+    """Return the known name that a misspelt one is closest to; None if none is."""
     by_lower = {word.lower(): word for word in known}
     close = difflib.get_close_matches(name[:80].lower(), by_lower, n=1, cutoff=0.6)
-    return f"; did you mean {by_lower[close[0]]}?" if close else ""
+    return by_lower[close[0]] if close else None
 
 
 def read_text(path: str | os.PathLike[str], expected: str) -> str:

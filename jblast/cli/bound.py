@@ -5,11 +5,8 @@ import math
 import sys
 from collections.abc import Sequence
 
-from jblast.cli.calc import PLOTS
-from jblast.cli.files import path
+from jblast.cli.files import check_figure, path, save_figure
 from jblast.cli.options import add_free, add_law, add_noise, names_to_free
-
-HELP = "say what a planned layout of sensors could tell"
 
 
 def add_arguments(verb: argparse.ArgumentParser) -> None:
@@ -63,7 +60,7 @@ def run(asked: argparse.Namespace) -> int:
     from jblast.scene import freed, read_scene, with_laws
 
     if asked.map:
-        _check_map(asked.map, force=asked.force)
+        check_figure("--map", asked.map, force=asked.force)
     at = _values(asked.at)
     uncertain = freed(read_scene(asked.scene), names_to_free(asked.free))
     held = {q for sensor in uncertain.scene.sensors for q, _ in sensor.records}
@@ -73,7 +70,10 @@ def run(asked: argparse.Namespace) -> int:
     found = bound(uncertain, at, noise=asked.noise)
     if asked.map:
         begin("the map")
-        _draw(asked.map, found)
+        from jblast.inference import bound_map
+        from jblast.report.bound_figure import bound_figure
+
+        save_figure(bound_figure(bound_map(found)), asked.map)
     if asked.json:
         text = json.dumps(plain(found.answer), indent=1, allow_nan=False)
         sys.stdout.write(text + "\n")
@@ -102,27 +102,3 @@ def _values(words: Sequence[str]) -> dict[str, float]:
             raise InputError(f"--at {name.strip()}: expected one value, got several")
         values[name.strip()] = value
     return values
-
-
-def _check_map(file: str, *, force: bool) -> None:
-    """Refuse a map that cannot be written, before anything is computed."""
-    from pathlib import Path
-
-    from jblast.cli.files import refuse_existing
-    from jblast.errors import InputError
-
-    if Path(file).suffix.lower() not in PLOTS:
-        raise InputError(f"--map {file}: expected a name in {', '.join(PLOTS)}")
-    refuse_existing(file, force=force)
-
-
-def _draw(file: str, found) -> None:
-    from jblast.cli.files import unwritable
-    from jblast.inference import bound_map
-    from jblast.report.bound_figure import bound_figure
-
-    figure = bound_figure(bound_map(found))
-    try:
-        figure.savefig(file)
-    except OSError as error:
-        raise unwritable(file, error) from None

@@ -3,11 +3,11 @@
 import argparse
 import math
 from collections.abc import Sequence
-from pathlib import Path
+from itertools import chain
+from typing import Any
 
-from jblast.cli.calc import MEASURED, PLOTS
-from jblast.cli.calc_numbers import MOST_ROWS, number, positive, several
-from jblast.cli.files import refuse_existing
+from jblast.cli.calc_numbers import MOST_ROWS
+from jblast.cli.calc_options import MEASURED
 from jblast.errors import InputError, nearest, shown
 from jblast.report.numbers import printed_number
 from jblast.scene import Air, Charge, Ground, Scene
@@ -43,11 +43,11 @@ def question_of(asked: argparse.Namespace) -> Question:
     quantity, target = "", math.nan
     if measured:
         quantity = MEASURED[measured[0]][0]
-        target = positive(_given(asked, measured[0]), f"--{measured[0]}")
+        target = _given(asked, measured[0])
     question = Question(
         scene=_scene(asked),
-        slant_range=several(asked.range or (), "--range"),
-        charge_mass=several(asked.mass or (), "--mass"),
+        slant_range=tuple(chain(*(asked.range or ()))),
+        charge_mass=tuple(chain(*(asked.mass or ()))),
         quantity=quantity,
         target=target,
         defaults=frozenset(defaults),
@@ -56,15 +56,12 @@ def question_of(asked: argparse.Namespace) -> Question:
     return with_burst(question)
 
 
-def check_plot(file: str, question: Question, *, force: bool) -> None:
-    """Refuse a plot that cannot be drawn or written.
+def check_plot(question: Question) -> None:
+    """Refuse a question whose answer is no curve against range.
 
     Raises:
-        InputError: It is of no kind we draw, exists already, or does not suit.
+        InputError: It is.
     """
-    if Path(file).suffix.lower() not in PLOTS:
-        raise InputError(f"--plot {file}: expected a name in {', '.join(PLOTS)}")
-    refuse_existing(file, force=force)
     if question.quantity or len(question.charge_mass) != 1:
         raise InputError(
             "--plot: it draws all laws against range; expected one --mass, and --range"
@@ -92,7 +89,7 @@ def check_roots(question: Question, found: dict[str, Roots]) -> None:
     )
 
 
-def _given(asked: argparse.Namespace, option: str) -> str | None:
+def _given(asked: argparse.Namespace, option: str) -> Any:
     return getattr(asked, option.replace("-", "_"))
 
 
@@ -169,7 +166,7 @@ def _scene(asked: argparse.Namespace) -> Scene:
     ground = Ground()
     if asked.p_speed is not None:
         ground = Ground(p_speed=_bounded(asked, "p_speed", "ground_p_speed_m_s"))
-    height = 0.0 if asked.height is None else number(asked.height, "--height")
+    height = 0.0 if asked.height is None else asked.height
     explosive = "TNT"
     if asked.explosive is not None:
         explosive = explosive_named(asked.explosive, "--explosive")
@@ -198,7 +195,7 @@ def _bounded(asked: argparse.Namespace, option: str, parameter: str) -> float:
     """Return an option that a scene file may hold too, within its bounds there."""
     bounds = next(known for known in NUMBERS if known.parameter == parameter)
     where = f"--{option.replace('_', '-')}"
-    value = number(_given(asked, option), where)
+    value = _given(asked, option)
     if not bounds.allows(value):
         raise InputError(
             f"{where}: expected a number that is {bounds.bounds()}, got {value:g}"

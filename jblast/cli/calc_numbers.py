@@ -1,67 +1,169 @@
-"""Numbers as `jblast calc` takes them: one, several, or a span."""
+"""Numbers as options take them: each a `type=` of argparse, errors in our words.
+
+argparse names the option; `parsers.VerbParser` makes one message of it.
+"""
 
 import math
-from collections.abc import Sequence
+from argparse import ArgumentTypeError
 
-import numpy as np
-
-from jblast.errors import InputError, shown
+from jblast.errors import shown
 
 MOST_ROWS = 100_000
 SIZES = (1e-30, 1e30)
 """What a number other than 0 may be: past them powers of it overflow."""
 
 
-def several(words: Sequence[str], where: str) -> tuple[float, ...]:
-    """Return the values of `1 2 5`, `1,2,5` or `1:100:20`, all positive.
-
-    Raises:
-        InputError: The words are none of these.
-    """
-    values: list[float] = []
-    for word in (part for text in words for part in text.split(",")):
-        if ":" not in word:
-            values.append(positive(word, where))
-            continue
-        ends = word.split(":")
-        count = ends[2] if len(ends) == 3 else ""
-        if not (count.isascii() and count.isdigit() and 2 <= int(count) <= MOST_ROWS):
-            raise InputError(
-                f"{where}: expected FROM:TO:COUNT with a COUNT of 2 to {MOST_ROWS}, "
-                f"got {shown(word)}"
-            )
-        low, high = (positive(end, where) for end in ends[:2])
-        values += np.geomspace(low, high, int(count)).tolist()
-    return tuple(values)
-
-
-def positive(word: str | None, where: str) -> float:
-    """Return a number that has to be positive.
-
-    Raises:
-        InputError: It is not.
-    """
-    value = number(word, where)
-    if value <= 0:
-        raise InputError(f"{where}: expected a positive number, got {value:g}")
-    return value
-
-
-def number(word: str | None, where: str) -> float:
+def number(text: str) -> float:
     """Return a number that is finite, and neither huge nor tiny.
 
     Raises:
-        InputError: It is not.
+        ArgumentTypeError: It is not.
     """
-    try:
-        value = float(word or "")
-    except ValueError:
-        value = math.nan
+    value = _number_or_nan(text)
     if not math.isfinite(value):
-        raise InputError(f"{where}: expected a finite number, got {shown(word)}")
+        raise ArgumentTypeError(f"expected a finite number, got {shown(text)}")
     if value and not SIZES[0] <= abs(value) <= SIZES[1]:
-        raise InputError(
-            f"{where}: expected a number of a size between {SIZES[0]:g} and "
-            f"{SIZES[1]:g}, or 0; got {shown(word)}"
+        raise ArgumentTypeError(
+            f"expected a number of a size between {SIZES[0]:g} and {SIZES[1]:g}, or 0; "
+            f"got {shown(text)}"
         )
     return value
+
+
+def positive(text: str) -> float:
+    """Return such a number that is positive too.
+
+    Raises:
+        ArgumentTypeError: It is not.
+    """
+    value = number(text)
+    if value <= 0:
+        raise ArgumentTypeError(f"expected a positive number, got {value:g}")
+    return value
+
+
+def positive_of_any_size(text: str) -> float:
+    """Return a positive, finite number: no power of it is taken.
+
+    Raises:
+        ArgumentTypeError: It is none.
+    """
+    value = _number_or_nan(text)
+    if not 0.0 < value < math.inf:
+        raise ArgumentTypeError(f"expected a positive number, got {text!r}")
+    return value
+
+
+def several(text: str) -> tuple[float, ...]:
+    """Return the values of `1`, `1,2,5` or `1:100:20`, all positive.
+
+    Raises:
+        ArgumentTypeError: The text is none of these.
+    """
+    values: list[float] = []
+    for word in text.split(","):
+        if ":" in word:
+            values += _evenly_in_ln(word)
+        else:
+            values.append(positive(word))
+    return tuple(values)
+
+
+def share(text: str) -> float:
+    """Return a number from 0 to 1, 1 left out.
+
+    Raises:
+        ArgumentTypeError: It is none.
+    """
+    value = _number_or_nan(text)
+    if not 0.0 <= value < 1.0:
+        raise ArgumentTypeError(
+            f"expected a share, 0 or more and below 1, got {text!r}"
+        )
+    return value
+
+
+def time_span(text: str) -> tuple[float, float]:
+    """Return START and STOP [s] of `START:STOP`.
+
+    Raises:
+        ArgumentTypeError: It is not that, or ends before it starts.
+    """
+    try:
+        start, stop = (float(word) for word in text.split(":"))
+    except ValueError:
+        start = stop = math.nan
+    if not (math.isfinite(start) and math.isfinite(stop)):
+        raise ArgumentTypeError(
+            f"expected START:STOP, two numbers of seconds, got {text!r}"
+        )
+    if stop <= start:
+        raise ArgumentTypeError(f"expected START before STOP, got {text!r}")
+    return start, stop
+
+
+def threshold_pair(text: str) -> tuple[float, float]:
+    """Return the steps of ln light, brighter and darker: one for both signs, or two.
+
+    Raises:
+        ArgumentTypeError: It is neither.
+    """
+    words = text.split(",")
+    if len(words) > 2:
+        raise ArgumentTypeError(f"expected one or two numbers, got {text!r}")
+    values = [positive_of_any_size(word.strip()) for word in words]
+    return values[0], values[-1]
+
+
+def vector(text: str) -> tuple[float, ...]:
+    """Return the three numbers of `X,Y,Z` [m].
+
+    Raises:
+        ArgumentTypeError: It is not that.
+    """
+    try:
+        values = tuple(float(word) for word in text.split(","))
+    except ValueError:
+        values = ()
+    if len(values) != 3 or not all(map(math.isfinite, values)):
+        raise ArgumentTypeError(f"expected three numbers X,Y,Z [m], got {shown(text)}")
+    return values
+
+
+def seed(text: str) -> int:
+    """Return a seed that JAX can hold.
+
+    Raises:
+        ArgumentTypeError: It is none.
+    """
+    try:
+        value = int(text)
+    except ValueError:
+        value = -1
+    if not 0 <= value < 2**63:
+        raise ArgumentTypeError(
+            f"expected a whole number from 0 to 2^63 - 1, got {text!r}"
+        )
+    return value
+
+
+def _evenly_in_ln(word: str) -> list[float]:
+    """Return the numbers of FROM:TO:COUNT."""
+    import numpy as np  # not for --help
+
+    ends = word.split(":")
+    count = ends[2] if len(ends) == 3 else ""
+    if not (count.isascii() and count.isdigit() and 2 <= int(count) <= MOST_ROWS):
+        raise ArgumentTypeError(
+            f"expected FROM:TO:COUNT with a COUNT of 2 to {MOST_ROWS}, "
+            f"got {shown(word)}"
+        )
+    low, high = (positive(end) for end in ends[:2])
+    return np.geomspace(low, high, int(count)).tolist()
+
+
+def _number_or_nan(text: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        return math.nan

@@ -5,7 +5,6 @@ import sys
 
 from jblast.cli.files import path
 
-HELP = "chart speed against accuracy, measured on this machine"
 ALL = "all"
 
 

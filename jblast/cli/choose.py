@@ -5,8 +5,6 @@ import sys
 
 from jblast.cli.files import path
 
-HELP = "name the cheapest method that is good enough for a scene"
-
 
 def add_arguments(verb: argparse.ArgumentParser) -> None:
     """Say what the verb takes."""

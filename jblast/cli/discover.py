@@ -10,10 +10,9 @@ import contextlib
 import sys
 from pathlib import Path
 
+from jblast.cli.calc_numbers import seed, share
 from jblast.cli.files import path
-from jblast.cli.options import seed
 
-HELP = "find the equations of motion in a trajectory, and how sure each term is"
 FILES = ("discovery.json", "discovery.png")
 MOST_TERMS = 100
 """Candidates: more are neither found fast nor told apart."""
@@ -59,6 +58,7 @@ def add_arguments(verb: argparse.ArgumentParser) -> None:
     )
     verb.add_argument(
         "--threshold",
+        type=share,
         default="0.05",
         metavar="SHARE",
         help="least share of a derivative's root mean square for a term to stay "
@@ -90,7 +90,7 @@ def run(asked: argparse.Namespace) -> int:
     from jblast.progress import stages
     from jblast.study.discovery_ensemble import FEWEST_OF_INTERVAL
 
-    threshold = _share(asked.threshold)
+    threshold = asked.threshold
     few = "; fewer have no 5 % and 95 % quantiles"
     for option, value, least, most, why in (
         ("--degree", asked.degree, 1, 6, ""),
@@ -169,25 +169,6 @@ def run(asked: argparse.Namespace) -> int:
 def _names(words: str) -> list[str]:
     """Return the names that stand between commas."""
     return [name.strip() for name in words.split(",") if name.strip()]
-
-
-def _share(text: str) -> float:
-    """Return the threshold.
-
-    Raises:
-        InputError: It is no number from 0 to 1, 1 left out.
-    """
-    from jblast.errors import InputError
-
-    try:
-        value = float(text)
-    except ValueError:
-        value = -1.0
-    if not 0.0 <= value < 1.0:
-        raise InputError(
-            f"--threshold: expected a share, 0 or more and below 1, got {text!r}"
-        )
-    return value
 
 
 def _check_size(columns: int, degree: int, drag: bool) -> None:

@@ -3,10 +3,8 @@
 import argparse
 import sys
 
+from jblast.cli.calc_numbers import positive_of_any_size, seed, threshold_pair
 from jblast.cli.files import path
-from jblast.cli.options import seed
-
-HELP = "turn a sequence of frames into the events of an event camera"
 
 
 def add_arguments(verb: argparse.ArgumentParser) -> None:
@@ -20,11 +18,13 @@ def add_arguments(verb: argparse.ArgumentParser) -> None:
     verb.add_argument(
         "--fps",
         required=True,
+        type=positive_of_any_size,
         metavar="HZ",
         help="frames a second: frame k stands at k/fps",
     )
     verb.add_argument(
         "--threshold",
+        type=threshold_pair,
         default="0.2",
         metavar="STEP[,DARKER]",
         help="change of the logarithm of light that gives an event, brighter and "
@@ -58,8 +58,6 @@ def add_arguments(verb: argparse.ArgumentParser) -> None:
 
 def run(asked: argparse.Namespace) -> int:
     """Read, convert and write block by block; say how many events there were."""
-    fps = positive("--fps", asked.fps)
-    thresholds = threshold_pair(asked.threshold)
     from jblast.cli.start import start_jax
 
     start_jax()
@@ -73,6 +71,7 @@ def run(asked: argparse.Namespace) -> int:
     from jblast.sensors.camera.log_intensity import grey_table
     from jblast.sensors.camera.real_events import real_stream
 
+    fps, thresholds = asked.fps, asked.threshold
     check_suffix(asked.out)
     refuse_existing(asked.out, force=asked.force)
     files = frame_files(asked.frames)
@@ -115,40 +114,6 @@ def run(asked: argparse.Namespace) -> int:
             f"{asked.out}\n"
         )
     return 0
-
-
-def positive(name: str, text: str) -> float:
-    """Return a positive, finite number.
-
-    Raises:
-        InputError: It is none.
-    """
-    import math
-
-    from jblast.errors import InputError
-
-    try:
-        value = float(text)
-    except ValueError:
-        value = math.nan
-    if not 0.0 < value < math.inf:
-        raise InputError(f"{name}: expected a positive number, got {text!r}")
-    return value
-
-
-def threshold_pair(text: str) -> tuple[float, float]:
-    """Return the thresholds of --threshold: one for both signs, or two.
-
-    Raises:
-        InputError: It is neither.
-    """
-    from jblast.errors import InputError
-
-    words = text.split(",")
-    if len(words) > 2:
-        raise InputError(f"--threshold: expected one or two numbers, got {text!r}")
-    values = [positive("--threshold", word.strip()) for word in words]
-    return values[0], values[-1]
 
 
 def _timed(blocks, fps: float, total: int):

@@ -5,6 +5,9 @@ from pathlib import Path
 
 from jblast.errors import InputError
 
+FIGURES = (".png", ".svg", ".pdf")
+"""What a name of a figure may end in."""
+
 
 def path(text: str) -> str:
     """Return the path an argument holds; an empty one is an unset shell variable.
@@ -23,6 +26,29 @@ def refuse_existing(path: str | Path, *, force: bool) -> None:
         raise InputError(
             f"{path}: exists already; expected a new file, or --force to overwrite it"
         )
+
+
+def check_figure(option: str, file: str, *, force: bool) -> None:
+    """Refuse a figure that cannot be drawn, before anything is computed.
+
+    Raises:
+        InputError: It is of no kind we draw, or exists already.
+    """
+    if Path(file).suffix.lower() not in FIGURES:
+        raise InputError(f"{option} {file}: expected a name in {', '.join(FIGURES)}")
+    refuse_existing(file, force=force)
+
+
+def save_figure(figure, file: str | Path) -> None:
+    """Write a figure of Matplotlib.
+
+    Raises:
+        InputError: It cannot be written.
+    """
+    try:
+        figure.savefig(file)
+    except OSError as error:
+        raise unwritable(file, error) from None
 
 
 def unwritable(path: str | Path, error: OSError) -> InputError:

@@ -8,7 +8,6 @@ from collections.abc import Sequence
 from jblast.cli.files import path, unwritable
 from jblast.cli.options import add_free, add_law, add_noise, names_to_free
 
-HELP = "fit a blast to a log of sensor readings"
 SMALL = 100_000
 """Bytes of all logs together, about two thousand rows."""
 

@@ -10,10 +10,8 @@ import argparse
 import sys
 from pathlib import Path
 
+from jblast.cli.calc_numbers import positive, seed, vector
 from jblast.cli.files import path
-from jblast.cli.options import seed
-
-HELP = "fly a scene's vehicle through its blasts: deviation, recovery, who flies on"
 
 
 def add_arguments(verb: argparse.ArgumentParser) -> None:
@@ -35,11 +33,15 @@ def add_arguments(verb: argparse.ArgumentParser) -> None:
     )
     verb.add_argument(
         "--seconds",
+        type=positive,
         metavar="S",
         help="how long to fly [s] (default: until 5 s after the last blast's arrival)",
     )
     verb.add_argument(
-        "--step", metavar="S", help="step of the integrator [s] (default: 0.0005)"
+        "--step",
+        type=positive,
+        metavar="S",
+        help="step of the integrator [s] (default: 0.0005)",
     )
     verb.add_argument(
         "--integrator",
@@ -56,6 +58,7 @@ def add_arguments(verb: argparse.ArgumentParser) -> None:
     )
     verb.add_argument(
         "--tolerance",
+        type=positive,
         metavar="M",
         help="path error within which it has recovered [m] (default: 0.05)",
     )
@@ -68,6 +71,7 @@ def add_arguments(verb: argparse.ArgumentParser) -> None:
     )
     verb.add_argument(
         "--profile-moments-about",
+        type=vector,
         metavar="X,Y,Z",
         help="from the point the profile's moments are about to the vehicle's centre "
         "of mass, body axes [m] (default: they are about that, and refused where their "
@@ -128,15 +132,10 @@ def _options(asked: argparse.Namespace):
     Raises:
         InputError: A number cannot be used, or the profile is none.
     """
-    from jblast.cli.calc_numbers import positive
     from jblast.errors import InputError
     from jblast.study.fly_meeting import Profile
     from jblast.study.fly_records import TOLERANCE_M, Options
     from jblast.vehicle import STEP_S, read_custom_profile
-
-    def number(option: str, default: float | None) -> float | None:
-        word = getattr(asked, option)
-        return default if word is None else positive(word, f"--{option}")
 
     if asked.profile_moments_about and not asked.profile:
         raise InputError(
@@ -146,39 +145,12 @@ def _options(asked: argparse.Namespace):
     profile = None
     if asked.profile:
         about = asked.profile_moments_about
-        profile = Profile(
-            read_custom_profile(asked.profile), None if about is None else _point(about)
-        )
-    step, tolerance = number("step", STEP_S), number("tolerance", TOLERANCE_M)
-    assert step is not None
-    assert tolerance is not None
+        profile = Profile(read_custom_profile(asked.profile), about)
     return Options(
-        seconds=number("seconds", None),
-        step_s=step,
+        seconds=asked.seconds,
+        step_s=STEP_S if asked.step is None else asked.step,
         integrator=asked.integrator,
         backend=asked.backend,
-        tolerance_m=tolerance,
+        tolerance_m=TOLERANCE_M if asked.tolerance is None else asked.tolerance,
         profile=profile,
     )
-
-
-def _point(text: str) -> tuple[float, ...]:
-    """Return three numbers that stand between commas.
-
-    Raises:
-        InputError: They are not.
-    """
-    import math
-
-    from jblast.errors import InputError, shown
-
-    try:
-        point = tuple(float(word) for word in text.split(","))
-    except ValueError:
-        point = ()
-    if len(point) != 3 or not all(map(math.isfinite, point)):
-        raise InputError(
-            f"--profile-moments-about: expected three numbers X,Y,Z [m], "
-            f"got {shown(text)}"
-        )
-    return point

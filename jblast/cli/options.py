@@ -47,16 +47,3 @@ def add_noise(verb: argparse.ArgumentParser) -> None:
         default="student",
         help="distribution of the independent errors (default: student)",
     )
-
-
-def seed(text: str) -> int:
-    """Return a seed that JAX can hold."""
-    try:
-        value = int(text)
-    except ValueError:
-        value = -1
-    if not 0 <= value < 2**63:
-        raise argparse.ArgumentTypeError(
-            f"expected a whole number from 0 to 2^63 - 1, got {text!r}"
-        )
-    return value

@@ -5,8 +5,6 @@ import sys
 
 from jblast.cli.files import path
 
-HELP = "write a commented starter scene for a log"
-
 
 def add_arguments(verb: argparse.ArgumentParser) -> None:
     """Say what the verb takes."""

@@ -4,10 +4,8 @@ import argparse
 import math
 import sys
 
+from jblast.cli.calc_numbers import seed
 from jblast.cli.files import path, unwritable
-from jblast.cli.options import seed
-
-HELP = "write what a scene's sensors would record"
 
 
 def add_arguments(verb: argparse.ArgumentParser) -> None:

@@ -10,7 +10,6 @@ from pathlib import Path
 
 from jblast.cli.files import path
 
-HELP = "measure where each method breaks, and what is done there"
 FILES = ("stability.csv", "stability.md", "stability.png")
 
 

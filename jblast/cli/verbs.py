@@ -1,0 +1,67 @@
+"""What `jblast` can do: the verbs, in groups; each is a module of this folder.
+
+A table, so that help and one verb need not import the others.
+"""
+
+from importlib import import_module
+from types import ModuleType
+from typing import NamedTuple
+
+
+class Verb(NamedTuple):
+    """A verb of the command line.
+
+    Attributes:
+        name: What is typed, and the module's name.
+        group: Under which heading the help lists it: one of `GROUPS`.
+        help: What it does, in a line.
+    """
+
+    name: str
+    group: str
+    help: str
+
+    def module(self) -> ModuleType:
+        """Import what takes its words (`add_arguments`) and does it (`run`)."""
+        return import_module(f"jblast.cli.{self.name}")
+
+
+GROUPS = {
+    "measure": "what the laws say, and a scene to start from",
+    "infer": "what a blast was, and what could be told",
+    "simulate": "what would be recorded, filmed and flown through",
+    "check": "which method will do, what it costs, where it breaks",
+}
+
+VERBS = (
+    Verb(
+        "calc",
+        "measure",
+        "calculate a blast by every law, or the range or mass for a value",
+    ),
+    Verb("scene", "measure", "write a commented starter scene for a log"),
+    Verb("fit", "infer", "fit a blast to a log of sensor readings"),
+    Verb("bound", "infer", "say what a planned layout of sensors could tell"),
+    Verb(
+        "discover",
+        "infer",
+        "find the equations of motion in a trajectory, and how sure each term is",
+    ),
+    Verb("simulate", "simulate", "write what a scene's sensors would record"),
+    Verb("render", "simulate", "film a scene's blast: frames and events of its camera"),
+    Verb(
+        "events",
+        "simulate",
+        "turn a sequence of frames into the events of an event camera",
+    ),
+    Verb(
+        "fly",
+        "simulate",
+        "fly a scene's vehicle through its blasts: deviation, recovery, who flies on",
+    ),
+    Verb("choose", "check", "name the cheapest method that is good enough for a scene"),
+    Verb("chart", "check", "chart speed against accuracy, measured on this machine"),
+    Verb(
+        "stability", "check", "measure where each method breaks, and what is done there"
+    ),
+)
