@@ -4,7 +4,7 @@ BIN := .venv/bin
 # compiled Python is kept: without it every start takes seconds longer
 export PYTHONDONTWRITEBYTECODE =
 PYTEST = $(BIN)/python -m pytest --numprocesses 2 --dist loadfile --no-loadscope-reorder
-.PHONY: help fit test quick test-slow test-all check format lock bench-start clean
+.PHONY: help fit test quick test-slow test-all check docs format lock bench-start clean
 
 help:
 	@echo 'make fit         fit real recordings; figures and reports go to out/'
@@ -12,7 +12,8 @@ help:
 	@echo 'make quick       those of the rooms that changed since the last tag, or SINCE=COMMIT'
 	@echo 'make test-slow   those that take minutes'
 	@echo 'make test-all    both'
-	@echo 'make check       format, lint, types; notebooks without outputs; figures of README'
+	@echo 'make check       format, lint, types; notebooks without outputs; figures that pages quote'
+	@echo 'make docs        the manual, into site/'
 	@echo 'make format      format, and mend what the linter can'
 	@echo 'make lock        resolve the dependencies again'
 	@echo 'make bench-start how long all this takes on a fresh clone'
@@ -43,6 +44,11 @@ check: .venv/dev
 	$(BIN)/python -m nbstripout --verify notebooks/*.ipynb
 	$(BIN)/python -m calibration.figures
 
+# A link that leads nowhere stops it; pages need no network to be read.
+docs: .venv/docs
+	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --strict --quiet
+	@echo 'Written: site/index.html'
+
 format: .venv/dev
 	$(BIN)/python -m ruff format .
 	$(BIN)/python -m ruff check --fix .
@@ -53,16 +59,20 @@ format: .venv/dev
 .venv/dev: pyproject.toml .ci/setup .ci/setup.lock .ci/dev.lock
 	@PYTHON=$(PYTHON) .ci/setup dev
 
+.venv/docs: .venv/run .ci/docs.lock
+	@PYTHON=$(PYTHON) .ci/setup docs
+
 # Hashed requirements for every Python from 3.11 to 3.13.
 COMPILE = $(BIN)/uv pip compile --quiet --universal --python-version 3.11 --generate-hashes --no-header --no-emit-index-url
 lock: .venv/run
 	echo uv | $(COMPILE) - --output-file .ci/setup.lock
 	$(COMPILE) pyproject.toml --group build --output-file .ci/run.lock
 	$(COMPILE) pyproject.toml --group build --group dev --constraint .ci/run.lock --output-file .ci/dev.lock
+	$(COMPILE) pyproject.toml --group build --group docs --constraint .ci/dev.lock --output-file .ci/docs.lock
 
 bench-start:
 	$(PYTHON) calibration/first_minutes.py
 
 clean:
-	rm -rf .venv out build dist .pytest_cache .ruff_cache .hypothesis .jax_cache
+	rm -rf .venv out site build dist .pytest_cache .ruff_cache .hypothesis .jax_cache
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +

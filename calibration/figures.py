@@ -1,4 +1,4 @@
-"""Whether figures printed in README are those of kept files.
+"""Whether figures that README and the manual quote are those of kept files.
 
     python -m calibration.figures
 

@@ -5,4 +5,4 @@ how it travels, `observations` what was measured, `sensors` what would be, `infe
 what we conclude, `report` what we print.
 """
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"

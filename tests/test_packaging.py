@@ -32,8 +32,13 @@ def test_the_version_is_the_same_wherever_it_stands():
     assert PROJECT["version"] == jblast.__version__ == cited[1]
 
 
-def test_there_is_a_lock_to_run_one_to_develop_and_one_of_what_installs_them():
-    assert [lock.name for lock in LOCKS] == ["dev.lock", "run.lock", "setup.lock"]
+def test_there_is_a_lock_for_each_use_and_one_of_what_installs_them():
+    assert [lock.name for lock in LOCKS] == [
+        "dev.lock",
+        "docs.lock",
+        "run.lock",
+        "setup.lock",
+    ]
     assert list(requirements(ROOT / ".ci/setup.lock")) == ["uv"]
 
 
@@ -49,24 +54,27 @@ def test_locks_name_no_place_to_download_from(lock):
     assert not re.search(r"://|--(extra-)?index-url|--find-links", lock.read_text())
 
 
-@pytest.mark.parametrize("name", ["dev.lock", "run.lock"])
+@pytest.mark.parametrize("name", ["dev.lock", "docs.lock", "run.lock"])
 def test_every_dependency_is_locked(name):
     lock = ROOT / ".ci" / name
     names = {re.split(r"[<>=\[ ]", need)[0] for need in PROJECT["dependencies"]}
     assert names <= requirements(lock).keys()
 
 
-def test_both_locks_pin_the_same_versions():
-    run, dev = (
+def test_all_locks_pin_the_same_versions():
+    run, dev, docs = (
         {
             (name, version)
             for name, version in re.findall(
                 r"^([\w.-]+)==([\w.]+)", (ROOT / ".ci" / lock).read_text(), re.M
             )
         }
-        for lock in ("run.lock", "dev.lock")
+        for lock in ("run.lock", "dev.lock", "docs.lock")
     )
     assert run <= dev
+    assert run <= docs
+    developed = {name for name, _ in dev}
+    assert {pin for pin in docs if pin[0] in developed} <= dev
 
 
 @pytest.mark.parametrize("name", DATA)

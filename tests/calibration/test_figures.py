@@ -1,4 +1,4 @@
-"""The script that holds figures of README against kept files: what it notices."""
+"""The script that holds figures of pages against kept files: what it notices."""
 
 import pytest
 

@@ -1,0 +1,1 @@
+"""What of the manual is generated: from parsers, tables, docstrings, kept results."""

@@ -1,0 +1,61 @@
+"""The API, a page a room: the names its face offers, told by their docstrings."""
+
+import ast
+from dataclasses import dataclass
+from pathlib import Path
+
+
+@dataclass(frozen=True)
+class Room:
+    """A package of ours that offers names.
+
+    Attributes:
+        name: As it is imported.
+        source: Its `__init__.py` in the repository.
+        about: What its docstring says.
+        offers: By name, the module that defines it.
+    """
+
+    name: str
+    source: str
+    about: str
+    offers: dict[str, str]
+
+
+def rooms(root: Path) -> list[Room]:
+    """Return the packages that offer anything, in the order in which they are read."""
+    found = [
+        _room(path, root) for path in sorted((root / "jblast").rglob("__init__.py"))
+    ]
+    return sorted((room for room in found if room.offers), key=lambda room: room.name)
+
+
+def page(room: Room) -> str:
+    """Write the page of a room."""
+    entries = [
+        f"::: {module}.{name}\n    options:\n      heading_level: 2"
+        for name, module in sorted(room.offers.items())
+    ]
+    return "\n\n".join([f"# {room.name}", room.about, *entries]) + "\n"
+
+
+def _room(path: Path, root: Path) -> Room:
+    name = ".".join(path.parent.relative_to(root).parts)
+    tree = ast.parse(path.read_text("utf-8"))
+    return Room(
+        name,
+        path.relative_to(root).as_posix(),
+        ast.get_docstring(tree) or "",
+        _re_exported(tree),
+    )
+
+
+def _re_exported(tree: ast.Module) -> dict[str, str]:
+    """Return names that are imported as themselves: those that a face offers."""
+    return {
+        name.name: node.module
+        for node in ast.walk(tree)
+        if isinstance(node, ast.ImportFrom) and node.module
+        for name in node.names
+        if name.asname == name.name
+    }

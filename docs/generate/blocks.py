@@ -1,0 +1,28 @@
+"""Blocks: what hand-written pages take from parsers and tables, by a marker.
+
+A line `<!-- jblast: NAME -->` of a page is replaced by what the function of that name
+writes, so that no page tells by hand what a table says.
+"""
+
+import re
+from collections.abc import Callable
+
+from docs.generate import command_line, scene_tables
+
+MARKER = re.compile(r"^<!-- jblast: (\w+) -->$", re.MULTILINE)
+BLOCKS: dict[str, Callable[[], str]] = {
+    "command_line": command_line.verbs,
+    "quantities": scene_tables.quantities,
+    "units": scene_tables.units,
+    "columns": scene_tables.columns,
+    "scene_numbers": scene_tables.numbers,
+    "scene_keys": scene_tables.keys_of_tables,
+    "scene_lists": scene_tables.lists,
+    "scene_words": scene_tables.words,
+    "explosives": scene_tables.explosives,
+}
+
+
+def filled(markdown: str) -> str:
+    """Return a page with each marker replaced by its block."""
+    return MARKER.sub(lambda match: BLOCKS[match[1]]().strip(), markdown)

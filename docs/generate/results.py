@@ -1,0 +1,115 @@
+"""Results: a page for each file that a script of calibration/ wrote and kept."""
+
+import ast
+import posixpath
+from dataclasses import dataclass
+from pathlib import Path
+
+KEPT = "calibration/results"
+CHARTS = "charts/"
+
+
+@dataclass(frozen=True)
+class Result:
+    """A kept file that becomes a page.
+
+    Attributes:
+        uri: Where the page stands on the site.
+        source: The file in the repository.
+        title: What the navigation calls it.
+        script: The script that writes it, "" where it is told on the page.
+        question: The first line of what the script says of itself.
+        text: What the file holds.
+        pictures: Those of the same name, beside it.
+    """
+
+    uri: str
+    source: str
+    title: str
+    script: str
+    question: str
+    text: str
+    pictures: tuple[str, ...]
+
+
+def all_of_them(root: Path) -> list[Result]:
+    """Return every kept page and table, pages first."""
+    kept = root / KEPT
+    files = [*sorted(kept.rglob("*.md")), *sorted(kept.glob("*.txt"))]
+    return [_result(root, path) for path in files]
+
+
+def page(result: Result) -> str:
+    """Write the page of a result: as it is, or its table beneath what was asked."""
+    if result.source.endswith(".md"):
+        if not result.text.startswith("## "):
+            return result.text
+        # a chart is told without its picture and its title, for a terminal
+        heading, _, rest = result.text[3:].partition("\n")
+        pictures = "".join(f"![{heading}]({name})\n\n" for name in result.pictures)
+        text = rest.strip().replace("\n### ", "\n## ")
+        return f"# {heading}\n\n{pictures}{text}\n"
+    asked = f"{result.question}\n\n" if result.question else ""
+    written = f"Written by `{result.script}`.\n\n" if result.script else ""
+    pictures = "".join(f"![{result.title}]({name})\n\n" for name in result.pictures)
+    body = f"```text\n{result.text.rstrip()}\n```\n"
+    return f"# {result.title}\n\n{asked}{written}{pictures}{body}"
+
+
+def index(root: Path) -> str:
+    """Write the list of all results."""
+    rows = [
+        f"| [{result.title}]({_beside(result.source)}) | {result.question} |"
+        for result in all_of_them(root)
+    ]
+    return "\n".join(
+        [
+            "# Results",
+            "",
+            "What scripts of `calibration/` measured, as they wrote it. Each is kept "
+            "in `calibration/results`, and each script can be run again. Figures that "
+            "this manual quotes from them are held against them by `make check`, row "
+            "by row of `calibration/figures.csv`.",
+            "",
+            "| result | what was asked |",
+            "|---|---|",
+            *rows,
+            "",
+        ]
+    )
+
+
+def _result(root: Path, path: Path) -> Result:
+    name = path.relative_to(root / KEPT).as_posix()
+    uri = f"results/{name.rpartition('.')[0]}.md"
+    text = path.read_text("utf-8")
+    pictures = path.with_suffix(".png")
+    beside = (pictures.name,) if pictures.exists() else ()
+    module, question = _script(root, path.stem) if name.endswith(".txt") else ("", "")
+    return Result(
+        uri, f"{KEPT}/{name}", _title(name, text), module, question, text, beside
+    )
+
+
+def _title(name: str, text: str) -> str:
+    if name.endswith(".md"):
+        heading = next(line for line in text.splitlines() if line.startswith("#"))
+        title = heading.lstrip("# ")
+        return f"Chart: {title}" if name.startswith(CHARTS) else title
+    return name.removesuffix(".txt").replace("_", " ").capitalize()
+
+
+def _script(root: Path, stem: str) -> tuple[str, str]:
+    """Return how a table is written again, and the question its script asks."""
+    for script in (stem, stem.removesuffix("_verification"), "benchmarks"):
+        path = root / "calibration" / f"{script}.py"
+        if path.exists():
+            asked = (ast.get_docstring(ast.parse(path.read_text("utf-8"))) or "").split(
+                "\n\n"
+            )[0]
+            return f"python -m calibration.{script}", " ".join(asked.split())
+    return "", ""
+
+
+def _beside(source: str) -> str:
+    return posixpath.relpath(source, KEPT)

@@ -1,0 +1,106 @@
+"""Tables of the log and of the scene file, from those that their readers go by."""
+
+import math
+
+from jblast.observations.foreign import UNITS
+from jblast.observations.table import COLUMNS, NEEDED
+from jblast.quantities import ADDITIVE, DERIVED_QUANTITIES, QUANTITIES, TIMED
+from jblast.scene.explosives import EXPLOSIVES
+from jblast.scene.keys import (
+    GROUND_PATHS,
+    KEYS,
+    LATER,
+    NUMBERS,
+    SENSOR_KINDS,
+    VEHICLE_MODELS,
+    Number,
+)
+from jblast.scene.numbers import LISTS
+from jblast.scene.parameters import PARAMETERS
+
+
+def quantities() -> str:
+    """Write what a row of a log may hold, and what laws give besides."""
+    rows = []
+    for name, meaning in QUANTITIES.items():
+        error = "in its unit" if name in ADDITIVE else "in ln, as a share"
+        needs = "`time_s`" if name in TIMED else ""
+        rows.append(f"| `{name}` | {meaning} | {error} | {needs} |")
+    derived = ", ".join(f"`{name}`" for name in DERIVED_QUANTITIES)
+    head = ["| quantity | what it is | its error counts | needs |", "|---|---|---|---|"]
+    return "\n".join(
+        [*head, *rows, "", f"Laws also give {derived}: no row holds them."]
+    )
+
+
+def columns() -> str:
+    """Write the columns of a log."""
+    needed = ", ".join(f"`{name}`" for name in NEEDED)
+    further = ", ".join(f"`{name}`" for name in COLUMNS if name not in NEEDED)
+    return f"Needed: {needed}. Known besides: {further}."
+
+
+def units() -> str:
+    """Write the units that names of other tools may end in."""
+    rows = [
+        f"| {dimension} | {', '.join(f'`{unit}`' for unit in units)} |"
+        for dimension, units in UNITS.items()
+    ]
+    return "\n".join(["| of | endings |", "|---|---|", *rows])
+
+
+def numbers() -> str:
+    """Write every number that may be fixed, free or uncertain."""
+    rows = []
+    for number in NUMBERS:
+        where = PARAMETERS[number.parameter]
+        key = number.key if number.index is None else f"{number.key}[{number.index}]"
+        rows.append(
+            f"| `{number.parameter}` | `[{number.table}] {key}` | {_bounds(number)} | "
+            f"{where.default:g} | {'ln' if where.positive else 'itself'} |"
+        )
+    head = ["| number | key | has to be | a fit starts at | fitted in |"]
+    return "\n".join([*head, "|---|---|---|---|---|", *rows])
+
+
+def _bounds(number: Number) -> str:
+    return "" if number.above == number.lo == -math.inf else number.bounds()
+
+
+def keys_of_tables() -> str:
+    """Write the keys of every table."""
+    rows = []
+    for table, names in KEYS.items():
+        title = f"`[{table}]`" if table else "the file"
+        later = ", ".join(f"`{name}`" for name in LATER.get(table, ()))
+        rows.append(f"| {title} | {', '.join(f'`{n}`' for n in names)} | {later} |")
+    return "\n".join(["| table | keys | not supported yet |", "|---|---|---|", *rows])
+
+
+def lists() -> str:
+    """Write the keys that hold lists."""
+    rows = [f"| `{key}` | `{form}` |" for key, form in LISTS.items()]
+    return "\n".join(["| key | is written |", "|---|---|", *rows])
+
+
+def words() -> str:
+    """Write the keys that take one of a few words."""
+    rows = {
+        "`[[sensor]] kind`": SENSOR_KINDS,
+        "`[ground] path`": GROUND_PATHS,
+        "`[vehicle] model`": VEHICLE_MODELS,
+    }
+    lines = [
+        f"| {key} | {', '.join(f'`{w}`' for w in ws)} |" for key, ws in rows.items()
+    ]
+    return "\n".join(["| key | one of |", "|---|---|", *lines])
+
+
+def explosives() -> str:
+    """Write what explosives are worth in TNT."""
+    rows = [
+        f"| `{name}` | {x.pressure:g} | {x.impulse:g} | {x.energy:g} | {x.source} |"
+        for name, x in EXPLOSIVES.items()
+    ]
+    head = "| explosive | by pressure | by impulse | by energy of the front | source |"
+    return "\n".join([head, "|---|---:|---:|---:|---|", *rows])

@@ -1,0 +1,131 @@
+"""The manual and the front page: what they link to, name and show is there.
+
+`make docs` builds the pages; here is what can be said of them without.
+"""
+
+import re
+from pathlib import Path
+
+import pytest
+
+from docs.generate import blocks, command_line, pages, scene_tables
+from docs.generate.links import in_repository, site_uri, targets, to_site
+from jblast.quantities import DERIVED_QUANTITIES, QUANTITIES
+from jblast.scene.keys import KEYS, NUMBERS
+
+ROOT = Path(__file__).parents[1]
+FRONT = [ROOT / name for name in ("README.md", "CONTRIBUTING.md", "CHANGELOG.md")]
+WRITTEN = sorted((ROOT / "docs").rglob("*.md"))
+GENERATED = pages.generated()
+URIS = {page.uri for page in GENERATED} | set(pages.shown())
+FOLDERS = ("jblast", "calibration", "notebooks", "tests", "docs")
+
+
+def name(path: Path) -> str:
+    return path.relative_to(ROOT).as_posix()
+
+
+each_page = pytest.mark.parametrize("path", [*FRONT, *WRITTEN], ids=name)
+
+
+def text(path: Path) -> str:
+    return path.read_text("utf-8")
+
+
+def python_blocks(path: Path) -> list[str]:
+    return re.findall(r"^```python\n(.*?)^```", text(path), re.M | re.S)
+
+
+def test_the_navigation_names_every_written_page_and_none_that_is_not_there():
+    nav = text(ROOT / "mkdocs.yml").split("\nnav:\n")[1]
+    named = re.findall(r"[-:] (\S+\.md)$", nav, re.M)
+    written = {path.relative_to(ROOT / "docs").as_posix() for path in WRITTEN}
+    assert sorted(named) == sorted({*written, *pages.ALSO})
+    sections = re.findall(r"- (\w+): \[\]$", nav, re.M)
+    assert sorted(sections) == sorted(pages.navigation(GENERATED))
+
+
+@each_page
+def test_every_link_leads_somewhere(path):
+    for link in targets(text(path)):
+        there = in_repository(link, name(path))
+        assert (ROOT / there).exists() or there.removeprefix("docs/") in URIS, link
+
+
+@pytest.mark.parametrize("path", WRITTEN, ids=name)
+def test_every_file_that_the_manual_links_to_stands_on_the_site(path):
+    written = {p.relative_to(ROOT / "docs").as_posix() for p in WRITTEN}
+    for link in targets(text(path)):
+        assert site_uri(in_repository(link, name(path))) in URIS | written, link
+
+
+@each_page
+def test_python_that_is_shown_is_python(path):
+    for block in python_blocks(path):
+        compile(block, name(path), "exec")
+
+
+@each_page
+def test_files_that_are_named_are_there(path):
+    for quoted in re.findall(r"`([^`\n]+)`", text(path)):
+        if re.fullmatch(rf"({'|'.join(FOLDERS)})/[\w./]+", quoted):
+            assert (ROOT / quoted).exists(), quoted
+    for script in re.findall(r"python\s+-m\s+calibration\.(\w+)", text(path)):
+        assert (ROOT / "calibration" / f"{script}.py").exists(), script
+
+
+@each_page
+def test_names_of_ours_that_are_named_are_there(path):
+    for dotted in re.findall(r"`(jblast(?:\.\w+)+)`", text(path)):
+        room, names = ROOT, dotted.split(".")
+        while names and (room / names[0]).is_dir():
+            room /= names.pop(0)
+        if names and (room / f"{names[0]}.py").exists():
+            module = room / f"{names.pop(0)}.py"
+        else:
+            module = room / "__init__.py"
+        found = re.findall(r"\w+", text(module))
+        assert set(names[:1]) <= set(found), dotted
+
+
+def test_every_marker_of_a_page_has_a_block_and_every_block_a_page():
+    used = [m for path in WRITTEN for m in blocks.MARKER.findall(text(path))]
+    assert sorted(used) == sorted(blocks.BLOCKS)
+    assert all(len(block()) > 100 for block in blocks.BLOCKS.values())
+
+
+def test_generated_tables_tell_all_that_the_readers_know():
+    told = scene_tables.quantities()
+    assert all(f"`{q}`" in told for q in (*QUANTITIES, *DERIVED_QUANTITIES))
+    assert all(f"`{number.parameter}`" in scene_tables.numbers() for number in NUMBERS)
+    told = scene_tables.keys_of_tables()
+    assert all(f"`{key}`" in told for keys in KEYS.values() for key in keys)
+
+
+def test_the_command_line_page_has_every_verb_with_its_options():
+    told = command_line.verbs()
+    assert re.findall(r"^## jblast (\w+)$", told, re.M)[:2] == ["fit", "calc"]
+    assert "`--one-event`" in told
+    assert "`--posterior {weighted,laplace,emcee,auto}`" in told
+    assert told.count("`--debug`") == told.count("\n## jblast ") + 1
+
+
+def test_every_notebook_and_every_kept_result_becomes_a_page():
+    sources = {page.source for page in GENERATED}
+    kept = ROOT / "calibration" / "results"
+    files = [*(ROOT / "notebooks").glob("*.ipynb"), *kept.glob("*.txt")]
+    assert {name(path) for path in files} <= sources
+    assert {name(path) for path in kept.rglob("*.md")} <= sources
+    uris = [page.uri for page in GENERATED]
+    assert len(set(uris)) == len(uris)
+
+
+def test_links_of_the_repository_become_links_of_the_site():
+    page = "![a](../../calibration/results/charts/fit.png) [b](../install.md#what)"
+    assert to_site(page, "docs/howto/measure.md", "howto/measure.md") == (
+        "![a](../results/charts/fit.png) [b](../install.md#what)"
+    )
+    story = "[one](../../notebooks/01_fit_a_blast.ipynb) [all](https://docs.jax.dev)"
+    assert to_site(story, "docs/howto/fit.md", "howto/fit.md") == (
+        "[one](../tutorials/01_fit_a_blast.md) [all](https://docs.jax.dev)"
+    )
