@@ -2,18 +2,19 @@
 
 import argparse
 
-from jblast.cli.main import parser
+from jblast.cli.parsers import verb_parser
+from jblast.cli.verbs import GROUPS, VERBS
 
 
 def verbs() -> str:
     """Write a section for each verb: what it does, how it is typed, what it takes."""
-    root = parser()
-    (choices,) = (
-        action.choices
-        for action in root._actions
-        if isinstance(action, argparse._SubParsersAction)
-    )
-    return "\n\n".join(_verb(name, verb) for name, verb in choices.items())
+    groups = [
+        f"- **{group}**, {meaning}: "
+        + ", ".join(f"[{v.name}](#jblast-{v.name})" for v in VERBS if v.group == group)
+        for group, meaning in GROUPS.items()
+    ]
+    sections = (_verb(verb.name, verb_parser(verb)) for verb in VERBS)
+    return "\n\n".join(["\n".join(groups), *sections])
 
 
 def _verb(name: str, verb: argparse.ArgumentParser) -> str:
