@@ -77,6 +77,18 @@ def test_all_locks_pin_the_same_versions():
     assert {pin for pin in docs if pin[0] in developed} <= dev
 
 
+def test_every_dependency_says_why_it_is_one():
+    text = (ROOT / "pyproject.toml").read_text()
+    lines = [line for line in text.splitlines() if line.startswith("    ")]
+    for need in PROJECT["dependencies"]:
+        (line,) = (line for line in lines if line.startswith(f'    "{need}",'))
+        assert re.search(r"# \w+", line), need
+
+
+def test_type_checkers_are_told_that_the_package_is_typed():
+    assert files("jblast").joinpath("py.typed").is_file()
+
+
 @pytest.mark.parametrize("name", DATA)
 def test_data_files_are_found_as_resources(name):
     assert files("jblast.waves").joinpath("data", name).is_file()
@@ -95,5 +107,6 @@ def test_the_wheel_holds_the_whole_package_and_its_data(tmp_path):
         if path.is_file() and path.suffix != ".pyc"
     }
     assert {f"jblast/waves/data/{name}" for name in DATA} <= packed
+    assert "jblast/py.typed" in packed
     assert {name for name in packed if name.startswith("jblast/")} == ours
     assert any(name.endswith("licenses/LICENSE") for name in packed)
