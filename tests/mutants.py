@@ -149,8 +149,8 @@ def draw(there: list[Mutant]) -> list[Mutant]:
 
 def killer(mutant: Mutant) -> str:
     """Return the test that fails with a mutant, in a copy of the tree."""
-    room = mutant.file.split("/")[1]
-    stem = Path(mutant.file).stem
+    folders, stem = Path(mutant.file).parts[1:-1], Path(mutant.file).stem
+    room = folders[0] if folders else f"test_{stem}.py"
     with tempfile.TemporaryDirectory() as folder:
         tree = Path(folder)
         for name in ("jblast", "calibration", "tests"):

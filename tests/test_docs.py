@@ -11,8 +11,9 @@ import pytest
 from docs.generate import blocks, command_line, pages, scene_tables
 from docs.generate.links import in_repository, site_uri, targets, to_site
 from jblast.cli.verbs import VERBS
+from jblast.parameter_table import PARAMETERS
 from jblast.quantities import DERIVED_QUANTITIES, QUANTITIES
-from jblast.scene.keys import KEYS, NUMBERS
+from jblast.scene.keys import KEYS
 
 ROOT = Path(__file__).parents[1]
 FRONT = [ROOT / name for name in ("README.md", "CONTRIBUTING.md", "CHANGELOG.md")]
@@ -98,7 +99,7 @@ def test_every_marker_of_a_page_has_a_block_and_every_block_a_page():
 def test_generated_tables_tell_all_that_the_readers_know():
     told = scene_tables.quantities()
     assert all(f"`{q}`" in told for q in (*QUANTITIES, *DERIVED_QUANTITIES))
-    assert all(f"`{number.parameter}`" in scene_tables.numbers() for number in NUMBERS)
+    assert all(f"`{name}`" in scene_tables.numbers() for name in PARAMETERS)
     told = scene_tables.keys_of_tables()
     assert all(f"`{key}`" in told for keys in KEYS.values() for key in keys)
 

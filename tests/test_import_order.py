@@ -15,7 +15,8 @@ SOURCES = sorted(PACKAGE.rglob("*.py"))
 
 # Each may import what stands above it, and its own.
 ORDER = [
-    ("types", "constants", "registry", "errors", "quantities", "progress"),
+    ("types", "constants", "bounds", "registry", "errors", "quantities", "progress"),
+    ("parameter", "parameter_table"),
     ("program_words",),
     ("kept_programs",),
     ("scene",),

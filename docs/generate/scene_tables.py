@@ -1,22 +1,19 @@
 """Tables of the log and of the scene file, from those that their readers go by."""
 
-import math
-
 from jblast.observations.foreign import UNITS
 from jblast.observations.table import COLUMNS, NEEDED
+from jblast.bounds import UNBOUNDED
+from jblast.parameter_table import PARAMETERS
 from jblast.quantities import ADDITIVE, DERIVED_QUANTITIES, QUANTITIES, TIMED
 from jblast.scene.explosives import EXPLOSIVES
 from jblast.scene.keys import (
     GROUND_PATHS,
     KEYS,
     LATER,
-    NUMBERS,
     SENSOR_KINDS,
     VEHICLE_MODELS,
-    Number,
 )
 from jblast.scene.numbers import LISTS
-from jblast.scene.parameters import PARAMETERS
 
 
 def quantities() -> str:
@@ -52,19 +49,16 @@ def units() -> str:
 def numbers() -> str:
     """Write every number that may be fixed, free or uncertain."""
     rows = []
-    for number in NUMBERS:
-        where = PARAMETERS[number.parameter]
-        key = number.key if number.index is None else f"{number.key}[{number.index}]"
+    for name, one in PARAMETERS.items():
+        key, bounds = one.key, one.bounds
+        at = key.name if key.index is None else f"{key.name}[{key.index}]"
         rows.append(
-            f"| `{number.parameter}` | `[{number.table}] {key}` | {_bounds(number)} | "
-            f"{where.default:g} | {'ln' if where.positive else 'itself'} |"
+            f"| `{name}` | `[{key.table}] {at}` | "
+            f"{'' if bounds == UNBOUNDED else bounds.words()} | "
+            f"{one.default:g} | {'ln' if one.positive else 'itself'} |"
         )
     head = ["| number | key | has to be | a fit starts at | fitted in |"]
     return "\n".join([*head, "|---|---|---|---|---|", *rows])
-
-
-def _bounds(number: Number) -> str:
-    return "" if number.above == number.lo == -math.inf else number.bounds()
 
 
 def keys_of_tables() -> str:

@@ -9,11 +9,11 @@ from typing import Any
 from jblast.cli.calc_numbers import MOST_ROWS
 from jblast.cli.calc_options import MEASURED
 from jblast.errors import InputError, nearest, shown
+from jblast.parameter_table import PARAMETERS
 from jblast.report.numbers import printed_number
 from jblast.scene import Air, Charge, Ground, Scene
 from jblast.scene.charge import BURSTS
 from jblast.scene.explosives import explosive_named
-from jblast.scene.keys import NUMBERS
 from jblast.sensors.inverse import Roots
 from jblast.sensors.question import Question, charge_radius, with_burst
 from jblast.waves.atmosphere import water_vapour_fraction
@@ -193,11 +193,11 @@ def _check_vapour(air: Air) -> None:
 
 def _bounded(asked: argparse.Namespace, option: str, parameter: str) -> float:
     """Return an option that a scene file may hold too, within its bounds there."""
-    bounds = next(known for known in NUMBERS if known.parameter == parameter)
+    bounds = PARAMETERS[parameter].bounds
     where = f"--{option.replace('_', '-')}"
     value = _given(asked, option)
     if not bounds.allows(value):
         raise InputError(
-            f"{where}: expected a number that is {bounds.bounds()}, got {value:g}"
+            f"{where}: expected a number that is {bounds.words()}, got {value:g}"
         )
     return value

@@ -8,9 +8,9 @@ from jblast.errors import InputError
 from jblast.inference.fit_result import Fit
 from jblast.observations import Observations, read
 from jblast.observations.together import by_shot, one_event
+from jblast.parameter_table import CLOCK_OFFSET
 from jblast.progress import each
 from jblast.scene import UncertainScene, freed
-from jblast.scene.parameters import CLOCK_OFFSET
 
 WALK = "walk"
 """Folder within `--out` in which a walk is kept."""

@@ -2,13 +2,7 @@
 
 import argparse
 
-NAMES = (
-    "charge_mass_kg, tnt_factor, charge_east_m, charge_north_m, charge_up_m, "
-    "charge_range_m, origin_time_s, air_temperature_k, air_pressure_pa, "
-    "air_relative_humidity, air_altitude_m, air_sound_speed_m_s, wind_east_m_s, "
-    "wind_north_m_s, ground_p_speed_m_s, sedov_gamma, fireball_growth_s"
-)
-"""The names of `scene.PARAMETERS`."""
+from jblast.parameter_table import PARAMETERS
 
 
 def add_free(verb: argparse.ArgumentParser) -> None:
@@ -17,9 +11,9 @@ def add_free(verb: argparse.ArgumentParser) -> None:
         "--free",
         metavar="PARAMETER,...",
         default="",
-        help=f"these are not known either, and have no prior: some of {NAMES}; of one "
-        "of several charges charge_mass_kg.NAME and so on; of a clock "
-        "clock_offset_s.NAME",
+        help="these are not known either, and have no prior: some of "
+        f"{', '.join(PARAMETERS)}; of one of several charges charge_mass_kg.NAME and "
+        "so on; of a clock clock_offset_s.NAME",
     )
 
 

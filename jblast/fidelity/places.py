@@ -10,23 +10,10 @@ from jaxtyping import Array
 
 from jblast.errors import InputError, nearest
 from jblast.quantities import DERIVED_QUANTITIES, QUANTITIES, components
-from jblast.scene import Charge, Scene, Sensor, UncertainScene
-from jblast.scene.parameters import with_values
+from jblast.scene import Charge, Scene, Sensor, UncertainScene, place_of, with_values
 from jblast.scene.priors import Free
 from jblast.waves.between import path_between
 from jblast.waves.paths import Path
-
-DECIDES = (
-    "charge_mass_kg",
-    "charge_range_m",
-    "charge_east_m",
-    "charge_north_m",
-    "charge_up_m",
-    "tnt_factor",
-    "air_pressure_pa",
-    "air_altitude_m",
-)
-"""Numbers of a scene that decide which method will do."""
 
 SCORES = tuple(NormalDist().inv_cdf(p) for p in (0.05, 0.95))
 """Of the ends of a prior's 90 % interval."""
@@ -84,7 +71,7 @@ def paths_in(
     scene = uncertain.scene
     cases = [scene]
     for name, belief in uncertain.beliefs.items():
-        if name.partition(".")[0] not in DECIDES:
+        if not place_of(name).decides:
             continue
         if isinstance(belief, Free):
             raise InputError(

@@ -12,9 +12,9 @@ from jblast.inference.prior_conflict import against_priors
 from jblast.inference.solution import Solution
 from jblast.inference.still_air import still_air
 from jblast.observations import Observations
+from jblast.parameter_table import CLOCK_OFFSET
 from jblast.registry import law_for
 from jblast.scene import Charge, UncertainScene
-from jblast.scene.parameters import CLOCK_OFFSET
 from jblast.scene.uncertain import NO_SCENE
 from jblast.sensors.bursts import height_notes
 from jblast.sensors.layout import components

@@ -13,8 +13,8 @@ from jblast.inference.posterior import Posterior
 from jblast.inference.starts import layout_size, scales
 from jblast.kept_programs import kept
 from jblast.observations import CLOCK_TIMES, TIMES
+from jblast.parameter_table import CLOCK_OFFSET
 from jblast.scene import Scene
-from jblast.scene.parameters import CLOCK_OFFSET
 from jblast.sensors import Layout, record, resolve_laws
 from jblast.sensors.laws import law_names
 from jblast.sensors.record import comparable

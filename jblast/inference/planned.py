@@ -19,18 +19,16 @@ from jblast.inference.fireball_growth import (
 from jblast.inference.parameters import parameters_of
 from jblast.inference.posterior import Posterior, posterior_of
 from jblast.observations import Observations, place
+from jblast.parameter_table import CHARGE_POSITION, CLOCK_OFFSET
 from jblast.quantities import TIMED
-from jblast.scene import Free, Scene, UncertainScene, with_values
-from jblast.scene.keys import NUMBERS
-from jblast.scene.parameters import CLOCK_OFFSET, names_in, value_of
+from jblast.scene import Free, Scene, UncertainScene, place_of, with_values
+from jblast.scene.parameters import names_in, value_of
 from jblast.scene.priors import Belief
 from jblast.sensors import layout_of, planned_layout, resolve_laws
 from jblast.sensors.bursts import settled
 from jblast.sensors.laws import law_names
 from jblast.sensors.observe import Noise
 from jblast.sensors.simulate import written
-
-PLACES = ("charge_east_m", "charge_north_m", "charge_up_m")
 
 
 class Centred(eqx.Module):
@@ -118,7 +116,7 @@ def planned(
     log = written(scene, drawn, value, np.asarray(sigma), sensors)
     log = replace(log, source=source)
     # the place is taken for known here, so a sensor must not stand at it
-    kept = [name for name in beliefs if name.partition(".")[0] not in PLACES]
+    kept = [name for name in beliefs if name.partition(".")[0] not in CHARGE_POSITION]
     with np.errstate(over="ignore"):  # a charge beyond all reach is refused below
         log = place(log, scene, kept)
     for row in np.flatnonzero(~np.isfinite(value)):
@@ -200,12 +198,11 @@ def _shown_by_clocks(uncertain: UncertainScene) -> dict[str, float]:
 
 def _checked(name: str, value: float, belief: Belief, scene: Scene) -> float:
     """Return a number if the scene file, and its prior, would allow it."""
-    for number in NUMBERS:
-        if number.parameter == name.partition(".")[0] and not number.allows(value):
-            raise InputError(
-                f"--at {name}: expected a number that is {number.bounds()}, got "
-                f"{value:g}"
-            )
+    bounds = place_of(name).bounds
+    if not bounds.allows(value):
+        raise InputError(
+            f"--at {name}: expected a number that is {bounds.words()}, got {value:g}"
+        )
     if not math.isfinite(value):
         raise InputError(f"--at {name}: expected a finite number, got {value:g}")
     if not math.isfinite(float(belief.unconstrain(jnp.asarray(value)))):

@@ -10,30 +10,13 @@ from jblast.inference.posterior import Posterior
 from jblast.inference.starts_in_sight import along_sight, sight_length
 from jblast.kept_programs import kept
 from jblast.observations import CLOCK_TIMES
+from jblast.parameter_table import CLOCK_OFFSET
 from jblast.quantities import FIREBALL_RADII
 from jblast.scene import Free, place_of
-from jblast.scene.parameters import CLOCK_OFFSET, value_of
-
-# Spread of a free positive number about its start: a factor, one standard deviation.
-FACTORS = {
-    "charge_mass_kg": 100.0,
-    "tnt_factor": 1.5,
-    "charge_range_m": 10.0,
-    "air_sound_speed_m_s": 1.05,
-    "air_temperature_k": 1.05,
-    "air_pressure_pa": 1.1,
-    "air_relative_humidity": 1.5,
-    "ground_p_speed_m_s": 1.5,
-    "sedov_gamma": 1.05,
-    "fireball_growth_s": 10.0,
-}
-
+from jblast.scene.parameters import value_of
 
 SHORT = 1e-3
 """A time in which fireballs grow [s]."""
-
-WIND = 5.0
-"""A typical wind [m/s]."""
 
 
 @kept
@@ -53,23 +36,17 @@ def layout_size(posterior: Posterior) -> Float[Array, ""]:
 def scales(posterior: Posterior) -> Float[Array, " free"]:
     """Return a typical step of each coordinate, which makes them alike to a solver."""
     size = layout_size(posterior)
-    lengths = {
-        "origin_time_s": size / STANDARD_SOUND_SPEED,
-        "clock_offset_s": size / STANDARD_SOUND_SPEED,
-        "wind_east_m_s": WIND,
-        "wind_north_m_s": WIND,
-        "charge_up_m": 0.1 * size,
-        "air_altitude_m": 1000.0,
-    }
+    units = {"unit": 1.0, "layout": size, "travel": size / STANDARD_SOUND_SPEED}
+
+    def step(name, belief):
+        if not isinstance(belief, Free) or belief.positive:
+            return 1.0
+        amount, of = place_of(name).spread
+        return amount * units[of] if of in units else size
+
     parameters = posterior.parameters
-    return jnp.array(
-        [
-            1.0
-            if not isinstance(belief, Free) or belief.positive
-            else lengths.get(_base(name), size)
-            for name, belief in zip(parameters.names, parameters.beliefs, strict=True)
-        ]
-    )
+    steps = map(step, parameters.names, parameters.beliefs)
+    return jnp.array(list(steps))
 
 
 def spreads(posterior: Posterior) -> Float[Array, " free"]:
@@ -77,7 +54,7 @@ def spreads(posterior: Posterior) -> Float[Array, " free"]:
     parameters = posterior.parameters
     by_factor = jnp.array(
         [
-            jnp.log(FACTORS[_base(name)])
+            jnp.log(place_of(name).spread.amount)
             if isinstance(belief, Free) and belief.positive
             else 1.0
             for name, belief in zip(parameters.names, parameters.beliefs, strict=True)

@@ -19,8 +19,11 @@ from jaxtyping import Float
 from jblast.inference.fisher import information_of_row
 from jblast.inference.posterior import Misfit, Posterior
 from jblast.inference.solution import Solution
-from jblast.inference.starts import WIND, scales
+from jblast.inference.starts import scales
+from jblast.parameter_table import PARAMETERS
 
+WIND = PARAMETERS["wind_east_m_s"].spread.amount
+"""Standard deviation of a wind that nobody measured, either way [m/s]."""
 STEP = 1e-3
 """Of differences: that part of a standard deviation, or of a typical step."""
 WIDER = 1.05

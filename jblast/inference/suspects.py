@@ -24,8 +24,8 @@ from jblast.inference.solution import Solution
 from jblast.inference.starts import layout_size
 from jblast.inference.thinned import is_long
 from jblast.observations import CLOCK_TIMES, Observations
+from jblast.parameter_table import CLOCK_OFFSET
 from jblast.progress import each
-from jblast.scene.parameters import CLOCK_OFFSET
 
 UNHEARD = 1e6
 """Error of a row that is left out: seconds, radians or ln."""

@@ -10,8 +10,8 @@ import numpy as np
 from jaxtyping import Int
 
 from jblast.inference.posterior import Posterior
+from jblast.parameter_table import CLOCK_OFFSET
 from jblast.scene import Free
-from jblast.scene.parameters import CLOCK_OFFSET
 from jblast.sensors import Layout
 from jblast.sensors.effects import path_effects
 

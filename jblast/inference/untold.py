@@ -12,6 +12,7 @@ from jblast.inference.identifiability import told_combinations
 from jblast.inference.laplace import laplace
 from jblast.inference.optimum import SEPARATE
 from jblast.inference.solution import Solution
+from jblast.parameter_table import CHARGE_POSITION
 
 NEAR = 6.0
 """Another optimum within this of the best, in -2 ln density, is an ambiguity."""
@@ -109,7 +110,7 @@ def _apart(solution: Solution, one, other) -> float:
 
 
 def _reason(differ: list[str], cost: float) -> str:
-    places = {"charge_east_m", "charge_north_m", "charge_up_m"} & set(differ)
+    places = set(CHARGE_POSITION) & set(differ)
     what = "another place" if places else "another solution"
     return (
         f"{what} of {', '.join(sorted(differ)) or 'all'} explains the log nearly as "

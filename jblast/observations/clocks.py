@@ -8,9 +8,9 @@ import numpy as np
 
 from jblast.errors import InputError, nearest, shown
 from jblast.observations.table import Observations
+from jblast.parameter_table import CLOCK_OFFSET
 from jblast.quantities import CLOCK_TIMES
 from jblast.scene import Scene
-from jblast.scene.parameters import CLOCK_OFFSET
 
 
 def check_clocks(

@@ -7,9 +7,9 @@ from jaxtyping import Bool, Float
 
 from jblast.errors import InputError, shown
 from jblast.observations.table import TIMES, Observations
+from jblast.parameter_table import CLOCK_OFFSET
 from jblast.quantities import DIRECTIONS, FIREBALL_RADII, PLACELESS
 from jblast.scene import Charge, Scene
-from jblast.scene.parameters import CLOCK_OFFSET
 
 EARLY = 5.0
 """A reading this many sigmas before the origin time is no error of measurement."""

@@ -20,7 +20,8 @@ from jblast.observations.misplaced import (
     refuse_wind_without_place,
 )
 from jblast.observations.table import Observations
-from jblast.scene import PARAMETERS, Scene
+from jblast.parameter_table import CHARGE_POSITION, PARAMETERS
+from jblast.scene import Scene
 
 
 def place(
@@ -72,7 +73,7 @@ def place(
             check_range(observations, int(row), position[row], charge, free)
             position[row] = np.nan  # the slant range is what counts
         refuse_placeless(observations, position, charge, here)
-        if not {"charge_east_m", "charge_north_m", "charge_up_m"} & free:
+        if not free & set(CHARGE_POSITION):
             refuse_on_charge(observations, position, charge, here)
         if "origin_time_s" not in free:
             refuse_before_origin(observations, scene, charge, here, beliefs)

@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from jblast.inference.fit_result import Fit
+from jblast.parameter_table import described
 from jblast.report.accepted import Accepted, compare, estimates_of, not_fitted
 from jblast.report.doubts import (
     ambiguity_sentence,
@@ -25,20 +26,6 @@ SAFETY = (
     "For safety engineering, forensics and sensing; it designs no explosives. "
     "Decide nothing that concerns lives from this page alone."
 )
-
-OPENINGS = {
-    "charge_mass_kg": "The charge was {} of TNT",
-    "charge_tnt_mass_kg": "The charge was worth {} of TNT",
-    "charge_energy_j": "Its energy was {}",
-    "charge_east_m": "It stood at east {}",
-    "charge_north_m": "It stood at north {}",
-    "charge_up_m": "It stood at height {}",
-    "charge_range_m": "It stood {} from the sensor",
-    "origin_time_s": "It exploded at {} on the sensors' clock",
-    "air_sound_speed_m_s": "The speed of sound in the air was {}",
-    "ground_p_speed_m_s": "The P-wave speed of the ground was {}",
-}
-"""How a sentence about each parameter begins; others say "The ... was"."""
 
 
 def conclusion(fit: Fit, accepted: Accepted | None = None) -> list[str]:
@@ -154,10 +141,10 @@ def _estimate_sentence(
     explosive: str = "",
 ) -> str:
     printed = printed_estimate(name, estimate)
-    opening = OPENINGS.get(name, f"The {parameter_words(name)} was {{}}")
+    known, label = described(name), split_name(name)[2]
+    opening = known.opening if known and not label else ""
     opening = opening.replace("of TNT", f"of {explosive}") if explosive else opening
-    if split_name(name)[2]:
-        opening = f"The {parameter_words(name)} was {{}}"
+    opening = opening or f"The {parameter_words(name)} was {{}}"
     value = printed.value
     if printed.beside and name == "charge_energy_j":
         value = f"{value}, as much as {printed.beside},"

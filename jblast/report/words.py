@@ -2,6 +2,8 @@
 
 from collections.abc import Sequence
 
+from jblast.parameter_table import described
+
 SUFFIXES = (
     "_pa_s",
     "_m_s2",
@@ -16,30 +18,6 @@ SUFFIXES = (
     "_k",
 )
 """Unit suffixes of names, longest first: `_m_s` must be tried before `_s`."""
-
-PARAMETER_WORDS = {
-    "charge_mass_kg": "charge mass",
-    "charge_tnt_mass_kg": "TNT mass of the charge",
-    "charge_tnt_mass_by_impulse_kg": "TNT mass by impulse",
-    "charge_energy_j": "energy",
-    "tnt_factor": "TNT factor",
-    "charge_east_m": "charge east",
-    "charge_north_m": "charge north",
-    "charge_up_m": "charge up",
-    "charge_range_m": "range of the charge",
-    "origin_time_s": "origin time",
-    "air_temperature_k": "air temperature",
-    "air_pressure_pa": "air pressure",
-    "air_relative_humidity": "relative humidity",
-    "air_altitude_m": "altitude",
-    "air_sound_speed_m_s": "air sound speed",
-    "wind_east_m_s": "wind to the east",
-    "wind_north_m_s": "wind to the north",
-    "ground_p_speed_m_s": "ground P-wave speed",
-    "clock_offset_s": "clock offset",
-    "sedov_gamma": "ratio of specific heats",
-    "fireball_growth_s": "growth time of the fireball",
-}
 
 QUANTITY_WORDS = {
     "flash_time_s": "flash time",
@@ -93,8 +71,8 @@ def split_name(name: str) -> tuple[str, str, str]:
 
 def parameter_words(name: str) -> str:
     """Return a parameter's name in words; an unknown one loses unit and underscores."""
-    stem, suffix, label = split_name(name)
-    words = PARAMETER_WORDS.get(stem + suffix, stem.replace("_", " "))
+    known, (stem, _, label) = described(name), split_name(name)
+    words = known.words if known else stem.replace("_", " ")
     return f"{words} of {label}" if label else words
 
 

@@ -1,5 +1,6 @@
 """What is there: charge, air, ground, sensors, camera, vehicle; what is not known."""
 
+from jblast.parameter_table import PARAMETERS as PARAMETERS
 from jblast.scene.air import Air as Air
 from jblast.scene.camera import Camera as Camera
 from jblast.scene.charge import Charge as Charge
@@ -7,7 +8,6 @@ from jblast.scene.clock import Clock as Clock
 from jblast.scene.explosives import EXPLOSIVES as EXPLOSIVES
 from jblast.scene.ground import Ground as Ground
 from jblast.scene.parameters import (
-    PARAMETERS as PARAMETERS,
     place_of as place_of,
     value_of as value_of,
     with_values as with_values,

@@ -3,7 +3,7 @@
 import equinox as eqx
 from jaxtyping import Array, Float
 
-from jblast.constants import STANDARD_PRESSURE, STANDARD_TEMPERATURE
+from jblast.parameter_table import PARAMETERS
 from jblast.types import as_float_array, as_optional_float_array
 
 
@@ -23,13 +23,13 @@ class Air(eqx.Module):
     """
 
     temperature: Float[Array, ""] = eqx.field(
-        converter=as_float_array, default=STANDARD_TEMPERATURE
+        converter=as_float_array, default=PARAMETERS["air_temperature_k"].default
     )
     pressure: Float[Array, ""] = eqx.field(
-        converter=as_float_array, default=STANDARD_PRESSURE
+        converter=as_float_array, default=PARAMETERS["air_pressure_pa"].default
     )
     relative_humidity: Float[Array, ""] = eqx.field(
-        converter=as_float_array, default=0.5
+        converter=as_float_array, default=PARAMETERS["air_relative_humidity"].default
     )
     altitude: Float[Array, ""] | None = eqx.field(
         converter=as_optional_float_array, default=None

@@ -10,6 +10,7 @@ from jax.core import Tracer
 from jaxtyping import Array, Bool, Float
 
 from jblast.errors import InputError
+from jblast.parameter_table import PARAMETERS
 from jblast.scene.explosives import tnt_factor
 from jblast.types import as_float_array, as_optional_float_array
 
@@ -43,7 +44,9 @@ class Charge(eqx.Module):
             looked at.
     """
 
-    mass: Float[Array, ""] = eqx.field(converter=as_float_array, default=1.0)
+    mass: Float[Array, ""] = eqx.field(
+        converter=as_float_array, default=PARAMETERS["charge_mass_kg"].default
+    )
     east: Float[Array, ""] = eqx.field(converter=as_float_array, default=0.0)
     north: Float[Array, ""] = eqx.field(converter=as_float_array, default=0.0)
     up: Float[Array, ""] = eqx.field(converter=as_float_array, default=0.0)

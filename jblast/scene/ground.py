@@ -5,7 +5,7 @@ from typing import Literal
 import equinox as eqx
 from jaxtyping import Array, Float
 
-from jblast.constants import GRANITE_P_SPEED
+from jblast.parameter_table import PARAMETERS
 from jblast.types import as_float_array
 
 GroundPath = Literal["head", "thesis"]
@@ -21,6 +21,6 @@ class Ground(eqx.Module):
     """
 
     p_speed: Float[Array, ""] = eqx.field(
-        converter=as_float_array, default=GRANITE_P_SPEED
+        converter=as_float_array, default=PARAMETERS["ground_p_speed_m_s"].default
     )
     path: GroundPath = eqx.field(static=True, default="head")

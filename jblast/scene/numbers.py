@@ -7,8 +7,8 @@ import numpy as np
 from jaxtyping import Float
 
 from jblast.errors import InputError, nearest, shown
-from jblast.scene.keys import NUMBERS, Number
-from jblast.scene.parameters import place_of
+from jblast.parameter import Parameter
+from jblast.parameter_table import PARAMETERS
 from jblast.scene.priors import Free, LogNormal, LogUniform, Normal, Prior, Uniform
 from jblast.scene.tables import not_yet, number_list
 
@@ -83,23 +83,24 @@ def read_numbers(entry: dict[str, Any], table: str, where: str) -> dict[str, Unc
         InputError: As in `read_number`.
     """
     numbers = {}
-    for number in NUMBERS:
-        if number.table != table or number.key not in entry:
+    for parameter in PARAMETERS.values():
+        key = parameter.key
+        if key.table != table or key.name not in entry:
             continue
-        value, at = entry[number.key], f"{where} {number.key}"
-        if number.index is not None:
-            value = number_list(value, at, LISTS[number.key])[number.index]
-            at += f"[{number.index}]"
-        numbers[number.parameter] = read_number(value, number, at)
+        value, at = entry[key.name], f"{where} {key.name}"
+        if key.index is not None:
+            value = number_list(value, at, LISTS[key.name])[key.index]
+            at += f"[{key.index}]"
+        numbers[parameter.name] = read_number(value, parameter, at)
     return numbers
 
 
-def read_number(value: Any, number: Number, where: str) -> Uncertain:
+def read_number(value: Any, parameter: Parameter, where: str) -> Uncertain:
     """Return where a fit of a number starts, and what is believed of it.
 
     Args:
         value: What stands in the file.
-        number: What the number is.
+        parameter: What the number is.
         where: File, table and key, for the messages.
 
     Returns:
@@ -109,22 +110,20 @@ def read_number(value: Any, number: Number, where: str) -> Uncertain:
     Raises:
         InputError: It is none of the three, or out of bounds.
     """
-    place = place_of(number.parameter)
     if value == "free":
-        return place.default, Free(place.positive)
+        return parameter.default, Free(parameter.positive)
     if isinstance(value, dict):
-        return _prior(value, number, where)
+        return _prior(value, parameter, where)
     expected = 'a number, "free" or a prior such as { normal = [mean, sd] }'
     if isinstance(value, bool) or not isinstance(value, int | float):
         raise InputError(f"{where}: expected {expected}, got {shown(value)}")
     fixed = finite(value, where)
-    _check(fixed, number, where, "a number")
+    _check(fixed, parameter, where, "a number")
     return fixed, None
 
 
-def _prior(value: dict[str, Any], number: Number, where: str) -> Uncertain:
+def _prior(value: dict[str, Any], parameter: Parameter, where: str) -> Uncertain:
     """Return the median of a prior and the prior."""
-    place = place_of(number.parameter)
     kinds = list(value)
     for kind in kinds:
         if kind not in PRIORS:
@@ -144,10 +143,10 @@ def _prior(value: dict[str, Any], number: Number, where: str) -> Uncertain:
     expected = f"two finite numbers in {kind} = {form}"
     a, b = (finite(item, where, expected) for item in pair)
     if kind == "normal":
-        _check(a, number, where, "a mean")
+        _check(a, parameter, where, "a mean")
         _require(b > 0, where, f"a positive sd in normal = {form}", pair)
         _require(
-            not place.positive or a >= CLEAR_OF_ZERO * b,
+            not parameter.positive or a >= CLEAR_OF_ZERO * b,
             where,
             f"a mean at least {CLEAR_OF_ZERO:g} sd above zero in normal = {form}; "
             "lognormal suits a positive number",
@@ -157,20 +156,21 @@ def _prior(value: dict[str, Any], number: Number, where: str) -> Uncertain:
     if kind == "lognormal":
         _require(a > 0, where, f"a positive median in lognormal = {form}", pair)
         _require(b > 1, where, f"a factor above 1 in lognormal = {form}", pair)
-        _check(a, number, where, "a median")
+        _check(a, parameter, where, "a median")
         return a, LogNormal(a, b)
     _require(a < b, where, f"lo < hi in {kind} = {form}", pair)
     if kind == "loguniform":
         _require(a > 0, where, f"a positive lo in loguniform = {form}", pair)
     for end in (a, b):
-        _check(end, number, where, "an end")
+        _check(end, parameter, where, "an end")
     if kind == "uniform":
         return 0.5 * a + 0.5 * b, Uniform(a, b)
     return math.sqrt(a) * math.sqrt(b), LogUniform(a, b)
 
 
-def _check(value: float, number: Number, where: str, what: str) -> None:
-    _require(number.allows(value), where, f"{what} that is {number.bounds()}", value)
+def _check(value: float, parameter: Parameter, where: str, what: str) -> None:
+    bounds = parameter.bounds
+    _require(bounds.allows(value), where, f"{what} that is {bounds.words()}", value)
 
 
 def _require(condition: bool, where: str, expected: str, got: Any) -> None:

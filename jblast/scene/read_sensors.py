@@ -6,14 +6,12 @@ from typing import Any
 import numpy as np
 
 from jblast.errors import InputError, nearest, shown
+from jblast.parameter_table import CLOCK, CLOCK_OFFSET
 from jblast.quantities import QUANTITIES, TIMED
-from jblast.scene.keys import SENSOR_KINDS, Number
+from jblast.scene.keys import SENSOR_KINDS
 from jblast.scene.numbers import LISTS, Uncertain, finite, fixed_list, read_number
-from jblast.scene.parameters import CLOCK_OFFSET
 from jblast.scene.sensor import Sensor
 from jblast.scene.tables import choice, name_of, tables
-
-OFFSET = Number("clock_offset_s", "sensor", "clock_offset_s")
 
 
 def read_sensors(
@@ -39,9 +37,9 @@ def read_sensors(
             )
         where = f"{source}: [[sensor]] {shown(name)}"
         sensors[name] = _sensor(name, entry, where)
-        if OFFSET.key in entry:
-            number = read_number(entry[OFFSET.key], OFFSET, f"{where} {OFFSET.key}")
-            offsets[f"{CLOCK_OFFSET}.{name}"] = number
+        if (key := CLOCK.key.name) in entry:
+            offset = read_number(entry[key], CLOCK, f"{where} {key}")
+            offsets[f"{CLOCK_OFFSET}.{name}"] = offset
     return tuple(sensors.values()), offsets
 
 

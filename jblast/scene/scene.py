@@ -3,6 +3,7 @@
 import equinox as eqx
 from jaxtyping import Array, Float
 
+from jblast.parameter_table import PARAMETERS
 from jblast.scene.air import Air
 from jblast.scene.camera import Camera
 from jblast.scene.charge import Charge
@@ -44,7 +45,9 @@ class Scene(eqx.Module):
     law: tuple[tuple[str, str], ...] = eqx.field(static=True, default=())
     scatter: bool = eqx.field(static=True, default=True)
     instant_light: bool = eqx.field(static=True, default=False)
-    sedov_gamma: Float[Array, ""] = eqx.field(converter=as_float_array, default=1.4)
+    sedov_gamma: Float[Array, ""] = eqx.field(
+        converter=as_float_array, default=PARAMETERS["sedov_gamma"].default
+    )
     fireball_growth: Float[Array, ""] | None = eqx.field(
         converter=as_optional_float_array, default=None
     )

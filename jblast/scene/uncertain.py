@@ -7,9 +7,9 @@ import jax
 from jaxtyping import PRNGKeyArray
 
 from jblast.errors import InputError, nearest
+from jblast.parameter_table import CLOCK_OFFSET, PARAMETERS
 from jblast.scene.clock import Clock
 from jblast.scene.parameters import (
-    CLOCK_OFFSET,
     names_in,
     place_of,
     value_of,
@@ -17,13 +17,6 @@ from jblast.scene.parameters import (
 )
 from jblast.scene.priors import Belief, Free, draw
 from jblast.scene.scene import Scene
-
-TAKES_THE_PLACE_OF = {
-    "air_altitude_m": ("air_temperature_k", "air_pressure_pa"),
-    "charge_range_m": ("charge_east_m", "charge_north_m"),
-}
-"""Where the first is given, the others are not used."""
-
 
 NO_SCENE = "the default scene"
 """Source of the scene that is taken where none is given."""
@@ -111,8 +104,9 @@ def _refuse_unused(name: str, uncertain: UncertainScene, names: Sequence[str]) -
     """Refuse to free a number beside one that takes its place."""
     scene = uncertain.scene
     _, dot, label = name.partition(".")
-    for one, others in TAKES_THE_PLACE_OF.items():
-        one, others = one + dot + label, tuple(o + dot + label for o in others)
+    for base, parameter in PARAMETERS.items():
+        one = base + dot + label
+        others = tuple(o + dot + label for o in parameter.takes_the_place_of)
         rivals: list[str] = []
         if name == one:
             rivals = [

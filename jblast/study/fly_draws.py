@@ -7,7 +7,7 @@ from jaxtyping import Float
 
 from jblast.errors import InputError
 from jblast.scene import Scene, UncertainScene, VehicleSpec, draw_scene, place_of
-from jblast.scene.keys import NUMBERS
+from jblast.scene.parameters import leaf_of
 
 MOST_VEHICLES = 10_000_000
 
@@ -78,15 +78,13 @@ def drawn_scenes(uncertain: UncertainScene, vehicles: int, seed: int) -> Scene:
         keys = jax.random.split(key, vehicles)
         scenes = eqx.filter_vmap(lambda key: draw_scene(key, uncertain))(keys)
     for name, values in drawn_values(uncertain, scenes).items():
-        bounds = next(
-            (n for n in NUMBERS if n.parameter == name.partition(".")[0]), None
-        )
-        refused = [v for v in values.ravel() if bounds and not bounds.allows(float(v))]
-        if bounds and refused:
+        bounds = place_of(name).bounds
+        refused = [v for v in values.ravel() if not bounds.allows(float(v))]
+        if refused:
             raise InputError(
                 f"{uncertain.source or 'scene'}: seed {seed} draws {name} "
                 f"{refused[0]:g}, one of {len(refused)} such of {values.size}; "
-                f"expected a prior of what is {bounds.bounds()}"
+                f"expected a prior of what is {bounds.words()}"
             )
     return scenes
 
@@ -95,6 +93,4 @@ def drawn_values(
     uncertain: UncertainScene, scenes: Scene
 ) -> dict[str, Float[np.ndarray, "..."]]:
     """Return what was drawn, by name."""
-    return {
-        name: np.asarray(place_of(name).where(scenes)) for name in uncertain.beliefs
-    }
+    return {name: np.asarray(leaf_of(scenes, name)) for name in uncertain.beliefs}

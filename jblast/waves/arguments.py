@@ -19,6 +19,11 @@ import numpy as np
 from jax.core import Tracer
 from jaxtyping import Float
 
+from jblast.bounds import POSITIVE, UNBOUNDED, Bounds
+
+NOT_NEGATIVE = Bounds(at_least=0.0)
+QUADRANT = Bounds(at_least=0.0, at_most=math.pi / 2)
+
 P = ParamSpec("P")
 R = TypeVar("R")
 
@@ -30,28 +35,19 @@ class Argument:
     Attributes:
         unit: SI unit.
         usual: Where it lies in most scenes; the tests sweep that span.
-        above: It has to be larger than this.
-        at_least: It has to be at least this.
-        at_most: It has to be at most this.
+        bounds: Where it has to lie.
         open: Whether NaN (not told) and infinity (never) are left to the law.
     """
 
     unit: str
     usual: tuple[float, float]
-    above: float = -math.inf
-    at_least: float = -math.inf
-    at_most: float = math.inf
+    bounds: Bounds = UNBOUNDED
     open: bool = False
-
-    def allows(self, values: np.ndarray) -> np.ndarray:
-        """Return where values lie within the bounds; of NaN bounds say nothing."""
-        low = (values > self.above) & (values >= self.at_least)
-        return np.isnan(values) | (low & (values <= self.at_most))
 
     def fault(self, values: Float[np.ndarray, "..."]) -> str:
         """Return what is wrong with values, in words; empty if nothing is."""
         for bad, expected in (
-            (~self.allows(values), self.bounds()),
+            (~(self.bounds.allows(values) | np.isnan(values)), self.bounds.words()),
             (np.isnan(values) & (not self.open), "a number"),
             (np.isinf(values) & (not self.open), "finite"),
         ):
@@ -60,25 +56,15 @@ class Argument:
                 return f"must be {expected}, got {values[bad][0]:g}{unit}"
         return ""
 
-    def bounds(self) -> str:
-        """Return the bounds in words."""
-        if math.isfinite(self.at_most):
-            return f"between {self.at_least:g} and {self.at_most:g}"
-        if self.above == 0:
-            return "positive"
-        if math.isfinite(self.above):
-            return f"above {self.above:g}"
-        return "not negative" if self.at_least == 0 else f"at least {self.at_least:g}"
-
 
 def _positive(unit: str, low: float, high: float, *, open: bool = False) -> Argument:
-    return Argument(unit, (low, high), above=0.0, open=open)
+    return Argument(unit, (low, high), POSITIVE, open=open)
 
 
 ARGUMENTS: dict[str, Argument] = {
     # the way from charge to sensor (waves.paths.Path)
     "slant_range": _positive("m", 0.1, 1e4),
-    "ground_range": Argument("m", (0.1, 1e4), at_least=0.0),
+    "ground_range": Argument("m", (0.1, 1e4), NOT_NEGATIVE),
     "sensor_height": Argument("m", (0.0, 10.0)),
     "charge_mass": _positive("kg", 1e-2, 1e6),
     "height_of_burst": Argument("m", (-1.0, 5.0)),
@@ -94,13 +80,13 @@ ARGUMENTS: dict[str, Argument] = {
     "ambient_pressure": _positive("Pa", 5e4, 1.05e5),
     "pressure": _positive("Pa", 5e4, 1.05e5),
     "temperature": _positive("K", 255.0, 320.0),
-    "relative_humidity": Argument("1", (0.05, 0.95), at_least=0.0, at_most=1.0),
+    "relative_humidity": Argument("1", (0.05, 0.95), Bounds(at_least=0.0, at_most=1.0)),
     "altitude": Argument("m", (0.0, 1e4)),
     "sound_speed": _positive("m/s", 300.0, 360.0),
     "air_density": _positive("kg/m3", 0.7, 1.3),
     "p_speed": _positive("m/s", 2e3, 6e3),
     "wind_along": Argument("m/s", (-20.0, 20.0)),
-    "sedov_gamma": Argument("1", (1.15, 1.65), above=1.0),
+    "sedov_gamma": Argument("1", (1.15, 1.65), Bounds(above=1.0)),
     # the shape of a wave
     "time": Argument("s", (-0.005, 0.02), open=True),
     "peak_overpressure": _positive("Pa", 1e2, 1e6),
@@ -111,10 +97,10 @@ ARGUMENTS: dict[str, Argument] = {
     "rise_time": _positive("s", 1e-5, 1e-3),
     "negative_pressure": _positive("Pa", 1e2, 5e4),
     "negative_duration": _positive("s", 5e-3, 5e-2),
-    "incidence_angle": Argument("rad", (0.05, 1.5), at_least=0.0, at_most=math.pi / 2),
-    "mach_number": Argument("1", (1.01, 10.0), at_least=1.0),
+    "incidence_angle": Argument("rad", (0.05, 1.5), QUADRANT),
+    "mach_number": Argument("1", (1.01, 10.0), Bounds(at_least=1.0)),
     # sound on its way
-    "frequency": Argument("Hz", (1.0, 1e4), at_least=0.0),
+    "frequency": Argument("Hz", (1.0, 1e4), NOT_NEGATIVE),
     "reference_range": _positive("m", 0.1, 10.0),
 }
 """By name. `burst` is "surface" or "free-air"."""

@@ -173,10 +173,9 @@ def test_no_verb_and_an_unknown_verb_exit_2_and_say_which_there_are(jblast):
 
 
 def test_help_names_every_parameter_that_can_be_freed(jblast):
-    from jblast.cli.options import NAMES
     from jblast.scene import PARAMETERS
 
-    assert tuple(NAMES.split(", ")) == tuple(PARAMETERS)
     code, out, _ = jblast("fit", "--help")
     assert code == 0
+    assert ", ".join(PARAMETERS) in " ".join(out.split())
     assert "sensor,quantity,value,sigma" in out

@@ -7,6 +7,7 @@ from hypothesis import given, settings, strategies as st
 
 from jblast.errors import InputError
 from jblast.scene import (
+    PARAMETERS,
     Free,
     LogNormal,
     LogUniform,
@@ -16,8 +17,8 @@ from jblast.scene import (
     draw_scene,
     read_scene,
 )
-from jblast.scene.keys import KEYS, LATER, NUMBERS
-from jblast.scene.parameters import PARAMETERS, value_of, with_values
+from jblast.scene.keys import KEYS, LATER
+from jblast.scene.parameters import value_of, with_values
 from jblast.scene.read import scene_from_document
 
 
@@ -169,12 +170,14 @@ def test_an_empty_file_is_the_default_scene(scene):
     assert uncertain.scene.sedov_gamma == 1.4
 
 
-@pytest.mark.parametrize("number", [n for n in NUMBERS if n.index is None])
-def test_every_number_may_be_free(scene, number):
-    uncertain = scene(f'[{number.table}]\n{number.key} = "free"\n')
-    place = PARAMETERS[number.parameter]
-    assert uncertain.beliefs[number.parameter] == Free(positive=place.positive)
-    assert value_of(uncertain.scene, number.parameter) == place.default
+ALONE = [one for one in PARAMETERS.values() if one.key.index is None]
+
+
+@pytest.mark.parametrize("one", ALONE, ids=lambda one: one.name)
+def test_every_number_may_be_free(scene, one):
+    uncertain = scene(f'[{one.key.table}]\n{one.key.name} = "free"\n')
+    assert uncertain.beliefs[one.name] == Free(positive=one.positive)
+    assert value_of(uncertain.scene, one.name) == one.default
 
 
 def test_the_median_of_a_prior_is_where_a_fit_starts(scene):
@@ -487,11 +490,11 @@ def test_random_documents_raise_nothing_but_input_errors(document):
 
 
 @settings(deadline=None)
-@given(NUMBER, st.sampled_from([n for n in NUMBERS if n.index is None]))
-def test_what_is_accepted_lies_within_its_bounds(value, number):
-    document = {number.table: {number.key: value}}
+@given(NUMBER, st.sampled_from(ALONE))
+def test_what_is_accepted_lies_within_its_bounds(value, one):
+    document = {one.key.table: {one.key.name: value}}
     with suppress(InputError):
         uncertain = scene_from_document(document, "scene.toml")
-        start = value_of(uncertain.scene, number.parameter)
+        start = value_of(uncertain.scene, one.name)
         assert start is not None
-        assert number.allows(start.item())
+        assert one.bounds.allows(start.item())

@@ -4,7 +4,6 @@ import jax.numpy as jnp
 import pytest
 
 from jblast.scene import PARAMETERS, Scene, with_values
-from jblast.scene.keys import NUMBERS
 from jblast.scene.parameters import value_of
 
 DERIVED = ("charge_range_m", "air_altitude_m", "air_sound_speed_m_s")
@@ -42,14 +41,3 @@ def test_values_carry_gradients_into_the_scene():
         return 2.0 * scene.air.sound_speed
 
     assert jax.grad(twice)(jnp.asarray(340.0)) == 2.0
-
-
-def test_the_scene_file_can_say_every_parameter_once():
-    assert [number.parameter for number in NUMBERS] == list(PARAMETERS)
-
-
-@pytest.mark.parametrize("number", NUMBERS, ids=lambda n: n.parameter)
-def test_a_parameter_starts_within_its_bounds_and_ln_ones_are_positive(number):
-    place = PARAMETERS[number.parameter]
-    assert number.allows(place.default)
-    assert place.positive == (number.above >= 0 or number.lo >= 0)

@@ -210,10 +210,10 @@ def test_what_no_scene_can_have_is_refused(f, word):
         pytest.skip("it says no")
     values = {name: float(value[0]) for name, value in drawn(f, 1).items()}
     for name in values:
-        argument = ARGUMENTS[name]
-        for bound in (argument.above, argument.at_least, argument.at_most):
+        bounds = ARGUMENTS[name].bounds
+        for bound in (bounds.above, bounds.at_least, bounds.at_most):
             if not np.isfinite(bound):
                 continue
-            beyond = bound + 1.0 if bound == argument.at_most else bound - 1.0
+            beyond = bound + 1.0 if bound == bounds.at_most else bound - 1.0
             with pytest.raises(ValueError, match=f"{name} must be"):
                 call(f, word, values | {name: beyond})

@@ -1,0 +1,31 @@
+import math
+
+import numpy as np
+import pytest
+
+from jblast.bounds import UNBOUNDED, Bounds
+
+
+@pytest.mark.parametrize(
+    ("bounds", "words", "within", "beyond"),
+    [
+        (Bounds(above=0.0), "positive", [1e-300, math.inf], [0.0, -1.0, math.nan]),
+        (Bounds(above=1.0), "above 1", [1.1], [1.0]),
+        (Bounds(at_least=0.0), "not negative", [0.0], [-1e-9]),
+        (Bounds(at_least=1.0), "at least 1", [1.0], [0.9]),
+        (Bounds(at_least=-5.0, at_most=5.0), "between -5 and 5", [-5.0, 5.0], [5.1]),
+    ],
+)
+def test_bounds_allow_what_their_words_say(bounds, words, within, beyond):
+    assert bounds.words() == words
+    assert all(bounds.allows(value) for value in within)
+    assert not any(bounds.allows(value) for value in beyond)
+
+
+def test_no_bounds_refuse_nothing():
+    assert all(UNBOUNDED.allows(value) for value in (math.nan, math.inf, -math.inf))
+
+
+def test_of_an_array_bounds_say_where():
+    allowed = Bounds(above=0.0).allows(np.array([1.0, 0.0, math.nan]))
+    np.testing.assert_array_equal(allowed, [True, False, False])

@@ -1,0 +1,109 @@
+"""The table of scene numbers is whole, and agrees with itself and with the scene."""
+
+import subprocess
+import sys
+
+import pytest
+
+from jblast.parameter_table import (
+    CHARGE_POSITION,
+    CLOCK,
+    CLOCK_OFFSET,
+    DERIVED_NUMBERS,
+    PARAMETERS,
+    described,
+)
+from jblast.report.numbers import LADDERS
+from jblast.report.words import parameter_words, split_name
+from jblast.scene import Scene, place_of, value_of
+from jblast.scene.keys import KEYS
+from jblast.scene.numbers import LISTS
+from jblast.scene.parameters import names_in
+
+ALL = (*PARAMETERS.values(), CLOCK)
+every_parameter = pytest.mark.parametrize("one", ALL, ids=lambda one: one.name)
+
+NO_NUMBERS = {
+    "charge": {"name", "explosive", "burst"},
+    "ground": {"path"},
+    "sensor": {"name", "kind", "position_m", "records", "times_s"},
+}
+"""Keys that hold words, or numbers that cannot be free."""
+
+
+def test_every_key_that_may_hold_an_uncertain_number_is_in_the_table():
+    told = {(one.key.table, one.key.name) for one in ALL}
+    for table in ("charge", "air", "ground", "sensor"):
+        keys = set(KEYS[table]) - NO_NUMBERS.get(table, set())
+        assert keys == {name for of, name in told if of == table}
+    assert {name for of, name in told if of == "law"} < set(KEYS["law"])
+
+
+def test_a_list_of_the_file_is_told_from_its_first_number_to_its_last():
+    lists = {one.key.name for one in PARAMETERS.values() if one.key.index is not None}
+    for name in lists:
+        told = [one.key.index for one in PARAMETERS.values() if one.key.name == name]
+        assert told == list(range(LISTS[name].count(",") + 1))
+
+
+def test_every_number_of_a_scene_is_in_the_table_and_the_other_way_round():
+    scene = Scene()
+    assert names_in(scene) == tuple(PARAMETERS)
+    for name, one in PARAMETERS.items():
+        value = value_of(scene, name)
+        assert value is None or value == one.default
+
+
+@every_parameter
+def test_a_fit_starts_within_the_bounds(one):
+    assert one.bounds.allows(one.default)
+
+
+@every_parameter
+def test_what_is_fitted_in_ln_is_positive_and_the_rest_may_be_zero(one):
+    assert one.positive == (max(one.bounds.above, one.bounds.at_least) >= 0)
+    assert one.spread.amount > (1 if one.positive else 0)
+
+
+@pytest.mark.parametrize(
+    "one", [*ALL, *DERIVED_NUMBERS.values()], ids=lambda one: one.name
+)
+def test_a_name_ends_in_its_unit(one):
+    _, suffix, _ = split_name(one.name)
+    symbol = next(unit.symbol for _, unit in LADDERS[suffix] if unit.size == 1.0)
+    assert one.unit == (symbol or "1")
+
+
+@every_parameter
+def test_a_key_of_the_file_ends_in_the_unit_of_its_number(one):
+    assert split_name(one.key.name)[1] == split_name(one.name)[1]
+
+
+@every_parameter
+def test_what_takes_the_place_of_others_names_numbers_of_its_own_table(one):
+    for other in one.takes_the_place_of:
+        assert PARAMETERS[other].key.table == one.key.table
+
+
+@pytest.mark.parametrize("one", ALL, ids=lambda one: one.name)
+def test_an_opening_has_room_for_one_value(one):
+    assert one.opening.count("{}") == bool(one.opening)
+
+
+def test_numbers_are_found_by_the_names_they_have_beside_others():
+    assert described("charge_mass_kg.east") is PARAMETERS["charge_mass_kg"]
+    assert described(f"{CLOCK_OFFSET}.b") is place_of(f"{CLOCK_OFFSET}.b") is CLOCK
+    assert described("charge_energy_j") is DERIVED_NUMBERS["charge_energy_j"]
+    assert described("charge_mass") is None
+    assert parameter_words("clock_offset_s.b") == "clock offset of b"
+    with pytest.raises(KeyError):
+        place_of("charge_mass")
+
+
+def test_a_position_is_east_north_up():
+    assert [PARAMETERS[name].key.index for name in CHARGE_POSITION] == [0, 1, 2]
+
+
+def test_the_table_needs_no_jax():
+    code = "import sys, jblast.parameter_table; sys.exit('jax' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code]).returncode == 0
