@@ -1,8 +1,8 @@
 """Tables of the log and of the scene file, from those that their readers go by."""
 
+from jblast.bounds import UNBOUNDED
 from jblast.observations.foreign import UNITS
 from jblast.observations.table import COLUMNS, NEEDED
-from jblast.bounds import UNBOUNDED
 from jblast.parameter_table import PARAMETERS
 from jblast.quantities import ADDITIVE, DERIVED_QUANTITIES, QUANTITIES, TIMED
 from jblast.scene.explosives import EXPLOSIVES
