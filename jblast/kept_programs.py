@@ -11,8 +11,6 @@ import contextlib
 import functools
 import hashlib
 import json
-import os
-import threading
 from collections.abc import Callable
 from importlib.metadata import version
 from pathlib import Path
@@ -23,6 +21,7 @@ import jax
 from jax import export
 from jax.core import Tracer
 
+from jblast.files import write_bytes
 from jblast.program_words import Unkept, described, is_array, rebuilt, spelled
 from jblast.registry import are_packaged
 
@@ -124,11 +123,9 @@ def _made(
     except (Unkept, ValueError, NotImplementedError, ImportError):
         return None
     head = json.dumps(structure[-1]).encode()
-    part = path.with_name(f"{path.name}.{os.getpid()}.{threading.get_ident()}")
     with contextlib.suppress(OSError):  # a full disk: not kept
         path.parent.mkdir(parents=True, exist_ok=True)
-        part.write_bytes(head + b"\n" + data)
-        part.replace(path)
+        write_bytes(path, head + b"\n" + data, durable=False)
     # what is read back, not what was made: XLA's cache tells them apart
     return _program(data, structure[-1], options)
 

@@ -16,6 +16,7 @@ SOURCES = sorted(PACKAGE.rglob("*.py"))
 # Each may import what stands above it, and its own.
 ORDER = [
     ("types", "constants", "bounds", "registry", "errors", "quantities", "progress"),
+    ("files",),
     ("parameter", "parameter_table"),
     ("program_words",),
     ("kept_programs",),

@@ -36,7 +36,7 @@ def run(asked: argparse.Namespace) -> int:
     start_jax()
     from pathlib import Path
 
-    from jblast.cli.files import unwritable
+    from jblast.cli.files import writing
     from jblast.errors import InputError, nearest
     from jblast.progress import Level, stages, telling
     from jblast.report import check_directory
@@ -64,8 +64,6 @@ def run(asked: argparse.Namespace) -> int:
         sys.stdout.write(chart_markdown(topic, points) + "\n")
         sys.stdout.flush()
         if out:
-            try:
+            with writing(out):
                 write_chart(topic, points, out)
-            except OSError as error:
-                raise unwritable(out, error) from None
     return 0

@@ -197,21 +197,16 @@ def _terms(columns: int, degree: int, drag: bool) -> int:
 
 def _check_out(directory: Path, *, force: bool) -> None:
     """Refuse a directory that cannot be written to, before anything is computed."""
-    from jblast.cli.files import refuse_existing, unwritable
+    from jblast.cli.files import refuse_existing, writing
 
-    try:
+    with writing(directory):
         directory.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise unwritable(directory, error) from None
     for name in FILES:
         refuse_existing(directory / name, force=force)
 
 
 def _write(directory: Path, text: str, figure) -> None:
-    from jblast.cli.files import unwritable, write_text
+    from jblast.cli.files import save_figure, save_text
 
-    write_text(directory / FILES[0], text, force=True)
-    try:
-        figure.savefig(directory / FILES[1])
-    except OSError as error:
-        raise unwritable(directory / FILES[1], error) from None
+    save_text(text, directory / FILES[0])
+    save_figure(figure, directory / FILES[1])

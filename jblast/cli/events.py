@@ -63,7 +63,7 @@ def run(asked: argparse.Namespace) -> int:
     start_jax()
     import jax
 
-    from jblast.cli.files import refuse_existing, unwritable
+    from jblast.cli.files import refuse_existing, writing
     from jblast.sensors.camera.event_files import check_suffix, write_events
     from jblast.sensors.camera.event_stream import stream_events
     from jblast.sensors.camera.frame_files import frame_files, read_frame, read_frames
@@ -84,11 +84,9 @@ def run(asked: argparse.Namespace) -> int:
         key, shape = jax.random.key(asked.seed), (height, width)
         effects = Imperfections()
         events = real_stream(key, blocks, shape, thresholds, effects, table=table)
-    try:
-        seconds = (len(files) - 1) / fps
+    seconds = (len(files) - 1) / fps
+    with writing(asked.out):
         written = write_events(asked.out, events, width, height, duration_s=seconds)
-    except OSError as error:
-        raise unwritable(asked.out, error) from None
     summary = {
         "frames": len(files),
         "width": width,

@@ -1,9 +1,16 @@
 """Files a command reads and writes: named, and never over an existing one unasked."""
 
 import argparse
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from jblast.errors import InputError
+from jblast.files import write_text
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 FIGURES = (".png", ".svg", ".pdf")
 """What a name of a figure may end in."""
@@ -39,34 +46,39 @@ def check_figure(option: str, file: str, *, force: bool) -> None:
     refuse_existing(file, force=force)
 
 
-def save_figure(figure, file: str | Path) -> None:
+@contextmanager
+def writing(path: str | Path) -> Iterator[None]:
+    """Say in one line that a file or directory cannot be written, if it cannot.
+
+    Raises:
+        InputError: What is done inside raises an OSError.
+    """
+    try:
+        yield
+    except OSError as error:
+        reason = error.strerror or str(error)
+        raise InputError(
+            f"{path}: cannot be written ({reason}); expected a place to write to"
+        ) from None
+
+
+def save_text(text: str, file: str | Path) -> None:
+    """Write text.
+
+    Raises:
+        InputError: It cannot be written.
+    """
+    with writing(file):
+        write_text(file, text)
+
+
+def save_figure(figure: "Figure", file: str | Path) -> None:
     """Write a figure of Matplotlib.
 
     Raises:
         InputError: It cannot be written.
     """
-    try:
-        figure.savefig(file)
-    except OSError as error:
-        raise unwritable(file, error) from None
+    from jblast.report.figure_files import write_figure
 
-
-def unwritable(path: str | Path, error: OSError) -> InputError:
-    """Return the error for a file or directory that cannot be written."""
-    reason = error.strerror or str(error)
-    return InputError(
-        f"{path}: cannot be written ({reason}); expected a place to write to"
-    )
-
-
-def write_text(path: str | Path, text: str, *, force: bool) -> None:
-    """Write a text file.
-
-    Raises:
-        InputError: It exists and `force` is not given, or it cannot be written.
-    """
-    refuse_existing(path, force=force)
-    try:
-        Path(path).write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise unwritable(path, error) from None
+    with writing(file):
+        write_figure(figure, file)

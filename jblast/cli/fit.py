@@ -5,7 +5,7 @@ import os
 import sys
 from collections.abc import Sequence
 
-from jblast.cli.files import path, unwritable
+from jblast.cli.files import path, writing
 from jblast.cli.options import add_free, add_law, add_noise, names_to_free
 
 SMALL = 100_000
@@ -111,10 +111,8 @@ def run(asked: argparse.Namespace) -> int:
         _print_json(answer.answer)
     if out:
         begin("writing")
-        try:
+        with writing(out):
             write_report(answer, out, force=asked.force or only_a_walk(out))
-        except OSError as error:
-            raise unwritable(out, error) from None
     if not asked.json:
         sys.stdout.write(summary(answer, out=out) + "\n")
     return answer.exit_code

@@ -3,8 +3,9 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-from jblast.cli.files import unwritable
+from jblast.cli.files import writing
 from jblast.errors import InputError
+from jblast.files import write_text
 from jblast.inference.fit_result import Fit
 from jblast.observations import Observations, read
 from jblast.observations.together import by_shot, one_event
@@ -73,13 +74,11 @@ def write_answers(answers: dict[str, Fit | InputError], directory: Path) -> None
     from jblast.report import plain
     from jblast.report.table import answers_csv, answers_document
 
-    try:
+    with writing(directory):
         directory.mkdir(parents=True, exist_ok=True)
         text = json.dumps(plain(answers_document(answers)), indent=1, allow_nan=False)
-        (directory / "fits.json").write_text(text + "\n", encoding="utf-8")
-        (directory / "answers.csv").write_text(answers_csv(answers), encoding="utf-8")
-    except OSError as error:
-        raise unwritable(directory, error) from None
+        write_text(directory / "fits.json", text + "\n")
+        write_text(directory / "answers.csv", answers_csv(answers))
 
 
 def only_a_walk(directory: Path) -> bool:

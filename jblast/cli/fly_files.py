@@ -7,7 +7,8 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
-from jblast.cli.files import unwritable, write_text
+from jblast.cli.files import save_text, writing
+from jblast.report.figure_files import write_figure
 from jblast.report.fly_distribution_figure import distribution_figure
 from jblast.report.fly_document import flights_csv
 from jblast.report.fly_figure import error_figure, loads_figure
@@ -41,19 +42,17 @@ def write_flights(flights: Flights, text: str, directory: Path) -> list[str]:
         InputError: It cannot be written to.
     """
     several = flights.count > 1
-    try:
+    with writing(directory):
         directory.mkdir(parents=True, exist_ok=True)
         for name in (JSON, *TABLES, *ONE, *MANY):  # an earlier run's would mislead
             (directory / name).unlink(missing_ok=True)
-    except OSError as error:
-        raise unwritable(directory, error) from None
-    written = [JSON, TABLES[several]]
-    write_text(directory / JSON, text, force=True)
     table = flights_csv(flights) if several else _flight_csv(flights)
-    write_text(directory / written[1], table, force=True)
+    written = [JSON, TABLES[several]]
+    for name, content in zip(written, (text, table), strict=True):
+        save_text(content, directory / name)
     for name, draw in (MANY if several else ONE).items():
         try:
-            draw(flights).savefig(directory / name)
+            write_figure(draw(flights), directory / name)
         except Exception as error:
             # whatever went wrong with a picture, the flights are kept
             warnings.warn(f"{name} was not written: {error!r}", stacklevel=2)

@@ -115,7 +115,7 @@ def run(asked: argparse.Namespace) -> int:
     begin = stages({**lasts, "drawing the sheet": 0.5})
     begin("starting")
     start_jax()
-    from jblast.cli.files import unwritable
+    from jblast.cli.files import writing
     from jblast.cli.render_files import FilmWriter, cleared
     from jblast.cli.render_film import film_asked
 
@@ -136,7 +136,7 @@ def run(asked: argparse.Namespace) -> int:
         "seed": asked.seed,
     }
     begin("filming")
-    try:
+    with writing(asked.out):
         read = asked.background, asked.views
         cleared(out, asked.mode, force=asked.force, read=read)
         writer.write_frames()
@@ -149,8 +149,6 @@ def run(asked: argparse.Namespace) -> int:
             summary |= {"stamps": stamps.how, "stamp_error_s": stamps.error_s}
         begin("drawing the sheet")
         writer.write_sheet()
-    except OSError as error:
-        raise unwritable(asked.out, error) from None
     summary["files"] = writer.files()
     if asked.json:
         import json

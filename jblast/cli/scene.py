@@ -30,14 +30,14 @@ def run(asked: argparse.Namespace) -> int:
     from jblast.cli.start import start_jax
 
     start_jax(quick=True)
-    from jblast.cli.files import refuse_existing, write_text
+    from jblast.cli.files import refuse_existing, save_text
     from jblast.observations import read, starter_scene
 
     if asked.out:
         refuse_existing(asked.out, force=asked.force)
     text = starter_scene(read(asked.observations))
     if asked.out:
-        write_text(asked.out, text, force=asked.force)
+        save_text(text, asked.out)
         sys.stdout.write(
             f"wrote {asked.out}; edit it, then: "
             f"jblast fit {asked.observations} --scene {asked.out}\n"

@@ -5,7 +5,7 @@ import math
 import sys
 
 from jblast.cli.calc_numbers import seed
-from jblast.cli.files import path, unwritable
+from jblast.cli.files import path, writing
 
 
 def add_arguments(verb: argparse.ArgumentParser) -> None:
@@ -62,10 +62,8 @@ def run(asked: argparse.Namespace) -> int:
     refuse_existing(asked.out, force=asked.force)
     observations = simulate(read_scene(asked.scene), asked.seed)
     _refuse_senseless(observations, asked)
-    try:
+    with writing(asked.out):
         write(asked.out, observations)
-    except OSError as error:
-        raise unwritable(asked.out, error) from None
     sys.stdout.write(
         f"wrote {asked.out}: {len(observations)} simulated readings; fit them with: "
         f"jblast fit {asked.out} (jblast scene {asked.out} writes a scene for it)\n"

@@ -62,26 +62,20 @@ def run(asked: argparse.Namespace) -> int:
 
 def _check_out(directory: str, *, force: bool) -> None:
     """Refuse a directory that cannot be written to, before anything is measured."""
-    from jblast.cli.files import refuse_existing, unwritable
+    from jblast.cli.files import refuse_existing, writing
 
-    try:
+    with writing(directory):
         Path(directory).mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise unwritable(directory, error) from None
     for name in FILES:
         refuse_existing(Path(directory) / name, force=force)
 
 
 def _write(directory: Path, edges) -> None:
-    from jblast.cli.files import unwritable, write_text
+    from jblast.cli.files import save_figure, save_text
     from jblast.report.stability_figure import stability_figure
     from jblast.report.stability_text import stability_csv, stability_markdown
 
     table, page, picture = (directory / name for name in FILES)
-    write_text(table, stability_csv(edges), force=True)
-    write_text(page, stability_markdown(edges), force=True)
-    figure = stability_figure(edges)
-    try:
-        figure.savefig(picture)
-    except OSError as error:
-        raise unwritable(picture, error) from None
+    save_text(stability_csv(edges), table)
+    save_text(stability_markdown(edges), page)
+    save_figure(stability_figure(edges), picture)

@@ -1,9 +1,10 @@
 """How a command starts JAX: float64, and compiled code kept between runs."""
 
 import os
-import threading
 from importlib.metadata import version
 from pathlib import Path
+
+from jblast.files import write_bytes
 
 QUICK = {
     "0.10": "--xla_cpu_use_fusion_emitters=false",
@@ -74,8 +75,6 @@ def _write_whole() -> None:
     def put(cache, key: str, value: bytes) -> None:
         path = cache.path / f"{key}-cache"
         if not path.exists():
-            part = cache.path / f"{key}.{os.getpid()}.{threading.get_ident()}"
-            part.write_bytes(value)
-            part.replace(path)
+            write_bytes(path, value, durable=False)
 
     setattr(lru_cache.LRUCache, "put", put)  # noqa: B010 (so that types allow it)

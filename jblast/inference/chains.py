@@ -4,7 +4,6 @@ A folder of numbered `.npz` files, one for each stretch of the walk: arrays only
 written whole or not at all.
 """
 
-import os
 import zipfile
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -13,6 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from jblast.errors import InputError
+from jblast.files import replacing
 from jblast.inference.walk import Stretch
 
 RANDOM = "random_"
@@ -89,10 +89,8 @@ class Store:
         return found
 
     def _write(self, name: str, arrays: Mapping[str, np.ndarray]) -> None:
-        partial = self.folder / f".{name}.part"
-        with open(partial, "wb") as file:
+        with replacing(self.folder / name) as part, part.open("wb") as file:
             np.savez(file, allow_pickle=False, **arrays)
-        os.replace(partial, self.folder / name)
 
 
 def _read(path: Path) -> dict[str, np.ndarray]:

@@ -13,6 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jblast.errors import InputError
+from jblast.files import replacing
 from jblast.inference.ensemble import Ensemble
 from jblast.inference.posterior import Posterior
 from jblast.observations import Observations
@@ -61,13 +62,14 @@ def inference_data(
 
 
 def write_inference_data(tree: "xarray.DataTree", path: str | os.PathLike[str]) -> None:
-    """Write a tree as a NetCDF file.
+    """Write a tree as a NetCDF file, whole or not at all.
 
     Raises:
         InputError: h5netcdf is not installed, or the file cannot be written.
     """
     try:
-        tree.to_netcdf(path, engine="h5netcdf")
+        with replacing(path) as temporary:
+            tree.to_netcdf(temporary, engine="h5netcdf")
     except ImportError:
         raise InputError(f"{path}: {NEEDED}") from None
     except OSError as error:

@@ -3,8 +3,8 @@
 import math
 import os
 from collections.abc import Sequence
-from pathlib import Path
 
+from jblast.files import write_text
 from jblast.observations.table import COLUMNS, NEEDED, Observations
 
 
@@ -33,7 +33,7 @@ def write(
     columns = _columns(observations)
     lines.append(",".join(columns))
     lines.extend(",".join(row) for row in zip(*columns.values(), strict=True))
-    Path(path).write_text("\n".join(lines) + "\n", encoding="utf-8", newline="\n")
+    write_text(path, "\n".join(lines) + "\n")
 
 
 def _columns(observations: Observations) -> dict[str, list[str]]:

@@ -7,7 +7,9 @@ from pathlib import Path
 
 from jblast.fidelity.timing import machine
 from jblast.fidelity.topic import Point, Topic, on_front, panels
+from jblast.files import write_text
 from jblast.report.chart_figure import chart_figure
+from jblast.report.figure_files import write_figure
 from jblast.report.words import capitalised
 
 COLUMNS = ("method", "cost_s", "error", "on_front", "range")
@@ -60,7 +62,6 @@ def chart_csv(points: Sequence[Point]) -> str:
 def write_chart(topic: Topic, points: Sequence[Point], directory: Path) -> None:
     """Write TOPIC.png, TOPIC.csv and TOPIC.md."""
     directory.mkdir(parents=True, exist_ok=True)
-    (directory / f"{topic.name}.csv").write_text(chart_csv(points), encoding="utf-8")
-    text = chart_markdown(topic, points)
-    (directory / f"{topic.name}.md").write_text(text, encoding="utf-8")
-    chart_figure(topic, points).savefig(directory / f"{topic.name}.png")
+    write_text(directory / f"{topic.name}.csv", chart_csv(points))
+    write_text(directory / f"{topic.name}.md", chart_markdown(topic, points))
+    write_figure(chart_figure(topic, points), directory / f"{topic.name}.png")

@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float
 
+from jblast.files import replacing
 from jblast.report.figure_style import INK
 from jblast.sensors.camera.png_files import srgb_bytes
-from jblast.sensors.camera.whole_files import replacing
 
 COLUMNS = 4
 ROWS = 3
@@ -71,7 +71,7 @@ def write_contact_sheet(
         picture = Image.fromarray(srgb_bytes(frame))
         sheet.paste(picture.resize(size, Image.Resampling.LANCZOS), (x, y))
         draw.text((x, y + size[1] + 3), label, fill=INK, font=font)
-    with replacing(Path(path), ".png") as temporary:
+    with replacing(path) as temporary:
         sheet.save(temporary, format="PNG")
 
 

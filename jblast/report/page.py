@@ -1,8 +1,6 @@
 """The report as one HTML page that needs nothing beside it."""
 
 import base64
-import io
-import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from importlib.resources import files
@@ -16,6 +14,7 @@ from jblast.inference.fit_result import Fit
 from jblast.report.accepted import Accepted, compare
 from jblast.report.corner_plot import absent_note
 from jblast.report.doubts import determined_lines
+from jblast.report.figure_files import image_bytes
 from jblast.report.goodness import (
     POOR,
     goodness_numbers,
@@ -173,14 +172,3 @@ def data_uri(figure: Figure) -> str:
         [("svg+xml", vector), ("png", raster)], key=lambda pair: len(pair[1])
     )
     return f"data:image/{kind};base64,{base64.b64encode(data).decode('ascii')}"
-
-
-def image_bytes(figure: Figure, kind: str) -> bytes:
-    """Return a figure as a file of its own, the same each time it is drawn."""
-    buffer = io.BytesIO()
-    no_date = {"Date": None} if kind == "svg" else {"Software": None}
-    with warnings.catch_warnings():
-        # a sensor's name may hold signs the font lacks; it is drawn with boxes
-        warnings.filterwarnings("ignore", message=r"Glyph \d+ .*missing from font")
-        figure.savefig(buffer, format=kind, facecolor="white", metadata=no_date)
-    return buffer.getvalue()

@@ -2,13 +2,13 @@
 
 import json
 import os
-import tempfile
 import warnings
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from jblast.errors import InputError
+from jblast.files import write_bytes, write_text
 from jblast.inference.fit_result import Fit
 from jblast.report.accepted import Accepted
 from jblast.report.json_values import plain
@@ -48,7 +48,8 @@ def write_report(
     """
     # here, so that an answer in words alone need not wait for Matplotlib
     from jblast.report.corner_plot import corner_figure
-    from jblast.report.page import image_bytes, report_page
+    from jblast.report.figure_files import image_bytes
+    from jblast.report.page import report_page
     from jblast.report.recordings import recordings_figure
     from jblast.report.residuals import residuals_figure
 
@@ -57,7 +58,8 @@ def write_report(
     directory.mkdir(parents=True, exist_ok=True)
     for name in NAMES:  # a stale corner plot would look like this fit's
         (directory / name).unlink(missing_ok=True)
-    written = [_put(directory / "fit.json", answer_json(fit).encode())]
+    written = [directory / "fit.json"]
+    write_text(written[0], answer_json(fit))
     failures: list[str] = []
     if fit.ensemble is not None:
         try:
@@ -74,15 +76,17 @@ def write_report(
         try:
             figure = draw()
             if figure is not None:
-                pixels = image_bytes(figure, "png")
-                written.append(_put(directory / f"{kind}.png", pixels))
+                picture = directory / f"{kind}.png"
+                write_bytes(picture, image_bytes(figure, "png"))
+                written.append(picture)
                 figures[kind] = figure
         except Exception as error:
             # whatever went wrong with a picture, the computed answer is kept
             failures.append(f"{kind}.png was not written: {error!r}")
     try:
-        page = report_page(fit, figures, accepted, failures)
-        written.append(_put(directory / "report.html", page.encode()))
+        page = directory / "report.html"
+        write_text(page, report_page(fit, figures, accepted, failures))
+        written.append(page)
     except Exception as error:
         failures.append(f"report.html was not written: {error!r}")
     for failure in failures:
@@ -129,23 +133,3 @@ def answer_json(fit: Fit) -> str:
         json.dumps(plain(fit.answer), indent=2, allow_nan=False, ensure_ascii=False)
         + "\n"
     )
-
-
-def _put(path: Path, data: bytes) -> Path:
-    """Write a file whole or not at all."""
-    handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
-    try:
-        with os.fdopen(handle, "wb") as file:
-            file.write(data)
-        Path(name).chmod(0o666 & ~_umask())
-        Path(name).replace(path)
-    except BaseException:
-        Path(name).unlink(missing_ok=True)
-        raise
-    return path
-
-
-def _umask() -> int:
-    mask = os.umask(0)
-    os.umask(mask)
-    return mask

@@ -18,8 +18,8 @@ from typing import NamedTuple
 import numpy as np
 
 from jblast.errors import InputError
+from jblast.files import replacing
 from jblast.sensors.camera.events import Events
-from jblast.sensors.camera.whole_files import replacing
 
 TYPES = {"x": np.uint16, "y": np.uint16, "t": np.int64, "p": np.uint8}
 LARGEST = 1 << 16
@@ -64,7 +64,7 @@ def write_events(
             f"{path}: expected images of at most {LARGEST:,} pixels a side, which this "
             f"format can hold; got {width} x {height}"
         )
-    with replacing(Path(path), suffix) as temporary:
+    with replacing(path) as temporary:
         if suffix == ".npz":
             brighter, darker = _write_npz(temporary, blocks, width, height)
         else:
@@ -140,6 +140,7 @@ def _write_npz(path: Path, blocks, width: int, height: int) -> tuple[int, int]:
     }
     size = {"width": np.asarray(width), "height": np.asarray(height)}
     values |= size | {"t_offset": np.asarray(0)}
-    np.savez_compressed(path, allow_pickle=False, **values)
+    with path.open("wb") as file:  # a name would be made to end in .npz
+        np.savez_compressed(file, allow_pickle=False, **values)
     brighter = int(values["p"].sum())
     return brighter, len(values["p"]) - brighter

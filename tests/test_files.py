@@ -1,0 +1,240 @@
+"""What is written is there whole, or what was there before is."""
+
+import errno
+import os
+import re
+import signal
+import stat
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+import jblast
+from jblast.files import replacing, write_bytes, write_text
+
+PACKAGE = Path(jblast.__file__).parent
+OLD, NEW = b"the old content", b"the new content, which is longer"
+
+
+@pytest.fixture
+def old(tmp_path):
+    path = tmp_path / "answer.json"
+    path.write_bytes(OLD)
+    return path
+
+
+def permissions(path):
+    return stat.S_IMODE(path.stat().st_mode)
+
+
+def test_text_is_utf_8_and_its_lines_end_in_one_byte(tmp_path):
+    write_text(tmp_path / "a.csv", "Δp\n1.5\n")
+    assert (tmp_path / "a.csv").read_bytes() == "Δp\n1.5\n".encode()
+
+
+@pytest.mark.parametrize("durable", [True, False])
+def test_a_file_is_replaced_and_nothing_is_left_beside_it(old, durable):
+    write_bytes(old, NEW, durable=durable)
+    assert old.read_bytes() == NEW
+    assert os.listdir(old.parent) == [old.name]
+
+
+def half_written(path, error):
+    with replacing(path) as temporary:
+        temporary.write_bytes(NEW[:5])
+        assert temporary.parent == path.parent
+        raise error
+
+
+@pytest.mark.parametrize("error", [ValueError("no ink"), KeyboardInterrupt("no ink")])
+def test_what_fails_half_way_leaves_the_old_file_and_nothing_else(old, error):
+    with pytest.raises(type(error), match="no ink"):
+        half_written(old, error)
+    assert old.read_bytes() == OLD
+    assert os.listdir(old.parent) == [old.name]
+
+
+def test_text_that_is_no_utf_8_leaves_the_old_file(old):
+    with pytest.raises(UnicodeEncodeError):
+        write_text(old, "\ud800")
+    assert old.read_bytes() == OLD
+
+
+KILLED = """
+import sys, time
+from jblast.files import replacing
+with replacing(sys.argv[1]) as temporary:
+    temporary.write_bytes(b"half")
+    print("half way", flush=True)
+    time.sleep(60)
+"""
+
+
+def test_a_process_that_is_killed_leaves_the_old_file(old):
+    environment = {**os.environ, "PYTHONPATH": str(PACKAGE.parent)}
+    command = [sys.executable, "-c", KILLED, str(old)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, env=environment) as child:
+        assert child.stdout is not None
+        assert child.stdout.readline() == b"half way\n"
+        child.send_signal(signal.SIGKILL)
+    assert child.returncode == -signal.SIGKILL
+    assert old.read_bytes() == OLD
+    # a part is left, which no glob of ours takes for a file: it is hidden, and named so
+    (left,) = {path.name for path in old.parent.iterdir()} - {old.name}
+    assert re.fullmatch(r"\.answer\.json\.[0-9a-f]{8}\.part", left)
+    write_bytes(old, NEW)
+    assert old.read_bytes() == NEW
+
+
+def test_readers_see_the_old_file_or_the_new_one(old):
+    contents = [OLD, NEW]
+    begun = time.monotonic()
+    writing = (
+        "import sys\nfrom jblast.files import write_bytes\n"
+        "for k in range(500):\n"
+        f"    write_bytes(sys.argv[1], {contents!r}[k % 2] * 1000, durable=False)\n"
+    )
+    environment = {**os.environ, "PYTHONPATH": str(PACKAGE.parent)}
+    seen = {OLD}
+    with subprocess.Popen([sys.executable, "-c", writing, str(old)], env=environment):
+        while len(seen) < 3 and time.monotonic() - begun < 20.0:
+            seen.add(old.read_bytes())
+    assert seen == {OLD, OLD * 1000, NEW * 1000}
+
+
+@pytest.mark.parametrize("mask", [0o022, 0o077])
+def test_a_new_file_has_the_permissions_of_the_umask(tmp_path, mask):
+    before = os.umask(mask)
+    try:
+        write_bytes(tmp_path / "new", NEW)
+        (tmp_path / "plain").write_bytes(NEW)
+    finally:
+        os.umask(before)
+    assert permissions(tmp_path / "new") == permissions(tmp_path / "plain")
+    assert permissions(tmp_path / "new") == 0o666 & ~mask
+
+
+@pytest.mark.parametrize("mode", [0o600, 0o664])
+def test_a_file_that_was_there_keeps_its_permissions(old, mode):
+    old.chmod(mode)
+    write_bytes(old, NEW)
+    assert permissions(old) == mode
+
+
+def test_a_link_stays_one_and_its_target_is_replaced(old):
+    (old.parent / "elsewhere").mkdir()
+    link = old.parent / "elsewhere" / "link.json"
+    link.symlink_to(Path("..") / old.name)
+    write_bytes(link, NEW)
+    assert link.is_symlink()
+    assert old.read_bytes() == NEW
+    assert os.listdir(link.parent) == [link.name]
+
+
+def test_a_link_to_nothing_gets_its_target(tmp_path):
+    link = tmp_path / "link"
+    link.symlink_to("target")
+    write_bytes(link, NEW)
+    assert link.is_symlink()
+    assert (tmp_path / "target").read_bytes() == NEW
+
+
+def test_what_cannot_be_replaced_is_written_in_place(tmp_path):
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    reading = os.open(pipe, os.O_RDONLY | os.O_NONBLOCK)
+    try:
+        write_bytes(pipe, NEW)
+        assert os.read(reading, 100) == NEW
+    finally:
+        os.close(reading)
+    assert stat.S_ISFIFO(pipe.stat().st_mode)
+
+
+def looped(folder):
+    (folder / "loop").symlink_to("loop")
+    return folder / "loop"
+
+
+def reason(write, path):
+    try:
+        write(path, NEW)
+    except OSError as error:
+        return error.errno, error.strerror
+    return None
+
+
+WRONG = {
+    "no folder": lambda folder: folder / "none" / "a.csv",
+    "a folder": lambda folder: folder,
+    "a file for a folder": lambda folder: folder / "answer.json" / "a.csv",
+    "a loop of links": looped,
+    "too long a name": lambda folder: folder / ("n" * 256),
+    "a full disk": lambda folder: Path("/dev/full"),
+}
+
+
+@pytest.mark.parametrize("wrong", WRONG)
+def test_the_reason_is_what_writing_straight_would_give(old, wrong):
+    path = WRONG[wrong](old.parent)
+    there = sorted(old.parent.iterdir())
+    straight = reason(Path.write_bytes, path)
+    assert straight is not None
+    assert reason(write_bytes, path) == straight
+    assert sorted(old.parent.iterdir()) == there
+
+
+def test_a_disk_that_is_full_at_the_last_byte_leaves_the_old_file(old, monkeypatch):
+    def full(_):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(os, "fsync", full)
+    with pytest.raises(OSError, match="No space left on device"):
+        write_bytes(old, NEW)
+    assert old.read_bytes() == OLD
+    assert os.listdir(old.parent) == [old.name]
+
+
+def test_the_longest_name_there_is_can_be_written(tmp_path):
+    write_bytes(tmp_path / ("n" * 255), NEW)
+    write_bytes(tmp_path / ("\N{GRINNING FACE}" * 63), NEW)
+    assert len(os.listdir(tmp_path)) == 2
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason="root may write anywhere")
+def test_what_must_not_be_written_to_is_not_replaced(old):
+    old.chmod(0o444)
+    with pytest.raises(PermissionError, match="Permission denied"):
+        write_bytes(old, NEW)
+    assert old.read_bytes() == OLD
+    old.chmod(0o644)
+    old.parent.chmod(0o555)  # no file can be made here, though this one may be written
+    try:
+        with pytest.raises(PermissionError, match="Permission denied"):
+            write_bytes(old.parent / "new", NEW)
+        write_bytes(old, NEW)
+    finally:
+        old.parent.chmod(0o755)
+    assert old.read_bytes() == NEW
+
+
+BY_HAND = re.compile(
+    r"\.write_(text|bytes)\(|\.savefig\(|\.to_netcdf\(|\.tofile\(|\bopen\([^)\n]*"
+    r"[\"'][wax]|\bnp\.(save|savez|savez_compressed|savetxt)\(|\btempfile\b|umask\("
+)
+"""Ways to write a file."""
+ALLOWED = {"cli/main.py"}
+"""It writes into os.devnull."""
+
+
+def test_whatever_writes_a_file_writes_it_whole():
+    found = {
+        str(path.relative_to(PACKAGE))
+        for path in PACKAGE.rglob("*.py")
+        if BY_HAND.search(path.read_text())
+        and "with replacing(" not in path.read_text()
+    }
+    assert found == ALLOWED
