@@ -17,12 +17,12 @@ import jax
 import numpy as np
 
 from jblast.fidelity.timing import best_of
-from jblast.inference import ensemble_emcee
-from jblast.inference.convergence import convergence
-from jblast.inference.importance import importance
-from jblast.inference.laplace import NORMAL_Q95
-from jblast.inference.walk import Stretch
-from jblast.inference.whitening import densities
+from jblast.inference.importance.psis import importance
+from jblast.inference.importance.whitening import densities
+from jblast.inference.mcmc import emcee_engine as ensemble_emcee
+from jblast.inference.mcmc.convergence import convergence
+from jblast.inference.mcmc.state import Stretch
+from jblast.inference.mode.laplace import NORMAL_Q95
 from jblast.study.charts.samplers import (
     REFERENCE_SEED,
     known,

@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from jblast.inference.how_sure import Method
+    from jblast.inference.fitting.uncertainty import Method
 
 DATA = Path(__file__).parent / "data"
 LOG = "hta_1"

@@ -16,9 +16,9 @@ import numpy as np
 
 from jblast.cli.start import start_jax
 from jblast.inference import Posterior
-from jblast.inference.fisher import information
-from jblast.inference.optimum import optima
-from jblast.inference.parameters import parameters_of
+from jblast.inference.mode.search import optima
+from jblast.inference.posterior.fisher_information import information
+from jblast.inference.posterior.parameters import parameters_of
 from jblast.scene import Scene, UncertainScene, freed
 from jblast.sensors import observe, planned_layout
 from jblast.sensors.observe import Noise

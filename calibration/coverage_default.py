@@ -26,12 +26,12 @@ from jaxtyping import Float
 
 from jblast.cli.start import start_jax
 from jblast.inference import Posterior
-from jblast.inference.how_sure import how_sure
-from jblast.inference.identifiability import identifiability
-from jblast.inference.laplace import laplace, marginals
-from jblast.inference.optimum import optima
-from jblast.inference.parameters import parameters_of
-from jblast.inference.solution import Solution
+from jblast.inference.fitting.solution import Solution
+from jblast.inference.fitting.uncertainty import how_sure
+from jblast.inference.identifiability.null_space import identifiability
+from jblast.inference.mode.laplace import laplace, marginals
+from jblast.inference.mode.search import optima
+from jblast.inference.posterior.parameters import parameters_of
 from jblast.scene import UncertainScene, freed
 from jblast.sensors import observe, planned_layout
 from jblast.sensors.record import comparable

@@ -42,7 +42,7 @@ from calibration.efficiency_cases import CASES, Case
 from calibration.efficiency_price import price
 from jblast.cli.start import start_jax
 from jblast.inference import fit_many, information_of_layout
-from jblast.inference.parameters import parameters_of
+from jblast.inference.posterior.parameters import parameters_of
 from jblast.scene import UncertainScene, freed
 from jblast.sensors import observe, planned_layout
 from jblast.sensors.observe import Noise

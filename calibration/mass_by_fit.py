@@ -20,9 +20,9 @@ from scipy.stats import norm
 
 from calibration import ford_logs
 from calibration.mass_posterior import MassEstimate
-from jblast.inference.fit import solve
-from jblast.inference.how_sure import HowSure, how_sure
-from jblast.inference.solution import Solution
+from jblast.inference.fitting.fit import solve
+from jblast.inference.fitting.solution import Solution
+from jblast.inference.fitting.uncertainty import HowSure, how_sure
 from jblast.observations import Observations, place, read
 from jblast.registry import Law
 from jblast.scene import UncertainScene, read_scene, with_laws

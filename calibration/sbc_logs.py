@@ -18,17 +18,17 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from jblast.inference import Posterior
-from jblast.inference.ensemble import ensemble
-from jblast.inference.identifiability import identifiability
-from jblast.inference.importance import (
+from jblast.inference.identifiability.null_space import identifiability
+from jblast.inference.importance.psis import (
     ends_off,
     importance,
     laplace_holds,
     largest_log_sd,
 )
-from jblast.inference.laplace import laplace
-from jblast.inference.optimum import optima
-from jblast.inference.parameters import parameters_of
+from jblast.inference.mcmc.ensemble import ensemble
+from jblast.inference.mode.laplace import laplace
+from jblast.inference.mode.search import optima
+from jblast.inference.posterior.parameters import parameters_of
 from jblast.scene import read_scene
 from jblast.sensors import observe, planned_layout, resolve_laws
 from jblast.sensors.laws import law_names

@@ -6,7 +6,7 @@ from pathlib import Path
 from jblast.cli.files import writing
 from jblast.errors import InputError
 from jblast.files import write_text
-from jblast.inference.fit_result import Fit
+from jblast.inference.fitting.result import Fit
 from jblast.observations import Observations, read
 from jblast.observations.together import by_shot, one_event
 from jblast.parameter_table import CLOCK_OFFSET

@@ -7,19 +7,22 @@ such programs, so they take one log; many go through `fit_many`, which compiles 
 or `fit_each`.
 """
 
-from jblast.inference.bound import Bound as Bound, bound as bound
-from jblast.inference.bound_map import BoundMap as BoundMap, bound_map as bound_map
-from jblast.inference.bound_spread import (
+from jblast.inference.design.covariance import (
     information_of_layout as information_of_layout,
 )
-from jblast.inference.ensemble import Ensemble as Ensemble, ensemble as ensemble
-from jblast.inference.fit import fit as fit, solve as solve
-from jblast.inference.fit_each import fit_each as fit_each
-from jblast.inference.fit_result import Band as Band, Fit as Fit
+from jblast.inference.design.cramer_rao import Bound as Bound, bound as bound
+from jblast.inference.design.sensor_map import (
+    BoundMap as BoundMap,
+    bound_map as bound_map,
+)
+from jblast.inference.fitting.fit import fit as fit, solve as solve
+from jblast.inference.fitting.fit_each import fit_each as fit_each
+from jblast.inference.fitting.result import Band as Band, Fit as Fit
+from jblast.inference.fitting.solution import Solution as Solution
 from jblast.inference.many import ManyFits as ManyFits, fit_many as fit_many
 from jblast.inference.many.batch import Batch as Batch, batch_of as batch_of
-from jblast.inference.posterior import (
+from jblast.inference.mcmc.ensemble import Ensemble as Ensemble, ensemble as ensemble
+from jblast.inference.posterior.posterior import (
     Posterior as Posterior,
     posterior_of as posterior_of,
 )
-from jblast.inference.solution import Solution as Solution

@@ -10,7 +10,7 @@ from matplotlib.colors import LinearSegmentedColormap, LogNorm
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from jblast.inference.bound_map import BoundMap
+from jblast.inference.design.sensor_map import BoundMap
 from jblast.report.figure_style import (
     BLUE,
     INK,

@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from jblast.inference.bound import Bound
-from jblast.inference.laplace import NORMAL_Q95
+from jblast.inference.design.cramer_rao import Bound
+from jblast.inference.mode.laplace import NORMAL_Q95
 from jblast.registry import LAWS
 from jblast.report.bound_data import NOT, data_lines, shown_sd
 from jblast.report.doubts import determined_lines

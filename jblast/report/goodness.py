@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import Any
 
-from jblast.inference.goodness import POOR, chance
+from jblast.inference.fitting.goodness_of_fit import POOR, chance
 from jblast.report.numbers import finite
 
 MARGINAL = 0.01

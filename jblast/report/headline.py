@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import Any
 
-from jblast.inference.fit_result import Fit
+from jblast.inference.fitting.result import Fit
 from jblast.report.goodness import goodness_p, printed_p
 from jblast.report.numbers import printed_estimate, printed_number
 from jblast.report.words import joined, parameter_words

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from jblast.inference.fit_result import Fit
+from jblast.inference.fitting.result import Fit
 from jblast.registry import LAWS, Law
 from jblast.report.words import joined, law_words, quantity_words
 

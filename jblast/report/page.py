@@ -10,7 +10,7 @@ from jinja2 import Environment, StrictUndefined
 from matplotlib.figure import Figure
 
 import jblast
-from jblast.inference.fit_result import Fit
+from jblast.inference.fitting.result import Fit
 from jblast.report.accepted import Accepted, compare
 from jblast.report.corner_plot import absent_note
 from jblast.report.doubts import determined_lines

@@ -8,7 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
 
-from jblast.inference.fit_result import Band, Fit
+from jblast.inference.fitting.result import Band, Fit
 from jblast.quantities import ADDITIVE, TIMED
 from jblast.report.figure_style import (
     BLUE,

@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Float
 
 from jblast.constants import LIGHT_SPEED
-from jblast.inference.fit_result import Fit
+from jblast.inference.fitting.result import Fit
 from jblast.report.doubts import unidentified
 from jblast.waves.ambient import sound_speed_of
 

@@ -4,7 +4,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from jblast.inference.fit_result import Fit
+from jblast.inference.fitting.result import Fit
 from jblast.quantities import TIMED
 from jblast.report.figure_style import (
     COLOURS,

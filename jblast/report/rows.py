@@ -5,7 +5,7 @@ from pathlib import PurePosixPath
 
 import numpy as np
 
-from jblast.inference.fit_result import Fit
+from jblast.inference.fitting.result import Fit
 from jblast.quantities import ADDITIVE
 from jblast.report.numbers import printed_number, rounded, significant, unit_for
 from jblast.report.words import quantity_words

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import Any
 
-from jblast.inference.fit_result import Fit
+from jblast.inference.fitting.result import Fit
 from jblast.parameter_table import described
 from jblast.report.accepted import Accepted, compare, estimates_of, not_fitted
 from jblast.report.doubts import (

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from jblast.errors import InputError
-from jblast.inference.fit_result import Fit
+from jblast.inference.fitting.result import Fit
 from jblast.report.goodness import goodness_p
 from jblast.report.numbers import finite, printed_estimate, significant
 from jblast.report.words import parameter_words

@@ -5,8 +5,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from jblast.inference.fit_result import Fit
-from jblast.inference.how_sure import AS_ASKED
+from jblast.inference.fitting.result import Fit
+from jblast.inference.fitting.uncertainty import AS_ASKED
 from jblast.report.accepted import Accepted, compare
 from jblast.report.doubts import (
     ambiguity_sentence,

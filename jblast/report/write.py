@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from jblast.errors import InputError
 from jblast.files import write_bytes, write_text
-from jblast.inference.fit_result import Fit
+from jblast.inference.fitting.result import Fit
 from jblast.report.accepted import Accepted
 from jblast.report.json_values import plain
 
@@ -96,7 +96,10 @@ def write_report(
 
 def _write_draws(fit: Fit, path: Path) -> Path:
     """Write the walk as NetCDF in the schema of ArviZ."""
-    from jblast.inference.inference_data import inference_data, write_inference_data
+    from jblast.inference.mcmc.inference_data import (
+        inference_data,
+        write_inference_data,
+    )
 
     tree = inference_data(fit.ensemble, fit.density, fit.observations)
     write_inference_data(tree, path)

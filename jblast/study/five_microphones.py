@@ -11,7 +11,7 @@ import jax
 import jax.numpy as jnp
 
 from jblast.inference import Posterior
-from jblast.inference.parameters import parameters_of
+from jblast.inference.posterior.parameters import parameters_of
 from jblast.scene import Scene, Sensor, UncertainScene, freed, with_values
 from jblast.sensors import observe, planned_layout
 from jblast.sensors.record import comparable

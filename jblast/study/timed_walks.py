@@ -8,10 +8,13 @@ import numpy as np
 from jaxtyping import Float
 
 from jblast.fidelity.timing import best_of
-from jblast.inference import ensemble_emcee, ensemble_scan
-from jblast.inference.mixture import Mixture, mixture_of
-from jblast.inference.walk import State, Stretch
-from jblast.inference.whitening import Density, densities
+from jblast.inference.importance.whitening import Density, densities
+from jblast.inference.mcmc import (
+    emcee_engine as ensemble_emcee,
+    scan_engine as ensemble_scan,
+)
+from jblast.inference.mcmc.independence_move import Mixture, mixture_of
+from jblast.inference.mcmc.state import State, Stretch
 
 WALKERS = 256
 SHARES = (0.05, 0.95)

@@ -9,11 +9,11 @@ import numpy as np
 from scipy.optimize import minimize
 
 from jblast.inference import Posterior
-from jblast.inference.fisher import information
-from jblast.inference.identifiability import identifiability
-from jblast.inference.laplace import laplace
-from jblast.inference.optimum import Optima
-from jblast.inference.parameters import parameters_of
+from jblast.inference.identifiability.null_space import identifiability
+from jblast.inference.mode.laplace import laplace
+from jblast.inference.mode.search import Optima
+from jblast.inference.posterior.fisher_information import information
+from jblast.inference.posterior.parameters import parameters_of
 from jblast.scene import Scene, Sensor, UncertainScene, freed, with_values
 from jblast.sensors import observe, planned_layout
 from jblast.sensors.observe import Noise

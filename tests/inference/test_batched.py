@@ -11,8 +11,8 @@ import pytest
 from shots import AROUND, BOTH, five_solved, shot
 
 import jblast.inference
-from jblast.inference.fisher import information
-from jblast.inference.optimum import optima
+from jblast.inference.mode.search import optima
+from jblast.inference.posterior.fisher_information import information
 
 
 def nudged(posterior, by):

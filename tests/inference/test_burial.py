@@ -9,11 +9,15 @@ import pytest
 from logs import log
 
 from jblast.inference import Posterior
-from jblast.inference.burial import valid_at_depth
-from jblast.inference.cautions import cautions_of, height_beside_the_curves, outside
-from jblast.inference.laplace import Laplace
-from jblast.inference.parameters import parameters_of
-from jblast.inference.solution import Solution
+from jblast.inference.fitting.burial import valid_at_depth
+from jblast.inference.fitting.solution import Solution
+from jblast.inference.fitting.warnings import (
+    cautions_of,
+    height_beside_the_curves,
+    outside,
+)
+from jblast.inference.mode.laplace import Laplace
+from jblast.inference.posterior.parameters import parameters_of
 from jblast.scene import Scene, Sensor, UncertainScene, freed, with_values
 from jblast.sensors import planned_layout
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from jblast.errors import InputError
-from jblast.inference.chains import Store
-from jblast.inference.walk import Stretch
+from jblast.inference.mcmc.checkpoint import Store
+from jblast.inference.mcmc.state import Stretch
 
 
 def stretch(steps, value=0.0):

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from jblast.inference.convergence import autocorrelation_time, convergence, r_hat
+from jblast.inference.mcmc.convergence import autocorrelation_time, convergence, r_hat
 
 
 def autoregressive(rho, steps, walkers, seed=0):

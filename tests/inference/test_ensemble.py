@@ -7,9 +7,9 @@ import pytest
 from shots import BOTH, five_solved, place_of, shot, solved
 
 from jblast.errors import InputError
-from jblast.inference.ensemble import ensemble
-from jblast.inference.importance import importance
-from jblast.inference.weighted import marginals_of_draws
+from jblast.inference.importance.marginals import marginals_of_draws
+from jblast.inference.importance.psis import importance
+from jblast.inference.mcmc.ensemble import ensemble
 
 pytestmark = pytest.mark.slow  # each layout compiles its own search
 

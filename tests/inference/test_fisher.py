@@ -5,13 +5,13 @@ import pytest
 from logs import log
 
 from jblast.inference import posterior_of
-from jblast.inference.fisher import information, unit_diagonal
-from jblast.inference.identifiability import (
+from jblast.inference.identifiability.null_space import (
     Identifiability,
     echelon,
     told_combinations,
 )
-from jblast.inference.parameters import parameters_of
+from jblast.inference.posterior.fisher_information import information, unit_diagonal
+from jblast.inference.posterior.parameters import parameters_of
 from jblast.scene import Free, LogNormal, Scene, UncertainScene
 from jblast.sensors import layout_of
 

@@ -7,7 +7,7 @@ from logs import log
 
 from jblast.errors import InputError
 from jblast.inference import fit
-from jblast.inference.fit import of_answer
+from jblast.inference.fitting.fit import of_answer
 from jblast.report import summary
 from jblast.scene import (
     Free,

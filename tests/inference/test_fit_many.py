@@ -9,14 +9,14 @@ import pytest
 from logs import log
 
 from jblast.errors import InputError
-from jblast.inference.fisher import information
 from jblast.inference.many import fit_many
-from jblast.inference.many.closed_form import closed_form
 from jblast.inference.many.engine import engine_for
-from jblast.inference.many.rows import rows_of
-from jblast.inference.optimum import optima
-from jblast.inference.parameters import parameters_of
-from jblast.inference.posterior import posterior_of
+from jblast.inference.many.residuals.rows import rows_of
+from jblast.inference.many.starts.multilateration import closed_form
+from jblast.inference.mode.search import optima
+from jblast.inference.posterior.fisher_information import information
+from jblast.inference.posterior.parameters import parameters_of
+from jblast.inference.posterior.posterior import posterior_of
 from jblast.scene import LogNormal, Scene, Sensor, UncertainScene, freed, with_values
 from jblast.sensors import observe, planned_layout
 

@@ -3,7 +3,7 @@ import pytest
 from logs import log
 from scipy import stats
 
-from jblast.inference.goodness import (
+from jblast.inference.fitting.goodness_of_fit import (
     beyond,
     chance,
     normal_scores,

@@ -9,11 +9,16 @@ import pytest
 from logs import log
 from scipy.stats import multivariate_normal, multivariate_t
 
-import jblast.inference.how_sure
+import jblast.inference.fitting.uncertainty
 from jblast.inference import fit, solve
-from jblast.inference.ends import FREEDOM, EndsOff, ends_judged, reaching
-from jblast.inference.how_sure import how_sure
-from jblast.inference.importance import ENDS
+from jblast.inference.fitting.uncertainty import how_sure
+from jblast.inference.importance.interval_check import (
+    FREEDOM,
+    EndsOff,
+    ends_judged,
+    reaching,
+)
+from jblast.inference.importance.psis import ENDS
 from jblast.scene import Free, Scene, UncertainScene, freed
 from jblast.waves import kingery_bulmash_pressure, wu_hao_air_arrival_time
 
@@ -160,7 +165,9 @@ def test_where_few_draws_count_the_answer_says_so(monkeypatch):
     assert judged.drawn is not None
     few = replace(judged, off=0.0, share=50.4 / len(judged.drawn.z), k_hat=0.4)
     assert few.believed
-    monkeypatch.setattr(jblast.inference.how_sure, "ends_judged", lambda *_, **__: few)
+    monkeypatch.setattr(
+        jblast.inference.fitting.uncertainty, "ends_judged", lambda *_, **__: few
+    )
     sure = how_sure(solution, "weighted")
     assert not sure.weighted
     assert "k-hat" not in sure.reason

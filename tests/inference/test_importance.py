@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from shots import five_solved
 
-from jblast.inference.importance import (
+from jblast.inference.importance.psis import (
     ends_off,
     generalised_pareto,
     importance,

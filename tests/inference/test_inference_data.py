@@ -6,8 +6,8 @@ from logs import log
 from shots import AROUND, five_solved
 
 from jblast.errors import InputError
-from jblast.inference.ensemble import ensemble
-from jblast.inference.inference_data import inference_data, write_inference_data
+from jblast.inference.mcmc.ensemble import ensemble
+from jblast.inference.mcmc.inference_data import inference_data, write_inference_data
 
 
 @pytest.fixture(scope="module")

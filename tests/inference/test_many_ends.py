@@ -1,7 +1,7 @@
 import jax.numpy as jnp
 import numpy as np
 
-from jblast.inference.many.ends import Ends, better, doubtful
+from jblast.inference.many.lane_results import Ends, better, doubtful
 
 
 def ends(cost, converged, place=0.0):

@@ -6,7 +6,7 @@ import pytest
 from logs import log
 
 from jblast.errors import InputError
-from jblast.inference.many.readings import checked, faults_of
+from jblast.inference.many.residuals.readings import checked, faults_of
 from jblast.scene import Scene
 from jblast.sensors import layout_of
 

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from logs import log
 
-from jblast.inference.many.rows import rows_of
-from jblast.inference.parameters import parameters_of
-from jblast.inference.posterior import posterior_of
+from jblast.inference.many.residuals.rows import rows_of
+from jblast.inference.posterior.parameters import parameters_of
+from jblast.inference.posterior.posterior import posterior_of
 from jblast.scene import Clock, Ground, Scene, UncertainScene, freed
 from jblast.sensors import layout_of
 

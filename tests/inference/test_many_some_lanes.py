@@ -1,7 +1,7 @@
 import jax.numpy as jnp
 import numpy as np
 
-from jblast.inference.many.some_lanes import LEAST, lanes_where, picked, put
+from jblast.inference.many.lane_subset import LEAST, lanes_where, picked, put
 
 
 def test_lanes_are_filled_up_by_the_last_to_a_power_of_two():

@@ -3,7 +3,7 @@ import numpy as np
 import pytest
 from densities_by_hand import Banana, Gaussian, Two, banana, gaussian
 
-from jblast.inference.modes import POINTS, crest, modes, ridge
+from jblast.inference.mcmc.modes import POINTS, crest, modes, ridge
 
 
 def of(density, draws):

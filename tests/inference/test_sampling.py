@@ -7,9 +7,9 @@ import pytest
 from densities_by_hand import COVARIANCE, Nowhere, Two, Unlike, banana, gaussian
 
 from jblast.errors import InputError
-from jblast.inference import ensemble_emcee
-from jblast.inference.chains import Store
-from jblast.inference.sampling import Start, sample
+from jblast.inference.mcmc import emcee_engine as ensemble_emcee
+from jblast.inference.mcmc.checkpoint import Store
+from jblast.inference.mcmc.run import Start, sample
 
 pytestmark = pytest.mark.slow  # each problem compiles a program of its own
 

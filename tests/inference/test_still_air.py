@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 from jblast.inference import Posterior
-from jblast.inference.identifiability import identifiability
-from jblast.inference.laplace import laplace
-from jblast.inference.parameters import parameters_of
-from jblast.inference.solution import Solution
-from jblast.inference.still_air import still_air, wider_with_wind
+from jblast.inference.fitting.solution import Solution
+from jblast.inference.fitting.still_air import still_air, wider_with_wind
+from jblast.inference.identifiability.null_space import identifiability
+from jblast.inference.mode.laplace import laplace
+from jblast.inference.posterior.parameters import parameters_of
 from jblast.scene import Scene, Sensor, UncertainScene, freed, with_values
 from jblast.sensors import planned_layout, record
 

@@ -6,7 +6,7 @@ from clocks_off import ASKED, MASS, NAMES, accused, heard
 
 from jblast.errors import InputError
 from jblast.inference import fit, solve
-from jblast.inference.suspects import explained_by
+from jblast.inference.fitting.suspects import explained_by
 from jblast.report import summary
 
 

@@ -11,11 +11,11 @@ from logs import log
 
 from jblast.errors import InputError
 from jblast.inference import information_of_layout, posterior_of
-from jblast.inference.fisher import information
-from jblast.inference.laplace import density_and_slope
-from jblast.inference.optimum import optima
-from jblast.inference.parameters import parameters_of
-from jblast.inference.thinned import MOST_ROWS, is_long, spread_rows, thinned
+from jblast.inference.mode.laplace import density_and_slope
+from jblast.inference.mode.row_subset import MOST_ROWS, is_long, spread_rows, thinned
+from jblast.inference.mode.search import optima
+from jblast.inference.posterior.fisher_information import information
+from jblast.inference.posterior.parameters import parameters_of
 from jblast.scene import Air, Scene, UncertainScene, freed, with_values
 from jblast.sensors import layout_of, observe
 from jblast.sensors.effects import count_effects, path_effects
@@ -123,7 +123,7 @@ def test_many_paths_with_effects_make_a_log_long(paths):
 
 @pytest.mark.parametrize(("limit", "most"), [("HELD", 30), ("WORK", 200)])
 def test_more_rows_times_effects_than_can_be_held_are_refused(monkeypatch, limit, most):
-    monkeypatch.setattr(f"jblast.inference.posterior.{limit}", most)
+    monkeypatch.setattr(f"jblast.inference.posterior.posterior.{limit}", most)
     rows = [
         (f"s{i}", "positive_impulse_pa_s", 50.0, 5.0, (100.0 + i, 0.0, 0.0))
         for i in range(6)

@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 from shots import five_solved
 
-from jblast.inference.laplace import marginals
-from jblast.inference.weighted import marginals_of_draws, weighted_quantiles
+from jblast.inference.importance.marginals import marginals_of_draws, weighted_quantiles
+from jblast.inference.mode.laplace import marginals
 
 
 @pytest.mark.parametrize("count", [2, 3, 101])

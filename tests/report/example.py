@@ -6,7 +6,7 @@ from typing import Any
 import jax.numpy as jnp
 import numpy as np
 
-from jblast.inference.fit_result import Band, Fit
+from jblast.inference.fitting.result import Band, Fit
 from jblast.observations import Observations
 from jblast.quantities import TIMES
 from jblast.scene import Charge, Scene, Sensor

@@ -7,7 +7,7 @@ import example
 import pytest
 
 import jblast
-from jblast.inference.how_sure import AS_ASKED
+from jblast.inference.fitting.uncertainty import AS_ASKED
 from jblast.report import summary
 from jblast.report.text import HELD
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from jblast.inference import fit
-from jblast.inference.laplace import NORMAL_Q95
-from jblast.inference.untold import NEAR, ambiguities
+from jblast.inference.fitting.unidentified import NEAR, ambiguities
+from jblast.inference.mode.laplace import NORMAL_Q95
 from jblast.study.stability import outliers, poor_starts, untold
 from jblast.study.stability.arrival_logs import line, ring, told
 from jblast.study.stability.edge import EDGES

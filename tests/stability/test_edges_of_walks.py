@@ -5,9 +5,9 @@ import pytest
 
 from jblast.errors import InputError
 from jblast.inference import ensemble, fit
-from jblast.inference.convergence import LONG_ENOUGH
-from jblast.inference.how_sure import how_sure
-from jblast.inference.importance import ENDS
+from jblast.inference.fitting.uncertainty import how_sure
+from jblast.inference.importance.psis import ENDS
+from jblast.inference.mcmc.convergence import LONG_ENOUGH
 from jblast.study.stability import ridges, two_modes
 from jblast.study.stability.arrival_logs import circle, told
 from jblast.study.stability.edge import EDGES

@@ -2,8 +2,8 @@ import equinox as eqx
 import numpy as np
 import pytest
 
-from jblast.inference.importance import Importance
-from jblast.inference.laplace import Laplace
+from jblast.inference.importance.psis import Importance
+from jblast.inference.mode.laplace import Laplace
 from jblast.study.charts.samplers import known, sampler_points, weighted_ends
 from jblast.study.timed_walks import (
     EMCEE,

@@ -2,6 +2,6 @@
 
 from jblast.inference.many.fit_many import fit_many as fit_many
 from jblast.inference.many.many_fits import ManyFits as ManyFits
-from jblast.inference.many.solver import (
+from jblast.inference.many.solver.levenberg_marquardt import (
     LaneLevenbergMarquardt as LaneLevenbergMarquardt,
 )

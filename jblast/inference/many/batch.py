@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Float
 
 from jblast.errors import InputError
-from jblast.inference.posterior import refuse_exact
+from jblast.inference.posterior.posterior import refuse_exact
 from jblast.observations import Observations, place
 from jblast.observations.clocks import refuse_unresolved
 from jblast.registry import names_for

@@ -11,21 +11,21 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from jblast.errors import InputError
-from jblast.inference.many.blocks import Blocks
-from jblast.inference.many.closed_form import closed_form
-from jblast.inference.many.ends import Ends, better, doubtful, told
-from jblast.inference.many.expansion import half_square
-from jblast.inference.many.library import Library, library
+from jblast.inference.many.chunks import Blocks
+from jblast.inference.many.lane_results import Ends, better, doubtful, told
+from jblast.inference.many.lane_subset import lanes_where, picked, put
 from jblast.inference.many.loop import Loop, with_effects
 from jblast.inference.many.many_fits import ManyFits
-from jblast.inference.many.normal_equations import MOST_UNKNOWNS
-from jblast.inference.many.readings import Readings, checked, faults_of, read
-from jblast.inference.many.rows import Rows, rows_of
-from jblast.inference.many.solver import LaneLevenbergMarquardt
-from jblast.inference.many.some_lanes import lanes_where, picked, put
-from jblast.inference.many.starts import Starts, given_starts
-from jblast.inference.parameters import parameters_of
-from jblast.inference.posterior import Posterior
+from jblast.inference.many.residuals.readings import Readings, checked, faults_of, read
+from jblast.inference.many.residuals.rows import Rows, rows_of
+from jblast.inference.many.solver.levenberg_marquardt import LaneLevenbergMarquardt
+from jblast.inference.many.solver.normal_equations import MOST_UNKNOWNS
+from jblast.inference.many.solver.quadratic_model import half_square
+from jblast.inference.many.starts.multilateration import closed_form
+from jblast.inference.many.starts.nearest_prior_draw import Library, library
+from jblast.inference.many.starts.tries import Starts, given_starts
+from jblast.inference.posterior.parameters import parameters_of
+from jblast.inference.posterior.posterior import Posterior
 from jblast.scene import UncertainScene
 from jblast.sensors import Layout
 from jblast.sensors.bursts import settled

@@ -7,13 +7,18 @@ import numpy as np
 import optimistix as optx
 from jaxtyping import Array, Float
 
-from jblast.inference.many.closed_form import ClosedForm
-from jblast.inference.many.ends import Ends
-from jblast.inference.many.expansion import Expansion, expansion, half_square, triangle
-from jblast.inference.many.normal_equations import Triangle, cholesky, inverse_of
-from jblast.inference.many.readings import Readings
-from jblast.inference.many.rows import Rows
-from jblast.inference.many.solver import LaneLevenbergMarquardt
+from jblast.inference.many.lane_results import Ends
+from jblast.inference.many.residuals.readings import Readings
+from jblast.inference.many.residuals.rows import Rows
+from jblast.inference.many.solver.levenberg_marquardt import LaneLevenbergMarquardt
+from jblast.inference.many.solver.normal_equations import Triangle, cholesky, inverse_of
+from jblast.inference.many.solver.quadratic_model import (
+    Expansion,
+    expansion,
+    half_square,
+    triangle,
+)
+from jblast.inference.many.starts.multilateration import ClosedForm
 
 MOST_STEPS = 200
 

@@ -15,12 +15,12 @@ from jaxtyping import Float
 from jblast.fidelity.timing import best_of
 from jblast.fidelity.topic import Point, Topic, register_topic
 from jblast.inference import Posterior
-from jblast.inference.identifiability import Identifiability, identifiability
-from jblast.inference.importance import Importance, importance
-from jblast.inference.laplace import NORMAL_Q95, Laplace, laplace
-from jblast.inference.optimum import optima
-from jblast.inference.weighted import weighted_quantiles
-from jblast.inference.whitening import Whitened, whitened
+from jblast.inference.identifiability.null_space import Identifiability, identifiability
+from jblast.inference.importance.marginals import weighted_quantiles
+from jblast.inference.importance.psis import Importance, importance
+from jblast.inference.importance.whitening import Whitened, whitened
+from jblast.inference.mode.laplace import NORMAL_Q95, Laplace, laplace
+from jblast.inference.mode.search import optima
 from jblast.study.five_microphones import one_posterior
 from jblast.study.timed_walks import (
     EMCEE,

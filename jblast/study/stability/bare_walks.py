@@ -6,8 +6,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
-from jblast.inference.convergence import Convergence, convergence
-from jblast.inference.whitening import Density, densities
+from jblast.inference.importance.whitening import Density, densities
+from jblast.inference.mcmc.convergence import Convergence, convergence
 
 WALKERS = 64
 

@@ -7,8 +7,8 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from jblast.inference import fit_many, solve
-from jblast.inference.goodness import left_of, suspected_outliers
-from jblast.inference.laplace import NORMAL_Q95
+from jblast.inference.fitting.goodness_of_fit import left_of, suspected_outliers
+from jblast.inference.mode.laplace import NORMAL_Q95
 from jblast.observations import Observations
 from jblast.study.stability.arrival_logs import FITS, LAWS, SIGMA, Told, ring, told
 from jblast.study.stability.edge import Edge, witnessed

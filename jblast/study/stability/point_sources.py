@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from jblast.constants import STANDARD_PRESSURE, TNT_SPECIFIC_ENERGY
-from jblast.inference.cautions import POINT_SOURCES, charge_is_no_point
+from jblast.inference.fitting.warnings import POINT_SOURCES, charge_is_no_point
 from jblast.registry import LAWS
 from jblast.scene import Charge
 from jblast.study.stability.boundary import crossing, turning

@@ -16,7 +16,7 @@ from jaxtyping import Bool, Float
 
 from jblast.inference import Posterior, fit_many, solve
 from jblast.inference.many import ManyFits
-from jblast.inference.optimum import SAME
+from jblast.inference.mode.search import SAME
 from jblast.observations import Observations
 from jblast.scene import UncertainScene
 from jblast.study.stability.arrival_logs import FITS, LAWS, SIGMA, ring, told

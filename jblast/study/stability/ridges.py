@@ -7,10 +7,10 @@ import numpy as np
 
 from jblast.errors import InputError
 from jblast.inference import Ensemble, Solution, ensemble
-from jblast.inference.ends import ends_judged
-from jblast.inference.how_sure import how_sure
-from jblast.inference.importance import ENDS
-from jblast.inference.whitening import Whitened, root_of, whitened
+from jblast.inference.fitting.uncertainty import how_sure
+from jblast.inference.importance.interval_check import ends_judged
+from jblast.inference.importance.psis import ENDS
+from jblast.inference.importance.whitening import Whitened, root_of, whitened
 from jblast.study.stability.arrival_logs import circle, told
 from jblast.study.stability.bare_walks import WALKERS, BareWalk, bare_walk
 from jblast.study.stability.boundary import crossing

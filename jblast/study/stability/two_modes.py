@@ -10,9 +10,9 @@ from typing import NamedTuple
 import numpy as np
 
 from jblast.inference import Ensemble, ensemble
-from jblast.inference.mixture import Mixture, mixture_of
-from jblast.inference.sampling import Sampled, Start, sample
-from jblast.inference.whitening import whitened
+from jblast.inference.importance.whitening import whitened
+from jblast.inference.mcmc.independence_move import Mixture, mixture_of
+from jblast.inference.mcmc.run import Sampled, Start, sample
 from jblast.study.stability.arrival_logs import line, told
 from jblast.study.stability.bare_walks import WALKERS, BareWalk, bare_walk, unit_normals
 from jblast.study.stability.edge import Edge, witnessed

@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jblast.inference import Solution, solve
-from jblast.inference.untold import NEAR, ambiguities
+from jblast.inference.fitting.unidentified import NEAR, ambiguities
 from jblast.scene import freed
 from jblast.sensors import simulate
 from jblast.study.stability.arrival_logs import (

@@ -1,0 +1,130 @@
+"""How wide information leaves each number: the Cramer-Rao bound and parts of it."""
+
+from collections.abc import Mapping
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from jblast.inference.mode.laplace import FALLS, Laplace, half_width, marginals
+from jblast.inference.mode.starts import scales
+from jblast.inference.posterior.fisher_information import (
+    NULL,
+    information,
+    known_covariance,
+)
+from jblast.inference.posterior.parameters import Parameters
+from jblast.inference.posterior.posterior import Posterior
+from jblast.kept_programs import kept
+from jblast.sensors import Layout
+from jblast.sensors.observe import Noise
+
+
+@kept
+def information_of_layout(
+    parameters: Parameters,
+    layout: Layout,
+    sigma: Float[Array, " row"],
+    laws: Mapping[str, str],
+    z: Float[Array, " free"],
+    noise: Noise = "student",
+) -> Float[Array, "free free"]:
+    """Return the Fisher information of a layout and the priors; no data are needed.
+
+    Args:
+        parameters: What is not known.
+        layout: Who records what, and where: its places may be batched.
+        sigma: Instrument error of each row: seconds for times, relative otherwise.
+        laws: Name of the law for each of `layout.quantities()`.
+        z: Where, in the fitted coordinates.
+        noise: Distribution of the independent errors.
+    """
+    names = tuple(sorted(laws.items()))
+    silent = Posterior(parameters, layout, jnp.zeros_like(sigma), sigma, names, noise)
+    return information(silent, z)
+
+
+def cramer_rao(
+    posterior: Posterior,
+    z: Float[np.ndarray, " free"],
+    told: Float[np.ndarray, "free told"],
+    known: Float[np.ndarray, "free free"],
+) -> Laplace:
+    """Invert the information along the directions that are told.
+
+    Along one that is told by symmetry's breaking alone (the height of a charge among
+    sensors at its own height) the information is zero: the width is measured there.
+
+    Args:
+        posterior: What a log without error would say.
+        z: Where.
+        told: Basis of the directions that are told, one column each.
+        known: Information.
+    """
+    values, vectors = np.linalg.eigh(told.T @ known @ told)
+    axes = told @ vectors / np.sqrt(np.maximum(values, NULL))
+    top = float(posterior.log_density(jnp.asarray(z)))
+    for value, axis in zip(values, axes.T, strict=True):
+        ends = [
+            float(posterior.log_density(jnp.asarray(z + s * axis))) for s in (-1, 1)
+        ]
+        if value < NULL and not FALLS[0] < top - max(ends) < FALLS[1]:
+            axis *= half_width(posterior, z, axis, top)
+    return Laplace(z, axes @ axes.T, 0.0, True)
+
+
+def spread_left(
+    posterior: Posterior,
+    z: Float[np.ndarray, " free"],
+    matrix: Float[np.ndarray, "free free"],
+    target: int,
+    *,
+    known: int | None = None,
+    unbelieved: int | None = None,
+) -> dict[str, float | None]:
+    """Return the sd of a number, and of its ln if positive; None where nothing is told.
+
+    Args:
+        posterior: Says what the numbers are.
+        z: Where.
+        matrix: Information, priors included.
+        target: Index of the number.
+        known: Index of another that is taken for known.
+        unbelieved: Index of another whose prior is left out.
+    """
+    n = len(z)
+    has_prior = np.array(posterior.parameters.has_prior())
+    if unbelieved is not None:
+        matrix = matrix - np.diag(has_prior * (np.arange(n) == unbelieved))
+        has_prior[unbelieved] = 0.0
+    kept = [i for i in range(n) if i != known]
+    part, unknown = map(
+        np.asarray,
+        known_covariance(
+            jnp.asarray(matrix[np.ix_(kept, kept)]),
+            jnp.asarray(has_prior[kept]),
+            scales(posterior)[np.array(kept)],
+        ),
+    )
+    if unknown[kept.index(target)] or not np.isfinite(part).all():
+        return {"sd": None, "log_sd": None}
+    covariance = np.zeros((n, n))
+    covariance[np.ix_(kept, kept)] = part
+    told = marginals(posterior.parameters, Laplace(z, covariance, 0.0, True))
+    spread = told[posterior.parameters.names[target]]
+    return {"sd": spread["sd"], "log_sd": spread["log_sd"]}
+
+
+def worst(posterior: Posterior, z: Float[np.ndarray, " free"]) -> int:
+    """Return which number is known worst: among the masses, if any is fitted.
+
+    Otherwise that with the largest sd for a typical step.
+    """
+    names, scale = posterior.parameters.names, scales(posterior)
+    known = information(posterior, jnp.asarray(z))
+    found = known_covariance(known, posterior.parameters.has_prior(), scale)
+    covariance, unknown = map(np.asarray, found)
+    sd = np.sqrt(np.diag(covariance)) / np.asarray(scale)
+    sd = np.where(unknown, np.inf, sd)
+    masses = np.array([name.partition(".")[0] == "charge_mass_kg" for name in names])
+    return int(np.argmax(np.where(masses | ~masses.any(), sd, -1.0)))

@@ -1,0 +1,212 @@
+"""The log a planned layout would write if nature kept to the laws: no data needed."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import NamedTuple
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from jblast.errors import InputError, nearest
+from jblast.inference.posterior.fireball_growth import GROWTH, as_seen, own_growth
+from jblast.inference.posterior.parameters import parameters_of
+from jblast.inference.posterior.posterior import Posterior, posterior_of
+from jblast.observations import Observations, place
+from jblast.parameter_table import CHARGE_POSITION, CLOCK_OFFSET
+from jblast.quantities import TIMED
+from jblast.scene import Free, Scene, UncertainScene, place_of, with_values
+from jblast.scene.parameters import names_in, value_of
+from jblast.scene.priors import Belief
+from jblast.sensors import layout_of, planned_layout, resolve_laws
+from jblast.sensors.bursts import settled
+from jblast.sensors.laws import law_names
+from jblast.sensors.observe import Noise
+from jblast.sensors.simulate import written
+
+
+class Centred(eqx.Module):
+    """A prior moved so that its centre is the number that is taken for true.
+
+    A layout is judged by what it tells on average: the prior and the log then agree,
+    and the prior's width alone counts.
+
+    Attributes:
+        belief: The prior.
+        centre: Its coordinate at the number taken for true.
+    """
+
+    belief: Belief
+    centre: Float[Array, ""]
+
+    def constrain(self, z):
+        """Return the number at a fitted coordinate."""
+        return self.belief.constrain(z + self.centre)
+
+    def unconstrain(self, value):
+        """Return the fitted coordinate of a number."""
+        return self.belief.unconstrain(value) - self.centre
+
+    def log_density(self, z):
+        """Return ln of the prior density per unit of $z$, about the centre."""
+        return self.belief.log_density(z)
+
+
+class Planned(NamedTuple):
+    """A layout and the log it would write.
+
+    Attributes:
+        values: What is taken for true, by name of `scene.PARAMETERS`.
+        z: The same in the fitted coordinates.
+        posterior: What the log would say.
+        laws: Name and reason of the law for each quantity.
+        log: Its readings without error.
+    """
+
+    values: Mapping[str, float]
+    z: Float[np.ndarray, " free"]
+    posterior: Posterior
+    laws: Mapping[str, tuple[str, str]]
+    log: Observations
+
+
+def planned(
+    uncertain: UncertainScene, at: Mapping[str, float], noise: Noise
+) -> Planned:
+    """Write down what a scene's sensors would read, no errors made.
+
+    Args:
+        uncertain: The scene; its sensors say what they record.
+        at: Numbers taken for true; the others are the medians of their priors, and a
+            fireball's growth time is that of its law.
+        noise: Distribution of the independent errors.
+
+    Raises:
+        InputError: Nothing is uncertain, a free number has no value, a value is out of
+            bounds, or the sensors cannot record what they should.
+    """
+    told = uncertain
+    uncertain = _as_seen(told)
+    if GROWTH in set(uncertain.beliefs) - set(told.beliefs) - set(at):
+        likely = with_values(told.scene, values_at(told, at))
+        at = {**at, GROWTH: own_growth(likely)}
+    values = values_at(uncertain, at)
+    beliefs = {
+        name: belief
+        if isinstance(belief, Free)
+        else Centred(belief, belief.unconstrain(jnp.asarray(values[name])))
+        for name, belief in uncertain.beliefs.items()
+    }
+    scene = with_values(uncertain.scene, values)
+    drawn, sigma, sensors = planned_layout(scene)
+    scene, drawn = settled(scene, drawn)
+    z = jnp.stack([b.unconstrain(jnp.asarray(values[n])) for n, b in beliefs.items()])
+    parameters = parameters_of(UncertainScene(scene, beliefs))
+    laws = resolve_laws(scene, drawn, np.asarray(sigma))
+    names = tuple(sorted(law_names(laws).items()))
+    blank = Posterior(parameters, drawn, jnp.zeros_like(sigma), sigma, names, noise)
+    value = np.asarray(blank.misfit(z).predicted)
+    source = uncertain.source or "the planned layout"
+    log = written(scene, drawn, value, np.asarray(sigma), sensors)
+    log = replace(log, source=source)
+    # the place is taken for known here, so a sensor must not stand at it
+    kept = [name for name in beliefs if name.partition(".")[0] not in CHARGE_POSITION]
+    with np.errstate(over="ignore"):  # a charge beyond all reach is refused below
+        log = place(log, scene, kept)
+    for row in np.flatnonzero(~np.isfinite(value)):
+        raise InputError(
+            f"{source}: sensor {log.sensor[row]!r}: {log.quantity[row]} is {value[row]}"
+            f" at {_shown(values)}; expected values that allow a reading"
+        )
+    layout = replace(layout_of(log, scene), free_air=drawn.free_air)
+    posterior = posterior_of(parameters, layout, log, law_names(laws), noise)
+    return Planned(values, np.asarray(z), posterior, laws, log)
+
+
+def _as_seen(uncertain: UncertainScene) -> UncertainScene:
+    """Return the scene as a fit of the log planned would read it."""
+    planned = [
+        (quantity, time)
+        for sensor in uncertain.scene.sensors
+        for quantity, _ in sensor.records
+        for time in sensor.times
+    ]
+    quantity, time = zip(*planned, strict=True) if planned else ((), ())
+    return as_seen(uncertain, quantity, np.array(time, float))
+
+
+def values_at(uncertain: UncertainScene, at: Mapping[str, float]) -> dict[str, float]:
+    """Return the uncertain numbers of a scene: as asked, or their priors' medians.
+
+    Raises:
+        InputError: As in `planned`.
+    """
+    beliefs, source = uncertain.beliefs, uncertain.source or "scene"
+    if not beliefs:
+        raise InputError(
+            f"{source}: nothing to bound: every number of the scene is fixed; expected "
+            'at least one that is "free", has a prior, or is named by --free'
+        )
+    for name in at:
+        if name not in beliefs:
+            fixed = name in names_in(uncertain.scene)
+            raise InputError(
+                f"--at {name}: {name} is {'fixed' if fixed else 'no number'} in the "
+                f"scene; expected one of {', '.join(beliefs)}{nearest(name, beliefs)}"
+                + (f", or --free {name} beside it" if fixed else "")
+            )
+    at = {**_shown_by_clocks(uncertain), **at}
+    open_ = [n for n, b in beliefs.items() if isinstance(b, Free) and n not in at]
+    if open_:
+        raise InputError(
+            f"{source}: {', '.join(open_)}: free and without a prior, so expected "
+            f"{' '.join(f'--at {name}=VALUE' for name in open_)}; what a layout tells "
+            "depends on it"
+        )
+    return {
+        name: _checked(name, float(at[name]), belief, uncertain.scene)
+        if name in at
+        else float(belief.constrain(jnp.zeros(())))
+        for name, belief in beliefs.items()
+    }
+
+
+def _shown_by_clocks(uncertain: UncertainScene) -> dict[str, float]:
+    """Return the free numbers that only shift what clocks show, as the scene has them.
+
+    What a layout tells does not depend on them, unless a sensor takes readings at times
+    of its clock.
+    """
+    scene = uncertain.scene
+    taken = {q for sensor in scene.sensors for q, _ in sensor.records}
+    if taken & set(TIMED):
+        return {}
+    return {
+        name: float(0.0 if value is None else value)
+        for name, belief in uncertain.beliefs.items()
+        if isinstance(belief, Free)
+        and name.partition(".")[0] in ("origin_time_s", CLOCK_OFFSET)
+        for value in [value_of(scene, name)]
+    }
+
+
+def _checked(name: str, value: float, belief: Belief, scene: Scene) -> float:
+    """Return a number if the scene file, and its prior, would allow it."""
+    bounds = place_of(name).bounds
+    if not bounds.allows(value):
+        raise InputError(
+            f"--at {name}: expected a number that is {bounds.words()}, got {value:g}"
+        )
+    if not math.isfinite(value):
+        raise InputError(f"--at {name}: expected a finite number, got {value:g}")
+    if not math.isfinite(float(belief.unconstrain(jnp.asarray(value)))):
+        raise InputError(
+            f"--at {name}: expected a number within its prior, got {value:g}"
+        )
+    return value
+
+
+def _shown(values: Mapping[str, float]) -> str:
+    return ", ".join(f"{name} = {value:g}" for name, value in values.items())

@@ -1,0 +1,195 @@
+"""Where a next sensor would tell most: the sd of mass and place over the plane."""
+
+from dataclasses import dataclass
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float
+
+from jblast.errors import InputError
+from jblast.inference.design.covariance import information_of_layout, worst
+from jblast.inference.design.cramer_rao import Bound
+from jblast.inference.mode.starts import scales
+from jblast.inference.posterior.fisher_information import known_covariance
+from jblast.inference.posterior.posterior import Posterior
+from jblast.kept_programs import kept
+from jblast.sensors import Layout, record
+
+POINTS = 60
+WIDER = 2.0
+"""The map is this much wider than the layout."""
+BATCH = 256
+"""Places computed at once."""
+
+
+@dataclass(frozen=True)
+class BoundMap:
+    """What is left unknown with one more sensor, over where it stands.
+
+    Attributes:
+        east: Where, increasing [m].
+        north: Where, increasing [m].
+        up: Height of the new sensor [m].
+        log_sd_mass: sd of ln mass; infinite where not identified; None if it is known.
+        place_sd: Root of the trace of the covariance of the charge's east and north
+            [m]; likewise.
+        mass: Name of the mass: that known worst.
+        place: Names of the place's free coordinates, of the first charge that has any.
+        now: sd of ln mass and of the place without a new sensor, by the names above.
+        valid: Whether the laws hold for the new sensor.
+        like: Name of the sensor whose records it has.
+        records: What it records.
+        sensors: Where the others stand, by name: east, north [m].
+        charges: Where the charges are: east, north [m].
+    """
+
+    east: Float[np.ndarray, " east"]
+    north: Float[np.ndarray, " north"]
+    up: float
+    log_sd_mass: Float[np.ndarray, "north east"] | None
+    place_sd: Float[np.ndarray, "north east"] | None
+    mass: str
+    place: tuple[str, ...]
+    now: dict[str, float]
+    valid: Bool[np.ndarray, "north east"]
+    like: str
+    records: tuple[str, ...]
+    sensors: dict[str, tuple[float, float]]
+    charges: Float[np.ndarray, "charge 2"]
+
+
+def bound_map(bound: Bound, points: int = POINTS) -> BoundMap:
+    """Return what one more sensor with the records of the first would leave unknown.
+
+    Its clock is taken to be right.
+
+    Args:
+        bound: The layout without it.
+        points: Along each side.
+
+    Raises:
+        InputError: The scene has no places, or neither a mass nor a place is open.
+    """
+    posterior, log, z = bound.posterior, bound.log, jnp.asarray(bound.z)
+    parameters, layout = posterior.parameters, posterior.layout
+    scene = parameters.scene_at(z)
+    mass, place = _wanted(bound)
+    if any(charge.range is not None for charge in scene.charges):
+        raise InputError(
+            f"{log.source}: a map needs places: expected [charge] position_m, got a "
+            "range alone"
+        )
+    if mass is None and not place:
+        raise InputError(
+            f"{log.source}: a map shows what is left unknown of the mass or the place "
+            f"of a charge; got {', '.join(parameters.names)} open alone"
+        )
+    rows = np.array([i for i, s in enumerate(log.sensor) if s == log.sensor[0]])
+    new = Layout(
+        quantity=tuple(layout.quantity[i] for i in rows),
+        position=layout.position[rows],
+        slant_range=layout.slant_range[rows],
+        time=layout.time[rows],
+        group=tuple(max(layout.group) + 1 + layout.shot[i] for i in rows),
+        shot=tuple(layout.shot[i] for i in rows),
+        clock=("",) * len(rows),
+    )
+    sigma = jnp.concatenate([posterior.sigma, posterior.sigma[rows]])
+    charges = np.array([[float(c.east), float(c.north)] for c in scene.charges])
+    east, north = _grid(np.asarray(layout.position)[:, :2], charges, points)
+    places = np.stack(np.meshgrid(east, north), axis=-1).reshape(-1, 2)
+    covariance, unknown, valid = map(
+        np.asarray, _over(posterior, new, sigma, z, jnp.asarray(places))
+    )
+    before = known_covariance(
+        jnp.asarray(bound.information), parameters.has_prior(), scales(posterior)
+    )
+    values, slopes = jax.jvp(
+        lambda step: parameters.values(z + step), (0 * z,), (jnp.ones_like(z),)
+    )
+    shape = (points, points)
+    drawn: dict[str, np.ndarray] = {}
+    now: dict[str, float] = {}
+    for what, names in (("mass", (mass,) if mass else ()), ("place", place)):
+        if not names:
+            continue
+        index = [parameters.names.index(name) for name in names]
+        unit = np.array([float(slopes[name]) for name in names])
+        if what == "mass":
+            unit = unit / np.array([float(values[name]) for name in names])
+        drawn[what] = _sd(covariance, unknown, index, unit).reshape(shape)
+        alone, hidden = (np.asarray(part)[None] for part in before)
+        now[what] = float(_sd(alone, hidden, index, unit)[0])
+    return BoundMap(
+        east=east,
+        north=north,
+        up=float(layout.position[0, 2]),
+        log_sd_mass=drawn.get("mass"),
+        place_sd=drawn.get("place"),
+        mass=mass or "",
+        place=place,
+        now=now,
+        valid=valid.reshape(shape),
+        like=log.sensor[0],
+        records=tuple(dict.fromkeys(new.quantity)),
+        sensors={
+            name: (float(at[0]), float(at[1]))
+            for name, at in zip(log.sensor, np.asarray(layout.position), strict=True)
+        },
+        charges=charges,
+    )
+
+
+def _wanted(bound: Bound) -> tuple[str | None, tuple[str, ...]]:
+    """Return the mass known worst, and the free place of the first charge with one."""
+    names = bound.posterior.parameters.names
+    mass = names[worst(bound.posterior, bound.z)]
+    is_mass = mass.partition(".")[0] == "charge_mass_kg"
+    horizontal = [n for n in names if n.startswith(("charge_east_m", "charge_north_m"))]
+    first = horizontal[0].partition(".")[2] if horizontal else ""
+    place = tuple(n for n in horizontal if n.partition(".")[2] == first)
+    return mass if is_mass else None, place
+
+
+def _grid(sensors, charges, points: int):
+    """Return the sides of a square about a layout, `WIDER` than its longer one."""
+    seen = np.concatenate([sensors, charges])
+    middle = (seen.min(axis=0) + seen.max(axis=0)) / 2
+    half = max(WIDER * float(np.ptp(seen, axis=0).max()) / 2, 1.0)
+    line = np.linspace(-half, half, points)
+    return middle[0] + line, middle[1] + line
+
+
+@kept
+def _over(
+    posterior: Posterior,
+    new: Layout,
+    sigma: Float[Array, " row"],
+    z: Float[Array, " free"],
+    places: Float[Array, "place 2"],
+):
+    """Return covariance, what is unknown and validity for a sensor at each place."""
+    parameters, noise = posterior.parameters, posterior.noise
+    laws = dict(posterior.laws)
+    has_prior, scale = parameters.has_prior(), scales(posterior)
+
+    def one(place: Float[Array, "2"]):
+        there = eqx.tree_at(
+            lambda n: n.position, new, new.position.at[:, :2].set(place[None, :])
+        )
+        layout = posterior.layout.beside(there)
+        known = information_of_layout(parameters, layout, sigma, laws, z, noise)
+        holds = record(parameters.scene_at(z), there, laws).valid.all()
+        return *known_covariance(known, has_prior, scale), holds
+
+    return jax.lax.map(one, places, batch_size=BATCH)
+
+
+def _sd(covariance, unknown, index, unit) -> np.ndarray:
+    """Root of the sum of some variances, infinite where one is unknown."""
+    variance = np.diagonal(covariance, axis1=1, axis2=2)[:, index] * unit**2
+    return np.where(
+        unknown[:, index].any(axis=1), np.inf, np.sqrt(variance.sum(axis=1))
+    )

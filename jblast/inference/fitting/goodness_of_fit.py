@@ -1,0 +1,105 @@
+"""How well the answer fits, and which readings it does not believe."""
+
+from typing import NamedTuple
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Float
+from scipy.special import betainc, gammaincc, ndtr, ndtri
+
+from jblast.inference.posterior.posterior import Posterior
+from jblast.observations import Observations
+from jblast.sensors.observe import STUDENT_FREEDOM, Noise
+
+WILD = 0.05
+"""Readings are suspected that so small a share of honest logs would hold."""
+
+POOR = 0.001
+"""A fit with a smaller chance than this is called poor."""
+
+FITS = 0.01
+"""With no smaller chance than this a log and a scene agree."""
+
+
+class Left(NamedTuple):
+    """What a scene leaves of a log.
+
+    Attributes:
+        effects: The most probable shared effects.
+        shared: What they add to each row.
+        residual: What is left of each row beside them, in standard deviations.
+    """
+
+    effects: Float[np.ndarray, " effect"]
+    shared: Float[np.ndarray, " row"]
+    residual: Float[np.ndarray, " row"]
+
+
+def left_of(posterior: Posterior, z: Float[np.ndarray, " free"]) -> Left:
+    """Return what the scene at a place leaves of its log."""
+    misfit = posterior.misfit(jnp.asarray(z))
+    effects = np.asarray(posterior.effects(jnp.asarray(z)))
+    shared = np.asarray(misfit.loading) @ effects
+    residual = (np.asarray(misfit.residual) - shared) / np.asarray(misfit.sd)
+    return Left(effects, shared, residual)
+
+
+def chi_squared(
+    posterior: Posterior,
+    z: Float[np.ndarray, " free"],
+    residual: Float[np.ndarray, " row"],
+    effects: Float[np.ndarray, " effect"],
+    told: int,
+) -> tuple[float, int]:
+    """Return chi squared and its degrees of freedom.
+
+    Student-t residuals count as the normal scores of their quantiles, so that honest
+    errors of either kind give the same chi squared. Shared effects and numbers with a
+    prior count as data that were expected at their means, and as unknowns; so they add
+    to chi squared and leave the freedom alone.
+    """
+    priors = np.asarray(posterior.parameters.has_prior())
+    scores = normal_scores(residual, posterior.noise)
+    chi2 = float(np.sum(scores**2) + np.sum(effects**2) + np.sum((priors * z) ** 2))
+    return chi2, len(residual) + int(priors.sum()) - told
+
+
+def beyond(residual: Float[np.ndarray, " row"], noise: Noise) -> np.ndarray:
+    """Return the chance of an error at least so far from zero, on either side."""
+    square = np.square(np.asarray(residual, float))
+    if noise == "gaussian":
+        return 2 * ndtr(-np.sqrt(square))
+    nu = STUDENT_FREEDOM
+    return betainc(nu / 2, 0.5, nu / (nu + square))
+
+
+def normal_scores(residual: Float[np.ndarray, " row"], noise: Noise) -> np.ndarray:
+    """Return the sizes of normal errors as rare as these."""
+    return -ndtri(beyond(residual, noise) / 2)
+
+
+def chance(chi2: float, dof: int) -> float | None:
+    """Return the chance of a larger chi squared; None without degrees of freedom."""
+    return float(gammaincc(dof / 2, chi2 / 2)) if dof > 0 else None
+
+
+def suspected_outliers(
+    observations: Observations, residual: Float[np.ndarray, " row"], noise: Noise
+) -> list[dict[str, object]]:
+    """Name the readings too far off for errors as stated, worst first.
+
+    One log in twenty without a wild reading has one named. Where more than a third of
+    all readings are so far off, it is the law or the scene that is wrong, and none is.
+    """
+    wild = beyond(residual, noise) * len(residual) < WILD
+    if wild.sum() > len(residual) / 3:
+        return []
+    return [
+        {
+            "sensor": observations.sensor[row],
+            "quantity": observations.quantity[row],
+            "sds": round(float(residual[row]), 2),
+        }
+        for row in np.argsort(-np.abs(residual))
+        if wild[row]
+    ]

@@ -1,0 +1,52 @@
+"""Is it a prior that a poor fit comes from: the same log, nothing believed of it."""
+
+from dataclasses import replace
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from jblast.inference.fitting.goodness_of_fit import POOR, chance, chi_squared, left_of
+from jblast.inference.fitting.solution import Solution
+from jblast.inference.identifiability.null_space import identifiability
+from jblast.inference.mode.search import optima
+from jblast.inference.posterior.parameters import Parameters
+from jblast.scene import Free, place_of
+
+FAR = 3.0
+"""A number further than this from its prior's middle, in its sds, is not believed."""
+
+
+def against_priors(solution: Solution) -> dict[str, float]:
+    """Return numbers by which a log fits well, but which their priors rule out.
+
+    The search is made once more with every number free. Those are named that the log
+    alone tells.
+    """
+    parameters = solution.posterior.parameters
+    believed = [not isinstance(belief, Free) for belief in parameters.beliefs]
+    if not any(believed):
+        return {}
+    free = Parameters(
+        parameters.names,
+        tuple(Free(positive=place_of(name).positive) for name in parameters.names),
+        parameters.scene_at(jnp.asarray(solution.laplace.z)),
+    )
+    posterior = replace(solution.posterior, parameters=free)
+    z = np.asarray(optima(jax.random.key(0), posterior).z[0])
+    told = identifiability(posterior, z)
+    left = left_of(posterior, z)
+    p = chance(
+        *chi_squared(posterior, z, left.residual, left.effects, told.told.shape[1])
+    )
+    if p is not None and p < POOR:
+        return {}
+    values = free.values(jnp.asarray(z))
+    against = {}
+    for name, belief, is_told in zip(
+        parameters.names, parameters.beliefs, told.determined, strict=True
+    ):
+        away = float(belief.unconstrain(values[name]))
+        if is_told and not isinstance(belief, Free) and not abs(away) < FAR:
+            against[name] = float(values[name])
+    return against

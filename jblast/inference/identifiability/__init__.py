@@ -1,0 +1,1 @@
+"""Which directions the data leave open, and what datum would close them."""

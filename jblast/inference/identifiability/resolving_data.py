@@ -1,0 +1,162 @@
+"""Which added datum would tell what a log cannot."""
+
+from collections.abc import Sequence
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from jblast.constants import STANDARD_SOUND_SPEED
+from jblast.inference.mode.starts import layout_size, scales
+from jblast.inference.posterior.fireball_growth import GROWTH
+from jblast.inference.posterior.posterior import Posterior
+from jblast.kept_programs import kept
+from jblast.observations import CLOCK_TIMES, TIMES
+from jblast.parameter_table import CLOCK_OFFSET
+from jblast.scene import Scene
+from jblast.sensors import Layout, record, resolve_laws
+from jblast.sensors.laws import law_names
+from jblast.sensors.record import comparable
+
+CANDIDATES = {
+    "flash_time_s": "a flash time",
+    "air_arrival_s": "an air arrival",
+    "ground_arrival_s": "a ground arrival",
+    "peak_overpressure_pa": "a peak overpressure",
+    "positive_impulse_pa_s": "a positive impulse",
+}
+BANG = CANDIDATES["air_arrival_s"]
+RANGING = "its range is the sound speed times what it comes after the flash"
+SEEN = 0.03
+"""A datum is a cure if a typical step along the direction moves it by 3 %."""
+
+
+def candidates(
+    posterior: Posterior, z: Float[np.ndarray, " free"]
+) -> tuple[Layout, list[str]]:
+    """Return rows that could be added to a log, and what each is called.
+
+    Each quantity at a sensor of the log, and at a place off the sensors' line, no
+    nearer to them than the nearest is to the charge.
+    """
+    layout = posterior.layout
+    position = np.asarray(layout.position)
+    given = np.asarray(layout.slant_range)
+    places = [(position[0], given[0], "at a sensor of the log")]
+    if np.isnan(given).all():
+        reach = float(np.min(posterior.misfit(jnp.asarray(z)).slant_range))
+        apart = float(np.max(np.ptp(position, axis=0))) > 0
+        where = "at a new place" + (" off the sensors' line" if apart else "")
+        places.append((aside(posterior, reach), np.nan, where))
+    else:
+        places.append((position[0], 2 * np.nanmax(given), "at a new range"))
+    rows = [(q, *place) for q in CANDIDATES for place in places]
+    names = [f"{CANDIDATES[q]} {where}" for q, _, _, where in rows]
+    return Layout(
+        quantity=tuple(q for q, *_ in rows),
+        position=jnp.asarray(np.array([p for _, p, _, _ in rows])),
+        slant_range=jnp.asarray([r for _, _, r, _ in rows]),
+        time=jnp.full(len(rows), jnp.nan),
+        group=tuple(range(len(rows))),
+        shot=(0,) * len(rows),
+        clock=("",) * len(rows),
+    ), names
+
+
+def aside(posterior: Posterior, reach: float = 0.0) -> Float[np.ndarray, "3"]:
+    """Return a place off the sensors' line, as far from their middle as they spread.
+
+    Args:
+        posterior: Knows the sensors.
+        reach: It is no nearer than this [m].
+    """
+    position = np.asarray(posterior.layout.position)
+    middle, size = position.mean(axis=0), max(float(layout_size(posterior)), reach)
+    _, _, axes = np.linalg.svd((position - middle)[:, :2], full_matrices=True)
+    return middle + size * np.array([*axes[-1], 0.0])
+
+
+def cure_of_null(
+    posterior: Posterior,
+    z: Float[np.ndarray, " free"],
+    direction: Float[np.ndarray, " free"],
+) -> str:
+    """Say which data, or which prior, would end a null direction."""
+    layout, names = candidates(posterior, z)
+    scene = posterior.parameters.scene_at(jnp.asarray(z))
+    laws = laws_beside(posterior, scene, layout)
+
+    scale = np.asarray(scales(posterior))
+    _, moved = jax.jvp(
+        lambda z: log_reading(posterior, layout, laws, z),
+        (jnp.asarray(z),),
+        (jnp.asarray(direction / np.max(np.abs(direction) / scale)),),
+    )
+    data = [
+        name for name, seen in zip(names, np.abs(moved) > SEEN, strict=True) if seen
+    ]
+    taking_part = [
+        name
+        for name, weight in zip(posterior.parameters.names, direction, strict=True)
+        if weight != 0
+    ]
+    known = " or ".join(taking_part)
+    if any(name.startswith(f"{CLOCK_OFFSET}.") for name in taking_part):
+        timed = tuple(CANDIDATES[quantity] for quantity in CLOCK_TIMES)
+        data = [
+            f"{name}, on a clock that is right" if name.startswith(timed) else name
+            for name in data
+        ]
+    data = _shortened(data)
+    if "fireball_radius_px" in posterior.layout.quantity:
+        data = [d.replace(BANG, f"{BANG} (the bang: {RANGING})") for d in data]
+    if GROWTH in taking_part:
+        data.append("a fireball radius at a later time")
+    added = "; ".join(data)
+    return f"a prior on, or a measurement of, {known}" + (
+        f"; or {added}" if added else ""
+    )
+
+
+def laws_beside(posterior: Posterior, scene: Scene, layout: Layout) -> dict[str, str]:
+    """Return the log's own laws, and those that would be chosen for the rest."""
+    return law_names(resolve_laws(scene, layout)) | {
+        q: n for q, n in posterior.laws if q in layout.quantities()
+    }
+
+
+@kept
+def log_reading(posterior, layout, laws, z) -> Float[Array, " row"]:
+    """Readings of a layout in ln, or in units of a typical travel time."""
+    scene = posterior.parameters.scene_at(z)
+    value = record(scene, layout, laws).value
+    timed = np.isin(layout.quantity, TIMES)
+    typical = layout_size(posterior) / STANDARD_SOUND_SPEED
+    return comparable(jnp.where(timed, value / typical, value), layout.quantity)
+
+
+def _shortened(data: Sequence[str]) -> list[str]:
+    """Leave out a new place where a sensor of the log would do."""
+    at_sensor = {name.split(" at ")[0] for name in data if "of the log" in name}
+    return [
+        name
+        for name in data
+        if "of the log" in name or name.split(" at ")[0] not in at_sensor
+    ]
+
+
+def cure_of_ambiguity(
+    posterior: Posterior,
+    here: Float[np.ndarray, " free"],
+    there: Float[np.ndarray, " free"],
+) -> str:
+    """Say which datum differs most between two solutions."""
+    layout, names = candidates(posterior, here)
+    scene = posterior.parameters.scene_at(jnp.asarray(here))
+    laws = laws_beside(posterior, scene, layout)
+    apart = np.abs(
+        log_reading(posterior, layout, laws, jnp.asarray(here))
+        - log_reading(posterior, layout, laws, jnp.asarray(there))
+    )
+    return names[int(np.nanargmax(apart))]

@@ -1,0 +1,1 @@
+"""Draws weighted to the posterior: proposals, smoothed weights, interval checks."""

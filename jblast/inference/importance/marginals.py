@@ -1,0 +1,80 @@
+"""Each number by itself, told from draws: as `laplace.marginals` does from a normal."""
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Float
+
+from jblast.inference.posterior.parameters import Parameters
+from jblast.scene import place_of
+
+
+def marginals_of_draws(
+    parameters: Parameters,
+    z: Float[np.ndarray, "draw free"],
+    weights: Float[np.ndarray, " draw"] | None = None,
+    quantiles: Float[np.ndarray, "3 free"] | None = None,
+) -> dict[str, dict[str, float | None]]:
+    """Summarise each number by itself.
+
+    Args:
+        parameters: What was fitted.
+        z: Draws of the coordinates.
+        weights: What each counts; all alike without them.
+        quantiles: 5, 50 and 95 % of each coordinate, where they are known better.
+
+    Returns:
+        By name: `value` and `q50` (both the median), `sd`, `log_sd` (None for a number
+        that may be negative), `q05`, `q95`.
+    """
+    if weights is None:
+        weights = np.full(len(z), 1 / len(z))
+    values = parameters.values_of_each(jnp.asarray(z))
+    known = (
+        None if quantiles is None else parameters.values_of_each(jnp.asarray(quantiles))
+    )
+    answer: dict[str, dict[str, float | None]] = {}
+    for name in parameters.names:
+        value = np.asarray(values[name])
+        q05, q50, q95 = (
+            weighted_quantiles(value, weights, (0.05, 0.5, 0.95))
+            if known is None
+            else map(float, known[name])
+        )
+        answer[name] = {
+            "value": q50,
+            "sd": _sd(value, weights),
+            "log_sd": _log_sd(value, weights) if place_of(name).positive else None,
+            "q05": q05,
+            "q50": q50,
+            "q95": q95,
+        }
+    return answer
+
+
+def weighted_quantiles(
+    x: Float[np.ndarray, " draw"],
+    weights: Float[np.ndarray, " draw"],
+    shares: tuple[float, ...],
+) -> tuple[float, ...]:
+    """Return quantiles of weighted draws; of equal weights those of `numpy.quantile`.
+
+    Each draw stands at the middle of its weight, stretched so that the least is at 0
+    and the largest at 1.
+    """
+    order = np.argsort(x)
+    w = weights[order]
+    middle = np.cumsum(w) - 0.5 * w
+    at = (middle - middle[0]) / (middle[-1] - middle[0]) if len(x) > 1 else middle
+    return tuple(float(q) for q in np.interp(shares, at, x[order]))
+
+
+def _sd(x, weights) -> float:
+    weights = weights / np.sum(weights)
+    with np.errstate(over="ignore", invalid="ignore"):  # e.g. a mass nothing bounds
+        return float(np.sqrt(weights @ np.square(x - weights @ x)))
+
+
+def _log_sd(x, weights) -> float:
+    """Sd of ln, without draws where a normal prior reaches below zero."""
+    positive = x > 0
+    return _sd(np.log(x[positive]), weights[positive])

@@ -1,0 +1,99 @@
+"""Coordinates in which a posterior is round, and its density for many places at once.
+
+The normal approximation is a unit normal in them: $z = z_0 + A w$ with $A A^T$ its
+covariance. Samplers walk in $w$.
+"""
+
+from typing import Protocol, runtime_checkable
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from jblast.errors import InputError
+from jblast.inference.identifiability.null_space import Identifiability
+from jblast.inference.mode.laplace import Laplace
+from jblast.inference.posterior.posterior import Posterior
+from jblast.kept_programs import kept
+
+
+@runtime_checkable
+class Density(Protocol):
+    """What a sampler needs: a PyTree of arrays with a log-density."""
+
+    def log_density(self, w: Float[Array, " free"]) -> Float[Array, ""]:
+        """Return ln of the density at a place, up to a constant."""
+        ...
+
+
+class Whitened(eqx.Module):
+    """A posterior in coordinates in which it is round.
+
+    Attributes:
+        posterior: The posterior.
+        center: Where $w = 0$ is, in the fitted coordinates.
+        root: One standard deviation along each axis, a column each.
+    """
+
+    posterior: Posterior
+    center: Float[Array, " free"]
+    root: Float[Array, "free free"]
+
+    def log_density(self, w: Float[Array, " free"]) -> Float[Array, ""]:
+        """Return ln of the posterior density, up to a constant."""
+        return self.posterior.log_density(self.center + self.root @ w)
+
+
+@kept
+def densities(density: Density, w: Float[Array, "place free"]):
+    """Return the log-density of many places; -inf where it is no number."""
+    value = jax.vmap(density.log_density)(w)
+    return jnp.where(jnp.isfinite(value), value, -jnp.inf)
+
+
+def whitened(
+    posterior: Posterior, normal: Laplace, identifiability: Identifiability
+) -> Whitened:
+    """Put a posterior into coordinates in which it is round.
+
+    Raises:
+        InputError: The posterior is improper along a direction that neither the log nor
+            a prior tells anything of.
+    """
+    if len(identifiability.null):
+        raise InputError(_improper(posterior.parameters.names, identifiability))
+    return Whitened(posterior, jnp.asarray(normal.z), jnp.asarray(root_of(normal)))
+
+
+def root_of(normal: Laplace) -> Float[np.ndarray, "free free"]:
+    """Return a root of the covariance, from its correlations: units do not matter."""
+    sds = np.sqrt(np.diag(normal.covariance))
+    values, vectors = np.linalg.eigh(normal.covariance / sds / sds[:, None])
+    floor = len(sds) * np.finfo(values.dtype).eps
+    return sds[:, None] * vectors * np.sqrt(np.maximum(values, floor))
+
+
+def _improper(names, identifiability: Identifiability) -> str:
+    along = [
+        ", ".join(
+            name if weight == 1 else f"{name} times {weight:.3g}"
+            for name, weight in zip(names, direction, strict=True)
+            if weight != 0
+        )
+        for direction in identifiability.null
+    ]
+    return (
+        f"the posterior is improper along {' and along '.join(along)}: the log tells "
+        "nothing of it, so there is nothing to sample; expected a prior, or a fixed "
+        "value, for one of them"
+    )
+
+
+def non_finite_rows(posterior: Posterior, z: Float[np.ndarray, " free"]) -> list[int]:
+    """Return the rows whose misfit is no number at a place."""
+    misfit = posterior.misfit(jnp.asarray(z))
+    u = np.asarray(misfit.residual) / np.asarray(misfit.sd)
+    finite = np.isfinite(u) & np.isfinite(np.asarray(misfit.loading)).all(axis=1)
+    return [int(row) for row in np.flatnonzero(~finite)]

@@ -1,7 +1,0 @@
-"""A program for one row of one log, run over arrays of rows and lanes."""
-
-from jblast.inference.many.fold.cells import (
-    CannotFoldError as CannotFoldError,
-    Cell as Cell,
-)
-from jblast.inference.many.fold.fold import fold as fold, over_cells as over_cells

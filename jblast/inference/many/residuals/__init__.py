@@ -1,0 +1,1 @@
+"""Residuals of a batch of logs, row program by row program."""

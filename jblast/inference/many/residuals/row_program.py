@@ -1,0 +1,80 @@
+"""How much one row of a log is missed, and the slopes: a program of plain numbers."""
+
+from collections.abc import Callable
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array
+
+from jblast.inference.many.residuals.row_groups import Alike
+from jblast.inference.posterior.parameters import Parameters
+from jblast.scene import with_values
+from jblast.sensors import Layout
+from jblast.sensors.observe import loadings
+from jblast.sensors.record import comparable, missed, record
+
+
+def row_program(
+    parameters: Parameters,
+    laws: tuple[tuple[str, str], ...],
+    part: Alike,
+    *,
+    told: bool,
+) -> Callable[..., list[Array]]:
+    """Return the program that rows of one part share.
+
+    It takes the fitted coordinates, the row's own effects, its place (east, north,
+    up), slant range and time, its reading and instrument error; and returns the
+    residual in standard deviations, ln of the standard deviation, the slopes of the
+    one to each unknown, then those of the other.
+
+    Args:
+        parameters: What is fitted.
+        laws: Pairs of quantity and law name.
+        part: The rows.
+        told: Take the size of the errors as known.
+    """
+    n, slots = len(parameters.names), len(part.slots)
+
+    def miss(here: Layout, reading, error, unknowns):
+        beliefs = zip(parameters.names, parameters.beliefs, strict=True)
+        numbers = {
+            name: belief.constrain(at)
+            for (name, belief), at in zip(beliefs, unknowns, strict=False)
+        }
+        recording = record(with_values(parameters.scene, numbers), here, dict(laws))
+        sd = jnp.hypot(error, recording.record_sd[0])
+        shared = loadings(recording, here)[0]
+        if told:
+            sd, shared = jax.lax.stop_gradient((sd, shared))
+        predicted = comparable(recording.value, here.quantity)
+        rest = missed(reading[None], predicted, here.quantity)[0]
+        for j in range(slots):
+            rest = rest - shared[j] * unknowns[n + j]
+        return rest / sd, jnp.log(sd)
+
+    def program(*numbers):
+        unknowns = list(numbers[: n + slots])
+        east, north, up, slant, time, reading, error = numbers[n + slots :]
+        here = Layout(
+            quantity=part.layout.quantity,
+            position=jnp.stack([east, north, up])[None],
+            slant_range=slant[None],
+            time=time[None],
+            group=(0,),
+            shot=part.layout.shot,
+            clock=part.layout.clock,
+        )
+        out: list[Any] = list(miss(here, reading, error, unknowns))
+        slopes = []
+        for k, at in enumerate(unknowns):
+            # one at a time: what does not depend on it drops out
+            def along(x, k=k):
+                moved = [*unknowns[:k], x, *unknowns[k + 1 :]]
+                return miss(here, reading, error, moved)
+
+            slopes.append(jax.jvp(along, (at,), (jnp.ones_like(at),))[1])
+        return [*out, *(s[0] for s in slopes), *(s[1] for s in slopes)]
+
+    return program

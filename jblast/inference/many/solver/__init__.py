@@ -1,0 +1,1 @@
+"""Levenberg-Marquardt over lanes: quadratic model, trust region, robust loss."""

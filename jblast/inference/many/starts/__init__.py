@@ -1,0 +1,1 @@
+"""Where the searches of a batch begin."""

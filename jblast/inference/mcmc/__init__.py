@@ -1,0 +1,1 @@
+"""Walkers: ensemble moves, engines, convergence, checkpoints."""

@@ -1,0 +1,237 @@
+"""Walk until the quantiles are known well enough: the loop about every sampler."""
+
+import time
+from collections.abc import Sequence
+from typing import Literal, NamedTuple
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Float
+
+from jblast.errors import InputError
+from jblast.inference.importance.whitening import Density, densities
+from jblast.inference.mcmc import (
+    emcee_engine as ensemble_emcee,
+    scan_engine as ensemble_scan,
+)
+from jblast.inference.mcmc.checkpoint import Store
+from jblast.inference.mcmc.convergence import Convergence, convergence
+from jblast.inference.mcmc.independence_move import Mixture, mixture_of
+from jblast.inference.mcmc.interrupt import interrupts
+from jblast.inference.mcmc.progress import Pace, Report, nothing
+from jblast.inference.mcmc.state import State, Stretch
+
+Sampler = Literal["emcee", "scan"]
+ENGINES = {"emcee": ensemble_emcee, "scan": ensemble_scan}
+
+WALKERS = 64
+PRECISION = 0.05
+MOST_STEPS = 20_000
+BLOCK = 100
+"""Steps between what is kept."""
+FIRST_JUDGED = 400
+JUDGED_AGAIN = 1.15
+"""The next judgement comes after so many times as many steps."""
+NEARER = 0.5
+"""A walker that starts where the density is zero tries again so much nearer."""
+TRIES = 40
+SAME = 1e-6
+"""Densities, or places in standard deviations, that differ by more are others."""
+
+
+class Start(NamedTuple):
+    """Where some of the walkers start, and return to now and then: a normal.
+
+    Attributes:
+        center: Its mean.
+        root: One standard deviation along each axis, a column each.
+        share: Of the walkers.
+    """
+
+    center: Float[np.ndarray, " free"]
+    root: Float[np.ndarray, "free free"]
+    share: float
+
+
+class Sampled(NamedTuple):
+    """What was walked.
+
+    Attributes:
+        chain: Every step, from the first on.
+        log_density: ln of the density there.
+        convergence: How far it came.
+        reached: Whether that is as far as wanted.
+        interrupted: Whether Ctrl-C ended it.
+        resumed: Steps that were kept from an earlier run.
+        seconds: Taken by this one.
+    """
+
+    chain: Float[np.ndarray, "step walker free"]
+    log_density: Float[np.ndarray, "step walker"]
+    convergence: Convergence
+    reached: bool
+    interrupted: bool
+    resumed: int
+    seconds: float
+
+
+def sample(
+    density: Density,
+    starts: Sequence[Start],
+    axes: Float[np.ndarray, "free free"],
+    *,
+    seed: int = 0,
+    walkers: int = WALKERS,
+    precision: float = PRECISION,
+    most_steps: int = MOST_STEPS,
+    sampler: Sampler = "emcee",
+    store: Store | None = None,
+    report: Report = nothing,
+) -> Sampled:
+    """Draw from a density until the quantiles are known well enough.
+
+    Args:
+        density: In coordinates $w$ in which it is about round.
+        starts: Where walkers start.
+        axes: What is judged is $A w$, with this $A$.
+        seed: Of all random numbers.
+        walkers: How many; even, and at least twice the unknowns.
+        precision: Largest Monte Carlo error of the 5 and 95 % quantile of any
+            coordinate, in its standard deviations.
+        most_steps: Stop here whatever was reached.
+        sampler: Which.
+        store: Where the walk is kept, and gone on from.
+        report: Called with `Progress` as it goes.
+
+    Raises:
+        InputError: A number asked for makes no sense, or `store` is of something else.
+    """
+    _check(walkers, len(axes), precision, most_steps, sampler)
+    begun = time.monotonic()
+    engine = ENGINES[sampler]
+    done = [] if store is None else _kept(store, density, sampler, walkers, axes)
+    state = done[-1].end if done else _first(density, starts, seed, walkers, sampler)
+    steps = resumed = sum(len(stretch.chain) for stretch in done)
+    mixture = _mixture(starts)
+    checks = _checks(most_steps)
+    pace = Pace(steps, most_steps, walkers, precision, checks)
+
+    def tick():
+        pace.done += ensemble_scan.BLOCK if sampler == "scan" else 1
+        report(pace.now())
+
+    interrupted = False
+    with interrupts() as noted:
+        while steps < most_steps and not (interrupted or noted):
+            if steps in checks:
+                judged = _judged(done, axes)
+                if judged.reached(precision):
+                    break
+                pace.judged = judged
+                report(pace.now())
+            # so that a stretch cut short changes nothing of what follows
+            ahead = min(BLOCK - steps % BLOCK, most_steps - steps)
+            stretch = engine.walk(density, mixture, state, ahead, tick)
+            interrupted = stretch.interrupted
+            if len(stretch.chain):
+                done.append(stretch)  # first: what is on the disk is always reported
+                if store is not None:
+                    store.keep(steps, stretch)
+                state = stretch.end
+                steps = pace.done = steps + len(stretch.chain)
+    interrupted = interrupted or bool(noted)
+    if not done:  # nothing to keep
+        raise KeyboardInterrupt
+    judged = _judged(done, axes)
+    return Sampled(
+        np.concatenate([stretch.chain for stretch in done]),
+        np.concatenate([stretch.log_density for stretch in done]),
+        judged,
+        judged.reached(precision),
+        interrupted,
+        resumed,
+        time.monotonic() - begun,
+    )
+
+
+def _check(walkers, free, precision, most_steps, sampler) -> None:
+    if sampler not in ENGINES:
+        raise InputError(f"sampler: expected emcee or scan, got {sampler!r}")
+    if walkers < 2 * free or walkers % 2:
+        raise InputError(
+            f"walkers: expected an even number, at least twice the {free} unknowns, "
+            f"got {walkers}"
+        )
+    if not precision > 0:
+        raise InputError(f"precision: expected a positive number, got {precision}")
+    if most_steps < 1:
+        raise InputError(f"most_steps: expected at least 1, got {most_steps}")
+
+
+def _checks(most_steps: int) -> list[int]:
+    """After how many steps a run judges itself: the same for one that was resumed."""
+    steps, checks = float(FIRST_JUDGED), set()
+    while steps < most_steps:
+        checks.add(int(steps // BLOCK) * BLOCK)
+        steps *= JUDGED_AGAIN
+    return sorted(checks)
+
+
+def _judged(done: Sequence[Stretch], axes) -> Convergence:
+    return convergence(np.concatenate([stretch.chain for stretch in done]) @ axes.T)
+
+
+def _mixture(starts: Sequence[Start]) -> Mixture:
+    """Return what walkers draw from when they go anew: the normals they start from."""
+    center, root, share = zip(*starts, strict=True)
+    return mixture_of(np.array(center), np.array(root), np.array(share))
+
+
+def _first(density, starts: Sequence[Start], seed, walkers, sampler) -> State:
+    """Draw where the walkers start, each where the density is not zero."""
+    rng = np.random.default_rng(seed)
+    shares = np.cumsum([start.share for start in starts])
+    of = np.searchsorted(shares / shares[-1], (np.arange(walkers) + 0.5) / walkers)
+    center = np.array([start.center for start in starts])[of]
+    root = np.array([start.root for start in starts])[of]
+    away = np.einsum("nij,nj->ni", root, rng.standard_normal(center.shape))
+    for _ in range(TRIES):
+        value = np.array(densities(density, jnp.asarray(center + away)), float)
+        if np.isfinite(value).all():
+            return State(center + away, value, ENGINES[sampler].first_random(seed))
+        away = np.where(np.isfinite(value)[:, None], away, NEARER * away)
+    raise InputError(
+        "the posterior density is zero, or no number, at the optimum the walkers start "
+        "from"
+    )
+
+
+def _kept(store: Store, density, sampler, walkers, axes) -> list[Stretch]:
+    """Return the walk kept in a folder, if it is of this density."""
+    about = {
+        "sampler": np.array(sampler),
+        "walkers": np.array(walkers),
+        "axes": np.asarray(axes),
+    }
+    of = store.about()
+    if of is None:
+        store.begin(about)
+        return []
+    for name in ("sampler", "walkers"):
+        if str(of.get(name)) != str(about[name]):
+            raise InputError(
+                f"{store.folder}: expected a chain of {name} {about[name]}, got one of "
+                f"{of.get(name)}; give another folder, or the same {name}"
+            )
+    done = store.stretches()
+    same = "axes" in of and of["axes"].shape == axes.shape
+    if same and done:
+        end = done[-1].end
+        value = np.asarray(densities(density, jnp.asarray(end.walkers)))
+        same = np.allclose(value, end.log_density, rtol=SAME, atol=SAME)
+    if not same:
+        raise InputError(
+            f"{store.folder}: expected a chain of this log and scene, got one of "
+            "another: its densities differ; give another folder"
+        )
+    return done

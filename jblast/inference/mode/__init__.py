@@ -1,0 +1,1 @@
+"""The optima of a posterior: starts, search, and the normal around each."""

@@ -1,0 +1,58 @@
+"""Where a search begins that knows a direction: along the line of sight."""
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from jblast.constants import STANDARD_SOUND_SPEED
+from jblast.inference.posterior.posterior import Posterior
+from jblast.quantities import CLOCK_TIMES, DIRECTIONS
+
+AWAY = 100.0
+"""How far a charge is seen from at least, for a start [m]."""
+FARTHER = 3.0
+"""Starts along a line are spread by this factor, one standard deviation."""
+
+
+def sight_length(posterior: Posterior) -> Float[Array, ""]:
+    """Return a typical distance of what sensors see the direction of [m]; else zero.
+
+    How far sound goes in the time between the log's first and last clock times.
+    """
+    quantity = posterior.layout.quantity
+    if not np.isin(quantity, tuple(DIRECTIONS)).any():
+        return jnp.zeros(())
+    clock = posterior.measured[np.isin(quantity, CLOCK_TIMES)]
+    if clock.size == 0:
+        return jnp.asarray(AWAY)
+    return jnp.maximum(STANDARD_SOUND_SPEED * jnp.ptp(clock), AWAY)
+
+
+def along_sight(
+    posterior: Posterior,
+    of_shot: np.ndarray,
+    place: Float[Array, "start 3"],
+    spread: Float[Array, " start"],
+) -> Float[Array, "start 3"]:
+    """Move every other place onto the line of sight of the first bearing, if any.
+
+    The others stay: a second bearing may say better, or a library of places be drawn
+    for logs that are yet to come.
+
+    Args:
+        posterior: Has the bearings.
+        of_shot: Which rows are of the charge.
+        place: East, north, up of the charge in each start [m].
+        spread: A standard normal draw for each.
+    """
+    layout = posterior.layout
+    seen = np.flatnonzero(of_shot & np.isin(layout.quantity, "bearing_rad"))
+    if seen.size == 0:
+        return place
+    tall = np.flatnonzero(of_shot & np.isin(layout.quantity, "elevation_rad"))
+    angle = posterior.measured[seen[0]]
+    rise = jnp.tan(posterior.measured[tall[0]]) if tall.size else 0.0
+    line = jnp.stack([jnp.sin(angle), jnp.cos(angle), jnp.asarray(rise)])
+    distance = sight_length(posterior) * FARTHER**spread
+    on_line = layout.position[seen[0]][None, :] + distance[:, None] * line[None, :]
+    return jnp.where(jnp.arange(len(place))[:, None] % 2 == 0, on_line, place)

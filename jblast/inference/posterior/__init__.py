@@ -1,0 +1,1 @@
+"""The log-density of a scene's numbers given a log: prior, likelihood, information."""

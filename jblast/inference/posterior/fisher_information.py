@@ -1,0 +1,123 @@
+r"""Fisher information: what the data can tell, before what they say.
+
+$F = J^T (\mathrm{diag}(s^2/k) + L L^T)^{-1} J$ with $J$ the slopes of the predictions,
+plus one for each number that has a prior; $k$ is 1 for normal errors and 5/7 for
+Student-t. What the size of the errors tells about the parameters is left out: it is
+small, and no layout is planned for it.
+"""
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float
+
+from jblast.inference.posterior.posterior import Misfit, Posterior
+from jblast.kept_programs import kept
+from jblast.sensors.observe import STUDENT_FREEDOM, Noise
+
+NULL = 1e-10
+"""An eigenvalue of the unit-diagonal information below this is a null direction."""
+TAKES_PART = 1e-5
+"""A smaller part of a null direction, in standard deviations, is rounding."""
+
+
+def whitened(
+    posterior: Posterior, misfit: Misfit, columns: Float[Array, "row column"]
+) -> Float[Array, "datum column"]:
+    r"""Measure columns in standard deviations, what shared effects hide left out.
+
+    Shared effects are unknowns that were expected at zero. Projecting them out of the
+    rows $X/s$ leaves $w$ with $w^T w = X^T C^{-1} X$, $C = \mathrm{diag}(s^2) + L L^T$,
+    without a matrix of rows by rows.
+    """
+    sd = misfit.sd / jnp.sqrt(information_of_row(posterior.noise))
+    rows = columns / sd[:, None]
+    count = misfit.loading.shape[1]
+    if count == 0:
+        return rows
+    data = jnp.concatenate([rows, jnp.zeros((count, columns.shape[1]))])
+    shared = jnp.concatenate([misfit.loading / sd[:, None], jnp.eye(count)])
+    basis, _ = jnp.linalg.qr(shared)
+    return data - basis @ (basis.T @ data)
+
+
+def whitened_jacobian(
+    posterior: Posterior, z: Float[Array, " free"]
+) -> Float[Array, "datum free"]:
+    """Return the sensitivity of the data in standard deviations.
+
+    What the log tells comes first (see `whitened`); then one row for each parameter,
+    which counts where it has a prior.
+    """
+    jacobian = -jax.jacfwd(lambda z: posterior.misfit(z).residual)(z)
+    told = whitened(posterior, posterior.misfit(z), jacobian)
+    return jnp.concatenate([told, jnp.diag(posterior.parameters.has_prior())])
+
+
+def information_of_row(noise: Noise) -> float:
+    r"""Return the information of one standardised error about its mean.
+
+    1 for a normal error, $(\nu + 1)/(\nu + 3)$ for Student-t (Lange, Little & Taylor
+    1989, J. Am. Stat. Assoc. 84:881, appendix B, with one dimension).
+    """
+    nu = STUDENT_FREEDOM
+    return 1.0 if noise == "gaussian" else (nu + 1) / (nu + 3)
+
+
+@kept
+def information(
+    posterior: Posterior, z: Float[Array, " free"]
+) -> Float[Array, "free free"]:
+    """Return the Fisher information of the data and the priors."""
+    jacobian = whitened_jacobian(posterior, z)
+    return jacobian.T @ jacobian
+
+
+@jax.jit
+def unit_diagonal(
+    matrix: Float[Array, "free free"], scale: Float[Array, " free"]
+) -> tuple[Float[Array, " free"], Float[Array, " free"], Float[Array, "free free"]]:
+    """Scale information to a unit diagonal and take it apart.
+
+    Args:
+        matrix: Information.
+        scale: A typical step of each coordinate. One of which a typical step moves no
+            datum by a standard deviation is scaled by that step instead, so that
+            nothing known of it gives an eigenvalue of zero and not of one.
+
+    Returns:
+        The size of each coordinate, the eigenvalues, and the eigenvectors as columns.
+    """
+    size = jnp.sqrt(jnp.maximum(jnp.diagonal(matrix), 1 / jnp.square(scale)))
+    values, vectors = jnp.linalg.eigh(matrix / size[:, None] / size[None, :])
+    return size, values, vectors
+
+
+@jax.jit
+def known_covariance(
+    matrix: Float[Array, "free free"],
+    has_prior: Float[Array, " free"],
+    scale: Float[Array, " free"],
+) -> tuple[Float[Array, "free free"], Bool[Array, " free"]]:
+    """Return the covariance that information leaves, and of what it tells nothing.
+
+    Null directions are judged at the place alone, without following them (as
+    `identifiability` does), so that this may be batched.
+
+    Args:
+        matrix: Information.
+        has_prior: 1 where a number has a prior; its information counts as no less
+            than the data's, so that a weak one is not taken for nothing.
+        scale: A typical step of each coordinate, see `unit_diagonal`.
+
+    Returns:
+        The covariance without null directions, and whether each coordinate takes part
+        in one.
+    """
+    judged = matrix + jnp.diag(has_prior * jnp.diagonal(matrix))
+    size, values, vectors = unit_diagonal(judged, scale)
+    is_null = values < NULL
+    basis = jnp.where(is_null[None, :], 0.0, vectors / size[:, None])
+    told = basis.T @ matrix @ basis + jnp.diag(jnp.where(is_null, 1.0, 0.0))
+    part = jnp.where(is_null[None, :], jnp.abs(vectors), 0.0)
+    unknown = jnp.any(part > TAKES_PART, axis=1)
+    return basis @ jnp.linalg.inv(told) @ basis.T, unknown

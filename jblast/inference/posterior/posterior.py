@@ -1,0 +1,172 @@
+"""The one log-posterior that every method of inference calls."""
+
+from collections.abc import Mapping
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float
+
+from jblast.errors import InputError
+from jblast.inference.posterior.likelihood import log_likelihood
+from jblast.inference.posterior.parameters import Parameters
+from jblast.kept_programs import kept
+from jblast.observations import Observations
+from jblast.observations.clocks import refuse_unresolved
+from jblast.registry import law_for
+from jblast.scene import Scene
+from jblast.sensors import Layout, record
+from jblast.sensors.effects import count_effects
+from jblast.sensors.layout import components
+from jblast.sensors.observe import Noise, loadings
+from jblast.sensors.record import comparable, missed
+
+HELD = 30_000_000
+"""Rows times shared effects, of which a few times as many numbers (0.24 GB each) are
+held in memory: a log with more is refused."""
+WORK = 5_000_000_000
+"""Rows times the square of the effects, gone through several times for each density:
+with four times as much a fit took more than five minutes on two cores."""
+
+
+class Misfit(eqx.Module):
+    """How a scene misses the data, row by row: in ln, unless `ADDITIVE`.
+
+    Attributes:
+        residual: Measured minus predicted.
+        sd: Independent scale: sigma and the law's record scatter in quadrature.
+        loading: What one standard deviation of each shared effect adds.
+        predicted: The reading without error, in the row's unit.
+        valid: Whether the laws hold.
+        slant_range: Distance from the charge [m].
+    """
+
+    residual: Float[Array, " row"]
+    sd: Float[Array, " row"]
+    loading: Float[Array, "row effect"]
+    predicted: Float[Array, " row"]
+    valid: Bool[Array, " row"]
+    slant_range: Float[Array, " row"]
+
+
+class Posterior(eqx.Module):
+    """What a log says of a scene.
+
+    Attributes:
+        parameters: What is fitted.
+        layout: Who recorded what.
+        measured: The readings; in ln unless they are `ADDITIVE`.
+        sigma: Their instrument error, same unit; 0 where none was given.
+        laws: Pairs of quantity and law name.
+        noise: Distribution of the independent errors.
+    """
+
+    parameters: Parameters
+    layout: Layout
+    measured: Float[Array, " row"]
+    sigma: Float[Array, " row"]
+    laws: tuple[tuple[str, str], ...] = eqx.field(static=True)
+    noise: Noise = eqx.field(static=True, default="student")
+
+    # Jitted, so that each is traced once however many derivatives are taken of it.
+
+    @kept
+    def misfit(self, z: Float[Array, " free"]) -> Misfit:
+        """Return how the scene at $z$ misses the data."""
+        scene = self.parameters.scene_at(z)
+        recording = record(scene, self.layout, dict(self.laws))
+        predicted = recording.value
+        return Misfit(
+            residual=missed(
+                self.measured,
+                comparable(predicted, self.layout.quantity),
+                self.layout.quantity,
+            ),
+            sd=jnp.hypot(self.sigma, recording.record_sd),
+            loading=loadings(recording, self.layout),
+            predicted=predicted,
+            valid=recording.valid,
+            slant_range=recording.slant_range,
+        )
+
+    @kept
+    def log_density(self, z: Float[Array, " free"]) -> Float[Array, ""]:
+        """Return ln of the posterior density per unit of $z$, up to a constant."""
+        misfit = self.misfit(z)
+        likelihood, _ = log_likelihood(
+            misfit.residual, misfit.sd, misfit.loading, self.noise
+        )
+        return likelihood + self.parameters.log_prior(z)
+
+    @kept
+    def effects(self, z: Float[Array, " free"]) -> Float[Array, " effect"]:
+        """Return the most probable shared effects at $z$."""
+        misfit = self.misfit(z)
+        return log_likelihood(misfit.residual, misfit.sd, misfit.loading, self.noise)[1]
+
+
+def posterior_of(
+    parameters: Parameters,
+    layout: Layout,
+    observations: Observations,
+    laws: Mapping[str, str],
+    noise: Noise,
+) -> Posterior:
+    """Put a log, its layout and what is fitted together.
+
+    Raises:
+        InputError: A row has no error at all: no sigma, and a law taken as exact. Or
+            rows times shared effects are more than `HELD`.
+    """
+    refuse_exact(observations, parameters.scene.scatter, laws)
+    refuse_unresolved(observations)
+    _refuse_vast(observations, parameters.scene, layout, laws)
+    return Posterior(
+        parameters=parameters,
+        layout=layout,
+        measured=comparable(observations.value, observations.quantity),
+        sigma=jnp.asarray(np.nan_to_num(observations.error_scale())),
+        laws=tuple(sorted(laws.items())),
+        noise=noise,
+    )
+
+
+def refuse_exact(
+    observations: Observations, scatter: bool, laws: Mapping[str, str]
+) -> None:
+    """Refuse a row that neither its instrument nor its law gives any error.
+
+    Raises:
+        InputError: As said; the message names the first such row.
+    """
+    for quantity in dict.fromkeys(observations.quantity):
+        of_law = [law_for(q, laws[q]) for q, _ in components(quantity)]
+        if scatter and not all(law.is_exact() for law in of_law):
+            continue
+        of_kind = np.array([q == quantity for q in observations.quantity])
+        for row in np.flatnonzero(of_kind & ~(observations.sigma > 0)):
+            why = (
+                f"{' and '.join(law.name for law in of_law)} is exact"
+                if scatter
+                else "the scene says scatter = false"
+            )
+            raise InputError(
+                f"{observations.source or 'observations'}: "
+                f"{observations.sensor[row]}, {quantity}: expected a sigma, since "
+                f"{why}; got none"
+            )
+
+
+def _refuse_vast(
+    observations: Observations, scene: Scene, layout: Layout, laws: Mapping[str, str]
+) -> None:
+    """Refuse a log whose rows and effects of paths no memory holds."""
+    rows, effects = len(observations), count_effects(scene, layout, laws)
+    if rows * effects > HELD or rows * effects**2 > WORK:
+        raise InputError(
+            f"{observations.source or 'observations'}: {rows} rows of "
+            f"{len(set(layout.group))} paths share {effects} effects; expected rows "
+            f"times effects to be at most {HELD:.0e}, and times their square "
+            f"{WORK:.0e}: put the mean of a path's readings, and its sigma, in place "
+            "of them all; or name a law that does not scatter from path to path"
+        )
