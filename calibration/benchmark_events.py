@@ -14,12 +14,12 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jblast.sensors.camera.event_stream import stream_events
-from jblast.sensors.camera.events import ideal_events
-from jblast.sensors.camera.grey_composite import grey_composite
-from jblast.sensors.camera.imperfections import Imperfections
-from jblast.sensors.camera.log_intensity import grey_table, log_intensity
-from jblast.sensors.camera.real_events import real_stream
+from jblast.sensors.camera.events.ideal import ideal_events
+from jblast.sensors.camera.events.log_intensity import grey_table, log_intensity
+from jblast.sensors.camera.events.noise import Imperfections
+from jblast.sensors.camera.events.noisy import real_stream
+from jblast.sensors.camera.events.stream import stream_events
+from jblast.sensors.camera.image.grey_composite import grey_composite
 from jblast.study.charts.events import EFFECTS, USUAL
 
 HEIGHT, WIDTH, FRAMES, FPS = 260, 346, 512, 1000.0

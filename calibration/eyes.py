@@ -26,7 +26,7 @@ from jblast.report.figure_style import (
 from jblast.scene import Camera, Charge, Scene
 from jblast.scene.pose import look_at
 from jblast.sensors.camera import Events, render, render_events
-from jblast.sensors.camera.compositing import linear_to_srgb
+from jblast.sensors.camera.image.compositing import linear_to_srgb
 
 MASS, DISTANCES = 100.0, (60.0, 120.0, 240.0)
 """Kilograms of TNT on the ground, and metres from there to the camera."""

@@ -31,7 +31,7 @@ from jblast.inference.mode.search import optima
 from jblast.inference.posterior.parameters import parameters_of
 from jblast.scene import read_scene
 from jblast.sensors import observe, planned_layout, resolve_laws
-from jblast.sensors.laws import law_names
+from jblast.sensors.law_choice import law_names
 from jblast.sensors.record import comparable
 
 SCENES = Path(__file__).parent / "scenes"

@@ -22,7 +22,7 @@ from jblast.report.figure_style import (
     quiet,
     titled,
 )
-from jblast.sensors.camera.smooth_counts import smooth_counts
+from jblast.sensors.camera.events.soft_counts import smooth_counts
 from jblast.study.fireball_film import (
     MASS,
     START,

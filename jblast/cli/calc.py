@@ -25,9 +25,9 @@ def run(asked: argparse.Namespace) -> int:
         roots_json,
     )
     from jblast.report.calculator_notes import between_limits
-    from jblast.sensors.calculate import calculate, with_other_burst
-    from jblast.sensors.disagreement import disagreements
-    from jblast.sensors.inverse import roots
+    from jblast.sensors.calculator.disagreement import disagreements
+    from jblast.sensors.calculator.forward import calculate, with_other_burst
+    from jblast.sensors.calculator.inverse import roots
 
     question = question_of(asked)
     if asked.plot:

@@ -14,8 +14,8 @@ from jblast.report.numbers import printed_number
 from jblast.scene import Air, Charge, Ground, Scene
 from jblast.scene.charge import BURSTS
 from jblast.scene.explosives import explosive_named
-from jblast.sensors.inverse import Roots
-from jblast.sensors.question import Question, charge_radius, with_burst
+from jblast.sensors.calculator.inverse import Roots
+from jblast.sensors.calculator.question import Question, charge_radius, with_burst
 from jblast.waves.atmosphere import water_vapour_fraction
 
 DRY = {"relative_humidity": 0.0}

@@ -64,12 +64,12 @@ def run(asked: argparse.Namespace) -> int:
     import jax
 
     from jblast.cli.files import refuse_existing, writing
-    from jblast.sensors.camera.event_files import check_suffix, write_events
-    from jblast.sensors.camera.event_stream import stream_events
-    from jblast.sensors.camera.frame_files import frame_files, read_frame, read_frames
-    from jblast.sensors.camera.imperfections import Imperfections
-    from jblast.sensors.camera.log_intensity import grey_table
-    from jblast.sensors.camera.real_events import real_stream
+    from jblast.sensors.camera.events.log_intensity import grey_table
+    from jblast.sensors.camera.events.noise import Imperfections
+    from jblast.sensors.camera.events.noisy import real_stream
+    from jblast.sensors.camera.events.stream import stream_events
+    from jblast.sensors.camera.files.events import check_suffix, write_events
+    from jblast.sensors.camera.files.frames import frame_files, read_frame, read_frames
 
     fps, thresholds = asked.fps, asked.threshold
     check_suffix(asked.out)

@@ -7,8 +7,8 @@ from jaxtyping import Float
 
 from jblast.errors import InputError
 from jblast.scene import Camera
+from jblast.sensors.camera.files.frames import frame_files
 from jblast.sensors.camera.film import background_image
-from jblast.sensors.camera.frame_files import frame_files
 
 
 def background_named(

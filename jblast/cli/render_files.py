@@ -13,21 +13,21 @@ from jblast.cli.files import refuse_existing
 from jblast.errors import InputError
 from jblast.progress import counted
 from jblast.report.contact_sheet import sheet_frames, time_label, write_contact_sheet
-from jblast.sensors.camera.event_files import Written, write_events
-from jblast.sensors.camera.event_stream import stream_events
-from jblast.sensors.camera.events import Events
-from jblast.sensors.camera.film import Film
-from jblast.sensors.camera.imperfections import Imperfections
-from jblast.sensors.camera.instants import (
+from jblast.sensors.camera.events.exact.fireball import render_events
+from jblast.sensors.camera.events.ideal import Events
+from jblast.sensors.camera.events.instants import (
     LIGHT_ERROR,
     STAMP_ERROR,
     Block,
     first_instants,
     subdivided,
 )
-from jblast.sensors.camera.png_files import write_png
-from jblast.sensors.camera.real_events import real_stream
-from jblast.sensors.camera.render_events import render_events
+from jblast.sensors.camera.events.noise import Imperfections
+from jblast.sensors.camera.events.noisy import real_stream
+from jblast.sensors.camera.events.stream import stream_events
+from jblast.sensors.camera.files.events import Written, write_events
+from jblast.sensors.camera.files.png import write_png
+from jblast.sensors.camera.film import Film
 
 FRAMES, EVENTS, SHEET = "frames", "events.h5", "contact_sheet.png"
 SOLVED = 1e-6

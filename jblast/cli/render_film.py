@@ -12,7 +12,7 @@ from jblast.errors import InputError
 if TYPE_CHECKING:
     from jblast.scene import Camera, Scene
     from jblast.sensors.camera.film import Film
-    from jblast.sensors.camera.views import Views
+    from jblast.sensors.camera.rendering.billboards import Views
 
 TOO_MANY = 1_000_000
 """Frames: a quarter of an hour at 1 kHz; more are probably a slip of the pen."""
@@ -32,8 +32,8 @@ def film_asked(asked: argparse.Namespace, most: int) -> "Film":
 
     from jblast.cli.render_background import background_named
     from jblast.scene import draw_scene, read_scene
+    from jblast.sensors.camera.files.views import read_views
     from jblast.sensors.camera.film import Film
-    from jblast.sensors.camera.view_files import read_views
 
     uncertain = read_scene(asked.scene)
     if uncertain.scene.camera is None:
@@ -119,7 +119,7 @@ def _times(
 def _refuse_looking_away(film: "Film", source: str) -> None:
     """Refuse a camera that would never see the blast, before frames without it."""
     from jblast.scene import quaternion_matrix
-    from jblast.sensors.camera.in_view import in_view, off_axis
+    from jblast.sensors.camera.rendering.visibility import in_view, off_axis
 
     if in_view(film.scene, film.camera, film.views):
         return

@@ -13,10 +13,10 @@ from jblast.report.calculator_header import header, title
 from jblast.report.calculator_inputs import inputs
 from jblast.report.calculator_notes import disagreement_words, notes
 from jblast.report.json_values import plain
-from jblast.sensors.calculate import Calculated, Calculation
-from jblast.sensors.disagreement import Disagreement
-from jblast.sensors.inverse import Roots
-from jblast.sensors.question import Question
+from jblast.sensors.calculator.disagreement import Disagreement
+from jblast.sensors.calculator.forward import Calculated, Calculation
+from jblast.sensors.calculator.inverse import Roots
+from jblast.sensors.calculator.question import Question
 
 
 def calculation_json(

@@ -5,7 +5,7 @@ import numpy as np
 from jblast.report.calculator_inputs import inputs
 from jblast.report.numbers import printed_number
 from jblast.report.words import quantity_words
-from jblast.sensors.question import Question
+from jblast.sensors.calculator.question import Question
 
 
 def header(question: Question) -> list[tuple[str, str]]:

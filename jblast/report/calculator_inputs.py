@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 from jblast.report.calculator_notes import notes
-from jblast.sensors.question import (
+from jblast.sensors.calculator.question import (
     Question,
     charge_radius,
     scene_path,

@@ -3,8 +3,8 @@
 import numpy as np
 
 from jblast.report.numbers import printed_number
-from jblast.sensors.disagreement import Disagreement
-from jblast.sensors.question import (
+from jblast.sensors.calculator.disagreement import Disagreement
+from jblast.sensors.calculator.question import (
     Question,
     free_air_rows,
     scene_path,

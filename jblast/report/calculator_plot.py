@@ -19,8 +19,8 @@ from jblast.report.figure_style import (
 from jblast.report.law_curves import NOT_DRAWN, draw_curve, law_colours, name_curves
 from jblast.report.numbers import unit_for
 from jblast.report.words import capitalised, quantity_words
-from jblast.sensors.calculate import Calculated, calculate
-from jblast.sensors.question import Question, charge_radius
+from jblast.sensors.calculator.forward import Calculated, calculate
+from jblast.sensors.calculator.question import Question, charge_radius
 
 POINTS = 512
 

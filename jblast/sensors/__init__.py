@@ -1,14 +1,20 @@
 """What would be recorded: the forward model from a scene to a sensor's readings."""
 
-from jblast.sensors.calculate import Calculated as Calculated, calculate as calculate
-from jblast.sensors.inverse import Roots as Roots, roots as roots
-from jblast.sensors.laws import choose_laws as choose_laws, resolve_laws as resolve_laws
+from jblast.sensors.calculator.forward import (
+    Calculated as Calculated,
+    calculate as calculate,
+)
+from jblast.sensors.calculator.inverse import Roots as Roots, roots as roots
+from jblast.sensors.calculator.question import Question as Question
+from jblast.sensors.law_choice import (
+    choose_laws as choose_laws,
+    resolve_laws as resolve_laws,
+)
 from jblast.sensors.layout import (
     Layout as Layout,
     layout_of as layout_of,
     planned_layout as planned_layout,
 )
 from jblast.sensors.observe import observe as observe
-from jblast.sensors.question import Question as Question
 from jblast.sensors.record import Recording as Recording, record as record
 from jblast.sensors.simulate import simulate as simulate

@@ -13,7 +13,7 @@ from jblast.quantities import ADDITIVE
 from jblast.scene import Scene, UncertainScene, draw_scene
 from jblast.scene.parameters import value_of
 from jblast.sensors.bursts import height_notes, settled
-from jblast.sensors.laws import law_names, resolve_laws
+from jblast.sensors.law_choice import law_names, resolve_laws
 from jblast.sensors.layout import Layout, planned_layout
 from jblast.sensors.observe import Noise, observe
 

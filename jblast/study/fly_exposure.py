@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from jblast.scene import Scene
-from jblast.sensors.camera.fireball_image import cloud
+from jblast.sensors.camera.rendering.fireball_image import cloud
 from jblast.study.fly_meeting import FlightLoad, Meeting
 from jblast.vehicle import BlastLoad, State, Vehicle
 from jblast.waves.fireball import fireball_duration

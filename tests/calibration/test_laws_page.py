@@ -18,9 +18,9 @@ from jblast.constants import STANDARD_SOUND_SPEED
 from jblast.registry import LAWS, Law, declared_scatter
 from jblast.report.calculator import calculation_text, roots_text
 from jblast.scene import Air, Scene
-from jblast.sensors.calculate import calculate
-from jblast.sensors.inverse import roots
-from jblast.sensors.question import Question
+from jblast.sensors.calculator.forward import calculate
+from jblast.sensors.calculator.inverse import roots
+from jblast.sensors.calculator.question import Question
 from jblast.waves import (
     kingery_bulmash_arrival_time,
     kingery_bulmash_pressure,

@@ -6,7 +6,7 @@ import pytest
 from jblast.cli.render_background import background_named
 from jblast.errors import InputError
 from jblast.scene import Camera
-from jblast.sensors.camera.png_files import write_png
+from jblast.sensors.camera.files.png import write_png
 
 EYE = Camera(
     position=np.array([0.0, -40.0, 2.0]),

@@ -8,7 +8,8 @@ import pytest
 from cli_files import Command
 from PIL import Image
 
-from jblast.sensors.camera import film, png_files
+from jblast.sensors.camera import film
+from jblast.sensors.camera.files import png as png_files
 
 CHARGE = "[charge]\nmass_kg = 15.0\nposition_m = [0, 0, 1]\ntime_s = 2.0\n"
 CAMERA = """[camera]

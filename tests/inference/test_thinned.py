@@ -18,9 +18,9 @@ from jblast.inference.posterior.fisher_information import information
 from jblast.inference.posterior.parameters import parameters_of
 from jblast.scene import Air, Scene, UncertainScene, freed, with_values
 from jblast.sensors import layout_of, observe
-from jblast.sensors.effects import count_effects, path_effects
 from jblast.sensors.observe import loadings
 from jblast.sensors.record import record
+from jblast.sensors.shared_effects import count_effects, path_effects
 
 ARRIVAL = {"air_arrival_s": "kingery_bulmash"}
 IMPULSE = {"positive_impulse_pa_s": "ford_2021"}

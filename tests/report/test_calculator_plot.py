@@ -3,8 +3,8 @@ import pytest
 
 from jblast.report.calculator_plot import calculator_figure
 from jblast.scene import Scene
-from jblast.sensors.calculate import calculate, calculated_laws
-from jblast.sensors.question import Question
+from jblast.sensors.calculator.forward import calculate, calculated_laws
+from jblast.sensors.calculator.question import Question
 
 
 @pytest.fixture(scope="module")

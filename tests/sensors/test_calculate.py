@@ -7,9 +7,13 @@ from jblast.constants import STANDARD_PRESSURE, STANDARD_SOUND_SPEED
 from jblast.registry import law_for
 from jblast.scene import Air, Charge, Ground, Scene
 from jblast.scene.explosives import tnt_factor
-from jblast.sensors.calculate import calculate, calculated_laws, with_other_burst
-from jblast.sensors.inverse import roots
-from jblast.sensors.question import Question, charge_radius
+from jblast.sensors.calculator.forward import (
+    calculate,
+    calculated_laws,
+    with_other_burst,
+)
+from jblast.sensors.calculator.inverse import roots
+from jblast.sensors.calculator.question import Question, charge_radius
 from jblast.waves import (
     kingery_bulmash_arrival_time,
     kingery_bulmash_duration,

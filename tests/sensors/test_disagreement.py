@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from jblast.scene import Charge, Scene
-from jblast.sensors.calculate import Calculated
-from jblast.sensors.disagreement import BEYOND, disagreements
-from jblast.sensors.question import Question
+from jblast.sensors.calculator.disagreement import BEYOND, disagreements
+from jblast.sensors.calculator.forward import Calculated
+from jblast.sensors.calculator.question import Question
 
 QUANTITY = "peak_overpressure_pa"
 

@@ -8,7 +8,7 @@ import pytest
 from jblast.constants import LIGHT_SPEED
 from jblast.scene import Air, Charge, Ground, Scene, Sensor, with_values
 from jblast.sensors import planned_layout, record, resolve_laws
-from jblast.sensors.laws import law_names
+from jblast.sensors.law_choice import law_names
 from jblast.sensors.observe import loadings
 from jblast.waves import (
     acoustic_arrival_time,

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from jblast.fidelity.topic import on_front
-from jblast.sensors.camera.imperfections import IDEAL
+from jblast.sensors.camera.events.noise import IDEAL
 from jblast.study.charts import events
 from jblast.study.charts.events import Sent, stamp_errors, unlike
 

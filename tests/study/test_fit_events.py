@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from jblast.sensors.camera.events import Events
+from jblast.sensors.camera.events.ideal import Events
 from jblast.study.fireball_film import (
     MASS,
     START,

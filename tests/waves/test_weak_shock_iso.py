@@ -7,7 +7,7 @@ import pytest
 
 from jblast.registry import call, law_for
 from jblast.scene import Air, Charge, Scene
-from jblast.sensors.question import scene_path, with_rows
+from jblast.sensors.calculator.question import scene_path, with_rows
 from jblast.waves.absorption import iso_9613_absorption
 from jblast.waves.kingery_bulmash import kingery_bulmash_duration
 from jblast.waves.shock_front import front_tail

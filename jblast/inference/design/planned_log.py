@@ -22,7 +22,7 @@ from jblast.scene.parameters import names_in, value_of
 from jblast.scene.priors import Belief
 from jblast.sensors import layout_of, planned_layout, resolve_laws
 from jblast.sensors.bursts import settled
-from jblast.sensors.laws import law_names
+from jblast.sensors.law_choice import law_names
 from jblast.sensors.observe import Noise
 from jblast.sensors.simulate import written
 

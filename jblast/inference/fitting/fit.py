@@ -29,7 +29,7 @@ from jblast.progress import stages
 from jblast.scene import UncertainScene, default_scene
 from jblast.sensors import layout_of, resolve_laws
 from jblast.sensors.bursts import settled, with_bursts
-from jblast.sensors.laws import law_names
+from jblast.sensors.law_choice import law_names
 from jblast.sensors.observe import Noise
 
 DRAWS_IN_BANDS = 200

@@ -16,7 +16,7 @@ from jblast.observations import CLOCK_TIMES, TIMES
 from jblast.parameter_table import CLOCK_OFFSET
 from jblast.scene import Scene
 from jblast.sensors import Layout, record, resolve_laws
-from jblast.sensors.laws import law_names
+from jblast.sensors.law_choice import law_names
 from jblast.sensors.record import comparable
 
 CANDIDATES = {

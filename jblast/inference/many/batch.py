@@ -13,7 +13,7 @@ from jblast.observations.clocks import refuse_unresolved
 from jblast.registry import names_for
 from jblast.scene import Scene, UncertainScene
 from jblast.sensors import Layout, layout_of, resolve_laws
-from jblast.sensors.laws import law_names
+from jblast.sensors.law_choice import law_names
 
 SAME = ("sensor", "quantity", "path", "shot", "clock")
 PLACED = ("position", "slant_range", "time")

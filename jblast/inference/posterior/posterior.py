@@ -16,10 +16,10 @@ from jblast.observations.clocks import refuse_unresolved
 from jblast.registry import law_for
 from jblast.scene import Scene
 from jblast.sensors import Layout, record
-from jblast.sensors.effects import count_effects
 from jblast.sensors.layout import components
 from jblast.sensors.observe import Noise, loadings
 from jblast.sensors.record import comparable, missed
+from jblast.sensors.shared_effects import count_effects
 
 HELD = 30_000_000
 """Rows times shared effects, of which a few times as many numbers (0.24 GB each) are

@@ -10,10 +10,10 @@ from jaxtyping import Float
 
 from jblast.errors import InputError
 from jblast.scene import Camera, Scene
-from jblast.sensors.camera.frame_files import read_colours
-from jblast.sensors.camera.grey_composite import luminance
-from jblast.sensors.camera.render import BACKGROUND, render
-from jblast.sensors.camera.views import Views
+from jblast.sensors.camera.files.frames import read_colours
+from jblast.sensors.camera.image.grey_composite import luminance
+from jblast.sensors.camera.rendering.billboards import Views
+from jblast.sensors.camera.rendering.render import BACKGROUND, render
 
 PIXELS = 1 << 22
 """Of a block of frames: 100 MB of three channels in float64. The rays are computed for

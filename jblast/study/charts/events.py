@@ -14,11 +14,11 @@ from jaxtyping import Float, Int
 
 from jblast.fidelity.timing import best_of
 from jblast.fidelity.topic import Point, Topic, register_topic
-from jblast.sensors.camera.crossing_times import frameless_events
-from jblast.sensors.camera.event_stream import stream_events
-from jblast.sensors.camera.events import Events
-from jblast.sensors.camera.imperfections import IDEAL, Imperfections
-from jblast.sensors.camera.real_events import real_stream
+from jblast.sensors.camera.events.exact.crossing_times import frameless_events
+from jblast.sensors.camera.events.ideal import Events
+from jblast.sensors.camera.events.noise import IDEAL, Imperfections
+from jblast.sensors.camera.events.noisy import real_stream
+from jblast.sensors.camera.events.stream import stream_events
 from jblast.study.event_disc import (
     DURATION,
     SHAPE,

@@ -5,11 +5,11 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
-from jblast.sensors.camera.crossing_times import frameless_events
-from jblast.sensors.camera.event_pixel import Reference, count_events, first_reference
-from jblast.sensors.camera.event_stream import stream_events
-from jblast.sensors.camera.events import ideal_events
-from jblast.sensors.camera.smooth_counts import smooth_counts
+from jblast.sensors.camera.events.exact.crossing_times import frameless_events
+from jblast.sensors.camera.events.ideal import ideal_events
+from jblast.sensors.camera.events.pixel import Reference, count_events, first_reference
+from jblast.sensors.camera.events.soft_counts import smooth_counts
+from jblast.sensors.camera.events.stream import stream_events
 from jblast.study.event_disc import THRESHOLD, film
 from jblast.study.fit_events import STAGES
 from jblast.study.stability.boundary import crossing, turning

@@ -9,8 +9,8 @@ from jblast.errors import InputError
 from jblast.observations import Observations, place
 from jblast.registry import LAWS, call
 from jblast.scene import Charge, Scene
-from jblast.sensors.calculate import calculated_laws
-from jblast.sensors.question import scene_path, with_rows
+from jblast.sensors.calculator.forward import calculated_laws
+from jblast.sensors.calculator.question import scene_path, with_rows
 from jblast.study.stability.edge import Edge, measures, witnessed
 from jblast.waves import (
     finite_rise_pressure,

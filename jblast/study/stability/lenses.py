@@ -5,9 +5,9 @@ import numpy as np
 
 from jblast.errors import InputError
 from jblast.scene import Camera
-from jblast.sensors.camera.distortion import fold_radius
-from jblast.sensors.camera.projection import project
-from jblast.sensors.camera.unproject import unproject
+from jblast.sensors.camera.geometry.distortion import fold_radius
+from jblast.sensors.camera.geometry.projection import project
+from jblast.sensors.camera.geometry.unproject import unproject
 from jblast.study.stability.edge import Edge, witnessed
 
 BARREL = (-0.3, 0.0, 0.0, 0.0, 0.0)

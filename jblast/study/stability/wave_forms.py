@@ -6,7 +6,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
-from jblast.sensors.combined import COMBINATIONS
+from jblast.sensors.calculator.combined import COMBINATIONS
 from jblast.study.stability.boundary import crossing
 from jblast.study.stability.edge import Edge, measures, witnessed
 from jblast.waves import (

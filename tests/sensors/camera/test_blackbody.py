@@ -5,7 +5,7 @@ import pytest
 from jax.test_util import check_grads
 from scipy import constants
 
-from jblast.sensors.camera.blackbody import (
+from jblast.sensors.camera.image.blackbody import (
     FIRST_RADIATION,
     LINEAR_SRGB,
     SECOND_RADIATION,
@@ -14,7 +14,7 @@ from jblast.sensors.camera.blackbody import (
     blackbody_xyz,
     matching_functions,
 )
-from jblast.sensors.camera.grey_composite import LUMINANCE
+from jblast.sensors.camera.image.grey_composite import LUMINANCE
 
 WEIGHTS = np.array(LUMINANCE)
 

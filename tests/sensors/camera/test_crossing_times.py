@@ -5,9 +5,9 @@ import pytest
 from hypothesis import given, settings, strategies as st
 
 from jblast.errors import InputError
-from jblast.sensors.camera.crossing_times import frameless_events
-from jblast.sensors.camera.events import ideal_events
-from jblast.sensors.camera.implicit_times import implicit_times
+from jblast.sensors.camera.events.exact.crossing_times import frameless_events
+from jblast.sensors.camera.events.exact.implicit_gradient import implicit_times
+from jblast.sensors.camera.events.ideal import ideal_events
 from jblast.study.event_disc import (
     BRIGHT,
     DARK,

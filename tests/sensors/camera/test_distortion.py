@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings, strategies as st
 from lenses import LENS
 
-from jblast.sensors.camera.distortion import (
+from jblast.sensors.camera.geometry.distortion import (
     distort,
     distortion_jacobian,
     fold_radius,

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from jblast.errors import InputError
-from jblast.sensors.camera import event_gpu
-from jblast.sensors.camera.event_gpu import EventKernel, kernel_events
-from jblast.sensors.camera.event_stream import stream_events
-from jblast.sensors.camera.imperfections import IDEAL, leaks
-from jblast.sensors.camera.log_intensity import grey_table
+from jblast.sensors.camera.events.log_intensity import grey_table
+from jblast.sensors.camera.events.noise import IDEAL, leaks
+from jblast.sensors.camera.events.stream import stream_events
+from jblast.sensors.camera.events.warp import stream as event_gpu
+from jblast.sensors.camera.events.warp.stream import EventKernel, kernel_events
 
 SHAPE = (40, 12, 17)
 TIMES = np.arange(SHAPE[0]) / 500.0

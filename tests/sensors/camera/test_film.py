@@ -16,12 +16,12 @@ from jblast.sensors.camera import (
     stream_events,
     write_events,
 )
+from jblast.sensors.camera.files.png import write_png
+from jblast.sensors.camera.files.views import single_view
 from jblast.sensors.camera.film import Film
-from jblast.sensors.camera.grey_composite import LUMINANCE
-from jblast.sensors.camera.in_view import in_view, off_axis
-from jblast.sensors.camera.png_files import write_png
-from jblast.sensors.camera.render import render
-from jblast.sensors.camera.view_files import single_view
+from jblast.sensors.camera.image.grey_composite import LUMINANCE
+from jblast.sensors.camera.rendering.render import render
+from jblast.sensors.camera.rendering.visibility import in_view, off_axis
 
 REFERENCE = os.environ.get("JBLAST_REFERENCE")
 SCENE = Scene(charge=Charge(mass=15.0, up=1.0))

@@ -9,10 +9,10 @@ from fireball_scenes import EYE, LUMPS, TARGET, one_charge, shifted, small_camer
 from scipy.integrate import quad
 
 from jblast.scene import Charge, Scene, quaternion_matrix
-from jblast.sensors.camera.compositing import over
-from jblast.sensors.camera.fireball_image import cloud, passage
-from jblast.sensors.camera.pixel_rays import Rays, pixel_rays
-from jblast.sensors.camera.render import render
+from jblast.sensors.camera.geometry.pixel_rays import Rays, pixel_rays
+from jblast.sensors.camera.image.compositing import over
+from jblast.sensors.camera.rendering.fireball_image import cloud, passage
+from jblast.sensors.camera.rendering.render import render
 from jblast.waves.fireball import fireball, fireball_growth_time
 
 WHEN = 0.3

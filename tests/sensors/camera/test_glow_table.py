@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from jblast.scene import Air, Charge, Scene
-from jblast.sensors.camera.fireball_image import cloud, glow
-from jblast.sensors.camera.glow_table import glow_table
-from jblast.sensors.camera.grey_composite import luminance
-from jblast.sensors.camera.look import Look
+from jblast.sensors.camera.image.grey_composite import luminance
+from jblast.sensors.camera.rendering.appearance import Look
+from jblast.sensors.camera.rendering.fireball_image import cloud, glow
+from jblast.sensors.camera.rendering.glow_table import glow_table
 from jblast.waves.ambient import ambient
 from jblast.waves.fireball import fireball_duration
 

@@ -6,9 +6,13 @@ from hypothesis import given, settings, strategies as st
 from jax.test_util import check_grads
 
 from jblast.errors import InputError
-from jblast.sensors.camera.event_pixel import first_reference
-from jblast.sensors.camera.events import Events, continued_events, ideal_events
-from jblast.sensors.camera.log_intensity import DARKEST, grey_table, log_intensity
+from jblast.sensors.camera.events.ideal import Events, continued_events, ideal_events
+from jblast.sensors.camera.events.log_intensity import (
+    DARKEST,
+    grey_table,
+    log_intensity,
+)
+from jblast.sensors.camera.events.pixel import first_reference
 from jblast.study.event_disc import (
     THRESHOLD,
     WIDTH,

@@ -9,10 +9,10 @@ import pytest
 from fireball_scenes import one_charge, small_camera
 
 from jblast.errors import InputError
-from jblast.sensors.camera.crossing_times import frameless_events
-from jblast.sensors.camera.event_stream import stream_events
-from jblast.sensors.camera.events import ideal_events
-from jblast.sensors.camera.render_events import render_events
+from jblast.sensors.camera.events.exact.crossing_times import frameless_events
+from jblast.sensors.camera.events.exact.fireball import render_events
+from jblast.sensors.camera.events.ideal import ideal_events
+from jblast.sensors.camera.events.stream import stream_events
 
 TIMES = np.arange(3.0)
 STEPS = (0.2, 0.2)

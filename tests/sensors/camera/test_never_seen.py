@@ -9,11 +9,11 @@ import pytest
 from fireball_scenes import small_camera
 
 from jblast.scene import Charge, Scene
-from jblast.sensors.camera.in_view import in_view
-from jblast.sensors.camera.pixel_rays import pixel_rays
-from jblast.sensors.camera.render_events import pixel_light
-from jblast.sensors.camera.scene_events import events
-from jblast.sensors.camera.views import Views, views_seen
+from jblast.sensors.camera.events.exact.fireball import pixel_light
+from jblast.sensors.camera.events.scene import events
+from jblast.sensors.camera.geometry.pixel_rays import pixel_rays
+from jblast.sensors.camera.rendering.billboards import Views, views_seen
+from jblast.sensors.camera.rendering.visibility import in_view
 
 CAMERA = small_camera()
 REAL = Charge(mass=100.0, up=2.0, time=0.01, name="real")

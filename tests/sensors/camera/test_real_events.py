@@ -5,8 +5,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jblast.sensors.camera.events import Events, ideal_events
-from jblast.sensors.camera.imperfections import (
+from jblast.sensors.camera.events.ideal import Events, ideal_events
+from jblast.sensors.camera.events.noise import (
     IDEAL,
     Imperfections,
     leaks,
@@ -15,7 +15,7 @@ from jblast.sensors.camera.imperfections import (
     rested,
     shot_noise,
 )
-from jblast.sensors.camera.real_events import real_events, real_stream
+from jblast.sensors.camera.events.noisy import real_events, real_stream
 from jblast.study.event_disc import HEIGHT, THRESHOLD, WIDTH, film
 
 KEY = jax.random.key(0)

@@ -8,10 +8,10 @@ import pytest
 from fireball_scenes import EYE, one_charge, single, small_camera
 
 from jblast.errors import InputError
-from jblast.sensors.camera.compositing import over
-from jblast.sensors.camera.fireball_image import fireball_layer
-from jblast.sensors.camera.look import Look
-from jblast.sensors.camera.render import BACKGROUND, render
+from jblast.sensors.camera.image.compositing import over
+from jblast.sensors.camera.rendering.appearance import Look
+from jblast.sensors.camera.rendering.fireball_image import fireball_layer
+from jblast.sensors.camera.rendering.render import BACKGROUND, render
 
 TIMES = np.array([0.0, 0.01, 0.3])
 SIZE = (18, 24, 3)

@@ -7,12 +7,16 @@ import pytest
 
 from jblast.scene import Camera, Charge, Scene
 from jblast.scene.pose import look_at
-from jblast.sensors.camera.events import ideal_events
-from jblast.sensors.camera.grey_composite import LUMINANCE
-from jblast.sensors.camera.implicit_times import implicit_times
-from jblast.sensors.camera.log_intensity import log_intensity
-from jblast.sensors.camera.render import render
-from jblast.sensors.camera.render_events import PixelLight, pixel_light, render_events
+from jblast.sensors.camera.events.exact.fireball import (
+    PixelLight,
+    pixel_light,
+    render_events,
+)
+from jblast.sensors.camera.events.exact.implicit_gradient import implicit_times
+from jblast.sensors.camera.events.ideal import ideal_events
+from jblast.sensors.camera.events.log_intensity import log_intensity
+from jblast.sensors.camera.image.grey_composite import LUMINANCE
+from jblast.sensors.camera.rendering.render import render
 
 pytestmark = pytest.mark.slow  # one program, compiled for half a minute
 

@@ -9,10 +9,10 @@ import pytest
 from fireball_scenes import one_charge, small_camera
 
 from jblast.scene import Charge, Scene
-from jblast.sensors.camera.grey_composite import LUMINANCE
-from jblast.sensors.camera.log_intensity import log_intensity
-from jblast.sensors.camera.render import render
-from jblast.sensors.camera.smooth_counts import smooth_counts
+from jblast.sensors.camera.events.log_intensity import log_intensity
+from jblast.sensors.camera.events.soft_counts import smooth_counts
+from jblast.sensors.camera.image.grey_composite import LUMINANCE
+from jblast.sensors.camera.rendering.render import render
 
 CAMERA = small_camera()
 TIMES = jnp.array([0.012, 0.02, 0.3, 0.45])

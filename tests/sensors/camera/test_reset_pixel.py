@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from slopes import check_slopes
 
-from jblast.sensors.camera.event_stream import stream_events
-from jblast.sensors.camera.events import ideal_events, reset_events
-from jblast.sensors.camera.imperfections import IDEAL
-from jblast.sensors.camera.real_events import real_events
+from jblast.sensors.camera.events.ideal import ideal_events, reset_events
+from jblast.sensors.camera.events.noise import IDEAL
+from jblast.sensors.camera.events.noisy import real_events
+from jblast.sensors.camera.events.stream import stream_events
 from jblast.study.event_disc import THRESHOLD, film
 
 BOTH = (0.2, 0.3)

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from jax.test_util import check_grads
 
-from jblast.sensors.camera.event_pixel import count_events, first_reference
-from jblast.sensors.camera.smooth_counts import smooth_counts
+from jblast.sensors.camera.events.pixel import count_events, first_reference
+from jblast.sensors.camera.events.soft_counts import smooth_counts
 
 BOTH = (jnp.asarray(0.2), jnp.asarray(0.3))
 

@@ -11,14 +11,14 @@ from lenses import LENS
 
 from jblast.errors import InputError
 from jblast.scene import Camera, look_at
-from jblast.sensors.camera.distortion import (
+from jblast.sensors.camera.geometry.distortion import (
     distort,
     distortion_jacobian,
     fold_radius,
     unfolded,
 )
-from jblast.sensors.camera.projection import project
-from jblast.sensors.camera.unproject import undistort, unproject
+from jblast.sensors.camera.geometry.projection import project
+from jblast.sensors.camera.geometry.unproject import undistort, unproject
 
 BARREL = np.array([-0.35, 0.12, 0.01, -0.02, -0.02])
 CAMERA = Camera(

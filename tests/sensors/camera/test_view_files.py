@@ -3,7 +3,7 @@ import pytest
 from PIL import Image
 
 from jblast.errors import InputError
-from jblast.sensors.camera.view_files import read_views, single_view
+from jblast.sensors.camera.files.views import read_views, single_view
 
 TOP = "frames_hz = 30.0\nmetres_per_pixel = 0.05\ncharge_mass_kg = 5.0\n"
 SOUTH = '[[view]]\nframes = "south"\nazimuth_deg = 180.0\n'

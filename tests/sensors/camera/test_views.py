@@ -16,9 +16,9 @@ from jblast.scene import (
     quaternion_matrix,
 )
 from jblast.sensors.camera import project, unproject
-from jblast.sensors.camera.compositing import straight
-from jblast.sensors.camera.pixel_rays import Rays, pixel_rays
-from jblast.sensors.camera.views import (
+from jblast.sensors.camera.geometry.pixel_rays import Rays, pixel_rays
+from jblast.sensors.camera.image.compositing import straight
+from jblast.sensors.camera.rendering.billboards import (
     Views,
     billboard,
     nearest_view,

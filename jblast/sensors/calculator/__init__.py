@@ -1,0 +1,1 @@
+"""One place asked for its quantities, forward or backward."""

@@ -1,0 +1,134 @@
+"""Where laws that hold say different things, further apart than their scatter."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from itertools import combinations
+
+import jax
+import numpy as np
+from jaxtyping import Bool, Float
+
+from jblast.registry import LAWS, call
+from jblast.sensors.calculator.forward import Calculated, Calculation
+from jblast.sensors.calculator.question import Question, path_of_rows
+from jblast.waves.paths import Path
+
+BEYOND = 1.645
+"""Standard deviations of the difference of two laws: 90 % of their scatter lies within.
+"""
+
+
+@dataclass(frozen=True)
+class Disagreement:
+    """Two laws of one quantity that hold at a place and contradict each other there.
+
+    Attributes:
+        quantity: Of which.
+        low: Law of the smaller value, where they are furthest apart.
+        high: Law of the larger one.
+        ratio: Larger over smaller value there.
+        expected: Ratio that their scatter leaves, in 90 % of blasts.
+        range_m: Range there.
+        mass_kg: Mass there.
+        rows: At how many rows any two laws disagree.
+        taken: The law that we would take there; "" if nothing tells.
+        reason: Why.
+    """
+
+    quantity: str
+    low: str
+    high: str
+    ratio: float
+    expected: float
+    range_m: float
+    mass_kg: float
+    rows: int
+    taken: str
+    reason: str
+
+
+def disagreements(question: Question, answer: Calculation) -> list[Disagreement]:
+    """Return the quantities of a calculation of which laws that hold disagree."""
+    found = (_of(question, name, by_law) for name, by_law in answer.items())
+    return [one for one in found if one is not None]
+
+
+def _of(
+    question: Question, quantity: str, by_law: Mapping[str, Calculated]
+) -> Disagreement | None:
+    """Return where the laws of a quantity are furthest apart, if they disagree."""
+    names = [name for name in by_law if (quantity, name) in LAWS]
+    names = [name for name in names if by_law[name].valid.any()]
+    if len(names) < 2:
+        return None
+    way = path_of_rows(question, quantity)
+    scatter = {name: _scatter(quantity, name, way) for name in names}
+    apart = {
+        pair: _sds_apart([by_law[n] for n in pair], [scatter[n] for n in pair])
+        for pair in combinations(names, 2)
+    }
+    sds = np.array(list(apart.values()))
+    if not sds.max() > BEYOND:
+        return None
+    which, row = np.unravel_index(int(sds.argmax()), sds.shape)
+    pair = list(apart)[which]
+    low, high = sorted(pair, key=lambda name: by_law[name].value[row])
+    ratio = float(by_law[high].value[row] / by_law[low].value[row])
+    taken, reason = _taken(question, quantity, int(row))
+    ranges, masses = question.rows()
+    return Disagreement(
+        quantity=quantity,
+        low=low,
+        high=high,
+        ratio=ratio,
+        expected=math.exp(BEYOND * math.hypot(*(scatter[n][row] for n in pair))),
+        range_m=float(ranges[row]),
+        mass_kg=float(masses[row]),
+        rows=int((sds > BEYOND).any(axis=0).sum()),
+        taken=taken,
+        reason=reason,
+    )
+
+
+def _scatter(quantity: str, name: str, way: Path) -> Float[np.ndarray, " row"]:
+    """Return one standard deviation of nature about a law, in ln, of each row."""
+    parts = call(LAWS[quantity, name].scatter, way)
+    squares = sum(np.square(np.asarray(part)) for part in parts)
+    return np.broadcast_to(np.sqrt(squares), way.slant_range.shape)
+
+
+def _sds_apart(
+    pair: list[Calculated], scatter: list[Float[np.ndarray, " row"]]
+) -> Float[np.ndarray, " row"]:
+    """Return how far apart two laws are, in standard deviations; 0 where one ends."""
+    one, other = pair
+    both: Bool[np.ndarray, " row"] = one.valid & other.valid
+    both &= (one.value > 0.0) & (other.value > 0.0)
+    off = np.log(np.where(both, one.value, 1.0) / np.where(both, other.value, 1.0))
+    sd = np.hypot(*scatter)
+    return np.where(sd > 0.0, np.abs(off) / np.where(sd > 0.0, sd, 1.0), 0.0)
+
+
+def _taken(question: Question, quantity: str, row: int) -> tuple[str, str]:
+    """Return the law that `jblast choose` would take at a row for the best there is."""
+    # what is stored of methods is read where laws disagree, and only there
+    from jblast.fidelity import choose_for
+    from jblast.fidelity.reference import REFERENCES
+    from jblast.fidelity.ways import jitted_ways
+
+    if quantity not in REFERENCES:
+        return "", "nothing here tells which of them is nearer to nature"
+    ranges, masses = question.rows()
+    here = replace(
+        question,
+        slant_range=(float(ranges[row]),),
+        charge_mass=(float(masses[row]),),
+    )
+    way = path_of_rows(here, quantity)
+    if way.burst is None:
+        burst = "free-air" if bool(np.asarray(way.free_air)[0]) else "surface"
+        way = way.at_burst(burst)
+    ways = jax.tree.map(np.asarray, jitted_ways(quantity, way))
+    choice = choose_for(quantity, [ways], 0.0)
+    return choice.method, choice.reason.removeprefix(f"{choice.method}: ")

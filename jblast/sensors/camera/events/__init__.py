@@ -1,0 +1,1 @@
+"""From light to events: ideal crossings, the noisy pixel, streams."""

@@ -1,0 +1,1 @@
+"""Events of the law's own fireball, solved for, not sampled."""

@@ -1,0 +1,152 @@
+"""Events of a scene's fireballs, at their instants: no frames in between."""
+
+from dataclasses import replace
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, ArrayLike, Bool, Float
+
+from jblast.scene import Camera, Scene
+from jblast.sensors.camera.events.exact.crossing_times import frameless_events
+from jblast.sensors.camera.events.ideal import Events
+from jblast.sensors.camera.events.log_intensity import log_intensity
+from jblast.sensors.camera.geometry.pixel_rays import Rays, pixel_rays
+from jblast.sensors.camera.image.grey_composite import luminance
+from jblast.sensors.camera.rendering.appearance import Look
+from jblast.sensors.camera.rendering.fireball_image import cloud, fireballs_seen
+from jblast.sensors.camera.rendering.glow_table import GlowTable, glow_table
+from jblast.sensors.camera.rendering.render import BACKGROUND
+from jblast.types import as_float_array
+from jblast.waves.ambient import ambient
+
+
+def render_events(
+    scene: Scene,
+    camera: Camera,
+    times: Float[np.ndarray, " time"],
+    *,
+    background: Float[ArrayLike, "..."] = BACKGROUND,
+    depth: Float[ArrayLike, "height width"] | None = None,
+    ground: bool = True,
+    look: Look | None = None,
+    tolerance: float = 1e-9,
+) -> Events:
+    """Return what an ideal event camera sends of a scene's fireballs.
+
+    The light is that of `render` without exposure and with one ray a pixel; the
+    thresholds are the camera's.
+
+    Args:
+        scene: Charges, each by its position, and air.
+        camera: Who looks.
+        times: The first and the last bound the search; see `frameless_events` [s].
+        background: A grey, a colour, or an image of them (height, width, 3); it stands
+            still.
+        depth: Distance of the background along each pixel's ray [m]; None is infinite.
+        ground: Whether the plane up = 0 hides what is below it.
+        look: How the fireball is exposed, and how its smoke is distributed.
+        tolerance: Of the times of events [s].
+    """
+    light = pixel_light(
+        scene, camera, background=background, depth=depth, ground=ground, look=look
+    )
+    with jax.enable_x64(True):
+        table = glow_table(ambient(scene.air)[0], light.look)
+    light = replace(light, table=table)
+    positive, negative = np.asarray(camera.threshold, float)
+    both, shape = (positive, negative), (camera.height, camera.width)
+    pixels = np.flatnonzero(_reached(scene, light.rays, jnp.asarray(times)))
+    return frameless_events(
+        light, shape, times, both, tolerance=tolerance, pixels=pixels
+    )
+
+
+class PixelLight(eqx.Module):
+    """Logarithm of the grey light of single pixels at single instants.
+
+    Attributes:
+        scene: Charges and air.
+        rays: One a pixel.
+        background: Grey light behind the fireballs, full scale 1.
+        look: Of the fireballs.
+        table: Of their glow; None to take Planck's law at once.
+    """
+
+    scene: Scene
+    rays: Rays
+    background: Float[Array, "height width"]
+    look: Look
+    table: GlowTable | None = None
+
+    def __call__(
+        self, time: Float[Array, " at"], x: Float[Array, " at"], y: Float[Array, " at"]
+    ) -> Float[Array, " at"]:
+        """Return it for so many times, columns and rows."""
+        at = y.astype(int), x.astype(int)
+
+        def seen(time, direction, farthest):
+            rays = Rays(
+                self.rays.origin, direction[:, None, None], farthest[None, None]
+            )
+            light = fireballs_seen(self.scene, rays, time, self.look, self.table)
+            return light[:, 0, 0]
+
+        lanes = self.rays.direction[:, *at], self.rays.farthest[at]
+        colour = jax.vmap(seen, (0, 1, 0))(time, *lanes)
+        behind = (1.0 - colour[:, 3]) * self.background[at]
+        return log_intensity(_grey(colour[:, :3]) + behind)
+
+
+def pixel_light(
+    scene: Scene,
+    camera: Camera,
+    *,
+    background: Float[ArrayLike, "..."] = BACKGROUND,
+    depth: Float[ArrayLike, "height width"] | None = None,
+    ground: bool = True,
+    look: Look | None = None,
+) -> PixelLight:
+    """Return the light of a scene for a camera; arguments as of `render_events`."""
+    if depth is not None:
+        depth = as_float_array(depth)
+    light = PixelLight(
+        scene,
+        pixel_rays(camera, depth, ground=ground),
+        jnp.broadcast_to(_grey(background), (camera.height, camera.width)),
+        Look() if look is None else look,
+    )
+    # Python's numbers would be compiled apart from arrays
+    return jax.tree.map(lambda v: jax.lax.convert_element_type(v, v.dtype), light)
+
+
+def _grey(light: Float[ArrayLike, "..."]) -> Float[Array, "..."]:
+    """Return the luminance of colours; a grey is its own."""
+    light = as_float_array(light)
+    return luminance(light) if light.ndim else light
+
+
+@eqx.filter_jit
+def _reached(
+    scene: Scene, rays: Rays, times: Float[Array, " time"]
+) -> Bool[Array, "height width"]:
+    """Return which pixels a fireball may touch at any time from the first to the last.
+
+    Radius and rise only grow: between two times the cloud stays within the sphere about
+    the middle of the way that its larger self, moved by half of it, fills.
+    """
+
+    def between(reached, ends):
+        for charge in scene.charges:
+            low, high = (cloud(scene, charge, time) for time in ends)
+            offset = 0.5 * (low.centre + high.centre) - rays.origin
+            moved = 0.5 * (high.centre[2] - low.centre[2])
+            along = jnp.tensordot(offset, rays.direction, 1)
+            square = jnp.sum(jnp.square(offset)) - jnp.square(jnp.maximum(along, 0.0))
+            # a radius that is no number may be anywhere
+            reached |= ~(square > jnp.square(high.radius + moved))
+        return reached, None
+
+    none = jnp.zeros(rays.farthest.shape, bool)
+    return jax.lax.scan(between, none, (times[:-1], times[1:]))[0]

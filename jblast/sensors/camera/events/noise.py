@@ -1,0 +1,247 @@
+"""What a real event camera adds to an ideal one; each can be left out.
+
+References:
+    Hu, Liu and Delbruck (2021), v2e: from video frames to realistic DVS events, for
+    the effects, and the defaults of its program; mismatch is 0.03 of a threshold of
+    0.2 there, and leak rates are log-normal over 0.1 decades (`emulator.py`). What it
+    adds to them from frame to frame averages out as frames become shorter, and is left
+    out. Hot pixels are a choice of ours.
+    Rebecq, Gehrig and Scaramuzza (2018), ESIM: what it does in a refractory period,
+    read in the programs (`event_simulator.cpp`; `esim.cpp` of vid2e is the same).
+"""
+
+import math
+from typing import Literal, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, ArrayLike, Float, PRNGKeyArray
+
+from jblast.sensors.camera.events.ideal import Events
+from jblast.sensors.camera.events.pixel import Thresholds
+from jblast.types import as_float_arrays
+
+
+class Imperfections(NamedTuple):
+    """Of an event camera; None leaves an effect out.
+
+    Attributes:
+        mismatch: Standard deviation of the logarithm of thresholds, pixel to pixel.
+        bandwidth_hz: Of the photoreceptor, a first-order low-pass.
+        leak_hz: Brighter events of a pixel in still light, by a drifting reference:
+            the mean of all pixels but hot ones, and but for refractory periods.
+        leak_spread: Standard deviation of the logarithm of leak rates, pixel to pixel,
+            those of hot pixels included.
+        hot_fraction: Share of pixels that leak at `hot_hz`.
+        hot_hz: The mean of their rates.
+        shot_hz: Events of a pixel from noise, of either sign.
+        refractory_s: After an event a pixel sends none for so long.
+        refractory: What a pixel does then. "reset": it is held in reset, and starts
+            anew from the light at the end. "esim": it goes on, and its events are left
+            out, as in ESIM and vid2e. An event from noise begins a period by the rule
+            of ESIM in both: others within it are left out, and it resets nothing.
+    """
+
+    mismatch: float | None = 0.15
+    bandwidth_hz: float | None = 300.0
+    leak_hz: float | None = 0.01
+    leak_spread: float = 0.1 * math.log(10.0)
+    hot_fraction: float | None = 1e-4
+    hot_hz: float = 10.0
+    shot_hz: float | None = 0.001
+    refractory_s: float | None = 0.5e-3
+    refractory: Literal["reset", "esim"] = "reset"
+
+
+IDEAL = Imperfections(
+    mismatch=None,
+    bandwidth_hz=None,
+    leak_hz=None,
+    hot_fraction=None,
+    hot_hz=0.0,
+    shot_hz=None,
+    refractory_s=None,
+)
+"""None of them."""
+
+
+def mismatched(
+    key: PRNGKeyArray,
+    thresholds: tuple[Float[ArrayLike, "..."], Float[ArrayLike, "..."]],
+    mismatch: Float[ArrayLike, ""],
+    shape: tuple[int, int],
+) -> Thresholds:
+    """Return thresholds of each pixel, log-normal about those given."""
+    positive, negative = (
+        jnp.asarray(threshold) * jnp.exp(mismatch * jax.random.normal(one, shape))
+        for threshold, one in zip(thresholds, jax.random.split(key), strict=True)
+    )
+    return positive, negative
+
+
+def low_passed(
+    log_frames: Float[Array, "frame ..."],
+    times: Float[Array, " frame"],
+    bandwidth_hz: Float[ArrayLike, ""],
+    first: Float[Array, "..."],
+) -> Float[Array, "frame ..."]:
+    """Return the signal behind a first-order low-pass.
+
+    Exact for light whose logarithm is linear between frames, so that the frame rate
+    may be below the bandwidth.
+
+    Args:
+        log_frames: Logarithm of the light.
+        times: Of the frames [s].
+        bandwidth_hz: Where the amplitude falls to 1 / sqrt 2.
+        first: The signal at the first of these frames.
+    """
+
+    def step(signal, frame):
+        before, after, elapsed = frame
+        lag = (after - before) / (rate * elapsed)
+        signal = after - lag + (signal - before + lag) * jnp.exp(-rate * elapsed)
+        return signal, signal
+
+    rate = 2.0 * np.pi * bandwidth_hz
+    frames = log_frames[:-1], log_frames[1:], jnp.diff(times)
+    _, signals = jax.lax.scan(step, first, frames)
+    return jnp.concatenate([first[None], signals])
+
+
+class Leak(NamedTuple):
+    """How the references of pixels sink.
+
+    Attributes:
+        rate: Leak events of each pixel in still light [Hz].
+        phase: Part of the way to its next one that a pixel has gone at the first
+            frame, 0 to 1: they were not all switched on together. 0 where none leaks.
+    """
+
+    rate: Float[Array, "height width"]
+    phase: Float[Array, "height width"]
+
+
+def leaks(
+    key: PRNGKeyArray, shape: tuple[int, int], imperfections: Imperfections
+) -> Leak:
+    """Return how each pixel leaks, hot pixels among them."""
+    hot_key, rate_key, phase_key = jax.random.split(key, 3)
+    hot = jax.random.uniform(hot_key, shape) < (imperfections.hot_fraction or 0.0)
+    mean = jnp.where(hot, imperfections.hot_hz, imperfections.leak_hz or 0.0)
+    spread = imperfections.leak_spread
+    own = jnp.exp(spread * jax.random.normal(rate_key, shape) - 0.5 * spread**2)
+    phase = jnp.where(mean > 0.0, jax.random.uniform(phase_key, shape), 0.0)
+    return Leak(mean * own, phase)
+
+
+def leaked(
+    log_frames: Float[Array, "frame height width"],
+    since: Float[Array, " frame"],
+    rates: Float[Array, "height width"],
+    positive: Float[Array, "height width"],
+) -> Float[Array, "frame height width"]:
+    """Return the signal as seen by a reference that sinks.
+
+    Args:
+        log_frames: Signal.
+        since: Time since the first frame of the stream [s].
+        rates: Of leak events [Hz].
+        positive: Threshold.
+    """
+    return log_frames + since[:, None, None] * (rates * positive)[None]
+
+
+def shot_noise(
+    key: PRNGKeyArray,
+    rate_hz: Float[ArrayLike, ""],
+    shape: tuple[int, int],
+    start: Float[ArrayLike, ""],
+    stop: Float[ArrayLike, ""],
+    *,
+    capacity: int,
+) -> Events:
+    """Return events of noise: Poisson in time, at any pixel, of either sign.
+
+    They leave the reference where it is.
+    """
+    number, where, when, which = jax.random.split(key, 4)
+    start, stop = as_float_arrays(start, stop)
+    pixels = shape[0] * shape[1]
+    total = jax.random.poisson(number, rate_hz * pixels * (stop - start))
+    valid = jnp.arange(capacity) < total
+    pixel = jax.random.randint(where, (capacity,), 0, pixels)
+    share = jax.random.uniform(when, (capacity,))
+    sign = 2 * jax.random.bernoulli(which, shape=(capacity,)).astype(pixel.dtype) - 1
+    time = start + share * (stop - start)
+    count = jnp.minimum(total, capacity)
+    x, y = pixel % shape[1], pixel // shape[1]
+    return in_order(Events(x, y, time, sign, count, total - count), valid)
+
+
+def in_order(events: Events, valid, capacity: int | None = None) -> Events:
+    """Return events in order, those that are not valid left out.
+
+    Args:
+        events: In any order.
+        valid: Which of them count.
+        capacity: Room; by default as it was. What has none is added to `lost`.
+    """
+    time = jnp.where(valid, events.time, jnp.inf)
+    order = jnp.lexsort((events.x, events.y, time))[:capacity]
+    kept = valid[order]
+    x, y = (jnp.where(kept, field[order], -1) for field in (events.x, events.y))
+    sign = jnp.where(kept, events.polarity[order], 0)
+    count = kept.sum().astype(events.count.dtype)
+    out = (valid.sum() - kept.sum()).astype(events.lost.dtype)
+    return Events(x, y, time[order], sign, count, events.lost + out)
+
+
+def merged(first: Events, second: Events, capacity: int) -> Events:
+    """Return the events of two streams as one."""
+    both = jax.tree.map(lambda a, b: jnp.append(a, b.astype(a.dtype)), first, second)
+    count, lost = both.count.sum(), both.lost.sum()
+    events = Events(both.x, both.y, both.time, both.polarity, count, lost)
+    return in_order(events, events.polarity != 0, capacity)
+
+
+def rested(
+    events: Events,
+    refractory_s: Float[ArrayLike, ""],
+    last: Float[Array, "height width"],
+) -> tuple[Events, Float[Array, "height width"]]:
+    """Leave out events less than a refractory period after the last one of a pixel.
+
+    Args:
+        events: In order of time.
+        refractory_s: The period [s].
+        last: When each pixel sent its last event before these [s]; -inf if never.
+
+    Returns:
+        The events that are left, and when each pixel sent its last one.
+    """
+    # pixel by pixel, so that the loop carries two numbers and no image
+    pixel = jnp.maximum(events.y * last.shape[1] + events.x, 0)
+    one_by_one = jnp.argsort(pixel, stable=True)
+
+    def step(carry, event):
+        pixel, time, sign, before = event
+        before = jnp.where(pixel == carry[0], carry[1], before)
+        sent = (time - before >= refractory_s) & (sign != 0)
+        return (pixel, jnp.where(sent, time, before)), sent
+
+    fields = pixel, events.time, events.polarity, last.ravel()[pixel]
+    begin = jnp.full_like(pixel[0], -1), jnp.full_like(events.time[0], -jnp.inf)
+    ordered = jax.tree.map(lambda field: field[one_by_one], fields)
+    _, sent = jax.lax.scan(step, begin, ordered)
+    sent = jnp.zeros_like(sent).at[one_by_one].set(sent)
+    when = jnp.where(sent, events.time, -jnp.inf)
+    last = last.ravel().at[pixel].max(when).reshape(last.shape)
+    order = jnp.argsort(~sent, stable=True)
+    kept = sent[order]
+    x, y = (jnp.where(kept, field[order], -1) for field in (events.x, events.y))
+    time = jnp.where(kept, events.time[order], jnp.inf)
+    sign = jnp.where(kept, events.polarity[order], 0)
+    count = kept.sum().astype(events.count.dtype)
+    return Events(x, y, time, sign, count, events.lost), last

@@ -1,0 +1,77 @@
+"""Events of a scene with a blast, in one call under jit, vmap and grad."""
+
+from dataclasses import replace
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import ArrayLike, Float, PRNGKeyArray
+
+from jblast.scene import Camera, Scene
+from jblast.sensors.camera.events.ideal import Events, ideal_events
+from jblast.sensors.camera.events.log_intensity import log_intensity
+from jblast.sensors.camera.events.noise import IDEAL, Imperfections
+from jblast.sensors.camera.events.noisy import real_events
+from jblast.sensors.camera.image.grey_composite import luminance
+from jblast.sensors.camera.rendering.appearance import Look
+from jblast.sensors.camera.rendering.billboards import Views
+from jblast.sensors.camera.rendering.render import BACKGROUND, Background, render
+
+
+def events(
+    scene: Scene,
+    camera: Camera,
+    times: Float[ArrayLike, " time"],
+    *,
+    capacity: int,
+    key: PRNGKeyArray | None = None,
+    imperfections: Imperfections = IDEAL,
+    background: Background = BACKGROUND,
+    depth: Float[ArrayLike, "height width"] | None = None,
+    ground: bool = True,
+    supersample: int = 1,
+    look: Look | None = None,
+    views: Views | None = None,
+) -> Events:
+    """Return what an event camera sends of a scene's fireballs.
+
+    The scene is rendered at the times, as instants; between two of them the logarithm
+    of the light is linear, so times of events are good to second order in the interval.
+    `render_events` solves for them instead, on the host; `stream_events` converts films
+    that do not fit in memory.
+
+    Args:
+        scene: Charges and air.
+        camera: Who looks; its thresholds are the events'.
+        times: Of the frames in between [s], rising.
+        capacity: Room for events. If there are more, `lost` says how many.
+        key: Of mismatch, hot pixels and noise; needed for those alone.
+        imperfections: Which effects, and how large; by default none.
+        background: As in `render`, with `depth`, `ground`, `supersample`, `look` and
+            `views`.
+        depth: Distance of the background along each pixel's ray [m].
+        ground: Whether the plane up = 0 hides what is below it.
+        supersample: Rays along each side of a pixel.
+        look: How the fireball is exposed, and how its smoke is distributed.
+        views: Pictures of an explosion in place of the procedural fireball.
+
+    Raises:
+        InputError: As `render` and `ideal_events`.
+    """
+    frames = render(
+        scene,
+        replace(camera, exposure_s=jnp.zeros_like(camera.exposure_s)),
+        times,
+        background=background,
+        depth=depth,
+        ground=ground,
+        supersample=supersample,
+        exposures=1,
+        look=look,
+        views=views,
+    )
+    light = log_intensity(luminance(frames))
+    thresholds, clock = (camera.threshold[0], camera.threshold[1]), jnp.asarray(times)
+    if imperfections == IDEAL:
+        return ideal_events(light, clock, thresholds, capacity=capacity)
+    key = jax.random.key(0) if key is None else key
+    return real_events(key, light, clock, thresholds, imperfections, capacity=capacity)

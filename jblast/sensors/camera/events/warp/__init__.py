@@ -1,0 +1,1 @@
+"""Event pixels as Warp kernels, for a GPU."""

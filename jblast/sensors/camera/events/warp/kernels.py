@@ -1,0 +1,249 @@
+"""Warp kernels of frames to events: screen all pixels, follow the few that are loud.
+
+As in `event_strip`, the extremes of a pixel's light over some frames are compared with
+the bounds within which it stays quiet. The kernel that does so has little to remember,
+so that many threads run at once and memory is read at its full speed. Where a bound is
+passed, another takes the pixel from frame to frame, with logarithms in float64. Frames
+are grey values of 8 bits or words of RGBA that are laid over a background first, as
+`grey_composite` does it.
+"""
+
+import typing
+from typing import Any
+
+import warp as wp
+
+from jblast.sensors.camera.image.grey_composite import LUMINANCE
+
+SLACK = wp.constant(wp.float64(16.0 * 2.220446049250313e-16))
+"""As in `event_pixel.rounding`."""
+
+FLOOR = wp.constant(wp.float64(0.5 / 255.0))
+"""As `log_intensity.DARKEST`."""
+
+CLOSE = wp.constant(wp.float64(16.0 * 1.1920928955078125e-07))
+"""Bounds are drawn in by this part: rounding of float32, so that none is overlooked."""
+
+PART = wp.constant(wp.float32(1.0 / 255.0))
+RED, GREEN, BLUE = (wp.constant(wp.float32(w / 255.0)) for w in LUMINANCE)
+
+RUN = wp.constant(16)
+"""Frames looked at together."""
+
+
+@wp.func
+@typing.no_type_check
+def light_of(value: wp.uint8, behind: wp.float32, lights: wp.array[wp.float32]):
+    """Return the light of a grey value, full scale 1."""
+    return lights[wp.int32(value)]
+
+
+@wp.func
+@typing.no_type_check
+def light_of(  # noqa: F811 - an overload, by type
+    word: wp.uint32, behind: wp.float32, lights: wp.array[wp.float32]
+):
+    """Return the grey light of straight RGBA over a background, full scale 1."""
+    low = wp.uint32(255)
+    red = wp.float32(wp.int32(word & low))
+    green = wp.float32(wp.int32((word >> wp.uint32(8)) & low))
+    blue = wp.float32(wp.int32((word >> wp.uint32(16)) & low))
+    alpha = wp.float32(wp.int32(word >> wp.uint32(24))) * PART
+    grey = RED * red + GREEN * green + BLUE * blue
+    return behind + alpha * (grey - behind)
+
+
+@wp.func
+@typing.no_type_check
+def log_of(value: wp.uint8, light: wp.float32, table: wp.array[wp.float64]):
+    """Return the logarithm of a grey value."""
+    return table[wp.int32(value)]
+
+
+@wp.func
+@typing.no_type_check
+def log_of(  # noqa: F811 - an overload, by type
+    word: wp.uint32, light: wp.float32, table: wp.array[wp.float64]
+):
+    """Return the logarithm of composited light."""
+    return wp.log(wp.max(wp.float64(light), FLOOR))
+
+
+@wp.func
+@typing.no_type_check
+def bounds_of(level: wp.float64, rise: wp.float64, fall: wp.float64):
+    """Return the least and greatest light at which a pixel surely stays quiet."""
+    wide = CLOSE * (wp.float64(1.0) + wp.abs(level))
+    lowest = wp.exp(level - fall + wide)
+    if lowest < FLOOR:  # light below the floor is as dark as the floor, and no event
+        lowest = wp.float64(0.0)
+    return wp.vec2f(wp.float32(lowest), wp.float32(wp.exp(level + rise - wide)))
+
+
+class _Pixels:
+    """What pixels remember: see `event_pixel.Reference`.
+
+    Besides, the bounds of the light at which they stay quiet, and their last value.
+    """
+
+    first: wp.array[wp.float64]
+    ups: wp.array[wp.int32]
+    downs: wp.array[wp.int32]
+    quiet: wp.array[wp.vec2f]
+    value: wp.array[wp.uint32]
+
+
+class _Camera:
+    """What does not change: thresholds, what is behind, light of each grey value."""
+
+    positive: wp.array[wp.float64]
+    negative: wp.array[wp.float64]
+    behind: wp.array[wp.float32]
+    lights: wp.array[wp.float32]
+    table: wp.array[wp.float64]
+
+
+class _Loud:
+    """Pixels to be followed through a part, and how many in each part."""
+
+    count: wp.array[wp.int32]
+    pixel: wp.array[wp.int32]
+
+
+class _Found:
+    """Events in no order, and how many there are; more than room are only counted."""
+
+    count: wp.array[wp.int32]
+    pixel: wp.array[wp.int32]
+    time: wp.array[wp.float64]
+    sign: wp.array[wp.int32]
+
+
+# not by decorators: the type checker of the tests takes what they return for functions
+Pixels, Camera = wp.struct(_Pixels), wp.struct(_Camera)
+Loud, Found = wp.struct(_Loud), wp.struct(_Found)
+
+
+@wp.func
+@typing.no_type_check
+def span_of(
+    frames: wp.array2d[Any],
+    p: wp.int32,
+    start: wp.int32,
+    stop: wp.int32,
+    camera: Camera,
+):
+    """Return the least and the greatest light of a pixel in some frames."""
+    behind = camera.behind[p]
+    top = wp.float32(0.0)
+    low = wp.float32(1e30)
+    for k in range(start, stop, RUN):
+        for j in range(RUN):  # asked for together, as a GPU's memory answers late
+            value = frames[wp.min(k + j, stop - 1), p]
+            light = light_of(value, behind, camera.lights)
+            top = wp.max(top, light)
+            low = wp.min(low, light)
+    return wp.vec2f(low, top)
+
+
+@wp.kernel
+@typing.no_type_check
+def begin(frames: wp.array2d[Any], camera: Camera, pixels: Pixels):
+    """See the first frame: it sets the reference and gives no event."""
+    p = wp.tid()
+    value = frames[0, p]
+    light = light_of(value, camera.behind[p], camera.lights)
+    level = log_of(value, light, camera.table)
+    pixels.first[p] = level
+    pixels.ups[p] = 0
+    pixels.downs[p] = 0
+    pixels.quiet[p] = bounds_of(level, camera.positive[p], camera.negative[p])
+    pixels.value[p] = wp.uint32(value)
+
+
+@wp.kernel
+@typing.no_type_check
+def screen(
+    frames: wp.array2d[Any],
+    start: wp.int32,
+    stop: wp.int32,
+    part: wp.int32,
+    camera: Camera,
+    pixels: Pixels,
+    loud: Loud,
+):
+    """List a pixel if its light leaves the bounds in some frames."""
+    p = wp.tid()
+    seen = span_of(frames, p, start, stop, camera)
+    quiet = pixels.quiet[p]
+    if seen[1] > quiet[1] or seen[0] < quiet[0]:
+        loud.pixel[wp.atomic_add(loud.count, part, 1)] = p
+    else:
+        pixels.value[p] = wp.uint32(frames[stop - 1, p])
+
+
+@wp.kernel
+@typing.no_type_check
+def follow(
+    frames: wp.array2d[Any],
+    times: wp.array[wp.float64],
+    start: wp.int32,
+    stop: wp.int32,
+    part: wp.int32,
+    last_time: wp.float64,
+    camera: Camera,
+    pixels: Pixels,
+    loud: Loud,
+    found: Found,
+):
+    """Take one of the pixels listed through some frames; events go where is room."""
+    if wp.tid() >= loud.count[part]:
+        return
+    p = loud.pixel[wp.tid()]
+    rise = camera.positive[p]
+    fall = camera.negative[p]
+    behind = camera.behind[p]
+    first = pixels.first[p]
+    up = pixels.ups[p]
+    down = pixels.downs[p]
+    quiet = pixels.quiet[p]
+    value = type(frames[0, p])(pixels.value[p])
+    light = light_of(value, behind, camera.lights)
+    level = first + wp.float64(up) * rise - wp.float64(down) * fall
+    room = found.pixel.shape[0]
+    earlier = last_time
+    coming = frames[start, p]
+    for k in range(start, stop):
+        then, then_light = value, light
+        value = coming
+        coming = frames[wp.min(k + 1, stop - 1), p]  # asked for before it is needed
+        light = light_of(value, behind, camera.lights)
+        if light > quiet[1] or light < quiet[0]:
+            now = log_of(value, light, camera.table)
+            change = now - level
+            slack = SLACK * (wp.float64(1.0) + wp.abs(now))
+            more = wp.max(wp.int32(wp.floor((change + slack) / rise)), 0)
+            less = wp.max(wp.int32(wp.floor((slack - change) / fall)), 0)
+            number = more + less
+            if number > 0:
+                if k > start:
+                    earlier = times[k - 1]
+                before = log_of(then, then_light, camera.table)
+                step = wp.where(more > 0, rise, -fall)
+                slot = wp.atomic_add(found.count, 0, number)
+                for n in range(number):
+                    if slot + n < room:
+                        target = level + wp.float64(n + 1) * step
+                        share = (target - before) / (now - before)
+                        share = wp.clamp(share, wp.float64(0.0), wp.float64(1.0))
+                        found.pixel[slot + n] = p
+                        found.time[slot + n] = earlier + share * (times[k] - earlier)
+                        found.sign[slot + n] = wp.where(more > 0, 1, -1)
+                up += more
+                down += less
+                level = first + wp.float64(up) * rise - wp.float64(down) * fall
+                quiet = bounds_of(level, rise, fall)
+    pixels.ups[p] = up
+    pixels.downs[p] = down
+    pixels.quiet[p] = quiet
+    pixels.value[p] = wp.uint32(value)

@@ -1,0 +1,1 @@
+"""Light on its way into pixels: black bodies, compositing, grey."""

@@ -1,0 +1,1 @@
+"""The picture of a fireball, as this camera sees it."""

@@ -1,0 +1,209 @@
+"""Frames of a scene with a blast, as a camera takes them."""
+
+from collections.abc import Callable
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.core import Tracer
+from jaxtyping import Array, ArrayLike, Float
+
+from jblast.errors import InputError, shown
+from jblast.scene import Camera, Scene
+from jblast.sensors.camera.geometry.pixel_rays import Rays, pixel_rays, pixels
+from jblast.sensors.camera.image.compositing import straight
+from jblast.sensors.camera.rendering.appearance import Look
+from jblast.sensors.camera.rendering.billboards import Views, views_seen
+from jblast.sensors.camera.rendering.fireball_image import fireballs_seen
+from jblast.types import as_float_array
+
+BACKGROUND = 0.18
+"""Linear light of a grey that looks half as bright as white."""
+
+Background = (
+    Float[ArrayLike, ""]
+    | Float[ArrayLike, "3"]
+    | Float[ArrayLike, "height width 3"]
+    | Float[ArrayLike, "time height width 3"]
+    | Callable[[Float[Array, ""]], Float[Array, "height width 3"]]
+)
+"""A grey, a colour, an image, an image for each time, or a function of the time that
+JAX can trace, the frame source: linear light, full scale 1."""
+
+
+def render(
+    scene: Scene,
+    camera: Camera,
+    times: Float[ArrayLike, " time"],
+    *,
+    background: Background = BACKGROUND,
+    depth: Float[ArrayLike, "height width"] | None = None,
+    ground: bool = True,
+    alpha: bool = False,
+    supersample: int = 1,
+    exposures: int = 8,
+    look: Look | None = None,
+    views: Views | None = None,
+) -> Float[Array, "time height width channel"]:
+    """Return what a camera sees of a scene's fireballs before a background.
+
+    A frame gathers light from its time on, over the camera's exposure; an exposure of
+    zero is an instant. Its place decides what is seen:
+
+    - Behind the background's `depth`, or below the ground, there is nothing.
+    - Of a fireball partly outside the image the part inside is there; of one behind the
+      camera, nothing. From within it the camera sees the smoke before its lens.
+    - A pixel whose rays all miss shows the background. Without supersampling a fireball
+      smaller than a pixel is therefore seen whole or not at all; with n, to 1/n^2.
+    - Before detonation there is nothing.
+    - A pixel beyond the lens's fold, which shows no direction, keeps the background.
+
+    It has derivatives in all numbers of the scene, the camera, the times and the
+    background, except where a fireball begins, where two change their order, where one
+    is a point at the camera, and on the horizon from a camera on the ground.
+
+    Args:
+        scene: Charges, each by its position (a `range` is not looked at), and air.
+        camera: Who looks.
+        times: When the frames begin, on the common clock, not falling [s].
+        background: A grey, a colour, an image, an image a time, or a function of time.
+        depth: Distance of the background along each pixel's ray [m]; None is infinite.
+        ground: Whether the plane up = 0 hides what is below it. It is not drawn.
+        alpha: Whether to leave the background out: red, green, blue, straight alpha.
+        supersample: Rays along each side of a pixel.
+        exposures: Instants that stand for an exposure, in the middles of as many equal
+            parts; the frame is their mean.
+        look: How the fireball is exposed, and how its smoke is distributed.
+        views: Pictures of an explosion to show in place of the procedural fireball; the
+            look is then theirs, and what they cannot show said in `views`.
+
+    Returns:
+        Linear light, full scale 1, not clipped; three channels, or four with `alpha`.
+
+    Raises:
+        InputError: Outside jit: times fall or are not finite, the camera is below the
+            ground, a depth is negative or NaN. Anywhere: a size does not fit.
+    """
+    times = as_float_array(times)
+    _check_times(times)
+    for name, number in (("supersample", supersample), ("exposures", exposures)):
+        if number < 1:
+            raise InputError(f"{name}: expected at least 1, got {number}")
+    if ground and not isinstance(camera.position, Tracer):
+        _check_above_ground(float(np.asarray(camera.position)[2]))
+    if depth is not None:
+        depth = _checked_depth(as_float_array(depth), camera)
+    source = background if callable(background) else as_float_array(background)
+    size = (camera.height, camera.width, 3)
+    if not callable(source):
+        source = _fitting(source, [size, (len(times), *size)], size)
+    look = Look() if look is None else look
+    shown_by = look if views is None else views
+    exposure = camera.exposure_s
+    if not isinstance(exposure, Tracer) and exposure.item() == 0:
+        exposures = 1  # fewer programs to compile
+    rays = pixel_rays(camera, depth, supersample=supersample, ground=ground)
+    counts = (supersample, exposures)
+    return _render(scene, rays, times, source, exposure, shown_by, counts, size, alpha)
+
+
+@eqx.filter_jit
+def _render(
+    scene: Scene,
+    rays: Rays,
+    times: Float[Array, " time"],
+    source: Any,
+    exposure: Float[Array, ""],
+    shown_by: Look | Views,
+    counts: tuple[int, int],
+    size: tuple[int, int, int],
+    alpha: bool,
+) -> Float[Array, "time height width channel"]:
+    """Return what `render` promises, of inputs that fit."""
+    supersample, exposures = counts
+
+    def instant(time, behind):
+        """Return one instant: premultiplied, or over what is behind."""
+        if isinstance(shown_by, Views):
+            layer = views_seen(shown_by, scene, rays, time)
+        else:
+            layer = fireballs_seen(scene, rays, time, shown_by)
+        seen = pixels(layer, supersample)
+        if alpha:
+            return seen
+        if callable(source):
+            image: Any = source(time)
+            behind = _fitting(as_float_array(image), [size], size)
+        return seen[..., :3] + (1.0 - seen[..., 3:]) * behind
+
+    def exposed(time, behind):
+        """Return the mean over an exposure."""
+
+        def add(total, part):
+            return total + instant(time + part * exposure, behind), None
+
+        parts = (jnp.arange(exposures, dtype=times.dtype) + 0.5) / exposures
+        nothing = jnp.zeros((*size[:2], 4 if alpha else 3), rays.direction.dtype)
+        return jax.lax.scan(add, nothing, parts)[0] / exposures
+
+    # what a frame computes on its way is computed again for gradients: it would fill
+    # the memory
+    @jax.checkpoint
+    def frame(inputs):
+        if exposures == 1:
+            return instant(inputs[0] + 0.5 * exposure, inputs[1])
+        return jax.lax.cond(exposure > 0, exposed, instant, *inputs)
+
+    if not callable(source) and source.ndim == 4:
+        frames = jax.lax.map(frame, (times, source))
+    else:
+        behind = None if callable(source) else source
+        frames = jax.lax.map(lambda time: frame((time, behind)), times)
+    return straight(frames) if alpha else frames
+
+
+def _check_times(times: Float[Array, "..."]) -> None:
+    if times.ndim != 1:
+        raise InputError(f"times: expected a list of numbers, got shape {times.shape}")
+    if isinstance(times, Tracer):
+        return
+    clock = np.asarray(times)  # what JAX computes inside jit is traced
+    if not np.isfinite(clock).all():
+        raise InputError(f"times: expected finite numbers, got {shown(clock.tolist())}")
+    falls = np.flatnonzero(np.diff(clock) < 0)
+    if len(falls):
+        before, after = clock[falls[0]], clock[falls[0] + 1]
+        raise InputError(
+            f"times: expected times in order, got {after:g} s after {before:g} s"
+        )
+
+
+def _check_above_ground(up: float) -> None:
+    if up < 0:
+        raise InputError(
+            "camera position: expected a place not below the ground, up = 0, "
+            f"got up = {up:g} m"
+        )
+
+
+def _checked_depth(depth: Float[Array, "..."], camera: Camera) -> Float[Array, "..."]:
+    expected = (camera.height, camera.width)
+    if depth.shape != expected:
+        raise InputError(f"depth: expected shape {expected}, got {depth.shape}")
+    if not isinstance(depth, Tracer) and not (np.asarray(depth) >= 0).all():
+        raise InputError("depth: expected distances, got a negative one or NaN")
+    return depth
+
+
+def _fitting(
+    image: Float[Array, "..."], shapes: list[tuple[int, ...]], size: tuple[int, ...]
+) -> Float[Array, "..."]:
+    """Return a background of one of some shapes; a colour is made an image."""
+    if image.shape not in ((), (3,), *shapes):
+        raise InputError(
+            "background: expected a number, a colour or shape "
+            f"{' or '.join(str(shape) for shape in shapes)}, got {image.shape}"
+        )
+    return jnp.broadcast_to(image, size) if image.ndim < 3 else image
