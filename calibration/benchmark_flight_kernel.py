@@ -133,7 +133,7 @@ def flights(
 
 def _seconds(fly: Callable[[], Trajectory]) -> tuple[float, float]:
     """Return how long the kernel takes, and the whole call: the best of several."""
-    from jblast.vehicle.kernel_flight import KernelFlight
+    from jblast.vehicle.warp.flight import KernelFlight
 
     spent: list[float] = []
     launch = KernelFlight.fly

@@ -33,7 +33,7 @@ from jblast.vehicle import (
     start_of,
     vehicle_of,
 )
-from jblast.vehicle.numbers import in_precision
+from jblast.vehicle.quadrotor.numbers import in_precision
 
 GROUND_UP_M = 0.0
 HOLDS = {"with_integral": True, "without_integral": False}

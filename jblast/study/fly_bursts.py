@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Array
 
 from jblast.scene import Charge, Scene, VehicleSpec
-from jblast.vehicle.blast_from_scene import free_air_at
+from jblast.vehicle.loads.blast.from_scene import free_air_at
 from jblast.waves.burst_and_height import burst_notes, scaled_height
 
 

@@ -11,7 +11,7 @@ from jaxtyping import Array, Bool, Float
 
 from jblast.scene import Scene
 from jblast.vehicle import BlastLoad, CustomProfile, blast_load, vehicle_of
-from jblast.vehicle.custom_profile import custom_profile
+from jblast.vehicle.loads.impulse_table.table import custom_profile
 from jblast.waves.paths import slant_range
 from jblast.waves.scaling import scaled_distance
 

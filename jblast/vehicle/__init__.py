@@ -1,47 +1,47 @@
 """What a blast does to a vehicle: quadrotors in a wind, alone or a batch at once."""
 
-from jblast.vehicle.allocation import (
+from jblast.vehicle.control.allocation import (
     allocation as allocation,
     rotor_speeds as rotor_speeds,
 )
-from jblast.vehicle.blast_from_scene import blast_load as blast_load
-from jblast.vehicle.blast_load import BlastLoad as BlastLoad
-from jblast.vehicle.body import Body as Body
-from jblast.vehicle.control import (
+from jblast.vehicle.control.gains import (
+    Gains as Gains,
+    gains_from_parameters as gains_from_parameters,
+    named_gains as named_gains,
+)
+from jblast.vehicle.control.position_hold import (
     Controller as Controller,
     PositionHold as PositionHold,
 )
-from jblast.vehicle.custom_profile import CustomProfile as CustomProfile
-from jblast.vehicle.custom_profile_file import (
-    read_custom_profile as read_custom_profile,
-)
+from jblast.vehicle.control.step_limit import step_limit as step_limit
+from jblast.vehicle.dynamics.state import State as State, Trajectory as Trajectory
 from jblast.vehicle.from_scene import (
     hold_of as hold_of,
     start_of as start_of,
     vehicle_of as vehicle_of,
 )
-from jblast.vehicle.gains import (
-    Gains as Gains,
-    gains_from_parameters as gains_from_parameters,
-    named_gains as named_gains,
-)
-from jblast.vehicle.gusts import (
+from jblast.vehicle.loads.blast.from_scene import blast_load as blast_load
+from jblast.vehicle.loads.blast.load import BlastLoad as BlastLoad
+from jblast.vehicle.loads.gusts import (
     FriedlanderGust as FriedlanderGust,
     NWaveGust as NWaveGust,
     StepGust as StepGust,
 )
-from jblast.vehicle.lanes import Each as Each
-from jblast.vehicle.loads import Load as Load, Pulse as Pulse
+from jblast.vehicle.loads.impulse_table.file import (
+    read_custom_profile as read_custom_profile,
+)
+from jblast.vehicle.loads.impulse_table.table import CustomProfile as CustomProfile
+from jblast.vehicle.loads.load import Load as Load, Pulse as Pulse
 from jblast.vehicle.metrics import (
     FlightMetrics as FlightMetrics,
     flight_metrics as flight_metrics,
     path_error as path_error,
 )
-from jblast.vehicle.named import named as named
-from jblast.vehicle.parameters import (
+from jblast.vehicle.quadrotor.body import Body as Body
+from jblast.vehicle.quadrotor.models import named as named
+from jblast.vehicle.quadrotor.parameters import (
     Vehicle as Vehicle,
     from_parameters as from_parameters,
 )
+from jblast.vehicle.rollout.batching import Each as Each
 from jblast.vehicle.simulate import STEP_S as STEP_S, simulate as simulate
-from jblast.vehicle.state import State as State, Trajectory as Trajectory
-from jblast.vehicle.step_limit import step_limit as step_limit

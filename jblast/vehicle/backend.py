@@ -12,11 +12,11 @@ import numpy as np
 from jax.core import Tracer
 
 from jblast.errors import InputError
-from jblast.vehicle.blast_load import BlastLoad
-from jblast.vehicle.control import PositionHold
-from jblast.vehicle.flight import Flight
-from jblast.vehicle.gusts import FriedlanderGust, NWaveGust, StepGust
-from jblast.vehicle.lanes import own
+from jblast.vehicle.control.position_hold import PositionHold
+from jblast.vehicle.loads.blast.load import BlastLoad
+from jblast.vehicle.loads.gusts import FriedlanderGust, NWaveGust, StepGust
+from jblast.vehicle.rollout.batching import own
+from jblast.vehicle.rollout.flight import Flight
 
 BUILT_IN = {
     "wind": (StepGust, NWaveGust, FriedlanderGust),

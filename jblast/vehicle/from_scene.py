@@ -4,12 +4,12 @@ import jax.numpy as jnp
 
 from jblast.constants import FLIGHT_GRAVITY
 from jblast.scene import VehicleSpec
-from jblast.vehicle.allocation import rotor_speeds
-from jblast.vehicle.control import PositionHold
-from jblast.vehicle.gains import NAMED, gains_from_parameters
-from jblast.vehicle.named import named
-from jblast.vehicle.parameters import Vehicle
-from jblast.vehicle.state import State
+from jblast.vehicle.control.allocation import rotor_speeds
+from jblast.vehicle.control.gains import NAMED, gains_from_parameters
+from jblast.vehicle.control.position_hold import PositionHold
+from jblast.vehicle.dynamics.state import State
+from jblast.vehicle.quadrotor.models import named
+from jblast.vehicle.quadrotor.parameters import Vehicle
 
 
 def vehicle_of(spec: VehicleSpec) -> Vehicle:

@@ -27,7 +27,7 @@ from jaxtyping import Array, ArrayLike, Bool, Float
 
 from jblast.kept_programs import kept
 from jblast.types import as_float_array
-from jblast.vehicle.state import Trajectory
+from jblast.vehicle.dynamics.state import Trajectory
 
 
 class FlightMetrics(eqx.Module):

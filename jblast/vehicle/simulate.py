@@ -11,24 +11,24 @@ from jax.core import Tracer
 from jaxtyping import Array, Float
 
 from jblast.kept_programs import kept
-from jblast.vehicle.arguments import (
+from jblast.vehicle.backend import flies_on_warp
+from jblast.vehicle.check_arguments import (
     check_choices,
     check_commands,
     check_start,
     check_step,
     check_times,
 )
-from jblast.vehicle.backend import flies_on_warp
-from jblast.vehicle.batch_check import check_shared
-from jblast.vehicle.control import Controller
-from jblast.vehicle.flight import Flight, Rows
-from jblast.vehicle.lanes import CHUNK_AXIS, Each, over_lanes, parted
-from jblast.vehicle.loads import Load, Pulse
-from jblast.vehicle.numbers import floats, in_precision
-from jblast.vehicle.parameters import Vehicle
-from jblast.vehicle.rollout import fly
-from jblast.vehicle.state import State, Trajectory
-from jblast.vehicle.timetable import Ticks, stored_times, timetable
+from jblast.vehicle.check_batch import check_shared
+from jblast.vehicle.control.position_hold import Controller
+from jblast.vehicle.dynamics.state import State, Trajectory
+from jblast.vehicle.loads.load import Load, Pulse
+from jblast.vehicle.quadrotor.numbers import floats, in_precision
+from jblast.vehicle.quadrotor.parameters import Vehicle
+from jblast.vehicle.rollout.batching import CHUNK_AXIS, Each, over_lanes, parted
+from jblast.vehicle.rollout.flight import Flight, Rows
+from jblast.vehicle.rollout.scan import fly
+from jblast.vehicle.rollout.timetable import Ticks, stored_times, timetable
 
 STEP_S = 5e-4
 """Step of the integrator where nothing is said [s]."""
@@ -121,7 +121,7 @@ def simulate(
     times = stored_times(duration_s, step_s, store_every, dtype)
     flight = in_precision(flight, dtype)
     if flies_on_warp(backend, flight, dtype):
-        from jblast.vehicle.kernel_flight import KernelFlight
+        from jblast.vehicle.warp.flight import KernelFlight
 
         flown = KernelFlight(
             flight,

@@ -11,7 +11,7 @@ from jblast.errors import InputError
 from jblast.scene import Camera, look_at, matrix_quaternion, quaternion_matrix
 from jblast.scene.read_camera import read_camera
 from jblast.sensors.camera.geometry.projection import to_camera
-from jblast.vehicle.motion import four, rotation, three, times
+from jblast.vehicle.dynamics.components import four, rotation, three, times
 
 QUARTER = np.array([0.0, 0.0, np.sqrt(0.5), np.sqrt(0.5)])
 """A quarter turn to the left about up: from east to north, from north to west."""

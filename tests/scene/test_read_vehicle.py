@@ -6,8 +6,8 @@ from jblast.errors import InputError
 from jblast.scene.keys import KEYS, VEHICLE_MODELS
 from jblast.scene.read import scene_from_document
 from jblast.scene.read_vehicle import read_vehicle
-from jblast.vehicle.gains import NAMED
-from jblast.vehicle.named import PARAMETERS
+from jblast.vehicle.control.gains import NAMED
+from jblast.vehicle.quadrotor.models import PARAMETERS
 
 PLACED = {"model": '"iris"', "position_m": "[10, -5, 2]"}
 

@@ -9,7 +9,7 @@ from jblast.scene import Charge, Scene
 from jblast.study.fly_exposure import Exposure, exposed
 from jblast.study.fly_meeting import Profile, load_of, meeting_at
 from jblast.vehicle import State, blast_load, named
-from jblast.vehicle.named import PARAMETERS
+from jblast.vehicle.quadrotor.models import PARAMETERS
 from jblast.vehicle.thresholds import THRESHOLDS
 
 CRAZYFLIE = named("crazyflie")

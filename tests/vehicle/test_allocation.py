@@ -7,7 +7,7 @@ import pytest
 from scipy.optimize import linprog
 
 from jblast.vehicle import allocation, named, rotor_speeds
-from jblast.vehicle.allocation import speeds_within
+from jblast.vehicle.control.allocation import speeds_within
 
 IRIS = named("iris")
 MATRIX = np.asarray(allocation(IRIS))

@@ -20,7 +20,7 @@ from jblast.vehicle import (
     named,
     simulate,
 )
-from jblast.vehicle.blast_wave import density_ratio, overpressure, wind_speed
+from jblast.vehicle.loads.blast.wave import density_ratio, overpressure, wind_speed
 
 CRAZYFLIE = named("crazyflie")
 

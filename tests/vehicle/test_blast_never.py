@@ -10,7 +10,7 @@ from flights import at_hover
 
 from jblast.scene import Charge, Scene
 from jblast.vehicle import BlastLoad, CustomProfile, Each, blast_load, named, simulate
-from jblast.vehicle.custom_profile import custom_profile
+from jblast.vehicle.loads.impulse_table.table import custom_profile
 
 CRAFT = named("hummingbird")
 REAL = Charge(mass=2.0, time=0.01, name="real")

@@ -11,8 +11,8 @@ import pytest
 
 from jblast.errors import InputError
 from jblast.vehicle import Pulse, State, named, simulate
-from jblast.vehicle.custom_profile import custom_profile
-from jblast.vehicle.custom_profile_file import COLUMNS, read_custom_profile
+from jblast.vehicle.loads.impulse_table.file import COLUMNS, read_custom_profile
+from jblast.vehicle.loads.impulse_table.table import custom_profile
 
 CRAZYFLIE = named("crazyflie")
 

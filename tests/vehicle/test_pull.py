@@ -8,8 +8,8 @@ from flights import at_hover
 from scipy.spatial.transform import Rotation
 
 from jblast.vehicle import PositionHold, named, named_gains, rotor_speeds
-from jblast.vehicle.motion import three
-from jblast.vehicle.pull import pull_within
+from jblast.vehicle.control.pull import pull_within
+from jblast.vehicle.dynamics.components import three
 
 IRIS = named("iris")
 GAINS = named_gains("iris", integral=True)

@@ -9,7 +9,7 @@ import pytest
 from flights import GRAVITY, at_hover, hover_speed, tumbling
 
 from jblast.vehicle import StepGust, from_parameters, named, simulate
-from jblast.vehicle.named import PARAMETERS
+from jblast.vehicle.quadrotor.models import PARAMETERS
 
 STILL = np.zeros(4)
 

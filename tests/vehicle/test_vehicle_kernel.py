@@ -196,7 +196,7 @@ def test_a_wind_in_python_flies_on_jax_and_says_so():
 
 
 def test_auto_takes_the_kernel_on_a_gpu_but_for_double_precision(monkeypatch):
-    from jblast.vehicle import kernel_flight
+    from jblast.vehicle.warp import flight as kernel_flight
 
     asked, device_named = [], kernel_flight.device_named
 

@@ -11,7 +11,7 @@ from jblast.vehicle import (
     named,
     named_gains,
 )
-from jblast.vehicle.named import PARAMETERS
+from jblast.vehicle.quadrotor.models import PARAMETERS
 
 CRAZYFLIE = PARAMETERS["crazyflie"]
 

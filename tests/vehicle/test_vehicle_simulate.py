@@ -15,11 +15,11 @@ from jblast.vehicle import (
     PositionHold,
     State,
     StepGust,
-    lanes,
     named,
     named_gains,
     simulate,
 )
+from jblast.vehicle.rollout import batching as lanes
 
 VEHICLE = named("crazyflie")
 SHORT = {"duration_s": 0.05, "store_every": 10}

@@ -15,8 +15,8 @@ from jblast.study.stability.flight_kernels import adjoint_edge, sum_edge
 from jblast.study.stability.hold_limits import hold_edges, hovering, stacked
 from jblast.study.stability.pulses import pulse_edge
 from jblast.vehicle import named, simulate
-from jblast.vehicle.motion import unit
-from jblast.vehicle.timetable import timetable
+from jblast.vehicle.dynamics.components import unit
+from jblast.vehicle.rollout.timetable import timetable
 
 DRIFT = 1e-9
 """Of the energy, relative, that a second of free tumble may lose."""

@@ -26,7 +26,7 @@ from jblast.vehicle import (
     simulate,
     step_limit,
 )
-from jblast.vehicle.named import PARAMETERS
+from jblast.vehicle.quadrotor.models import PARAMETERS
 
 NAMES = tuple(PARAMETERS)
 STEP = 1e-3

@@ -1,0 +1,1 @@
+"""What holds a vehicle in its place: gains, thrust, allocation to rotors."""

@@ -1,0 +1,1 @@
+"""State, equations of motion, and the integrators that step them."""

@@ -1,0 +1,1 @@
+"""What pushes a vehicle besides its rotors."""

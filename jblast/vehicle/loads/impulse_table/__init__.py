@@ -1,0 +1,1 @@
+"""Loads from a table of one's own: an impulse profile, its file, its lever."""

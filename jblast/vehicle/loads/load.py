@@ -1,0 +1,148 @@
+"""Loads on a vehicle beside air and weight, and the step's share of a short pulse.
+
+A load is a function of time and state. A pulse tells its impulse between two times
+instead: what falls into a step acts there as a constant force, so that the impulse is
+whole whatever the step, even where the pulse is shorter.
+"""
+
+from collections.abc import Sequence
+from typing import Any, Protocol, runtime_checkable
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from jblast.vehicle.dynamics.components import (
+    Motion,
+    Number,
+    Vector,
+    add,
+    joined,
+    three,
+)
+from jblast.vehicle.dynamics.equations import Wrench
+from jblast.vehicle.dynamics.state import State
+from jblast.vehicle.quadrotor.parameters import Vehicle
+
+
+@runtime_checkable
+class Load(Protocol):
+    """A force that varies slowly within a step, jumps at a step's edges aside."""
+
+    def __call__(
+        self, time_s: Float[Array, ""], state: State, vehicle: Vehicle
+    ) -> tuple[Float[Array, "3"], Float[Array, "3"]]:
+        """Return force, world [N], and moment about the centre of mass, body [N m]."""
+        ...
+
+
+@runtime_checkable
+class Pulse(Protocol):
+    """A force that may come and go within a step.
+
+    It may also have a method `quiet_until(start_s, state, vehicle)`: the time until
+    which it surely gives nothing to a vehicle that is in a state at a time, the same
+    time if it may give something at once. It is not asked for its impulse before.
+    """
+
+    def impulse(
+        self,
+        start_s: Float[Array, ""],
+        end_s: Float[Array, ""],
+        state: State,
+        vehicle: Vehicle,
+    ) -> tuple[Float[Array, "3"], Float[Array, "3"]]:
+        """Return what it gives between two times to a vehicle in a state.
+
+        Returns:
+            Impulse, world [N s], and angular impulse, body [N m s].
+        """
+        ...
+
+
+def load_wrench(
+    loads: tuple[Load | Pulse, ...],
+    time_s: Number,
+    state: State,
+    vehicle: Vehicle,
+    start: Wrench,
+) -> Wrench:
+    """Sum of the loads at a time, added to what is there."""
+    for load in loads:
+        if not isinstance(load, Pulse):
+            start = _plus(start, load(time_s, state, vehicle), 1.0)
+    return start
+
+
+def pulse_wrench(
+    pulses: Sequence[Pulse],
+    start_s: Number,
+    step_s: Number,
+    motion: Motion,
+    vehicle: Vehicle,
+    quiet_s: tuple[Number, ...],
+    axis: str | None,
+) -> tuple[Wrench, tuple[Number, ...]]:
+    """Mean over a step of the pulses, from the state at its beginning.
+
+    Args:
+        pulses: The pulses.
+        start_s: When the step begins.
+        step_s: Its length.
+        motion: State then.
+        vehicle: The vehicle.
+        quiet_s: Until when each of them gives nothing.
+        axis: Of vehicles that are calculated together; None: there is one.
+
+    Returns:
+        Force and moment, and until when each gives nothing to any of the vehicles.
+    """
+    zero = (0 * step_s, 0 * step_s, 0 * step_s)
+    total: Wrench = (zero, zero)
+    end_s, quiet = start_s + step_s, []
+    for load, until in zip(pulses, quiet_s, strict=True):
+
+        def mean(load: Any = load) -> Wrench:
+            given = load.impulse(start_s, end_s, joined(motion), vehicle)
+            return _plus((zero, zero), given, 1 / step_s)
+
+        def none() -> Wrench:
+            return zero, zero
+
+        def look(load: Any = load, mean: Any = mean) -> tuple[Wrench, Number]:
+            until = load.quiet_until(start_s, joined(motion), vehicle)
+            # A vehicle that is lost waits for nothing. For another a time that is no
+            # number is a fault of the load, which is asked and loses it.
+            lost = ~jnp.isfinite(sum(jax.tree.leaves(motion)))
+            unknown = jnp.where(lost, jnp.inf, -jnp.inf)
+            until = jnp.where(jnp.isnan(until), unknown, until)
+            until = jax.lax.stop_gradient(until).astype(start_s.dtype)
+            if axis is not None:
+                # one answer for all keeps the branch a branch
+                until = jax.lax.pmin(until, axis)
+            return jax.lax.cond(end_s > until, mean, none), until
+
+        if hasattr(load, "quiet_until"):
+            given, until = jax.lax.cond(
+                end_s > until, look, lambda until=until: ((zero, zero), until)
+            )
+        else:
+            given = mean()
+        total = (add(total[0], given[0]), add(total[1], given[1]))
+        quiet.append(until)
+    return total, tuple(quiet)
+
+
+def _plus(
+    total: Wrench,
+    given: tuple[Float[Array, "3"], Float[Array, "3"]],
+    scale: float | Number,
+) -> Wrench:
+    """Add what a load gave, scaled; in the precision of the flight."""
+    dtype = total[0][0].dtype
+
+    def scaled(vector: Float[Array, "3"]) -> Vector:
+        x, y, z = three(vector.astype(dtype))
+        return x * scale, y * scale, z * scale
+
+    return add(total[0], scaled(given[0])), add(total[1], scaled(given[1]))

@@ -1,0 +1,1 @@
+"""The vehicle itself: parameters, named models, geometry, inertia."""

@@ -1,0 +1,1 @@
+"""Flights: one step, a scan of steps, a batch of scans."""

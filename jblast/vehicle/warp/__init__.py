@@ -1,0 +1,1 @@
+"""The same flight in Warp: whole rollouts in registers."""

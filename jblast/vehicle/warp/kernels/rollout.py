@@ -1,0 +1,165 @@
+"""Whole flights as one kernel of Warp: a thread a vehicle, its state in registers.
+
+The physics is that of `dynamics.py` and its neighbours, function by function; a test
+holds both to the same flights. Nothing here has a derivative: an adjoint of a loop that
+overwrites its state in registers would be silently wrong. JAX has them.
+"""
+
+from functools import cache
+from types import SimpleNamespace
+from typing import no_type_check
+
+import warp as wp
+
+from jblast.vehicle.warp.kernels.blast import blast_functions
+from jblast.vehicle.warp.kernels.body import body_functions
+from jblast.vehicle.warp.kernels.gusts import gust_functions
+from jblast.vehicle.warp.kernels.hold import hold_functions
+from jblast.vehicle.warp.kernels.stepping import step_functions
+from jblast.vehicle.warp.kernels.sums import sum_functions
+
+COLUMNS = 23
+"""Of a stored row: position, velocity, quaternion, body rate, rotor speeds, force,
+moment."""
+
+OPTIONS = {"enable_backward": False, "max_unroll": 4, "fast_math": True}
+"""Fast division and roots in float32 on a GPU: twice as fast, to some 1e-7."""
+
+
+@cache
+@no_type_check
+def rollout_kernel(real: type, integrator: str) -> SimpleNamespace:
+    """Return the kernel, and the types of what it takes.
+
+    Args:
+        real: `wp.float32` or `wp.float64`.
+        integrator: "rk4" or "euler".
+    """
+    body, hold, steps = body_functions(real), hold_functions(real), step_functions(real)
+    gust, blast, sums = gust_functions(real), blast_functions(real), sum_functions(real)
+    vec3, Craft, Motion, Wrench = body.vec3, body.Craft, body.Motion, body.Wrench
+    Air, Clock, Pilot = steps.Air, steps.Clock, steps.Pilot
+
+    @wp.func
+    def begun(start: wp.array2d[real], lane: int) -> Motion:
+        """Return the state at the start."""
+        now = Motion()
+        for i in range(3):
+            now.position[i] = start[i, lane]
+            now.velocity[i] = start[3 + i, lane]
+            now.body_rate[i] = start[10 + i, lane]
+        for i in range(4):
+            now.quaternion[i] = start[6 + i, lane]
+            now.rotor_speed[i] = start[13 + i, lane]
+        now.quaternion = wp.normalize(now.quaternion)
+        return now
+
+    @wp.func
+    def store(
+        rows: wp.array3d[real], k: int, lane: int, motion: Motion, net: Wrench
+    ) -> bool:
+        """Write a row; return whether its numbers are finite."""
+        total = real(0.0)
+        for i in range(3):
+            rows[k, i, lane] = motion.position[i]
+            rows[k, 3 + i, lane] = motion.velocity[i]
+            rows[k, 10 + i, lane] = motion.body_rate[i]
+            rows[k, 17 + i, lane] = net.force[i]
+            rows[k, 20 + i, lane] = net.moment[i]
+            total += motion.position[i] + motion.velocity[i] + motion.body_rate[i]
+            total += net.force[i] + net.moment[i]
+        for i in range(4):
+            rows[k, 6 + i, lane] = motion.quaternion[i]
+            rows[k, 13 + i, lane] = motion.rotor_speed[i]
+            total += motion.quaternion[i] + motion.rotor_speed[i]
+        return wp.isfinite(total)
+
+    @wp.func
+    def net_wrench(craft: Craft, motion: Motion, rate: Motion) -> Wrench:
+        """As `dynamics.net_wrench`."""
+        net = Wrench()
+        net.force = craft.mass * rate.velocity
+        w = motion.body_rate
+        net.moment = craft.inertia @ rate.body_rate + wp.cross(w, craft.inertia @ w)
+        return net
+
+    advance = {"rk4": steps.rk4, "euler": steps.euler}[integrator]
+
+    @wp.kernel(module="unique", enable_backward=False, module_options=OPTIONS)
+    def rollout(
+        crafts: wp.array[Craft],
+        air: Air,
+        clock: Clock,
+        pilot: Pilot,
+        start: wp.array2d[real],
+        ground: real,
+        rows: wp.array3d[real],
+        lost: wp.array[int],
+    ):
+        lane = wp.tid()
+        craft = crafts[wp.min(lane, crafts.shape[0] - 1)]
+        now = begun(start, lane)
+        total = sums.Sum()
+        total.motion = now
+        command = now.rotor_speed
+        memory = vec3(real(0.0))
+        push = Wrench()
+        rate = body.rates(
+            craft, now, command, gust.wind_at(air.wind, lane, clock.stages[0, 0]), push
+        )
+        alive = store(rows, 0, lane, now, net_wrench(craft, now, rate))
+        row = wp.int32(1)
+        passed = wp.int32(0)  # a bit for each blast whose wave has gone by
+        count = clock.step.shape[0]
+        if not alive:
+            row = 0
+            count = 0
+        for n in range(count):
+            began = clock.start[n]
+            if pilot.kind == 2 and clock.sample[n] != 0:
+                order = hold.order_of(pilot.orders, lane)
+                answer = hold.hold(craft, order, now, memory, pilot.period)
+                command = answer.command
+                memory = answer.integral
+            push = Wrench()
+            for b in range(air.blasts.count):
+                bit = wp.where(b < 31, 1 << b, 0)
+                if (passed & bit) == 0:
+                    ended = began + clock.step[n]
+                    given = blast.blast_impulse(
+                        craft, air.blasts, b, lane, began, ended, now
+                    )
+                    push.force += given.impulse / clock.step[n]
+                    push.moment += given.turn / clock.step[n]
+                    if given.over:
+                        passed = passed | bit
+            gain = advance(craft, air, clock, pilot, lane, n, now, command, push)
+            total = sums.add(total, gain)
+            now = total.motion
+            if now.position[2] < ground:
+                now.position[2] = ground
+                if now.velocity[2] < real(0.0):
+                    now.velocity = vec3(real(0.0))
+                    now.body_rate = vec3(real(0.0))
+                total.motion = now
+            if (n + 1) % clock.store_every == 0 or n + 1 == count:
+                wind = gust.wind_at(air.wind, lane, clock.stages[n, 2])
+                rate = body.rates(craft, now, now.rotor_speed, wind, push)
+                alive = store(rows, row, lane, now, net_wrench(craft, now, rate))
+                if not alive:
+                    break
+                row += 1
+        while row < rows.shape[0]:
+            for i in range(COLUMNS):
+                rows[row, i, lane] = real(wp.nan)
+            row += 1
+        if not alive:
+            lost[lane] = 1
+
+    return SimpleNamespace(
+        kernel=rollout,
+        Craft=Craft,
+        Air=Air,
+        Clock=Clock,
+        Pilot=Pilot,
+    )
