@@ -34,8 +34,8 @@ from scipy.integrate import solve_ivp
 from scipy.signal import lfilter
 
 from jblast.observations import read
-from jblast.report.discovery_figure import noise_figure
-from jblast.report.discovery_text import outcomes_text, slowing_text
+from jblast.report.discovery.figure import noise_figure
+from jblast.report.discovery.text import outcomes_text, slowing_text
 from jblast.study.discovery import discover
 from jblast.study.discovery_cases import CASES
 from jblast.study.discovery_integrate import replay

@@ -16,6 +16,7 @@ from calibration.laws_curves import (
     Curve,
     Curves,
 )
+from jblast.report.calculator.law_curves import draw_curve, law_colours, name_curves
 from jblast.report.figure_style import (
     INK,
     MUTED,
@@ -24,7 +25,6 @@ from jblast.report.figure_style import (
     quiet,
     titled,
 )
-from jblast.report.law_curves import draw_curve, law_colours, name_curves
 from jblast.report.numbers import Unit, unit_for
 from jblast.report.words import capitalised, quantity_words, split_name
 

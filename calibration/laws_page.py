@@ -18,7 +18,7 @@ from calibration.laws_figure import law_figure
 from jblast.cli.start import start_jax
 from jblast.quantities import DERIVED_QUANTITIES, QUANTITIES
 from jblast.registry import LAWS, Law
-from jblast.report.law_curves import NOT_DRAWN
+from jblast.report.calculator.law_curves import NOT_DRAWN
 from jblast.report.words import capitalised, quantity_words
 
 RESULTS = Path(__file__).parent / "results"

@@ -56,7 +56,7 @@ def run(asked: argparse.Namespace) -> int:
     from jblast.cli.laws import chosen_laws
     from jblast.inference import bound
     from jblast.report import plain
-    from jblast.report.bound_text import bound_text
+    from jblast.report.design.terminal import bound_text
     from jblast.scene import freed, read_scene, with_laws
 
     if asked.map:
@@ -71,7 +71,7 @@ def run(asked: argparse.Namespace) -> int:
     if asked.map:
         begin("the map")
         from jblast.inference import bound_map
-        from jblast.report.bound_figure import bound_figure
+        from jblast.report.design.sensor_map import bound_figure
 
         save_figure(bound_figure(bound_map(found)), asked.map)
     if asked.json:

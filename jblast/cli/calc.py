@@ -17,14 +17,14 @@ def run(asked: argparse.Namespace) -> int:
 
     start_jax(quick=True)
     from jblast.cli.calc_input import check_plot, check_roots, question_of
-    from jblast.report.calculator import calculation_text, roots_text
-    from jblast.report.calculator_files import (
+    from jblast.report.calculator.files import (
         calculation_csv,
         calculation_json,
         roots_csv,
         roots_json,
     )
-    from jblast.report.calculator_notes import between_limits
+    from jblast.report.calculator.notes import between_limits
+    from jblast.report.calculator.terminal import calculation_text, roots_text
     from jblast.sensors.calculator.disagreement import disagreements
     from jblast.sensors.calculator.forward import calculate, with_other_burst
     from jblast.sensors.calculator.inverse import roots
@@ -45,7 +45,7 @@ def run(asked: argparse.Namespace) -> int:
     if between_limits(question):
         other = calculate(with_other_burst(question.scene), *rows)
     if asked.plot:
-        from jblast.report.calculator_plot import calculator_figure
+        from jblast.report.calculator.figure import calculator_figure
 
         save_figure(calculator_figure(question), asked.plot)
     apart = disagreements(question, answer)

@@ -40,7 +40,7 @@ def run(asked: argparse.Namespace) -> int:
     from jblast.errors import InputError, nearest
     from jblast.progress import Level, stages, telling
     from jblast.report import check_directory
-    from jblast.report.chart_table import chart_markdown, write_chart
+    from jblast.report.benchmark.table import chart_markdown, write_chart
     from jblast.study.charts import TOPICS
 
     known = (*TOPICS, ALL)

@@ -43,7 +43,7 @@ def run(asked: argparse.Namespace) -> int:
 
     from jblast.fidelity import choose
     from jblast.report import plain
-    from jblast.report.choice_text import choice_text
+    from jblast.report.law_choice import choice_text
     from jblast.scene import read_scene
 
     begin("choosing")

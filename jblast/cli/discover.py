@@ -110,8 +110,8 @@ def run(asked: argparse.Namespace) -> int:
     data = read_trajectory(asked.trajectory, _names(asked.state), _names(asked.input))
     _check_size(len(data.names), asked.degree, asked.drag)
 
-    from jblast.report.discovery_doubts import certain
-    from jblast.report.discovery_text import discovery_document, discovery_text
+    from jblast.report.discovery.doubts import certain
+    from jblast.report.discovery.text import discovery_document, discovery_text
     from jblast.study.discovery import discover
     from jblast.study.discovery_integrate import replay
     from jblast.study.discovery_terms import polynomial
@@ -156,7 +156,7 @@ def run(asked: argparse.Namespace) -> int:
     }
     text = json.dumps(document, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
     if asked.out:
-        from jblast.report.discovery_figure import discovery_figure
+        from jblast.report.discovery.figure import discovery_figure
 
         figure = discovery_figure(found, again, data.time_s, data.states)
         _write(Path(asked.out), text, figure)

@@ -127,7 +127,7 @@ def _many(answers, out, asked: argparse.Namespace) -> int:
     """Print and write the answers of several logs; the worst decides the exit code."""
     from jblast.cli.fit_logs import write_answers
     from jblast.errors import InputError
-    from jblast.report.table import answers_document, answers_text
+    from jblast.report.fit.table import answers_document, answers_text
 
     if out:
         write_answers(answers, out)

@@ -72,7 +72,7 @@ def write_answers(answers: dict[str, Fit | InputError], directory: Path) -> None
     import json
 
     from jblast.report import plain
-    from jblast.report.table import answers_csv, answers_document
+    from jblast.report.fit.table import answers_csv, answers_document
 
     with writing(directory):
         directory.mkdir(parents=True, exist_ok=True)

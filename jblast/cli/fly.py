@@ -102,9 +102,9 @@ def run(asked: argparse.Namespace) -> int:
     import json
 
     from jblast.cli.fly_files import write_flights
-    from jblast.report.fly_document import flights_document
-    from jblast.report.fly_text import flights_text
-    from jblast.report.write import check_directory
+    from jblast.report.fit.files import check_directory
+    from jblast.report.flights.document import flights_document
+    from jblast.report.flights.text import flights_text
     from jblast.scene import read_scene
     from jblast.study.fly import fly_scene
 

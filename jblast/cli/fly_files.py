@@ -9,11 +9,11 @@ from matplotlib.figure import Figure
 
 from jblast.cli.files import save_text, writing
 from jblast.report.figure_files import write_figure
-from jblast.report.fly_distribution_figure import distribution_figure
-from jblast.report.fly_document import flights_csv
-from jblast.report.fly_figure import error_figure, loads_figure
-from jblast.report.fly_path_figure import path_figure
-from jblast.report.fly_trajectory import trajectory_csv
+from jblast.report.flights.distribution_figure import distribution_figure
+from jblast.report.flights.document import flights_csv
+from jblast.report.flights.figure import error_figure, loads_figure
+from jblast.report.flights.path_figure import path_figure
+from jblast.report.flights.trajectory_csv import trajectory_csv
 from jblast.study.fly_records import Flights
 from jblast.study.fly_summary import hold_words, target_of, trajectory_of
 from jblast.vehicle import path_error

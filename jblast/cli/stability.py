@@ -45,7 +45,7 @@ def run(asked: argparse.Namespace) -> int:
 
     start_jax()
     from jblast.progress import stages
-    from jblast.report.stability_text import stability_json, stability_text
+    from jblast.report.stability.text import stability_json, stability_text
     from jblast.study.stability.areas import edges_of
 
     begin, edges = stages(dict.fromkeys(areas, 1.0)), {}
@@ -72,8 +72,8 @@ def _check_out(directory: str, *, force: bool) -> None:
 
 def _write(directory: Path, edges) -> None:
     from jblast.cli.files import save_figure, save_text
-    from jblast.report.stability_figure import stability_figure
-    from jblast.report.stability_text import stability_csv, stability_markdown
+    from jblast.report.stability.figure import stability_figure
+    from jblast.report.stability.text import stability_csv, stability_markdown
 
     table, page, picture = (directory / name for name in FILES)
     save_text(stability_csv(edges), table)

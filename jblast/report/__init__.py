@@ -4,12 +4,12 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from jblast.report.json_values import plain as plain
-    from jblast.report.text import summary as summary
-    from jblast.report.write import (
+    from jblast.report.fit.files import (
         check_directory as check_directory,
         write_report as write_report,
     )
+    from jblast.report.fit.terminal import summary as summary
+    from jblast.report.json_values import plain as plain
 
 HOMES = {
     "plain": "json_values",

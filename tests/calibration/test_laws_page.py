@@ -16,7 +16,7 @@ from calibration.laws_figure import law_figure
 from calibration.laws_page import RESULTS, figure_name, laws_text, public_name
 from jblast.constants import STANDARD_SOUND_SPEED
 from jblast.registry import LAWS, Law, declared_scatter
-from jblast.report.calculator import calculation_text, roots_text
+from jblast.report.calculator.terminal import calculation_text, roots_text
 from jblast.scene import Air, Scene
 from jblast.sensors.calculator.forward import calculate
 from jblast.sensors.calculator.inverse import roots

@@ -7,7 +7,7 @@ import pytest
 from cli_files import Command
 
 from jblast.cli import stability
-from jblast.report.stability_text import stability_markdown, stability_text
+from jblast.report.stability.text import stability_markdown, stability_text
 from jblast.study.stability.areas import AREAS
 from jblast.study.stability.edge import Edge, witnessed
 

@@ -7,7 +7,7 @@ from clocks_off import ASKED, heard
 from matplotlib.collections import PolyCollection
 
 from jblast.inference import fit
-from jblast.report.recordings import recordings_figure
+from jblast.report.fit.recordings import recordings_figure
 
 
 @pytest.fixture(scope="module")

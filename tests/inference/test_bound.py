@@ -11,8 +11,8 @@ from jblast.errors import InputError
 from jblast.inference import bound, bound_map, fit, information_of_layout
 from jblast.inference.design.planned_log import values_at
 from jblast.quantities import QUANTITIES
-from jblast.report.bound_data import data_lines
-from jblast.report.bound_text import bound_text
+from jblast.report.design.added_datum import data_lines
+from jblast.report.design.terminal import bound_text
 from jblast.scene import (
     Air,
     Charge,

@@ -15,7 +15,7 @@ from logs import log
 
 from jblast.inference import Fit, fit
 from jblast.observations import Observations
-from jblast.report.text import cannot_tell
+from jblast.report.fit.terminal import cannot_tell
 from jblast.scene import UncertainScene, default_scene, freed, with_laws
 
 PLACE = ("charge_east_m", "charge_north_m")

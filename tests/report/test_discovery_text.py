@@ -1,7 +1,7 @@
 import re
 from pathlib import Path
 
-from jblast.report.discovery_text import HELD
+from jblast.report.discovery.text import HELD
 
 TABLE = Path(__file__).parents[2] / "calibration" / "results" / "discovery.txt"
 

@@ -4,7 +4,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jblast.report.fly_distribution_figure import distribution_figure
+from jblast.report.flights.distribution_figure import distribution_figure
 from jblast.scene import VehicleSpec
 from jblast.study.fly_exposure import Exposure
 from jblast.study.fly_meeting import Meeting

@@ -9,7 +9,7 @@ import pytest
 import jblast
 from jblast.inference.fitting.uncertainty import AS_ASKED
 from jblast.report import summary
-from jblast.report.text import HELD
+from jblast.report.fit.terminal import HELD
 
 TABLE = Path(jblast.__path__[0]).parent / "calibration/results/coverage_default.txt"
 

@@ -5,11 +5,11 @@ import numpy as np
 import pytest
 from matplotlib.collections import LineCollection, PolyCollection
 
-from jblast.report.corner_plot import corner_figure, drawn_parameters
-from jblast.report.recordings import recordings_figure, runs
-from jblast.report.reduced import reduction
-from jblast.report.residuals import residuals_figure
-from jblast.report.rows import MOST_ROWS, outlier_rows, residual_rows
+from jblast.report.fit.corner_plot import corner_figure, drawn_parameters
+from jblast.report.fit.recordings import recordings_figure, runs
+from jblast.report.fit.reduced_time import reduction
+from jblast.report.fit.residuals import residuals_figure
+from jblast.report.fit.rows import MOST_ROWS, outlier_rows, residual_rows
 from jblast.scene import with_values
 
 

@@ -4,8 +4,8 @@ import pytest
 import scipy.stats
 
 from jblast.report import summary
-from jblast.report.goodness import goodness_p, goodness_sentence
-from jblast.report.sentences import conclusion, limits
+from jblast.report.fit.conclusion import conclusion, limits
+from jblast.report.fit.goodness import goodness_p, goodness_sentence
 
 
 def test_each_estimate_is_printed_with_its_interval_and_its_unit():

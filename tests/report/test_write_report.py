@@ -6,7 +6,8 @@ import example
 import pytest
 
 from jblast.errors import InputError
-from jblast.report import residuals, write as writing, write_report
+from jblast.report import write_report
+from jblast.report.fit import files as writing, residuals
 
 FILES = {"fit.json", "recordings.png", "residuals.png", "corner.png", "report.html"}
 

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from jblast.fidelity.topic import TOPICS, Point
-from jblast.report.chart_figure import chart_figure
+from jblast.report.benchmark.figure import chart_figure
 from jblast.study.charts import vehicle
 
 

@@ -3,7 +3,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from jblast.errors import InputError
-from jblast.report.discovery_text import discovery_text
+from jblast.report.discovery.text import discovery_text
 from jblast.study.discovery import discover
 from jblast.study.discovery_cases import drag_case, motor_case
 from jblast.study.discovery_ensemble import basic_interval, interval_level

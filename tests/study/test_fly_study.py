@@ -10,9 +10,9 @@ from scipy.stats import beta
 
 from jblast.errors import InputError
 from jblast.progress import Listener, heard_by
-from jblast.report.fly_document import flights_document
-from jblast.report.fly_figure import loads_figure
-from jblast.report.fly_text import flights_text
+from jblast.report.flights.document import flights_document
+from jblast.report.flights.figure import loads_figure
+from jblast.report.flights.text import flights_text
 from jblast.scene import (
     Air,
     Charge,

@@ -1,0 +1,111 @@
+"""All laws against range: one panel a quantity, solid where a law holds."""
+
+from collections.abc import Mapping
+
+import numpy as np
+from jaxtyping import Float
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from jblast.report.calculator.header import title
+from jblast.report.calculator.law_curves import (
+    NOT_DRAWN,
+    draw_curve,
+    law_colours,
+    name_curves,
+)
+from jblast.report.figure_style import (
+    INK,
+    MUTED,
+    log_ticks,
+    new_figure,
+    quiet,
+    titled,
+)
+from jblast.report.numbers import unit_for
+from jblast.report.words import capitalised, quantity_words
+from jblast.sensors.calculator.forward import Calculated, calculate
+from jblast.sensors.calculator.question import Question, charge_radius
+
+POINTS = 512
+
+
+def calculator_figure(question: Question) -> Figure:
+    """Draw every quantity against range; a lone range is marked, a decade to each side.
+
+    Args:
+        question: Of one mass and one or more ranges.
+    """
+    ranges = _ranges(question)
+    masses = np.full_like(ranges, question.charge_mass[0])
+    answer = calculate(question.scene, ranges, masses)
+    panels = [
+        (quantity, by_law)
+        for quantity, by_law in answer.items()
+        if quantity not in NOT_DRAWN
+    ]
+    colours = law_colours()
+    columns = 2 if len(panels) <= 8 else 3
+    rows = -(-len(panels) // columns)
+    figure = new_figure(6.0 * columns, 3.7 * rows + 0.6)
+    grid = figure.subplots(rows, columns, squeeze=False)
+    for axes, (quantity, by_law) in zip(grid.flat, panels, strict=False):
+        _panel(axes, quantity, by_law, ranges, colours)
+        if len(question.slant_range) == 1:
+            axes.axvline(question.slant_range[0], color=MUTED, linewidth=0.8, zorder=1)
+    for axes in list(grid.flat)[len(panels) :]:
+        axes.set_axis_off()
+    burst = question.scene.charge.burst or "surface or free-air"
+    figure.suptitle(
+        f"{title(question)}, {burst} burst", x=0.01, ha="left", fontsize=13, color=INK
+    )
+    key = "solid: where the law holds    dashed: outside its range"
+    figure.supxlabel(key, fontsize=9, color=MUTED)
+    return figure
+
+
+def _ranges(question: Question) -> Float[np.ndarray, " point"]:
+    low, high = min(question.slant_range), max(question.slant_range)
+    if high < 1.5 * low:
+        low, high = low / 10.0, high * 10.0
+    radius = float(charge_radius(question.charge_mass[0]))
+    return np.geomspace(max(low, 1.01 * radius), high, POINTS)
+
+
+def _panel(
+    axes: Axes,
+    quantity: str,
+    by_law: Mapping[str, Calculated],
+    ranges: Float[np.ndarray, " point"],
+    colours: Mapping[str, str],
+) -> None:
+    drawn = [of_law.value[of_law.valid] for of_law in by_law.values()]
+    seen = np.concatenate(drawn)
+    if not len(seen):  # no law holds anywhere here
+        seen = np.concatenate([of_law.value for of_law in by_law.values()])
+    logarithmic = bool(np.all(seen > 0))
+    unit = unit_for(quantity, float(np.median(np.abs(seen))))
+    for name, of_law in by_law.items():
+        value = of_law.value / unit.size
+        draw_curve(axes, ranges, value, of_law.valid, colours[name])
+    quiet(axes)
+    axes.set_xscale("log")
+    axes.set_xlim(ranges[0], ranges[-1])
+    low, high = float(seen.min()) / unit.size, float(seen.max()) / unit.size
+    if logarithmic:
+        axes.set_yscale("log")
+        axes.set_ylim(low / 1.5, high * 1.5)
+        log_ticks(axes.yaxis, axes.get_ylim())
+    else:
+        margin = 0.08 * max(high - low, 1e-9)
+        axes.set_ylim(low - margin, high + margin)
+    log_ticks(axes.xaxis, axes.get_xlim())
+    axes.set_xlabel("slant range (m)")
+    axes.set_ylabel(unit.symbol)
+    titled(axes, capitalised(quantity_words(quantity)))
+    ends = {
+        name: (float(ranges[-1]), float(of_law.value[-1]) / unit.size)
+        for name, of_law in by_law.items()
+    }
+    nowhere = [name for name, of_law in by_law.items() if not of_law.valid.any()]
+    name_curves(axes, ends, colours, quieter=nowhere)

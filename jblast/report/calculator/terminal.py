@@ -1,0 +1,174 @@
+"""The calculator's answer as the terminal shows it."""
+
+import textwrap
+from collections.abc import Iterable, Mapping, Sequence
+
+import numpy as np
+
+from jblast.report.calculator.header import header, title
+from jblast.report.calculator.notes import disagreement_words, notes
+from jblast.report.numbers import Unit, printed_number, significant, unit_for
+from jblast.report.words import capitalised, quantity_words
+from jblast.sensors.calculator.disagreement import Disagreement
+from jblast.sensors.calculator.forward import Calculated, Calculation
+from jblast.sensors.calculator.inverse import Roots
+from jblast.sensors.calculator.question import Question
+
+WIDTH = 96
+OUTSIDE = "outside"
+"""Mark of a number where its law does not hold."""
+Lines = list[str]
+
+
+def calculation_text(
+    question: Question,
+    answer: Calculation,
+    other: Calculation | None = None,
+    apart: Sequence[Disagreement] = (),
+) -> str:
+    """Return every quantity by every law, each beside its range.
+
+    Args:
+        question: What was asked.
+        answer: What the laws say.
+        other: What those of two curve sets say by the other set, if that is of use.
+        apart: Where laws that hold disagree.
+    """
+    lines = _head(question)
+    words = {one.quantity: one for one in apart}
+    one_row = len(question.rows()[0]) == 1
+    column = _law_column(name for by_law in answer.values() for name in by_law)
+    for quantity, by_law in answer.items():
+        lines.append("")
+        if one_row:
+            lines.append(capitalised(quantity_words(quantity)))
+            beside = {} if other is None else other[quantity]
+            burst = question.scene.charge.burst
+            lines += _list(quantity, by_law, beside, burst, column)
+        else:
+            lines += _table(question, quantity, by_law)
+        if quantity in words:
+            said = disagreement_words(words[quantity], len(question.rows()[0]))
+            lines += _hanging("  ! ", said)
+    return "\n".join(line.rstrip() for line in lines) + "\n"
+
+
+def roots_text(question: Question, answer: Mapping[str, Roots]) -> str:
+    """Return the ranges or masses where the laws give the value."""
+    name = "range_m" if question.charge_mass else "charge_mass_kg"
+    lines = [*_head(question), "", "Range" if question.charge_mass else "Mass"]
+    column = _law_column(answer)
+    for law, found in answer.items():
+        rows = [
+            (printed_number(name, value, 5) + "  ", "" if valid else OUTSIDE)
+            for value, valid in zip(found.value, found.valid, strict=True)
+        ]
+        for i, (value, mark) in enumerate(rows or [("none  ", "")]):
+            text = "" if i else found.law.range
+            lines += _entry("" if i else law, value, mark, text, column)
+    return "\n".join(line.rstrip() for line in lines) + "\n"
+
+
+def _head(question: Question) -> Lines:
+    facts = header(question)
+    label = max(len(name) for name, _ in facts) + 4
+    lines = [title(question), ""]
+    for name, text in facts:
+        lines += _hanging(f"  {name}".ljust(label), text)
+    for note in notes(question):
+        lines += ["", *_hanging("Note: ", note)]
+    return lines
+
+
+def _list(
+    quantity: str,
+    by_law: Mapping[str, Calculated],
+    other: Mapping[str, Calculated],
+    burst: str | None,
+    column: int,
+) -> Lines:
+    """Return a line a law: value, mark, range; `other` is of the other burst."""
+    lines = []
+    other_burst = "surface" if burst == "free-air" else "free-air"
+    unit = _unit(quantity, by_law)
+    for name, of_law in by_law.items():
+        value, mark = _value(of_law, unit)
+        lines += _entry(name, value, mark, of_law.range, column)
+        if name in other and of_law.two_sets:
+            value, mark = _value(other[name], unit)
+            lines += _entry(f"  ({other_burst})", value, mark, "", column)
+    return lines
+
+
+def _unit(quantity: str, by_law: Mapping[str, Calculated]) -> Unit:
+    """Return one unit for all, by the value in the middle."""
+    values = np.concatenate([of_law.value for of_law in by_law.values()])
+    return unit_for(quantity, float(np.nanmedian(np.abs(values))))
+
+
+def _value(of_law: Calculated, unit: Unit) -> tuple[str, str]:
+    value = f"{significant(of_law.value[0] / unit.size, 4):>8} {unit.symbol:<6}"
+    return value, "" if of_law.valid[0] else OUTSIDE
+
+
+def _entry(name: str, value: str, mark: str, text: str, column: int) -> Lines:
+    return _hanging(f"  {name:<{column}}{value:>15}{mark:<9}", text)
+
+
+def _law_column(names: Iterable[str]) -> int:
+    return max(17, *(len(name) + 1 for name in names))
+
+
+def _table(
+    question: Question, quantity: str, by_law: Mapping[str, Calculated]
+) -> Lines:
+    """Return a row a range and mass, a column a law, and the laws' ranges below."""
+    ranges, masses = question.rows()
+    unit = _unit(quantity, by_law)
+    symbol = f" [{unit.symbol}]" if unit.symbol else ""
+    lines = [capitalised(quantity_words(quantity)) + symbol]
+    places = [f"{'range':>12}", *(printed_number("_m", r).rjust(12) for r in ranges)]
+    if len(question.charge_mass) > 1:
+        kilograms = [printed_number("_kg", m) for m in masses]
+        places = [
+            place + mass.rjust(11)
+            for place, mass in zip(places, ["mass", *kilograms], strict=True)
+        ]
+    columns = [
+        [name.rjust(width)]
+        + [
+            (significant(v / unit.size, 4) + (" " if ok else "*")).rjust(width)
+            for v, ok in zip(of_law.value, of_law.valid, strict=True)
+        ]
+        for name, of_law in by_law.items()
+        for width in [max(len(name), 11) + 2]
+    ]
+    while columns:  # as many columns as fit, then again from the left
+        fitting = 1
+        while fitting < len(columns) and _width(places, columns[: fitting + 1]) < WIDTH:
+            fitting += 1
+        for row, place in enumerate(places):
+            lines.append(place + "".join(column[row] for column in columns[:fitting]))
+        columns = columns[fitting:]
+        lines += [""] if columns else []
+    for name, of_law in by_law.items():
+        left = "" if of_law.valid.all() else "* outside: "
+        lines += _hanging(f"  {name}: ", left + of_law.range)
+    return lines
+
+
+def _width(places: list[str], columns: list[list[str]]) -> int:
+    return len(places[0]) + sum(len(column[0]) for column in columns)
+
+
+def _hanging(start: str, text: str) -> Lines:
+    for unit in (" m/kg", " %", " kg", " m "):  # a number keeps its unit beside it
+        text = text.replace(unit, "\xa0" + unit[1:])
+    lines = textwrap.wrap(
+        text,
+        WIDTH,
+        initial_indent=start,
+        subsequent_indent=" " * len(start),
+        break_on_hyphens=False,
+    )
+    return [line.replace("\xa0", " ") for line in lines] or [start]

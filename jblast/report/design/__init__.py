@@ -1,0 +1,1 @@
+"""What a planned log would tell, in words and as a map."""

@@ -1,0 +1,1 @@
+"""A discovered law, in words and as a figure."""

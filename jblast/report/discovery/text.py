@@ -1,0 +1,253 @@
+"""Equations found in a trajectory, in words, and at which noise they are found."""
+
+import csv
+import dataclasses
+import io
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from jblast.report.discovery.doubts import certain, doubts, doubts_text
+from jblast.report.numbers import finite, significant
+from jblast.study.discovery import Discovery
+from jblast.study.discovery_integrate import Replay
+from jblast.study.discovery_noise import Outcome
+from jblast.study.discovery_shock import Slowing
+
+HELD = (0.73, 1.0)
+"""Share of noisy records whose 90 % interval held the truth; least and greatest of the
+cases and noises simulated, where the true terms came out
+(calibration/results/discovery.txt)."""
+SEEN = 0.05
+"""Share of the ensemble from which a term left out is told of."""
+
+
+def discovery_text(
+    found: Discovery, again: Replay, further: tuple[Discovery, Replay] | None = None
+) -> str:
+    """Return the equations, their terms with certainty, and whether they hold.
+
+    Args:
+        found: The equations.
+        again: What they give, integrated.
+        further: The same among products of one column more, where that was tried.
+    """
+    lines = []
+    for state, name in enumerate(found.states):
+        doubt = doubts_text(found, again, state)
+        if doubt:
+            lines += [doubt, *_further_lines(further, state), ""]
+        lines += [equation_text(found, state), ""]
+        lines += _terms_lines(found, state)
+        lines += [
+            f"  {_replay_words(found, again, state)} (noise of {name}: "
+            f"{significant(found.noise_sd[state])})",
+            f"  {_skill_words(found, state)}",
+            "",
+        ]
+    if np.any(found.coefficients):
+        low, high = (f"{100.0 * share:.0f}" for share in HELD)
+        lines += [
+            "Intervals are nominal: those of 90 % held the true coefficient in "
+            f"{low} to {high} % of",
+            "simulated records with noise, case by case",
+            "",
+        ]
+    if found.repeated:
+        lines += [
+            "Left out, since other terms add up to them on this record: "
+            f"{', '.join(found.repeated)}",
+            "",
+        ]
+    return "\n".join(lines)
+
+
+def equation_text(found: Discovery, state: int) -> str:
+    """Return one equation: d(u)/dt = -0.45 u - 0.01 |u| u."""
+    row = found.coefficients[state]
+    words = []
+    for place in np.flatnonzero(row):
+        sign = "-" if row[place] < 0.0 else "+"
+        term = found.candidates.names[place]
+        words.append(
+            f"{sign} {significant(abs(row[place]), 4)}"
+            + ("" if term == "1" else f" {term}")
+        )
+    right = " ".join(words).removeprefix("+ ") or "0 (no term is certain)"
+    if right.startswith("- "):
+        right = "-" + right[2:]
+    return f"d({found.states[state]})/dt = {right}"
+
+
+def discovery_document(
+    found: Discovery, again: Replay, further: tuple[Discovery, Replay] | None = None
+) -> dict[str, Any]:
+    """Return what --json prints of the equations; as `discovery_text`."""
+    return {
+        "certain": certain(found, again),
+        "equations": {
+            name: {
+                "equation": equation_text(found, state),
+                "terms": _terms(found, state, kept=True),
+                "left_out": _terms(found, state, kept=False),
+                "noise_sd": float(found.noise_sd[state]),
+                "misfit": finite(again.misfit[state]),
+                "reproduced": again.reproduced[state],
+                "law": bool(found.terms(state)) and found.judged[state].law,
+                "doubts": doubts(found, again, state),
+                "skill_not_seen": finite(found.judged[state].skill),
+                "p_excess": finite(found.judged[state].excess),
+                "p_serial": finite(found.judged[state].serial),
+                "p_outside": finite(found.judged[state].outside),
+            }
+            for state, name in enumerate(found.states)
+        },
+        "one_degree_more": None
+        if further is None
+        else {
+            "certain": certain(*further),
+            "equations": {
+                name: equation_text(further[0], state)
+                for state, name in enumerate(found.states)
+            },
+        },
+        "interval": {"nominal": found.level, "held_when_simulated": list(HELD)},
+        "repeated": list(found.repeated),
+        "reproduced": all(again.reproduced),
+    }
+
+
+def slowing_text(slowing: Slowing) -> str:
+    """Return what a radius history says of a shock's speed."""
+    found = slowing.discovery
+    lines = [
+        equation_text(found, 0).replace("d(R)/dt", "dR/dt"),
+        *_terms_lines(found, 0),
+        f"  one power: dR/dt ~ R^{slowing.exponent:.3f}, {100.0 * found.level:.0f} % "
+        f"interval {slowing.low:.3f} to {slowing.high:.3f}; it leaves "
+        f"{100.0 * slowing.misfit:.1f} %",
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def outcomes_text(outcomes: Sequence[Outcome]) -> str:
+    """Return a table: a row for each noise of each equation."""
+    rows = [
+        (
+            "of",
+            "noise",
+            "exact",
+            "missing",
+            "false",
+            "error",
+            "in 90 %",
+            "holds",
+            "law",
+            "whole",
+        )
+    ]
+    for o in outcomes:
+        rows.append(
+            (
+                f"{o.case}, {o.state}",
+                f"{100.0 * o.noise:g} %",
+                f"{o.exact:.2f}",
+                f"{o.missing:.2f}",
+                f"{o.false:.2f}",
+                "-" if math.isnan(o.error) else f"{100.0 * o.error:.2g} %",
+                "-" if math.isnan(o.covered) else f"{o.covered:.2f}",
+                f"{o.reproduced:.2f}",
+                f"{o.law:.2f}",
+                f"{o.whole:.2f}",
+            )
+        )
+    widths = [max(map(len, column)) + 2 for column in zip(*rows, strict=True)]
+    return "".join(
+        "".join(c.ljust(w) for c, w in zip(row, widths, strict=True)).rstrip() + "\n"
+        for row in rows
+    )
+
+
+def outcomes_csv(outcomes: Sequence[Outcome]) -> str:
+    """Return the same as CSV."""
+    text = io.StringIO()
+    fields = [field.name for field in dataclasses.fields(Outcome)]
+    table = csv.DictWriter(text, fields, lineterminator="\n")
+    table.writeheader()
+    table.writerows(dataclasses.asdict(outcome) for outcome in outcomes)
+    return text.getvalue()
+
+
+def _terms(found: Discovery, state: int, *, kept: bool) -> list[dict[str, Any]]:
+    """Return the terms of an equation, or those that only some of the ensemble had."""
+    places = np.flatnonzero((found.coefficients[state] != 0.0) == kept)
+    terms = []
+    for place in places:
+        share = float(found.inclusion[state, place])
+        term: dict[str, Any] = {"term": found.candidates.names[place]}
+        if kept:
+            term |= {
+                "coefficient": float(found.coefficients[state, place]),
+                "q05": float(found.low[state, place]),
+                "q95": float(found.high[state, place]),
+            }
+        elif share < SEEN:
+            continue
+        terms.append({**term, "inclusion": share})
+    return terms
+
+
+def _terms_lines(found: Discovery, state: int) -> list[str]:
+    lines = []
+    terms = _terms(found, state, kept=True)
+    width = max((len(term["term"]) for term in terms), default=0)
+    for term in terms:
+        low, high = (significant(term[q], 4) for q in ("q05", "q95"))
+        lines.append(
+            f"  {term['term'].ljust(width)}  {significant(term['coefficient'], 4)}, "
+            f"{100.0 * found.level:.0f} % interval {low} to {high}; in "
+            f"{100.0 * term['inclusion']:.0f} % of the ensemble"
+        )
+    others = _terms(found, state, kept=False)
+    if others:
+        words = (f"{o['term']} {100.0 * o['inclusion']:.0f} %" for o in others)
+        lines.append(f"  left out, though some of the ensemble had: {', '.join(words)}")
+    return lines
+
+
+def _further_lines(further: tuple[Discovery, Replay] | None, state: int) -> list[str]:
+    """Say what products of one column more give."""
+    if further is None:
+        return []
+    if not further[0].terms(state):
+        return ["One degree more: no term is certain either"]
+    words = doubts(*further, state)
+    verdict = "of which nothing of the kind is to be said"
+    if words:
+        verdict = f"in doubt too: {'; '.join(words)}"
+    return [f"One degree more: {equation_text(further[0], state)}, {verdict}"]
+
+
+def _skill_words(found: Discovery, state: int) -> str:
+    """Say how an equation does where it has not been found."""
+    skill = found.judged[state].skill
+    if not math.isfinite(skill):
+        return "over stretches that its coefficients have not seen it runs away"
+    return (
+        "over stretches that its coefficients have not seen it saves "
+        f"{100.0 * max(skill, 0.0):.1f} % of the squared miss of a guess"
+    )
+
+
+def _replay_words(found: Discovery, again: Replay, state: int) -> str:
+    """Say how the integrated equation compares with the data."""
+    misfit = again.misfit[state]
+    if not math.isfinite(misfit):
+        return "integrated from the first row it runs away: not reproduced"
+    verdict = "" if again.reproduced[state] else ": not reproduced"
+    return (
+        f"integrated from the first row it lies {100.0 * misfit:.1f} % of the spread "
+        f"of {found.states[state]} off the data, noise aside{verdict}"
+    )

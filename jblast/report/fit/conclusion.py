@@ -1,0 +1,202 @@
+"""The conclusion in sentences, and its limits."""
+
+from collections.abc import Mapping
+from typing import Any
+
+from jblast.inference.fitting.result import Fit
+from jblast.parameter_table import described
+from jblast.report.fit.goodness import goodness_sentence
+from jblast.report.fit.headline import headline
+from jblast.report.fit.identifiability import (
+    ambiguity_sentence,
+    cure_sentence,
+    null_direction_sentence,
+    outlier_lines,
+    practically_unidentified,
+    unidentified,
+)
+from jblast.report.fit.laws import law_sentence, validity_sentence
+from jblast.report.fit.reference_values import (
+    Accepted,
+    compare,
+    estimates_of,
+    not_fitted,
+)
+from jblast.report.numbers import finite, printed_estimate, printed_number, significant
+from jblast.report.words import capitalised, joined, parameter_words, split_name
+from jblast.scene import EXPLOSIVES, Charge
+from jblast.scene.parameters import value_of
+
+SAFETY = (
+    "For safety engineering, forensics and sensing; it designs no explosives. "
+    "Decide nothing that concerns lives from this page alone."
+)
+
+
+def conclusion(fit: Fit, accepted: Accepted | None = None) -> list[str]:
+    """Return what the fit concludes, most wanted first, one sentence or two an entry.
+
+    Args:
+        fit: The fit.
+        accepted: Published values by parameter name, each with where it comes from.
+    """
+    answer = fit.answer
+    said = headline(fit)
+    doubts = _cannot_tell(answer)
+    if unidentified(answer):  # then this is the news, and comes first
+        said, doubts = said + doubts, []
+    for name, estimate in estimates_of(answer).items():
+        if finite(estimate.get("value")) is not None and not _repeats(name, answer):
+            made_of = fit.scene.charge.explosive if name == "charge_mass_kg" else ""
+            said.append(_estimate_sentence(name, estimate, accepted, made_of))
+    said += doubts
+    said.append(goodness_sentence(answer))
+    if outliers := outlier_lines(answer):
+        several = "recordings look" if len(outliers) > 1 else "recording looks"
+        said.append(f"{len(outliers)} {several} wrong: {'; '.join(outliers)}.")
+    said.append(f"{law_sentence(fit)} {validity_sentence(fit)}")
+    return said
+
+
+def limits(fit: Fit) -> list[str]:
+    """Return what the conclusion rests on and does not cover."""
+    how = {
+        "laplace": "Intervals come from the curvature of the posterior at its maximum "
+        "(Laplace); where they span a factor of several, read them as rough.",
+        "weighted": "Intervals come from draws of a normal approximation, weighted by "
+        "the posterior (importance sampling).",
+        "emcee": "Intervals come from draws of the posterior by an ensemble of walkers "
+        "(emcee).",
+    }
+    lines = [given_sentence(fit)]
+    if posterior := "weighted" if fit.weighted else fit.answer.get("posterior"):
+        why = f" Why: {fit.posterior_reason}." if fit.posterior_reason else ""
+        lines.append(how.get(posterior, f"Intervals come from: {posterior}.") + why)
+    if fit.answer["estimates"]:
+        lines.append(
+            "Intervals count the errors given in the log and the scatter of the laws; "
+            "they do not count a wrong law, a wrong sensor position or reflections."
+        )
+    return lines
+
+
+def given_sentence(fit: Fit) -> str:
+    """Say which numbers were taken as known."""
+    scene, free = fit.scene, set(fit.answer["free"])
+    names = []
+    for charge in scene.charges:
+        label = scene.label(charge)
+        places = ["charge_east_m", "charge_north_m", "charge_up_m"]
+        if charge.range is not None:
+            places = ["charge_range_m"]
+        names += [f"{n}{label}" for n in ("charge_mass_kg", *places, "origin_time_s")]
+        if charge.tnt_factor is not None:
+            names.append(f"tnt_factor{label}")
+    if scene.air.sound_speed is not None:
+        names += ["air_sound_speed_m_s"]
+    elif scene.air.altitude is not None:
+        names += ["air_altitude_m"]
+    else:
+        names += ["air_temperature_k", "air_pressure_pa"]
+    if float(scene.air.wind_east) or float(scene.air.wind_north):
+        names += ["wind_east_m_s", "wind_north_m_s"]
+    if any(q.startswith(("ground", "arrival_diff")) for q in fit.answer["law"]):
+        names += ["ground_p_speed_m_s"]
+    if "sedov_taylor" in fit.answer["law"].values():
+        names += ["sedov_gamma"]
+    if "fireball" in fit.answer["law"].values() and scene.fireball_growth is not None:
+        names += ["fireball_growth_s"]
+    known = []
+    for name in names:
+        value = value_of(scene, name)
+        if name not in free and value is not None:
+            shown = printed_number(name, float(value), 6)
+            known.append(f"{parameter_words(name)} {shown}")
+    known += [_explosive_words(charge) for charge in scene.charges]
+    return f"Taken as known: {joined([k for k in known if k])}."
+
+
+def _explosive_words(charge: Charge) -> str:
+    """Say what a charge is of, what that is worth in TNT, and which curves hold."""
+    of = f"{charge.name}: " if charge.name else ""
+    curves = charge.burst or "surface or free-air (by reading)"
+    if charge.explosive == "TNT":
+        return f"{of}{curves} burst"
+    factors = EXPLOSIVES[charge.explosive]
+    return (
+        f"{of}{curves} burst of {charge.explosive}, worth {factors.pressure:g} "
+        f"of its mass in TNT by pressure and {factors.impulse:g} by impulse "
+        f"({factors.source})"
+    )
+
+
+def _repeats(name: str, answer: Mapping[str, Any]) -> bool:
+    """Tell whether a TNT mass only repeats the charge mass."""
+    base, dot, label = name.partition(".")
+    of_mass = answer["estimates"].get(f"charge_mass_kg{dot}{label}", {})
+    mass = of_mass.get("value")
+    tnt = answer.get("derived", {}).get(name, {}).get("value")
+    return base == "charge_tnt_mass_kg" and mass is not None and mass == tnt
+
+
+def _estimate_sentence(
+    name: str,
+    estimate: Mapping[str, Any],
+    accepted: Accepted | None,
+    explosive: str = "",
+) -> str:
+    printed = printed_estimate(name, estimate)
+    known, label = described(name), split_name(name)[2]
+    opening = known.opening if known and not label else ""
+    opening = opening.replace("of TNT", f"of {explosive}") if explosive else opening
+    opening = opening or f"The {parameter_words(name)} was {{}}"
+    value = printed.value
+    if printed.beside and name == "charge_energy_j":
+        value = f"{value}, as much as {printed.beside},"
+        value = value.removesuffix(",")
+    sentence = opening.format(value)
+    if printed.interval != "-":
+        sentence += f" (90 %: {printed.interval})"
+    comparison = compare(name, estimate, accepted)
+    if comparison is None:
+        return sentence + "."
+    verdict = {
+        True: "lies inside the interval",
+        False: "lies outside the interval",
+        None: "has no interval to lie in",
+    }[comparison.inside]
+    return (
+        f"{sentence}. The accepted {comparison.value} ({comparison.label}) {verdict}."
+    )
+
+
+def _cannot_tell(answer: Mapping[str, Any]) -> list[str]:
+    said = []
+    if names := unidentified(answer):
+        are = "is" if len(names) == 1 else "are"
+        words = joined([parameter_words(n) for n in names])
+        said.append(f"{capitalised(words)} {are} not identified by these recordings.")
+    for direction in answer.get("null_directions", ()):
+        cure = cure_sentence(direction)
+        said.append(f"{null_direction_sentence(direction)} {cure}".strip())
+    for ambiguity in answer.get("ambiguities", ()):
+        cure = cure_sentence(ambiguity)
+        said.append(f"{ambiguity_sentence(ambiguity)} {cure}".strip())
+    for name in practically_unidentified(answer):
+        factor = significant(
+            2.718281828 ** (1.645 * answer["estimates"][name]["log_sd"])
+        )
+        said.append(
+            f"The {parameter_words(name)} is practically unidentified: known only "
+            f"within a factor of {factor} either way."
+        )
+    return said
+
+
+def accepted_not_fitted(fit: Fit, accepted: Accepted | None) -> list[str]:
+    """Say which accepted values nothing here can be compared with."""
+    return [
+        f"The accepted {parameter_words(name)} ({label}) was not fitted."
+        for name in not_fitted(fit.answer, accepted)
+        for label in [(accepted or {})[name][1]]
+    ]

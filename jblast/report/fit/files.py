@@ -1,0 +1,138 @@
+"""The report as files: the answer, the figures, and one page with all of it."""
+
+import json
+import os
+import warnings
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from jblast.errors import InputError
+from jblast.files import write_bytes, write_text
+from jblast.inference.fitting.result import Fit
+from jblast.report.fit.reference_values import Accepted
+from jblast.report.json_values import plain
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+DRAWS = "posterior.nc"
+NAMES = ("fit.json", "recordings.png", "residuals.png", "corner.png", "report.html")
+NAMES += (DRAWS,)
+"""What a report may consist of."""
+
+
+def write_report(
+    fit: Fit,
+    directory: str | Path,
+    accepted: Accepted | None = None,
+    force: bool = False,
+) -> list[Path]:
+    """Write a fit's answer, figures and page, the answer first.
+
+    A figure that cannot be drawn costs nothing but itself: a warning names it, here
+    and on the page. Where no parameter has a posterior there is no corner.png.
+
+    Args:
+        fit: The fit.
+        directory: Where to; made if it is not there.
+        accepted: Published values by parameter name, each with where it comes from.
+        force: Whether to write into a directory that holds files. Those of an earlier
+            report are replaced or removed, others left alone.
+
+    Returns:
+        The files written.
+
+    Raises:
+        InputError: The directory holds files and `force` is not set, or is a file.
+    """
+    # here, so that an answer in words alone need not wait for Matplotlib
+    from jblast.report.figure_files import image_bytes
+    from jblast.report.fit.corner_plot import corner_figure
+    from jblast.report.fit.page import report_page
+    from jblast.report.fit.recordings import recordings_figure
+    from jblast.report.fit.residuals import residuals_figure
+
+    directory = Path(directory)
+    check_directory(directory, force)
+    directory.mkdir(parents=True, exist_ok=True)
+    for name in NAMES:  # a stale corner plot would look like this fit's
+        (directory / name).unlink(missing_ok=True)
+    written = [directory / "fit.json"]
+    write_text(written[0], answer_json(fit))
+    failures: list[str] = []
+    if fit.ensemble is not None:
+        try:
+            written.append(_write_draws(fit, directory / DRAWS))
+        except Exception as error:
+            failures.append(f"{DRAWS} was not written: {error!r}")
+    figures: dict[str, Figure] = {}
+    drawings: dict[str, Callable[[], Figure | None]] = {
+        "recordings": lambda: recordings_figure(fit),
+        "residuals": lambda: residuals_figure(fit),
+        "corner": lambda: corner_figure(fit, accepted),
+    }
+    for kind, draw in drawings.items():
+        try:
+            figure = draw()
+            if figure is not None:
+                picture = directory / f"{kind}.png"
+                write_bytes(picture, image_bytes(figure, "png"))
+                written.append(picture)
+                figures[kind] = figure
+        except Exception as error:
+            # whatever went wrong with a picture, the computed answer is kept
+            failures.append(f"{kind}.png was not written: {error!r}")
+    try:
+        page = directory / "report.html"
+        write_text(page, report_page(fit, figures, accepted, failures))
+        written.append(page)
+    except Exception as error:
+        failures.append(f"report.html was not written: {error!r}")
+    for failure in failures:
+        warnings.warn(failure, stacklevel=2)
+    return written
+
+
+def _write_draws(fit: Fit, path: Path) -> Path:
+    """Write the walk as NetCDF in the schema of ArviZ."""
+    from jblast.inference.mcmc.inference_data import (
+        inference_data,
+        write_inference_data,
+    )
+
+    tree = inference_data(fit.ensemble, fit.density, fit.observations)
+    write_inference_data(tree, path)
+    return path
+
+
+def check_directory(directory: str | Path, force: bool = False) -> None:
+    """Refuse a directory a report must not be written to; call it before a long fit.
+
+    Raises:
+        InputError: It holds files and `force` is not set, or it is or lies in a file,
+            or in a directory that must not be written to.
+    """
+    directory = Path(directory)
+    there = next(p for p in (directory, *directory.absolute().parents) if p.exists())
+    if not there.is_dir():
+        what = "got a file" if there == directory else f"but {there} is a file"
+        raise InputError(f"{directory}: expected a directory for the report, {what}")
+    if not os.access(there, os.W_OK | os.X_OK):
+        raise InputError(
+            f"{directory}: expected a directory that may be written to; {there} is "
+            "not one"
+        )
+    if not force and directory.is_dir() and any(directory.iterdir()):
+        raise InputError(
+            f"{directory}: already holds files; expected a new or empty directory for "
+            "the report, or --force to overwrite"
+        )
+
+
+def answer_json(fit: Fit) -> str:
+    """Return the answer as JSON text, with null for what is not a finite number."""
+    return (
+        json.dumps(plain(fit.answer), indent=2, allow_nan=False, ensure_ascii=False)
+        + "\n"
+    )

@@ -1,0 +1,174 @@
+"""The report as one HTML page that needs nothing beside it."""
+
+import base64
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from importlib.resources import files
+from typing import Any
+
+from jinja2 import Environment, StrictUndefined
+from matplotlib.figure import Figure
+
+import jblast
+from jblast.inference.fitting.result import Fit
+from jblast.report.figure_files import image_bytes
+from jblast.report.fit.conclusion import SAFETY, accepted_not_fitted, conclusion, limits
+from jblast.report.fit.corner_plot import absent_note
+from jblast.report.fit.goodness import (
+    POOR,
+    goodness_numbers,
+    goodness_p,
+    goodness_sentence,
+)
+from jblast.report.fit.identifiability import determined_lines
+from jblast.report.fit.laws import laws_used, validity_sentence
+from jblast.report.fit.reference_values import Accepted, compare
+from jblast.report.fit.rows import log_name, residual_rows
+from jblast.report.numbers import printed_estimate
+from jblast.report.words import capitalised, joined, parameter_words, quantity_words
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A figure on the page: where its pixels are, and what it shows in words."""
+
+    heading: str
+    source: str
+    alt: str
+    caption: str
+    width: int
+
+
+def report_page(
+    fit: Fit,
+    figures: Mapping[str, Figure],
+    accepted: Accepted | None = None,
+    extra_warnings: Sequence[str] = (),
+) -> str:
+    """Return the page.
+
+    Args:
+        fit: The fit.
+        figures: Those that were drawn, by name: "recordings", "residuals", "corner".
+        accepted: Published values by parameter name, each with where it comes from.
+        extra_warnings: What went wrong since the fit, such as a figure not drawn.
+    """
+    environment = Environment(
+        autoescape=True, undefined=StrictUndefined, trim_blocks=False
+    )
+    template = environment.from_string(
+        files("jblast.report").joinpath("template.html").read_text("utf-8")
+    )
+    answer, name, used = fit.answer, log_name(fit), laws_used(fit)
+    p = goodness_p(answer)
+    return template.render(
+        title=f"Blast fit: {name}" if name else "Blast fit",
+        subtitle=_subtitle(fit),
+        conclusion=conclusion(fit, accepted),
+        doubtful=fit.exit_code != 0
+        or not answer["law_valid"]
+        or (p is not None and p < POOR),
+        estimates=_estimates(answer, accepted),
+        has_accepted=bool(accepted),
+        not_fitted=accepted_not_fitted(fit, accepted),
+        determined=determined_lines(answer.get("determined", ())),
+        pictures=[_picture(fit, k, figure) for k, figure in figures.items()],
+        has_corner="corner" in figures,
+        absent_note=absent_note(fit),
+        laws=used,
+        registered=any(law.source for law in used),
+        validity=validity_sentence(fit),
+        goodness_numbers=goodness_numbers(answer),
+        goodness=goodness_sentence(answer),
+        rows=residual_rows(fit),
+        n_rows=len(fit.observations),
+        warnings=[*_warnings(fit), *extra_warnings],
+        limits=limits(fit),
+        provenance=f"Log: {name}." if name else "The log was made in memory.",
+        comments="\n".join(fit.observations.comments),
+        safety=SAFETY,
+        version=jblast.__version__,
+    )
+
+
+def _subtitle(fit: Fit) -> str:
+    n = fit.answer["n_observations"]
+    fitted = joined([parameter_words(name) for name in fit.answer["free"]])
+    recordings = "recording" if n == 1 else "recordings"
+    return f"{n} {recordings}; fitted: {fitted or 'nothing'}"
+
+
+def _warnings(fit: Fit) -> list[str]:
+    """Return the answer's warnings, the log by its name: others will read the page."""
+    source = fit.observations.source
+    texts = [str(warning) for warning in fit.answer.get("warnings", ())]
+    return [t.replace(source, log_name(fit)) if source else t for t in texts]
+
+
+def _estimates(
+    answer: Mapping[str, Any], accepted: Accepted | None
+) -> list[dict[str, Any]]:
+    rows = []
+    for group in ("estimates", "derived"):
+        for name, estimate in answer.get(group, {}).items():
+            printed = printed_estimate(name, estimate)
+            comparison = compare(name, estimate, accepted)
+            shown = ""
+            if comparison:
+                shown = f"{comparison.value}, {comparison.label}: {comparison.verdict}"
+            rows.append(
+                {
+                    "name": capitalised(parameter_words(name)),
+                    "value": printed.value_and_beside,
+                    "interval": printed.interval,
+                    "accepted": shown,
+                    "outside": bool(comparison and comparison.inside is False),
+                    "derived": group == "derived",
+                }
+            )
+    return rows
+
+
+def _picture(fit: Fit, kind: str, figure: Figure) -> Picture:
+    quantities = joined([quantity_words(q) for q in fit.answer["law"]])
+    along = "time" if list(fit.answer["law"]) == ["shock_radius_m"] else "range"
+    values = "; ".join(
+        f"{parameter_words(name)} {printed.value} (90 %: {printed.interval})"
+        for name in fit.answer["free"]
+        for printed in [printed_estimate(name, fit.answer["estimates"][name])]
+    )
+    heading, alt, caption = {
+        "recordings": (
+            f"Recordings against {along}",
+            f"Plot of {quantities} against {along}: recordings with error bars, the "
+            "law at the answer and its 5 to 95 % band.",
+            "The band is what the posterior leaves open with the law taken as exact. "
+            "Error bars hold the recording's error and the law's scatter from record "
+            "to record; a whole shot or path may lie to one side by what it shares.",
+        ),
+        "residuals": (
+            "Residuals",
+            f"Plot of residuals in standard deviations against {along}, with lines at "
+            "plus and minus 2. " + goodness_sentence(fit.answer),
+            "About nineteen of twenty should lie between the dashed lines, "
+            "without a trend.",
+        ),
+        "corner": (
+            "Posterior",
+            f"Posterior of the fitted parameters: {values}. {absent_note(fit)}".strip(),
+            "Draws of the posterior: how far each number may be off, and what moves "
+            "together with it.",
+        ),
+    }[kind]
+    width = round(96 * figure.get_figwidth())  # pixels of a page are 1/96 inch
+    return Picture(heading, data_uri(figure), alt, caption, width)
+
+
+def data_uri(figure: Figure) -> str:
+    """Return a figure as a data URI: SVG or PNG, whichever is smaller."""
+    vector = image_bytes(figure, "svg")
+    raster = image_bytes(figure, "png")
+    kind, data = min(
+        [("svg+xml", vector), ("png", raster)], key=lambda pair: len(pair[1])
+    )
+    return f"data:image/{kind};base64,{base64.b64encode(data).decode('ascii')}"

@@ -1,0 +1,175 @@
+"""The answer as the terminal shows it."""
+
+import textwrap
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from jblast.inference.fitting.result import Fit
+from jblast.inference.fitting.uncertainty import AS_ASKED
+from jblast.report.fit.conclusion import accepted_not_fitted
+from jblast.report.fit.goodness import goodness_numbers, goodness_sentence
+from jblast.report.fit.headline import headline
+from jblast.report.fit.identifiability import (
+    ambiguity_sentence,
+    cure_sentence,
+    determined_lines,
+    null_direction_sentence,
+    outlier_lines,
+    practically_unidentified,
+    unidentified,
+)
+from jblast.report.fit.laws import laws_used, validity_sentence
+from jblast.report.fit.reference_values import Accepted, compare
+from jblast.report.fit.rows import log_name
+from jblast.report.numbers import printed_estimate
+from jblast.report.words import joined, parameter_words
+
+WIDTH = 96
+HELD = {True: (86, 89), False: (85, 88)}
+"""In 100 of the logs of `HELD_IN`, by whether draws are weighted: the number told worst
+and best (`calibration/results/coverage_default.txt`)."""
+HELD_IN = "400 simulated logs of seven microphones, four unknowns"
+
+
+def summary(
+    fit: Fit, accepted: Accepted | None = None, out: str | Path | None = None
+) -> str:
+    """Return the answer for the terminal.
+
+    Args:
+        fit: The fit.
+        accepted: Published values by parameter name, each with where it comes from;
+            printed beside the estimates with whether they lie inside.
+        out: Where the figures were written, if they were.
+    """
+    answer = fit.answer
+    lines = [_title(fit), *_how_intervals_held(fit), ""]
+    if doubts := headline(fit):  # above every line but the title
+        said = (line for doubt in doubts for line in textwrap.wrap(doubt, WIDTH))
+        lines[1:1] = ["", *said, ""]
+    lines += _estimate_table(answer, accepted)
+    lines += section("", accepted_not_fitted(fit, accepted))
+    lines += ["", "Laws"]
+    used = laws_used(fit)
+    column = max((len(law.quantity) for law in used), default=0) + 2
+    for law in used:
+        text = "; ".join(part for part in (law.reason, law.scatter) if part)
+        text = f"{law.law}: {text}" if text else law.law
+        lines += hanging(law.quantity.ljust(column) + text, column)
+    lines += hanging(validity_sentence(fit))
+    lines += ["", "Goodness of fit", *hanging(goodness_numbers(answer))]
+    lines += hanging(goodness_sentence(answer))
+    lines += section("Intervals", _intervals(fit))
+    nothing = ["nothing: the recordings, or a prior, identify every fitted number"]
+    lines += section("What the recordings cannot tell", cannot_tell(answer) or nothing)
+    lines += section(
+        "What they do tell", determined_lines(answer.get("determined", ()))
+    )
+    lines += section("Suspected outliers", outlier_lines(answer))
+    lines += section("Warnings", [str(w) for w in answer.get("warnings", ())])
+    if out is not None:
+        lines += ["", f"Report and figures: {out}"]
+    return "\n".join(line.rstrip() for line in lines) + "\n"
+
+
+def _how_intervals_held(fit: Fit) -> list[str]:
+    """Say how an approximate posterior's intervals held in simulated logs.
+
+    Those were fitted well, with weighted draws or as asked for: no other is like them.
+    """
+    if fit.answer["posterior"] != "laplace" or not fit.answer["converged"]:
+        return []
+    how = "weighted by the posterior" if fit.weighted else "alone"
+    said = f"90 % intervals by a normal approximation, {how}"
+    if fit.exit_code == 0 and (fit.weighted or fit.posterior_reason == AS_ASKED):
+        least, most = HELD[fit.weighted]
+        said += f": in {HELD_IN}, they held the truth in {least} to {most} of 100"
+    return hanging(said, indent=0)
+
+
+def _intervals(fit: Fit) -> list[str]:
+    reason = fit.posterior_reason
+    return [f"{fit.answer['posterior']}: {reason}"] if reason else []
+
+
+def _title(fit: Fit) -> str:
+    answer = fit.answer
+    n, free = answer["n_observations"], list(answer["free"])
+    of = f" of {log_name(fit)}" if log_name(fit) else ""
+    fitted = joined([parameter_words(name) for name in free])
+    recordings = "recording" if n == 1 else "recordings"
+    title = f"Fit{of}: {n} {recordings}, {fitted or 'nothing'} fitted"
+    return "\n".join(textwrap.wrap(title, WIDTH))
+
+
+def _estimate_table(answer: Mapping[str, Any], accepted: Accepted | None) -> list[str]:
+    rows = [("", "value", "90 % interval", "accepted" if accepted else "")]
+    for name, estimate in answer["estimates"].items():
+        rows.append(_table_row(name, estimate, accepted))
+    derived = answer.get("derived", {})
+    for name, estimate in derived.items():
+        rows.append(_table_row(name, estimate, accepted))
+    widths = [max(len(row[i]) for row in rows) + 2 for i in range(3)]
+    lines = []
+    for i, row in enumerate(rows):
+        if derived and i == len(answer["estimates"]) + 1:
+            lines.append("Derived")
+        left = "".join(c.ljust(w) for c, w in zip(row, widths, strict=False))
+        left = (
+            "Estimates".ljust(widths[0] + 2) + left[widths[0] :]
+            if i == 0
+            else "  " + left
+        )
+        if len(left) + len(row[3]) <= WIDTH:
+            lines.append(left + row[3])
+        else:
+            lines += [left, *hanging(f"accepted: {row[3]}", 2, indent=widths[0] + 2)]
+    return lines
+
+
+def _table_row(
+    name: str, estimate: Mapping[str, Any], accepted: Accepted | None
+) -> tuple[str, str, str, str]:
+    printed = printed_estimate(name, estimate)
+    comparison = compare(name, estimate, accepted)
+    beside = (
+        f"{comparison.value}, {comparison.label}: {comparison.verdict}"
+        if comparison
+        else ""
+    )
+    return parameter_words(name), printed.value_and_beside, printed.interval, beside
+
+
+def cannot_tell(answer: Mapping[str, Any]) -> list[str]:
+    """Return a line for each number, direction or second solution left open."""
+    lines = [f"{parameter_words(n)}: not identified" for n in unidentified(answer)]
+    for name in practically_unidentified(answer):
+        log_sd = answer["estimates"][name]["log_sd"]
+        lines.append(
+            f"{parameter_words(name)}: practically unidentified (sd of ln {log_sd:.2f})"
+        )
+    for direction in answer.get("null_directions", ()):
+        lines += [null_direction_sentence(direction), cure_sentence(direction)]
+    for ambiguity in answer.get("ambiguities", ()):
+        lines += [ambiguity_sentence(ambiguity), cure_sentence(ambiguity)]
+    return [line for line in lines if line]
+
+
+def section(title: str, entries: Sequence[str]) -> list[str]:
+    """Return a titled list of entries, nothing if there are none."""
+    if not entries:
+        return []
+    wrapped = [line for entry in entries for line in hanging(entry, 2)]
+    return ["", title, *wrapped] if title else wrapped
+
+
+def hanging(text: str, column: int = 0, indent: int = 2) -> list[str]:
+    """Break a text into lines of `WIDTH`, all but the first further in by `column`."""
+    return textwrap.wrap(
+        text,
+        WIDTH,
+        initial_indent=" " * indent,
+        subsequent_indent=" " * (indent + column),
+        break_on_hyphens=False,
+    ) or [""]

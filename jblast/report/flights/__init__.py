@@ -1,0 +1,1 @@
+"""Flights: terminal, document, figures."""

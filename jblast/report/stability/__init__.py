@@ -1,0 +1,1 @@
+"""The map of failures, its panels and its words."""

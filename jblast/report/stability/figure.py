@@ -1,0 +1,66 @@
+"""The map of where each method breaks, as one figure."""
+
+from collections.abc import Mapping, Sequence
+
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+
+from jblast.report.figure_style import BLUE, MUTED, new_figure
+from jblast.report.stability.law_map import DEED_COLOURS, law_map
+from jblast.report.stability.panels import PANELS, shares
+from jblast.study.stability.edge import Edge
+
+
+def stability_figure(edges: Mapping[str, Sequence[Edge]]) -> Figure:
+    """Draw the laws over scaled distance, and a panel for each other area.
+
+    Args:
+        edges: By area; what was not measured is not drawn.
+    """
+    beside = [area for area in PANELS if area in edges]
+    every = [edge for found in edges.values() for edge in found]
+    counts = any(edge.cases for edge in every)
+    mapped = "laws" in edges
+    rows = -(-len(beside) // 2)
+    figure = new_figure(8.0 * mapped + 8.6 * bool(beside or counts) or 8.0, 10.5)
+    columns = ([0.92] if mapped else []) + ([1.0] if beside or counts else [])
+    parts = figure.subfigures(
+        1, max(len(columns), 1), squeeze=False, width_ratios=columns or None
+    )
+    parts = list(parts[0])
+    if mapped:
+        axes = parts.pop(0).subplots()
+        law_map(axes, edges["laws"])
+        _key(axes)
+    if not parts:
+        return figure
+    heights = [1.0] * rows + [1.3] * counts
+    grid = parts[0].add_gridspec(len(heights) or 1, 2, height_ratios=heights or None)
+    for place, area in enumerate(beside):
+        alone = place % 2 == 0 and place == len(beside) - 1
+        across = slice(None) if alone else place % 2
+        PANELS[area](parts[0].add_subplot(grid[place // 2, across]), edges[area])
+    if counts:
+        shares(parts[0].add_subplot(grid[-1, :]), every)
+    return figure
+
+
+def _key(axes) -> None:
+    entries = [
+        Patch(color=BLUE, alpha=0.75, label="holds"),
+        Patch(color="#d8d8d8", label="goes on, marked"),
+    ]
+    entries += [
+        Line2D([], [], color=DEED_COLOURS[deed], linewidth=2.0, label=words)
+        for deed, words in (("marks", "edge: marked"), ("holds", "edge avoided"))
+    ]
+    axes.legend(
+        handles=entries,
+        loc="upper center",
+        bbox_to_anchor=(0.45, -0.06),
+        ncols=4,
+        frameon=False,
+        fontsize=9,
+        labelcolor=MUTED,
+    )
