@@ -13,7 +13,7 @@ from docs.generate.links import in_repository, site_uri, targets, to_site
 from jblast.cli.verbs import VERBS
 from jblast.parameter_table import PARAMETERS
 from jblast.quantities import DERIVED_QUANTITIES, QUANTITIES
-from jblast.scene.keys import KEYS
+from jblast.scene.reader.schema import KEYS
 
 ROOT = Path(__file__).parents[1]
 FRONT = [ROOT / name for name in ("README.md", "CONTRIBUTING.md", "CHANGELOG.md")]

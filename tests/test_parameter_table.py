@@ -16,9 +16,9 @@ from jblast.parameter_table import (
 from jblast.report.numbers import LADDERS
 from jblast.report.words import parameter_words, split_name
 from jblast.scene import Scene, place_of, value_of
-from jblast.scene.keys import KEYS
-from jblast.scene.numbers import LISTS
 from jblast.scene.parameters import names_in
+from jblast.scene.reader.priors import LISTS
+from jblast.scene.reader.schema import KEYS
 
 ALL = (*PARAMETERS.values(), CLOCK)
 every_parameter = pytest.mark.parametrize("one", ALL, ids=lambda one: one.name)

@@ -1,19 +1,19 @@
 """Tables of the log and of the scene file, from those that their readers go by."""
 
 from jblast.bounds import UNBOUNDED
-from jblast.observations.foreign import UNITS
+from jblast.observations.aliases import UNITS
 from jblast.observations.table import COLUMNS, NEEDED
 from jblast.parameter_table import PARAMETERS
 from jblast.quantities import ADDITIVE, DERIVED_QUANTITIES, QUANTITIES, TIMED
 from jblast.scene.explosives import EXPLOSIVES
-from jblast.scene.keys import (
+from jblast.scene.reader.priors import LISTS
+from jblast.scene.reader.schema import (
     GROUND_PATHS,
     KEYS,
     LATER,
     SENSOR_KINDS,
     VEHICLE_MODELS,
 )
-from jblast.scene.numbers import LISTS
 
 
 def quantities() -> str:

@@ -8,7 +8,7 @@ from jblast.errors import InputError
 from jblast.files import write_text
 from jblast.inference.fitting.result import Fit
 from jblast.observations import Observations, read
-from jblast.observations.together import by_shot, one_event
+from jblast.observations.grouping import by_shot, one_event
 from jblast.parameter_table import CLOCK_OFFSET
 from jblast.progress import each
 from jblast.scene import UncertainScene, freed

@@ -6,7 +6,7 @@ import jblast.waves as _waves  # noqa: F401  laws enter the registry as they are
 from jblast.errors import InputError, nearest
 from jblast.quantities import QUANTITIES
 from jblast.registry import LAWS, names, names_for
-from jblast.scene.keys import LAW_NAMES_LATER
+from jblast.scene.reader.schema import LAW_NAMES_LATER
 from jblast.sensors.layout import components
 
 

@@ -5,7 +5,7 @@ import os
 from collections.abc import Sequence
 
 from jblast.errors import InputError, nearest, read_text, shown
-from jblast.observations.foreign import our_name
+from jblast.observations.aliases import our_name
 from jblast.observations.rows import Rows
 from jblast.observations.table import (
     COLUMNS,

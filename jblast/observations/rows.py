@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from jblast.errors import InputError, nearest, shown
-from jblast.observations.foreign import our_name
+from jblast.observations.aliases import our_name
 from jblast.observations.table import POSITION, QUANTITIES, Observations
 from jblast.quantities import ADDITIVE, DIRECTIONS, TIMED
 

@@ -24,7 +24,7 @@ from jblast.scene.priors import (
     Normal as Normal,
     Uniform as Uniform,
 )
-from jblast.scene.read import read_scene as read_scene
+from jblast.scene.reader.scene import read_scene as read_scene
 from jblast.scene.scene import Scene as Scene
 from jblast.scene.sensor import Sensor as Sensor
 from jblast.scene.uncertain import (

@@ -10,7 +10,7 @@ from jaxtyping import Array, Float, Int
 
 from jblast.errors import InputError
 from jblast.observations import Observations
-from jblast.observations.place import camera_place
+from jblast.observations.placement import camera_place
 from jblast.quantities import DIRECTIONS, PLACELESS, TIMED, components as components
 from jblast.scene import Charge, Scene, Sensor
 

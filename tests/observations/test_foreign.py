@@ -1,6 +1,6 @@
 import pytest
 
-from jblast.observations.foreign import our_name
+from jblast.observations.aliases import our_name
 from jblast.observations.table import COLUMNS, QUANTITIES
 
 

@@ -3,7 +3,7 @@ import pytest
 
 from jblast.errors import InputError
 from jblast.observations import read
-from jblast.observations.together import by_shot, one_event
+from jblast.observations.grouping import by_shot, one_event
 
 HEADER = "sensor,quantity,value,sigma,range_m"
 SHOTS = f"""# kept

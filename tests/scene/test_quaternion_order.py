@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from jblast.errors import InputError
 from jblast.scene import Camera, look_at, matrix_quaternion, quaternion_matrix
-from jblast.scene.read_camera import read_camera
+from jblast.scene.reader.camera import read_camera
 from jblast.sensors.camera.geometry.projection import to_camera
 from jblast.vehicle.dynamics.components import four, rotation, three, times
 

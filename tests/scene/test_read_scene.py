@@ -17,9 +17,9 @@ from jblast.scene import (
     draw_scene,
     read_scene,
 )
-from jblast.scene.keys import KEYS, LATER
 from jblast.scene.parameters import value_of, with_values
-from jblast.scene.read import scene_from_document
+from jblast.scene.reader.scene import scene_from_document
+from jblast.scene.reader.schema import KEYS, LATER
 
 
 @pytest.fixture

@@ -3,9 +3,9 @@ import tomllib
 import pytest
 
 from jblast.errors import InputError
-from jblast.scene.keys import KEYS, VEHICLE_MODELS
-from jblast.scene.read import scene_from_document
-from jblast.scene.read_vehicle import read_vehicle
+from jblast.scene.reader.scene import scene_from_document
+from jblast.scene.reader.schema import KEYS, VEHICLE_MODELS
+from jblast.scene.reader.vehicle import read_vehicle
 from jblast.vehicle.control.gains import NAMED
 from jblast.vehicle.quadrotor.models import PARAMETERS
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from jblast.errors import InputError
-from jblast.observations.place import place
+from jblast.observations.placement import place
 from jblast.scene import Charge, Scene, Sensor, UncertainScene
 from jblast.sensors import planned_layout, record, simulate
 from jblast.sensors.observe import loadings, observe

@@ -33,7 +33,7 @@ import numpy as np
 from jaxtyping import Float
 
 from jblast.errors import InputError, nearest, read_text, shown
-from jblast.scene.numbers import finite, fixed_list
+from jblast.scene.reader.priors import finite, fixed_list
 from jblast.sensors.camera.files.frames import frame_files, read_pictures
 from jblast.sensors.camera.rendering.billboards import Views, upright
 

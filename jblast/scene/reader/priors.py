@@ -10,7 +10,7 @@ from jblast.errors import InputError, nearest, shown
 from jblast.parameter import Parameter
 from jblast.parameter_table import PARAMETERS
 from jblast.scene.priors import Free, LogNormal, LogUniform, Normal, Prior, Uniform
-from jblast.scene.tables import not_yet, number_list
+from jblast.scene.reader.tables import not_yet, number_list
 
 Uncertain = tuple[float, Prior | Free | None]
 """Where a fit of a number starts, and what is believed of it; None: it is fixed."""

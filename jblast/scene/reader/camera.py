@@ -7,9 +7,9 @@ from jaxtyping import Float
 
 from jblast.errors import InputError, shown
 from jblast.scene.camera import FRAMES_HZ, Camera
-from jblast.scene.numbers import LISTS, finite, fixed_list
 from jblast.scene.pose import look_at
-from jblast.scene.tables import table
+from jblast.scene.reader.priors import LISTS, finite, fixed_list
+from jblast.scene.reader.tables import table
 
 LARGEST_IMAGE = 65_535
 """Pixels along a side: files of events keep x and y in 16 bits."""

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from jblast.errors import InputError, nearest, shown
-from jblast.scene.keys import KEYS, LATER
+from jblast.scene.reader.schema import KEYS, LATER
 
 
 def not_yet(where: str, what: str) -> InputError:

@@ -7,15 +7,15 @@ from typing import Any
 from jblast.errors import InputError, read_text, shown
 from jblast.quantities import QUANTITIES
 from jblast.scene.ground import Ground
-from jblast.scene.keys import GROUND_PATHS, LAW_NAMES_LATER
-from jblast.scene.numbers import read_numbers
 from jblast.scene.parameters import with_values
-from jblast.scene.read_camera import read_camera
-from jblast.scene.read_charges import read_charges
-from jblast.scene.read_sensors import read_sensors
-from jblast.scene.read_vehicle import read_vehicle
+from jblast.scene.reader.camera import read_camera
+from jblast.scene.reader.charges import read_charges
+from jblast.scene.reader.priors import read_numbers
+from jblast.scene.reader.schema import GROUND_PATHS, LAW_NAMES_LATER
+from jblast.scene.reader.sensors import read_sensors
+from jblast.scene.reader.tables import choice, known_keys, name_of, not_yet, table
+from jblast.scene.reader.vehicle import read_vehicle
 from jblast.scene.scene import Scene
-from jblast.scene.tables import choice, known_keys, name_of, not_yet, table
 from jblast.scene.uncertain import UncertainScene
 
 

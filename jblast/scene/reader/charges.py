@@ -6,8 +6,8 @@ from typing import Any
 from jblast.errors import InputError, shown
 from jblast.scene.charge import BURSTS, Charge
 from jblast.scene.explosives import explosive_named
-from jblast.scene.numbers import Uncertain, read_numbers
-from jblast.scene.tables import choice, name_of, table, tables
+from jblast.scene.reader.priors import Uncertain, read_numbers
+from jblast.scene.reader.tables import choice, name_of, table, tables
 
 
 def read_charges(

@@ -8,7 +8,7 @@ from jaxtyping import ArrayLike, Float, Int
 
 from jblast.errors import InputError, shown
 from jblast.observations.clocks import check_clocks
-from jblast.observations.misplaced import (
+from jblast.observations.consistency import (
     AGREE,
     check_range,
     metres,

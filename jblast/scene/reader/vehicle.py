@@ -5,9 +5,9 @@ from typing import Any
 import numpy as np
 
 from jblast.errors import InputError, shown
-from jblast.scene.keys import VEHICLE_MODELS
-from jblast.scene.numbers import LISTS, finite, fixed_list
-from jblast.scene.tables import choice, known_keys, not_yet, table
+from jblast.scene.reader.priors import LISTS, finite, fixed_list
+from jblast.scene.reader.schema import VEHICLE_MODELS
+from jblast.scene.reader.tables import choice, known_keys, not_yet, table
 from jblast.scene.vehicle import VehicleSpec
 from jblast.types import as_float_array
 
