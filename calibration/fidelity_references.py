@@ -26,9 +26,9 @@ from jblast.fidelity.reference import END, FORD_START, KINGERY_BULMASH_END, REFE
 from jblast.registry import call, law_for
 from jblast.scene.charge import Burst
 from jblast.scene.explosives import tnt_factor
-from jblast.waves.kingery_bulmash_table import kingery_bulmash_curve
-from jblast.waves.shock_jump import shock_mach_number
-from jblast.waves.weak_shock import weak_shock_tail
+from jblast.waves.laws.kingery_bulmash.table import kingery_bulmash_curve
+from jblast.waves.laws.weak_shock.tail import weak_shock_tail
+from jblast.waves.shock.rankine_hugoniot import shock_mach_number
 
 EDGES = (0.0, 0.3, 1.0, 3.0, 10.0, 20.0, 40.0, 100.0, 300.0, 1000.0)
 """Of the spans [m/kg^(1/3)]; the first begins where the reference does."""

@@ -1,4 +1,4 @@
-"""Fit the curve of `jblast/waves/ford_curve.py` and its scatter to the recordings."""
+"""Fit the curve of `jblast/waves/laws/ford_2021/curve.py` and its scatter to the recordings."""
 
 from typing import NamedTuple
 
@@ -8,7 +8,7 @@ from scipy.optimize import minimize
 
 from calibration.ford_likelihood import COEFFICIENTS, NAMES, SCATTERS, Form, objective
 from calibration.ford_records import read_records
-from jblast.waves.ford_curve import FordCurve
+from jblast.waves.laws.ford_2021.curve import FordCurve
 
 SMALLEST_SD = 1e-3
 STARTS = {

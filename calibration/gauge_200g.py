@@ -15,16 +15,16 @@ import jax
 from scipy.optimize import root_scalar
 
 from jblast.scene.explosives import EXPLOSIVES
-from jblast.waves.friedlander import (
-    friedlander_decay,
-    friedlander_impulse,
-    modified_friedlander_pressure,
-)
-from jblast.waves.kingery_bulmash import (
+from jblast.waves.laws.kingery_bulmash.laws import (
     kingery_bulmash_arrival_time,
     kingery_bulmash_duration,
     kingery_bulmash_impulse,
     kingery_bulmash_pressure,
+)
+from jblast.waves.waveform.friedlander import (
+    friedlander_decay,
+    friedlander_impulse,
+    modified_friedlander_pressure,
 )
 
 DATA = Path(__file__).parent / "data" / "charge_200g_incident_2m.csv"

@@ -15,8 +15,8 @@ from jblast.report.words import split_name
 from jblast.scene import Air, Charge, Scene
 from jblast.scene.charge import Burst
 from jblast.sensors.calculator.question import scene_path, with_rows
+from jblast.waves.laws.weak_shock.iso import HUMIDITY
 from jblast.waves.paths import Path
-from jblast.waves.weak_shock_iso import HUMIDITY
 
 MASS = 15.0
 """Of the charge [kg]: scaled by its cube root, few laws depend on it."""

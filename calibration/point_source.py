@@ -25,8 +25,11 @@ from calibration.point_source_references import END, hancock, law_over
 from jblast.cli.start import start_jax
 from jblast.waves.euler import Decay, decay_at, extrapolated, point_source_march
 from jblast.waves.euler.march import March
-from jblast.waves.point_source_arrival import log_sound_fraction
-from jblast.waves.point_source_front import log_overpressure_ratio, point_source_tail
+from jblast.waves.laws.point_source.arrival import log_sound_fraction
+from jblast.waves.laws.point_source.front import (
+    log_overpressure_ratio,
+    point_source_tail,
+)
 
 CELLS = (100, 200, 400, 800, 1600)
 QUICK_CELLS = (100, 200, 400)

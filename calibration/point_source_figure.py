@@ -23,7 +23,7 @@ from jblast.waves.euler import (
     primitives,
 )
 from jblast.waves.euler.march import March
-from jblast.waves.point_source_front import log_overpressure_ratio
+from jblast.waves.laws.point_source.front import log_overpressure_ratio
 
 PROFILES = (0.3, 1.0, 3.0, 10.0)
 """Radii of the shock whose profiles are drawn, lambda."""

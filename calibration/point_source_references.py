@@ -7,8 +7,8 @@ import jax.numpy as jnp
 import numpy as np
 
 from jblast.waves.euler import Decay
-from jblast.waves.point_source_arrival import log_sound_fraction
-from jblast.waves.point_source_front import log_overpressure_ratio
+from jblast.waves.laws.point_source.arrival import log_sound_fraction
+from jblast.waves.laws.point_source.front import log_overpressure_ratio
 
 END = 100.0
 r"""$\lambda$ to which the solver runs."""

@@ -29,8 +29,12 @@ from jblast.fidelity.reference import REFERENCES, reference_value
 from jblast.fidelity.solver import METHOD as SOLVER
 from jblast.fidelity.ways import Ways, jitted_ways
 from jblast.scene.charge import Burst
-from jblast.waves.atmosphere import air_density, sound_speed_in_air, standard_atmosphere
 from jblast.waves.paths import Path
+from jblast.waves.propagation.atmosphere import (
+    air_density,
+    sound_speed_in_air,
+    standard_atmosphere,
+)
 
 SCENES = 10_000
 TOLERANCES = (0.01, 0.03, 0.1, 0.3)

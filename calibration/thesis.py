@@ -25,7 +25,7 @@ from calibration.thesis_items import (
     ROCK_SPEED,
     items,
 )
-from jblast.waves.wu_hao import (
+from jblast.waves.laws.wu_hao import (
     dual_path_ground_arrival_time,
     wu_hao_air_arrival_time,
     wu_hao_ground_arrival_time,

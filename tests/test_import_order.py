@@ -104,8 +104,8 @@ def test_every_folder_and_module_has_its_place_in_the_list():
 @pytest.mark.parametrize(
     ("module", "source"),
     [
-        ("jblast.waves.wu_hao", "from jblast.inference import fit"),
-        ("jblast.waves.wu_hao", "def late():\n    import jblast.sensors.record"),
+        ("jblast.waves.laws.wu_hao", "from jblast.inference import fit"),
+        ("jblast.waves.laws.wu_hao", "def late():\n    import jblast.sensors.record"),
         ("jblast.scene.air", "from jblast import waves"),
         ("jblast.scene.air", "from ..waves import wu_hao"),
         ("jblast.registry", "from jblast.scene.air import Air"),

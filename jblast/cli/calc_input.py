@@ -16,7 +16,7 @@ from jblast.scene.charge import BURSTS
 from jblast.scene.explosives import explosive_named
 from jblast.sensors.calculator.inverse import Roots
 from jblast.sensors.calculator.question import Question, charge_radius, with_burst
-from jblast.waves.atmosphere import water_vapour_fraction
+from jblast.waves.propagation.atmosphere import water_vapour_fraction
 
 DRY = {"relative_humidity": 0.0}
 """The standard atmosphere, which the tables are for, is dry; a scene's air is not."""

@@ -11,8 +11,8 @@ import numpy as np
 
 from jblast.fidelity import solver
 from jblast.fidelity.topic import Point, Topic, register_topic
-from jblast.waves.point_source_arrival import log_sound_fraction
-from jblast.waves.point_source_front import log_overpressure_ratio
+from jblast.waves.laws.point_source.arrival import log_sound_fraction
+from jblast.waves.laws.point_source.front import log_overpressure_ratio
 
 CELLS = (50, 100, 200, 400)
 SPANS = ((0.1, 1.0), (1.0, 10.0), (10.0, 100.0))

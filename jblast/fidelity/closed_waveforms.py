@@ -6,12 +6,12 @@ from typing import NamedTuple
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from jblast.waves.friedlander import (
+from jblast.waves.waveform.friedlander import (
     friedlander_decay,
     friedlander_pressure,
     modified_friedlander_pressure,
 )
-from jblast.waves.negative_phase import negative_phase_pressure
+from jblast.waves.waveform.negative_phase import negative_phase_pressure
 
 
 class Told(NamedTuple):

@@ -26,7 +26,7 @@ from jblast.fidelity.reference import (
 from jblast.registry import call, law_for, names_for
 from jblast.scene import Air, Scene
 from jblast.scene.charge import Burst
-from jblast.waves.between import path_between
+from jblast.waves.path_between import path_between
 from jblast.waves.paths import Path
 
 PER_OCTAVE = 17

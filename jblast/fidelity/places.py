@@ -12,7 +12,7 @@ from jblast.errors import InputError, nearest
 from jblast.quantities import DERIVED_QUANTITIES, QUANTITIES, components
 from jblast.scene import Charge, Scene, Sensor, UncertainScene, place_of, with_values
 from jblast.scene.priors import Free
-from jblast.waves.between import path_between
+from jblast.waves.path_between import path_between
 from jblast.waves.paths import Path
 
 SCORES = tuple(NormalDist().inv_cdf(p) for p in (0.05, 0.95))

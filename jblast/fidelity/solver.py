@@ -12,7 +12,7 @@ from jaxtyping import Array, Bool, Float
 
 from jblast.fidelity.timing import seconds
 from jblast.waves.euler import Decay, decay_at, point_source_march
-from jblast.waves.point_source import LENGTH
+from jblast.waves.laws.point_source.laws import LENGTH
 
 METHOD = "euler"
 CELLS = 100

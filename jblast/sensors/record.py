@@ -21,7 +21,7 @@ from jblast.quantities import ADDITIVE, CIRCULAR, CLOCK_TIMES, TIMES
 from jblast.registry import call, law_for
 from jblast.scene import Charge, Scene
 from jblast.sensors.layout import Layout
-from jblast.waves.between import path_between
+from jblast.waves.path_between import path_between
 from jblast.waves.paths import Path
 
 LONG = 1000

@@ -1,57 +1,27 @@
 """How a blast travels: one law a file, each registered where it is defined."""
 
 from jblast import registry
-from jblast.waves.absorption import (
-    DECIBELS_PER_NEPER as DECIBELS_PER_NEPER,
-    iso_9613_absorption as iso_9613_absorption,
-    iso_9613_valid as iso_9613_valid,
-    stokes_absorption as stokes_absorption,
-    stokes_kirchhoff_absorption as stokes_kirchhoff_absorption,
-)
-from jblast.waves.acoustic import (
-    acoustic_arrival_time as acoustic_arrival_time,
-)
-from jblast.waves.atmosphere import (
-    air_density as air_density,
-    sound_speed_in_air as sound_speed_in_air,
-    standard_atmosphere as standard_atmosphere,
-)
-from jblast.waves.brode import (
-    brode_pressure as brode_pressure,
-)
-from jblast.waves.direction import (
-    bearing as bearing,
-    elevation as elevation,
-)
-from jblast.waves.dna_1kt import (
+from jblast.waves.laws.acoustic import acoustic_arrival_time as acoustic_arrival_time
+from jblast.waves.laws.brode import brode_pressure as brode_pressure
+from jblast.waves.laws.dna_1kt import (
     dna_1kt_arrival_time as dna_1kt_arrival_time,
     dna_1kt_pressure as dna_1kt_pressure,
 )
-from jblast.waves.finite_rise import (
-    finite_rise_pressure as finite_rise_pressure,
-)
-from jblast.waves.fireball_law import (
+from jblast.waves.laws.fireball_radius import (
     fireball_law_radius as fireball_law_radius,
     fireball_law_radius_in_image as fireball_law_radius_in_image,
 )
-from jblast.waves.ford_2021 import (
+from jblast.waves.laws.ford_2021.laws import (
     ford_2021_duration as ford_2021_duration,
     ford_2021_impulse as ford_2021_impulse,
 )
-from jblast.waves.friedlander import (
-    friedlander_decay as friedlander_decay,
-    friedlander_impulse as friedlander_impulse,
-    friedlander_pressure as friedlander_pressure,
-    friedlander_spectrum as friedlander_spectrum,
-    modified_friedlander_pressure as modified_friedlander_pressure,
+from jblast.waves.laws.ground_factor import ground_factor as ground_factor
+from jblast.waves.laws.henrych import henrych_pressure as henrych_pressure
+from jblast.waves.laws.kingery_bulmash.blast_wind import (
+    kingery_bulmash_blast_wind as kingery_bulmash_blast_wind,
+    kingery_bulmash_dynamic_pressure as kingery_bulmash_dynamic_pressure,
 )
-from jblast.waves.ground_factor import (
-    ground_factor as ground_factor,
-)
-from jblast.waves.henrych import (
-    henrych_pressure as henrych_pressure,
-)
-from jblast.waves.kingery_bulmash import (
+from jblast.waves.laws.kingery_bulmash.laws import (
     kingery_bulmash_arrival_time as kingery_bulmash_arrival_time,
     kingery_bulmash_duration as kingery_bulmash_duration,
     kingery_bulmash_impulse as kingery_bulmash_impulse,
@@ -60,90 +30,52 @@ from jblast.waves.kingery_bulmash import (
     kingery_bulmash_reflected_pressure as kingery_bulmash_reflected_pressure,
     kingery_bulmash_shock_speed as kingery_bulmash_shock_speed,
 )
-from jblast.waves.kingery_bulmash_wind import (
-    kingery_bulmash_blast_wind as kingery_bulmash_blast_wind,
-    kingery_bulmash_dynamic_pressure as kingery_bulmash_dynamic_pressure,
-)
-from jblast.waves.kinney_graham import (
+from jblast.waves.laws.kinney_graham.laws import (
     kinney_graham_arrival_time as kinney_graham_arrival_time,
     kinney_graham_duration as kinney_graham_duration,
     kinney_graham_impulse as kinney_graham_impulse,
     kinney_graham_pressure as kinney_graham_pressure,
     kinney_graham_shock_speed as kinney_graham_shock_speed,
 )
-from jblast.waves.kinney_graham_nuclear import (
+from jblast.waves.laws.kinney_graham.nuclear import (
     kinney_graham_nuclear_duration as kinney_graham_nuclear_duration,
     kinney_graham_nuclear_pressure as kinney_graham_nuclear_pressure,
 )
-from jblast.waves.light import (
-    light_arrival_time as light_arrival_time,
-)
-from jblast.waves.negative_phase import (
-    negative_phase_pressure as negative_phase_pressure,
-)
-from jblast.waves.negative_phase_rigby import (
+from jblast.waves.laws.light import light_arrival_time as light_arrival_time
+from jblast.waves.laws.line_of_sight import bearing as bearing, elevation as elevation
+from jblast.waves.laws.negative_phase.rigby import (
     rigby_negative_duration as rigby_negative_duration,
     rigby_reflected_negative_impulse as rigby_reflected_negative_impulse,
     rigby_reflected_negative_pressure as rigby_reflected_negative_pressure,
 )
-from jblast.waves.negative_phase_ufc import (
+from jblast.waves.laws.negative_phase.ufc import (
     ufc_negative_duration as ufc_negative_duration,
     ufc_negative_impulse as ufc_negative_impulse,
     ufc_negative_pressure as ufc_negative_pressure,
     ufc_reflected_negative_impulse as ufc_reflected_negative_impulse,
     ufc_reflected_negative_pressure as ufc_reflected_negative_pressure,
 )
-from jblast.waves.oblique_reflection import (
-    oblique_reflected_pressure as oblique_reflected_pressure,
-    oblique_reflected_pressure_arl as oblique_reflected_pressure_arl,
-)
-from jblast.waves.paths import (
-    Path as Path,
-    slant_range as slant_range,
-)
-from jblast.waves.point_source import (
+from jblast.waves.laws.point_source.laws import (
     point_source_arrival_time as point_source_arrival_time,
     point_source_pressure as point_source_pressure,
     point_source_shock_speed as point_source_shock_speed,
 )
-from jblast.waves.sadovsky import (
+from jblast.waves.laws.sadovsky import (
     sadovsky_duration as sadovsky_duration,
     sadovsky_pressure as sadovsky_pressure,
 )
-from jblast.waves.scaling import (
-    sachs_distance_factor as sachs_distance_factor,
-    sachs_impulse_factor as sachs_impulse_factor,
-    sachs_pressure_factor as sachs_pressure_factor,
-    sachs_time_factor as sachs_time_factor,
-    scaled_distance as scaled_distance,
-)
-from jblast.waves.sedov_alpha import (
-    sedov_alpha as sedov_alpha,
-)
-from jblast.waves.sedov_taylor import (
+from jblast.waves.laws.sedov_taylor.alpha import sedov_alpha as sedov_alpha
+from jblast.waves.laws.sedov_taylor.laws import (
     sedov_taylor_energy as sedov_taylor_energy,
     sedov_taylor_shock_pressure as sedov_taylor_shock_pressure,
     sedov_taylor_shock_radius as sedov_taylor_shock_radius,
 )
-from jblast.waves.shock_jump import (
-    blast_wind as blast_wind,
-    dynamic_pressure as dynamic_pressure,
-    normally_reflected_pressure as normally_reflected_pressure,
-    shock_density_ratio as shock_density_ratio,
-    shock_mach_number as shock_mach_number,
-    shock_overpressure as shock_overpressure,
-    shock_temperature_ratio as shock_temperature_ratio,
-)
-from jblast.waves.shock_kinematics import (
+from jblast.waves.laws.shock_kinematics.laws import (
     shock_kinematics_arrival_time as shock_kinematics_arrival_time,
     shock_kinematics_pressure as shock_kinematics_pressure,
     shock_kinematics_shock_speed as shock_kinematics_shock_speed,
 )
-from jblast.waves.spreading import (
-    hemispherical_spreading_loss as hemispherical_spreading_loss,
-    spherical_spreading_loss as spherical_spreading_loss,
-)
-from jblast.waves.swisdak import (
+from jblast.waves.laws.swisdak.laws import (
     swisdak_arrival_time as swisdak_arrival_time,
     swisdak_duration as swisdak_duration,
     swisdak_impulse as swisdak_impulse,
@@ -152,28 +84,79 @@ from jblast.waves.swisdak import (
     swisdak_reflected_pressure as swisdak_reflected_pressure,
     swisdak_shock_speed as swisdak_shock_speed,
 )
-from jblast.waves.transmission_loss import (
-    transmission_loss as transmission_loss,
-)
-from jblast.waves.waveform import (
-    BlastPulse as BlastPulse,
-    blast_pressure as blast_pressure,
-    blast_pulse as blast_pulse,
-)
-from jblast.waves.weak_shock_iso import (
+from jblast.waves.laws.weak_shock.iso import (
     weak_shock_iso_pressure as weak_shock_iso_pressure,
 )
-from jblast.waves.weak_shock_pressure import (
+from jblast.waves.laws.weak_shock.pressure import (
     weak_shock_pressure as weak_shock_pressure,
 )
-from jblast.waves.wind import (
-    effective_sound_speed as effective_sound_speed,
-)
-from jblast.waves.wu_hao import (
+from jblast.waves.laws.wu_hao import (
     dual_path_ground_arrival_time as dual_path_ground_arrival_time,
     wu_hao_air_arrival_time as wu_hao_air_arrival_time,
     wu_hao_ground_arrival_time as wu_hao_ground_arrival_time,
     wu_hao_ground_path_arrival_time as wu_hao_ground_path_arrival_time,
+)
+from jblast.waves.paths import (
+    Path as Path,
+    slant_range as slant_range,
+)
+from jblast.waves.propagation.absorption import (
+    DECIBELS_PER_NEPER as DECIBELS_PER_NEPER,
+    iso_9613_absorption as iso_9613_absorption,
+    iso_9613_valid as iso_9613_valid,
+    stokes_absorption as stokes_absorption,
+    stokes_kirchhoff_absorption as stokes_kirchhoff_absorption,
+)
+from jblast.waves.propagation.atmosphere import (
+    air_density as air_density,
+    sound_speed_in_air as sound_speed_in_air,
+    standard_atmosphere as standard_atmosphere,
+)
+from jblast.waves.propagation.spreading import (
+    hemispherical_spreading_loss as hemispherical_spreading_loss,
+    spherical_spreading_loss as spherical_spreading_loss,
+)
+from jblast.waves.propagation.transmission_loss import (
+    transmission_loss as transmission_loss,
+)
+from jblast.waves.propagation.wind import effective_sound_speed as effective_sound_speed
+from jblast.waves.scaling import (
+    sachs_distance_factor as sachs_distance_factor,
+    sachs_impulse_factor as sachs_impulse_factor,
+    sachs_pressure_factor as sachs_pressure_factor,
+    sachs_time_factor as sachs_time_factor,
+    scaled_distance as scaled_distance,
+)
+from jblast.waves.shock.oblique_reflection import (
+    oblique_reflected_pressure as oblique_reflected_pressure,
+    oblique_reflected_pressure_arl as oblique_reflected_pressure_arl,
+)
+from jblast.waves.shock.rankine_hugoniot import (
+    blast_wind as blast_wind,
+    dynamic_pressure as dynamic_pressure,
+    normally_reflected_pressure as normally_reflected_pressure,
+    shock_density_ratio as shock_density_ratio,
+    shock_mach_number as shock_mach_number,
+    shock_overpressure as shock_overpressure,
+    shock_temperature_ratio as shock_temperature_ratio,
+)
+from jblast.waves.waveform import blast_pressure as blast_pressure
+from jblast.waves.waveform.blast_pressure import (
+    BlastPulse as BlastPulse,
+    blast_pulse as blast_pulse,
+)
+from jblast.waves.waveform.finite_rise import (
+    finite_rise_pressure as finite_rise_pressure,
+)
+from jblast.waves.waveform.friedlander import (
+    friedlander_decay as friedlander_decay,
+    friedlander_impulse as friedlander_impulse,
+    friedlander_pressure as friedlander_pressure,
+    friedlander_spectrum as friedlander_spectrum,
+    modified_friedlander_pressure as modified_friedlander_pressure,
+)
+from jblast.waves.waveform.negative_phase import (
+    negative_phase_pressure as negative_phase_pressure,
 )
 
 registry.mark_packaged()

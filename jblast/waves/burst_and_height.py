@@ -4,7 +4,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from jblast.scene import Charge, Scene
-from jblast.waves.ambient import ambient
+from jblast.waves.propagation.ambient import ambient
 from jblast.waves.scaling import sachs_distance_factor
 
 

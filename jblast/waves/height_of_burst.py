@@ -18,8 +18,8 @@ from jaxtyping import Array, ArrayLike, Bool, Float
 
 from jblast.constants import STANDARD_PRESSURE, STANDARD_SOUND_SPEED
 from jblast.types import as_float_arrays
-from jblast.waves.kingery_bulmash import kingery_bulmash_duration
-from jblast.waves.shock_kinematics import shock_kinematics_arrival_time
+from jblast.waves.laws.kingery_bulmash.laws import kingery_bulmash_duration
+from jblast.waves.laws.shock_kinematics.laws import shock_kinematics_arrival_time
 
 
 def image_range(

@@ -15,8 +15,11 @@ from jblast.inference import fit
 from jblast.observations import Observations
 from jblast.scene import Scene, UncertainScene, freed, with_laws, with_values
 from jblast.scene.explosives import EXPLOSIVES
-from jblast.waves.friedlander import friedlander_impulse, modified_friedlander_pressure
-from jblast.waves.kinney_graham import kinney_graham_duration
+from jblast.waves.laws.kinney_graham.laws import kinney_graham_duration
+from jblast.waves.waveform.friedlander import (
+    friedlander_impulse,
+    modified_friedlander_pressure,
+)
 
 KEPT = Path(__file__).parents[2] / "calibration" / "results" / "gauges.txt"
 IMPULSE, DURATION = QUANTITIES

@@ -11,8 +11,8 @@ from jblast.fidelity.chart_waveforms import form_error, own_error, waveform_poin
 from jblast.fidelity.closed_waveforms import POSITIVE, WHOLE, Told, with_suction
 from jblast.fidelity.gauge_waveforms import Waveform, gauge_march, waveforms
 from jblast.fidelity.topic import on_front
-from jblast.waves.friedlander import friedlander_impulse
-from jblast.waves.point_source_front import log_overpressure_ratio
+from jblast.waves.laws.point_source.front import log_overpressure_ratio
+from jblast.waves.waveform.friedlander import friedlander_impulse
 
 PLACE = 2.0
 CELLS = 40

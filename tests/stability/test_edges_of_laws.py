@@ -29,7 +29,7 @@ from jblast.waves import (
     transmission_loss,
     wu_hao_air_arrival_time,
 )
-from jblast.waves.kingery_bulmash_table import kingery_bulmash_curve
+from jblast.waves.laws.kingery_bulmash.table import kingery_bulmash_curve
 
 SOUND = 340.29
 

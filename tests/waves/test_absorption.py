@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from slopes import check_slopes
 
-from jblast.waves.absorption import (
+from jblast.waves.propagation.absorption import (
     DECIBELS_PER_NEPER,
     ISO_DECIBELS_PER_NEPER,
     iso_9613_absorption,
@@ -12,7 +12,7 @@ from jblast.waves.absorption import (
     stokes_absorption,
     stokes_kirchhoff_absorption,
 )
-from jblast.waves.atmosphere import air_density, sound_speed_in_air
+from jblast.waves.propagation.atmosphere import air_density, sound_speed_in_air
 
 # Frequency [Hz], temperature [K], pressure [Pa], relative humidity, and what the PyPI
 # package acoustic-toolbox 0.2.2 makes of them [dB/m]: of its module

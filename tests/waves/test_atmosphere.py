@@ -5,7 +5,7 @@ import pytest
 from slopes import check_slopes
 
 from jblast.constants import STANDARD_PRESSURE, STANDARD_SOUND_SPEED
-from jblast.waves.atmosphere import (
+from jblast.waves.propagation.atmosphere import (
     air_density,
     saturation_pressure,
     sound_speed_in_air,

@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jblast.waves.bent_power_law import Bend, BentPowerLaw
+from jblast.waves.curves.broken_power_law import Bend, BentPowerLaw
 
 BENDS = (Bend(2.0, 3.0, -0.5), Bend(30.0, 2.0, 0.25))
 PLAIN = BentPowerLaw(7.0, -1.0, BENDS)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from jblast.waves import bearing, elevation
-from jblast.waves.direction import line_of_sight_valid
+from jblast.waves.laws.line_of_sight import line_of_sight_valid
 
 
 @pytest.mark.parametrize(

@@ -9,9 +9,13 @@ from slopes import check_slopes
 
 from jblast.constants import STANDARD_PRESSURE, STANDARD_SOUND_SPEED
 from jblast.registry import law_for
-from jblast.waves.dna_1kt import dna_1kt_arrival_time, dna_1kt_pressure, dna_1kt_valid
-from jblast.waves.kingery_bulmash import kingery_bulmash_pressure
-from jblast.waves.shock_kinematics import shock_kinematics_pressure
+from jblast.waves.laws.dna_1kt import (
+    dna_1kt_arrival_time,
+    dna_1kt_pressure,
+    dna_1kt_valid,
+)
+from jblast.waves.laws.kingery_bulmash.laws import kingery_bulmash_pressure
+from jblast.waves.laws.shock_kinematics.laws import shock_kinematics_pressure
 
 ONE_KILOTON = 0.5e6
 """Mass of TNT with the air blast of 1 kt nuclear [kg]."""

@@ -17,7 +17,7 @@ from jblast.waves.fireball import (
     fireball_radius,
     fireball_rise,
 )
-from jblast.waves.kingery_bulmash import kingery_bulmash_arrival_time
+from jblast.waves.laws.kingery_bulmash.laws import kingery_bulmash_arrival_time
 
 masses = st.floats(1e-3, 1e6)
 parts = st.floats(1e-3, 5.0)

@@ -7,7 +7,7 @@ import pytest
 
 from jblast.waves import fireball_law_radius, fireball_law_radius_in_image
 from jblast.waves.fireball import fireball_growth_time, fireball_radius
-from jblast.waves.fireball_law import (
+from jblast.waves.laws.fireball_radius import (
     NEAREST,
     fireball_law_valid,
     fireball_law_valid_in_image,

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from jblast.registry import call, law_for
-from jblast.waves.ford_2021 import (
+from jblast.waves.laws.ford_2021.curve import FordCurve, log_curve, log_gradient
+from jblast.waves.laws.ford_2021.laws import (
     Ford2021,
     ford_2021,
     ford_2021_duration,
@@ -17,7 +18,6 @@ from jblast.waves.ford_2021 import (
     ford_2021_laws,
     ford_2021_valid,
 )
-from jblast.waves.ford_curve import FordCurve, log_curve, log_gradient
 from jblast.waves.paths import Path
 
 STANDARD = (101_325.0, 340.29)

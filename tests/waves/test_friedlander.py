@@ -9,8 +9,8 @@ from jax.test_util import check_grads
 from scipy.integrate import quad
 from slopes import with_slopes
 
-from jblast.waves import kingery_bulmash as kb
-from jblast.waves.friedlander import (
+from jblast.waves.laws.kingery_bulmash import laws as kb
+from jblast.waves.waveform.friedlander import (
     friedlander_decay,
     friedlander_impulse,
     friedlander_pressure,

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from slopes import with_slopes
 
-from jblast.waves.friedlander_shape import (
+from jblast.waves.waveform.friedlander_integrals import (
     decay_of_fraction,
     impulse_fraction,
     late_fraction,

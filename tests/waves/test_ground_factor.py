@@ -3,8 +3,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jblast.waves.ground_factor import ground_factor
-from jblast.waves.kingery_bulmash import kingery_bulmash_pressure
+from jblast.waves.laws.ground_factor import ground_factor
+from jblast.waves.laws.kingery_bulmash.laws import kingery_bulmash_pressure
 
 
 @pytest.mark.parametrize(

@@ -4,7 +4,7 @@ import pytest
 from scipy.interpolate import CubicHermiteSpline
 from slopes import with_slopes
 
-from jblast.waves.hermite_curve import hermite_curve
+from jblast.waves.curves.hermite import hermite_curve
 
 NODES = np.array([-1.0, 0.2, 0.5, 3.0])
 VALUES, SLOPES = np.exp(NODES), np.array([0.3, 1.2, 1.6, 20.0])

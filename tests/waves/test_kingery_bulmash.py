@@ -13,9 +13,9 @@ from slopes import with_slopes
 
 from jblast.constants import STANDARD_PRESSURE, STANDARD_SOUND_SPEED
 from jblast.registry import law_for
-from jblast.waves import kingery_bulmash as kb
-from jblast.waves.kingery_bulmash_table import kingery_bulmash_curve
-from jblast.waves.log_curve import BLEND_WIDTH, smooth_step
+from jblast.waves.curves.log_polynomial import BLEND_WIDTH, smooth_step
+from jblast.waves.laws.kingery_bulmash import laws as kb
+from jblast.waves.laws.kingery_bulmash.table import kingery_bulmash_curve
 
 TRANSCRIBED_AGAIN = Path(__file__).parents[1] / "data"
 

@@ -9,14 +9,14 @@ from slopes import check_slopes
 
 from jblast.constants import STANDARD_PRESSURE, STANDARD_SOUND_SPEED
 from jblast.registry import law_for
-from jblast.waves import kinney_graham as kg
-from jblast.waves.kingery_bulmash import (
+from jblast.waves.laws.kingery_bulmash.laws import (
     kingery_bulmash_arrival_time,
     kingery_bulmash_duration,
     kingery_bulmash_impulse,
     kingery_bulmash_pressure,
 )
-from jblast.waves.shock_kinematics import (
+from jblast.waves.laws.kinney_graham import laws as kg
+from jblast.waves.laws.shock_kinematics.laws import (
     shock_kinematics_arrival_time,
     shock_kinematics_pressure,
 )

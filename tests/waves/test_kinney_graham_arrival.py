@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from jblast.waves.kinney_graham_arrival import (
+from jblast.waves.laws.kinney_graham.arrival import (
     CHARGE_RADIUS,
     FIRST,
     kinney_graham_log_sound_fraction,
 )
-from jblast.waves.kinney_graham_curves import kinney_graham_mach_number
+from jblast.waves.laws.kinney_graham.curves import kinney_graham_mach_number
 
 
 def slowness(z):

@@ -3,7 +3,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline, make_interp_spline
 from slopes import with_slopes
 
-from jblast.waves.log_spline import clamped_log_spline, natural_log_spline
+from jblast.waves.curves.log_spline import clamped_log_spline, natural_log_spline
 
 Z = np.array([0.1, 0.3, 0.5, 2.0, 3.0, 20.0])
 Y = np.array([50.0, 48.0, 30.0, 4.0, 2.5, 0.1])

@@ -5,7 +5,7 @@ import pytest
 from scipy.integrate import quad
 from slopes import check_slopes
 
-from jblast.waves.negative_phase import negative_phase_pressure
+from jblast.waves.waveform.negative_phase import negative_phase_pressure
 
 DURATION, LOWEST, LENGTH = 4e-3, 2.5e4, 1.1e-2
 

@@ -9,8 +9,8 @@ from slopes import with_slopes
 
 from jblast.constants import STANDARD_PRESSURE, STANDARD_SOUND_SPEED
 from jblast.registry import law_for
-from jblast.waves import negative_phase_rigby as rigby, negative_phase_ufc as ufc
-from jblast.waves.log_curve import BLEND_WIDTH
+from jblast.waves.curves.log_polynomial import BLEND_WIDTH
+from jblast.waves.laws.negative_phase import rigby as rigby, ufc as ufc
 
 LAWS = {
     "pressure": rigby.rigby_reflected_negative_pressure,

@@ -10,7 +10,7 @@ from slopes import with_slopes
 
 from jblast.constants import STANDARD_PRESSURE, STANDARD_SOUND_SPEED
 from jblast.registry import law_for
-from jblast.waves import negative_phase_ufc as ufc
+from jblast.waves.laws.negative_phase import ufc as ufc
 
 TRANSCRIBED_AGAIN = Path(__file__).parents[1] / "data"
 LAWS = {

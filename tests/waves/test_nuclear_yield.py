@@ -2,7 +2,7 @@ import math
 
 import pytest
 
-from jblast.waves.nuclear_yield import (
+from jblast.waves.laws.nuclear_scaling import (
     LOG_NUCLEAR_SCALED_METRES,
     NUCLEAR_SCALED_METRES,
 )

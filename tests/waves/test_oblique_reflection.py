@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from slopes import check_slopes
 
-from jblast.waves.oblique_reflection import (
+from jblast.waves.shock.oblique_reflection import (
     oblique_reflected_pressure,
     oblique_reflected_pressure_arl,
 )

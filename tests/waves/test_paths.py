@@ -2,8 +2,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jblast.waves.direction import elevation
-from jblast.waves.fireball_law import fireball_law_radius_in_image
+from jblast.waves.laws.fireball_radius import fireball_law_radius_in_image
+from jblast.waves.laws.line_of_sight import elevation
 from jblast.waves.paths import slant_range
 
 

@@ -13,26 +13,26 @@ from jblast.constants import (
     TNT_SPECIFIC_ENERGY,
 )
 from jblast.registry import law_for
-from jblast.waves.data_table import data_rows
+from jblast.waves.curves.printed_table import data_rows
 from jblast.waves.euler import decay_at, extrapolated, point_source_march
-from jblast.waves.kingery_bulmash import kingery_bulmash_pressure
-from jblast.waves.point_source import (
-    LENGTH,
-    point_source_arrival_time,
-    point_source_pressure,
-    point_source_shock_speed,
-    point_source_valid,
-)
-from jblast.waves.point_source_arrival import log_sound_fraction
-from jblast.waves.point_source_front import (
+from jblast.waves.laws.kingery_bulmash.laws import kingery_bulmash_pressure
+from jblast.waves.laws.point_source.arrival import log_sound_fraction
+from jblast.waves.laws.point_source.front import (
     ENDS,
     SEDOV_ALPHA,
     log_overpressure_ratio,
     point_source_curve,
     point_source_mach_number,
 )
-from jblast.waves.sedov_alpha import sedov_alpha
-from jblast.waves.sedov_taylor import sedov_taylor_shock_pressure
+from jblast.waves.laws.point_source.laws import (
+    LENGTH,
+    point_source_arrival_time,
+    point_source_pressure,
+    point_source_shock_speed,
+    point_source_valid,
+)
+from jblast.waves.laws.sedov_taylor.alpha import sedov_alpha
+from jblast.waves.laws.sedov_taylor.laws import sedov_taylor_shock_pressure
 
 PRINTED = {
     0.1: (157.8, -2.98),

@@ -4,8 +4,8 @@ import numpy as np
 from slopes import with_slopes
 
 from jblast.constants import TNT_SPECIFIC_ENERGY
-from jblast.waves.sedov_alpha import sedov_alpha
-from jblast.waves.sedov_taylor import (
+from jblast.waves.laws.sedov_taylor.alpha import sedov_alpha
+from jblast.waves.laws.sedov_taylor.laws import (
     EARLIEST_TIME,
     sedov_taylor_energy,
     sedov_taylor_shock_pressure,

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from slopes import check_slopes
 
-from jblast.waves.kingery_bulmash import (
+from jblast.waves.laws.kingery_bulmash.laws import (
     kingery_bulmash_pressure,
     kingery_bulmash_reflected_pressure,
 )
-from jblast.waves.shock_jump import (
+from jblast.waves.shock.rankine_hugoniot import (
     blast_wind,
     dynamic_pressure,
     normally_reflected_pressure,

@@ -12,20 +12,20 @@ from slopes import with_slopes
 from jblast.constants import STANDARD_PRESSURE, STANDARD_SOUND_SPEED
 from jblast.errors import InputError
 from jblast.registry import law_for
-from jblast.waves.kingery_bulmash import (
+from jblast.waves.laws.kingery_bulmash.laws import (
     kingery_bulmash_arrival_time,
     kingery_bulmash_pressure,
     kingery_bulmash_shock_speed,
 )
-from jblast.waves.kingery_bulmash_table import kingery_bulmash_curve
-from jblast.waves.shock_front import JOIN, front_tail
-from jblast.waves.shock_kinematics import (
+from jblast.waves.laws.kingery_bulmash.table import kingery_bulmash_curve
+from jblast.waves.laws.shock_kinematics.front import JOIN, front_tail
+from jblast.waves.laws.shock_kinematics.laws import (
     shock_kinematics_arrival_time,
     shock_kinematics_pressure,
     shock_kinematics_shock_speed,
     shock_kinematics_valid,
 )
-from jblast.waves.weak_shock import weak_shock_tail
+from jblast.waves.laws.weak_shock.tail import weak_shock_tail
 
 BURSTS = ("surface", "free-air")
 FIRST = {"surface": 0.0674, "free-air": 0.0531}

@@ -13,10 +13,11 @@ from slopes import with_slopes
 
 from jblast.constants import STANDARD_PRESSURE, STANDARD_SOUND_SPEED
 from jblast.registry import law_for
-from jblast.waves import kingery_bulmash as kb, swisdak
-from jblast.waves.log_curve import BLEND_WIDTH
-from jblast.waves.shock_kinematics import shock_kinematics_pressure
-from jblast.waves.swisdak_table import swisdak_curve, swisdak_joins
+from jblast.waves.curves.log_polynomial import BLEND_WIDTH
+from jblast.waves.laws.kingery_bulmash import laws as kb
+from jblast.waves.laws.shock_kinematics.laws import shock_kinematics_pressure
+from jblast.waves.laws.swisdak import laws as swisdak
+from jblast.waves.laws.swisdak.table import swisdak_curve, swisdak_joins
 
 TRANSCRIBED_AGAIN = Path(__file__).parents[1] / "data"
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from slopes import check_slopes
 
-from jblast.waves.absorption import DECIBELS_PER_NEPER, stokes_absorption
-from jblast.waves.transmission_loss import transmission_loss
+from jblast.waves.propagation.absorption import DECIBELS_PER_NEPER, stokes_absorption
+from jblast.waves.propagation.transmission_loss import transmission_loss
 
 AIR = (293.15, 101325.0, 0.7)
 """20 C, 70 %: 0.335, 4.98 and 77.6 dB/km at 125 Hz, 1 and 8 kHz."""

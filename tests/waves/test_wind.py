@@ -2,8 +2,8 @@ import jax
 import numpy as np
 import pytest
 
-from jblast.waves.acoustic import acoustic_arrival_time
-from jblast.waves.wind import effective_sound_speed
+from jblast.waves.laws.acoustic import acoustic_arrival_time
+from jblast.waves.propagation.wind import effective_sound_speed
 
 
 def _exact_travel_time(way, wind, sound_speed):

@@ -7,9 +7,8 @@ import pytest
 from slopes import check_slopes
 
 from jblast.registry import call, law_for
-from jblast.waves.kingery_bulmash import kingery_bulmash_arrival_time
-from jblast.waves.paths import Path
-from jblast.waves.wu_hao import (
+from jblast.waves.laws.kingery_bulmash.laws import kingery_bulmash_arrival_time
+from jblast.waves.laws.wu_hao import (
     dual_path_ground_arrival_time,
     wu_hao_air_arrival_time,
     wu_hao_air_valid,
@@ -18,6 +17,7 @@ from jblast.waves.wu_hao import (
     wu_hao_ground_path_valid,
     wu_hao_ground_valid,
 )
+from jblast.waves.paths import Path
 
 
 def test_the_check_case_of_the_thesis_comes_out():

@@ -11,8 +11,8 @@ from jblast.sensors.calculator.question import (
     scene_path,
     tnt_factor_in,
 )
-from jblast.waves.ambient import ambient
-from jblast.waves.ground_factor import ground_factor
+from jblast.waves.laws.ground_factor import ground_factor
+from jblast.waves.propagation.ambient import ambient
 from jblast.waves.scaling import scaled_distance
 
 

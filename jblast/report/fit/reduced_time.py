@@ -12,7 +12,7 @@ from jaxtyping import Float
 from jblast.constants import LIGHT_SPEED
 from jblast.inference.fitting.result import Fit
 from jblast.report.fit.identifiability import unidentified
-from jblast.waves.ambient import sound_speed_of
+from jblast.waves.propagation.ambient import sound_speed_of
 
 
 @dataclass(frozen=True)

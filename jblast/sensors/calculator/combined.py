@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Any
 
-from jblast.waves.friedlander import friedlander_decay
+from jblast.waves.waveform.friedlander import friedlander_decay
 
 
 @dataclass(frozen=True)

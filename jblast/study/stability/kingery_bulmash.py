@@ -10,8 +10,8 @@ from jblast.scene.charge import Burst
 from jblast.study.stability.boundary import turning
 from jblast.study.stability.edge import Edge, witnessed
 from jblast.waves import shock_kinematics_pressure
-from jblast.waves.kingery_bulmash_table import kingery_bulmash_curve
-from jblast.waves.log_curve import BLEND_WIDTH, LogCurve, Segment
+from jblast.waves.curves.log_polynomial import BLEND_WIDTH, LogCurve, Segment
+from jblast.waves.laws.kingery_bulmash.table import kingery_bulmash_curve
 
 CURVES = {
     "peak_overpressure_pa": "incident_pressure",

@@ -27,8 +27,8 @@ from jblast.waves.euler import (
     start_sod,
     start_tube,
 )
+from jblast.waves.euler.initial.shock_tube import SOD_LEFT, SOD_RIGHT
 from jblast.waves.euler.run import COURANT
-from jblast.waves.euler.start_tube import SOD_LEFT, SOD_RIGHT
 from jblast.waves.euler.step import step
 
 CELLS = 100

@@ -4,7 +4,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from jblast.waves.euler.geometry import Geometry
-from jblast.waves.euler.shock_fit import fitted_front
+from jblast.waves.euler.shock_fitting import fitted_front
 from jblast.waves.euler.state import Flow, State, primitives
 
 

@@ -10,12 +10,12 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
+from jblast.waves.curves.hermite import HermiteCurve, hermite_curve
 from jblast.waves.euler.gas import IdealGas
+from jblast.waves.euler.initial.sedov import START_FRACTION, start_sedov
 from jblast.waves.euler.march import March, march
 from jblast.waves.euler.run import COURANT
-from jblast.waves.euler.start_sedov import START_FRACTION, start_sedov
 from jblast.waves.euler.state import Ambient
-from jblast.waves.hermite_curve import HermiteCurve, hermite_curve
 
 STRIDE = 10
 """Steps between records: 2 % of the radius with 100 cells, less later and with more."""

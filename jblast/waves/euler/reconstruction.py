@@ -13,8 +13,8 @@ Leer (1986), AIAA J. 24:1453. It has no switch but at extrema, so it differentia
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from jblast.waves.euler.layout import laid_out
 from jblast.waves.euler.state import Primitives
+from jblast.waves.euler.xla_layout import laid_out
 
 KAPPA = 1.0 / 3.0
 TINY = 1e-30

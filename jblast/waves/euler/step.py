@@ -24,11 +24,11 @@ from jaxtyping import Array, Float
 
 from jblast.waves.euler.gas import Gas
 from jblast.waves.euler.geometry import area, swept_radius
-from jblast.waves.euler.layout import laid_out, worked_out_faces
 from jblast.waves.euler.reconstruction import reconstruct
 from jblast.waves.euler.riemann import face_flux, wave_mass_flux
-from jblast.waves.euler.shock_fit import Front, fitted_front
+from jblast.waves.euler.shock_fitting import Front, fitted_front
 from jblast.waves.euler.state import Flow, Primitives, State, primitives
+from jblast.waves.euler.xla_layout import laid_out, worked_out_faces
 
 
 class Rates(NamedTuple):

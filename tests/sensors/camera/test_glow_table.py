@@ -8,8 +8,8 @@ from jblast.sensors.camera.image.grey_composite import luminance
 from jblast.sensors.camera.rendering.appearance import Look
 from jblast.sensors.camera.rendering.fireball_image import cloud, glow
 from jblast.sensors.camera.rendering.glow_table import glow_table
-from jblast.waves.ambient import ambient
 from jblast.waves.fireball import fireball_duration
+from jblast.waves.propagation.ambient import ambient
 
 LOOK = Look(rim=0.8)
 

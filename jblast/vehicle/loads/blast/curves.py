@@ -22,9 +22,9 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from jblast.constants import STANDARD_PRESSURE, STANDARD_SOUND_SPEED
-from jblast.waves.hermite_curve import HermiteCurve
-from jblast.waves.log_spline import natural_log_spline
-from jblast.waves.waveform import blast_pulse
+from jblast.waves.curves.hermite import HermiteCurve
+from jblast.waves.curves.log_spline import natural_log_spline
+from jblast.waves.waveform.blast_pressure import blast_pulse
 
 FIRST, LAST = 0.07, 1000.0
 """Scaled distances that the curves span [m/kg^(1/3)]."""

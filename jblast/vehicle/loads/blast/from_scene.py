@@ -11,8 +11,8 @@ from jblast.scene import Charge, Scene
 from jblast.scene.charge import Burst
 from jblast.vehicle.loads.blast.burst import Blast
 from jblast.vehicle.loads.blast.load import BlastLoad
-from jblast.waves.ambient import ambient, sound_speed_of
-from jblast.waves.between import path_between
+from jblast.waves.path_between import path_between
+from jblast.waves.propagation.ambient import ambient, sound_speed_of
 
 
 def blast_load(

@@ -19,7 +19,7 @@ from jblast.sensors.camera.rendering.fireball_image import cloud, fireballs_seen
 from jblast.sensors.camera.rendering.glow_table import GlowTable, glow_table
 from jblast.sensors.camera.rendering.render import BACKGROUND
 from jblast.types import as_float_array
-from jblast.waves.ambient import ambient
+from jblast.waves.propagation.ambient import ambient
 
 
 def render_events(

@@ -1,0 +1,1 @@
+"""Fitted and tabulated curves over scaled distance, with slopes and tails."""

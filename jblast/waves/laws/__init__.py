@@ -1,0 +1,1 @@
+"""Published laws, one source a file or folder."""

@@ -1,0 +1,1 @@
+"""Ford et al. (2021): chemical explosions near the ground, buried or raised."""

@@ -1,0 +1,1 @@
+"""Kinney and Graham (1985): chemical and nuclear explosions in free air."""

@@ -1,0 +1,1 @@
+"""The phase below ambient pressure: Rigby et al., UFC 3-340-02."""

@@ -1,0 +1,1 @@
+"""The point source: front, pressure and arrival from Euler runs."""

@@ -1,0 +1,1 @@
+"""Sedov and Taylor: the strong point explosion, and its constant."""

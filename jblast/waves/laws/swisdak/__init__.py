@@ -1,0 +1,1 @@
+"""Swisdak (1994): simplified Kingery air blast, hemispherical."""

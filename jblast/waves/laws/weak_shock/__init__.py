@@ -1,0 +1,1 @@
+"""Weak shocks far away: the tail, its ISO 9613-1 absorption, its pressure."""

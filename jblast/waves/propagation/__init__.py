@@ -1,0 +1,1 @@
+"""What the way does to a wave: air, wind, spreading, absorption."""

@@ -1,0 +1,1 @@
+"""Jump conditions across a shock, and its reflection."""

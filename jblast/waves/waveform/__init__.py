@@ -1,0 +1,1 @@
+"""Pressure against time at a place: Friedlander, finite rise, negative phase."""
