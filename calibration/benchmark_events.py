@@ -20,7 +20,7 @@ from jblast.sensors.camera.events.noise import Imperfections
 from jblast.sensors.camera.events.noisy import real_stream
 from jblast.sensors.camera.events.stream import stream_events
 from jblast.sensors.camera.image.grey_composite import grey_composite
-from jblast.study.charts.events import EFFECTS, USUAL
+from jblast.verification.benchmark.events import EFFECTS, USUAL
 
 HEIGHT, WIDTH, FRAMES, FPS = 260, 346, 512, 1000.0
 BLOCK = 32

@@ -23,13 +23,9 @@ from jblast.inference.mcmc import emcee_engine as ensemble_emcee
 from jblast.inference.mcmc.convergence import convergence
 from jblast.inference.mcmc.state import Stretch
 from jblast.inference.mode.laplace import NORMAL_Q95
-from jblast.study.charts.samplers import (
-    REFERENCE_SEED,
-    known,
-    weighted_ends,
-)
-from jblast.study.five_microphones import RECORDS
-from jblast.study.timed_walks import (
+from jblast.verification.benchmark.samplers import REFERENCE_SEED, known, weighted_ends
+from jblast.verification.cases.five_microphones import RECORDS
+from jblast.verification.cases.timed_sampling import (
     EMCEE,
     SCAN,
     WALKERS,

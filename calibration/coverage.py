@@ -23,7 +23,7 @@ from jblast.scene import Scene, UncertainScene, freed
 from jblast.sensors import observe, planned_layout
 from jblast.sensors.observe import Noise
 from jblast.sensors.record import comparable
-from jblast.study.five_microphones import LAWS, TRUTH, scene_with
+from jblast.verification.cases.five_microphones import LAWS, TRUTH, scene_with
 
 LOGS = 400
 

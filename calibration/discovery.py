@@ -36,12 +36,12 @@ from scipy.signal import lfilter
 from jblast.observations import read
 from jblast.report.discovery.figure import noise_figure
 from jblast.report.discovery.text import outcomes_text, slowing_text
-from jblast.study.discovery import discover
-from jblast.study.discovery_cases import CASES
-from jblast.study.discovery_integrate import replay
-from jblast.study.discovery_noise import MEMBERS, noise_sweep
-from jblast.study.discovery_shock import shock_slowing
-from jblast.study.discovery_terms import polynomial
+from jblast.study.discovery.candidate_terms import polynomial
+from jblast.study.discovery.cases import CASES
+from jblast.study.discovery.discover import discover
+from jblast.study.discovery.noise_sweep import MEMBERS, noise_sweep
+from jblast.study.discovery.replay import replay
+from jblast.study.discovery.shock import shock_slowing
 from jblast.waves import kingery_bulmash_arrival_time, shock_kinematics_arrival_time
 
 TRINITY = Path(__file__).parent / "data" / "trinity.csv"

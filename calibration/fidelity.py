@@ -21,8 +21,7 @@ import numpy as np
 import jblast.fidelity
 from calibration.fidelity_references import spans
 from jblast.cli.start import start_jax
-from jblast.fidelity.chart_laws import method_seconds
-from jblast.fidelity.measure import (
+from jblast.fidelity.measured_errors import (
     ALTITUDES,
     BURSTS,
     FAR_NODES,
@@ -36,6 +35,7 @@ from jblast.fidelity.measure import (
 )
 from jblast.fidelity.reference import REFERENCES
 from jblast.fidelity.timing import machine
+from jblast.verification.benchmark.laws import method_seconds
 
 DATA = Path(jblast.fidelity.__file__).parent / "data"
 

@@ -21,7 +21,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from calibration.gauge_200g import as_read, at_front, distance, table
-from jblast.fidelity.measure import BURSTS, standard_path
+from jblast.fidelity.measured_errors import BURSTS, standard_path
 from jblast.fidelity.reference import END, FORD_START, KINGERY_BULMASH_END, REFERENCES
 from jblast.registry import call, law_for
 from jblast.scene.charge import Burst

@@ -21,13 +21,13 @@ from jaxtyping import Bool, Float
 
 from jblast.cli.start import start_jax
 from jblast.constants import STANDARD_PRESSURE
-from jblast.fidelity import stored
+from jblast.fidelity import error_tables as stored
 from jblast.fidelity.choose import ALIKE
 from jblast.fidelity.errors import is_covered, own_error, relative_errors
-from jblast.fidelity.measure import BURSTS, standard_path, value_of
+from jblast.fidelity.measured_errors import BURSTS, standard_path, value_of
 from jblast.fidelity.reference import REFERENCES, reference_value
+from jblast.fidelity.regimes import Ways, jitted_ways
 from jblast.fidelity.solver import METHOD as SOLVER
-from jblast.fidelity.ways import Ways, jitted_ways
 from jblast.scene.charge import Burst
 from jblast.waves.paths import Path
 from jblast.waves.propagation.atmosphere import (

@@ -10,7 +10,7 @@ def test_a_module_asks_for_the_asked_for_its_room():
         "tests/waves",
         "tests/cli",
     }
-    assert of("jblast/study/stability/edge.py") == {"tests/stability"}
+    assert of("jblast/verification/stability/failure.py") == {"tests/stability"}
     assert of("calibration/fit.py") == {"tests/calibration"}
     assert of("notebooks/01.ipynb") == {"tests/test_notebooks.py"}
 

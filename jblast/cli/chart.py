@@ -41,7 +41,7 @@ def run(asked: argparse.Namespace) -> int:
     from jblast.progress import Level, stages, telling
     from jblast.report import check_directory
     from jblast.report.benchmark.table import chart_markdown, write_chart
-    from jblast.study.charts import TOPICS
+    from jblast.verification.benchmark import TOPICS
 
     known = (*TOPICS, ALL)
     if asked.topic not in known:

@@ -88,7 +88,7 @@ def run(asked: argparse.Namespace) -> int:
 
     from jblast.errors import InputError
     from jblast.progress import stages
-    from jblast.study.discovery_ensemble import FEWEST_OF_INTERVAL
+    from jblast.study.discovery.ensemble import FEWEST_OF_INTERVAL
 
     threshold = asked.threshold
     few = "; fewer have no 5 % and 95 % quantiles"
@@ -103,7 +103,7 @@ def run(asked: argparse.Namespace) -> int:
             )
     if asked.out:
         _check_out(Path(asked.out), force=asked.force)
-    from jblast.study.discovery_file import read_trajectory
+    from jblast.study.discovery.trajectory_file import read_trajectory
 
     begin = stages({"reading": 4.0, "finding": 5.0, "one degree more": 5.0})
     begin("reading")
@@ -112,9 +112,9 @@ def run(asked: argparse.Namespace) -> int:
 
     from jblast.report.discovery.doubts import certain
     from jblast.report.discovery.text import discovery_document, discovery_text
-    from jblast.study.discovery import discover
-    from jblast.study.discovery_integrate import replay
-    from jblast.study.discovery_terms import polynomial
+    from jblast.study.discovery.candidate_terms import polynomial
+    from jblast.study.discovery.discover import discover
+    from jblast.study.discovery.replay import replay
 
     def find(degree: int):
         candidates, outside = (

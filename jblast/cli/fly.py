@@ -106,7 +106,7 @@ def run(asked: argparse.Namespace) -> int:
     from jblast.report.flights.document import flights_document
     from jblast.report.flights.text import flights_text
     from jblast.scene import read_scene
-    from jblast.study.fly import fly_scene
+    from jblast.study.flights.fly import fly_scene
 
     if asked.out:
         check_directory(asked.out, asked.force)
@@ -133,8 +133,8 @@ def _options(asked: argparse.Namespace):
         InputError: A number cannot be used, or the profile is none.
     """
     from jblast.errors import InputError
-    from jblast.study.fly_meeting import Profile
-    from jblast.study.fly_records import TOLERANCE_M, Options
+    from jblast.study.flights.encounter import Profile
+    from jblast.study.flights.records import TOLERANCE_M, Options
     from jblast.vehicle import STEP_S, read_custom_profile
 
     if asked.profile_moments_about and not asked.profile:

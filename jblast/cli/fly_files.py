@@ -14,8 +14,8 @@ from jblast.report.flights.document import flights_csv
 from jblast.report.flights.figure import error_figure, loads_figure
 from jblast.report.flights.path_figure import path_figure
 from jblast.report.flights.trajectory_csv import trajectory_csv
-from jblast.study.fly_records import Flights
-from jblast.study.fly_summary import hold_words, target_of, trajectory_of
+from jblast.study.flights.records import Flights
+from jblast.study.flights.statistics import hold_words, target_of, trajectory_of
 from jblast.vehicle import path_error
 
 JSON = "fly.json"

@@ -36,7 +36,7 @@ def add_arguments(verb: argparse.ArgumentParser) -> None:
 
 def run(asked: argparse.Namespace) -> int:
     """Measure, print, and return the exit code."""
-    from jblast.study.stability.areas import AREAS, area_named
+    from jblast.verification.stability.areas import AREAS, area_named
 
     areas = list(dict.fromkeys(map(area_named, asked.areas))) or list(AREAS)
     if asked.out:
@@ -46,7 +46,7 @@ def run(asked: argparse.Namespace) -> int:
     start_jax()
     from jblast.progress import stages
     from jblast.report.stability.text import stability_json, stability_text
-    from jblast.study.stability.areas import edges_of
+    from jblast.verification.stability.areas import edges_of
 
     begin, edges = stages(dict.fromkeys(areas, 1.0)), {}
     for area in areas:

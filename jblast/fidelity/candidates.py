@@ -5,11 +5,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from jblast.fidelity import solver, stored
+from jblast.fidelity import error_tables as stored, solver
 from jblast.fidelity.choice import Candidate
 from jblast.fidelity.errors import is_covered, own_error, relative_errors
 from jblast.fidelity.reference import REFERENCES, is_piece, refers
-from jblast.fidelity.ways import Ways
+from jblast.fidelity.regimes import Ways
 from jblast.registry import Law, law_for, names_for
 
 ON_THE_GROUND = 0.05

@@ -16,10 +16,10 @@ from jblast.fidelity.candidates import (
     worst_own_error,
 )
 from jblast.fidelity.choice import Candidate, Choice
-from jblast.fidelity.places import by_curves, paths_in, sensors_for, tnt_path
-from jblast.fidelity.reason import reason_for
+from jblast.fidelity.explanation import reason_for
 from jblast.fidelity.reference import REFERENCES, refers
-from jblast.fidelity.ways import Ways, jitted_ways
+from jblast.fidelity.regimes import Ways, jitted_ways
+from jblast.fidelity.sensor_paths import by_curves, paths_in, sensors_for, tnt_path
 from jblast.quantities import TIMES
 from jblast.registry import names_for
 from jblast.scene import Scene, Sensor, UncertainScene

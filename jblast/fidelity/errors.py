@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from jblast.constants import STANDARD_PRESSURE
-from jblast.fidelity import stored
+from jblast.fidelity import error_tables as stored
 from jblast.fidelity.reference import (
     END,
     KINGERY_BULMASH_END,
@@ -14,7 +14,7 @@ from jblast.fidelity.reference import (
     is_piece,
     is_too_far,
 )
-from jblast.fidelity.ways import Numbers, Ways
+from jblast.fidelity.regimes import Numbers, Ways
 
 
 def relative_errors(quantity: str, ways: Ways) -> dict[str, Numbers]:

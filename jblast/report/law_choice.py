@@ -3,7 +3,7 @@
 import math
 
 from jblast.fidelity import Candidate, Choice
-from jblast.fidelity.reason import percent
+from jblast.fidelity.explanation import percent
 from jblast.report.fit.terminal import hanging
 
 ABSENT = "-"

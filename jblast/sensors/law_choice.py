@@ -13,7 +13,7 @@ from jaxtyping import Float
 
 from jblast.errors import InputError, nearest
 from jblast.fidelity import choose_for, tolerance_of
-from jblast.fidelity.ways import Ways, ways_of
+from jblast.fidelity.regimes import Ways, ways_of
 from jblast.kept_programs import kept
 from jblast.registry import names_for
 from jblast.scene import Charge, Scene

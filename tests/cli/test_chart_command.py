@@ -3,7 +3,7 @@ import csv
 import pytest
 from cli_files import Command
 
-from jblast.fidelity.topic import TOPICS, Point, Topic
+from jblast.verification.benchmark.chart import TOPICS, Point, Topic
 
 HALVES = "halves of something"
 
@@ -23,7 +23,7 @@ def topic(monkeypatch):
         Point("alone", 1e-7, 0.2, "Z = 40 to 1000", "far"),
     ]
     fake = Topic("halves", HALVES, "a half", "a share", lambda tell: points)
-    import jblast.study.charts  # noqa: F401  the real ones enter the table first
+    import jblast.verification.benchmark  # noqa: F401  the real ones enter the table first
 
     monkeypatch.setitem(TOPICS, "halves", fake)
     return fake
@@ -67,7 +67,7 @@ def test_help_names_every_topic():
     import argparse
 
     from jblast.cli import chart
-    from jblast.study.charts import TOPICS
+    from jblast.verification.benchmark import TOPICS
 
     verb = argparse.ArgumentParser()
     chart.add_arguments(verb)

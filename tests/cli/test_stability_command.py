@@ -8,8 +8,8 @@ from cli_files import Command
 
 from jblast.cli import stability
 from jblast.report.stability.text import stability_markdown, stability_text
-from jblast.study.stability.areas import AREAS
-from jblast.study.stability.edge import Edge, witnessed
+from jblast.verification.stability.areas import AREAS
+from jblast.verification.stability.failure import Edge, witnessed
 
 
 @pytest.fixture

@@ -7,10 +7,23 @@ import pytest
 from scipy.interpolate import PchipInterpolator
 
 from jblast.errors import InputError
-from jblast.fidelity.chart_waveforms import form_error, own_error, waveform_points
-from jblast.fidelity.closed_waveforms import POSITIVE, WHOLE, Told, with_suction
-from jblast.fidelity.gauge_waveforms import Waveform, gauge_march, waveforms
-from jblast.fidelity.topic import on_front
+from jblast.verification.benchmark.chart import on_front
+from jblast.verification.benchmark.closed_waveforms import (
+    POSITIVE,
+    WHOLE,
+    Told,
+    with_suction,
+)
+from jblast.verification.benchmark.gauge_waveforms import (
+    Waveform,
+    gauge_march,
+    waveforms,
+)
+from jblast.verification.benchmark.waveforms import (
+    form_error,
+    own_error,
+    waveform_points,
+)
 from jblast.waves.laws.point_source.front import log_overpressure_ratio
 from jblast.waves.waveform.friedlander import friedlander_impulse
 

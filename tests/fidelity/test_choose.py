@@ -5,11 +5,11 @@ import numpy as np
 import pytest
 
 from jblast.errors import InputError
-from jblast.fidelity import choose, stored
+from jblast.fidelity import choose, error_tables as stored
 from jblast.fidelity.choose import ALIKE, SHARE_OF_SIGMA, tolerance_of
-from jblast.fidelity.measure import standard_path
+from jblast.fidelity.measured_errors import standard_path
 from jblast.fidelity.reference import END, FARTHEST
-from jblast.fidelity.ways import ways_of
+from jblast.fidelity.regimes import ways_of
 from jblast.scene import Charge, Scene, Sensor, UncertainScene, freed
 from jblast.scene.parameters import with_values
 from jblast.scene.priors import LogNormal

@@ -10,10 +10,10 @@ import pytest
 from calibration.promises import promises, random_path, real_errors, wilson_lower
 from jblast.fidelity import choose_for
 from jblast.fidelity.choose import ALIKE
-from jblast.fidelity.measure import BURSTS
+from jblast.fidelity.measured_errors import BURSTS
 from jblast.fidelity.reference import REFERENCES
+from jblast.fidelity.regimes import jitted_ways
 from jblast.fidelity.solver import METHOD as SOLVER
-from jblast.fidelity.ways import jitted_ways
 from jblast.registry import call, law_for
 
 FEW = 200

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from calibration.fidelity_references import spans
-from jblast.fidelity import stored
-from jblast.fidelity.measure import (
+from jblast.fidelity import error_tables as stored
+from jblast.fidelity.measured_errors import (
     BURSTS,
     FAR_NODES,
     MASSES,

@@ -1,7 +1,7 @@
 import numpy as np
 from hypothesis import given, strategies as st
 
-from jblast.fidelity.topic import Point, on_front, panels
+from jblast.verification.benchmark.chart import Point, on_front, panels
 
 positive = st.floats(1e-9, 1e3)
 some = st.lists(st.tuples(positive, positive, st.sampled_from("ab")), max_size=12)

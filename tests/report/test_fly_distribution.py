@@ -6,9 +6,9 @@ import pytest
 
 from jblast.report.flights.distribution_figure import distribution_figure
 from jblast.scene import VehicleSpec
-from jblast.study.fly_exposure import Exposure
-from jblast.study.fly_meeting import Meeting
-from jblast.study.fly_records import Flights, Flown, Options
+from jblast.study.flights.encounter import Meeting
+from jblast.study.flights.exposure import Exposure
+from jblast.study.flights.records import Flights, Flown, Options
 from jblast.vehicle import FlightMetrics
 
 COUNT = 40

@@ -7,7 +7,11 @@ from jblast.errors import InputError
 from jblast.inference import fit
 from jblast.observations.clocks import refuse_unresolved
 from jblast.scene import Free, Scene, UncertainScene
-from jblast.study.stability.clocks import arrival_at, clock_edges, coarse_from
+from jblast.verification.stability.laws.clocks import (
+    arrival_at,
+    clock_edges,
+    coarse_from,
+)
 
 
 def test_single_precision_steps_over_a_millisecond_from_16384_s_on():

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from jblast.study.event_disc import analytic
-from jblast.study.stability import events
-from jblast.study.stability.edge import EDGES
-from jblast.study.stability.lenses import behind_edge, fold_edge
+from jblast.verification.cases.moving_disc import analytic
+from jblast.verification.stability.camera import events
+from jblast.verification.stability.camera.lenses import behind_edge, fold_edge
+from jblast.verification.stability.failure import EDGES
 
 
 def test_events_are_entered_into_the_map():

@@ -8,11 +8,15 @@ import pytest
 from jblast.inference import fit
 from jblast.inference.fitting.unidentified import NEAR, ambiguities
 from jblast.inference.mode.laplace import NORMAL_Q95
-from jblast.study.stability import outliers, poor_starts, untold
-from jblast.study.stability.arrival_logs import line, ring, told
-from jblast.study.stability.edge import EDGES
-from jblast.study.stability.fits import fits
-from jblast.study.stability.stock_fits import SOLVERS, TOLERANCE
+from jblast.verification.stability.failure import EDGES
+from jblast.verification.stability.inference import (
+    outliers,
+    poor_starts,
+    unidentifiable as untold,
+)
+from jblast.verification.stability.inference.arrival_logs import line, ring, told
+from jblast.verification.stability.inference.fits import fits
+from jblast.verification.stability.inference.stock_solvers import SOLVERS, TOLERANCE
 
 
 def test_fits_are_entered_into_the_map():

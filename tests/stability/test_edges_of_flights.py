@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 
-from jblast.study.stability import (
-    flight_blasts,
-    flight_kernels,
+from jblast.verification.stability.failure import EDGES
+from jblast.verification.stability.flights import (
+    blasts as flight_blasts,
     flights,
     hold_limits,
     pulses,
+    warp_kernels as flight_kernels,
 )
-from jblast.study.stability.edge import EDGES
 
 
 def test_flights_are_entered_into_the_map():

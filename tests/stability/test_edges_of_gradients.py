@@ -3,7 +3,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jblast.study.stability.gradients import (
+from jblast.verification.stability.laws.gradients import (
     gradient_edges,
     laws_without_slope,
     pulse,

@@ -9,14 +9,17 @@ from jblast.inference import fit
 from jblast.observations import Observations
 from jblast.registry import LAWS
 from jblast.scene import Charge, Free, Scene, UncertainScene
-from jblast.study.stability.kingery_bulmash import kept_value, printed_value
-from jblast.study.stability.laws import (
+from jblast.verification.stability.laws.kingery_bulmash import kept_value, printed_value
+from jblast.verification.stability.laws.laws import (
     kinney_graham_edges,
     law_edges,
     stokes_edges,
     wu_hao_edges,
 )
-from jblast.study.stability.point_sources import energy_error, point_source_edges
+from jblast.verification.stability.laws.point_sources import (
+    energy_error,
+    point_source_edges,
+)
 from jblast.waves import (
     iso_9613_absorption,
     kingery_bulmash_arrival_time,

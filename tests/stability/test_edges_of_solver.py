@@ -5,7 +5,12 @@ import numpy as np
 import pytest
 
 from jblast.errors import InputError
-from jblast.study.stability.solver import fewest_cells, sod_end, torn, wave_error
+from jblast.verification.stability.laws.shock_solver import (
+    fewest_cells,
+    sod_end,
+    torn,
+    wave_error,
+)
 from jblast.waves.euler import (
     Ambient,
     IdealGas,

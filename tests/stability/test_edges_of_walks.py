@@ -8,12 +8,12 @@ from jblast.inference import ensemble, fit
 from jblast.inference.fitting.uncertainty import how_sure
 from jblast.inference.importance.psis import ENDS
 from jblast.inference.mcmc.convergence import LONG_ENOUGH
-from jblast.study.stability import ridges, two_modes
-from jblast.study.stability.arrival_logs import circle, told
-from jblast.study.stability.edge import EDGES
-from jblast.study.stability.two_modes import FAR, LESSER, STEPS
-from jblast.study.stability.untold import wu_hao_told
-from jblast.study.stability.walks import walks
+from jblast.verification.stability.failure import EDGES
+from jblast.verification.stability.inference import ridges, two_modes
+from jblast.verification.stability.inference.arrival_logs import circle, told
+from jblast.verification.stability.inference.samplers import walks
+from jblast.verification.stability.inference.two_modes import FAR, LESSER, STEPS
+from jblast.verification.stability.inference.unidentifiable import wu_hao_told
 
 
 def test_walks_are_entered_into_the_map():

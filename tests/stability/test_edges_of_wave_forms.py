@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from jblast.sensors.calculator.combined import COMBINATIONS
-from jblast.study.stability.wave_forms import (
+from jblast.verification.stability.laws.waveforms import (
     closed_form,
     conwep_decay,
     impulse_errors,

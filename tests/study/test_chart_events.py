@@ -1,10 +1,10 @@
 import numpy as np
 import pytest
 
-from jblast.fidelity.topic import on_front
 from jblast.sensors.camera.events.noise import IDEAL
-from jblast.study.charts import events
-from jblast.study.charts.events import Sent, stamp_errors, unlike
+from jblast.verification.benchmark import events
+from jblast.verification.benchmark.chart import on_front
+from jblast.verification.benchmark.events import Sent, stamp_errors, unlike
 
 
 def error_us(found):

@@ -1,10 +1,10 @@
 import numpy as np
 import pytest
 
-from jblast.fidelity.topic import on_front
-from jblast.study.charts.fits import STOCK, Ends, by_scipy, fit_points, missed
-from jblast.study.stability.poor_starts import best_known, draw, ours
-from jblast.study.stability.stock_fits import stock_fits
+from jblast.verification.benchmark.chart import on_front
+from jblast.verification.benchmark.fits import STOCK, Ends, by_scipy, fit_points, missed
+from jblast.verification.stability.inference.poor_starts import best_known, draw, ours
+from jblast.verification.stability.inference.stock_solvers import stock_fits
 
 LOGS, SOLVED, LOOPED = 200, 2, 20
 

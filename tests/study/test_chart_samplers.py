@@ -4,8 +4,8 @@ import pytest
 
 from jblast.inference.importance.psis import Importance
 from jblast.inference.mode.laplace import Laplace
-from jblast.study.charts.samplers import known, sampler_points, weighted_ends
-from jblast.study.timed_walks import (
+from jblast.verification.benchmark.samplers import known, sampler_points, weighted_ends
+from jblast.verification.cases.timed_sampling import (
     EMCEE,
     SCAN,
     WALKERS,

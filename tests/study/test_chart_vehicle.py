@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
 
-from jblast.fidelity.topic import TOPICS, Point
 from jblast.report.benchmark.figure import chart_figure
-from jblast.study.charts import vehicle
+from jblast.verification.benchmark import flights as vehicle
+from jblast.verification.benchmark.chart import TOPICS, Point
 
 
 def test_the_order_is_read_where_neither_rounding_nor_stability_flattens_it():

@@ -4,14 +4,14 @@ from scipy.integrate import solve_ivp
 
 from jblast.errors import InputError
 from jblast.report.discovery.text import discovery_text
-from jblast.study.discovery import discover
-from jblast.study.discovery_cases import drag_case, motor_case
-from jblast.study.discovery_ensemble import basic_interval, interval_level
-from jblast.study.discovery_integrate import replay
-from jblast.study.discovery_noise import noisy_states
-from jblast.study.discovery_smooth import smoothed
-from jblast.study.discovery_terms import Candidates, polynomial
-from jblast.study.discovery_weak import half_width, windows
+from jblast.study.discovery.candidate_terms import Candidates, polynomial
+from jblast.study.discovery.cases import drag_case, motor_case
+from jblast.study.discovery.discover import discover
+from jblast.study.discovery.ensemble import basic_interval, interval_level
+from jblast.study.discovery.noise_sweep import noisy_states
+from jblast.study.discovery.replay import replay
+from jblast.study.discovery.smoothing import smoothed
+from jblast.study.discovery.weak_form import half_width, windows
 
 TIME = np.linspace(0.0, 10.0, 401)
 

@@ -6,13 +6,13 @@ from scipy.integrate import solve_ivp
 from scipy.interpolate import make_smoothing_spline
 
 from jblast.report.discovery.doubts import certain, doubts
-from jblast.study.discovery import discover
-from jblast.study.discovery_cases import motor_case
-from jblast.study.discovery_integrate import replay
-from jblast.study.discovery_judge import Judgement, left_over, unlikely
-from jblast.study.discovery_noise import noise_sweep
-from jblast.study.discovery_smooth import smoothed
-from jblast.study.discovery_terms import polynomial
+from jblast.study.discovery.candidate_terms import polynomial
+from jblast.study.discovery.cases import motor_case
+from jblast.study.discovery.discover import discover
+from jblast.study.discovery.judge import Judgement, left_over, unlikely
+from jblast.study.discovery.noise_sweep import noise_sweep
+from jblast.study.discovery.replay import replay
+from jblast.study.discovery.smoothing import smoothed
 
 TIME = np.linspace(0.0, 20.0, 401)
 PUSH = 2.0 * np.sin(1.3 * TIME) + 1.2 * np.sin(0.47 * TIME + 1.0)

@@ -6,9 +6,9 @@ import pytest
 from jblast.constants import STANDARD_SOUND_SPEED
 from jblast.errors import InputError
 from jblast.observations import read
-from jblast.study.discovery_cases import shock_case
-from jblast.study.discovery_noise import noise_sweep
-from jblast.study.discovery_shock import shock_slowing
+from jblast.study.discovery.cases import shock_case
+from jblast.study.discovery.noise_sweep import noise_sweep
+from jblast.study.discovery.shock import shock_slowing
 from jblast.waves import shock_kinematics_arrival_time
 
 TRINITY = Path(__file__).parents[2] / "calibration" / "data" / "trinity.csv"

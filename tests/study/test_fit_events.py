@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from jblast.sensors.camera.events.ideal import Events
-from jblast.study.fireball_film import (
+from jblast.study.event_inversion.fireball_film import (
     MASS,
     START,
     THRESHOLDS,
@@ -11,7 +11,7 @@ from jblast.study.fireball_film import (
     log_frames,
     true_counts,
 )
-from jblast.study.fit_events import event_counts, fit_events
+from jblast.study.event_inversion.fit_events import event_counts, fit_events
 
 
 @pytest.fixture(scope="module")

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from jblast.scene import Charge, Scene
-from jblast.study.fly_exposure import Exposure, exposed
-from jblast.study.fly_meeting import Profile, load_of, meeting_at
+from jblast.study.flights.encounter import Profile, load_of, meeting_at
+from jblast.study.flights.exposure import Exposure, exposed
 from jblast.vehicle import State, blast_load, named
 from jblast.vehicle.quadrotor.models import PARAMETERS
 from jblast.vehicle.thresholds import THRESHOLDS

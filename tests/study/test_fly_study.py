@@ -24,10 +24,10 @@ from jblast.scene import (
     VehicleSpec,
     with_values,
 )
-from jblast.study import fly
-from jblast.study.fly import Options, fly_scene
-from jblast.study.fly_meeting import Profile, load_of, meeting_at
-from jblast.study.fly_summary import quantiles, share_interval, warnings_of
+from jblast.study.flights import fly
+from jblast.study.flights.encounter import Profile, load_of, meeting_at
+from jblast.study.flights.fly import Options, fly_scene
+from jblast.study.flights.statistics import quantiles, share_interval, warnings_of
 from jblast.vehicle import blast_load, flight_metrics
 
 PLACE = jnp.array([5.0, 0.0, 2.0])

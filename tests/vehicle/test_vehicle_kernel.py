@@ -239,7 +239,10 @@ def squared_deviation(mass, backend):
 @pytest.mark.slow
 def test_an_adjoint_of_a_loop_that_overwrites_its_state_is_wrong():
     """The trap: Warp's tape of x <- x + h x^2 errs by percents, and says nothing."""
-    from jblast.study.stability.overwriting_loop import slope_by_tape, slope_of_steps
+    from jblast.verification.stability.flights.overwriting_loop import (
+        slope_by_tape,
+        slope_of_steps,
+    )
 
     assert slope_by_tape(1.0, 0) == pytest.approx(1.0)
     assert abs(slope_by_tape(1.0, 20) / slope_of_steps(1.0, 20) - 1) > 0.005

@@ -12,7 +12,6 @@ from matplotlib.patheffects import withStroke
 from matplotlib.ticker import EngFormatter, FuncFormatter, LogLocator, NullFormatter
 from matplotlib.transforms import Bbox
 
-from jblast.fidelity.topic import Point, Topic, on_front, panels
 from jblast.report.figure_style import (
     BLUE,
     INK,
@@ -23,6 +22,7 @@ from jblast.report.figure_style import (
     titled,
 )
 from jblast.report.words import capitalised
+from jblast.verification.benchmark.chart import Point, Topic, on_front, panels
 
 APART = 1e3
 """A method that costs so many times the next cheaper one stands at the right edge."""

@@ -6,11 +6,11 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from jblast.fidelity.timing import machine
-from jblast.fidelity.topic import Point, Topic, on_front, panels
 from jblast.files import write_text
 from jblast.report.benchmark.figure import chart_figure
 from jblast.report.figure_files import write_figure
 from jblast.report.words import capitalised
+from jblast.verification.benchmark.chart import Point, Topic, on_front, panels
 
 COLUMNS = ("method", "cost_s", "error", "on_front", "range")
 

@@ -1,9 +1,9 @@
 """What speaks against an equation that was found, in words."""
 
 from jblast.report.numbers import significant
-from jblast.study.discovery import Discovery
-from jblast.study.discovery_integrate import Replay
-from jblast.study.discovery_judge import DOUBTFUL, FEWEST_MEMBERS
+from jblast.study.discovery.discover import Discovery
+from jblast.study.discovery.judge import DOUBTFUL, FEWEST_MEMBERS
+from jblast.study.discovery.replay import Replay
 
 
 def doubts(found: Discovery, again: Replay, state: int) -> list[str]:

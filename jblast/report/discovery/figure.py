@@ -21,9 +21,9 @@ from jblast.report.figure_style import (
     quiet,
     titled,
 )
-from jblast.study.discovery import Discovery
-from jblast.study.discovery_integrate import Replay
-from jblast.study.discovery_noise import Outcome
+from jblast.study.discovery.discover import Discovery
+from jblast.study.discovery.noise_sweep import Outcome
+from jblast.study.discovery.replay import Replay
 
 DATA = "#b0b0b0"
 

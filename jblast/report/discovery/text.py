@@ -11,10 +11,10 @@ import numpy as np
 
 from jblast.report.discovery.doubts import certain, doubts, doubts_text
 from jblast.report.numbers import finite, significant
-from jblast.study.discovery import Discovery
-from jblast.study.discovery_integrate import Replay
-from jblast.study.discovery_noise import Outcome
-from jblast.study.discovery_shock import Slowing
+from jblast.study.discovery.discover import Discovery
+from jblast.study.discovery.noise_sweep import Outcome
+from jblast.study.discovery.replay import Replay
+from jblast.study.discovery.shock import Slowing
 
 HELD = (0.73, 1.0)
 """Share of noisy records whose 90 % interval held the truth; least and greatest of the

@@ -18,8 +18,8 @@ from jblast.report.figure_style import (
 )
 from jblast.report.flights.figure import HOLD_COLOURS
 from jblast.report.numbers import printed_number, unit_for
-from jblast.study.fly_records import Flights, Flown
-from jblast.study.fly_summary import flies_on, hold_words, metric
+from jblast.study.flights.records import Flights, Flown
+from jblast.study.flights.statistics import flies_on, hold_words, metric
 
 MOST_POINTS = 4000
 """Of the scatter: more only darken it."""

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from jblast.report.json_values import plain
-from jblast.study.fly_records import Flights, Flown
-from jblast.study.fly_summary import (
+from jblast.study.flights.records import Flights, Flown
+from jblast.study.flights.statistics import (
     EXPOSURES,
     METRICS,
     flies_on,

@@ -17,8 +17,8 @@ from jblast.report.figure_style import (
     titled,
 )
 from jblast.report.numbers import printed_number, unit_for
-from jblast.study.fly_records import Flights
-from jblast.study.fly_summary import hold_words, target_of, trajectory_of
+from jblast.study.flights.records import Flights
+from jblast.study.flights.statistics import hold_words, target_of, trajectory_of
 from jblast.vehicle import path_error
 
 HOLD_COLOURS = (BLUE, VERMILLION)

@@ -10,8 +10,8 @@ from mpl_toolkits.mplot3d.axes3d import Axes3D
 
 from jblast.report.figure_style import INK, MUTED, VERMILLION, new_figure
 from jblast.report.numbers import unit_for
-from jblast.study.fly_records import Flights
-from jblast.study.fly_summary import hold_words, target_of, trajectory_of
+from jblast.study.flights.records import Flights
+from jblast.study.flights.statistics import hold_words, target_of, trajectory_of
 
 SHADOW = "#d0d0d0"
 

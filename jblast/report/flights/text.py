@@ -9,8 +9,8 @@ from numpy.typing import ArrayLike
 
 from jblast.report.numbers import printed_number, significant
 from jblast.report.words import capitalised, parameter_words
-from jblast.study.fly_records import Flights
-from jblast.study.fly_summary import (
+from jblast.study.flights.records import Flights
+from jblast.study.flights.statistics import (
     EXPOSURES,
     METRICS,
     flies_on,

@@ -9,7 +9,7 @@ from matplotlib.patches import Patch
 from jblast.report.figure_style import BLUE, MUTED, new_figure
 from jblast.report.stability.law_map import DEED_COLOURS, law_map
 from jblast.report.stability.panels import PANELS, shares
-from jblast.study.stability.edge import Edge
+from jblast.verification.stability.failure import Edge
 
 
 def stability_figure(edges: Mapping[str, Sequence[Edge]]) -> Figure:

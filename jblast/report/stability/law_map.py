@@ -17,7 +17,7 @@ from jblast.report.words import capitalised, quantity_words
 from jblast.scene import Charge, Scene
 from jblast.scene.charge import Burst
 from jblast.sensors.calculator.question import scene_path, with_rows
-from jblast.study.stability.edge import Edge
+from jblast.verification.stability.failure import Edge
 from jblast.waves import sedov_taylor_energy
 
 MASS = 15.0

@@ -8,12 +8,12 @@ from matplotlib.axes import Axes
 from jblast.report.figure_style import BLUE, INK, MUTED, VERMILLION, quiet, titled
 from jblast.report.stability.law_map import DEED_COLOURS
 from jblast.report.stability.text import boundary_words
-from jblast.study.stability.clocks import FINE, SIGMA, TIMES
-from jblast.study.stability.edge import Edge
-from jblast.study.stability.gradients import MOST_SAMPLES, slope_felt
-from jblast.study.stability.pulses import impulse_errors as pulse_errors
-from jblast.study.stability.solver import SHORT, sod_end, wave_error
-from jblast.study.stability.wave_forms import impulse_errors
+from jblast.verification.stability.failure import Edge
+from jblast.verification.stability.flights.pulses import impulse_errors as pulse_errors
+from jblast.verification.stability.laws.clocks import FINE, SIGMA, TIMES
+from jblast.verification.stability.laws.gradients import MOST_SAMPLES, slope_felt
+from jblast.verification.stability.laws.shock_solver import SHORT, sod_end, wave_error
+from jblast.verification.stability.laws.waveforms import impulse_errors
 
 MOST_BARS = 14
 

@@ -10,7 +10,7 @@ from jblast.report.fit.terminal import hanging
 from jblast.report.json_values import plain
 from jblast.report.numbers import printed_number
 from jblast.report.words import capitalised
-from jblast.study.stability.edge import Edge
+from jblast.verification.stability.failure import Edge
 
 Edges = Mapping[str, Sequence[Edge]]
 """By area."""

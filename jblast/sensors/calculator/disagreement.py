@@ -115,7 +115,7 @@ def _taken(question: Question, quantity: str, row: int) -> tuple[str, str]:
     # what is stored of methods is read where laws disagree, and only there
     from jblast.fidelity import choose_for
     from jblast.fidelity.reference import REFERENCES
-    from jblast.fidelity.ways import jitted_ways
+    from jblast.fidelity.regimes import jitted_ways
 
     if quantity not in REFERENCES:
         return "", "nothing here tells which of them is nearer to nature"

@@ -8,7 +8,7 @@ from jblast.errors import InputError
 from jblast.sensors.camera.events.exact.crossing_times import frameless_events
 from jblast.sensors.camera.events.exact.implicit_gradient import implicit_times
 from jblast.sensors.camera.events.ideal import ideal_events
-from jblast.study.event_disc import (
+from jblast.verification.cases.moving_disc import (
     BRIGHT,
     DARK,
     DURATION,

@@ -9,7 +9,7 @@ from jblast.sensors.camera.events.ideal import ideal_events
 from jblast.sensors.camera.events.log_intensity import grey_table, log_intensity
 from jblast.sensors.camera.events.stream import stream_events
 from jblast.sensors.camera.image.grey_composite import LUMINANCE, grey_composite
-from jblast.study.event_disc import HEIGHT, THRESHOLD, WIDTH, film
+from jblast.verification.cases.moving_disc import HEIGHT, THRESHOLD, WIDTH, film
 
 convert = jax.jit(ideal_events, static_argnames="capacity")
 SHAPE = (40, 12, 17)

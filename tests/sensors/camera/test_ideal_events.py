@@ -13,7 +13,7 @@ from jblast.sensors.camera.events.log_intensity import (
     log_intensity,
 )
 from jblast.sensors.camera.events.pixel import first_reference
-from jblast.study.event_disc import (
+from jblast.verification.cases.moving_disc import (
     THRESHOLD,
     WIDTH,
     analytic,

@@ -16,7 +16,7 @@ from jblast.sensors.camera.events.noise import (
     shot_noise,
 )
 from jblast.sensors.camera.events.noisy import real_events, real_stream
-from jblast.study.event_disc import HEIGHT, THRESHOLD, WIDTH, film
+from jblast.verification.cases.moving_disc import HEIGHT, THRESHOLD, WIDTH, film
 
 KEY = jax.random.key(0)
 BOTH = (THRESHOLD, THRESHOLD)

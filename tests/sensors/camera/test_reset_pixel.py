@@ -11,7 +11,7 @@ from jblast.sensors.camera.events.ideal import ideal_events, reset_events
 from jblast.sensors.camera.events.noise import IDEAL
 from jblast.sensors.camera.events.noisy import real_events
 from jblast.sensors.camera.events.stream import stream_events
-from jblast.study.event_disc import THRESHOLD, film
+from jblast.verification.cases.moving_disc import THRESHOLD, film
 
 BOTH = (0.2, 0.3)
 TAU = 0.013

@@ -1,0 +1,1 @@
+"""Laws of motion found in what was recorded, and judged."""

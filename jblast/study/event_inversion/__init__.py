@@ -1,0 +1,1 @@
+"""A blast's numbers from an event camera's film."""

@@ -1,0 +1,1 @@
+"""A scene's vehicles flown through its blasts, one or many."""

@@ -1,0 +1,219 @@
+"""Position hold through a scene's blasts: one flight, or many drawn from its priors.
+
+The flight begins at 0 on the scene's clock, over level ground at height 0, in the
+scene's wind. Each vehicle flies twice, with and without integral action: without it a
+wind leaves an offset for ever, and no recovery.
+"""
+
+import math
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from jblast.kept_programs import kept
+from jblast.progress import counted
+from jblast.scene import Scene, UncertainScene, VehicleSpec
+from jblast.study.flights.bursts import with_bursts_at_start
+from jblast.study.flights.draws import checked_scene, drawn_scenes, drawn_values
+from jblast.study.flights.duration import BATCH_ROWS, flight_seconds, rows_stored
+from jblast.study.flights.encounter import FlightLoad, Profile, load_of, met
+from jblast.study.flights.exposure import exposed
+from jblast.study.flights.records import Flights, Flown, Options
+from jblast.vehicle import (
+    Each,
+    State,
+    StepGust,
+    flight_metrics,
+    hold_of,
+    path_error,
+    simulate,
+    start_of,
+    vehicle_of,
+)
+from jblast.vehicle.quadrotor.numbers import in_precision
+
+GROUND_UP_M = 0.0
+HOLDS = {"with_integral": True, "without_integral": False}
+"""Names of the holds, and whether each has integral action."""
+
+CHUNK = {"cpu": 2048, "gpu": 16_384}
+"""Vehicles of `BATCH_ROWS` in memory at once: on a CPU some 2 GB, in float64."""
+
+
+def fly_scene(
+    uncertain: UncertainScene,
+    options: Options | None = None,
+    *,
+    vehicles: int = 1,
+    seed: int = 0,
+) -> Flights:
+    """Fly a scene's vehicle through its blasts.
+
+    Args:
+        uncertain: The scene; what has a prior is drawn from it.
+        options: How to fly; None: the defaults.
+        vehicles: How many scenes are drawn.
+        seed: Of the draws.
+
+    Raises:
+        InputError: The scene cannot be flown, a number cannot be drawn, or an option
+            cannot be used.
+    """
+    options = Options() if options is None else options
+    vehicle = checked_scene(uncertain, vehicles, options.profile is not None)
+    scenes = drawn_scenes(uncertain, vehicles, seed)
+    notes = ()
+    if options.profile is None:
+        scenes, notes = with_bursts_at_start(scenes, vehicle)
+    seconds = flight_seconds(scenes, vehicle, uncertain.source, options)
+    names = tuple(HOLDS)
+    own = None if vehicle.integral is None else names[not vehicle.integral]
+    if own == names[1]:
+        names = names[::-1]
+    flown: dict[str, list[Flown]] = {name: [] for name in names}
+    most = CHUNK["cpu" if jax.default_backend() == "cpu" else "gpu"]
+    rows = rows_stored(seconds, vehicles)
+    if rows > BATCH_ROWS:
+        most = max(1, most * BATCH_ROWS // rows)
+    chunks = math.ceil(vehicles / most)
+    size = math.ceil(vehicles / chunks)
+    through = counted(vehicles, "vehicles")
+    for n in range(chunks):
+        # the last chunk is filled up: another size would compile everything anew
+        lanes = np.minimum(np.arange(n * size, (n + 1) * size), vehicles - 1)
+        some = scenes if vehicles == 1 else _lanes(scenes, lanes)
+        for nth, name in enumerate(names, start=1):
+            flown[name].append(_flown(some, vehicle, name, seconds, vehicles, options))
+            here = min(size, vehicles - n * size)
+            through(n * size + nth / len(names) * here)
+    charges = scenes.charges
+    return Flights(
+        vehicle=vehicle,
+        options=options,
+        seconds=seconds,
+        count=vehicles,
+        drawn=drawn_values(uncertain, scenes),
+        blasts=tuple(charge.name for charge in charges),
+        places_m=np.stack(
+            [np.stack([c.east, c.north, c.up], axis=-1) for c in charges], axis=-2
+        ),
+        wind_m_s=np.stack([scenes.air.wind_east, scenes.air.wind_north], axis=-1),
+        holds={name: _joined(parts, vehicles) for name, parts in flown.items()},
+        own=own,
+        notes=notes,
+    )
+
+
+def _flown(
+    scenes: Scene,
+    spec: VehicleSpec,
+    hold: str,
+    seconds: float,
+    vehicles: int,
+    options: Options,
+) -> Flown:
+    """Fly some vehicles with one hold."""
+    single = vehicles == 1
+    control = hold_of(spec, integral=HOLDS[hold])
+    start, load = start_of(spec), _load(scenes, options.profile, single)
+    wind = StepGust(_wind(scenes), 0 * scenes.air.wind_east)
+    if not single:
+        count = scenes.air.wind_east.shape
+        start = jax.tree.map(lambda x: jnp.broadcast_to(x, (*count, *x.shape)), start)
+    if jax.default_backend() != "cpu" or options.backend.startswith("warp"):
+        start = in_precision(start, np.dtype("float32"))
+    steps = math.ceil(seconds / options.step_s)
+    trajectory = simulate(
+        vehicle_of(spec),
+        start,
+        duration_s=seconds,
+        step_s=options.step_s,
+        integrator=options.integrator,
+        control=control,
+        wind=wind if single else Each(wind),
+        loads=(load if single else Each(load),),
+        ground_up_m=GROUND_UP_M,
+        store_every=math.ceil(steps / rows_stored(seconds, vehicles)),
+        backend=options.backend,
+    )
+    trajectory = in_precision(trajectory, jnp.zeros(()).dtype)
+    places = trajectory.position_m, trajectory.quaternion
+    meeting = (_met if single else _met_each)(load, trajectory.time_s, *places)
+    first = meeting.arrival_s.min(axis=-1)
+    metrics = flight_metrics(
+        trajectory,
+        control.target_m,
+        first,
+        tolerance_m=options.tolerance_m,
+        ground_up_m=GROUND_UP_M,
+    )
+    error = path_error(trajectory, control.target_m)
+    times = jnp.broadcast_to(trajectory.time_s, error.shape)
+    last = jnp.sum(times < first[..., None], axis=-1, keepdims=True) - 1
+    before = jnp.take_along_axis(error, jnp.maximum(last, 0), axis=-1)[..., 0]
+    exposure = (_exposed if single else _exposed_each)(
+        scenes,
+        load,
+        vehicle_of(spec),
+        meeting,
+        trajectory.time_s,
+        State(
+            trajectory.position_m,
+            trajectory.velocity_m_s,
+            trajectory.quaternion,
+            trajectory.body_rate_rad_s,
+            trajectory.rotor_speed_rad_s,
+        ),
+    )
+    return Flown(
+        metrics,
+        meeting,
+        exposure,
+        before,
+        trajectory.lost,
+        trajectory if single else None,
+    )
+
+
+_met = kept(met)
+_met_each = eqx.filter_jit(jax.vmap(met, (0, None, 0, 0)))
+_exposed = kept(exposed)
+_exposed_each = eqx.filter_jit(
+    eqx.filter_vmap(exposed, in_axes=(0, 0, None, 0, None, 0))
+)
+
+
+def _load(scenes: Scene, profile: Profile | None, single: bool) -> FlightLoad:
+    if single:
+        return load_of(scenes, profile)
+    return eqx.filter_vmap(lambda scene: load_of(scene, profile))(scenes)
+
+
+def _wind(scenes: Scene) -> Float[Array, "*batch 3"]:
+    air = scenes.air
+    return jnp.stack([air.wind_east, air.wind_north, 0 * air.wind_east], axis=-1)
+
+
+def _lanes(scenes: Scene, lanes: np.ndarray) -> Scene:
+    return jax.tree.map(lambda x: x[lanes], scenes)
+
+
+def _joined(parts: list[Flown], vehicles: int) -> Flown:
+    """Put the chunks together, without what filled up the last."""
+    if vehicles == 1:
+        return parts[0]
+
+    def whole(*chunks: Array) -> Array:
+        return jnp.concatenate(chunks)[:vehicles]
+
+    return Flown(
+        jax.tree.map(whole, *(part.metrics for part in parts)),
+        jax.tree.map(whole, *(part.meeting for part in parts)),
+        jax.tree.map(whole, *(part.exposure for part in parts)),
+        whole(*(part.error_at_blast_m for part in parts)),
+        whole(*(part.lost for part in parts)),
+        None,
+    )

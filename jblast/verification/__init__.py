@@ -1,0 +1,1 @@
+"""How well jblast does it: what `jblast chart` and `jblast stability` measure."""

@@ -1,0 +1,15 @@
+"""The charts of speed against accuracy that there are; each module registers its own.
+
+A part of jblast with more than one method adds its module here.
+"""
+
+from jblast.verification.benchmark import (
+    events as events,
+    fits as fits,
+    flights as vehicle,
+    laws as chart_laws,
+    samplers as samplers,
+    shock_solver as chart_solver,
+    waveforms as chart_waveforms,
+)
+from jblast.verification.benchmark.chart import TOPICS as TOPICS

@@ -1,0 +1,1 @@
+"""Cases that charts and benchmarks share."""

@@ -1,0 +1,45 @@
+"""The areas of the map, and which module measures each: imported when it is asked."""
+
+import importlib
+
+from jblast.errors import InputError, nearest, shown
+from jblast.verification.stability.failure import EDGES, Edge
+
+AREAS: dict[str, str] = {
+    "laws": "laws",
+    "wave forms": "wave_forms",
+    "gradients": "gradients",
+    "clocks": "clocks",
+    "solver": "solver",
+    "fits": "fits",
+    "walks": "walks",
+    "events": "events",
+    "flights": "flights",
+}
+"""By the name of an area, the module beside this one that measures it."""
+
+
+def area_named(word: str) -> str:
+    """Return an area by its name, hyphens and underscores read as spaces.
+
+    Raises:
+        InputError: There is no such area; the message lists all.
+    """
+    name = word.strip().lower().replace("-", " ").replace("_", " ")
+    if name not in AREAS:
+        known = [area.replace(" ", "-") for area in AREAS]
+        raise InputError(
+            f"area {shown(word)}: expected one of {', '.join(known)}"
+            f"{nearest(word, known)}"
+        )
+    return name
+
+
+def edges_of(area: str) -> list[Edge]:
+    """Measure the edges of one area, here and now.
+
+    Args:
+        area: A name of `AREAS`.
+    """
+    importlib.import_module(f"jblast.verification.stability.{AREAS[area]}")
+    return EDGES[area]()

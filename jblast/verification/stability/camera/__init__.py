@@ -1,0 +1,1 @@
+"""Where cameras and event pixels fail."""

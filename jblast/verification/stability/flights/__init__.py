@@ -1,0 +1,1 @@
+"""Where flights fail: steps, holds, kernels, pulses."""

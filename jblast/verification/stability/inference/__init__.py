@@ -1,0 +1,1 @@
+"""Where fits and walks fail: starts, ridges, modes, outliers."""

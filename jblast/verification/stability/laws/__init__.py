@@ -1,0 +1,1 @@
+"""Where laws, waveforms, clocks and the shock solver fail."""

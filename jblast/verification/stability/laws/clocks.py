@@ -1,0 +1,91 @@
+"""Where a clock's seconds no longer fit the numbers that hold them."""
+
+import dataclasses
+import math
+from typing import Any
+
+import numpy as np
+
+from jblast.errors import InputError
+from jblast.observations import Observations
+from jblast.observations.clocks import refuse_unresolved
+from jblast.verification.stability.failure import Edge, measures, witnessed
+
+SIGMA = 1e-3
+"""Of a recorder's arrivals [s]."""
+FINE = 1e-6
+"""Of the best recorder's [s]."""
+TIMES = {"60 s": 60.0, "1 h": 3600.0, "Unix time": 1.7e9}
+
+
+@measures("clocks")
+def clock_edges() -> list[Edge]:
+    """Measure them for single and for double precision."""
+    return [_edge(np.float32, SIGMA, "float32"), _edge(np.float64, FINE, "float64")]
+
+
+def coarse_from(dtype: type[np.floating[Any]], sigma: float) -> float:
+    """Return the time from which neighbouring numbers are further apart than sigma.
+
+    Args:
+        dtype: Of the numbers.
+        sigma: [s].
+
+    Returns:
+        A power of two [s].
+    """
+    exponent = 0
+    while float(np.spacing(dtype(2.0**exponent))) <= sigma:
+        exponent += 1
+    return 2.0**exponent
+
+
+def _edge(dtype: type[np.floating[Any]], sigma: float, name: str) -> Edge:
+    boundary = coarse_from(dtype, sigma)
+    spacings = ", ".join(
+        f"{float(np.spacing(dtype(time))):.3g} s at {words}"
+        for words, time in TIMES.items()
+    )
+    # on a clock that runs since 1970
+    start, way = TIMES["Unix time"], 0.1234567
+    told = float(dtype(start + way)) - start
+    before = _is_refused(math.nextafter(boundary, 0.0) / 1.01, sigma, dtype)
+    after = _is_refused(boundary, sigma, dtype)
+    return Edge(
+        area="clocks",
+        method=f"clock times in {name}",
+        edge=f"steps of the clock exceed sigma = {sigma:g} s",
+        boundary=boundary,
+        unit="s on the clock",
+        beyond=f"steps of {spacings}; a way of {way:.4f} s at Unix time is read as "
+        f"{told:.4f} s",
+        deed=witnessed("refuses", after and not before, f"clock times in {name}"),
+        said="fit and batch_of refuse such a row; every command runs in float64",
+    )
+
+
+def _is_refused(time: float, sigma: float, dtype: type[np.floating[Any]]) -> bool:
+    log = arrival_at(time, sigma)
+    try:
+        refuse_unresolved(log, dtype)
+    except InputError:
+        return True
+    return False
+
+
+def arrival_at(time: float, sigma: float) -> Observations:
+    """Return a log of one arrival [s]."""
+    nothing = np.full(1, np.nan)
+    log = Observations(
+        sensor=("a",),
+        quantity=("air_arrival_s",),
+        value=np.array([time]),
+        sigma=np.array([sigma]),
+        position=np.array([[30.0, 0.0, 0.0]]),
+        slant_range=nothing,
+        time=nothing,
+        path=("",),
+        shot=("",),
+        clock=("",),
+    )
+    return dataclasses.replace(log, source="one arrival")
