@@ -2,7 +2,7 @@
 
     python -m calibration.compiling [--out DIR]
 
-XLA can be asked for little optimisation (`jblast.cli.start`, `quick`). Each way runs
+XLA can be asked for little optimisation (`jblast.cli.jax_start`, `quick`). Each way runs
 in a process of its own with an empty cache: a fit of a new log, the same log again, and
 a walk over it (emcee), which computes for long. Prints a table and draws what is waited
 for, against how often the work is repeated. Nothing but the rounding may differ.
@@ -108,7 +108,7 @@ def main() -> None:
     options.add_argument("--way", choices=WAYS, help=argparse.SUPPRESS)
     asked = options.parse_args()
     if asked.way:
-        from jblast.cli.start import start_jax
+        from jblast.cli.jax_start import start_jax
 
         start_jax(quick=WAYS[asked.way])
         print(json.dumps(measured()))

@@ -14,7 +14,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jblast.cli.start import start_jax
+from jblast.cli.jax_start import start_jax
 from jblast.inference import Posterior
 from jblast.inference.mode.search import optima
 from jblast.inference.posterior.fisher_information import information

@@ -24,7 +24,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
-from jblast.cli.start import start_jax
+from jblast.cli.jax_start import start_jax
 from jblast.inference import Posterior
 from jblast.inference.fitting.solution import Solution
 from jblast.inference.fitting.uncertainty import how_sure

@@ -40,7 +40,7 @@ import numpy as np
 
 from calibration.efficiency_cases import CASES, Case
 from calibration.efficiency_price import price
-from jblast.cli.start import start_jax
+from jblast.cli.jax_start import start_jax
 from jblast.inference import fit_many, information_of_layout
 from jblast.inference.posterior.parameters import parameters_of
 from jblast.scene import UncertainScene, freed

@@ -14,7 +14,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from jblast.cli.start import start_jax
+from jblast.cli.jax_start import start_jax
 from jblast.waves.euler import (
     Ambient,
     Flow,

@@ -19,7 +19,7 @@ import jax.numpy as jnp
 import numpy as np
 from scipy.stats import t as student
 
-from jblast.cli.start import start_jax
+from jblast.cli.jax_start import start_jax
 from jblast.constants import STANDARD_PRESSURE
 from jblast.waves import (
     kingery_bulmash_duration,

@@ -20,7 +20,7 @@ import numpy as np
 
 import jblast.fidelity
 from calibration.fidelity_references import spans
-from jblast.cli.start import start_jax
+from jblast.cli.jax_start import start_jax
 from jblast.fidelity.measured_errors import (
     ALTITUDES,
     BURSTS,

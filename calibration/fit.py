@@ -15,7 +15,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from jblast.cli.start import start_jax
+from jblast.cli.jax_start import start_jax
 from jblast.progress import Listener, heard_by
 
 if TYPE_CHECKING:

@@ -43,7 +43,7 @@ import jblast.waves
 from calibration.ford_fit import fit
 from calibration.ford_likelihood import COEFFICIENTS, SCATTERS, Form
 from calibration.ford_records import QUANTITIES, Records, read_records
-from jblast.cli.start import start_jax
+from jblast.cli.jax_start import start_jax
 from jblast.waves.laws.ford_2021.curve import FordCurve
 
 OUTPUT = Path(jblast.waves.__path__[0]) / "data" / "ford_2021.json"

@@ -19,7 +19,7 @@ from calibration.gauge_200g import (
     table,
     tnt_mass,
 )
-from jblast.cli.start import start_jax
+from jblast.cli.jax_start import start_jax
 from jblast.report.figure_style import BLUE, INK, VERMILLION, new_figure, quiet, titled
 from jblast.waves.waveform import blast_pressure
 from jblast.waves.waveform.blast_pressure import blast_pulse

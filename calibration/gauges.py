@@ -16,7 +16,7 @@ and `tests/calibration/test_gauges.py` fails where they no longer go together.
 from calibration.gauge_200g_text import text_200g
 from calibration.gauge_ford_text import ford_text
 from calibration.gauge_hrr5_text import hrr5_text
-from jblast.cli.start import start_jax
+from jblast.cli.jax_start import start_jax
 
 
 def gauges_text() -> str:

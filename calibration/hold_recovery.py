@@ -20,7 +20,7 @@ import numpy as np
 from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
 
-from jblast.cli.start import start_jax
+from jblast.cli.jax_start import start_jax
 from jblast.report.figure_style import new_figure, quiet
 from jblast.vehicle import (
     Each,

@@ -15,7 +15,7 @@ from PIL import Image
 import jblast.waves
 from calibration.laws_curves import drawn_laws, panels
 from calibration.laws_figure import law_figure
-from jblast.cli.start import start_jax
+from jblast.cli.jax_start import start_jax
 from jblast.quantities import DERIVED_QUANTITIES, QUANTITIES
 from jblast.registry import LAWS, Law
 from jblast.report.calculator.law_curves import NOT_DRAWN

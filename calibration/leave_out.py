@@ -59,7 +59,7 @@ from calibration.ford_records import CAMPAIGNS, read_records
 from calibration.leave_out_table import Judged, compare, show, summarise
 from calibration.mass_by_fit import weigh
 from calibration.mass_posterior import estimate
-from jblast.cli.start import start_jax
+from jblast.cli.jax_start import start_jax
 from jblast.registry import Law, register
 from jblast.waves.laws.ford_2021.laws import Ford2021, ford_2021_laws
 

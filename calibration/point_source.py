@@ -22,7 +22,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from calibration.point_source_references import END, hancock, law_over
-from jblast.cli.start import start_jax
+from jblast.cli.jax_start import start_jax
 from jblast.waves.euler import Decay, decay_at, extrapolated, point_source_march
 from jblast.waves.euler.march import March
 from jblast.waves.laws.point_source.arrival import log_sound_fraction

@@ -19,7 +19,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Bool, Float
 
-from jblast.cli.start import start_jax
+from jblast.cli.jax_start import start_jax
 from jblast.constants import STANDARD_PRESSURE
 from jblast.fidelity import error_tables as stored
 from jblast.fidelity.choose import ALIKE

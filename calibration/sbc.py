@@ -25,7 +25,7 @@ from scipy.stats import chisquare
 
 from calibration.sbc_figure import figure
 from calibration.sbc_logs import DRAWS, Ranked, rank_truths
-from jblast.cli.start import start_jax
+from jblast.cli.jax_start import start_jax
 
 CASES = (
     "arrivals",

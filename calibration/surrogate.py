@@ -13,7 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 from matplotlib.ticker import NullLocator
 
-from jblast.cli.start import start_jax
+from jblast.cli.jax_start import start_jax
 from jblast.report.figure_style import (
     BLUE,
     MUTED,

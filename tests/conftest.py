@@ -27,7 +27,7 @@ FULL = 0.2 * os.sysconf("SC_PHYS_PAGES") * PAGE
 
 def pytest_sessionstart() -> None:
     # here, since type checks reach only what is imported after pytest is configured
-    from jblast.cli.start import start_jax
+    from jblast.cli.jax_start import start_jax
 
     start_jax(quick=True)
     reuse_contexts()

@@ -3,7 +3,7 @@
 import argparse
 
 from jblast.cli.parsers import verb_parser
-from jblast.cli.verbs import GROUPS, VERBS
+from jblast.cli.verbs.table import GROUPS, VERBS
 
 
 def verbs() -> str:

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from typing import Any, NoReturn
 
 from jblast import __version__
-from jblast.cli.verbs import GROUPS, VERBS, Verb
+from jblast.cli.verbs.table import GROUPS, VERBS, Verb
 from jblast.errors import InputError, closest, nearest
 
 NEGATIVE = re.compile(r"-(\d+\.?\d*|\.\d+)(e[+-]?\d+)?([:,].*)?$", re.IGNORECASE)

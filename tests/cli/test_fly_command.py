@@ -4,7 +4,7 @@ import json
 import pytest
 from cli_files import Command
 
-from jblast.cli import fly_files
+from jblast.cli.arguments import flight_files as fly_files
 
 CHARGE = "[charge]\nmass_kg = 1.0\n"
 VEHICLE = '[vehicle]\nmodel = "crazyflie"\nposition_m = [5.0, 0.0, 2.0]\n'

@@ -6,7 +6,7 @@ import sys
 import pytest
 from cli_files import Command
 
-from jblast.cli import stability
+from jblast.cli.verbs import stability
 from jblast.report.stability.text import stability_markdown, stability_text
 from jblast.verification.stability.areas import AREAS
 from jblast.verification.stability.failure import Edge, witnessed

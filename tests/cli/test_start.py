@@ -4,7 +4,7 @@ from pathlib import Path
 import pytest
 from jax._src.lru_cache import LRUCache
 
-from jblast.cli.start import QUICK, UNOPTIMISED, start_jax
+from jblast.cli.jax_start import QUICK, UNOPTIMISED, start_jax
 
 
 def test_a_kept_program_has_its_name_only_once_it_is_whole(tmp_path, monkeypatch):
@@ -36,7 +36,7 @@ def test_what_the_user_asks_of_xla_comes_last_and_wins(monkeypatch):
 
 def test_a_version_of_jaxlib_nobody_tried_is_given_no_flag_it_may_not_know(monkeypatch):
     monkeypatch.setenv("XLA_FLAGS", "")
-    monkeypatch.setattr("jblast.cli.start.version", lambda _: "0.99.1")
+    monkeypatch.setattr("jblast.cli.jax_start.version", lambda _: "0.99.1")
     start_jax(quick=True)
     assert os.environ["XLA_FLAGS"] == UNOPTIMISED
     assert not any(flag in UNOPTIMISED for flag in QUICK.values())

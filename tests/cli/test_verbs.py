@@ -7,7 +7,7 @@ import pytest
 from cli_files import Command
 
 from jblast.cli.parsers import verb_parser
-from jblast.cli.verbs import GROUPS, VERBS
+from jblast.cli.verbs.table import GROUPS, VERBS
 
 NAMES = [verb.name for verb in VERBS]
 

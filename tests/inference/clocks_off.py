@@ -78,7 +78,7 @@ def accused(found: Fit) -> list[str]:
 
 def main() -> None:
     """Fit as many as asked for."""
-    from jblast.cli.start import start_jax
+    from jblast.cli.jax_start import start_jax
 
     start_jax(quick=True)
     kind, *more = sys.argv[1:]

@@ -133,7 +133,7 @@ def fault(found: Fit | Exception) -> str:
 
 def main() -> None:
     """Fit as many as asked for."""
-    from jblast.cli.start import start_jax
+    from jblast.cli.jax_start import start_jax
 
     start_jax(quick=True)
     count, seed = map(int, [*sys.argv[1:], *("1000", "0")[len(sys.argv) - 1 :]])

@@ -4,8 +4,8 @@ import argparse
 import math
 import sys
 
-from jblast.cli.calc_numbers import seed
-from jblast.cli.files import path, writing
+from jblast.cli.arguments.numbers import seed
+from jblast.cli.arguments.paths import path, writing
 
 
 def add_arguments(verb: argparse.ArgumentParser) -> None:
@@ -51,10 +51,10 @@ def _refuse_senseless(observations, asked: argparse.Namespace) -> None:
 
 def run(asked: argparse.Namespace) -> int:
     """Simulate, write the log and return the exit code."""
-    from jblast.cli.start import start_jax
+    from jblast.cli.jax_start import start_jax
 
     start_jax(quick=True)
-    from jblast.cli.files import refuse_existing
+    from jblast.cli.arguments.paths import refuse_existing
     from jblast.observations import write
     from jblast.scene import read_scene
     from jblast.sensors import simulate

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-from jblast.cli.files import writing
+from jblast.cli.arguments.paths import writing
 from jblast.errors import InputError
 from jblast.files import write_text
 from jblast.inference.fitting.result import Fit

@@ -7,16 +7,16 @@ Numbers outside a law's range are answered and marked. With --overpressure, --im
 import argparse
 import sys
 
-from jblast.cli.calc_options import add_arguments as add_arguments
-from jblast.cli.files import check_figure, save_figure
+from jblast.cli.arguments.calculator import add_arguments as add_arguments
+from jblast.cli.arguments.paths import check_figure, save_figure
 
 
 def run(asked: argparse.Namespace) -> int:
     """Calculate, print, and return the exit code."""
-    from jblast.cli.start import start_jax
+    from jblast.cli.jax_start import start_jax
 
     start_jax(quick=True)
-    from jblast.cli.calc_input import check_plot, check_roots, question_of
+    from jblast.cli.arguments.question import check_plot, check_roots, question_of
     from jblast.report.calculator.files import (
         calculation_csv,
         calculation_json,

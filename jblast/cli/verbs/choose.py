@@ -3,7 +3,7 @@
 import argparse
 import sys
 
-from jblast.cli.files import path
+from jblast.cli.arguments.paths import path
 
 
 def add_arguments(verb: argparse.ArgumentParser) -> None:
@@ -33,7 +33,7 @@ def add_arguments(verb: argparse.ArgumentParser) -> None:
 
 def run(asked: argparse.Namespace) -> int:
     """Choose, print, and return the exit code: 4 where no method will do."""
-    from jblast.cli.start import start_jax
+    from jblast.cli.jax_start import start_jax
     from jblast.progress import stages
 
     begin = stages({"starting": 2.0, "choosing": 1.0})

@@ -3,7 +3,7 @@
 import argparse
 import sys
 
-from jblast.cli.files import path
+from jblast.cli.arguments.paths import path
 
 ALL = "all"
 
@@ -31,12 +31,12 @@ def add_arguments(verb: argparse.ArgumentParser) -> None:
 
 def run(asked: argparse.Namespace) -> int:
     """Measure, print, and write each topic as soon as it is through."""
-    from jblast.cli.start import start_jax
+    from jblast.cli.jax_start import start_jax
 
     start_jax()
     from pathlib import Path
 
-    from jblast.cli.files import writing
+    from jblast.cli.arguments.paths import writing
     from jblast.errors import InputError, nearest
     from jblast.progress import Level, stages, telling
     from jblast.report import check_directory

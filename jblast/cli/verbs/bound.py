@@ -5,8 +5,8 @@ import math
 import sys
 from collections.abc import Sequence
 
-from jblast.cli.files import check_figure, path, save_figure
-from jblast.cli.options import add_free, add_law, add_noise, names_to_free
+from jblast.cli.arguments.options import add_free, add_law, add_noise, names_to_free
+from jblast.cli.arguments.paths import check_figure, path, save_figure
 
 
 def add_arguments(verb: argparse.ArgumentParser) -> None:
@@ -44,7 +44,7 @@ def add_arguments(verb: argparse.ArgumentParser) -> None:
 
 def run(asked: argparse.Namespace) -> int:
     """Compute the bound, print it, and return the exit code."""
-    from jblast.cli.start import start_jax
+    from jblast.cli.jax_start import start_jax
     from jblast.progress import stages
 
     shares = {"starting": 2.0, "the bound": 8.0}
@@ -53,7 +53,7 @@ def run(asked: argparse.Namespace) -> int:
     start_jax(quick=not asked.map)  # a map is drawn from thousands of places
     import json
 
-    from jblast.cli.laws import chosen_laws
+    from jblast.cli.arguments.laws import chosen_laws
     from jblast.inference import bound
     from jblast.report import plain
     from jblast.report.design.terminal import bound_text

@@ -5,8 +5,8 @@ import os
 import sys
 from collections.abc import Sequence
 
-from jblast.cli.files import path, writing
-from jblast.cli.options import add_free, add_law, add_noise, names_to_free
+from jblast.cli.arguments.options import add_free, add_law, add_noise, names_to_free
+from jblast.cli.arguments.paths import path, writing
 
 SMALL = 100_000
 """Bytes of all logs together, about two thousand rows."""
@@ -62,7 +62,7 @@ def add_arguments(verb: argparse.ArgumentParser) -> None:
 
 def run(asked: argparse.Namespace) -> int:
     """Fit, report, and return the exit code."""
-    from jblast.cli.start import start_jax
+    from jblast.cli.jax_start import start_jax
     from jblast.progress import stages
 
     shares = {"starting": 3.0, "reading": 0.3, "fitting": 9.0}
@@ -74,8 +74,8 @@ def run(asked: argparse.Namespace) -> int:
     )
     from pathlib import Path
 
-    from jblast.cli.fit_logs import WALK, logs_of, only_a_walk
-    from jblast.cli.laws import chosen_laws
+    from jblast.cli.arguments.laws import chosen_laws
+    from jblast.cli.arguments.logs import WALK, logs_of, only_a_walk
     from jblast.errors import InputError
     from jblast.inference import fit, fit_each
     from jblast.report import check_directory, summary, write_report
@@ -125,7 +125,7 @@ def _is_small(files: Sequence[str]) -> bool:
 
 def _many(answers, out, asked: argparse.Namespace) -> int:
     """Print and write the answers of several logs; the worst decides the exit code."""
-    from jblast.cli.fit_logs import write_answers
+    from jblast.cli.arguments.logs import write_answers
     from jblast.errors import InputError
     from jblast.report.fit.table import answers_document, answers_text
 

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from itertools import chain
 from typing import Any
 
-from jblast.cli.calc_numbers import MOST_ROWS
-from jblast.cli.calc_options import MEASURED
+from jblast.cli.arguments.calculator import MEASURED
+from jblast.cli.arguments.numbers import MOST_ROWS
 from jblast.errors import InputError, nearest, shown
 from jblast.parameter_table import PARAMETERS
 from jblast.report.numbers import printed_number

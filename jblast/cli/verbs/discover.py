@@ -10,8 +10,8 @@ import contextlib
 import sys
 from pathlib import Path
 
-from jblast.cli.calc_numbers import seed, share
-from jblast.cli.files import path
+from jblast.cli.arguments.numbers import seed, share
+from jblast.cli.arguments.paths import path
 
 FILES = ("discovery.json", "discovery.png")
 MOST_TERMS = 100
@@ -197,7 +197,7 @@ def _terms(columns: int, degree: int, drag: bool) -> int:
 
 def _check_out(directory: Path, *, force: bool) -> None:
     """Refuse a directory that cannot be written to, before anything is computed."""
-    from jblast.cli.files import refuse_existing, writing
+    from jblast.cli.arguments.paths import refuse_existing, writing
 
     with writing(directory):
         directory.mkdir(parents=True, exist_ok=True)
@@ -206,7 +206,7 @@ def _check_out(directory: Path, *, force: bool) -> None:
 
 
 def _write(directory: Path, text: str, figure) -> None:
-    from jblast.cli.files import save_figure, save_text
+    from jblast.cli.arguments.paths import save_figure, save_text
 
     save_text(text, directory / FILES[0])
     save_figure(figure, directory / FILES[1])

@@ -8,7 +8,7 @@ import argparse
 import sys
 from pathlib import Path
 
-from jblast.cli.files import path
+from jblast.cli.arguments.paths import path
 
 FILES = ("stability.csv", "stability.md", "stability.png")
 
@@ -41,7 +41,7 @@ def run(asked: argparse.Namespace) -> int:
     areas = list(dict.fromkeys(map(area_named, asked.areas))) or list(AREAS)
     if asked.out:
         _check_out(asked.out, force=asked.force)
-    from jblast.cli.start import start_jax
+    from jblast.cli.jax_start import start_jax
 
     start_jax()
     from jblast.progress import stages
@@ -62,7 +62,7 @@ def run(asked: argparse.Namespace) -> int:
 
 def _check_out(directory: str, *, force: bool) -> None:
     """Refuse a directory that cannot be written to, before anything is measured."""
-    from jblast.cli.files import refuse_existing, writing
+    from jblast.cli.arguments.paths import refuse_existing, writing
 
     with writing(directory):
         Path(directory).mkdir(parents=True, exist_ok=True)
@@ -71,7 +71,7 @@ def _check_out(directory: str, *, force: bool) -> None:
 
 
 def _write(directory: Path, edges) -> None:
-    from jblast.cli.files import save_figure, save_text
+    from jblast.cli.arguments.paths import save_figure, save_text
     from jblast.report.stability.figure import stability_figure
     from jblast.report.stability.text import stability_csv, stability_markdown
 

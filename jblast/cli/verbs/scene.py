@@ -3,7 +3,7 @@
 import argparse
 import sys
 
-from jblast.cli.files import path
+from jblast.cli.arguments.paths import path
 
 
 def add_arguments(verb: argparse.ArgumentParser) -> None:
@@ -27,10 +27,10 @@ def add_arguments(verb: argparse.ArgumentParser) -> None:
 
 def run(asked: argparse.Namespace) -> int:
     """Write the scene and return the exit code."""
-    from jblast.cli.start import start_jax
+    from jblast.cli.jax_start import start_jax
 
     start_jax(quick=True)
-    from jblast.cli.files import refuse_existing, save_text
+    from jblast.cli.arguments.paths import refuse_existing, save_text
     from jblast.observations import read, starter_scene
 
     if asked.out:

@@ -30,7 +30,7 @@ def film_asked(asked: argparse.Namespace, most: int) -> "Film":
     """
     import jax
 
-    from jblast.cli.render_background import background_named
+    from jblast.cli.arguments.background import background_named
     from jblast.scene import draw_scene, read_scene
     from jblast.sensors.camera.files.views import read_views
     from jblast.sensors.camera.film import Film

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
-from jblast.cli.files import save_text, writing
+from jblast.cli.arguments.paths import save_text, writing
 from jblast.report.figure_files import write_figure
 from jblast.report.flights.distribution_figure import distribution_figure
 from jblast.report.flights.document import flights_csv

@@ -14,13 +14,13 @@ import argparse
 import sys
 from pathlib import Path
 
-from jblast.cli.calc_numbers import (
+from jblast.cli.arguments.numbers import (
     positive_of_any_size,
     seed,
     threshold_pair,
     time_span,
 )
-from jblast.cli.files import path
+from jblast.cli.arguments.paths import path
 
 MOST = 1000
 """Frames where nothing is said of how many."""
@@ -108,16 +108,16 @@ def add_arguments(verb: argparse.ArgumentParser) -> None:
 
 def run(asked: argparse.Namespace) -> int:
     """Render, convert and write block by block; say what was written."""
-    from jblast.cli.start import start_jax
+    from jblast.cli.jax_start import start_jax
     from jblast.progress import stages
 
     lasts = {"starting": 3.0, "filming": 9.0, "finding events": 9.0}
     begin = stages({**lasts, "drawing the sheet": 0.5})
     begin("starting")
     start_jax()
-    from jblast.cli.files import writing
-    from jblast.cli.render_files import FilmWriter, cleared
-    from jblast.cli.render_film import film_asked
+    from jblast.cli.arguments.film import film_asked
+    from jblast.cli.arguments.film_files import FilmWriter, cleared
+    from jblast.cli.arguments.paths import writing
 
     film = film_asked(asked, MOST)
     next(film.frames())  # what cannot be rendered is refused with all files in place

@@ -10,8 +10,8 @@ import argparse
 import sys
 from pathlib import Path
 
-from jblast.cli.calc_numbers import positive, seed, vector
-from jblast.cli.files import path
+from jblast.cli.arguments.numbers import positive, seed, vector
+from jblast.cli.arguments.paths import path
 
 
 def add_arguments(verb: argparse.ArgumentParser) -> None:
@@ -93,7 +93,7 @@ def add_arguments(verb: argparse.ArgumentParser) -> None:
 
 def run(asked: argparse.Namespace) -> int:
     """Fly, write, print; return the exit code."""
-    from jblast.cli.start import start_jax
+    from jblast.cli.jax_start import start_jax
     from jblast.progress import stages
 
     begin = stages({"starting": 1.0, "flying": 8.0, "writing": 1.0})
@@ -101,7 +101,7 @@ def run(asked: argparse.Namespace) -> int:
     start_jax(all_cores=asked.vehicles > 1)
     import json
 
-    from jblast.cli.fly_files import write_flights
+    from jblast.cli.arguments.flight_files import write_flights
     from jblast.report.fit.files import check_directory
     from jblast.report.flights.document import flights_document
     from jblast.report.flights.text import flights_text

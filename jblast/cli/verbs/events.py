@@ -3,8 +3,8 @@
 import argparse
 import sys
 
-from jblast.cli.calc_numbers import positive_of_any_size, seed, threshold_pair
-from jblast.cli.files import path
+from jblast.cli.arguments.numbers import positive_of_any_size, seed, threshold_pair
+from jblast.cli.arguments.paths import path
 
 
 def add_arguments(verb: argparse.ArgumentParser) -> None:
@@ -58,12 +58,12 @@ def add_arguments(verb: argparse.ArgumentParser) -> None:
 
 def run(asked: argparse.Namespace) -> int:
     """Read, convert and write block by block; say how many events there were."""
-    from jblast.cli.start import start_jax
+    from jblast.cli.jax_start import start_jax
 
     start_jax()
     import jax
 
-    from jblast.cli.files import refuse_existing, writing
+    from jblast.cli.arguments.paths import refuse_existing, writing
     from jblast.sensors.camera.events.log_intensity import grey_table
     from jblast.sensors.camera.events.noise import Imperfections
     from jblast.sensors.camera.events.noisy import real_stream

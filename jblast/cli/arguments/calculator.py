@@ -2,8 +2,8 @@
 
 import argparse
 
-from jblast.cli.calc_numbers import number, positive, several
-from jblast.cli.files import path
+from jblast.cli.arguments.numbers import number, positive, several
+from jblast.cli.arguments.paths import path
 
 MEASURED = {
     "overpressure": ("peak_overpressure_pa", "PA", "incident peak overpressure"),

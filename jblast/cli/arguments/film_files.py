@@ -9,7 +9,7 @@ from typing import NamedTuple
 import jax
 import numpy as np
 
-from jblast.cli.files import refuse_existing
+from jblast.cli.arguments.paths import refuse_existing
 from jblast.errors import InputError
 from jblast.progress import counted
 from jblast.report.contact_sheet import sheet_frames, time_label, write_contact_sheet

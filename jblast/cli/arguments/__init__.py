@@ -1,0 +1,1 @@
+"""What the words on a command line mean: numbers, laws, logs, files."""
