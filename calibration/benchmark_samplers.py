@@ -19,7 +19,7 @@ import numpy as np
 from jblast.fidelity.timing import best_of
 from jblast.inference.importance.psis import importance
 from jblast.inference.importance.whitening import densities
-from jblast.inference.mcmc import emcee_engine as ensemble_emcee
+from jblast.inference.mcmc import emcee_engine
 from jblast.inference.mcmc.convergence import convergence
 from jblast.inference.mcmc.state import Stretch
 from jblast.inference.mode.laplace import NORMAL_Q95
@@ -88,7 +88,7 @@ def _text() -> str:
         ("emcee, stretch move alone", _emcee(_by_jax, alone), density),
         (
             "emcee, density free",
-            _emcee(_by_numpy, ensemble_emcee.moves(unit_normal(free))),
+            _emcee(_by_numpy, emcee_engine.moves(unit_normal(free))),
             Free(),
         ),
         ("emcee, stretch alone, density free", _emcee(_by_numpy, alone), Free()),
@@ -141,10 +141,10 @@ def _emcee(function_of, moves) -> Sampler:
         start = emcee.State(
             state.walkers,
             log_prob=state.log_density,
-            random_state=ensemble_emcee.of_emcee(state.random),
+            random_state=emcee_engine.of_emcee(state.random),
         )
         sampler.run_mcmc(start, steps)
         chain, value = sampler.get_chain(), sampler.get_log_prob()
         return Stretch(np.asarray(chain), np.asarray(value), state.random)
 
-    return Sampler(walk, ensemble_emcee.first_random)
+    return Sampler(walk, emcee_engine.first_random)

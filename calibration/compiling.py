@@ -2,10 +2,11 @@
 
     python -m calibration.compiling [--out DIR]
 
-XLA can be asked for little optimisation (`jblast.cli.jax_start`, `quick`). Each way runs
-in a process of its own with an empty cache: a fit of a new log, the same log again, and
-a walk over it (emcee), which computes for long. Prints a table and draws what is waited
-for, against how often the work is repeated. Nothing but the rounding may differ.
+XLA can be asked for little optimisation (`jblast.cli.jax_start`, `quick`). Each way
+runs in a process of its own with an empty cache: a fit of a new log, the same log
+again, and a walk over it (emcee), which computes for long. Prints a table and draws
+what is waited for, against how often the work is repeated. Nothing but the rounding
+may differ.
 """
 
 import argparse

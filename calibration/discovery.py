@@ -4,11 +4,11 @@ r"""Does `jblast.study.discovery` find laws that are known, and at which noise n
         > calibration/results/discovery.txt
 
 Simulated: the drag of a Hummingbird in a swinging wind, the motor lag of a Crazyflie
-under stepped commands, 50 and 200 rows a second (`discovery_cases.py`), and a strong
-shock of a point source, 60 radii. To each, normal noise, 20 seeds a level (0 to 19).
-Shocks: Trinity's radii (calibration/data/trinity.csv; and with the zero of time moved),
-and the radius of 1 kg on the ground by Kingery and Bulmash and by `shock_kinematics`,
-in three ranges, with 1 % of noise (seed 0).
+under stepped commands, 50 and 200 rows a second (`study/discovery/cases.py`), and a
+strong shock of a point source, 60 radii. To each, normal noise, 20 seeds a level (0 to
+19). Shocks: Trinity's radii (calibration/data/trinity.csv; and with the zero of time
+moved), and the radius of 1 kg on the ground by Kingery and Bulmash and by
+`shock_kinematics`, in three ranges, with 1 % of noise (seed 0).
 
 How to read the table: "exact" is the share of seeds in which exactly the true terms
 came out; "missing" and "false" are mean numbers of terms; "error" is the largest

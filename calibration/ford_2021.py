@@ -5,13 +5,13 @@
 Data: calibration/data/acoustic_ford2021.csv (its provenance stands there). No random
 numbers. Writes jblast/waves/data/ford_2021.json.
 
-A record is the curve of `jblast/waves/laws/ford_2021/curve.py` plus what its site, its shot and
-its path add, plus an error of its own, Student-t with 4 degrees of freedom. A path is
-the same in all shots of a site. The effects are Gaussian and integrated out
+A record is the curve of `jblast/waves/laws/ford_2021/curve.py` plus what its site, its
+shot and its path add, plus an error of its own, Student-t with 4 degrees of freedom. A
+path is the same in all shots of a site. The effects are Gaussian and integrated out
 (`random_effects.py`). Forms are compared by AIC at the maximum likelihood, printed
-below. Coefficients, covariance and scatter are then those of the restricted
-likelihood, times a prior on the site and the shot scatter: Gamma of shape 2 and scale
-0.1 in ln, for three sites (two, when one is left out) say next to nothing against zero.
+below. Coefficients, covariance and scatter are then those of the restricted likelihood,
+times a prior on the site and the shot scatter: Gamma of shape 2 and scale 0.1 in ln,
+for three sites (two, when one is left out) say next to nothing against zero.
 
 Measured on the way, and left out (AIC of the impulse):
 

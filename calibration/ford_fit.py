@@ -1,4 +1,4 @@
-"""Fit the curve of `jblast/waves/laws/ford_2021/curve.py` and its scatter to the recordings."""
+"""Fit the curve of `waves/laws/ford_2021/curve.py` and its scatter to recordings."""
 
 from typing import NamedTuple
 

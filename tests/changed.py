@@ -42,7 +42,7 @@ def asked_for(files: Iterable[str]) -> list[str]:
 
 def _room(*parts: str) -> str:
     """Return the folder of tests of a module; all tests where it has none."""
-    if parts[:2] == ("study", "stability"):
+    if parts[:2] == ("verification", "stability"):
         return "tests/stability"
     folder = f"tests/{parts[0]}"
     return folder if (ROOT / folder).is_dir() else "tests"

@@ -26,9 +26,9 @@ ORDER = [
     ("vehicle",),
     ("observations",),
     ("sensors",),
-    ("detect",),
     ("inference",),
     ("study",),
+    ("verification",),
     ("report",),
     ("cli",),
 ]

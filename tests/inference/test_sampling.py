@@ -7,7 +7,7 @@ import pytest
 from densities_by_hand import COVARIANCE, Nowhere, Two, Unlike, banana, gaussian
 
 from jblast.errors import InputError
-from jblast.inference.mcmc import emcee_engine as ensemble_emcee
+from jblast.inference.mcmc import emcee_engine
 from jblast.inference.mcmc.checkpoint import Store
 from jblast.inference.mcmc.run import Start, sample
 
@@ -160,7 +160,7 @@ def test_control_c_before_the_first_step_is_passed_on(monkeypatch):
     def pressed(*_):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(ensemble_emcee, "walk", pressed)
+    monkeypatch.setattr(emcee_engine, "walk", pressed)
     with pytest.raises(KeyboardInterrupt):
         sample(gaussian(), start(3), np.eye(3))
 

@@ -12,7 +12,7 @@ from jblast.verification.stability.failure import EDGES
 from jblast.verification.stability.inference import (
     outliers,
     poor_starts,
-    unidentifiable as untold,
+    unidentifiable,
 )
 from jblast.verification.stability.inference.arrival_logs import line, ring, told
 from jblast.verification.stability.inference.fits import fits
@@ -82,8 +82,8 @@ def test_fit_many_doubts_the_ends_that_poor_starts_lead_to(logs, best):
 
 @pytest.mark.slow
 def test_a_mirror_image_is_reported_as_often_as_the_charge_and_named_by_jblast():
-    found = told(line(), *untold.MIRRORED)
-    ends = untold.by_stock(found.solution, untold.poor_starts())
+    found = told(line(), *unidentifiable.MIRRORED)
+    ends = unidentifiable.by_stock(found.solution, unidentifiable.poor_starts())
     south = np.mean(ends.z[:, 2] < 0)
     assert ends.good > 200
     # a coin of 200: four standard errors
@@ -98,22 +98,22 @@ def test_a_mirror_image_is_reported_as_often_as_the_charge_and_named_by_jblast()
 
 @pytest.mark.slow
 def test_the_mirror_image_is_told_apart_past_the_boundary_and_not_before():
-    edge = untold.collinear_edge()
+    edge = unidentifiable.collinear_edge()
     assert edge.unit.startswith("m ")
     for bent, named in ((0.8 * edge.boundary, 1), (1.2 * edge.boundary, 0)):
-        found = told(line(bent), *untold.MIRRORED).solution
+        found = told(line(bent), *unidentifiable.MIRRORED).solution
         assert len(ambiguities(found, True)) == named
     # a charge at the height of its sensors: -2 ln density grows as the offset squared
-    double = untold.mirror_excess(2 * edge.boundary)
+    double = unidentifiable.mirror_excess(2 * edge.boundary)
     assert double / NEAR == pytest.approx(4.0, rel=0.25)
 
 
 @pytest.mark.slow
 def test_sensors_at_one_place_tell_neither_mass_nor_place_whatever_a_solver_says():
-    edge = untold.one_place_edge()
+    edge = unidentifiable.one_place_edge()
     assert edge.boundary == 4  # mass and place are three; a mirror image is left at 3
-    one = untold.at_places(1)
-    ends = untold.by_stock(one.solution, untold.poor_starts())
+    one = unidentifiable.at_places(1)
+    ends = unidentifiable.by_stock(one.solution, unidentifiable.poor_starts())
     assert ends.good > 300
     assert np.ptp(ends.z[:, 0]) > np.log(1e6)
     answer = fit(one.log, one.uncertain, noise="gaussian")
@@ -148,9 +148,9 @@ def test_an_outlier_is_named_in_the_answer():
 
 @pytest.mark.slow
 def test_wu_hao_tells_no_mass_while_the_solver_reports_success_at_many():
-    edge = untold.null_direction_edge()
+    edge = unidentifiable.null_direction_edge()
     assert edge.boundary > 1000  # starts spread over 1e4; it stays near where it began
-    found = untold.wu_hao_told()
+    found = unidentifiable.wu_hao_told()
     (null,) = found.identifiability.null
-    np.testing.assert_allclose(null, untold.WU_HAO_NULL, atol=1e-6)
+    np.testing.assert_allclose(null, unidentifiable.WU_HAO_NULL, atol=1e-6)
     assert not any(found.identifiability.determined)

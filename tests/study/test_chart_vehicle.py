@@ -2,14 +2,14 @@ import numpy as np
 import pytest
 
 from jblast.report.benchmark.figure import chart_figure
-from jblast.verification.benchmark import flights as vehicle
+from jblast.verification.benchmark import flights
 from jblast.verification.benchmark.chart import TOPICS, Point
 
 
 def test_the_order_is_read_where_neither_rounding_nor_stability_flattens_it():
     steps = [1e-4, 1e-3, 2e-3, 4e-3]
     errors = [max(step**4, 1e-12) for step in steps]
-    assert vehicle.order(errors, steps) == pytest.approx(4)
+    assert flights.order(errors, steps) == pytest.approx(4)
 
 
 def test_orders_are_drawn_through_a_methods_points():
@@ -29,21 +29,21 @@ def test_orders_are_drawn_through_a_methods_points():
 @pytest.mark.slow
 @pytest.mark.parametrize(("integrator", "order"), [("rk4", 4), ("euler", 1)])
 def test_in_a_smooth_wind_each_integrator_has_its_order(integrator, order):
-    case = vehicle.cases(4)[0]
-    truth = vehicle.fly(case, "rk4", 5e-4, "float64")
+    case = flights.cases(4)[0]
+    truth = flights.fly(case, "rk4", 5e-4, "float64")
     steps = (2e-3, 5e-3)
     errors = [
-        vehicle.farthest(vehicle.fly(case, integrator, step, "float64"), truth)
+        flights.farthest(flights.fly(case, integrator, step, "float64"), truth)
         for step in steps
     ]
-    assert vehicle.order(errors, steps) == pytest.approx(order, abs=0.2)
+    assert flights.order(errors, steps) == pytest.approx(order, abs=0.2)
 
 
 @pytest.mark.slow
 def test_the_blast_is_met_by_every_vehicle():
-    case = vehicle.cases(4)[1]
-    flown = vehicle.fly(case, "rk4", 1e-2, "float64")
-    calm = vehicle.fly(
+    case = flights.cases(4)[1]
+    flown = flights.fly(case, "rk4", 1e-2, "float64")
+    calm = flights.fly(
         case._replace(options={**case.options, "loads": ()}), "rk4", 1e-2, "float64"
     )
     off = np.linalg.norm(flown.position_m - calm.position_m, axis=-1).max(axis=1)

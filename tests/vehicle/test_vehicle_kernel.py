@@ -196,16 +196,16 @@ def test_a_wind_in_python_flies_on_jax_and_says_so():
 
 
 def test_auto_takes_the_kernel_on_a_gpu_but_for_double_precision(monkeypatch):
-    from jblast.vehicle.warp import flight as kernel_flight
+    from jblast.vehicle.warp import flight
 
-    asked, device_named = [], kernel_flight.device_named
+    asked, device_named = [], flight.device_named
 
     def noted(name):
         asked.append(name)
         return device_named("cpu")
 
     monkeypatch.setattr(jax, "default_backend", lambda: "gpu")
-    monkeypatch.setattr(kernel_flight, "device_named", noted)
+    monkeypatch.setattr(flight, "device_named", noted)
     simulate(CRAFT, start("float32"), duration_s=0.001)
     assert asked == [None]
     with pytest.warns(UserWarning, match="precision float64: flown by JAX"):

@@ -19,7 +19,7 @@ from jblast.vehicle import (
     named_gains,
     simulate,
 )
-from jblast.vehicle.rollout import batching as lanes
+from jblast.vehicle.rollout import batching
 
 VEHICLE = named("crazyflie")
 SHORT = {"duration_s": 0.05, "store_every": 10}
@@ -46,7 +46,7 @@ def same(one, other, atol=1e-13):
 
 @pytest.mark.slow
 def test_a_batch_is_its_flights_one_by_one(monkeypatch):
-    monkeypatch.setattr(lanes, "CHUNK_BYTES", 4 * 8)
+    monkeypatch.setattr(batching, "CHUNK_BYTES", 4 * 8)
     states = batch_of(6)
     gust = StepGust([5.0, 0, 0], 0.01)
     together = simulate(VEHICLE, states, wind=gust, **SHORT)

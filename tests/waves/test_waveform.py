@@ -9,7 +9,7 @@ from jblast.waves.laws.ground_factor import ground_factor
 from jblast.waves.laws.kingery_bulmash import laws as kb
 from jblast.waves.laws.negative_phase import ufc as ufc
 from jblast.waves.laws.shock_kinematics.laws import shock_kinematics_arrival_time
-from jblast.waves.waveform import blast_pressure
+from jblast.waves.waveform.blast_pressure import blast_pressure
 
 BURSTS = ("surface", "free-air")
 both_bursts = pytest.mark.parametrize("burst", BURSTS)

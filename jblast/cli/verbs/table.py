@@ -1,4 +1,4 @@
-"""What `jblast` can do: the verbs, in groups; each is a module of this folder.
+"""What `jblast` can do: the verbs, in groups; each is a module beside this one.
 
 A table, so that help and one verb need not import the others.
 """
@@ -23,7 +23,7 @@ class Verb(NamedTuple):
 
     def module(self) -> ModuleType:
         """Import what takes its words (`add_arguments`) and does it (`run`)."""
-        return import_module(f"jblast.cli.{self.name}")
+        return import_module(f"jblast.cli.verbs.{self.name}")
 
 
 GROUPS = {

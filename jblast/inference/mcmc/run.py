@@ -11,8 +11,8 @@ from jaxtyping import Float
 from jblast.errors import InputError
 from jblast.inference.importance.whitening import Density, densities
 from jblast.inference.mcmc import (
-    emcee_engine as ensemble_emcee,
-    scan_engine as ensemble_scan,
+    emcee_engine,
+    scan_engine,
 )
 from jblast.inference.mcmc.checkpoint import Store
 from jblast.inference.mcmc.convergence import Convergence, convergence
@@ -22,7 +22,7 @@ from jblast.inference.mcmc.progress import Pace, Report, nothing
 from jblast.inference.mcmc.state import State, Stretch
 
 Sampler = Literal["emcee", "scan"]
-ENGINES = {"emcee": ensemble_emcee, "scan": ensemble_scan}
+ENGINES = {"emcee": emcee_engine, "scan": scan_engine}
 
 WALKERS = 64
 PRECISION = 0.05
@@ -117,7 +117,7 @@ def sample(
     pace = Pace(steps, most_steps, walkers, precision, checks)
 
     def tick():
-        pace.done += ensemble_scan.BLOCK if sampler == "scan" else 1
+        pace.done += scan_engine.BLOCK if sampler == "scan" else 1
         report(pace.now())
 
     interrupted = False

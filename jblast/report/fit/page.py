@@ -57,7 +57,7 @@ def report_page(
         autoescape=True, undefined=StrictUndefined, trim_blocks=False
     )
     template = environment.from_string(
-        files("jblast.report").joinpath("template.html").read_text("utf-8")
+        files("jblast.report.fit").joinpath("template.html").read_text("utf-8")
     )
     answer, name, used = fit.answer, log_name(fit), laws_used(fit)
     p = goodness_p(answer)

@@ -1,17 +1,17 @@
 """The equation of motion in a recorded trajectory: which terms, how sure, is it a law.
 
 For each state x the terms of dx/dt are looked for among candidates, in integrals over
-short windows (`discovery_weak.py`), by PySINDy's thresholded least squares
-(`discovery_sparse.py`). How sure: records are made, with new noise, normal and as large
-as the old; each is smoothed, and its terms and coefficients found, as the record was
-(parametric bootstrap: Efron and Tibshirani 1993, chapter 6). Terms are counted in
+short windows (`weak_form.py`), by PySINDy's thresholded least squares
+(`sparse_regression.py`). How sure: records are made, with new noise, normal and as
+large as the old; each is smoothed, and its terms and coefficients found, as the record
+was (parametric bootstrap: Efron and Tibshirani 1993, chapter 6). Terms are counted in
 records made from the smoothed states. Coefficients are found again in records that the
 equations made, whose true coefficients are known: how far off they come is how far off
 ours may be, bias included (the basic interval of Davison and Hinkley 1997, section
 5.2). So noise counts on both sides, in what the terms are computed from too. Intervals
 are nominal: those of 90 % held the true coefficient in 73 to 100 % of simulated records
-with noise, case by case (calibration/results/discovery.txt).
-Whether it is a law is judged in `discovery_judge.py`.
+with noise, case by case (calibration/results/discovery.txt). Whether it is a law is
+judged in `judge.py`.
 """
 
 from collections.abc import Sequence

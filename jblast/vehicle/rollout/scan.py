@@ -14,7 +14,7 @@ from jblast.vehicle.rollout.step import Now, OneStep
 from jblast.vehicle.rollout.timetable import Ticks
 
 BLOCK = 16
-"""Most steps that are taken at once: their times are small arrays (`lanes.py`), and
+"""Most steps that are taken at once: their times are small arrays (`batching.py`), and
 where no pulse comes in all of them nothing looks for one."""
 
 Step = Callable[[Now, Ticks], Now]

@@ -92,7 +92,7 @@ class OneStep:
         if self.flight.control is not None:
             now = self._asked(now, tick)
         # Always taken. A branch is a program of its own, of small arrays alone, and so
-        # XLA runs it in order (`lanes.py`), whatever there is around it.
+        # XLA runs it in order (`batching.py`), whatever there is around it.
         return jax.lax.cond(tick.step > 0, self._moved, lambda now, _: now, now, tick)
 
     def advance_pushed(self, now: Now, tick: Ticks) -> Now:

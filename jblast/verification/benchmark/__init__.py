@@ -6,10 +6,10 @@ A part of jblast with more than one method adds its module here.
 from jblast.verification.benchmark import (
     events as events,
     fits as fits,
-    flights as vehicle,
-    laws as chart_laws,
+    flights as flights,
+    laws as laws,
     samplers as samplers,
-    shock_solver as chart_solver,
-    waveforms as chart_waveforms,
+    shock_solver as shock_solver,
+    waveforms as waveforms,
 )
 from jblast.verification.benchmark.chart import TOPICS as TOPICS

@@ -10,8 +10,8 @@ from jaxtyping import Float
 from jblast.fidelity.timing import best_of
 from jblast.inference.importance.whitening import Density, densities
 from jblast.inference.mcmc import (
-    emcee_engine as ensemble_emcee,
-    scan_engine as ensemble_scan,
+    emcee_engine,
+    scan_engine,
 )
 from jblast.inference.mcmc.independence_move import Mixture, mixture_of
 from jblast.inference.mcmc.state import State, Stretch
@@ -27,7 +27,7 @@ class Sampler(NamedTuple):
     """What walks.
 
     Attributes:
-        walk: As `ensemble_scan.walk`.
+        walk: As `scan_engine.walk`.
         first_random: What its random numbers start from, by a seed.
     """
 
@@ -35,8 +35,8 @@ class Sampler(NamedTuple):
     first_random: Callable[[int], Mapping[str, np.ndarray]]
 
 
-EMCEE = Sampler(ensemble_emcee.walk, ensemble_emcee.first_random)
-SCAN = Sampler(ensemble_scan.walk, ensemble_scan.first_random)
+EMCEE = Sampler(emcee_engine.walk, emcee_engine.first_random)
+SCAN = Sampler(scan_engine.walk, scan_engine.first_random)
 
 
 def unit_normal(free: int) -> Mixture:
@@ -75,7 +75,7 @@ def timed_walk(
         return sampler.walk(density, about, start, steps, lambda: None).chain
 
     seconds, chain = best_of(
-        lambda: walk(steps), repeats, lambda: walk(ensemble_scan.BLOCK)
+        lambda: walk(steps), repeats, lambda: walk(scan_engine.BLOCK)
     )
     return chain[steps // WARM_UP :], seconds
 

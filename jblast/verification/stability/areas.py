@@ -6,17 +6,17 @@ from jblast.errors import InputError, nearest, shown
 from jblast.verification.stability.failure import EDGES, Edge
 
 AREAS: dict[str, str] = {
-    "laws": "laws",
-    "wave forms": "wave_forms",
-    "gradients": "gradients",
-    "clocks": "clocks",
-    "solver": "solver",
-    "fits": "fits",
-    "walks": "walks",
-    "events": "events",
-    "flights": "flights",
+    "laws": "laws.laws",
+    "wave forms": "laws.waveforms",
+    "gradients": "laws.gradients",
+    "clocks": "laws.clocks",
+    "solver": "laws.shock_solver",
+    "fits": "inference.fits",
+    "walks": "inference.samplers",
+    "events": "camera.events",
+    "flights": "flights.flights",
 }
-"""By the name of an area, the module beside this one that measures it."""
+"""By the name of an area, the module below this folder that measures it."""
 
 
 def area_named(word: str) -> str:

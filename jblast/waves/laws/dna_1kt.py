@@ -8,7 +8,7 @@ $$t = \frac{r^2 (6.7 + r)}{7.12 \cdot 10^6 + 7.32 \cdot 10^4\, r + 340.5\, r^2}
 
 with r in m for 1 kt. As in the program BLAST of the Defense Nuclear Agency (1984), read
 second-hand in two public programs (GOFAI/glasstone, HeWu) that agree. The mass of the
-charge is chemical: $Y = 2W$ (`nuclear_yield.py`), so r = 79.37 Z.
+charge is chemical: $Y = 2W$ (`nuclear_scaling.py`), so r = 79.37 Z.
 
 The formulas need no guard and no continuation: the argument of the logarithm is least,
 2.784, at r = 83.4 m, so the root is never of less than 1.02. Close in p goes as

@@ -10,7 +10,7 @@ gauge:
 $$p(t) = \int_0^t p_F(u)\,\frac{t-u}{\tau^2}\,e^{-(t-u)/\tau}\,du$$
 
 A construction, not a law of the front's shape. With $x = t/\tau$, $\beta = b/t_d$,
-$w = (\beta - 1/\tau)\,t$ and the integrals $k$ of `friedlander_shape.py` it is
+$w = (\beta - 1/\tau)\,t$ and the integrals $k$ of `friedlander_integrals.py` it is
 
 $$p = P_s\,x^2\,e^{-x} \left[k(w) + \frac{t}{t_d}\,k'(w)\right]$$
 

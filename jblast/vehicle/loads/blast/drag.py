@@ -7,7 +7,7 @@ $$F = \tfrac12 \rho C_d \sqrt{\sum_i (A_i r_i)^2}\;r, \qquad r = w - v$$
 with $r$ the wind past the vehicle along body axes: as an ellipsoid's projected area
 turns, so does this one.
 
-To it comes the impulse of the front (`blast_front.py`).
+To it comes the impulse of the front (`front.py`).
 
 A step may hold the whole wave. So the drag is integrated by Gauss's rule over the part
 of each phase within the step, and the vehicle's velocity in it follows the impulse so

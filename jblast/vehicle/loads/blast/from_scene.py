@@ -22,7 +22,7 @@ def blast_load(
 
     Args:
         scene: Charges and air. Its laws are not asked: the loads have theirs
-            (`blast_curves.py`). The curve set of a charge that does not say its burst
+            (`curves.py`). The curve set of a charge that does not say its burst
             is that which its height leaves where the scene's vehicle starts; the
             surface curves where the height is no number yet, as under `vmap`.
         drag: Whether the blast wind drags the body.

@@ -2,7 +2,7 @@ r"""The loads of a scene's blasts on a vehicle, where it is and as it moves.
 
 Three parts, each of which can be left out:
 
-- drag of the blast wind on the body (`blast_drag.py`), at its centre of pressure;
+- drag of the blast wind on the body (`drag.py`), at its centre of pressure;
 - pressure gradient and added mass as the front crosses it, likewise;
 - the rotors in the blast wind: what the equations of flight give with it less what they
   give without, frame drag aside, for which the body's own stands. Their coefficients

@@ -1,4 +1,4 @@
-"""The impulse of a blast within a step, as in `blast_load.py`."""
+"""The impulse of a blast within a step, as in `loads/blast/load.py`."""
 
 from functools import cache
 from types import SimpleNamespace

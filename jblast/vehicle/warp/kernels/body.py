@@ -1,4 +1,4 @@
-"""The equations of `dynamics.py` as functions of Warp, in one precision."""
+"""The equations of `dynamics/equations.py` as functions of Warp, in one precision."""
 
 from functools import cache
 from types import SimpleNamespace

@@ -1,4 +1,4 @@
-"""The impulse of a blast's wind within a step, as in `blast_drag.py`."""
+"""The impulse of a blast's wind within a step, as in `loads/blast/drag.py`."""
 
 from functools import cache
 from types import SimpleNamespace

@@ -1,4 +1,4 @@
-"""The position hold of `control.py` as functions of Warp, in one precision."""
+"""The position hold of `control/position_hold.py` as functions of Warp."""
 
 from functools import cache
 from types import SimpleNamespace

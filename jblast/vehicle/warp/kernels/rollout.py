@@ -1,8 +1,8 @@
 """Whole flights as one kernel of Warp: a thread a vehicle, its state in registers.
 
-The physics is that of `dynamics.py` and its neighbours, function by function; a test
-holds both to the same flights. Nothing here has a derivative: an adjoint of a loop that
-overwrites its state in registers would be silently wrong. JAX has them.
+The physics is that of `dynamics/equations.py` and its neighbours, function by function;
+a test holds both to the same flights. Nothing here has a derivative: an adjoint of a
+loop that overwrites its state in registers would be silently wrong. JAX has them.
 """
 
 from functools import cache

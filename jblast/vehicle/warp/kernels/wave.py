@@ -1,4 +1,4 @@
-"""The waves of `blast_wave.py` as functions of Warp, in one precision."""
+"""The waves of `loads/blast/wave.py` as functions of Warp, in one precision."""
 
 from functools import cache
 from types import SimpleNamespace

@@ -1,8 +1,8 @@
 r"""The point source, taken up while its shock is strong: Sedov's solution in cells.
 
-The closed form of `sedov_alpha.py` in the parameter $x = x_2$. The label of what is at
-$\lambda = r/R$ follows without an integral, for the mass inside a similarity surface
-grows with $R^3$ by what the surface overtakes,
+The closed form of `laws/sedov_taylor/alpha.py` in the parameter $x = x_2$. The label of
+what is at $\lambda = r/R$ follows without an integral, for the mass inside a similarity
+surface grows with $R^3$ by what the surface overtakes,
 
 $$\left(\frac aR\right)^3 = \lambda^2\,\frac{\gamma+1}{\gamma-1}\,
 \frac{\rho}{\rho_s}\left(\lambda - \frac{2}{\gamma+1}\frac{u}{u_s}\right)$$

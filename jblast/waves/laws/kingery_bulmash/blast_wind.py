@@ -1,8 +1,8 @@
 r"""Wind and dynamic pressure behind the front of Kingery and Bulmash.
 
 Their tables hold neither: both follow from the incident pressure by the jump relations
-of `shock_jump.py`. For air as an ideal gas, so above some ten bar (Z below 1) they are
-rougher than the pressure is.
+of `shock/rankine_hugoniot.py`. For air as an ideal gas, so above some ten bar (Z below
+1) they are rougher than the pressure is.
 """
 
 from jaxtyping import Array, ArrayLike, Float

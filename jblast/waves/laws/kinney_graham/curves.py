@@ -7,7 +7,7 @@ $$t_d = \frac{980\,[1 + (Z/0.54)^{10}]}{[1 + (Z/0.02)^3] [1 + (Z/0.74)^6]
 $$i = \frac{0.067 \sqrt{1 + (Z/0.23)^4}}{Z^2 \sqrt[3]{1 + (Z/1.55)^3}} \;
   \mathrm{bar\,ms}$$
 
-`kinney_graham.py` says where they come from, how far they hold, and scales them.
+`laws.py` says where they come from, how far they hold, and scales them.
 """
 
 import jax.numpy as jnp

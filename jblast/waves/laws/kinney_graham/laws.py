@@ -2,13 +2,13 @@ r"""Air blast of a TNT charge in free air, after Kinney and Graham.
 
 Kinney and Graham (1985), *Explosive Shocks in Air*, 2nd ed., read second-hand in two
 public programs (InfraPy, Supracenter) that agree; the formulas stand in
-`kinney_graham_curves.py`. The impulse is in one of them only, without its unit: bar ms
+`curves.py`. The impulse is in one of them only, without its unit: bar ms
 is from memory, and puts it at 0.62 to 0.98 of Kingery's and Bulmash's, Z = 0.06 to 40.
 The shock speed follows from the pressure by Rankine and Hugoniot, the arrival from it:
 
 $$t = \frac{1}{c_0} \int_{r_c}^{R} \frac{dr}{\sqrt{1 + \tfrac67\, p/P_0}}$$
 
-from the charge's radius $r_c$ = 0.053 m/kg^(1/3); `kinney_graham_arrival.py` tabulates
+from the charge's radius $r_c$ = 0.053 m/kg^(1/3); `arrival.py` tabulates
 it, in float64 to 1e-11.
 
 Range: we could read none, so the ranges are ours. Pressure and impulse: from the

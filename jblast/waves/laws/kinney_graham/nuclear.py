@@ -6,8 +6,9 @@ $$t_d = \frac{180 \sqrt{1 + (z/100)^3}}{\sqrt{1 + z/40}\,
 
 with $z = R/Y^{1/3}$ in m/kt^(1/3) and the duration for 1 kt. Kinney and Graham (1985),
 *Explosive Shocks in Air*, 2nd ed., read second-hand in two public programs (InfraPy,
-Supracenter) that agree. The charge's mass is chemical: $Y = 2W$ (`nuclear_yield.py`),
-so z = 79.37 Z. To other air by Sachs (`scaling.py`), as `kinney_graham.py` says why.
+Supracenter) that agree. The charge's mass is chemical: $Y = 2W$
+(`laws/nuclear_scaling.py`), so z = 79.37 Z. To other air by Sachs (`scaling.py`), as
+`laws.py` says why.
 
 Range: we could read none. Ours is that of the DNA's 1 kt standard (`dna_1kt.py`), 16 to
 4000 m/kt^(1/3), over which this pressure is 1.00 to 1.22 times that. Both formulas are

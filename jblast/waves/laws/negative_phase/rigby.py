@@ -4,7 +4,7 @@ Rigby et al. (2014), read in one place only: as coded in AnaWaldila/dynablast2.0
 @598f47a, Class_Blast.m.
 Nobody here has seen the paper, and a slip in that one transcription would go unnoticed,
 but for two checks. Neighbouring pieces meet within 1 %. And for Z = 1 to 10 the
-free-air fits lie below the table of `negative_phase_ufc.py`, by 8 to 23 % in pressure
+free-air fits lie below the table of `ufc.py`, by 8 to 23 % in pressure
 (most at Z = 1.5), 4 to 14 % in impulse and 0 to 2 % in duration.
 
 Each curve is made of constants, parabolas and powers of $Z$. They are blended in ln y

@@ -1,4 +1,4 @@
-"""The pieces of Rigby's fits as curves; `negative_phase_rigby.py` says of what.
+"""The pieces of Rigby's fits as curves; `rigby.py` says of what.
 
 As coded in AnaWaldila/dynablast2.0 @598f47a, Class_Blast.m, our only source.
 """

@@ -3,7 +3,7 @@ r"""The arrival of a point source's shock as the integral of one over its speed.
 $$\frac{c_0 t}{R_0} = \int_0^\lambda \frac{d\lambda}{M}, \qquad
   M^2 = 1 + \tfrac67 x, \qquad R_0 = (E/P_0)^{1/3}$$
 
-with $x(\lambda)$ of `point_source_front.py`: a series below the first node, a table
+with $x(\lambda)$ of `front.py`: a series below the first node, a table
 from there to $\lambda$ = 1e4, and past it a head start over sound that grows as it does
 where the shock is weak. The derivative is that of none of these but $1/M$ itself.
 """

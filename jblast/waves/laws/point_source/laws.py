@@ -2,11 +2,11 @@ r"""The blast of a point source in air of gamma 1.4, from the strong shock to so
 
 The solution of the equations of motion for energy released at a point, as a function of
 $\lambda = R\,(P_0/E)^{1/3}$ with $E = 4.184$ MJ/kg times the mass. To $\lambda = 100$
-(Z = 346) it runs through what `jblast.waves.euler` computed (`point_source_front.py`):
+(Z = 346) it runs through what `jblast.waves.euler` computed (`front.py`):
 the pressure is within 1e-6 of the method of characteristics in all 41 rows of its table
 there (S. Hancock, blast-ips, table S1x4, itself good to 7e-7) and within 2e-6 of that
 solver between the nodes; the arrival, integrated from the speed
-(`point_source_arrival.py`), is within 4e-6 of the table and 5e-6 of the solver's.
+(`arrival.py`), is within 4e-6 of the table and 5e-6 of the solver's.
 Beyond the grid, to Z = 1e4, the weak-shock continuation joins the solver, with its
 error stated: against the same table 0.02 % low at $\lambda$ = 228, 0.09 % at 664,
 0.21 % at 2359 (Z = 8150), 0.37 % at 1.07e4, 0.7 % at 5.7e5

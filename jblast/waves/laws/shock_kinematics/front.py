@@ -1,7 +1,7 @@
 r"""Pressure and speed of a shock front in scaled terms: 1 kg in standard air.
 
 Kingery and Bulmash up to $Z = 20$, the weak-shock tail from there, and the speed by
-Rankine and Hugoniot. `shock_kinematics.py` says why, and scales them.
+Rankine and Hugoniot. `laws.py` says why, and scales them.
 """
 
 import math

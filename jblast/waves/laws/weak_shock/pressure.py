@@ -2,8 +2,8 @@ r"""Peak pressure far away by the weak-shock tail alone.
 
 $$p = \frac{A}{Z \sqrt{\ln(Z/b)}}$$
 
-with $A$ and $b$ where the tail leaves the curve of Kingery and Bulmash, at
-$Z = 20$ m/kg^(1/3) (`shock_front.py`; `weak_shock.py` derives it). From there on it is
+with $A$ and $b$ where the tail leaves the curve of Kingery and Bulmash, at $Z = 20$
+m/kg^(1/3) (`laws/shock_kinematics/front.py`; `tail.py` derives it). From there on it is
 `shock_kinematics`; nearer, where this law does not hold, it is a power law with the
 slope at 20. Past 1e4, where absorption has to be reckoned with, the formula goes on.
 """
