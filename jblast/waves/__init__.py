@@ -140,9 +140,9 @@ from jblast.waves.shock.rankine_hugoniot import (
     shock_overpressure as shock_overpressure,
     shock_temperature_ratio as shock_temperature_ratio,
 )
-from jblast.waves.waveform import blast_pressure as blast_pressure
 from jblast.waves.waveform.blast_pressure import (
     BlastPulse as BlastPulse,
+    blast_pressure as blast_pressure,
     blast_pulse as blast_pulse,
 )
 from jblast.waves.waveform.finite_rise import (
