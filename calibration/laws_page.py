@@ -16,7 +16,7 @@ import jblast.waves
 from calibration.laws_curves import drawn_laws, panels
 from calibration.laws_figure import law_figure
 from jblast.cli.jax_start import start_jax
-from jblast.quantities import DERIVED_QUANTITIES, QUANTITIES
+from jblast.quantity_table import DERIVED_QUANTITIES, QUANTITIES
 from jblast.registry import LAWS, Law
 from jblast.report.calculator.law_curves import NOT_DRAWN
 from jblast.report.words import capitalised, quantity_words
@@ -46,15 +46,15 @@ def laws_text() -> str:
     """Return the page."""
     order = (*QUANTITIES, *DERIVED_QUANTITIES)
     parts = [HEAD]
-    for quantity, meaning in (QUANTITIES | DERIVED_QUANTITIES).items():
+    for quantity, one in (QUANTITIES | DERIVED_QUANTITIES).items():
         laws = sorted(
             (law for law in LAWS.values() if law.quantity == quantity),
             key=lambda law: law.name,
         )
         if laws:
-            parts.append(_section(quantity, meaning, laws))
+            parts.append(_section(quantity, one.meaning, laws))
     unknown = {quantity for quantity, _ in LAWS} - set(order)
-    assert not unknown, f"quantities.py does not know {unknown}"
+    assert not unknown, f"quantity_table.py does not know {unknown}"
     return "\n".join(parts)
 
 

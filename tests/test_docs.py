@@ -12,7 +12,7 @@ from docs.generate import blocks, command_line, pages, scene_tables
 from docs.generate.links import in_repository, site_uri, targets, to_site
 from jblast.cli.verbs.table import VERBS
 from jblast.parameter_table import PARAMETERS
-from jblast.quantities import DERIVED_QUANTITIES, QUANTITIES
+from jblast.quantity_table import DERIVED_QUANTITIES, QUANTITIES
 from jblast.scene.reader.schema import KEYS
 
 ROOT = Path(__file__).parents[1]

@@ -15,9 +15,9 @@ SOURCES = sorted(PACKAGE.rglob("*.py"))
 
 # Each may import what stands above it, and its own.
 ORDER = [
-    ("types", "constants", "bounds", "registry", "errors", "quantities", "progress"),
+    ("types", "constants", "bounds", "registry", "errors", "progress"),
     ("files",),
-    ("parameter", "parameter_table"),
+    ("parameter", "parameter_table", "quantity", "quantity_table", "quantities"),
     ("program_words",),
     ("kept_programs",),
     ("scene",),

@@ -4,7 +4,8 @@ from jblast.bounds import UNBOUNDED
 from jblast.observations.aliases import UNITS
 from jblast.observations.table import COLUMNS, NEEDED
 from jblast.parameter_table import PARAMETERS
-from jblast.quantities import ADDITIVE, DERIVED_QUANTITIES, QUANTITIES, TIMED
+from jblast.quantities import ADDITIVE, TIMED
+from jblast.quantity_table import DERIVED_QUANTITIES, QUANTITIES
 from jblast.scene.explosives import EXPLOSIVES
 from jblast.scene.reader.priors import LISTS
 from jblast.scene.reader.schema import (
@@ -19,10 +20,10 @@ from jblast.scene.reader.schema import (
 def quantities() -> str:
     """Write what a row of a log may hold, and what laws give besides."""
     rows = []
-    for name, meaning in QUANTITIES.items():
+    for name, one in QUANTITIES.items():
         error = "in its unit" if name in ADDITIVE else "in ln, as a share"
         needs = "`time_s`" if name in TIMED else ""
-        rows.append(f"| `{name}` | {meaning} | {error} | {needs} |")
+        rows.append(f"| `{name}` | {one.meaning} | {error} | {needs} |")
     derived = ", ".join(f"`{name}`" for name in DERIVED_QUANTITIES)
     head = ["| quantity | what it is | its error counts | needs |", "|---|---|---|---|"]
     return "\n".join(

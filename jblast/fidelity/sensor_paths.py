@@ -9,7 +9,8 @@ import numpy as np
 from jaxtyping import Array
 
 from jblast.errors import InputError, nearest
-from jblast.quantities import DERIVED_QUANTITIES, QUANTITIES, components
+from jblast.quantities import components
+from jblast.quantity_table import DERIVED_QUANTITIES, QUANTITIES
 from jblast.scene import Charge, Scene, Sensor, UncertainScene, place_of, with_values
 from jblast.scene.priors import Free
 from jblast.waves.path_between import path_between

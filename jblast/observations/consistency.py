@@ -6,15 +6,13 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from jblast.errors import InputError, shown
-from jblast.observations.table import TIMES, Observations
+from jblast.observations.table import Observations
 from jblast.parameter_table import CLOCK_OFFSET
-from jblast.quantities import DIRECTIONS, FIREBALL_RADII, PLACELESS
+from jblast.quantities import ARRIVALS, DIRECTIONS, FEEL_WIND, FIREBALL_RADII, PLACELESS
 from jblast.scene import Charge, Scene
 
 EARLY = 5.0
 """A reading this many sigmas before the origin time is no error of measurement."""
-WIND_FELT = ("positive_impulse_pa_s", "positive_duration_s", "reflected_impulse_pa_s")
-"""What changes with the speed of sound, and so with the wind, beside times."""
 AGREE = 1e-3
 """How far a place given twice may differ [m]."""
 
@@ -147,7 +145,7 @@ def refuse_before_origin(
                 f"{observations.time[row]:g} s; expected a time after the origin time, "
                 f"{start:g} s on this clock (correct it, or free origin_time_s)"
             )
-        if quantity not in ("air_arrival_s", "ground_arrival_s"):
+        if quantity not in ARRIVALS:
             continue
         allowed = EARLY * float(sigma[row])
         if observations.value[row] + allowed <= start:
@@ -171,7 +169,7 @@ def refuse_wind_without_place(
         return
     ranged = any(charge.range is not None for charge in scene.charges)
     lost = np.full(len(observations), ranged) | np.isnan(position).any(axis=1)
-    lost &= np.isin(observations.quantity, (*TIMES, *WIND_FELT))
+    lost &= np.isin(observations.quantity, FEEL_WIND)
     if lost.any():
         row = int(np.argmax(lost))
         raise InputError(

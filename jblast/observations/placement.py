@@ -21,6 +21,7 @@ from jblast.observations.consistency import (
 )
 from jblast.observations.table import Observations
 from jblast.parameter_table import CHARGE_POSITION, PARAMETERS
+from jblast.quantities import BY_CAMERA
 from jblast.scene import Scene
 
 
@@ -60,7 +61,7 @@ def place(
                 f"{metres(position[row])}; expected {metres(known)} as in the scene"
             )
     for row, quantity in enumerate(observations.quantity):
-        if quantity != "fireball_radius_px":
+        if quantity not in BY_CAMERA:
             continue
         who = f"{observations.where(row)}: sensor {shown(observations.sensor[row])}"
         position[row] = camera_place(scene, position[row], who)

@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 
 from jblast.observations.table import CLOCK_TIMES, Observations
-from jblast.quantities import ADDITIVE, PLACELESS, TIMED
+from jblast.quantities import ADDITIVE, BY_CAMERA, PLACELESS, TIMED, made_with
 
 _SEEN_AND_HEARD = {"flash_time_s", "air_arrival_s", "bearing_rad"}
-_OF_GROUND = {"ground_arrival_s", "arrival_difference_s"}
+_OF_GROUND = set(made_with("ground_arrival_s"))
 
 
 def starter_scene(observations: Observations) -> str:
@@ -29,7 +29,7 @@ def starter_scene(observations: Observations) -> str:
         _head(observations),
         *(_charge(observations, logs, shot) for shot in shots),
         _AIR,
-        *([_CAMERA] if "fireball_radius_px" in observations.quantity else []),
+        *([_CAMERA] if set(BY_CAMERA) & set(observations.quantity) else []),
         *([_GROUND] if set(observations.quantity) & _OF_GROUND else []),
         *(_sensor(log) for log in logs),
         *_clocks(observations),

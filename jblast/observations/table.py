@@ -5,12 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from jblast.quantities import (
-    ADDITIVE,
-    CLOCK_TIMES as CLOCK_TIMES,
-    QUANTITIES as QUANTITIES,
-    TIMES as TIMES,
-)
+from jblast.quantities import ADDITIVE, CLOCK_TIMES as CLOCK_TIMES, TIMES as TIMES
+from jblast.quantity_table import QUANTITIES as QUANTITIES
 
 NEEDED = ("sensor", "quantity", "value", "sigma")
 POSITION = ("east_m", "north_m", "up_m")

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 
 from jblast.parameter_table import described
+from jblast.quantity_table import quantity_named
 
 SUFFIXES = (
     "_pa_s",
@@ -18,31 +19,6 @@ SUFFIXES = (
     "_k",
 )
 """Unit suffixes of names, longest first: `_m_s` must be tried before `_s`."""
-
-QUANTITY_WORDS = {
-    "flash_time_s": "flash time",
-    "air_arrival_s": "air arrival",
-    "ground_arrival_s": "ground arrival",
-    "arrival_difference_s": "air minus ground arrival",
-    "peak_overpressure_pa": "peak overpressure",
-    "positive_impulse_pa_s": "positive impulse",
-    "positive_duration_s": "positive duration",
-    "reflected_pressure_pa": "reflected pressure",
-    "reflected_impulse_pa_s": "reflected impulse",
-    "shock_radius_m": "shock radius",
-    "fireball_radius_m": "fireball radius",
-    "fireball_radius_px": "fireball radius in the image",
-    "bearing_rad": "bearing of the charge",
-    "elevation_rad": "elevation of the charge",
-    "ground_peak_velocity_m_s": "peak ground velocity",
-    "ground_displacement_m": "peak ground displacement",
-    "friedlander_decay": "Friedlander decay b",
-    "negative_pressure_pa": "negative-phase pressure",
-    "negative_impulse_pa_s": "negative-phase impulse",
-    "negative_duration_s": "negative-phase duration",
-    "reflected_negative_pressure_pa": "reflected negative-phase pressure",
-    "reflected_negative_impulse_pa_s": "reflected negative-phase impulse",
-}
 
 LAW_WORDS = {
     "wu_hao": "Wu-Hao",
@@ -78,7 +54,8 @@ def parameter_words(name: str) -> str:
 
 def quantity_words(quantity: str) -> str:
     """Return a quantity's name in words."""
-    return QUANTITY_WORDS.get(quantity, split_name(quantity)[0].replace("_", " "))
+    known = quantity_named(quantity)
+    return known.words if known else split_name(quantity)[0].replace("_", " ")
 
 
 def law_words(law: str) -> str:

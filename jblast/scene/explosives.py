@@ -1,13 +1,13 @@
 """TNT equivalence: how much TNT would make the same blast as a kilogram of it.
 
 A mass factor holds for one quantity over some range of distances; handbooks print one
-for pressure and one for impulse. Times go with them: an arrival follows the speed of
-the shock, so its pressure; a duration is the length of what the impulse sums.
+for pressure and one for impulse. `Quantity.tnt_factor` says which holds for what.
 """
 
 from dataclasses import dataclass
 
 from jblast.errors import InputError, nearest, shown
+from jblast.quantity_table import quantity_named
 
 IATG = "UN IATG 01.80, read in one port of its calculator"
 UFC = "UFC 3-340-02, from memory"
@@ -66,10 +66,8 @@ def tnt_factor(explosive: str, quantity: str) -> float:
         explosive: A name of `EXPLOSIVES`.
         quantity: As in `QUANTITIES`.
     """
-    factors = EXPLOSIVES[explosive]
-    if "impulse" in quantity or "duration" in quantity:
-        return factors.impulse
-    return factors.energy if quantity == "shock_radius_m" else factors.pressure
+    known = quantity_named(quantity)
+    return getattr(EXPLOSIVES[explosive], known.tnt_factor if known else "pressure")
 
 
 def explosive_named(name: str, where: str) -> str:

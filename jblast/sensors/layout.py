@@ -11,7 +11,13 @@ from jaxtyping import Array, Float, Int
 from jblast.errors import InputError
 from jblast.observations import Observations
 from jblast.observations.placement import camera_place
-from jblast.quantities import DIRECTIONS, PLACELESS, TIMED, components as components
+from jblast.quantities import (
+    BY_CAMERA,
+    DIRECTIONS,
+    PLACELESS,
+    TIMED,
+    components as components,
+)
 from jblast.scene import Charge, Scene, Sensor
 
 
@@ -165,7 +171,7 @@ def _times(charge: Charge, sensor: Sensor, quantity: str) -> tuple[float, ...]:
 def _position(scene: Scene, shot: int, sensor: Sensor, quantity: str) -> Array:
     """Return where a sensor stands: a fireball in an image is seen by the camera."""
     told = bool(np.isfinite(sensor.position).all())
-    if quantity == "fireball_radius_px":
+    if quantity in BY_CAMERA:
         who = f"sensor {sensor.name!r}"
         return jnp.asarray(camera_place(scene, sensor.position, who))
     if scene.charges[shot].range is not None:

@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Float
 
 from jblast.observations import Observations
-from jblast.quantities import ADDITIVE
+from jblast.quantities import ADDITIVE, BY_CAMERA
 from jblast.scene import Scene, UncertainScene, draw_scene
 from jblast.scene.parameters import value_of
 from jblast.sensors.bursts import height_notes, settled
@@ -76,7 +76,7 @@ def written(
     n = len(value)
     placed = {s.name for s in scene.sensors if np.isfinite(s.position).all()}
     told = np.isin(sensors, list(placed))
-    told |= np.isin(layout.quantity, "fireball_radius_px")  # at the camera
+    told |= np.isin(layout.quantity, BY_CAMERA)  # at the camera
     additive = np.isin(layout.quantity, ADDITIVE)
     return Observations(
         sensor=tuple(sensors),

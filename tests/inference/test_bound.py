@@ -10,7 +10,7 @@ import pytest
 from jblast.errors import InputError
 from jblast.inference import bound, bound_map, fit, information_of_layout
 from jblast.inference.design.planned_log import values_at
-from jblast.quantities import QUANTITIES
+from jblast.quantity_table import QUANTITIES
 from jblast.report.design.added_datum import data_lines
 from jblast.report.design.terminal import bound_text
 from jblast.scene import (

@@ -4,16 +4,18 @@ import argparse
 
 from jblast.cli.arguments.numbers import number, positive, several
 from jblast.cli.arguments.paths import path
+from jblast.parameter_table import PARAMETERS
+from jblast.quantity_table import QUANTITIES
 
 MEASURED = {
-    "overpressure": ("peak_overpressure_pa", "PA", "incident peak overpressure"),
-    "impulse": ("positive_impulse_pa_s", "PA_S", "incident positive impulse"),
-    "arrival": ("air_arrival_s", "S", "travel time of the air shock"),
-    "duration": ("positive_duration_s", "S", "duration of the positive phase"),
-    "reflected-pressure": ("reflected_pressure_pa", "PA", "reflected peak pressure"),
-    "reflected-impulse": ("reflected_impulse_pa_s", "PA_S", "reflected impulse"),
+    "overpressure": ("peak_overpressure_pa", "incident peak overpressure"),
+    "impulse": ("positive_impulse_pa_s", "incident positive impulse"),
+    "arrival": ("air_arrival_s", "travel time of the air shock"),
+    "duration": ("positive_duration_s", "duration of the positive phase"),
+    "reflected-pressure": ("reflected_pressure_pa", "reflected peak pressure"),
+    "reflected-impulse": ("reflected_impulse_pa_s", "reflected impulse"),
 }
-"""Options of what was measured: quantity, unit, words."""
+"""Options of what was measured: the quantity, and its words in `--help`."""
 
 
 def add_arguments(verb: argparse.ArgumentParser) -> None:
@@ -26,7 +28,8 @@ def add_arguments(verb: argparse.ArgumentParser) -> None:
         verb.add_argument(
             f"--{name}", nargs="+", type=several, metavar=unit, help=f"{words}; {rows}"
         )
-    for name, (_, unit, words) in MEASURED.items():
+    for name, (quantity, words) in MEASURED.items():
+        unit = QUANTITIES[quantity].unit.upper().replace(" ", "_")
         verb.add_argument(
             f"--{name}",
             type=positive,
@@ -41,14 +44,22 @@ def add_arguments(verb: argparse.ArgumentParser) -> None:
     verb.add_argument(
         "--explosive", metavar="NAME", help="what it is of (default: TNT)"
     )
+    kelvin, pascal, granite = (
+        PARAMETERS[name].default
+        for name in ("air_temperature_k", "air_pressure_pa", "ground_p_speed_m_s")
+    )
     for name, unit, words in (
         ("height", "M", "of burst; negative is buried (default: 0)"),
-        ("temperature", "K", "of the air (default: 288.15)"),
-        ("pressure", "PA", "of the air (default: 101325)"),
+        ("temperature", "K", f"of the air (default: {kelvin:g})"),
+        ("pressure", "PA", f"of the air (default: {pascal:g})"),
         ("altitude", "M", "standard atmosphere there, instead of the two"),
         ("humidity", "F", "relative, 0 to 1 (default: 0)"),
         ("sound-speed", "M_S", "(default: from temperature and humidity)"),
-        ("p-speed", "M_S", "of the ground (default: granite, 5660)"),
+        (
+            "p-speed",
+            "M_S",
+            f"of the ground (default: granite, {granite:g})",
+        ),
     ):
         verb.add_argument(f"--{name}", type=number, metavar=unit, help=words)
     verb.add_argument(

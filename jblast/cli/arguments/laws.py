@@ -4,7 +4,7 @@ from collections.abc import Collection, Sequence
 
 import jblast.waves as _waves  # noqa: F401  laws enter the registry as they are imported
 from jblast.errors import InputError, nearest
-from jblast.quantities import QUANTITIES
+from jblast.quantity_table import QUANTITIES
 from jblast.registry import LAWS, names, names_for
 from jblast.scene.reader.schema import LAW_NAMES_LATER
 from jblast.sensors.layout import components

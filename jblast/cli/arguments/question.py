@@ -77,7 +77,7 @@ def check_roots(question: Question, found: dict[str, Roots]) -> None:
     if any(root.valid.any() for root in found.values()):
         return
     spans = [root.attained for root in found.values() if root.attained]
-    option = next(name for name, (q, *_) in MEASURED.items() if q == question.quantity)
+    option = next(name for name, (q, _) in MEASURED.items() if q == question.quantity)
     target = printed_number(question.quantity, question.target)
     if not spans:
         raise InputError(f"--{option}: no law that holds here gives it; got {target}")

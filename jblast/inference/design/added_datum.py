@@ -9,19 +9,13 @@ from jaxtyping import Array, Bool, Float
 
 from jblast.inference.design.covariance import spread_left, worst
 from jblast.inference.design.planned_log import Planned
-from jblast.inference.identifiability.resolving_data import (
-    CANDIDATES,
-    aside,
-    laws_beside,
-)
+from jblast.inference.identifiability.resolving_data import aside, laws_beside
 from jblast.inference.posterior.fisher_information import whitened
 from jblast.inference.posterior.posterior import Posterior
 from jblast.kept_programs import kept
-from jblast.quantities import TIMES
+from jblast.quantities import ADDABLE
 from jblast.sensors import Layout
 
-DEFAULT_SIGMA = {"time": 1e-3, "relative": 0.05}
-"""Error of a datum whose quantity the layout does not record: seconds, or relative."""
 MOST_SENSORS = 12
 """Data are tried beside so many sensors of a layout, the nearest to the farthest."""
 
@@ -130,9 +124,8 @@ def candidates(plan: Planned) -> list[Datum]:
             places.append(
                 (aside(posterior, reach), "", max(layout.group) + 1 + shot, "")
             )
-        for quantity in CANDIDATES:
-            timed = "time" if quantity in TIMES else "relative"
-            sigma = float(sigmas.get(quantity, DEFAULT_SIGMA[timed]))
+        for quantity, default in ADDABLE.items():
+            sigma = float(sigmas.get(quantity, default))
             answer += [
                 Datum(quantity, at, name, group, clock, shot, sigma, is_default)
                 for is_default in (quantity not in sigmas,)

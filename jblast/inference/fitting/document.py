@@ -25,16 +25,13 @@ from jblast.inference.fitting.unidentified import (
 )
 from jblast.inference.fitting.warnings import cautions_of
 from jblast.observations import Observations
+from jblast.quantity_table import QUANTITIES
 from jblast.scene import UncertainScene
 
 NOTHING: dict[str, float | None] = dict.fromkeys(
     ("value", "sd", "log_sd", "q05", "q50", "q95")
 )
-TNT_MASS_BY = {
-    "pressure": "peak_overpressure_pa",
-    "impulse": "positive_impulse_pa_s",
-    "energy": "shock_radius_m",
-}
+TNT_MASS_BY = {one.tnt_factor: name for name, one in QUANTITIES.items()}
 """A quantity of each kind that explosives have a factor of their own for."""
 
 

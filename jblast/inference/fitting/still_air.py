@@ -21,6 +21,7 @@ from jblast.inference.mode.starts import scales
 from jblast.inference.posterior.fisher_information import information_of_row
 from jblast.inference.posterior.posterior import Misfit, Posterior
 from jblast.parameter_table import PARAMETERS
+from jblast.quantities import made_with
 
 WIND = PARAMETERS["wind_east_m_s"].spread.amount
 """Standard deviation of a wind that nobody measured, either way [m/s]."""
@@ -30,7 +31,7 @@ WIDER = 1.05
 """An interval that would be wider by less is not told of."""
 SPEEDS = ("air_sound_speed_m_s", "air_temperature_k")
 """Of sound: one that is fitted stands for a wind along ranges."""
-BY_AIR = ("air_arrival_s", "arrival_difference_s")
+BY_AIR = made_with("air_arrival_s")
 MOST = 3
 """So many numbers are named, those that widen most first."""
 

@@ -14,18 +14,15 @@ from jblast.inference.posterior.posterior import Posterior
 from jblast.kept_programs import kept
 from jblast.observations import CLOCK_TIMES, TIMES
 from jblast.parameter_table import CLOCK_OFFSET
+from jblast.quantities import ADDABLE, BY_CAMERA
+from jblast.quantity_table import QUANTITIES
 from jblast.scene import Scene
 from jblast.sensors import Layout, record, resolve_laws
 from jblast.sensors.law_choice import law_names
 from jblast.sensors.record import comparable
 
-CANDIDATES = {
-    "flash_time_s": "a flash time",
-    "air_arrival_s": "an air arrival",
-    "ground_arrival_s": "a ground arrival",
-    "peak_overpressure_pa": "a peak overpressure",
-    "positive_impulse_pa_s": "a positive impulse",
-}
+CANDIDATES = {name: QUANTITIES[name].with_article() for name in ADDABLE}
+"""What data that could be added are called."""
 BANG = CANDIDATES["air_arrival_s"]
 RANGING = "its range is the sound speed times what it comes after the flash"
 SEEN = 0.03
@@ -109,7 +106,7 @@ def cure_of_null(
             for name in data
         ]
     data = _shortened(data)
-    if "fireball_radius_px" in posterior.layout.quantity:
+    if set(BY_CAMERA) & set(posterior.layout.quantity):
         data = [d.replace(BANG, f"{BANG} (the bang: {RANGING})") for d in data]
     if GROWTH in taking_part:
         data.append("a fireball radius at a later time")

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 from jaxtyping import Float
 
-from jblast.quantities import FIREBALL_RADII
+from jblast.quantities import BY_CAMERA, FIREBALL_RADII
 from jblast.scene import Free, Scene, UncertainScene, with_values
 from jblast.waves.fireball import fireball_growth_time
 
@@ -36,7 +36,7 @@ def as_seen(
     radii = time[np.isin(quantity, FIREBALL_RADII)]
     if radii.size == 0:
         return uncertain
-    scene = replace(uncertain.scene, instant_light="fireball_radius_px" in quantity)
+    scene = replace(uncertain.scene, instant_light=bool(set(BY_CAMERA) & set(quantity)))
     beliefs = dict(uncertain.beliefs)
     if scene.fireball_growth is None:  # a belief puts its start into the scene
         start = np.ptp(radii) / 3 or own_growth(scene)

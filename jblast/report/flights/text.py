@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
+from jblast.quantity_table import QUANTITIES
 from jblast.report.numbers import printed_number, significant
 from jblast.report.words import capitalised, parameter_words
 from jblast.study.flights.records import Flights
@@ -32,7 +33,7 @@ WORDS = {
     "peak_deviation_m": "peak deviation",
     "peak_time_s": "  after the blast",
     "recovery_time_s": "recovery time",
-    "peak_overpressure_pa": "peak overpressure",
+    "peak_overpressure_pa": QUANTITIES["peak_overpressure_pa"].words,
     "peak_acceleration_m_s2": "peak acceleration",
     "fireball_time_s": "in a fireball for",
 }

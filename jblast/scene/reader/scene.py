@@ -5,7 +5,7 @@ import tomllib
 from typing import Any
 
 from jblast.errors import InputError, read_text, shown
-from jblast.quantities import QUANTITIES
+from jblast.quantity_table import QUANTITIES
 from jblast.scene.ground import Ground
 from jblast.scene.parameters import with_values
 from jblast.scene.reader.camera import read_camera

@@ -1,6 +1,6 @@
 """Every key a scene file may have: the one table its reader goes by."""
 
-from jblast.quantities import QUANTITIES
+from jblast.quantity_table import QUANTITIES
 
 KEYS: dict[str, tuple[str, ...]] = {
     "": ("schema", "charge", "air", "ground", "sensor", "camera", "vehicle", "law"),

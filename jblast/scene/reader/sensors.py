@@ -7,7 +7,8 @@ import numpy as np
 
 from jblast.errors import InputError, nearest, shown
 from jblast.parameter_table import CLOCK, CLOCK_OFFSET
-from jblast.quantities import QUANTITIES, TIMED
+from jblast.quantities import TIMED
+from jblast.quantity_table import QUANTITIES
 from jblast.scene.reader.priors import LISTS, Uncertain, finite, fixed_list, read_number
 from jblast.scene.reader.schema import SENSOR_KINDS
 from jblast.scene.reader.tables import choice, name_of, tables

@@ -4,6 +4,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Any
 
+from jblast.quantities import components
 from jblast.waves.waveform.friedlander import friedlander_decay
 
 
@@ -26,7 +27,7 @@ class Combination:
 
 COMBINATIONS = {
     "arrival_difference_s": Combination(
-        parts=("air_arrival_s", "ground_arrival_s"),
+        parts=tuple(part for part, _ in components("arrival_difference_s")),
         function=lambda air, ground: air - ground,
         holds=lambda difference: difference > 0.0,
         range="where both of its arrivals hold and the air's is the later",

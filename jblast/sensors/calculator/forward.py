@@ -10,7 +10,7 @@ from jaxtyping import Array, Bool, Float
 
 import jblast.waves as _waves  # noqa: F401  laws enter the registry as they are imported
 from jblast.kept_programs import kept
-from jblast.quantities import DERIVED_QUANTITIES, QUANTITIES
+from jblast.quantity_table import DERIVED_QUANTITIES, QUANTITIES
 from jblast.registry import LAWS, Law, call
 from jblast.scene import Scene
 from jblast.scene.charge import Burst

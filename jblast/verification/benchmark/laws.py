@@ -22,6 +22,7 @@ from jblast.fidelity.measured_errors import (
 )
 from jblast.fidelity.reference import REFERENCES
 from jblast.fidelity.timing import seconds
+from jblast.quantity_table import QUANTITIES
 from jblast.registry import call, law_for
 from jblast.scene.charge import Burst
 from jblast.verification.benchmark.chart import Point, Topic, register_topic
@@ -122,16 +123,16 @@ def _point(
     )
 
 
-for _name, _quantity, _words in (
-    ("arrival", "air_arrival_s", "Air arrival"),
-    ("pressure", "peak_overpressure_pa", "Peak overpressure"),
-    ("impulse", "positive_impulse_pa_s", "Positive impulse"),
-    ("duration", "positive_duration_s", "Positive duration"),
+for _name, _quantity in (
+    ("arrival", "air_arrival_s"),
+    ("pressure", "peak_overpressure_pa"),
+    ("impulse", "positive_impulse_pa_s"),
+    ("duration", "positive_duration_s"),
 ):
     register_topic(
         Topic(
             name=_name,
-            title=f"{_words}: cost against error",
+            title=f"{QUANTITIES[_quantity].words.capitalize()}: cost against error",
             cost="time of a reading, many at once; of the solver, of a run",
             error="the largest over the span, or how far the reference may be off",
             measure=lambda tell, quantity=_quantity: law_points(quantity, tell),
