@@ -21,11 +21,10 @@ from pathlib import Path
 import jax.numpy as jnp
 import numpy as np
 
-from calibration.point_source_references import END, hancock, law_over
+from calibration.point_source_references import END, hancock, law_over, sound_fraction
 from jblast.cli.jax_start import start_jax
 from jblast.waves.euler import Decay, decay_at, extrapolated, point_source_march
 from jblast.waves.euler.march import March
-from jblast.waves.laws.point_source.arrival import log_sound_fraction
 from jblast.waves.laws.point_source.front import (
     log_overpressure_ratio,
     point_source_tail,
@@ -114,7 +113,7 @@ def text(marches: list[March]) -> str:
             )
         )
     law = np.asarray(log_overpressure_ratio(jnp.asarray(x)))
-    arrival = np.exp(np.asarray(log_sound_fraction(jnp.asarray(x))))
+    arrival = sound_fraction(jnp.asarray(x))
     for name, off in (
         ("the limit", near.overpressure_ratio / np.exp(y) - 1.0),
         ("point_source", np.expm1(law - y)),

@@ -5,9 +5,11 @@ from pathlib import Path
 
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array
 
+from jblast.waves.curves.arrival import log_sound_fraction
 from jblast.waves.euler import Decay
-from jblast.waves.laws.point_source.arrival import log_sound_fraction
+from jblast.waves.laws.point_source.arrival import point_source_arrival
 from jblast.waves.laws.point_source.front import log_overpressure_ratio
 
 END = 100.0
@@ -30,9 +32,14 @@ def hancock(first: float, last: float) -> np.ndarray:
     return np.array([rows[name] for name in names])
 
 
+def sound_fraction(log_scaled: Array) -> np.ndarray:
+    """Return c t / R of the law."""
+    return np.exp(np.asarray(log_sound_fraction(log_scaled, point_source_arrival())))
+
+
 def law_over(limit: Decay) -> tuple[np.ndarray, np.ndarray]:
     """Return how far `point_source` is above the solver: pressure and arrival, of 1."""
     log_scaled = jnp.log(limit.scaled)
     pressure = np.exp(np.asarray(log_overpressure_ratio(log_scaled)))
-    arrival = np.exp(np.asarray(log_sound_fraction(log_scaled))) * limit.scaled
+    arrival = sound_fraction(log_scaled) * limit.scaled
     return pressure / limit.overpressure_ratio - 1.0, arrival / limit.arrival - 1.0

@@ -11,7 +11,8 @@ import numpy as np
 
 from jblast.fidelity import solver
 from jblast.verification.benchmark.chart import Point, Topic, register_topic
-from jblast.waves.laws.point_source.arrival import log_sound_fraction
+from jblast.waves.curves.arrival import log_sound_fraction
+from jblast.waves.laws.point_source.arrival import point_source_arrival
 from jblast.waves.laws.point_source.front import log_overpressure_ratio
 
 CELLS = (50, 100, 200, 400)
@@ -24,7 +25,7 @@ def solver_points(tell: Callable[[str], None]) -> list[Point]:
     log_lambda = jnp.log(solver.NODES)
     exact = {
         "pressure": log_overpressure_ratio(log_lambda),
-        "arrival": log_sound_fraction(log_lambda),
+        "arrival": log_sound_fraction(log_lambda, point_source_arrival()),
     }
     exact = {what: np.asarray(value) for what, value in exact.items()}
     costs, runs = {}, {}

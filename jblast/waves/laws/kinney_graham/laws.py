@@ -43,10 +43,11 @@ from jblast.constants import STANDARD_PRESSURE, STANDARD_SOUND_SPEED
 from jblast.registry import Law, declared_scatter, register
 from jblast.types import as_float_array, as_float_arrays
 from jblast.waves.arguments import checked
+from jblast.waves.curves.arrival import log_sound_fraction
 from jblast.waves.laws.kinney_graham.arrival import (
     CHARGE_RADIUS,
     FIRST,
-    kinney_graham_log_sound_fraction,
+    kinney_graham_arrival,
 )
 from jblast.waves.laws.kinney_graham.curves import (
     DURATION,
@@ -143,7 +144,7 @@ def kinney_graham_arrival_time(
     """
     log_z = log_scaled_distance(slant_range, charge_mass, ambient_pressure)
     sound_time = as_float_array(slant_range) / as_float_array(sound_speed)
-    return sound_time * jnp.exp(kinney_graham_log_sound_fraction(log_z))
+    return sound_time * jnp.exp(log_sound_fraction(log_z, kinney_graham_arrival()))
 
 
 @checked

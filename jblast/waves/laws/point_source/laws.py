@@ -34,7 +34,8 @@ from jblast.constants import (
 from jblast.registry import Law, declared_scatter, register
 from jblast.types import as_float_array, as_float_arrays
 from jblast.waves.arguments import checked
-from jblast.waves.laws.point_source.arrival import log_sound_fraction
+from jblast.waves.curves.arrival import log_sound_fraction
+from jblast.waves.laws.point_source.arrival import point_source_arrival
 from jblast.waves.laws.point_source.front import (
     ENDS,
     log_overpressure_ratio,
@@ -112,7 +113,7 @@ def point_source_arrival_time(
     """
     log_lambda = _log_lambda(slant_range, charge_mass, ambient_pressure)
     sound_time = as_float_array(slant_range) / as_float_array(sound_speed)
-    return sound_time * jnp.exp(log_sound_fraction(log_lambda))
+    return sound_time * jnp.exp(log_sound_fraction(log_lambda, point_source_arrival()))
 
 
 def point_source_valid(

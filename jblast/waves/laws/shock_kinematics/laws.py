@@ -36,11 +36,12 @@ from jblast.constants import STANDARD_PRESSURE, STANDARD_SOUND_SPEED
 from jblast.registry import Law, declared_scatter, register
 from jblast.types import as_float_array
 from jblast.waves.arguments import checked
+from jblast.waves.curves.arrival import log_sound_fraction
 from jblast.waves.laws.kingery_bulmash.table import (
     kingery_bulmash_curve,
     kingery_bulmash_joins,
 )
-from jblast.waves.laws.shock_kinematics.arrival import log_sound_fraction
+from jblast.waves.laws.shock_kinematics.arrival import shock_arrival
 from jblast.waves.laws.shock_kinematics.front import (
     JOIN,
     front_log_pressure,
@@ -117,7 +118,7 @@ def shock_kinematics_arrival_time(
     """
     log_z = log_scaled_distance(slant_range, charge_mass, ambient_pressure)
     sound_time = as_float_array(slant_range) / as_float_array(sound_speed)
-    return sound_time * jnp.exp(log_sound_fraction(log_z, burst))
+    return sound_time * jnp.exp(log_sound_fraction(log_z, shock_arrival(burst)))
 
 
 def shock_kinematics_valid(

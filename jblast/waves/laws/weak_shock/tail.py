@@ -10,9 +10,11 @@ the acoustic 1/Z because the front keeps eating the wave behind it.
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
+import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+import numpy as np
 
 from jblast.errors import InputError
 from jblast.waves.curves.log_polynomial import Segment
@@ -32,12 +34,11 @@ class WeakShockTail:
     amplitude: float
     length: float
 
-    def log_pressure(self, log_z: Float[Array, "..."]) -> Float[Array, "..."]:
-        """Return ln p (p in Pa); log_z lies past ln b."""
+    def log_pressure(self, log_z: Any) -> Any:
+        """Return ln p (p in Pa), NumPy and JAX arrays alike; log_z lies past ln b."""
+        log = jnp.log if isinstance(log_z, jax.Array) else np.log
         return (
-            math.log(self.amplitude)
-            - log_z
-            - 0.5 * jnp.log(log_z - math.log(self.length))
+            math.log(self.amplitude) - log_z - 0.5 * log(log_z - math.log(self.length))
         )
 
 
