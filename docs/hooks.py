@@ -33,7 +33,7 @@ def on_config(config: MkDocsConfig) -> MkDocsConfig:
 def on_files(files: Files, config: MkDocsConfig) -> Files:
     """Add the generated pages, and the files of the repository that pages show."""
     for page in PAGES:
-        files.append(File.generated(config, page.uri, content=page.markdown()))
+        files.append(File.generated(config, page.uri, content=page.text()))
     for uri, path in pages.shown().items():
         files.append(File.generated(config, uri, abs_src_path=str(path)))
     return files

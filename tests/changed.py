@@ -16,10 +16,13 @@ ROOM_OF = {
     "notebooks": "tests/test_notebooks.py",
     "calibration": "tests/calibration",
     ".ci": "tests/test_packaging.py",
-    "docs": "tests/test_docs.py",
 }
 """Where the tests are of what stands outside jblast/ and tests/."""
-ALWAYS = ("tests/test_import_order.py", "tests/test_packaging.py")
+ALWAYS = (
+    "tests/test_import_order.py",
+    "tests/test_packaging.py",
+    "tests/test_docs.py",
+)
 
 
 def asked_for(files: Iterable[str]) -> list[str]:

@@ -4,15 +4,20 @@
 """
 
 import re
+import tomllib
 from pathlib import Path
 
 import pytest
+from jsonschema import Draft202012Validator
 
 from docs.generate import blocks, command_line, pages, scene_tables
 from docs.generate.links import in_repository, site_uri, targets, to_site
+from docs.generate.scene_schema import scene_schema
 from jblast.cli.verbs.table import VERBS
+from jblast.errors import InputError
 from jblast.parameter_table import PARAMETERS
 from jblast.quantity_table import DERIVED_QUANTITIES, QUANTITIES
+from jblast.scene.reader.scene import scene_from_document
 from jblast.scene.reader.schema import KEYS
 
 ROOT = Path(__file__).parents[1]
@@ -120,6 +125,55 @@ def test_every_notebook_and_every_kept_result_becomes_a_page():
     assert {name(path) for path in kept.rglob("*.md")} <= sources
     uris = [page.uri for page in GENERATED]
     assert len(set(uris)) == len(uris)
+
+
+def test_the_schema_of_a_scene_takes_what_the_reader_takes():
+    schema = Draft202012Validator(scene_schema())
+    for path in (ROOT / "calibration").rglob("*.toml"):
+        schema.validate(tomllib.loads(text(path)))
+    for document in (
+        {"charge": {"mass_kg": -1.0}},
+        {"charge": {"mass_kg": {"normal": [1.0]}}},
+        {"charge": {"position_m": [0.0, 0.0]}},
+        {"air": {"relative_humidity": 1.5}},
+        {"sensor": [{"name": "a", "records": {"air_arrival": 1e-3}}]},
+        {"vehicle": {"model": "balloon"}},
+        {"charges": {}},
+        {"schema": 2},
+    ):
+        assert not schema.is_valid(document), document
+        with pytest.raises(InputError):
+            scene_from_document(document, "scene.toml")
+
+
+@pytest.mark.parametrize("path", WRITTEN, ids=name)
+def test_scenes_that_are_shown_can_be_read(path):
+    schema = Draft202012Validator(scene_schema())
+    for block in re.findall(r"^```toml\n(.*?)^```", text(path), re.M | re.S):
+        document = tomllib.loads(block)
+        if "view" not in document:
+            schema.validate(document)
+            scene_from_document(document, name(path))
+
+
+def test_readme_is_a_page_one_reads_through():
+    assert len(text(ROOT / "README.md").splitlines()) <= 120
+
+
+def test_readme_tells_of_every_verb():
+    table = text(ROOT / "README.md").split("## The verbs")[1]
+    assert [v.name for v in VERBS if f"`{v.name}`" not in table] == []
+
+
+@pytest.mark.slow
+def test_the_python_in_readme_runs(monkeypatch, capsys):
+    """What it prints is what the picture's caption says."""
+    monkeypatch.chdir(ROOT)
+    (block,) = python_blocks(ROOT / "README.md")
+    exec(block, {})
+    assert capsys.readouterr().out == "243 kg, 90 % interval 173 to 341 kg\n"
+    caption = " ".join(text(ROOT / "README.md").split())
+    assert "243 kg, 90 % interval 173 to 341 kg" in caption
 
 
 def test_links_of_the_repository_become_links_of_the_site():

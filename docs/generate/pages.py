@@ -1,33 +1,40 @@
-"""The pages that nobody writes: tutorials, API, results, changelog, contributing."""
+"""What of the site is made: tutorials, API, results, schemas, pages of the root."""
 
+import json
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from docs.generate import api, notebooks, results
+from docs.generate import api, notebooks, results, scene_schema
 
 ROOT = Path(__file__).parents[2]
-ALSO = {"changelog.md": "CHANGELOG.md", "contributing.md": "CONTRIBUTING.md"}
+ALSO = {
+    "index.md": "README.md",
+    "changelog.md": "CHANGELOG.md",
+    "contributing.md": "CONTRIBUTING.md",
+}
 """Pages that are files of the repository's root."""
+SCHEMAS = {"scene": scene_schema.scene_schema}
+"""JSON Schemas, by name."""
 
 
 @dataclass(frozen=True)
 class Generated:
-    """A page that no file under docs/ holds.
+    """A page, or another text, that no file under docs/ holds.
 
     Attributes:
         uri: Where it stands on the site.
         source: The file of the repository it is made from: its links start there.
         title: What the navigation calls it.
         section: Of the navigation; "" where mkdocs.yml names the page itself.
-        markdown: Writes it.
+        text: Writes it.
     """
 
     uri: str
     source: str
     title: str
     section: str
-    markdown: Callable[[], str]
+    text: Callable[[], str]
 
 
 def generated() -> list[Generated]:
@@ -56,6 +63,11 @@ def generated() -> list[Generated]:
             Generated(uri, source, "", "",
                       lambda source=source: (ROOT / source).read_text("utf-8"))
             for uri, source in ALSO.items()
+        ),
+        *(
+            Generated(f"reference/schemas/{name}.json", "", "", "",
+                      lambda schema=schema: json.dumps(schema(), indent=1) + "\n")
+            for name, schema in SCHEMAS.items()
         ),
     ]  # fmt: skip
 

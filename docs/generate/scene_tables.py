@@ -54,12 +54,12 @@ def numbers() -> str:
         key, bounds = one.key, one.bounds
         at = key.name if key.index is None else f"{key.name}[{key.index}]"
         rows.append(
-            f"| `{name}` | `[{key.table}] {at}` | "
+            f"| `{name}` | {one.words} | `[{key.table}] {at}` | "
             f"{'' if bounds == UNBOUNDED else bounds.words()} | "
             f"{one.default:g} | {'ln' if one.positive else 'itself'} |"
         )
-    head = ["| number | key | has to be | a fit starts at | fitted in |"]
-    return "\n".join([*head, "|---|---|---|---|---|", *rows])
+    head = ["| number | is the | key | has to be | a fit starts at | fitted in |"]
+    return "\n".join([*head, "|---|---|---|---|---:|---|", *rows])
 
 
 def keys_of_tables() -> str:

@@ -1,0 +1,116 @@
+"""A JSON Schema of the scene file, for editors and programs, from the reader's tables.
+
+It is wider than the reader in what only the reader can know: which keys exclude one
+another, whether names are unique, whether a law of that name exists.
+"""
+
+from typing import Any
+
+from jblast.bounds import Bounds
+from jblast.parameter_table import CLOCK, PARAMETERS
+from jblast.quantity_table import QUANTITIES
+from jblast.scene.charge import BURSTS
+from jblast.scene.reader.priors import LISTS, PRIORS
+from jblast.scene.reader.schema import GROUND_PATHS, KEYS, SENSOR_KINDS, VEHICLE_MODELS
+
+NUMBER = {"type": "number"}
+TEXT = {"type": "string"}
+TRUTH = {"type": "boolean"}
+SEVERAL = ("charge", "sensor")
+"""Tables of which a file may have several."""
+ONE_FOR_BOTH = ("focal_px", "threshold")
+"""Lists of two for which one number may stand."""
+KNOWN: dict[tuple[str, str], dict[str, Any]] = {
+    ("", "schema"): {"const": 1},
+    ("charge", "burst"): {"enum": list(BURSTS)},
+    ("ground", "path"): {"enum": list(GROUND_PATHS)},
+    ("sensor", "kind"): {"enum": list(SENSOR_KINDS)},
+    ("sensor", "times_s"): {"type": "array", "items": NUMBER, "minItems": 1},
+    ("sensor", "records"): {
+        "type": "object",
+        "properties": {
+            quantity: {"type": "number", "exclusiveMinimum": 0}
+            for quantity in QUANTITIES
+        },
+        "additionalProperties": False,
+    },
+    ("vehicle", "model"): {"enum": list(VEHICLE_MODELS)},
+    ("control", "integral"): TRUTH,
+    ("law", "scatter"): TRUTH,
+    ("camera", "width"): {"type": "integer", "minimum": 1},
+    ("camera", "height"): {"type": "integer", "minimum": 1},
+    **{("law", quantity): TEXT for quantity in QUANTITIES},
+    **{(table, "name"): TEXT for table in SEVERAL},
+    ("charge", "explosive"): TEXT,
+}
+"""What the keys hold that are neither numbers nor lists of them."""
+
+
+def scene_schema() -> dict[str, Any]:
+    """Return the schema of a scene file."""
+    properties = {key: _table(key) for key in KEYS[""] if key != "schema"}
+    properties["schema"] = KNOWN["", "schema"]
+    return {
+        "$schema": "https://json-schema.org/draft/2020-12/schema",
+        "title": "A scene of jblast",
+        "type": "object",
+        "properties": properties,
+        "additionalProperties": False,
+    }
+
+
+def _table(name: str) -> dict[str, Any]:
+    """Return the schema of a table, or of a list of them where there may be several."""
+    keys = {key: _key(name, key) for key in KEYS[name]}
+    one = {"type": "object", "properties": keys, "additionalProperties": False}
+    if name not in SEVERAL:
+        return one
+    many = {"type": "array", "items": one}
+    return many if name == "sensor" else {"anyOf": [one, many]}
+
+
+def _key(table: str, key: str) -> dict[str, Any]:
+    if (table, key) in KNOWN:
+        return KNOWN[table, key]
+    if key in KEYS:
+        return _table(key)
+    parameters = [
+        one
+        for one in (*PARAMETERS.values(), CLOCK)
+        if (one.key.table, one.key.name) == (table, key)
+    ]
+    if parameters and parameters[0].key.index is None:
+        return _uncertain(parameters[0].bounds)
+    if parameters:
+        items = [_uncertain(one.bounds) for one in parameters]
+        return {"type": "array", "prefixItems": items, **_length(len(items))}
+    if key in LISTS:
+        numbers = LISTS[key].count(",") + 1
+        several = {"type": "array", "items": NUMBER, **_length(numbers)}
+        return {"anyOf": [NUMBER, several]} if key in ONE_FOR_BOTH else several
+    return NUMBER
+
+
+def _uncertain(bounds: Bounds) -> dict[str, Any]:
+    """Return what a number may be: fixed, free, or a prior."""
+    fixed: dict[str, Any] = dict(NUMBER)
+    for word, bound in (
+        ("exclusiveMinimum", bounds.above),
+        ("minimum", bounds.at_least),
+        ("maximum", bounds.at_most),
+    ):
+        if abs(bound) != float("inf"):
+            fixed[word] = bound
+    pair = {"type": "array", "items": NUMBER, **_length(2)}
+    prior = {
+        "type": "object",
+        "properties": {kind: pair for kind in PRIORS},
+        "additionalProperties": False,
+        "minProperties": 1,
+        "maxProperties": 1,
+    }
+    return {"anyOf": [fixed, {"const": "free"}, prior]}
+
+
+def _length(numbers: int) -> dict[str, int]:
+    return {"minItems": numbers, "maxItems": numbers}
