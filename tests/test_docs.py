@@ -176,6 +176,19 @@ def test_the_python_in_readme_runs(monkeypatch, capsys):
     assert "243 kg, 90 % interval 173 to 341 kg" in caption
 
 
+def test_contributing_lists_the_rooms_that_there_are():
+    table = text(ROOT / "CONTRIBUTING.md").split("## The rooms")[1].split("\n\n")[1]
+    told = {
+        line.split("|")[1].strip(" `"): set(re.findall(r"`(\w+)`", line.split("|")[3]))
+        for line in table.splitlines()[2:]
+    }
+    there = {
+        room.name: {folder.parent.name for folder in room.glob("*/__init__.py")}
+        for room in (path.parent for path in (ROOT / "jblast").glob("*/__init__.py"))
+    }
+    assert told == there
+
+
 def test_links_of_the_repository_become_links_of_the_site():
     page = "![a](../../calibration/results/charts/fit.png) [b](../install.md#what)"
     assert to_site(page, "docs/howto/measure.md", "howto/measure.md") == (

@@ -39,6 +39,24 @@ def page(room: Room) -> str:
     return "\n\n".join([f"# {room.name}", room.about, *entries]) + "\n"
 
 
+def tree(root: Path) -> str:
+    """Write the list of all rooms, each with what it says of itself in a line."""
+    lines = []
+    offering = {room.name for room in rooms(root)}
+    for path in sorted((root / "jblast").rglob("__init__.py")):
+        parts = path.parent.relative_to(root).parts
+        name = ".".join(parts)
+        about = ast.get_docstring(ast.parse(path.read_text("utf-8"))) or ""
+        shown = f"[`{name}`]({name}.md)" if name in offering else f"`{name}`"
+        indent = "    " * (len(parts) - 1)
+        lines.append(f"{indent}- {shown}: {about.partition(chr(10))[0]}")
+    head = (
+        "# API\n\nA name is imported from the room whose page it stands on: "
+        "`from jblast.waves import scaled_distance`.\n\n## The rooms\n\n"
+    )
+    return head + "\n".join(lines) + "\n"
+
+
 def _room(path: Path, root: Path) -> Room:
     name = ".".join(path.parent.relative_to(root).parts)
     tree = ast.parse(path.read_text("utf-8"))

@@ -46,6 +46,8 @@ def generated() -> list[Generated]:
                       lambda path=path: notebooks.page(path))
             for path in notebooks.all_of_them(ROOT)
         ),
+        Generated("reference/api/index.md", "docs/reference/api/index.md", "API", "API",
+                  lambda: api.tree(ROOT)),
         *(
             Generated(uri, room.source, room.name, "API",
                       lambda room=room: api.page(room))
