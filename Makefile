@@ -27,7 +27,7 @@ test: .venv/dev
 	$(PYTEST) -m "not slow"
 
 quick: .venv/dev
-	rooms=$$($(BIN)/python tests/changed.py $(SINCE)) && $(PYTEST) -m "not slow" -o addopts= $$rooms
+	rooms=$$($(BIN)/python tests/tools/changed.py $(SINCE)) && $(PYTEST) -m "not slow" -o addopts= $$rooms
 
 # FIRST names what comes first, as do the notebooks, the longest file: at the end one
 # worker would wait for them. After UNTIL (seconds since 1970) no test begins.

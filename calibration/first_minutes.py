@@ -4,7 +4,7 @@
 
 Needs git and make alone, and a network. Clones the last commit into an empty folder and
 runs there with empty caches, as on a machine that has never seen the project; prints
-seconds and J, how long `import jax` takes (tests/import_time.py): machines differ
+seconds and J, how long `import jax` takes (tests/tools/import_time.py): machines differ
 threefold. With `--slow` the slow tests as well.
 """
 
@@ -63,7 +63,7 @@ class Clone:
     def import_time(self) -> float:
         """Return J [s]."""
         run = subprocess.run(
-            [".venv/bin/python", "tests/import_time.py"],
+            [".venv/bin/python", "tests/tools/import_time.py"],
             cwd=self.tree,
             env=self.env,
             check=True,

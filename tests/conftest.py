@@ -18,7 +18,7 @@ import pytest  # noqa: E402
 from jax._src.interpreters import mlir  # noqa: E402
 from jaxlib.mlir import ir  # noqa: E402
 
-pytest_plugins = ["minutes"]
+pytest_plugins = ["tests.tools.minutes"]
 
 PAGE = os.sysconf("SC_PAGE_SIZE")
 FULL = 0.2 * os.sysconf("SC_PHYS_PAGES") * PAGE

@@ -18,7 +18,7 @@ ROOT = Path(__file__).parents[1]
 def in_float32():
     """Ask `single_precision.py`; promotions are spelled out, warnings errors too."""
     run = subprocess.run(
-        [sys.executable, "-W", "error", "tests/single_precision.py"],
+        [sys.executable, "-W", "error", "tests/tools/single_precision.py"],
         capture_output=True,
         text=True,
         cwd=ROOT,

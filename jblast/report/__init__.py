@@ -13,9 +13,9 @@ if TYPE_CHECKING:
 
 HOMES = {
     "plain": "json_values",
-    "summary": "text",
-    "check_directory": "write",
-    "write_report": "write",
+    "summary": "fit.terminal",
+    "check_directory": "fit.files",
+    "write_report": "fit.files",
 }
 
 

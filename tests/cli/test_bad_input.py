@@ -1,5 +1,6 @@
 import pytest
-from cli_files import HEADER, TWO, Command
+
+from tests.cli.cli_files import HEADER, TWO, Command
 
 ROW = "a,air_arrival_s,1,0.1,30,0,1\n"
 

@@ -30,8 +30,8 @@ PUBLIC = {
     and not name.startswith("_")
 }
 NOT_ELEMENTWISE = {"slant_range", "blast_pulse"}
-"""One takes places, not numbers: tests/waves/test_paths.py. The other gives several:
-they are tested as what it is made of, and in tests/waves/test_waveform.py."""
+"""One takes places, not numbers: test_paths.py. The other gives several: they are
+tested as what it is made of, and in waveform/test_blast_pressure.py."""
 
 FUNCTIONS = [
     pytest.param(f, word, id=f"{name}-{word or 'any'}")

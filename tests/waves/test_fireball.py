@@ -4,7 +4,6 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
-from slopes import check_slopes
 
 from jblast.constants import STANDARD_GRAVITY, STANDARD_TEMPERATURE
 from jblast.waves.fireball import (
@@ -18,6 +17,7 @@ from jblast.waves.fireball import (
     fireball_rise,
 )
 from jblast.waves.laws.kingery_bulmash.laws import kingery_bulmash_arrival_time
+from tests.tools.slopes import check_slopes
 
 masses = st.floats(1e-3, 1e6)
 parts = st.floats(1e-3, 5.0)

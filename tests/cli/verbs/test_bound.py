@@ -1,0 +1,164 @@
+import json
+import subprocess
+import sys
+
+import pytest
+
+from tests.cli.cli_files import SENSORS, Command
+
+ANSWER = {
+    "schema": int,
+    "at": dict,
+    "law": dict,
+    "law_reason": dict,
+    "law_valid": bool,
+    "parameters": dict,
+    "free": list,
+    "identifiable": bool,
+    "null_directions": list,
+    "ambiguities": list,
+    "determined": list,
+    "noise": str,
+    "n_observations": int,
+    "help": list,
+    "leans_on": list,
+    "mass_exponents": dict,
+    "warnings": list,
+}
+CLOCK = "clock_offset_s.z=0"
+FREE = '[charge]\nmass_kg = "free"\n' + SENSORS
+PRIOR = "[charge]\nmass_kg = { lognormal = [15.0, 3.0] }\n" + SENSORS
+
+
+@pytest.fixture
+def jblast(tmp_path, capsys):
+    return Command(tmp_path, capsys)
+
+
+def of_contract(out: str) -> dict:
+    """Return the JSON, its keys and types those of the contract."""
+    answer = json.loads(out)
+    assert list(answer) == list(ANSWER)
+    for key, kind in ANSWER.items():
+        assert type(answer[key]) is kind, key
+    assert list(answer["parameters"]) == answer["free"] == list(answer["at"])
+    for spread in answer["parameters"].values():
+        assert spread.keys() == {"sd", "log_sd"}
+    doubts = answer["null_directions"] or answer["ambiguities"]
+    assert answer["identifiable"] == (not doubts)
+    return answer
+
+
+def test_json_has_every_key_and_stdout_holds_nothing_else(jblast):
+    scene = jblast.file("plan.toml", FREE)
+    asked = ("bound", scene, "--at", "charge_mass_kg=15", "--json")
+    code, out, err = jblast(*asked)
+    assert (code, err) == (0, "")
+    answer = of_contract(out)
+    assert answer["at"] == {"charge_mass_kg": 15.0}
+    assert answer["n_observations"] == 4
+    assert 0.01 < answer["parameters"]["charge_mass_kg"]["log_sd"] < 0.5
+
+
+@pytest.mark.slow
+def test_the_noise_and_the_law_asked_for_are_taken(jblast):
+    scene = jblast.file("plan.toml", FREE)
+    asked = ("bound", scene, "--at", "charge_mass_kg=15", "--json")
+    answer = of_contract(jblast(*asked)[1])
+    normal = json.loads(jblast(*asked, "--noise", "gaussian")[1])
+    wide = answer["parameters"]["charge_mass_kg"]["log_sd"]
+    assert normal["parameters"]["charge_mass_kg"]["log_sd"] < wide
+    named = json.loads(jblast(*asked, "--law", "peak_overpressure_pa=swisdak")[1])
+    assert named["law"]["peak_overpressure_pa"] == "swisdak"
+
+
+@pytest.mark.slow
+def test_a_number_freed_beside_the_scene_is_as_if_the_scene_had_it_free(jblast):
+    scene = jblast.file("plan.toml", FREE)
+    bare = jblast.file("bare.toml", FREE.replace('"free"', "2.0"))
+    at = ("--at", "charge_mass_kg=15", "--json")
+    told = of_contract(jblast("bound", scene, *at)[1])
+    assert (
+        of_contract(jblast("bound", bare, "--free", "charge_mass_kg", *at)[1]) == told
+    )
+    # one beside that of the scene
+    at = ("--at", "charge_mass_kg=15, origin_time_s=0", "--json")
+    both = of_contract(jblast("bound", scene, "--free", "origin_time_s", *at)[1])
+    assert both["free"] == ["charge_mass_kg", "origin_time_s"]
+    wider = both["parameters"]["charge_mass_kg"]["log_sd"]
+    assert wider > told["parameters"]["charge_mass_kg"]["log_sd"]
+
+
+@pytest.mark.slow
+def test_text_and_map_say_the_same_and_fit_the_terminal(jblast, tmp_path):
+    scene = jblast.file("plan.toml", PRIOR)
+    code, out, err = jblast("bound", scene, "--map", jblast.path("map.svg"))
+    assert (code, err) == (0, "")
+    assert max(map(len, out.splitlines())) <= 96
+    assert "Bound of plan.toml: 4 recordings planned of 2 sensors" in out
+    assert "15 kg" in out  # the prior's median
+    assert "One more datum: sd of the charge mass, now" in out
+    assert f"Map: {jblast.path('map.svg')}" in out
+    assert "</svg>" in jblast.text("map.svg")
+    refusal = jblast.refused("bound", scene, "--map", jblast.path("map.svg"))
+    assert "exists already" in refusal
+
+
+@pytest.mark.slow
+def test_what_is_not_identifiable_exits_4_and_is_still_printed(jblast):
+    content = FREE.replace('"free"', '"free"\ntime_s = "free"').replace(
+        "peak_overpressure_pa = 0.05, positive_impulse_pa_s = 0.05", "air_arrival_s = 1"
+    )
+    content = content.replace(", peak_overpressure_pa = 0.05", "")
+    content = content.replace("[0.0, 60.0, 1.0]", "[30.0, 0.0, 1.0]")
+    scene = jblast.file("plan.toml", content)
+    at = ("--at", "charge_mass_kg=15, origin_time_s=0")
+    code, out, err = jblast("bound", scene, *at, "--json")
+    assert (code, err) == (4, "")
+    answer = of_contract(out)
+    assert len(answer["null_directions"]) == 1
+    nothing = {"sd": None, "log_sd": None}
+    assert answer["parameters"]["charge_mass_kg"] == nothing
+    code, out, _ = jblast("bound", scene, *at)
+    assert code == 4
+    assert "charge mass: not identified" in out
+    assert max(map(len, out.splitlines())) <= 96
+
+
+def test_bad_input_exits_2_with_one_message(jblast):
+    scene = jblast.file("plan.toml", FREE)
+    cases = {
+        (): "--at charge_mass_kg=VALUE",
+        ("--at", "charge_mas_kg=3"): "did you mean charge_mass_kg?",
+        ("--at", "charge_mass_kg=15,charge_up_m=3"): "or --free charge_up_m beside it",
+        ("--free", "charge_up_m", "--at", "charge_mass_kg=3"): "--at charge_up_m=VALUE",
+        ("--free", "nobody", "--at", "charge_mass_kg=3"): "--free nobody",
+        ("--at", "charge_mass_kg"): "PARAMETER=VALUE",
+        ("--at", "charge_mass_kg=x"): "PARAMETER=VALUE",
+        ("--at", "charge_mass_kg=nan"): "finite",
+        ("--at", "charge_mass_kg=3,charge_mass_kg=4"): "got several",
+        ("--at", "charge_mass_kg=0"): "positive",
+        ("--at", "charge_mass_kg=3", "--map", "map.jpg"): ".png, .svg, .pdf",
+        ("--at", "charge_mass_kg=3", "--law", "nobody"): "nobody",
+    }
+    for words, said in cases.items():
+        assert said in jblast.refused("bound", scene, *words)
+    bare = jblast.file("bare.toml", "[charge]\nmass_kg = 15.0\n" + SENSORS)
+    assert "nothing to bound" in jblast.refused("bound", bare)
+    said = jblast.refused("bound", bare, "--free", "clock_offset_s.z", "--at", CLOCK)
+    assert "no such clock" in said
+    mute = jblast.file("mute.toml", '[charge]\nmass_kg = "free"\n')
+    said = jblast.refused("bound", mute, "--at", "charge_mass_kg=3")
+    assert "no sensor records anything" in said
+    assert "no such file" in jblast.refused("bound", jblast.path("none.toml"))
+
+
+def test_help_does_not_wait_for_jax():
+    code = (
+        "import sys\nfrom jblast.cli.main import main\n"
+        "try:\n    main(['bound', '--help'])\nexcept SystemExit:\n    pass\n"
+        "sys.exit('jax' in sys.modules)"
+    )
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert run.returncode == 0, run.stderr
+    assert "--map" in run.stdout

@@ -1,0 +1,195 @@
+import json
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from tests.cli.cli_files import Command
+
+TIME = np.linspace(0.0, 10.0, 301)
+
+
+@pytest.fixture
+def jblast(tmp_path, capsys) -> Command:
+    return Command(tmp_path, capsys)
+
+
+def table(*columns: np.ndarray, header: str) -> str:
+    rows = "\n".join(
+        ",".join(f"{v:.9g}" for v in row) for row in zip(*columns, strict=True)
+    )
+    return f"{header}\n{rows}\n"
+
+
+def pushed(noise: float = 0.02, cube: float = 0.0) -> str:
+    """Return a body with drag of both kinds that is pushed to and fro."""
+    push = 6.0 * np.sin(1.5 * TIME)
+    flow = solve_ivp(
+        lambda t, u: (
+            np.interp(t, TIME, push) - 0.3 * u - 0.05 * np.abs(u) * u - cube * u**3
+        ),
+        (0.0, 10.0),
+        [8.0],
+        t_eval=TIME,
+        max_step=0.02,
+    )
+    drawn = noise * np.random.default_rng(0).standard_normal(TIME.shape)
+    return table(TIME, flow.y[0] + drawn, push, header="time_s,u_m_s,push_m_s2")
+
+
+def discovered(jblast: Command, content: str, *options: str):
+    path = jblast.file("flight.csv", content)
+    return jblast("discover", path, "--ensemble", "20", *options)
+
+
+def test_drag_is_found_and_printed_with_its_certainty(jblast):
+    code, out, err = discovered(jblast, pushed(), "--input", "push_m_s2", "--drag")
+    assert code == 0
+    assert err == ""
+    first = out.splitlines()[0]
+    assert first.startswith("d(u_m_s)/dt = -0.3")
+    assert "push_m_s2 - 0.0" in first
+    assert first.endswith("|u_m_s| u_m_s")
+    assert "90 % interval" in out
+    assert "of the ensemble" in out
+    assert "off the data" in out
+    assert "Intervals are nominal: those of 90 % held the true coefficient" in out
+    assert "its coefficients have not seen" in out
+
+
+def test_json_is_all_of_stdout(jblast):
+    options = ("--input", "push_m_s2", "--drag", "--json")
+    code, out, _ = discovered(jblast, pushed(), *options)
+    assert code == 0
+    answer = json.loads(out)
+    assert (answer["state"], answer["input"]) == (["u_m_s"], ["push_m_s2"])
+    assert answer["rows"] == len(TIME)
+    found = answer["equations"]["u_m_s"]
+    terms = {term["term"]: term for term in found["terms"]}
+    assert set(terms) == {"u_m_s", "push_m_s2", "|u_m_s| u_m_s"}
+    for name, truth in (("u_m_s", -0.3), ("push_m_s2", 1.0), ("|u_m_s| u_m_s", -0.05)):
+        term = terms[name]
+        assert term["coefficient"] == pytest.approx(truth, rel=0.1)
+        assert term["q05"] < term["coefficient"] < term["q95"]
+        assert 0.5 < term["inclusion"] <= 1.0
+    assert found["noise_sd"] == pytest.approx(0.02, rel=0.15)
+    assert answer["reproduced"] is True
+    assert answer["interval"]["nominal"] == 0.9
+
+
+def test_equations_that_do_not_give_the_data_back_exit_with_four(jblast):
+    # two oscillators beat; one of them, and its own first power alone, cannot
+    beat = np.sin(2.0 * TIME) + np.sin(2.6 * TIME)
+    content = table(TIME, beat, header="time_s,x")
+    code, out, _ = discovered(jblast, content, "--json")
+    assert code == 4
+    assert json.loads(out)["reproduced"] is False
+    code, out, _ = discovered(jblast, content)
+    assert code == 4
+    assert "not reproduced" in out
+
+
+def test_a_law_beyond_the_candidates_is_a_doubt_and_exit_code_four(jblast):
+    content = pushed(noise=0.02, cube=0.05)
+    options = ("--input", "push_m_s2", "--drag")
+    code, out, _ = discovered(jblast, content, *options)
+    assert code == 4
+    first, second = out.splitlines()[:2]
+    assert first.startswith("In doubt, u_m_s: ")
+    assert "u_m_s^3, which it was not looked among" in first
+    assert second.startswith("One degree more: d(u_m_s)/dt = ")
+    assert "u_m_s^3" in second
+    code, out, _ = discovered(jblast, content, *options, "--json")
+    assert code == 4
+    answer = json.loads(out)
+    assert answer["certain"] is False
+    assert answer["equations"]["u_m_s"]["p_outside"] < 1e-3
+    assert "u_m_s^3" in answer["one_degree_more"]["equations"]["u_m_s"]
+
+
+def test_no_law_in_noise_is_the_headline_and_exit_code_four(jblast):
+    drawn = np.random.default_rng(0).standard_normal(TIME.shape)
+    content = table(TIME, drawn, header="time_s,x")
+    code, out, _ = discovered(jblast, content)
+    assert code == 4
+    assert out.startswith("No law found, x: no term is certain\n")
+    answer = json.loads(discovered(jblast, content, "--json")[1])
+    assert answer["equations"]["x"]["law"] is False
+
+
+def test_files_are_written_and_not_overwritten_unasked(jblast):
+    options = ("--input", "push_m_s2", "--drag", "--out", jblast.path("out"))
+    code, out, _ = discovered(jblast, pushed(), *options)
+    assert code == 0
+    assert "Written" in out
+    assert json.loads(jblast.text("out/discovery.json"))["schema"] == 1
+    picture = (jblast.directory / "out" / "discovery.png").read_bytes()
+    assert picture.startswith(b"\x89PNG")
+    message = jblast.refused("discover", jblast.path("flight.csv"), *options)
+    assert "exists already" in message
+    assert discovered(jblast, pushed(), *options, "--force")[0] == 0
+
+
+ROWS = [f"{0.1 * i:g},{np.sin(0.3 * i):.6f},1.5" for i in range(30)]
+
+
+def spoiled(row: int, text: str) -> str:
+    return "\n".join(["time_s,x,y", *ROWS[:row], text, *ROWS[row + 1 :]]) + "\n"
+
+
+@pytest.mark.parametrize(
+    ("content", "options", "said"),
+    [
+        (spoiled(0, ROWS[0]), (), "column y: expected values that change"),
+        (spoiled(0, ROWS[0]), ("--state", "z"), "line 1: missing column 'z'"),
+        (spoiled(0, ROWS[0]), ("--input", "w"), "which --input names"),
+        (spoiled(0, ROWS[0]), ("--state", "x", "--input", "x"), "got x twice"),
+        (spoiled(0, ROWS[0]), ("--state", "time_s"), "another column than time_s"),
+        (spoiled(0, ROWS[0]), ("--input", "x,y"), "a column that is no input"),
+        (
+            spoiled(5, "0.4,1,1.5"),
+            (),
+            "line 7: column time_s: expected times that rise",
+        ),
+        (spoiled(5, "0.5,nan,1.5"), (), "line 7: column x: expected a number"),
+        (spoiled(5, "0.5,1e200,1.5"), (), "between -1e100 and 1e100, got '1e200'"),
+        (spoiled(5, "0.5,,1.5"), (), "line 7: column x: expected a number"),
+        (spoiled(5, "0.5,1"), (), "line 7: expected 3 fields"),
+        ("time_s,x\n0,1\n1,2\n", (), "at least 20 rows after the header, got 2"),
+        ("t,x\n0,1\n", (), "line 1: missing column time_s"),
+        ("time_s;x\n0;1\n", (), "got semicolons"),
+        ("time_s,x,x\n0,1,1\n", (), "'x' once, got it twice"),
+        ("", (), "the file is empty"),
+        (spoiled(0, ROWS[0]), ("--state", "x", "--threshold", "2"), "--threshold"),
+        (spoiled(0, ROWS[0]), ("--state", "x", "--degree", "0"), "--degree"),
+        (
+            spoiled(0, ROWS[0]),
+            ("--state", "x", "--ensemble", "18"),
+            "from 19 to 10000",
+        ),
+    ],
+)
+def test_bad_input_is_one_message(jblast, content, options, said):
+    message = jblast.refused("discover", jblast.file("flight.csv", content), *options)
+    assert said in message
+    assert message.count("\n") == 1
+
+
+def test_too_many_candidates_are_refused(jblast):
+    names = [f"c{i}" for i in range(12)]
+    drawn = np.random.default_rng(0).standard_normal((12, 30))
+    content = table(np.arange(30.0), *drawn, header=",".join(["time_s", *names]))
+    message = jblast.refused(
+        "discover", jblast.file("flight.csv", content), "--degree", "3"
+    )
+    assert "at most 100 candidates, got 455" in message
+
+
+def test_the_command_line_starts_without_pysindy():
+    words = "import sys, jblast.cli.main; print(*sys.modules)"
+    loaded = subprocess.run(
+        [sys.executable, "-c", words], check=True, capture_output=True, text=True
+    )
+    assert "pysindy" not in loaded.stdout.split()

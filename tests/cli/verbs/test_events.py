@@ -1,0 +1,213 @@
+import json
+
+import h5py
+import numpy as np
+import pytest
+from PIL import Image
+
+from tests.cli.cli_files import Command
+
+SHAPE = (6, 9)
+GREYS = (32, 64, 64, 128, 32, 16)
+"""Doublings and halvings: with a threshold of ln 2, whole numbers of events."""
+LN2 = repr(float(np.log(2.0)))
+
+
+@pytest.fixture
+def jblast(tmp_path, capsys) -> Command:
+    (tmp_path / "frames").mkdir()
+    for i, grey in enumerate(GREYS):
+        save(tmp_path, i, np.full(SHAPE, grey, np.uint8))
+    return Command(tmp_path, capsys)
+
+
+def save(directory, number: int, pixels) -> None:
+    Image.fromarray(pixels).save(directory / "frames" / f"frame_{number:04d}.png")
+
+
+def column(file: h5py.File, name: str) -> np.ndarray:
+    return np.asarray(file[name])
+
+
+def converted(jblast: Command, *options: str, out: str = "events.h5"):
+    arguments = ["--fps", "1000", "--threshold", LN2, "--noise", "off"]
+    return jblast(
+        "events", jblast.path("frames"), *arguments, *options, "--out", jblast.path(out)
+    )
+
+
+def refused(jblast: Command, *options: str, fps: str = "1000", out: str = "events.h5"):
+    words = [*options, "--fps", fps, "--out", jblast.path(out)]
+    message = jblast.refused("events", jblast.path("frames"), *words)
+    assert not (jblast.directory / "events.h5").exists()
+    assert message.count("\n") == 1
+    return message
+
+
+def test_events_of_frames_that_double_and_halve(jblast):
+    code, out, _ = converted(jblast, "--json")
+    assert code == 0
+    answer = json.loads(out)
+    pixels = SHAPE[0] * SHAPE[1]
+    assert answer["events"] == 5 * pixels
+    assert (answer["brighter"], answer["darker"]) == (2 * pixels, 3 * pixels)
+    assert (answer["frames"], answer["width"], answer["height"]) == (6, 9, 6)
+    with h5py.File(jblast.path("events.h5")) as file:
+        t, p = column(file, "events/t"), column(file, "events/p")
+        assert t.dtype == np.int64
+        # two halvings between frames 3 and 4: at half that time, and at its end
+        at, count = np.unique(t, return_counts=True)
+        np.testing.assert_array_equal(at, [1000, 3000, 3500, 4000, 5000])
+        assert (count == pixels).all()
+        np.testing.assert_array_equal(p, np.repeat([1, 1, 0, 0, 0], pixels))
+        np.testing.assert_array_equal(column(file, "events/x")[:9], np.arange(9))
+        np.testing.assert_array_equal(column(file, "events/y")[:9], np.zeros(9))
+        assert column(file, "t_offset") == 0
+
+
+def test_ms_to_idx_finds_the_first_event_of_each_millisecond_of_the_film(jblast):
+    for i in range(len(GREYS), 9):  # three milliseconds more, in which nothing happens
+        save(jblast.directory, i, np.full(SHAPE, GREYS[-1], np.uint8))
+    converted(jblast)
+    with h5py.File(jblast.path("events.h5")) as file:
+        t, index = column(file, "events/t"), column(file, "ms_to_idx")
+    # DSEC's own words: t[ms_to_idx[ms]] >= ms * 1000 > t[ms_to_idx[ms] - 1]
+    expected = [np.searchsorted(t, 1000 * ms) for ms in range(len(index))]
+    np.testing.assert_array_equal(index, expected)
+    # its slicer wants the millisecond that ends a window: that of the last frame, too
+    assert len(index) == 9
+    assert t.max() == 5000
+
+
+def test_npz_holds_the_same(jblast):
+    converted(jblast)
+    code, out, _ = converted(jblast, out="events.npz")
+    assert code == 0
+    assert "6 frames of 9 x 6 pixels over 0.005 s: 270 events" in out
+    with (
+        h5py.File(jblast.path("events.h5")) as file,
+        np.load(jblast.path("events.npz")) as arrays,
+    ):
+        for name in "xytp":
+            np.testing.assert_array_equal(arrays[name], column(file, f"events/{name}"))
+
+
+def test_frames_without_events_give_an_empty_file(jblast):
+    for i in range(len(GREYS)):
+        save(jblast.directory, i, np.full(SHAPE, 9, np.uint8))
+    code, out, _ = converted(jblast)
+    assert code == 0
+    assert ": 0 events" in out
+    with h5py.File(jblast.path("events.h5")) as file:
+        assert column(file, "events/t").shape == (0,)
+        np.testing.assert_array_equal(column(file, "ms_to_idx"), np.zeros(6))
+
+
+def test_colour_frames_count_by_their_luminance(jblast):
+    for i, grey in enumerate(GREYS):
+        save(jblast.directory, i, np.full((*SHAPE, 3), grey, np.uint8))
+    _, out, _ = converted(jblast, "--json")
+    assert json.loads(out)["events"] == 270
+
+
+def test_srgb_frames_are_decoded(jblast):
+    _, out, _ = converted(jblast, "--json", "--srgb")
+    # linear light 0.0144, 0.0513, 0.2159, 0.0144, 0.0052; doublings of 0.0144 by hand
+    assert json.loads(out)["events"] == 54 * (1 + 2 + 3 + 1)
+
+
+def test_polarities_may_have_thresholds_of_their_own(jblast):
+    _, out, _ = converted(jblast, "--json", "--threshold", f"{LN2},10")
+    assert json.loads(out)["darker"] == 0
+
+
+@pytest.mark.parametrize("fps", ["0", "-3", "nan", "inf", "fast"])
+def test_a_frame_rate_that_is_none_is_refused(jblast, fps):
+    message = refused(jblast, fps=fps)
+    assert f"--fps: expected a positive number, got '{fps}'" in message
+
+
+@pytest.mark.parametrize("threshold", ["0", "-0.2", "0.2,-1", "nan", "", "1,2,3"])
+def test_a_threshold_that_is_none_is_refused(jblast, threshold):
+    assert "--threshold: expected" in refused(jblast, f"--threshold={threshold}")
+
+
+def test_a_missing_frame_is_named(jblast):
+    (jblast.directory / "frames" / "frame_0003.png").unlink()
+    assert "frame 3 is missing between frame_0002.png" in refused(jblast)
+
+
+def test_a_frame_of_another_size_is_named(jblast):
+    save(jblast.directory, 4, np.zeros((7, 9), np.uint8))
+    message = refused(jblast)
+    assert "frame_0004.png: expected 9 x 6 pixels" in message
+    assert "got 9 x 7" in message
+
+
+def test_a_frame_of_another_kind_is_named(jblast):
+    save(jblast.directory, 4, np.zeros((*SHAPE, 3), np.uint8))
+    assert "frame_0004.png: expected grey of 8 bits in all" in refused(jblast)
+
+
+@pytest.mark.parametrize("kept", [0, 30, 60])
+def test_a_corrupt_frame_is_named(jblast, kept):
+    path = jblast.directory / "frames" / "frame_0002.png"
+    path.write_bytes(path.read_bytes()[:kept])
+    assert "frame_0002.png: expected a" in refused(jblast)
+
+
+def test_a_transparent_frame_is_refused(jblast):
+    save(jblast.directory, 0, np.full((*SHAPE, 4), 100, np.uint8))
+    assert "frame_0000.png: expected an opaque frame" in refused(jblast)
+
+
+def test_numbers_without_zeros_before_them_are_put_in_order(jblast):
+    for i, path in enumerate(sorted((jblast.directory / "frames").iterdir())):
+        path.rename(path.with_name(f"f{i + 6}.png"))  # f10.png after f9.png
+    _, out, _ = converted(jblast, "--json")
+    assert json.loads(out)["events"] == 270
+
+
+def test_no_directory_no_frames_and_other_suffixes_are_refused(jblast):
+    assert ".png: expected a name that ends in" in refused(jblast, out="events.png")
+    for path in (jblast.directory / "frames").iterdir():
+        path.unlink()
+    assert "expected at least two PNG frames, got 0" in refused(jblast)
+    (jblast.directory / "frames").rmdir()
+    assert "no such directory; expected one with PNG frames" in refused(jblast)
+
+
+def test_an_existing_file_is_left_alone_without_force(jblast):
+    jblast.file("events.h5", "mine")
+    code, _, err = converted(jblast)
+    assert code == 2
+    assert "exists already" in err
+    assert jblast.text("events.h5") == "mine"
+    assert converted(jblast, "--force")[0] == 0
+    assert h5py.is_hdf5(jblast.path("events.h5"))
+
+
+def test_nothing_is_left_of_a_file_that_could_not_be_finished(jblast):
+    (jblast.directory / "frames" / "frame_0005.png").write_bytes(b"")
+    refused(jblast)
+    assert [path.name for path in jblast.directory.iterdir()] == ["frames"]
+
+
+def test_a_directory_that_is_not_there_cannot_be_written_to(jblast):
+    assert "cannot be written" in refused(jblast, out="none/events.h5")
+
+
+def test_the_default_camera_is_a_real_one_and_repeats_with_its_seed(jblast):
+    for i in range(len(GREYS)):  # as one step, and then nothing
+        save(jblast.directory, i, np.full(SHAPE, 200 if i else 40, np.uint8))
+    times = []
+    for i, seed in enumerate(("0", "0", "1")):
+        words = ["--fps", "1000", "--seed", seed, "--out", jblast.path(f"{i}.h5")]
+        assert jblast("events", jblast.path("frames"), *words)[0] == 0
+        with h5py.File(jblast.path(f"{i}.h5")) as file:
+            times.append(column(file, "events/t"))
+    np.testing.assert_array_equal(times[0], times[1])
+    assert not np.array_equal(times[0], times[2])
+    # the ideal camera would send the same 8 events of every pixel, and none later
+    assert len(np.unique(times[0])) > 100
+    assert times[0].max() > 1000

@@ -1,0 +1,44 @@
+"""A log of a million rows is answered, in memory that a laptop has."""
+
+import json
+import resource
+
+import numpy as np
+import pytest
+
+from jblast.waves import kingery_bulmash_arrival_time, sound_speed_in_air
+from tests.cli.cli_files import Command
+
+MASS, ROWS, SENSORS = 25.0, 1_000_000, 1000
+SIGMA = 5e-4
+HELD_MB = 6000
+"""About twice what it takes."""
+
+
+@pytest.mark.slow
+def test_a_log_of_a_million_rows_is_answered(tmp_path, capsys):
+    rng = np.random.default_rng(0)
+    sound_speed = float(sound_speed_in_air(288.15, 101325.0, 0.5))
+    ranges = np.geomspace(40.0, 110.0, SENSORS)
+    law = kingery_bulmash_arrival_time(ranges, MASS, sound_speed=sound_speed)
+    time = np.repeat(np.asarray(law), ROWS // SENSORS)
+    # what a record of the law scatters, 1 %, is Student-t as the reading's error is
+    time += np.hypot(SIGMA, 0.01 * time) * rng.standard_t(4, ROWS)
+    with open(tmp_path / "big.csv", "w") as file:
+        file.write("sensor,quantity,value,sigma,range_m\n")
+        for row, value in enumerate(time):
+            sensor = row * SENSORS // ROWS
+            file.write(f"s{sensor},air_arrival_s,{float(value)!r},{SIGMA},")
+            file.write(f"{float(ranges[sensor])!r}\n")
+    jblast = Command(tmp_path, capsys)
+    code, out, err = jblast("fit", jblast.path("big.csv"), "--json")
+    assert (code, err) == (0, "")
+    answer = json.loads(out)
+    mass = answer["estimates"]["charge_mass_kg"]
+    assert answer["n_observations"] == ROWS
+    assert answer["converged"]
+    assert answer["identifiable"]
+    # the shot's own scatter, 1 % of the time, is none here
+    assert mass["log_sd"] < 0.1
+    assert abs(np.log(mass["value"] / MASS)) < 3 * mass["log_sd"]
+    assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e3 < HELD_MB

@@ -1,0 +1,205 @@
+import csv
+import json
+
+import pytest
+
+from jblast.cli.arguments import flight_files as fly_files
+from tests.cli.cli_files import Command
+
+CHARGE = "[charge]\nmass_kg = 1.0\n"
+VEHICLE = '[vehicle]\nmodel = "crazyflie"\nposition_m = [5.0, 0.0, 2.0]\n'
+OWN = "control = { integral = true }\n"
+SHORT = ("--seconds", "0.4", "--step", "0.002")
+"""So short that the vehicle is still away at the end."""
+FILES = {"fly.json", "flight.csv", "path.png", "loads.png", "error.png"}
+
+
+@pytest.fixture
+def jblast(tmp_path, capsys) -> Command:
+    return Command(tmp_path, capsys)
+
+
+def flown(jblast: Command, *options: str, scene: str = CHARGE + VEHICLE + OWN):
+    return jblast("fly", jblast.file("scene.toml", scene), *SHORT, *options, "--debug")
+
+
+def test_the_answer_is_printed(jblast):
+    code, out, err = flown(jblast)
+    assert (code, err) == (0, "")
+    lines = out.splitlines()
+    assert lines[0].startswith("Crazyflie holding (5, 0, 2) m for 0.4 s")
+    blast = next(line for line in lines if line.startswith("the charge"))
+    assert "9.2 ms" in blast
+    assert "5.385" in blast
+    assert blast.endswith("yes")
+    assert "with integral action (the scene's)" in out
+    recovery = next(line for line in lines if line.startswith("recovery time"))
+    assert recovery.split("  ")[-1] == "never here"
+    assert any(line.split() == ["crashed", "no", "no"] for line in lines)
+
+
+def test_json_is_all_of_stdout_and_has_no_infinity(jblast):
+    code, out, err = flown(jblast, "--json")
+    assert (code, err) == (0, "")
+    document = json.loads(out, parse_constant=pytest.fail)
+    assert document["schema"] == 1
+    assert document["scene_hold"] == "with_integral"
+    assert document["blasts"][0]["in_range"] is True
+    assert set(document["holds"]) == {"with_integral", "without_integral"}
+    for hold in document["holds"].values():
+        assert hold["recovery_time_s"] is None
+        assert hold["recovered"] is False
+        assert hold["flies_on"] is True
+        assert hold["peak_deviation_m"] > 0.05
+
+
+def test_files_are_written_once_and_the_flight_can_be_discovered(jblast):
+    out = jblast.path("flight")
+    code, said, err = flown(jblast, "--out", out)
+    assert (code, err) == (0, "")
+    assert "path.png" in said
+    assert {path.name for path in (jblast.directory / "flight").iterdir()} == FILES
+    with open(jblast.path("flight/flight.csv"), encoding="utf-8") as file:
+        assert next(file).startswith("# crazyflie, position hold with integral action")
+        rows = list(csv.DictReader(file))
+    assert len(rows) == 201
+    assert float(rows[0]["east_m"]) == 5.0
+    assert float(rows[-1]["path_error_m"]) > 0.05
+    found = ("--state", "velocity_east_m_s", "--ensemble", "19")
+    assert jblast("discover", f"{out}/flight.csv", *found)[0] in (0, 4)
+    assert "already holds files" in jblast.refused(
+        "fly", jblast.path("scene.toml"), *SHORT, "--out", out
+    )
+    assert flown(jblast, "--out", out, "--force")[0] == 0
+
+
+@pytest.mark.filterwarnings("default:path.png was not written")
+def test_a_figure_that_fails_costs_only_itself(jblast, monkeypatch):
+    def fails(flights):
+        raise RuntimeError("no ink")
+
+    monkeypatch.setitem(fly_files.ONE, "path.png", fails)
+    code, said, err = flown(jblast, "--out", jblast.path("out"))
+    assert code == 0, err
+    assert "path.png was not written" in err
+    written = {path.name for path in (jblast.directory / "out").iterdir()}
+    assert written == FILES - {"path.png"}
+    assert "recovery time" in said
+
+
+def test_a_crash_is_an_answer(jblast):
+    heavy = CHARGE.replace("1.0", "30.0")
+    code, out, err = flown(jblast, scene=heavy + VEHICLE + OWN)
+    assert code == 0, err
+    assert any(line.split() == ["crashed", "yes", "yes"] for line in out.splitlines())
+    assert any(line.split() == ["flies", "on", "no", "no"] for line in out.splitlines())
+
+
+@pytest.mark.slow
+def test_a_custom_profile_takes_the_place_of_the_laws(jblast):
+    header = (
+        "Time Delay (s),Distance (m),View Polar Angle (Deg.),View Azimuthal Angle "
+        "(Deg.),FA (N*s),FS (N*s),FN (N*s),Ml (N*m*s),Mm (N*m*s),Mn (N*m*s)\n"
+    )
+    profile = jblast.file("p.csv", header + "0.02,5.0,90,180,0.01,0,0,0,0,0\n")
+    scene = "[charge]\nmass_kg = 1.0\nposition_m = [0, 0, 2.0]\n" + VEHICLE
+    code, out, err = flown(jblast, "--profile", profile, scene=scene)
+    assert code == 0, err
+    assert "20 ms" in out
+    assert "never here" in out
+    lacking = jblast.file("q.csv", header.replace("FN (N*s),", "") + "1,1,1\n")
+    scene_file = jblast.path("scene.toml")
+    said = jblast.refused("fly", scene_file, "--profile", lacking)
+    assert "missing column FN (N*s)" in said
+    about = ("--profile-moments-about", "100,0")
+    assert "X,Y,Z" in jblast.refused("fly", scene_file, "--profile", profile, *about)
+    assert "expected a --profile" in jblast.refused("fly", scene_file, *about)
+
+
+BAD = {
+    "no vehicle": (CHARGE, (), ["[vehicle]", "got none"]),
+    "a start below ground": (
+        CHARGE + VEHICLE.replace("2.0]", "-2.0]"),
+        (),
+        ["scene.toml: [vehicle] position_m", "-2 m"],
+    ),
+    "a misspelt model": (
+        CHARGE + VEHICLE.replace("crazyflie", "crazyfly"),
+        (),
+        ["[vehicle] model", "did you mean crazyflie?"],
+    ),
+    "a free mass": (VEHICLE, (), ["charge_mass_kg is free"]),
+    "a step too large": (
+        CHARGE + VEHICLE,
+        ("--step", "0.3"),
+        ["step_s: rk4 is stable up to"],
+    ),
+    "a step too large for euler": (
+        CHARGE + VEHICLE,
+        ("--step", "0.3", "--integrator", "euler"),
+        ["step_s: euler is stable up to"],
+    ),
+    "a step of nothing": (CHARGE + VEHICLE, ("--step", "0"), ["--step", "positive"]),
+    "seconds that are words": (CHARGE + VEHICLE, ("--seconds", "x"), ["--seconds"]),
+    "an end before the blast": (
+        CHARGE + VEHICLE,
+        ("--seconds", "0.001"),
+        ["seconds: expected more than"],
+    ),
+    "a negative tolerance": (
+        CHARGE + VEHICLE,
+        ("--tolerance", "-0.1"),
+        ["--tolerance", "positive"],
+    ),
+    "several vehicles and no prior": (
+        CHARGE + VEHICLE,
+        ("--vehicles", "9"),
+        ["with a prior"],
+    ),
+    "no vehicles": (CHARGE + VEHICLE, ("--vehicles", "0"), ["vehicles", "got 0"]),
+    "a backend nobody has": (
+        CHARGE + VEHICLE,
+        ("--backend", "cuda", "--seconds", "1"),
+        ["backend", "'cuda'"],
+    ),
+    "no such profile": (
+        CHARGE + VEHICLE,
+        ("--profile", "none.csv"),
+        ["none.csv: no such file"],
+    ),
+    "no such scene": (None, (), ["scene.toml: no such file"]),
+}
+
+
+@pytest.mark.parametrize(("scene", "options", "said"), BAD.values(), ids=BAD)
+def test_bad_input_is_one_message(jblast, scene, options, said):
+    path = (
+        jblast.path("scene.toml") if scene is None else jblast.file("scene.toml", scene)
+    )
+    message = jblast.refused("fly", path, *options)
+    assert message.count("\n") == 1
+    for words in said:
+        assert words in message, message
+
+
+@pytest.mark.slow
+def test_many_vehicles_have_a_distribution(jblast):
+    scene = "[charge]\nmass_kg = { lognormal = [1.0, 2.0] }\n" + VEHICLE
+    path, out = jblast.file("scene.toml", scene), jblast.path("many")
+    asked = ("fly", path, *SHORT, "--vehicles", "5", "--seed", "3")
+    code, said, err = jblast(*asked, "--out", out, "--debug")
+    assert (code, err) == (0, "")
+    assert said.startswith("5 x Crazyflie")
+    assert "5 %, 50 %, 95 %" in said
+    assert "100 % [54.93 to 100 %]" in said  # 0.05^(1/5)
+    names = {path.name for path in (jblast.directory / "many").iterdir()}
+    assert names == {"fly.json", "flights.csv", "distribution.png"}
+    rows = list(csv.DictReader(jblast.text("many/flights.csv").splitlines()))
+    assert len(rows) == 10
+    masses = sorted(float(r["charge_mass_kg"]) for r in rows[:5])
+    document = json.loads(jblast.text("many/fly.json"), parse_constant=pytest.fail)
+    drawn = document["drawn"]["charge_mass_kg"]
+    assert [drawn["q05"], drawn["q50"], drawn["q95"]] == pytest.approx(
+        [masses[0], masses[2], masses[4]]
+    )
+    assert document["holds"]["with_integral"]["flies_on_share"]["value"] == 1.0

@@ -1,0 +1,81 @@
+"""What is said of verbs and options, and what is imported to say it."""
+
+import subprocess
+import sys
+
+import pytest
+
+from jblast.cli.parsers import verb_parser
+from jblast.cli.verbs.table import GROUPS, VERBS
+from tests.cli.cli_files import Command
+
+NAMES = [verb.name for verb in VERBS]
+
+
+@pytest.fixture
+def jblast(tmp_path, capsys):
+    return Command(tmp_path, capsys)
+
+
+def loaded_by(*words: str) -> set[str]:
+    """Modules of ours that a command loads, in a process of its own."""
+    code = (
+        "import sys\nfrom jblast.cli.main import main\n"
+        f"try:\n    main({list(words)!r})\nexcept SystemExit:\n    pass\n"
+        "sys.stderr.write(' '.join(sys.modules))"
+    )
+    run = subprocess.run(
+        [sys.executable, "-c", code], check=True, capture_output=True, text=True
+    )
+    return set(run.stderr.split())
+
+
+def test_help_lists_every_verb_once_under_its_group(jblast):
+    code, out, _ = jblast("--help")
+    assert code == 0
+    headings = [line.split(":")[0] for line in out.splitlines() if line[:1] != " "]
+    assert [word for word in headings if word in GROUPS] == list(GROUPS)
+    listed = [line.split()[0] for line in out.splitlines() if line[2:3].isalpha()]
+    assert [word for word in listed if word in NAMES] == NAMES
+    assert all(len(line) < 80 for line in out.splitlines())
+
+
+@pytest.mark.parametrize("verb", VERBS, ids=NAMES)
+def test_every_verb_has_a_group_a_description_and_a_module_that_runs_it(verb):
+    assert verb.group in GROUPS
+    asked = verb_parser(verb)
+    assert asked.description
+    assert asked.get_default("run").__module__ == f"jblast.cli.{verb.name}"
+
+
+@pytest.mark.parametrize("words", [("--help",), ("choose", "--help"), ("clac",)])
+def test_no_other_verb_is_imported_and_nothing_heavy(words):
+    loaded = loaded_by(*words)
+    own = {"clac": "calc"}.get(words[0], words[0])
+    others = {f"jblast.cli.{name}" for name in NAMES if name != own}
+    assert loaded.isdisjoint(others | {"jax", "numpy"})
+
+
+def test_a_misspelt_verb_is_told_the_nearest_and_its_usage(jblast):
+    said = jblast.refused("clac", "--mass", "15")
+    assert "invalid choice: 'clac'" in said
+    assert said.endswith("did you mean calc?\n")
+    assert said.startswith("usage: jblast calc ")
+    assert jblast.refused("frobnicate").startswith("usage: jblast [-h]")
+
+
+def test_a_misspelt_option_is_told_the_nearest_and_its_verbs_usage(jblast):
+    said = jblast.refused("calc", "--mass", "15", "--raneg", "20")
+    assert said.startswith("usage: jblast calc ")
+    assert "unrecognized arguments: --raneg 20; did you mean --range?" in said
+    assert "did you mean" not in jblast.refused("calc", "--q7w")
+
+
+def test_a_bad_number_is_one_message_and_debug_shows_where(jblast):
+    said = jblast.refused("render", "s.toml", "--out", "o", "--times=2:1")
+    assert said == "jblast: --times: expected START before STOP, got '2:1'\n"
+    _, _, said = jblast("simulate", "s.toml", "--out", "o", "--seed=-1", "--debug")
+    assert "Traceback" in said
+    assert said.splitlines()[-1] == (
+        "jblast: --seed: expected a whole number from 0 to 2^63 - 1, got '-1'"
+    )

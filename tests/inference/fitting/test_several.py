@@ -1,0 +1,207 @@
+"""Several charges, clocks that do not agree, wind, and explosives other than TNT."""
+
+import dataclasses
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from jblast.inference import fit
+from jblast.scene import (
+    Air,
+    Charge,
+    Clock,
+    Free,
+    LogNormal,
+    Scene,
+    Sensor,
+    UncertainScene,
+    freed,
+)
+from jblast.sensors import simulate
+from jblast.waves import (
+    kingery_bulmash_arrival_time,
+    kingery_bulmash_impulse,
+    kingery_bulmash_pressure,
+)
+from tests.inference.logs import log
+
+RING = [(30.0, 0.0, 0.0), (0.0, 40.0, 0.0), (-50.0, 5.0, 0.0), (10.0, -60.0, 0.0)]
+C = 340.29
+AIR = Air(sound_speed=C)
+
+
+def arrival(place, at, mass, time, c=C):
+    distance = float(np.linalg.norm(np.subtract(place, at)))
+    return time + float(kingery_bulmash_arrival_time(distance, mass, sound_speed=c))
+
+
+def of_shots(made, shots):
+    return dataclasses.replace(made, shot=tuple(shots))
+
+
+@pytest.mark.slow
+def test_two_charges_are_told_apart_by_the_shot_of_each_row():
+    truth = {"one": (15.0, (2.0, 1.0, 0.0), 0.5), "two": (40.0, (-4.0, 3.0, 0.0), 3.0)}
+    rows = [
+        (f"s{i}", "air_arrival_s", arrival(place, at, mass, time), 1e-4, place)
+        for mass, at, time in truth.values()
+        for i, place in enumerate(RING)
+    ]
+    made = of_shots(log(*rows), ["one"] * 4 + ["two"] * 4)
+    scene = Scene(
+        charge=Charge(name="one"),
+        others=(Charge(name="two"),),
+        air=AIR,
+        scatter=False,
+    )
+    names = ("charge_mass_kg", "charge_east_m", "charge_north_m", "origin_time_s")
+    uncertain = freed(
+        UncertainScene(scene), [f"{n}.{shot}" for shot in truth for n in names]
+    )
+    answer = fit(made, uncertain).answer
+    assert answer["identifiable"]
+    for shot, (mass, at, time) in truth.items():
+        for name, true in zip(names, (mass, *at[:2], time), strict=True):
+            assert answer["estimates"][f"{name}.{shot}"]["value"] == pytest.approx(
+                true, rel=1e-4, abs=1e-5
+            )
+    assert set(answer["derived"]) == {
+        f"{n}.{shot}"
+        for n in ("charge_tnt_mass_kg", "charge_energy_j")
+        for shot in truth
+    }
+
+
+def test_a_shared_effect_of_one_charge_does_not_touch_the_other():
+    rows = [
+        (f"s{i}", "peak_overpressure_pa", p * factor, 0.01 * p, place)
+        for factor in (1.0, 1.5)
+        for i, place in enumerate(RING)
+        for p in [float(kingery_bulmash_pressure(float(np.linalg.norm(place)), 15.0))]
+    ]
+    made = of_shots(log(*rows), ["one"] * 4 + ["two"] * 4)
+    scene = Scene(charge=Charge(name="one", mass=15.0), others=(Charge(name="two"),))
+    uncertain = UncertainScene(scene, {"charge_mass_kg.two": Free(positive=True)})
+    result = fit(made, uncertain)
+    # one loading for each charge: 10 % of its own rows and none of the other's
+    assert result.shot == (0,) * 4 + (1,) * 4
+    assert abs(result.shared[:4]).max() < 0.02
+    assert result.answer["estimates"]["charge_mass_kg.two"]["value"] > 20
+
+
+@pytest.mark.slow
+def test_a_recorder_that_runs_late_is_found_and_the_blast_with_it():
+    mass, at, time, late = 15.0, (2.0, 1.0, 0.0), 0.5, 7.25
+    rows = [
+        (
+            f"s{i}",
+            "air_arrival_s",
+            arrival(place, at, mass, time) + late * (i % 2),
+            1e-4,
+            place,
+        )
+        for i, place in enumerate([*RING, (25.0, 25.0, 0.0), (-30.0, -30.0, 0.0)])
+    ]
+    made = dataclasses.replace(log(*rows), clock=("x", "y") * 3)
+    scene = Scene(charge=Charge(mass=mass), air=AIR, scatter=False)
+    where = ["charge_east_m", "charge_north_m", "origin_time_s"]
+    uncertain = freed(UncertainScene(scene), [*where, "clock_offset_s.y"])
+    answer = fit(made, uncertain).answer
+    estimates = answer["estimates"]
+    assert estimates["clock_offset_s.y"]["value"] == pytest.approx(late, abs=1e-5)
+    assert estimates["charge_east_m"]["value"] == pytest.approx(2.0, abs=1e-3)
+    assert not any("taken to agree" in warning for warning in answer["warnings"])
+    agreeing = fit(made, freed(UncertainScene(scene), where)).answer
+    assert any("--free clock_offset_s.y" in said for said in agreeing["warnings"])
+
+
+def test_a_clock_free_beside_the_origin_time_alone_is_a_null_direction():
+    made = log(
+        (
+            "a",
+            "air_arrival_s",
+            arrival(RING[0], (0.0, 0.0, 0.0), 15.0, 1.0),
+            1e-3,
+            RING[0],
+        )
+    )
+    scene = Scene(charge=Charge(mass=15.0), sensors=(Sensor("a", np.array(RING[0])),))
+    uncertain = freed(UncertainScene(scene), ["origin_time_s", "clock_offset_s.a"])
+    answer = fit(made, uncertain).answer
+    (null,) = answer["null_directions"]
+    assert null["parameters"] == pytest.approx(
+        {"origin_time_s": 1.0, "clock_offset_s.a": -1.0}
+    )
+
+
+def test_wind_is_found_from_arrivals_around_the_charge():
+    wind, rows = np.array([6.0, -3.0]), []
+    for i, place in enumerate(RING):
+        distance = np.linalg.norm(place)
+        along = float(wind @ np.array(place[:2]) / distance)
+        reading = arrival(place, (0.0, 0.0, 0.0), 15.0, 0.0, c=C + along)
+        rows.append((f"s{i}", "air_arrival_s", reading, 1e-5, place))
+    scene = Scene(charge=Charge(mass=15.0), air=AIR, scatter=False)
+    uncertain = freed(UncertainScene(scene), ["wind_east_m_s", "wind_north_m_s"])
+    estimates = fit(log(*rows), uncertain).answer["estimates"]
+    assert estimates["wind_east_m_s"]["value"] == pytest.approx(6.0, abs=1e-4)
+    assert estimates["wind_north_m_s"]["value"] == pytest.approx(-3.0, abs=1e-4)
+    assert estimates["wind_north_m_s"]["log_sd"] is None
+
+
+@pytest.mark.parametrize(
+    ("quantity", "law", "factor"),
+    [
+        ("peak_overpressure_pa", kingery_bulmash_pressure, 1.37),
+        ("positive_impulse_pa_s", kingery_bulmash_impulse, 1.19),
+    ],
+)
+def test_c4_weighs_less_than_the_tnt_that_does_the_same(quantity, law, factor):
+    value = float(law(30.0, 10.0))
+    made = log(("a", quantity, value, 0.1 * value, 30.0), at_range=True)
+    # dry air of the tables, so that the impulse is not scaled by the sound speed
+    scene = Scene(charge=Charge(explosive="C4"), air=AIR, scatter=False)
+    uncertain = UncertainScene(scene, {"charge_mass_kg": Free(positive=True)})
+    answer = fit(made, uncertain).answer
+    mass = answer["estimates"]["charge_mass_kg"]["value"]
+    assert mass == pytest.approx(10.0 / factor, rel=1e-6)
+    derived = answer["derived"]
+    assert derived["charge_tnt_mass_kg"]["value"] == pytest.approx(1.37 * mass)
+    by_impulse = derived["charge_tnt_mass_by_impulse_kg"]["value"]
+    assert by_impulse == pytest.approx(1.19 * mass)
+
+
+def test_an_uncertain_tnt_factor_widens_the_mass_by_as_much():
+    value = float(kingery_bulmash_pressure(30.0, 11.0))
+    made = log(("a", "peak_overpressure_pa", value, 1e-3 * value, 30.0), at_range=True)
+    charge = Charge(tnt_factor=1.1)
+    scene = Scene(charge=charge, scatter=False)
+    uncertain = UncertainScene(
+        scene,
+        {
+            "charge_mass_kg": Free(positive=True),
+            "tnt_factor": LogNormal(1.1, 1.1),
+        },
+    )
+    estimate = fit(made, uncertain).answer["estimates"]["charge_mass_kg"]
+    assert estimate["value"] == pytest.approx(10.0, rel=1e-3)
+    # beside it the datum adds 1e-3 / slope * 3, less than 0.3 %
+    assert estimate["log_sd"] == pytest.approx(np.log(1.1), rel=2e-3)
+
+
+def test_a_simulated_log_of_two_charges_reads_back_with_their_names():
+    sensors = tuple(
+        Sensor(f"s{i}", np.array(place), records=(("air_arrival_s", 1e-3),))
+        for i, place in enumerate(RING)
+    )
+    scene = Scene(
+        charge=Charge(name="one", mass=3.0),
+        others=(Charge(name="two", mass=9.0, time=2.0),),
+        sensors=sensors,
+        clocks=(Clock("unused"),),
+    )
+    made = simulate(UncertainScene(scene))
+    assert made.shot == ("one",) * 4 + ("two",) * 4
+    assert made.sensor == ("s0", "s1", "s2", "s3") * 2
+    assert jnp.all(made.value[4:] > 2.0)

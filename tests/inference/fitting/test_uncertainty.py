@@ -1,0 +1,193 @@
+"""Which method tells how sure an answer is, and that both say the same of a normal."""
+
+from dataclasses import replace
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scipy.stats import multivariate_normal, multivariate_t
+
+import jblast.inference.fitting.uncertainty
+from jblast.inference import fit, solve
+from jblast.inference.fitting.uncertainty import how_sure
+from jblast.inference.importance.interval_check import (
+    FREEDOM,
+    EndsOff,
+    ends_judged,
+    reaching,
+)
+from jblast.inference.importance.psis import ENDS
+from jblast.scene import Free, Scene, UncertainScene, freed
+from jblast.waves import kingery_bulmash_pressure, wu_hao_air_arrival_time
+from tests.inference.logs import log
+
+SCENE = Scene(scatter=False)
+MASS_FREE = UncertainScene(SCENE, {"charge_mass_kg": Free(positive=True)})
+
+
+def pressures(sigma: float):
+    return log(
+        *(
+            (f"s{i}", "peak_overpressure_pa", p, sigma * p, r)
+            for i, r in enumerate((10.0, 20.0, 40.0))
+            for p in [float(kingery_bulmash_pressure(r, 15.0))]
+        ),
+        at_range=True,
+    )
+
+
+def test_a_narrow_answer_is_left_to_the_normal_approximation():
+    result = fit(pressures(0.01), MASS_FREE, noise="gaussian", posterior="auto")
+    assert result.answer["posterior"] == "laplace"
+    assert "k-hat" in result.posterior_reason
+    assert result.answer["warnings"] == []
+
+
+def test_a_wide_answer_gets_walkers_and_they_agree_where_it_is_normal():
+    wide = fit(pressures(0.3), MASS_FREE, noise="gaussian", posterior="auto")
+    assert wide.answer["posterior"] == "emcee"
+    assert wide.answer["converged"]
+    assert any("k-hat" in said for said in wide.answer["warnings"])
+    normal = fit(pressures(0.3), MASS_FREE, noise="gaussian").answer
+    by_walk = wide.answer["estimates"]["charge_mass_kg"]
+    by_normal = normal["estimates"]["charge_mass_kg"]
+    assert by_walk["value"] == by_normal["value"]
+    # ln p is nearly straight in ln W: the two differ by the walk's error of 5 % of the
+    # sd, and as much by the bend
+    for quantile in ("q05", "q95"):
+        apart = np.log(by_walk[quantile] / by_normal[quantile])
+        assert abs(apart) < 0.15 * by_normal["log_sd"]
+    assert by_walk["log_sd"] == pytest.approx(by_normal["log_sd"], rel=0.1)
+
+
+def test_what_no_log_can_tell_is_not_walked_over():
+    place = float(wu_hao_air_arrival_time(20.0, 15.0, 340.0))
+    made = log(("a", "air_arrival_s", place, 1e-4, 20.0), at_range=True)
+    scene = Scene(scatter=False, law=(("air_arrival_s", "wu_hao"),))
+    uncertain = freed(UncertainScene(scene), ["charge_mass_kg", "air_sound_speed_m_s"])
+    result = fit(made, uncertain, posterior="emcee")
+    assert result.answer["posterior"] == "laplace"
+    assert "untold" in result.posterior_reason
+    assert not result.answer["identifiable"]
+
+
+def disagreeing(apart: float):
+    """Record three pressures of a mass, and two of one so much larger in ln."""
+    return log(
+        *(
+            (f"s{i}", "peak_overpressure_pa", p, 0.3 * p, r)
+            for i, (r, more) in enumerate(
+                ((10.0, 0), (20.0, 0), (40.0, 0), (15.0, apart), (30.0, apart))
+            )
+            for p in [float(kingery_bulmash_pressure(r, 15.0 * np.exp(more)))]
+        ),
+        at_range=True,
+    )
+
+
+def ends_by_grid(solution):
+    """Integrate a posterior of one unknown; its ends in sds of its normal."""
+    normal = solution.laplace
+    x = np.linspace(-20, 20, 4001)
+    z = normal.z[0] + x * np.sqrt(normal.covariance[0, 0])
+    density = jax.vmap(solution.posterior.log_density)(jnp.asarray(z[:, None]))
+    below = np.cumsum(np.exp(density - np.max(density)))
+    return np.interp((0.05, 0.95), below / below[-1], x)
+
+
+@pytest.mark.parametrize("free", [1, 4])
+def test_draws_that_reach_further_come_with_their_density(free):
+    w, log_drawn, log_normal = reaching(40_000, free, np.random.default_rng(0))
+    normal = multivariate_normal(np.zeros(free)).logpdf(w)
+    student = multivariate_t(np.zeros(free), df=FREEDOM).logpdf(w)
+    mixed = np.logaddexp(normal, student) - np.log(2)
+    # up to the constant that both share
+    constant = (normal - log_normal)[0]
+    np.testing.assert_allclose(normal - log_normal, constant, rtol=1e-12)
+    np.testing.assert_allclose(mixed - log_drawn, constant - np.log(2), rtol=1e-11)
+    # and they are drawn from it: weights p/q of mean 1, for either half
+    for log_density in (normal, student):
+        weights = np.exp(log_density - mixed)
+        error = weights.std() / np.sqrt(len(w))
+        assert weights.mean() == pytest.approx(1.0, abs=4 * error)
+
+
+@pytest.mark.parametrize("apart", [0.0, 2.5, 4.0])
+def test_ends_are_off_by_what_integration_says_and_the_answer_warns(apart):
+    made = disagreeing(apart)
+    solution = solve(made, MASS_FREE)
+    by = np.abs(ends_by_grid(solution) - (-1.645, 1.645)).max()
+    found = ends_judged(solution.posterior, solution.laplace)
+    assert found.off == pytest.approx(by, abs=3 * found.error + 0.01)
+    assert found.believed
+    alone = fit(made, MASS_FREE, posterior="laplace").answer
+    said = [w for w in alone["warnings"] if "90 %" in w]
+    warned = f"off by up to {found.off:.1f} of a standard deviation at charge_mass_kg"
+    assert [warned in w and "--posterior emcee walks" in w for w in said] == (
+        [True] if by > ENDS else []
+    )
+
+
+@pytest.mark.parametrize("apart", [0.0, 4.0])
+def test_weighted_intervals_end_where_integration_says(apart):
+    made = disagreeing(apart)
+    solution = solve(made, MASS_FREE)
+    weighted = fit(made, MASS_FREE)
+    assert weighted.weighted
+    mass = weighted.answer["estimates"]["charge_mass_kg"]
+    normal = solution.laplace
+    ends = (np.log([mass["q05"], mass["q95"]]) - normal.z) / np.sqrt(normal.covariance)
+    found = ends_judged(solution.posterior, normal)
+    # chance moves an end by its standard error, told of the worst one alone
+    expected = ends_by_grid(solution)
+    np.testing.assert_allclose(ends[0], expected, atol=3 * max(found.error, 0.03))
+    assert np.abs(ends[0]).max() == pytest.approx(
+        np.abs(expected).max(), abs=3 * max(found.error, 0.03)
+    )
+    assert not any("90 %" in said for said in weighted.answer["warnings"])
+
+
+def test_where_importance_sampling_cannot_tell_the_approximation_stands_alone():
+    solution = solve(disagreeing(0.0), MASS_FREE)
+    normal = solution.laplace
+    # a normal a hundredth as wide as the posterior: weights of a heavy tail
+    thin = replace(normal, covariance=1e-4 * normal.covariance)
+    sure = how_sure(solution._replace(laplace=thin), "weighted")
+    assert not sure.weighted
+    assert "cannot tell" in sure.reason
+    assert any("of a normal approximation" in why for why in sure.why)
+
+
+def test_where_few_draws_count_the_answer_says_so(monkeypatch):
+    solution = solve(disagreeing(0.0), MASS_FREE)
+    judged = ends_judged(solution.posterior, solution.laplace)
+    assert judged.drawn is not None
+    few = replace(judged, off=0.0, share=50.4 / len(judged.drawn.z), k_hat=0.4)
+    assert few.believed
+    monkeypatch.setattr(
+        jblast.inference.fitting.uncertainty, "ends_judged", lambda *_, **__: few
+    )
+    sure = how_sure(solution, "weighted")
+    assert not sure.weighted
+    assert "k-hat" not in sure.reason
+    (why,) = sure.why
+    for said in (sure.reason, why):
+        assert "50 draws' worth" in said
+    assert "--posterior emcee walks" in why
+
+
+def test_a_doubt_is_told_where_chance_cannot_be_the_cause():
+    within = EndsOff("charge_mass_kg", off=0.35, error=0.05, k_hat=0.2, share=0.9)
+    assert within.doubt() == ""
+    assert replace(within, off=0.61).doubt() == (
+        "the 90 % intervals are those of a normal approximation, off by up to 0.6 of a "
+        "standard deviation at charge_mass_kg: --posterior emcee walks"
+    )
+    # one weight is nearly all: k-hat decides, also where no end looks off
+    heavy = replace(within, off=0.1, share=0.02, k_hat=1.2)
+    assert "importance sampling cannot tell (k-hat 1.20)" in heavy.doubt()
+    assert "0.6 of a standard deviation at charge_mass_kg, as far as importance" in (
+        replace(heavy, off=0.61).doubt()
+    )
+    assert replace(within, k_hat=1.2).doubt() == ""

@@ -1,0 +1,116 @@
+"""What a log cannot tell, in the words its reader gets. A planned one: `test_bound`."""
+
+import numpy as np
+import pytest
+
+from jblast.inference import fit
+from jblast.report import summary
+from jblast.scene import Air, Charge, LogNormal, Scene, UncertainScene, freed
+from jblast.waves import kingery_bulmash_pressure, shock_kinematics_arrival_time
+from tests.inference.logs import log
+
+pytestmark = pytest.mark.slow  # each log compiles its own search
+
+C, MASS = 340.0, 10.0
+LAW = (("air_arrival_s", "shock_kinematics"),)
+SCENE = Scene(charge=Charge(mass=MASS), air=Air(sound_speed=C), law=LAW, scatter=False)
+PLACE = ["charge_east_m", "charge_north_m"]
+RING = [(60.0, 0.0), (-70.0, 30.0), (0.0, 90.0), (20.0, -80.0)]
+
+
+def travel(distance):
+    return float(shock_kinematics_arrival_time(distance, MASS, 101325.0, C))
+
+
+def arrivals(places, east, north, time=0.0):
+    """Arrivals without error of a charge at a place."""
+    return log(
+        *(
+            ("abcd"[i], "air_arrival_s", time + t, 1e-4, (*place, 0.0))
+            for i, place in enumerate(places)
+            for t in [travel(float(np.hypot(place[0] - east, place[1] - north)))]
+        )
+    )
+
+
+def told(made, free, **beliefs):
+    """The answer, and its text on one line."""
+    uncertain = freed(UncertainScene(SCENE, beliefs), free)
+    found = fit(made, uncertain)
+    return found, " ".join(summary(found).split())
+
+
+def test_three_sensors_with_the_charge_outside_their_triangle_leave_a_second_place():
+    triangle = [(0.0, 0.0), (100.0, 0.0), (0.0, 100.0)]
+    free = [*PLACE, "origin_time_s"]
+    found, text = told(arrivals(triangle, -20.0, -20.0, 1.0), free)
+    (other,) = found.answer["ambiguities"]
+    both = [
+        {name: of["value"] for name, of in found.answer["estimates"].items()},
+        other["parameters"],
+    ]
+    one, two = sorted(both, key=lambda values: values["origin_time_s"])
+    for name, true in zip(free, (-20.0, -20.0, 1.0), strict=True):
+        assert one[name] == pytest.approx(true, abs=1e-2)
+    # the second explains the arrivals as well, to a hundredth of their sigma
+    again = arrivals(triangle, *(two[name] for name in free))
+    np.testing.assert_allclose(again.value, found.observations.value, atol=1e-6)
+    assert found.exit_code == 4
+    assert "Another solution fits nearly as well" in text
+    assert "Another place of charge_east_m, charge_north_m, origin_time_s" in text
+    assert "Cure: a" in text
+    within = told(arrivals(triangle, 30.0, 30.0, 1.0), free)[0]
+    assert within.exit_code == 0
+
+
+def test_clocks_all_unknown_tell_no_place_and_no_origin_time():
+    clocks = [f"clock_offset_s.{name}" for name in "abcd"]
+    found, text = told(arrivals(RING, 5.0, 10.0), [*PLACE, "origin_time_s", *clocks])
+    assert len(found.answer["null_directions"]) == 3  # seven unknowns, four readings
+    assert all(of["value"] is None for of in found.answer["estimates"].values())
+    assert found.exit_code == 4
+    assert "cannot tell the origin time, clock offset of a, clock offset of b" in text
+    assert "a flash time at a sensor of the log, on a clock that is right" in text
+
+
+def test_sensors_all_at_one_place_are_told_to_spread():
+    made = arrivals([(60.0, 0.0)] * 3, 30.0, 40.0)
+    found, text = told(made, PLACE)
+    (null,) = found.answer["null_directions"]
+    assert null["space"] == "linear"
+    assert "cannot tell the charge east and charge north apart" in text
+    assert "or an air arrival at a new place" in text
+    assert found.exit_code == 4
+
+
+def test_far_out_the_mass_rests_on_the_prior_of_the_sound_speed():
+    sds = {}
+    for z in (3.0, 30.0):
+        r = z * MASS ** (1 / 3)
+        made = log(("a", "air_arrival_s", travel(r), 1e-6, r), at_range=True)
+        free = ["charge_mass_kg"]
+        believed = {"air_sound_speed_m_s": LogNormal(C, 1.01)}
+        found, _ = told(made, free, **believed)
+        sds[z] = found.answer["estimates"]["charge_mass_kg"]["log_sd"]
+        step = [
+            np.log(float(shock_kinematics_arrival_time(r, MASS * f, 101325.0, C)))
+            for f in (0.99, 1.01)
+        ]
+        exponent = (step[1] - step[0]) / np.log(1.01 / 0.99)
+        # t goes as W^n / c: 1 % of the speed is 1 % / n of the mass
+        assert sds[z] == pytest.approx(np.log(1.01) / abs(exponent), rel=0.05)
+    # n falls from -0.25 to -0.03
+    assert 6 < sds[30.0] / sds[3.0] < 11
+    found, text = told(made, [*free, "air_sound_speed_m_s"])
+    assert "cannot tell the charge mass and air sound speed apart" in text
+    assert "Cure: a prior on, or a measurement of, charge_mass_kg or air_sound" in text
+    assert found.exit_code == 4
+
+
+def test_fewer_data_than_unknowns_are_answered_and_marked():
+    p = float(kingery_bulmash_pressure(40.0, MASS))
+    made = log(("a", "peak_overpressure_pa", p, 0.05 * p, (40.0, 0.0, 0.0)))
+    found, text = told(made, ["charge_mass_kg", *PLACE])
+    assert len(found.answer["null_directions"]) == 2
+    assert found.exit_code == 4
+    assert "no more recordings than unknowns" in text

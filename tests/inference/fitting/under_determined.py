@@ -1,0 +1,152 @@
+"""Logs that leave something open: fewer readings than unknowns, or readings alike.
+
+    python tests/inference/fitting/under_determined.py [LOGS] [SEED]
+
+fits so many and prints which do not end as they should.
+"""
+
+import dataclasses
+import sys
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+
+from jblast.inference import Fit, fit
+from jblast.observations import Observations
+from jblast.report.fit.terminal import cannot_tell
+from jblast.scene import UncertainScene, default_scene, freed, with_laws
+from tests.inference.logs import log
+
+PLACE = ("charge_east_m", "charge_north_m")
+TIMED_PLACE = ("origin_time_s", *PLACE)
+SPEED = 340.0
+
+
+class Kind(NamedTuple):
+    """Quantities, by how many sensors each, and what is free beside the mass."""
+
+    quantities: tuple[str, ...]
+    sensors: int
+    free: tuple[str, ...]
+    repeats: int = 1
+    law: tuple[tuple[str, str], ...] = ()
+
+
+ARRIVAL, PRESSURE = ("air_arrival_s",), ("peak_overpressure_pa",)
+IMPULSE, BEARING = ("positive_impulse_pa_s",), ("bearing_rad",)
+RADIUS = ("fireball_radius_m",)
+KINDS = (
+    Kind(ARRIVAL, 2, TIMED_PLACE, law=(("air_arrival_s", "kingery_bulmash"),)),
+    Kind(PRESSURE, 2, PLACE, law=(("peak_overpressure_pa", "swisdak"),)),
+    Kind(BEARING, 1, PLACE),
+    Kind(RADIUS, 2, ("origin_time_s",)),
+    Kind(ARRIVAL, 1, ("origin_time_s",)),
+    Kind(ARRIVAL, 2, TIMED_PLACE),
+    Kind(ARRIVAL, 3, TIMED_PLACE),
+    Kind(PRESSURE, 1, PLACE),
+    Kind(PRESSURE, 2, (*PLACE, "charge_up_m")),
+    Kind(IMPULSE, 1, PLACE),
+    Kind(IMPULSE, 2, PLACE),
+    Kind(BEARING, 3, PLACE),
+    Kind(RADIUS, 1, ("origin_time_s",)),
+    Kind((*ARRIVAL, *PRESSURE, *IMPULSE), 1, TIMED_PLACE),
+    Kind((*BEARING, *ARRIVAL), 1, TIMED_PLACE),
+    # as many readings as unknowns, or more, yet all of one place
+    Kind((*ARRIVAL, *PRESSURE), 1, TIMED_PLACE, repeats=3),
+    Kind(PRESSURE, 1, PLACE, repeats=4),
+    Kind(
+        *(ARRIVAL, 3, (*TIMED_PLACE, "air_sound_speed_m_s")),
+        law=(("air_arrival_s", "wu_hao"),),
+    ),
+)
+SIGMA = {"air_arrival_s": 1e-3, "bearing_rad": 0.02}
+SHARE = 0.05
+
+
+def drawn(kind: Kind, rng: np.random.Generator) -> tuple[Observations, UncertainScene]:
+    """Draw a log of a kind: its readings no more than plausible, its places any.
+
+    Of four logs one has a charge at a sensor, one has sensors that stand together.
+    """
+    size = 10 ** rng.uniform(0.5, 3)
+    places = rng.uniform(-size, size, (kind.sensors, 3)) * [1, 1, 0]
+    charge = rng.uniform(-size, size, 3) * [1, 1, 0]
+    case = rng.integers(4)
+    if case == 1:
+        charge = places[0].copy()
+    if case == 2:
+        places[:] = places[0]
+    mass = 10 ** rng.uniform(-1, 4)
+    rows, times = [], []
+    for i, at in enumerate(places):
+        away = charge - at
+        r = max(float(np.linalg.norm(away)), 0.3)
+        for quantity in kind.quantities:
+            for repeat in range(kind.repeats):
+                time = 1e-3 * (i + 1) * (repeat + 1) * rng.uniform(0.5, 2)
+                value = {
+                    "air_arrival_s": 3 + 0.8 * r / SPEED,
+                    "peak_overpressure_pa": 1e6 * mass ** (2 / 3) / r**2,
+                    "positive_impulse_pa_s": 300 * mass ** (2 / 3) / r,
+                    "bearing_rad": float(np.arctan2(away[0], away[1]) % (2 * np.pi)),
+                    "fireball_radius_m": 2 * mass ** (1 / 3) * (time / 1e-3) ** 0.4,
+                }[quantity]
+                sigma = SIGMA.get(quantity)
+                error = rng.standard_t(4)
+                if sigma is None:
+                    sigma = SHARE * value
+                    value *= np.exp(SHARE * error)
+                else:
+                    value += sigma * error
+                rows.append((f"s{i}", quantity, value, sigma, tuple(at)))
+                timed = quantity == "fireball_radius_m"
+                times.append(3 + time if timed else np.nan)
+    observed = dataclasses.replace(log(*rows), time=np.array(times))
+    asked = freed(with_laws(default_scene(), dict(kind.law)), list(kind.free))
+    return observed, asked
+
+
+def logs(count: int, kinds: int, seed: int) -> Iterator[tuple[Kind, Fit | Exception]]:
+    """Fit so many logs of the first kinds, in turn; yield what ended otherwise too."""
+    rng = np.random.default_rng(seed)
+    for i in range(count):
+        kind = KINDS[i % kinds]
+        try:
+            yield kind, fit(*drawn(kind, rng))
+        except Exception as error:  # what must not be is counted
+            yield kind, error
+
+
+def fault(found: Fit | Exception) -> str:
+    """Say what is wrong with an end; "" if it is as it should be."""
+    if isinstance(found, Exception):
+        return f"{type(found).__name__}: {found}"
+    answer = found.answer
+    if found.exit_code != 4:
+        return f"exit code {found.exit_code}"
+    least = max(len(answer["free"]) - len(found.observations), 1)
+    if len(answer["null_directions"]) < least:
+        return f"{len(answer['null_directions'])} null directions for {least}"
+    return "" if cannot_tell(answer) else "no sentence"
+
+
+def main() -> None:
+    """Fit as many as asked for."""
+    from jblast.cli.jax_start import start_jax
+
+    start_jax(quick=True)
+    count, seed = map(int, [*sys.argv[1:], *("1000", "0")[len(sys.argv) - 1 :]])
+    wrong = 0
+    for i, (kind, found) in enumerate(logs(count, len(KINDS), seed), start=1):
+        if said := fault(found):
+            wrong += 1
+            sys.stdout.write(f"{i}: {kind}: {said}\n")
+        if i % 50 == 0:
+            sys.stdout.write(f"{i - wrong} of {i}\n")
+            sys.stdout.flush()
+    sys.stdout.write(f"{count - wrong} of {count} as they should be\n")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,332 @@
+import dataclasses
+import functools
+import math
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from jblast.errors import InputError
+from jblast.inference.many import fit_many
+from jblast.inference.many.engine import engine_for
+from jblast.inference.many.residuals.rows import rows_of
+from jblast.inference.many.starts.multilateration import closed_form
+from jblast.inference.mode.search import optima
+from jblast.inference.posterior.fisher_information import information
+from jblast.inference.posterior.parameters import parameters_of
+from jblast.inference.posterior.posterior import posterior_of
+from jblast.scene import LogNormal, Scene, Sensor, UncertainScene, freed, with_values
+from jblast.sensors import observe, planned_layout
+from tests.inference.logs import log
+
+FREE = ["charge_mass_kg", "charge_east_m", "charge_north_m", "origin_time_s"]
+TRUTH = {
+    "charge_mass_kg": 30.0,
+    "charge_east_m": 10.0,
+    "charge_north_m": -5.0,
+    "origin_time_s": 1.5,
+}
+LAWS = {"air_arrival_s": "wu_hao", "ground_arrival_s": "wu_hao"}
+COMMON = tuple(LAWS.items())
+RECORDS = (("air_arrival_s", 1e-4), ("ground_arrival_s", 1e-4))
+PLACES = ((60, 0), (-70, 30), (0, 90), (20, -80), (120, 100), (-90, -60))
+
+
+def problem(count, **how):
+    """A scene and the first of 16 logs of it."""
+    uncertain, layout, values, sigma, names = problem_of_16(**how)
+    return uncertain, layout, values[:count].copy(), sigma, names
+
+
+@functools.cache
+def problem_of_16(scatter=False, records=RECORDS, laws=COMMON):
+    sensors = tuple(
+        Sensor(f"s{i}", jnp.array([*place, 0.0]), records=records)
+        for i, place in enumerate(PLACES)
+    )
+    scene = dataclasses.replace(Scene(), scatter=scatter, sensors=sensors, law=laws)
+    scene = with_values(scene, TRUTH)
+    layout, sigma, names = planned_layout(scene)
+    keys = jax.random.split(jax.random.key(3), 16)
+    draw = jax.jit(
+        jax.vmap(
+            lambda k: observe(k, scene, layout, dict(laws), sigma, noise="gaussian")
+        )
+    )
+    uncertain = freed(UncertainScene(scene), FREE)
+    return uncertain, layout, np.asarray(draw(keys)), np.asarray(sigma), names
+
+
+def as_log(layout, names, values, sigma):
+    timed = [q.endswith("arrival_s") for q in layout.quantity]
+    return log(
+        *(
+            (name, quantity, value, s if t else s * value, tuple(place))
+            for name, quantity, value, s, t, place in zip(
+                names,
+                layout.quantity,
+                values,
+                sigma,
+                timed,
+                np.asarray(layout.position),
+                strict=True,
+            )
+        )
+    )
+
+
+def posterior_for(uncertain, layout, names, values, sigma, noise):
+    observations = as_log(layout, names, values, sigma)
+    return posterior_of(parameters_of(uncertain), layout, observations, LAWS, noise)
+
+
+def newton_step(posterior, z):
+    """How far Newton would step on the density that `fit` climbs, and the curvature."""
+    known = np.asarray(information(posterior, z))
+    slope = np.asarray(jax.jit(jax.grad(posterior.log_density))(z))
+    return np.linalg.solve(known, slope), known
+
+
+@pytest.mark.slow
+def test_each_lane_has_the_optimum_and_the_covariance_that_fit_finds():
+    uncertain, layout, values, sigma, names = problem(16)
+    found = fit_many(uncertain, layout, values, sigma, LAWS, noise="gaussian")
+    assert found.converged.all()
+    posterior = posterior_for(uncertain, layout, names, values[5], sigma, "gaussian")
+    z = np.asarray(optima(jax.random.key(0), posterior).z[0])
+    # BFGS of `fit` stops where ln density changes by 1e-10 of itself
+    assert (np.abs(found.z[5] - z) < 2e-4 * found.sd()[5]).all()
+    step, known = newton_step(posterior, found.z[5])
+    assert (np.abs(step) < 1e-6 * found.sd()[5]).all()
+    product = known @ np.asarray(found.covariance[5])
+    np.testing.assert_allclose(product, np.eye(4), atol=1e-6)
+
+
+@pytest.mark.slow
+def test_student_errors_end_where_their_density_is_level():
+    uncertain, layout, values, sigma, names = problem(16)
+    values[5, 2] += 30e-4  # a wild reading
+    found = fit_many(uncertain, layout, values, sigma, LAWS, noise="student")
+    assert found.converged.all()
+    posterior = posterior_for(uncertain, layout, names, values[5], sigma, "student")
+    step, known = newton_step(posterior, found.z[5])
+    assert (np.abs(step) < 1e-6 * found.sd()[5]).all()
+    product = known @ np.asarray(found.covariance[5])
+    np.testing.assert_allclose(product, np.eye(4), atol=1e-6)
+    truth = [math.log(30.0), 10.0, -5.0, 1.5]
+    # normal errors beside the wild one: within 5 standard deviations
+    assert (np.abs(found.z[5] - np.array(truth)) < 5 * found.sd()[5]).all()
+
+
+@pytest.mark.slow
+def test_with_scatter_and_a_prior_the_joint_optimum_is_near_that_of_fit():
+    uncertain, layout, values, sigma, names = problem(1, scatter=True)
+    prior = LogNormal(jnp.asarray(33.0), jnp.asarray(1.05))
+    beliefs = dict(uncertain.beliefs) | {"charge_mass_kg": prior}
+    uncertain = dataclasses.replace(uncertain, beliefs=beliefs)
+    found = fit_many(uncertain, layout, values, sigma, LAWS, noise="gaussian")
+    assert found.converged.all()
+    posterior = posterior_for(uncertain, layout, names, values[0], sigma, "gaussian")
+    step, known = newton_step(posterior, found.z[0])
+    # effects at their mode, not integrated out
+    assert (np.abs(step) < 0.1 * found.sd()[0]).all()
+    expected = np.sqrt(np.diag(np.linalg.inv(known)))
+    np.testing.assert_allclose(found.sd()[0], expected, rtol=0.02)
+
+
+@pytest.mark.slow
+def test_a_batch_is_a_loop_over_logs():
+    uncertain, layout, values, sigma, _ = problem(16)
+    together = fit_many(uncertain, layout, values, sigma, LAWS, noise="gaussian")
+    for lane in (0, 15):
+        alone = fit_many(
+            uncertain, layout, values[lane : lane + 1], sigma, LAWS, noise="gaussian"
+        )
+        np.testing.assert_allclose(alone.z[0], together.z[lane], rtol=1e-9)
+
+
+@pytest.mark.slow
+def test_sigmas_of_each_log_count_as_common_ones_do():
+    uncertain, layout, values, sigma, _ = problem(3)
+    common = fit_many(uncertain, layout, values, sigma, LAWS, noise="gaussian")
+    each = fit_many(
+        uncertain,
+        layout,
+        values,
+        sigma[None, :] * np.array([[1.0], [2.0], [1.0]]),
+        LAWS,
+        noise="gaussian",
+    )
+    np.testing.assert_allclose(each.z, common.z, rtol=1e-9)
+    np.testing.assert_allclose(each.sd()[1], 2 * common.sd()[1], rtol=1e-6)
+
+
+def test_answers_lie_about_the_truth_as_far_as_they_say():
+    uncertain, layout, values, sigma, _ = problem(16)
+    found = fit_many(uncertain, layout, values, sigma, LAWS, noise="gaussian")
+    assert found.converged.all()
+    truth = np.array([np.log(TRUTH["charge_mass_kg"]), *list(TRUTH.values())[1:]])
+    off = (np.asarray(found.z) - truth) / np.asarray(found.sd())
+    # the mean square of 64 unit normals, each log's four nearly independent: sd 0.18
+    assert np.mean(off**2) == pytest.approx(1.0, abs=0.6)
+    # 12 readings and 4 unknowns: minus ln of the density is half of chi-squared, of 8
+    # degrees of freedom; the mean of 16 has an sd of 0.5
+    assert np.mean(found.cost) == pytest.approx(4.0, abs=1.5)
+
+
+def test_one_bad_log_fails_alone_and_is_named():
+    uncertain, layout, values, sigma, _ = problem(16)
+    clean = fit_many(uncertain, layout, values, sigma, LAWS, noise="gaussian")
+    broken = values.copy()
+    broken[13, 3] = np.nan
+    found = fit_many(uncertain, layout, broken, sigma, LAWS, noise="gaussian")
+    assert list(np.flatnonzero(found.bad)) == [13]
+    assert found.faults == (
+        (13, "log 13, row 3, ground_arrival_s: expected a finite time, got nan"),
+    )
+    assert np.isnan(found.z[13]).all()
+    assert not found.converged[13]
+    others = np.arange(16) != 13
+    assert found.converged[others].all()
+    np.testing.assert_allclose(found.z[others], clean.z[others], rtol=1e-9)
+
+
+@pytest.mark.slow
+def test_a_batch_of_bad_logs_alone_converges_nowhere():
+    uncertain, layout, values, sigma, _ = problem(2)
+    found = fit_many(uncertain, layout, np.inf * values, sigma, LAWS)
+    assert found.bad.all()
+    assert not found.converged.any()
+    assert [number for number, _ in found.faults] == [0, 1]
+
+
+@pytest.mark.slow
+def test_a_log_that_cannot_tell_its_unknowns_does_not_converge():
+    uncertain, _, _, _, _ = problem(1)
+    # sensors in one place tell a distance, and nothing of the direction
+    sensors = tuple(
+        Sensor(f"s{i}", jnp.array([60.0, 0.0, 0.0]), records=RECORDS) for i in range(3)
+    )
+    scene = dataclasses.replace(uncertain.scene, sensors=sensors)
+    uncertain = dataclasses.replace(uncertain, scene=scene)
+    layout, sigma, _ = planned_layout(scene)
+    values = np.asarray(
+        observe(jax.random.key(0), scene, layout, LAWS, sigma, noise="gaussian")
+    )
+    start = np.array([[3.0, 5.0, 5.0, 1.5]])
+    found = fit_many(
+        uncertain,
+        layout,
+        values[None],
+        np.asarray(sigma),
+        LAWS,
+        noise="gaussian",
+        starts=start,
+    )
+    assert not found.converged[0]
+    assert not found.bad[0]
+    assert np.isfinite(found.z).all()
+    assert np.isnan(found.covariance).all()
+
+
+@pytest.mark.slow
+def test_every_lane_from_random_starts_is_at_the_optimum_or_says_it_is_not():
+    uncertain, layout, values, sigma, _ = problem(16)
+    best = fit_many(uncertain, layout, values, sigma, LAWS, noise="gaussian")
+    rng = np.random.default_rng(0)
+    starts = np.stack(
+        [
+            rng.uniform(0.0, 7.0, (3, 16)),
+            *rng.uniform(-100, 100, (2, 3, 16)),
+            1.5 + rng.uniform(-0.1, 0.1, (3, 16)),
+        ],
+        axis=-1,
+    )
+    found = fit_many(
+        uncertain, layout, values, sigma, LAWS, noise="gaussian", starts=starts
+    )
+    away = np.abs(np.asarray((found.z - best.z) / best.sd())).max(axis=1)
+    assert (away[np.asarray(found.converged)] < 1e-6).all()
+    assert found.converged.mean() > 0.9
+
+
+@pytest.mark.slow
+def test_the_closed_form_is_near_the_truth_and_needs_air_and_ground():
+    uncertain, layout, values, _, _ = problem(3)
+    start = engine_for(uncertain, layout, LAWS, "gaussian").straight(values)
+    np.testing.assert_allclose(start[:, 1], 10.0, atol=1.0)
+    np.testing.assert_allclose(start[:, 2], -5.0, atol=1.0)
+    np.testing.assert_allclose(start[:, 3], 1.5, atol=1e-3)
+    np.testing.assert_allclose(start[:, 0], math.log(30.0), atol=0.3)
+    air, planned, *_ = problem(1, records=RECORDS[:1])
+    rows = rows_of(parameters_of(air), planned, LAWS, "gaussian")
+    assert closed_form(rows) is None
+
+
+@pytest.mark.slow
+def test_logs_without_a_closed_form_start_from_the_nearest_of_a_library():
+    records = (("air_arrival_s", 1e-4), ("peak_overpressure_pa", 0.02))
+    laws = dict.fromkeys(dict(records), "kingery_bulmash")
+    uncertain, layout, values, sigma, _ = problem(
+        16, records=records, laws=tuple(laws.items())
+    )
+    found = fit_many(uncertain, layout, values, sigma, laws, noise="gaussian")
+    assert found.converged.all()
+    away = (found.values["charge_east_m"] - 10.0) / found.sd()[:, 1]
+    # normal errors: none of 16 is 5 standard deviations away
+    assert (jnp.abs(away) < 5).all()
+
+
+@pytest.mark.slow
+def test_float32_says_how_far_it_can_see():
+    uncertain, layout, values, sigma, _ = problem(16)
+    exact = fit_many(uncertain, layout, values, sigma, LAWS, noise="gaussian")
+    coarse = UncertainScene(
+        jax.tree.map(lambda x: jnp.asarray(x, jnp.float32), uncertain.scene),
+        uncertain.beliefs,
+    )
+    single = jax.tree.map(lambda x: jnp.asarray(x, jnp.float32), layout)
+    with jax.enable_x64(False):
+        found = fit_many(
+            coarse,
+            single,
+            values.astype(np.float32),
+            sigma.astype(np.float32),
+            LAWS,
+            noise="gaussian",
+        )
+    assert found.z.dtype == jnp.float32
+    assert (found.tolerance > 1e-3).all()  # 1.5 s in 0.1 ms, times 1.2e-7
+    away = np.abs(np.asarray(found.z, float) - np.asarray(exact.z)) / np.asarray(
+        exact.sd()
+    )
+    told = np.asarray(found.converged)
+    assert (away[told] < 3 * np.asarray(found.tolerance)[told, None]).all()
+
+
+@pytest.mark.parametrize(
+    ("values", "sigma", "starts", "said"),
+    [
+        (np.ones((2, 5)), np.ones(12), None, "values: expected"),
+        (np.ones((2, 12)), np.ones(5), None, "sigma: expected"),
+        (np.ones((2, 12)), np.full(12, np.nan), None, "sigma: expected finite"),
+        (np.ones((2, 12)), np.ones(12), np.ones((2, 3)), "starts: expected"),
+    ],
+)
+def test_a_batch_of_the_wrong_shape_is_refused(values, sigma, starts, said):
+    uncertain, layout, *_ = problem(1)
+    with pytest.raises(InputError, match=said):
+        fit_many(uncertain, layout, values, sigma, LAWS, starts=starts)
+
+
+def test_effects_beyond_what_is_written_out_are_refused():
+    records = (("air_arrival_s", 1e-4), ("positive_impulse_pa_s", 0.02))
+    laws = {"air_arrival_s": "kingery_bulmash", "positive_impulse_pa_s": "ford_2021"}
+    uncertain, *_ = problem(1, scatter=True, records=records, laws=tuple(laws.items()))
+    sensors = uncertain.scene.sensors * 3
+    scene = dataclasses.replace(uncertain.scene, sensors=sensors)
+    layout, *_ = planned_layout(scene)
+    uncertain = dataclasses.replace(uncertain, scene=scene)
+    with pytest.raises(InputError, match="at most 16"):
+        engine_for(uncertain, layout, laws, "gaussian")

@@ -1,0 +1,103 @@
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from jblast.inference import posterior_of
+from jblast.inference.identifiability.null_space import (
+    Identifiability,
+    echelon,
+    told_combinations,
+)
+from jblast.inference.posterior.fisher_information import information, unit_diagonal
+from jblast.inference.posterior.parameters import parameters_of
+from jblast.scene import Free, LogNormal, Scene, UncertainScene
+from jblast.sensors import layout_of
+from tests.inference.logs import log
+
+LOG = log(
+    ("a", "air_arrival_s", 0.1, 1e-3, 40.0),
+    ("a", "peak_overpressure_pa", 2e4, 1e3, 40.0),
+    ("b", "peak_overpressure_pa", 9e3, 5e2, 70.0),
+    ("c", "positive_impulse_pa_s", 80.0, 5.0, 90.0),
+    at_range=True,
+)
+LAWS = {
+    "air_arrival_s": "kingery_bulmash",
+    "peak_overpressure_pa": "kingery_bulmash",
+    "positive_impulse_pa_s": "ford_2021",
+}
+
+
+def posterior(noise):
+    beliefs = {
+        "charge_mass_kg": Free(positive=True),
+        "origin_time_s": Free(positive=False),
+        "air_temperature_k": LogNormal(288.0, 1.02),
+    }
+    parameters = parameters_of(UncertainScene(Scene(), beliefs))
+    layout = layout_of(LOG, parameters.scene)
+    return posterior_of(parameters, layout, LOG, LAWS, noise)
+
+
+Z = jnp.array([np.log(50.0), 0.01, 0.3])
+
+
+@pytest.mark.parametrize(("noise", "weight"), [("gaussian", 1.0), ("student", 5 / 7)])
+def test_information_is_that_of_the_whole_covariance(noise, weight):
+    asked = posterior(noise)
+    misfit = asked.misfit(Z)
+    covariance = np.diag(np.asarray(misfit.sd) ** 2 / weight) + np.asarray(
+        misfit.loading @ misfit.loading.T
+    )
+    slopes = np.asarray(jax.jacfwd(lambda z: asked.misfit(z).residual)(Z))
+    expected = slopes.T @ np.linalg.solve(covariance, slopes) + np.diag([0, 0, 1])
+    # two routes through the same algebra: rounding only
+    np.testing.assert_allclose(information(asked, Z), expected, rtol=1e-9)
+
+
+def test_information_is_the_mean_square_of_the_score():
+    # normal errors: over logs drawn at Z, the slope of the ln-density in the
+    # predictions has the information as its covariance
+    asked = posterior("gaussian")
+    misfit = asked.misfit(Z)
+    rng = np.random.default_rng(0)
+    n = 20_000
+    shared = rng.standard_normal((n, misfit.loading.shape[1]))
+    own = rng.standard_normal((n, 4)) * np.asarray(misfit.sd)
+    residual = own + shared @ np.asarray(misfit.loading).T
+    covariance = np.diag(np.asarray(misfit.sd) ** 2) + np.asarray(
+        misfit.loading @ misfit.loading.T
+    )
+    slopes = -np.asarray(jax.jacfwd(lambda z: asked.misfit(z).residual)(Z))
+    score = residual @ np.linalg.solve(covariance, slopes)
+    found = np.cov(score.T)[:2, :2]
+    expected = np.asarray(information(asked, Z))[:2, :2]
+    # the standard error of a variance from n draws is sqrt(2/n) = 1 %
+    np.testing.assert_allclose(np.diag(found), np.diag(expected), rtol=0.05)
+
+
+def test_unit_diagonal_takes_information_apart_and_puts_it_together():
+    matrix = jnp.array([[4.0, 2.0, 0.0], [2.0, 9.0, 0.0], [0.0, 0.0, 0.0]])
+    size, values, vectors = unit_diagonal(matrix, jnp.ones(3))
+    np.testing.assert_allclose(size, [2.0, 3.0, 1.0])
+    again = size[:, None] * (vectors * values[None, :]) @ vectors.T * size[None, :]
+    np.testing.assert_allclose(again, matrix, atol=1e-14)
+
+
+def test_echelon_rows_lead_with_a_one_of_their_own():
+    rows = np.array([[1.0, -0.2, 0.5], [2.0, -0.4, 3.0]])
+    np.testing.assert_allclose(
+        echelon(rows), [[1.0, -0.2, 0.0], [0.0, 0.0, 1.0]], atol=1e-12
+    )
+
+
+def test_told_combinations_stand_still_along_null_directions():
+    null = np.array([[1.0, -0.2, 0.0, -0.02]])
+    found = Identifiability(null, np.zeros((4, 3)), (False, False, True, False), null)
+    told = told_combinations(found)
+    assert told.shape == (2, 4)
+    np.testing.assert_allclose(told @ null.T, 0, atol=1e-12)
+    np.testing.assert_allclose(told[:, 2], 0)
+    for expected in ([0.2, 1, 0, 0], [0.02, 0, 0, 1]):
+        assert any(np.allclose(row, expected) for row in told)

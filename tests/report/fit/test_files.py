@@ -1,0 +1,182 @@
+import json
+import re
+from html.parser import HTMLParser
+
+import pytest
+
+from jblast.errors import InputError
+from jblast.report import write_report
+from jblast.report.fit import files as writing, residuals
+from tests.report import example
+
+FILES = {"fit.json", "recordings.png", "residuals.png", "corner.png", "report.html"}
+
+
+class Tags(HTMLParser):
+    """Collects every tag, and checks that they close in order."""
+
+    EMPTY = ("meta", "img", "br")
+
+    def __init__(self, page):
+        super().__init__()
+        self.open, self.seen = [], []
+        self.feed(page)
+
+    def handle_starttag(self, tag, attrs):
+        self.seen.append((tag, dict(attrs)))
+        if tag not in self.EMPTY:
+            self.open.append(tag)
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+
+@pytest.fixture(scope="module")
+def pages(tmp_path_factory):
+    """Every example's report, written once."""
+    root = tmp_path_factory.mktemp("reports")
+    written = {
+        make.__name__: write_report(make(), root / make.__name__)
+        for make in example.EVERY
+    }
+    return root, written
+
+
+def test_the_files_are_those_returned(pages):
+    root, written = pages
+    for name, paths in written.items():
+        there = {p.name for p in (root / name).iterdir()}
+        assert there == {p.name for p in paths}
+        assert there == (FILES - {"corner.png"} if name == "no_draws" else FILES)
+        for path in paths:
+            if path.suffix == ".png":
+                assert path.read_bytes().startswith(b"\x89PNG\r\n")
+
+
+def test_the_json_is_the_answer(pages):
+    root, _ = pages
+    for make in example.EVERY[:-1]:
+        text = (root / make.__name__ / "fit.json").read_text("utf-8")
+        assert json.loads(text) == make().answer
+
+
+def test_the_json_holds_null_for_nan(pages):
+    root, _ = pages
+    text = (root / "no_draws" / "fit.json").read_text("utf-8")
+    assert "NaN" not in text
+    assert json.loads(text)["estimates"]["charge_mass_kg"]["value"] is None
+    assert json.loads(text)["chi2"] is None
+
+
+def test_arrays_and_numbers_of_numpy_become_plain_json():
+    import numpy as np
+
+    given = {"a": np.float64(np.inf), "b": np.array([1.0, np.nan]), "c": np.bool_(True)}
+    assert writing.plain(given) == {"a": None, "b": [1.0, None], "c": True}
+    assert writing.plain((np.int64(3), np.float32(0.5))) == [3, 0.5]
+
+
+def test_the_page_needs_nothing_beside_it(pages):
+    root, written = pages
+    for name in written:
+        page = (root / name / "report.html").read_text("utf-8")
+        assert "http" not in page
+        assert "/home/somebody" not in page
+        tags = Tags(page)
+        assert tags.open == []
+        assert not {"script", "link", "iframe"} & {tag for tag, _ in tags.seen}
+        for tag, attributes in tags.seen:
+            if tag == "img":
+                assert attributes["src"].startswith("data:image/")
+                assert len(attributes["alt"]) > 20
+
+
+def test_the_page_says_what_the_text_says(pages):
+    root, _ = pages
+    page = (root / "three_parameters" / "report.html").read_text("utf-8")
+    for words in (
+        "Blast fit: quarry.csv",
+        "The charge was 209 kg of TNT (90 %: 161 to 272 kg).",
+        "kingery_bulmash",
+        "# A made-up log, for tests only.",
+        "it designs no explosives",
+        "Made by jblast 0.1.0",
+    ):
+        assert words in page
+    page = (root / "not_identifiable" / "report.html").read_text("utf-8")
+    assert "Combinations that are determined" in page
+    assert "measure the air temperature" in page
+    page = (root / "no_draws" / "report.html").read_text("utf-8")
+    assert "No posterior plot." in page
+
+
+def test_what_a_user_wrote_is_escaped(pages):
+    root, _ = pages
+    page = (root / "with_outliers" / "report.html").read_text("utf-8")
+    assert "<script" not in page
+    assert "&lt;script&gt;alert(&#39;$x&#39;)&lt;/script&gt;" in page
+
+
+def test_a_warning_names_the_log_without_its_folder(tmp_path):
+    fit = example.one_parameter()
+    fit.answer["warnings"].append(f"poor: {fit.observations.source}")
+    write_report(fit, tmp_path)
+    page = (tmp_path / "report.html").read_text("utf-8")
+    assert "poor: quarry.csv" in page
+
+
+def test_a_directory_with_files_is_refused_and_left_as_it_was(tmp_path):
+    (tmp_path / "fit.json").write_text("precious")
+    with pytest.raises(InputError, match=r"already holds files.*--force"):
+        write_report(example.no_draws(), tmp_path)
+    assert [p.name for p in tmp_path.iterdir()] == ["fit.json"]
+    assert (tmp_path / "fit.json").read_text() == "precious"
+
+
+def test_force_replaces_a_report_and_leaves_other_files(tmp_path):
+    for name in ("notes.txt", "corner.png", "fit.json"):
+        (tmp_path / name).write_text("old")
+    write_report(example.no_draws(), tmp_path, force=True)
+    assert (tmp_path / "notes.txt").read_text() == "old"
+    assert not (tmp_path / "corner.png").exists()  # it would show another fit
+    assert json.loads((tmp_path / "fit.json").read_text())["converged"] is False
+
+
+def test_a_file_in_the_place_of_the_directory_is_refused(tmp_path):
+    path = tmp_path / "out"
+    path.write_text("")
+    with pytest.raises(InputError, match="expected a directory"):
+        write_report(example.no_draws(), path, force=True)
+
+
+def test_a_new_directory_is_made_with_its_parents(tmp_path):
+    assert len(write_report(example.no_draws(), tmp_path / "a" / "b")) == 4
+
+
+def test_a_figure_that_fails_costs_only_itself(tmp_path, monkeypatch):
+    def fails(fit):
+        raise RuntimeError("no ink <left>")
+
+    monkeypatch.setattr(residuals, "residuals_figure", fails)
+    with pytest.warns(UserWarning, match=r"residuals.png was not written.*no ink"):
+        paths = write_report(example.no_draws(), tmp_path)
+    assert {p.name for p in paths} == {"fit.json", "recordings.png", "report.html"}
+    page = (tmp_path / "report.html").read_text("utf-8")
+    assert re.search(r"residuals.png was not written.*no ink &lt;left&gt;", page)
+
+
+def test_a_sensor_named_in_signs_the_font_lacks_is_no_obstacle(tmp_path):
+    from dataclasses import replace
+
+    fit = example.with_outliers()
+    name = "爆 🎇"
+    table = replace(
+        fit.observations,
+        sensor=tuple(
+            name if s == example.NASTY else s for s in fit.observations.sensor
+        ),
+    )
+    outlier = fit.answer["suspected_outliers"][0] | {"sensor": name}
+    answer = dict(fit.answer) | {"suspected_outliers": [outlier]}
+    write_report(replace(fit, observations=table, answer=answer), tmp_path)
+    assert name in (tmp_path / "report.html").read_text("utf-8")

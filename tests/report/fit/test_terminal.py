@@ -1,0 +1,142 @@
+import numpy as np
+import pytest
+import scipy.stats
+
+from jblast.report import summary
+from jblast.report.fit.conclusion import conclusion, limits
+from jblast.report.fit.goodness import goodness_p, goodness_sentence
+from tests.report import example
+
+
+def test_each_estimate_is_printed_with_its_interval_and_its_unit():
+    text = summary(example.three_parameters())
+    rows = {line[2:].split("  ")[0]: line for line in text.splitlines() if line}
+    assert "209 kg" in rows["charge mass"]
+    assert "161 to 272 kg" in rows["charge mass"]
+    assert "412.30 ms" in rows["origin time"]
+    assert "337.0 to 343.7 m/s" in rows["air sound speed"]
+    assert "870 MJ" in rows["energy"]
+    assert "kingery_bulmash: all Z <= 40" in text
+    assert "chi2 = 9.1 on 9 degrees of freedom, p = 0.43" in text
+    assert "nothing: the recordings, or a prior, identify" in text
+
+
+def test_an_accepted_value_stands_beside_and_says_whether_it_is_inside():
+    accepted = {
+        "charge_mass_kg": (200, "weighed"),
+        "charge_energy_j": (9e13, "a rumour"),
+        "charge_up_m": (1.5, "a tape"),
+    }
+    text = summary(example.three_parameters(), accepted)
+    assert "200 kg, weighed: inside" in text
+    assert "90 TJ, a rumour: outside" in text
+    assert "The accepted charge up (a tape) was not fitted." in text
+
+
+def test_where_the_figures_went_is_said():
+    assert "Report and figures: out/x" in summary(example.one_parameter(), out="out/x")
+
+
+def test_a_null_direction_is_named_with_what_stays_determined_and_the_cure():
+    text = " ".join(summary(example.not_identifiable()).split())
+    assert "charge mass not identified -" in text
+    assert "charge mass times 2.00 and air sound speed times 0.871" in text  # 2^-0.2
+    assert "Cure: measure the air temperature, or record one overpressure." in text
+    assert "0.2 ln charge_mass_kg + ln air_sound_speed_m_s = 6.3713 ± 0.0051" in text
+
+
+def test_a_mixed_null_direction_doubles_what_is_in_ln_and_shifts_the_rest():
+    direction = {"parameters": {"charge_mass_kg": 0.5, "charge_east_m": -20.0}}
+    fit = example.not_identifiable()
+    fit.answer["null_directions"][0] |= direction | {"space": "mixed"}  # pyright: ignore[reportIndexIssue]  a Mapping to its readers
+    text = " ".join(summary(fit).split())
+    # mass doubles over ln 2 / 0.5 of the direction, so east moves 20 * 2 ln 2
+    assert "charge mass times 2.00 and charge east by -27.7 m" in text
+
+
+def test_a_wide_mass_is_practically_unidentified_and_keeps_its_interval():
+    text = summary(example.one_parameter())
+    assert "charge mass: practically unidentified (sd of ln 0.62)" in text
+    assert "360 to 2800 kg" in text
+    assert "within a factor of 2.8" in " ".join(conclusion(example.one_parameter()))
+
+
+def test_a_poor_fit_and_a_law_left_behind_are_said():
+    text = " ".join(summary(example.one_parameter()).split())
+    assert "The fit is poor (p < 0.001)" in text
+    assert "outside the range of a law it uses (positive impulse)" in text
+    assert "try `jblast scene quarry.csv`" in text
+
+
+def test_outliers_and_ambiguities_are_named():
+    text = " ".join(summary(example.with_outliers()).split())
+    assert f"{example.NASTY}, peak overpressure: +14.9 sd" in text
+    assert "charge mass 340 kg and origin time 410.1 ms" in text
+    assert "Cure: one sensor off the line." in text
+
+
+def test_a_fit_that_did_not_converge_says_so_first():
+    assert "NOT CONVERGED" in summary(example.no_draws())
+    assert conclusion(example.no_draws())[0].startswith("NOT CONVERGED")
+    assert "nan" not in summary(example.no_draws()).lower()
+
+
+@pytest.mark.parametrize("make", example.EVERY)
+def test_the_terminal_answer_is_at_most_100_columns_wide(make):
+    long = {
+        "charge_mass_kg": (24800000.0, "Somebody with a long name et al. 1951-2023")
+    }
+    for line in summary(make(), long).splitlines():
+        assert len(line) <= 100
+        assert line == line.rstrip()
+
+
+def test_the_conclusion_begins_with_how_big_the_charge_was():
+    accepted = {"charge_energy_j": (9.0e13, "by radiochemistry")}
+    first, *rest = conclusion(example.shock_radius(), accepted)
+    assert first == "The charge was 21.0 kt of TNT (90 %: 17.3 to 25.6 kt)."
+    assert any(
+        "88 TJ, as much as 21.0 kt of TNT" in said
+        and "(by radiochemistry) lies inside" in said
+        for said in rest
+    )
+    assert "emcee" in " ".join(limits(example.shock_radius()))
+
+
+def test_a_tnt_mass_equal_to_the_mass_is_not_said_twice():
+    said = " ".join(conclusion(example.three_parameters()))
+    assert said.count("209 kg") == 1
+
+
+def test_what_was_taken_as_known_is_listed():
+    (known, *_) = limits(example.three_parameters())
+    assert known.startswith("Taken as known: charge east 0 m")
+    assert "origin time" not in known
+
+
+def test_p_is_the_survival_of_chi_squared():
+    for chi2, dof in [(9.1, 9), (41.0, 4), (0.3, 30)]:
+        ours = goodness_p({"chi2": chi2, "dof": dof})
+        assert ours == pytest.approx(scipy.stats.chi2.sf(chi2, dof), rel=1e-10)
+    assert goodness_p({"chi2": 1.0, "dof": 0}) is None
+    assert goodness_p({"chi2": np.nan, "dof": 3}) is None
+
+
+def test_what_is_not_identified_is_the_first_thing_concluded():
+    first, second, third, *_ = conclusion(example.not_identifiable())
+    assert first.startswith("Charge mass and air sound speed are not identified")
+    assert "Cure: measure the air temperature" in second
+    assert third.startswith("It exploded at 100 µs")
+
+
+@pytest.mark.parametrize(
+    ("chi2", "words"),
+    [
+        (28.0, "The fit is poor (p < 0.001)"),  # p 0.00095
+        (22.5, "The fit is marginal (p = 0.0074)"),
+        (9.1, "agree with the law within their errors (p = 0.43)"),
+        (0.5, "lie closer to the law than their errors allow (p > 0.999)"),
+    ],
+)
+def test_goodness_is_told_in_words(chi2, words):
+    assert words in goodness_sentence({"chi2": chi2, "dof": 9})

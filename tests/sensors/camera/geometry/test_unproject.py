@@ -1,0 +1,132 @@
+import dataclasses
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from jax.test_util import check_grads
+
+from jblast.errors import InputError
+from jblast.scene import Camera, look_at
+from jblast.sensors.camera.geometry.distortion import (
+    distort,
+    distortion_jacobian,
+    fold_radius,
+    unfolded,
+)
+from jblast.sensors.camera.geometry.projection import project
+from jblast.sensors.camera.geometry.unproject import undistort, unproject
+from tests.sensors.camera.geometry.lenses import LENS
+
+BARREL = np.array([-0.35, 0.12, 0.01, -0.02, -0.02])
+CAMERA = Camera(
+    position=np.array([3.0, -20.0, 2.0]),
+    quaternion=look_at(np.array([3.0, -20.0, 2.0]), np.array([0.0, 0.0, 5.0])),
+    focal=np.array([300.0, 310.0]),
+    center=np.array([172.5, 129.5]),
+    width=346,
+    height=260,
+    distortion=np.array([-0.3, 0.1, 2e-3, -3e-3, 0.0]),
+)
+GRID = np.stack(np.meshgrid(np.linspace(-1.5, 1.5, 13), np.linspace(-1, 1, 9)), -1)
+rays_of, seen_by = eqx.filter_jit(unproject), eqx.filter_jit(project)
+straight, bent_back = jax.jit(distort), jax.jit(undistort)
+clear_of_folds, jacobian = jax.jit(unfolded), jax.jit(distortion_jacobian)
+
+
+def test_every_pixel_of_the_image_comes_back():
+    pixels = np.stack(np.meshgrid(np.arange(346.0), np.arange(260.0)), axis=-1)
+    rays = rays_of(CAMERA, pixels)
+    np.testing.assert_allclose(jnp.linalg.norm(rays, axis=-1), 1, rtol=1e-15)
+    far = seen_by(CAMERA, CAMERA.position.reshape(1, 1, 3) + 70.0 * rays)
+    assert far.seen.all()
+    # rounding of a few hundred pixels and of the place 70 m away
+    np.testing.assert_allclose(far.pixel, pixels, rtol=0, atol=1e-11)
+
+
+@settings(deadline=None, max_examples=15)
+@given(LENS)
+def test_what_lies_inside_the_fold_comes_back_and_nothing_else_does(lens):
+    places, lens = jnp.array(GRID), jnp.array(lens)
+    back = bent_back(straight(places, lens), lens)
+    found = ~jnp.isnan(back[..., 0])
+    inside = clear_of_folds(places, lens)
+    away = jnp.abs(back - places).max(axis=-1)
+    xx, xy, yy = jacobian(places, lens)
+    eigenvalue = 0.5 * (xx + yy - jnp.hypot(xx - yy, 2 * xy))
+    # Rounding grows by the inverse of the eigenvalue, to 1e-13.
+    clear = inside & (eigenvalue > 1e-2)
+    assert found[clear].all()
+    assert (away[clear] < 1e-12).all()
+    # A pixel that shows several directions gives the one inside the fold.
+    assert clear_of_folds(back, lens)[found].all()
+    assert (away[found & ~inside] > 0).all()
+
+
+@pytest.mark.parametrize("way", [[1.0, 0.0], [0.0, 1.0], [-0.6, -0.8]])
+def test_the_inverse_reaches_to_the_fold_and_ends_there(way):
+    lens, way = jnp.array(BARREL), jnp.array(way)
+    fold = fold_radius(lens, way) * way
+    for short in (0.5, 1e-3, 1e-6):
+        place = fold * (1 - short)
+        # the nearer the fold, the more a rounding moves the place: 1e-15/short, and
+        # some 5 of a fold that is met aslant
+        error = jnp.abs(bent_back(straight(place, lens), lens) - place).max()
+        assert error < 1e-14 / short
+    assert jnp.isnan(bent_back(straight(fold, lens) * (1 + 1e-6), lens)).all()
+
+
+def test_a_pixel_beyond_the_fold_is_refused_outside_jit_and_nan_inside():
+    camera = dataclasses.replace(CAMERA, distortion=BARREL)
+    pixels = np.array([[172.5, 129.5], [900.0, 129.5]])
+    with pytest.raises(InputError, match=r"inside the first fold.*got \[900.0, 129.5"):
+        unproject(camera, pixels)
+    rays = rays_of(camera, pixels)
+    assert jnp.isnan(rays).tolist() == [[False] * 3, [True] * 3]
+
+
+def test_a_masked_pixel_beyond_the_fold_has_finite_gradients():
+    camera = dataclasses.replace(CAMERA, distortion=BARREL)
+
+    @eqx.filter_jit
+    def east(arguments):
+        ray = unproject(*arguments)
+        return jnp.sum(jnp.where(jnp.isnan(ray), 0.0, ray))
+
+    pixels = jnp.array([[100.0, 50.0], [900.0, 129.5]])
+    slopes = jax.tree.leaves(eqx.filter_grad(east)((camera, pixels)))
+    assert all(jnp.isfinite(slope).all() for slope in slopes)
+    assert any((slope != 0).any() for slope in slopes)
+
+
+def test_gradients_are_those_of_finite_differences():
+    arrays, static = eqx.partition(CAMERA, eqx.is_array)
+
+    @jax.jit
+    def ray(arrays, pixel):
+        return unproject(eqx.combine(arrays, static), pixel)
+
+    check_grads(ray, (arrays, jnp.array([[10.0, 20.0], [300.0, 200.0]])), order=1)
+
+
+@pytest.mark.slow
+def test_derivatives_of_the_inverse_hold_in_second_order():
+    bent = jnp.array([0.4, -0.3])
+    check_grads(bent_back, (bent, jnp.array(BARREL)), order=2)
+
+
+def test_a_batch_of_lenses_is_each_alone():
+    lenses = jnp.stack([jnp.array(BARREL), jnp.zeros(5), jnp.array(-BARREL)])
+    bent = jnp.array([[0.3, 0.2], [0.5, -0.1], [-0.2, 0.4]])
+    together = jax.jit(jax.vmap(undistort))(bent, lenses)
+    alone = [bent_back(b, lens) for b, lens in zip(bent, lenses, strict=True)]
+    # a lane goes on until the last is solved; only rounding may differ
+    np.testing.assert_allclose(together, jnp.stack(alone), rtol=1e-13)
+
+
+def test_the_middle_of_the_image_is_straight_ahead():
+    ray = rays_of(CAMERA, CAMERA.center)
+    ahead = np.array([-3.0, 20.0, 3.0])
+    np.testing.assert_allclose(ray, ahead / np.linalg.norm(ahead), atol=1e-15)

@@ -1,0 +1,245 @@
+import dataclasses
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scipy.integrate import quad
+
+from jblast.scene import Charge, Scene, quaternion_matrix
+from jblast.sensors.camera.geometry.pixel_rays import Rays, pixel_rays
+from jblast.sensors.camera.image.compositing import over
+from jblast.sensors.camera.rendering.fireball_image import cloud, passage
+from jblast.sensors.camera.rendering.render import render
+from jblast.waves.fireball import fireball, fireball_growth_time
+from tests.sensors.camera.fireball_scenes import (
+    EYE,
+    LUMPS,
+    TARGET,
+    one_charge,
+    shifted,
+    small_camera,
+)
+
+WHEN = 0.3
+
+
+def layer_of(scene, camera, time=WHEN, **options):
+    """Return red, green, blue and alpha, by the programs that `render` keeps."""
+    return render(scene, camera, jnp.asarray([time]), alpha=True, **options)[0]
+
+
+def alpha_of(scene, camera, time=WHEN, **options):
+    return np.asarray(layer_of(scene, camera, time, **options)[..., 3])
+
+
+def ball_at(scene, time=WHEN):
+    ball = fireball(scene.charge.mass, time - scene.charge.time, scene.air.temperature)
+    return float(ball.radius), float(scene.charge.up + ball.rise)
+
+
+@pytest.mark.slow
+def test_the_growth_time_of_the_scene_is_that_of_its_pictures():
+    scene = dataclasses.replace(one_charge(), fireball_growth=jnp.asarray(0.2))
+    camera = small_camera()
+    own = float(fireball_growth_time(100.0))
+    np.testing.assert_array_equal(
+        layer_of(dataclasses.replace(scene, fireball_growth=jnp.asarray(own)), camera),
+        layer_of(one_charge(), camera),
+    )
+    both = scene, one_charge()
+    slow, usual = (np.sum(alpha_of(s, camera)) for s in both)
+    radii = [float(cloud(s, s.charge, jnp.asarray(WHEN)).radius) for s in both]
+    # 6.7 and 8.5 m; the limb is soft and the ground cuts both
+    assert slow / usual == pytest.approx((radii[0] / radii[1]) ** 2, rel=0.1)
+
+
+@pytest.mark.parametrize("ahead", [30.0, 3.0, -3.0, -30.0])
+@pytest.mark.parametrize("farthest", [np.inf, 31.0, 2.0])
+def test_the_column_is_the_integral_of_the_density(ahead, farthest):
+    # ahead: of the camera, in the cloud before or behind its centre, and behind
+    rng = np.random.default_rng(5)
+    radius, offset = 7.0, np.array([ahead, 2.0, -1.0])
+    units = np.stack([np.ones(8), *rng.normal(0, 0.15, (2, 8))])
+    units = units / np.linalg.norm(units, axis=0)
+    rays = Rays(jnp.zeros(3), jnp.asarray(units[:, None]), jnp.full((1, 8), farthest))
+    found = passage(jnp.asarray(offset), jnp.asarray(radius), rays)
+    for k, unit in enumerate(units.T):
+
+        def density(s, unit=unit):
+            place = s * unit - offset
+            return max(0.0, 1.0 - place @ place / radius**2)
+
+        end = min(farthest, 60.0)
+        # along a diameter the integral is 4/3 of the radius
+        whole, _ = quad(density, 0.0, end, limit=200, points=[min(25.0, end / 2)])
+        assert found.column[0, k] == pytest.approx(whole / (4 / 3 * radius), abs=1e-7)
+
+
+def test_the_limb_is_where_the_projected_sphere_ends():
+    scene, camera = one_charge(up=20.0), small_camera(target=[0.0, 0.0, 20.0])
+    radius, up = ball_at(scene)
+    unit = np.moveaxis(np.asarray(pixel_rays(camera).direction), 0, -1)
+    sight = np.array([0.0, 0.0, up]) - EYE
+    along = unit @ sight
+    apart = np.sqrt(sight @ sight - along**2)
+    alpha = alpha_of(scene, camera)
+    np.testing.assert_array_equal(alpha > 0, apart < radius)
+    half = np.sqrt(np.clip(1 - (apart / radius) ** 2, 0, None))
+    # N lumps along a diameter; thousands of optical depths of soot make all dark
+    np.testing.assert_allclose(alpha, -np.expm1(-LUMPS * half**3), atol=1e-6)
+
+
+def test_what_stands_before_the_fireball_hides_it():
+    scene, camera = one_charge(), small_camera()
+    free = alpha_of(scene, camera)
+    assert free.max() > 0.99
+    near = jnp.full((18, 24), 10.0)
+    assert (alpha_of(scene, camera, depth=near) == 0).all()
+    half = near.at[:, 12:].set(jnp.inf)
+    seen = alpha_of(scene, camera, depth=half)
+    np.testing.assert_array_equal(seen[:, 12:], free[:, 12:])
+    assert (seen[:, :12] == 0).all()
+    assert free[:, :12].max() > 0.5
+    # a wall behind it changes nothing
+    wall = alpha_of(scene, camera, depth=jnp.full((18, 24), 200.0))
+    np.testing.assert_array_equal(wall, free)
+
+
+def test_a_wall_through_the_middle_leaves_half_of_the_smoke():
+    scene = one_charge(up=30.0)
+    _radius, up = ball_at(scene)
+    camera = small_camera([0.0, -60.0, up], [0.0, 0.0, up], center=[12.0, 8.0])
+    alpha = alpha_of(scene, camera, depth=jnp.full((18, 24), 60.0))
+    # the ray of the middle pixel goes through the centre, 60 m away
+    assert alpha[8, 12] == pytest.approx(-np.expm1(-LUMPS / 2), abs=1e-9)
+
+
+def test_the_ground_hides_what_is_below_it():
+    scene, camera = one_charge(up=0.0), small_camera()
+    cut, whole = (alpha_of(scene, camera, ground=ground) for ground in (True, False))
+    rays = pixel_rays(camera)
+    hits = np.asarray(rays.farthest)
+    np.testing.assert_array_equal(cut[hits == np.inf], whole[hits == np.inf])
+    assert (cut <= whole + 1e-15).all()
+    # rays that meet the ground before the sphere begins see it
+    radius, _ = ball_at(scene)
+    ends = hits[..., None] * np.moveaxis(np.asarray(rays.direction), 0, -1) + EYE
+    early = (hits < np.inf) & (ends[..., 1] < -radius)
+    assert (cut[early] == 0).all()
+    assert (whole[early] > 0.9).any()
+
+
+def test_a_fireball_partly_outside_is_the_part_inside():
+    scene = one_charge()
+    wide = small_camera(center=[31.5, 18.0], width=64, height=38)
+    part = small_camera(center=[2.5, 3.0])
+    picture = np.asarray(layer_of(scene, wide))
+    inside = layer_of(scene, part)
+    np.testing.assert_allclose(inside, picture[15:33, 29:53], rtol=1e-9)
+
+
+def test_from_within_the_camera_sees_the_smoke_before_its_lens():
+    scene = one_charge(up=30.0)
+    radius, up = ball_at(scene)
+    for y in (-0.5, 0.0, 0.5):  # of the radius, looking north; 0 is the centre
+        place = np.array([0.0, y * radius, up])
+        camera = small_camera(place, place + np.array([0.0, 1.0, 0.0]))
+        camera = dataclasses.replace(camera, center=jnp.array([12.0, 8.0]))
+        column = 0.75 * (2 / 3 - (y - y**3 / 3))
+        alpha = alpha_of(scene, camera)
+        assert alpha[8, 12] == pytest.approx(-np.expm1(-LUMPS * column), abs=1e-6)
+        assert (alpha > 0.2).all()
+
+
+def test_nothing_is_seen_of_a_blast_behind_the_camera():
+    camera = small_camera()
+    away = small_camera(target=2 * EYE - TARGET)
+    assert alpha_of(one_charge(), camera).max() > 0.9
+    assert (alpha_of(one_charge(), away) == 0).all()
+
+
+def test_nothing_is_seen_before_the_burst():
+    scene = one_charge(time=1.0)
+    for time in (0.0, 0.999, 1.0):
+        assert (alpha_of(scene, small_camera(), time) == 0).all()
+    assert alpha_of(scene, small_camera(), 1.3).max() > 0.9
+
+
+def test_smaller_than_a_pixel_it_is_seen_whole_or_not_at_all_unless_supersampled():
+    scene = one_charge(up=30.0)
+    radius, up = ball_at(scene)
+    distance = 2000.0  # 0.17 px
+    eye = [0.0, -distance, up]
+    between = small_camera(eye, [0.0, 0.0, up], focal=40.0 * np.ones(2))
+    on = dataclasses.replace(between, center=jnp.array([12.0, 8.0]))
+    off = dataclasses.replace(between, center=jnp.array([11.6, 8.4]))
+    assert alpha_of(scene, on).max() > 0.99
+    assert alpha_of(scene, off).max() == 0.0
+    # area of the disc in pixels, weighed with its opacity
+    weighed, _ = quad(
+        lambda b: -np.expm1(-LUMPS * (1 - b**2) ** 1.5) * 2 * np.pi * b, 0, 1
+    )
+    area = weighed * (40.0 * radius / distance) ** 2
+    many = alpha_of(scene, off, supersample=60)
+    # 60 rays along a pixel, ten across the radius: a tenth of the rim is uncertain
+    assert many.sum() == pytest.approx(area, rel=0.03)
+
+
+@pytest.mark.slow
+def test_pixels_that_show_no_direction_show_no_fireball():
+    # strong barrel distortion: the model folds over before the image's corners
+    lens = jnp.array([-0.5, 0.0, 0.0, 0.0, 0.0])
+    camera = small_camera(distortion=lens, focal=[14.0, 14.0])
+    camera = shifted(camera, 48.0)
+    rays = pixel_rays(camera, ground=False)
+    folded = np.asarray(rays.farthest == 0)
+    assert folded[0, 0]
+    assert not folded[8, 12]
+    alpha = alpha_of(one_charge(), camera, ground=False)
+    assert (alpha[folded] == 0).all()
+    assert alpha[8, 12] > 0.9
+
+    def total(position):
+        moved = eqx.tree_at(lambda c: c.position, camera, position)
+        return layer_of(one_charge(), moved).sum()
+
+    assert np.isfinite(jax.jit(jax.grad(total))(camera.position)).all()
+
+
+def test_the_nearer_of_two_charges_hides_the_farther():
+    near = Charge(mass=30.0, north=-10.0, up=3.0)
+    far = Charge(mass=200.0, north=20.0, up=3.0, time=0.25)
+    camera = small_camera()
+    one, two = (layer_of(Scene(charge=charge), camera) for charge in (near, far))
+    for first, second in ((near, far), (far, near)):
+        both = layer_of(Scene(charge=first, others=(second,)), camera)
+        np.testing.assert_allclose(both, over(one, two), atol=1e-12)
+    assert ((one[..., 3] > 0.1) & (two[..., 3] > 0.1)).any()
+
+
+def test_it_cools_from_white_over_orange_to_dark_smoke():
+    scene, camera = one_charge(up=30.0), small_camera(target=[0.0, 0.0, 32.0])
+
+    def colour(time):
+        """Return that of the pixel which hides most."""
+        layer = np.asarray(layer_of(scene, camera, time)).reshape(-1, 4)
+        return layer[layer[:, 3].argmax(), :3]
+
+    assert (colour(0.02) > 1.0).all()  # each channel beyond full scale
+    red, green, blue = colour(0.4)
+    assert red > 2 * green > 5 * blue
+    dark = colour(2.5)
+    assert dark.max() < 0.1
+    assert dark.max() < 1.05 * dark.min()
+
+
+def test_axes_of_the_image_are_right_and_down():
+    # a charge east of the axis and above is right of the middle and above, from south
+    scene = one_charge(mass=5.0, east=8.0, up=10.0)
+    camera = small_camera([0.0, -60.0, 4.0], [0.0, 0.0, 4.0])
+    assert quaternion_matrix(camera.quaternion)[0, 0] == pytest.approx(1.0)
+    rows, columns = np.nonzero(alpha_of(scene, camera))
+    assert rows.max() < 8
+    assert columns.min() > 12

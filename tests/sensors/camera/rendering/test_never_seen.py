@@ -1,0 +1,88 @@
+"""A charge whose time is infinite is never seen, and hides nothing."""
+
+import dataclasses
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from jblast.scene import Charge, Scene
+from jblast.sensors.camera.events.exact.fireball import pixel_light
+from jblast.sensors.camera.events.scene import events
+from jblast.sensors.camera.geometry.pixel_rays import pixel_rays
+from jblast.sensors.camera.rendering.billboards import Views, views_seen
+from jblast.sensors.camera.rendering.visibility import in_view
+from tests.sensors.camera.fireball_scenes import small_camera
+
+CAMERA = small_camera()
+REAL = Charge(mass=100.0, up=2.0, time=0.01, name="real")
+OTHER = Charge(mass=60.0, north=-20.0, up=3.0, time=0.005, name="other")
+NEVER = dataclasses.replace(OTHER, time=jnp.inf)
+ALONE = Scene(charge=dataclasses.replace(REAL, name=""))
+TIMES = jnp.linspace(0.0, 0.03, 4)
+
+
+@jax.jit
+def events_of(time):
+    scene = Scene(charge=REAL, others=(dataclasses.replace(OTHER, time=time),))
+    return events(scene, CAMERA, TIMES, capacity=4096)
+
+
+def test_its_events_are_those_of_the_scene_without_it():
+    found, both = events_of(jnp.inf), events_of(OTHER.time)
+    expected = events(ALONE, CAMERA, TIMES, capacity=4096)
+    assert int(expected.count) > 100
+    assert int(both.count) != int(expected.count)
+    for here, there in zip(*map(jax.tree.leaves, (found, expected)), strict=True):
+        np.testing.assert_allclose(here, there, rtol=1e-12)
+
+
+def test_a_batch_of_which_some_never_happen_is_its_own_loop():
+    times = jnp.array([0.005, jnp.inf])
+    found = jax.jit(jax.vmap(events_of))(times)
+    for lane, time in enumerate(times):
+        expected = events_of(time)
+        for here, there in zip(*map(jax.tree.leaves, (found, expected)), strict=True):
+            np.testing.assert_allclose(here[lane], there, rtol=1e-12)
+
+
+def test_gradients_are_those_without_it_and_none_is_its_own():
+    def light(*charges):
+        scene = Scene(charge=charges[0], others=charges[1:])
+        at = jnp.array([0.012, 0.025])
+        return jnp.sum(
+            pixel_light(scene, CAMERA)(at, jnp.full(2, 11.0), jnp.full(2, 8.0))
+        )
+
+    of_real, of_never = jax.jit(jax.grad(light, (0, 1)))(REAL, NEVER)
+    expected = jax.jit(jax.grad(light))(REAL)
+    for here, there in zip(*map(jax.tree.leaves, (of_real, expected)), strict=True):
+        np.testing.assert_allclose(here, there, rtol=1e-9)
+    assert [float(x) for x in jax.tree.leaves(of_never)] == [0.0] * 5
+    assert abs(float(expected.mass)) > 1e-6
+
+
+def test_pictures_show_nothing_of_it():
+    views = Views(
+        frames=jnp.full((1, 2, 9, 9, 4), 200, jnp.uint8),
+        direction=np.array([[0.0, -1.0, 0.0]]),
+        up=np.array([[0.0, 0.0, 1.0]]),
+        metres_per_pixel=np.array([2.0]),
+        anchor=np.array([[4.0, 4.0]]),
+        frames_hz=30.0,
+        charge_mass=100.0,
+    )
+    seen = jax.jit(
+        lambda s: views_seen(views, s, pixel_rays(CAMERA), jnp.asarray(0.02))
+    )
+    found = seen(Scene(charge=REAL, others=(NEVER,)))
+    expected = seen(ALONE)
+    assert float(expected[3].max()) > 0.5
+    np.testing.assert_allclose(found, expected, rtol=1e-12)
+    assert not in_view(Scene(charge=NEVER), CAMERA, views)
+
+
+@pytest.mark.parametrize(("charge", "seen"), [(REAL, True), (NEVER, False)])
+def test_it_is_not_in_view(charge, seen):
+    assert bool(in_view(Scene(charge=charge), CAMERA)) is seen

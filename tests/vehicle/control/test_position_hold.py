@@ -1,0 +1,185 @@
+import dataclasses
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from jblast.vehicle import (
+    Each,
+    PositionHold,
+    StepGust,
+    allocation,
+    named,
+    named_gains,
+    rotor_speeds,
+    simulate,
+    step_limit,
+)
+from tests.vehicle.flights import GRAVITY, at_hover, hover_speed
+
+NAMES = ["crazyflie", "hummingbird", "iris"]
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_rotor_speeds_make_the_thrust_and_the_moment_asked_for(name):
+    vehicle = named(name)
+    wanted = jnp.array([float(vehicle.mass_kg) * GRAVITY, 1e-3, -2e-3, 1e-4])
+    speeds = rotor_speeds(vehicle, tuple(wanted))
+    thrusts = vehicle.thrust_coefficient * jnp.abs(speeds) * speeds
+    np.testing.assert_allclose(allocation(vehicle) @ thrusts, wanted, atol=1e-12)
+    arms = np.asarray(vehicle.rotor_position_m)
+    by_hand = np.cross(arms, np.outer(thrusts, [0, 0, 1])).sum(axis=0)
+    np.testing.assert_allclose(wanted[1:3], by_hand[:2], atol=1e-12)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_the_hold_comes_to_its_target_and_heading(name):
+    vehicle = named(name)
+    hold = PositionHold(np.array([1.0, -1.0, 6.0]), named_gains(name), 0.7)
+    answer = simulate(
+        vehicle,
+        at_hover(vehicle),
+        duration_s=8.0,
+        step_s=2e-3,
+        control=hold,
+        store_every=4000,
+    )
+    np.testing.assert_allclose(answer.position_m[-1], [1, -1, 6], atol=2e-3)
+    level = [0, 0, np.sin(0.35), np.cos(0.35)]
+    np.testing.assert_allclose(answer.quaternion[-1], level, atol=1e-3)
+
+
+@pytest.mark.slow
+def test_a_wind_leaves_an_offset_that_only_the_integral_takes_out():
+    vehicle = named("hummingbird")
+
+    def end(integral):
+        gains = named_gains("hummingbird", integral=integral)
+        answer = simulate(
+            vehicle,
+            at_hover(vehicle),
+            duration_s=30.0,
+            step_s=5e-3,
+            control=PositionHold(np.array([0, 0, 5.0]), gains),
+            wind=StepGust([5.0, 0.0, 0.0], 0.0),
+            store_every=6000,
+        )
+        return float(answer.position_m[-1, 0])
+
+    # The spring k_p m x holds what the air drags with: rotors and frame, about level.
+    speed = 4 * hover_speed(vehicle)
+    drag = speed * float(vehicle.rotor_drag[0]) * 5 + 0.005 * 25
+    assert end(False) == pytest.approx(drag / (0.5 * 6.5), rel=0.05)
+    assert abs(end(True)) < 2e-3
+
+
+@pytest.mark.slow
+def test_an_answer_is_held_for_its_period():
+    vehicle = named("hummingbird")
+    hold = PositionHold(np.array([0.5, 0, 5.0]), named_gains("hummingbird"))
+    held, fine = (
+        simulate(
+            vehicle,
+            at_hover(vehicle),
+            duration_s=0.2,
+            step_s=step,
+            command_step_s=4e-3,
+            control=hold,
+        )
+        for step in (1e-3, 2e-3)
+    )
+    # The controller is a clock's, so the step matters only to RK4's own order.
+    np.testing.assert_allclose(held.position_m[::2], fine.position_m, atol=1e-6)
+    speeds = np.asarray(held.rotor_speed_rad_s)
+    left = np.exp(-1e-3 / float(vehicle.motor_lag_s))
+    asked = (speeds[1:] - speeds[:-1] * left) / (1 - left)
+    by_period = asked[:200].reshape(50, 4, 4)
+    spread = np.ptp(by_period, axis=1).max()
+    assert spread < 1e-3 * np.ptp(by_period)  # the rest: RK4's exponential
+
+
+@pytest.mark.parametrize("integrator", ["rk4", "euler"])
+def test_the_motors_limit_is_where_a_step_stops_shrinking(integrator):
+    factor = step_limit(integrator, 1.0)
+    z = -factor
+    growth = {"rk4": 1 + z + z**2 / 2 + z**3 / 6 + z**4 / 24, "euler": 1 + z}
+    assert abs(growth[integrator]) == pytest.approx(1, abs=1e-9)
+    assert factor == pytest.approx({"rk4": 2.785, "euler": 2.0}[integrator], abs=3e-4)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("integrator", ["rk4", "euler"])
+@pytest.mark.parametrize(("name", "held"), [("crazyflie", 1), ("crazyflie", 3)])
+def test_the_hold_is_stable_just_below_its_limit_and_not_above(integrator, name, held):
+    vehicle, gains = named(name), named_gains(name, integral=True)
+    limit = step_limit(integrator, float(vehicle.motor_lag_s), gains, held)
+    assert limit < step_limit(integrator, float(vehicle.motor_lag_s))
+    hold = PositionHold(np.array([0, 0, 5.0]), gains)
+    spins = {}
+    for share in (0.93, 1.07):
+        step = share * limit
+        # inside jit the step is not looked at: the gains are not known
+        answer = jax.jit(
+            lambda hold, step=step: simulate(
+                vehicle,
+                at_hover(vehicle, body_rate_rad_s=np.array([1e-6, 2e-6, 1e-6])),
+                duration_s=6000 * step,
+                step_s=step,
+                command_step_s=held * step,
+                integrator=integrator,
+                control=hold,
+                store_every=100,
+            )
+        )(hold)
+        spin = np.linalg.norm(answer.body_rate_rad_s, axis=1)
+        spins[share] = [spin[15:30].max(), spin[45:].max()]
+    assert spins[0.93][1] < spins[0.93][0]
+    # 7 % above, a turn lengthens the slowest part by a part in a thousand or so
+    assert spins[1.07][1] > 1.3 * spins[1.07][0]
+
+
+@pytest.mark.slow
+def test_gains_and_wind_have_the_gradient_of_differences():
+    vehicle = named("crazyflie")
+    gains = named_gains("crazyflie", integral=True)
+
+    def end(blow, stiff):
+        changed = dataclasses.replace(gains, position=gains.position * stiff)
+        answer = simulate(
+            vehicle,
+            at_hover(vehicle),
+            duration_s=0.3,
+            step_s=2e-3,
+            control=PositionHold(np.array([0.1, 0, 5.0]), changed),
+            wind=StepGust(blow * jnp.array([5.0, 2.0, 1.0]), 0.1),
+            store_every=150,
+        )
+        return jnp.sum(answer.position_m[-1] * jnp.array([1.0, 2.0, 3.0]))
+
+    both = jax.jit(jax.grad(end, argnums=(0, 1)))(1.0, 1.0)
+    end = jax.jit(end)
+    width = 1e-4
+    for n, slope in enumerate(both):
+        ends = [end(*(1 + sign * width * (k == n) for k in (0, 1))) for sign in (1, -1)]
+        difference = (ends[0] - ends[1]) / (2 * width)
+        assert abs(float(difference)) > 1e-4
+        # the central difference errs by its width squared
+        assert float(slope) == pytest.approx(float(difference), rel=1e-5)
+
+
+def test_each_vehicle_may_have_a_hold_of_its_own():
+    vehicle = named("hummingbird")
+    targets = np.array([[0.0, 0, 5], [1.0, 0, 5]])
+    gains = named_gains("hummingbird")
+    holds = jax.vmap(lambda target: PositionHold(target, gains))(jnp.asarray(targets))
+    state = jax.tree.map(lambda x: jnp.stack([x, x]), at_hover(vehicle))
+    answer = simulate(
+        vehicle,
+        state,
+        duration_s=8.0,
+        step_s=4e-3,
+        control=Each(holds),
+        store_every=2000,
+    )
+    np.testing.assert_allclose(answer.position_m[:, -1], targets, atol=2e-3)

@@ -1,0 +1,122 @@
+import jax
+import numpy as np
+import pytest
+
+from jblast.errors import InputError
+from jblast.vehicle import (
+    State,
+    from_parameters,
+    gains_from_parameters,
+    named,
+    named_gains,
+)
+from jblast.vehicle.quadrotor.models import PARAMETERS
+from tests.vehicle.flights import at_hover
+
+CRAZYFLIE = PARAMETERS["crazyflie"]
+
+
+def test_names_of_rotorpy_are_taken_and_those_without_a_part_ignored():
+    rotors = {f"r{n + 1}": row for n, row in enumerate(CRAZYFLIE["rotor_pos"])}
+    idle = {"num_rotors": 4, "rI": [0, 0, 0], "k_flap": 0.0, "kp_att": 310, "k_w": 200}
+    vehicle = from_parameters({**CRAZYFLIE, **idle, "rotor_pos": rotors})
+    for ours, theirs in zip(
+        jax.tree.leaves(vehicle), jax.tree.leaves(named("crazyflie")), strict=True
+    ):
+        np.testing.assert_array_equal(ours, theirs)
+
+
+def test_what_a_blast_acts_on_may_be_left_out():
+    known = {k: v for k, v in CRAZYFLIE.items() if not k.startswith("body")}
+    del known["added_mass_coefficient"], known["pressure_centre"]
+    assert from_parameters(known).body is None
+    assert named("iris").body is not None
+
+
+def test_the_iris_has_the_numbers_of_its_model():
+    iris = named("iris")
+    assert float(iris.mass_kg) == 1.5
+    np.testing.assert_allclose(
+        np.diag(iris.inertia_kg_m2), [0.029125, 0.029125, 0.055225]
+    )
+    assert float(iris.moment_coefficient) == pytest.approx(3.504e-7)
+    np.testing.assert_allclose(iris.rotor_position_m.sum(axis=0), [0, 0, 0.092])
+    assert float(iris.rotor_direction.sum()) == 0
+
+
+REFUSED = {
+    "mass: expected a positive number": {"mass": 0},
+    "mass: expected a number of at least 0": {"mass": -1.0},
+    "mass: expected a number, got 'heavy'": {"mass": "heavy"},
+    "mass: expected a number, got nan": {"mass": float("nan")},
+    "positive definite": {"Ixy": 1.0},
+    "least principal value -1": {"Izz": -1.0},
+    "more than rotor_speed_min, got 10 and 20": {
+        "rotor_speed_min": 20,
+        "rotor_speed_max": 10,
+    },
+    "num_rotors: expected 4, got 6": {"num_rotors": 6},
+    "r1 to r4, got r1, r2": {"rotor_pos": {"r1": [0, 0, 0], "r2": [0, 0, 0]}},
+    "rotor_pos: expected 4 x 3 numbers": {"rotor_pos": [[0, 0, 0]] * 3},
+    "rotor_directions: expected 1 or -1": {"rotor_directions": [1, -1, 2, -1]},
+    "tau_m: expected a positive number": {"tau_m": 0.0},
+    "'tau_mm': no such name; did you mean tau_m": {"tau_mm": 0.0},
+    "body_area: expected 3 numbers of at least 0": {"body_area": [1, -1, 1]},
+    "body_volume: expected a number, got the shape": {"body_volume": None},
+}
+
+
+@pytest.mark.parametrize("message", REFUSED)
+def test_a_parameter_that_cannot_be_is_named(message):
+    with pytest.raises(InputError, match=message):
+        from_parameters({**CRAZYFLIE, **REFUSED[message]})
+
+
+def test_a_parameter_that_is_missing_is_named():
+    for key in ("mass", "Ixx", "k_eta", "rotor_speed_max", "body_volume"):
+        left = {k: v for k, v in CRAZYFLIE.items() if k != key}
+        with pytest.raises(InputError, match=f"{key}: missing"):
+            from_parameters(left)
+
+
+def test_a_name_that_is_not_there_is_refused():
+    with pytest.raises(InputError, match="did you mean iris"):
+        named("irish")
+    with pytest.raises(InputError, match="gains of 'x8'"):
+        named_gains("x8")
+    with pytest.raises(InputError, match="kd_att: missing"):
+        gains_from_parameters({"kp_pos": [1] * 3, "kd_pos": [1] * 3, "kp_att": 1})
+
+
+@pytest.mark.parametrize(
+    ("parts", "message"),
+    [
+        ({"quaternion": np.zeros(4)}, "quaternion: expected one of length 1, got zero"),
+        ({"quaternion": np.full(4, 1e-170)}, "got one of 2e-170 in float64"),
+        ({"quaternion": np.full(4, np.float32(1e30))}, "got one of 2e[+]30 in float32"),
+        ({"quaternion": np.ones(3)}, r"quaternion: expected the shape \(4,\)"),
+        (
+            {"velocity_m_s": np.zeros((2, 3))},
+            "velocity_m_s: expected the shape",
+        ),
+        ({"body_rate_rad_s": np.full(3, np.inf)}, "body_rate_rad_s: expected finite"),
+        ({"rotor_speed_rad_s": np.zeros(6)}, "rotor_speed_rad_s: expected the shape"),
+    ],
+)
+def test_a_state_that_cannot_be_is_refused(parts, message):
+    with pytest.raises(InputError, match=message):
+        at_hover(named("crazyflie"), **parts)
+
+
+def test_one_zero_quaternion_in_a_batch_is_refused():
+    turns = np.array([[0, 0, 0, 1.0], [0, 0, 0, 0]])
+    three = np.zeros((2, 3))
+    with pytest.raises(InputError, match="got zero"):
+        State(three, three, turns, three, np.zeros((2, 4)))
+
+
+def test_the_gradient_of_a_mass_goes_through_the_reader():
+    def inertia(mass):
+        return from_parameters({**CRAZYFLIE, "mass": mass}).mass_kg * 2
+
+    assert float(jax.grad(inertia)(0.03)) == 2

@@ -1,0 +1,222 @@
+"""Batches, precision, loads and rows of a flight; what cannot be flown."""
+
+import dataclasses
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from jblast.errors import InputError
+from jblast.vehicle import (
+    Each,
+    PositionHold,
+    State,
+    StepGust,
+    named,
+    named_gains,
+    simulate,
+)
+from jblast.vehicle.rollout import batching
+from tests.vehicle.flights import at_hover, hover_speed, tumbling
+
+VEHICLE = named("crazyflie")
+SHORT = {"duration_s": 0.05, "store_every": 10}
+
+
+def batch_of(count):
+    """Tumbling states side by side, each a little different."""
+    one = tumbling(VEHICLE)
+    rng = np.random.default_rng(3)
+    return jax.tree.map(
+        lambda x: jnp.asarray(x + 0.1 * rng.normal(size=(count, x.size))),
+        jax.tree.map(np.asarray, one),
+    )
+
+
+def lane(state, *place):
+    return jax.tree.map(lambda x: x[place], state)
+
+
+def same(one, other, atol=1e-13):
+    for name, value in vars(one).items():
+        np.testing.assert_allclose(value, getattr(other, name), atol=atol, rtol=1e-12)
+
+
+@pytest.mark.slow
+def test_a_batch_is_its_flights_one_by_one(monkeypatch):
+    monkeypatch.setattr(batching, "CHUNK_BYTES", 4 * 8)
+    states = batch_of(6)
+    gust = StepGust([5.0, 0, 0], 0.01)
+    together = simulate(VEHICLE, states, wind=gust, **SHORT)
+    assert together.position_m.shape == (6, 11, 3)
+    for n in range(6):
+        alone = simulate(VEHICLE, lane(states, n), wind=gust, **SHORT)
+        same(alone, dataclasses.replace(lane(together, n), time_s=together.time_s))
+
+
+@pytest.mark.slow
+def test_axes_of_a_batch_stay_and_each_may_have_its_own_wind_and_vehicle():
+    states = jax.tree.map(lambda x: x.reshape(2, 3, -1), batch_of(6))
+    heavier = jax.vmap(jax.vmap(lambda m: dataclasses.replace(VEHICLE, mass_kg=m)))(
+        0.03 + 0.001 * jnp.arange(6.0).reshape(2, 3)
+    )
+    blows = jnp.arange(18.0).reshape(2, 3, 3)
+    gusts = jax.vmap(jax.vmap(lambda blow: StepGust(blow, 0.01)))(blows)
+    together = simulate(heavier, states, wind=Each(gusts), **SHORT)
+    assert together.position_m.shape == (2, 3, 11, 3)
+    assert together.lost.shape == (2, 3)
+    alone = simulate(
+        lane(heavier, 1, 2),
+        lane(states, 1, 2),
+        wind=StepGust(blows[1, 2], 0.01),
+        **SHORT,
+    )
+    np.testing.assert_allclose(alone.position_m, together.position_m[1, 2], atol=1e-13)
+
+
+@pytest.mark.slow
+def test_a_vehicle_that_diverges_ends_its_own_flight_and_is_named():
+    states = batch_of(3)
+    fast = states.velocity_m_s.at[1].set(1e200)
+    states = eqx.tree_at(lambda s: s.velocity_m_s, states, fast)
+    vehicle = named("hummingbird")  # quadratic drag: 1e400
+    answer = simulate(vehicle, states, **SHORT)
+    assert answer.lost.tolist() == [False, True, False]
+    assert answer.lost_places() == [(1,)]
+    assert np.isfinite(answer.position_m[np.array([0, 2])]).all()
+    assert np.isnan(answer.position_m[1, -1]).all()
+    times = answer.lost_time_s()
+    assert np.isinf(times[0])
+    assert float(times[1]) <= 0.005
+
+
+@pytest.mark.slow
+def test_rows_are_the_start_every_so_many_steps_and_the_end():
+    state = tumbling(VEHICLE)
+    every = simulate(VEHICLE, state, duration_s=0.0123, step_s=1e-3)
+    assert every.time_s.size == 14  # twelve steps and a shorter one
+    np.testing.assert_allclose(np.diff(every.time_s)[:-1], 1e-3)
+    assert float(every.time_s[-1]) == 0.0123
+    some = simulate(VEHICLE, state, duration_s=0.0123, step_s=1e-3, store_every=5)
+    np.testing.assert_allclose(some.time_s, [0, 0.005, 0.01, 0.0123])
+    np.testing.assert_array_equal(every.position_m[0], state.position_m)
+    np.testing.assert_allclose(
+        some.position_m, every.position_m[np.array([0, 5, 10, 13])], atol=1e-15
+    )
+
+
+@pytest.mark.slow
+def test_a_jump_at_a_steps_edge_costs_nothing():
+    # a wind that holds until 0.02 s and then another: two flights with steady winds
+    state = at_hover(VEHICLE)
+    first = simulate(VEHICLE, state, duration_s=0.02, wind=StepGust([3.0, 0, 0], -1.0))
+    turned = State(
+        *(
+            getattr(first, name)[-1]
+            for name in (
+                "position_m",
+                "velocity_m_s",
+                "quaternion",
+                "body_rate_rad_s",
+                "rotor_speed_rad_s",
+            )
+        )
+    )
+    hover = np.full((1, 4), hover_speed(VEHICLE))
+    second = simulate(
+        VEHICLE,
+        turned,
+        duration_s=0.02,
+        wind=StepGust([0, 9.0, 0], -1.0),
+        commands=hover,
+        command_step_s=1.0,
+    )
+
+    def wind(time_s, position_m):
+        return jnp.where(time_s < 0.02, jnp.array([3.0, 0, 0]), jnp.array([0, 9.0, 0]))
+
+    both = simulate(VEHICLE, state, duration_s=0.04, wind=wind)
+    np.testing.assert_allclose(both.position_m[-1], second.position_m[-1], atol=1e-14)
+
+
+@pytest.mark.slow
+def test_single_precision_stays_single_and_near():
+    state = tumbling(VEHICLE)
+    single = State(*(part.astype(np.float32) for part in vars(state).values()))
+    gust = jax.tree.map(lambda x: x.astype(np.float32), StepGust([5.0, 0, 0], 0.01))
+    near = simulate(VEHICLE, single, wind=gust, **SHORT)
+    assert {str(x.dtype) for x in jax.tree.leaves(near)} == {"float32", "bool"}
+    exact = simulate(VEHICLE, state, wind=StepGust([5.0, 0, 0], 0.01), **SHORT)
+    np.testing.assert_allclose(near.position_m, exact.position_m, atol=1e-5)
+
+
+def test_a_load_pushes_and_turns():
+    def load(time_s, state, vehicle):
+        return vehicle.mass_kg * jnp.array([2.0, 0, 0]), 0 * state.position_m
+
+    state = at_hover(VEHICLE, rotor_speed_rad_s=np.zeros(4))
+    answer = simulate(VEHICLE, state, loads=(load,), **SHORT)
+    np.testing.assert_allclose(answer.position_m[-1, 0], 0.05**2, rtol=1e-9)
+    np.testing.assert_allclose(answer.force_n[:, 0], 0.06, rtol=1e-9)
+
+
+class Kick(eqx.Module):
+    """A push of a microsecond."""
+
+    at_s: jax.Array
+
+    def impulse(self, start_s, end_s, state, vehicle):
+        inside = (self.at_s >= start_s) & (self.at_s < end_s)
+        give = jnp.where(inside, jnp.array([0.003, 0, 0]), 0)
+        return give, 1e-3 * give
+
+
+@pytest.mark.parametrize("step", [5e-4, 1e-2])
+def test_a_pulse_shorter_than_the_step_gives_its_whole_impulse(step):
+    state = at_hover(VEHICLE, rotor_speed_rad_s=np.zeros(4))
+    answer = simulate(
+        VEHICLE,
+        state,
+        duration_s=0.05,
+        step_s=step,
+        loads=(Kick(jnp.asarray(0.0203)),),
+        store_every=100,
+    )
+    np.testing.assert_allclose(answer.velocity_m_s[-1, 0], 0.1, rtol=1e-9)
+    spin = 3e-6 / float(VEHICLE.inertia_kg_m2[0, 0])
+    np.testing.assert_allclose(answer.body_rate_rad_s[-1, 0], spin, rtol=1e-9)
+
+
+HOLD = PositionHold(np.array([0.0, 0.0, 5.0]), named_gains("crazyflie"))
+REFUSED = {
+    "duration_s: expected a positive": {"duration_s": 0.0},
+    "step_s: expected a positive": {"step_s": -1e-3},
+    "integrator: expected rk4 or euler": {"integrator": "rk45"},
+    "backend: expected auto, jax, warp or warp:DEVICE": {"backend": "cuda"},
+    "store_every: expected 1 or more": {"store_every": 0},
+    "step_s: rk4 is stable up to 0.2005 s": {"step_s": 0.21},
+    "step_s: euler is stable up to 0.144 s": {"step_s": 0.15, "integrator": "euler"},
+    "stable up to 0.02106 s .* position hold": {"step_s": 0.022, "control": HOLD},
+    r"expected the shape \(time, 4\)": {"commands": np.zeros((10, 3))},
+    "commands: expected 0.1 s, got 10 of 0.0005": {"commands": np.zeros((10, 4))},
+    "commands: expected finite": {"commands": np.full((400, 4), np.nan)},
+    "none beside a controller": {"commands": np.zeros((400, 4)), "control": HOLD},
+    "whole number of steps": {"control": HOLD, "command_step_s": 7e-4},
+    "at or above the ground, 6 m, got 5 m": {"ground_up_m": 6.0},
+    "wind: expected a function": {"wind": lambda time_s, position_m: time_s},
+}
+
+
+@pytest.mark.parametrize("message", REFUSED)
+def test_what_cannot_be_flown_is_refused(message):
+    options = {"duration_s": 0.1, **REFUSED[message]}
+    with pytest.raises(InputError, match=message):
+        simulate(VEHICLE, at_hover(VEHICLE), **options)
+
+
+def test_a_batch_of_vehicles_goes_with_as_many_states():
+    vehicles = jax.vmap(lambda m: dataclasses.replace(VEHICLE, mass_kg=m))(jnp.ones(2))
+    with pytest.raises(InputError, match=r"expected one, or a batch of \(3,\)"):
+        simulate(vehicles, batch_of(3), **SHORT)

@@ -1,0 +1,167 @@
+import csv
+from functools import cache
+from importlib.resources import files
+from pathlib import Path
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from jblast.constants import STANDARD_PRESSURE, STANDARD_SOUND_SPEED
+from jblast.registry import law_for
+from jblast.waves.laws.negative_phase import ufc as ufc
+from tests.tools.slopes import with_slopes
+
+TRANSCRIBED_AGAIN = Path(__file__).parents[3] / "data"
+LAWS = {
+    "Pr_neg_kPa": ufc.ufc_reflected_negative_pressure,
+    "Pso_neg_kPa": ufc.ufc_negative_pressure,
+    "ir_neg_kPa_ms_kg13": ufc.ufc_reflected_negative_impulse,
+    "is_neg_kPa_ms_kg13": ufc.ufc_negative_impulse,
+    "t_neg_ms_kg13": ufc.ufc_negative_duration,
+}
+UNITS = {"Pr": 1e3, "Pso": 1e3, "ir": 1.0, "is": 1.0, "t": 1e-3}
+every_law = pytest.mark.parametrize("column", LAWS)
+
+
+@cache
+def log_law(column):
+    """Give ln y of ln Z, at 1 kg in standard air, its slope and its curvature."""
+    return with_slopes(lambda log_z: jnp.log(LAWS[column](jnp.exp(log_z), 1.0)))
+
+
+def rows(path):
+    lines = (x for x in path.read_text().splitlines() if not x.startswith("#"))
+    return list(csv.DictReader(lines))
+
+
+TABLE = rows(Path(str(files("jblast.waves") / "data/negative_phase_ufc.csv")))
+Z = np.array([float(row["Z_m_kg13"]) for row in TABLE])
+
+
+def printed(column):
+    unit = UNITS[column.partition("_")[0]]
+    return unit * np.array([float(row[column]) for row in TABLE])
+
+
+@every_law
+def test_every_reading_is_met_unless_it_nears_the_ambient_pressure(column):
+    readings = printed(column)
+    met = np.ones(Z.size, bool)
+    if column.endswith("kPa"):
+        met = readings < STANDARD_PRESSURE / 1.05
+        assert met.sum() > 20
+    # rounding of ln y and of the cube root
+    np.testing.assert_allclose(
+        LAWS[column](Z[met], 1.0), readings[met], rtol=1e-13, atol=0
+    )
+
+
+@pytest.mark.parametrize("column", ["Pr_neg_kPa", "Pso_neg_kPa"])
+def test_no_suction_exceeds_the_ambient_pressure_at_any_distance(column):
+    z = jnp.geomspace(1e-4, 1e5, 20001)
+    for ambient in (STANDARD_PRESSURE, 4e4):
+        assert LAWS[column](z, 1.0, ambient).max() < ambient
+    # and readings are moved by less than their own excess and a hundredth
+    readings = printed(column)
+    lower = np.minimum(readings, STANDARD_PRESSURE)
+    moved = np.asarray(LAWS[column](Z, 1.0)) / lower - 1
+    assert moved.max() < 1e-12
+    assert moved.min() > -0.01
+
+
+def test_a_reading_of_the_ambient_pressure_becomes_what_the_docstring_says():
+    held = ufc._held_below_ambient(
+        STANDARD_PRESSURE * np.array([0.9, 1.0 / 1.05, 1.0, 1.05, 1.2])
+    )
+    np.testing.assert_allclose(
+        held / STANDARD_PRESSURE, [0.9, 1 / 1.05, 0.992, 1.0, 1.0], rtol=0, atol=5e-4
+    )
+    assert held[0] == pytest.approx(0.9 * STANDARD_PRESSURE, rel=1e-14)
+
+
+@pytest.mark.parametrize(
+    ("z", "kilopascal"), [(1.0, 84.0), (2.0, 25.0), (5.0, 8.1), (10.0, 3.7)]
+)
+def test_incident_pressures_are_the_quoted_ones(z, kilopascal):
+    # formulas.md 4: two digits, the last from rows beside these Z
+    np.testing.assert_allclose(
+        ufc.ufc_negative_pressure(z, 1.0), 1e3 * kilopascal, rtol=0.015
+    )
+
+
+def test_a_cubic_has_the_tabulated_impulse_where_the_head_of_the_table_says():
+    pressure, impulse, duration = (
+        printed(c) for c in ("Pso_neg_kPa", "is_neg_kPa_ms_kg13", "t_neg_ms_kg13")
+    )
+    reflected = printed("Pr_neg_kPa") / printed("ir_neg_kPa_ms_kg13")
+    away = (Z < 0.3) | (Z > 2.5)
+    between = (Z > 0.9) & (Z < 1.2)
+    for ratio in (pressure / impulse, reflected):
+        cubic = 9 / 16 * ratio * duration
+        assert cubic[away].min() > 0.955
+        assert cubic[away].max() < 1.175
+        assert cubic[between].min() > 1.5
+    assert (9 / 16 * pressure / impulse * duration).max() < 1.855
+
+
+@every_law
+def test_curvature_is_continuous_at_every_point_and_end(column):
+    at, step = np.log(Z), 1e-7
+    _, slopes, (left, right) = log_law(column)([at - step, at + step])
+    # the third derivative is up to 100 in these tables: 2e-7 * 100
+    np.testing.assert_allclose(left, right, rtol=0, atol=1e-4)
+    np.testing.assert_allclose(*slopes, rtol=0, atol=1e-5)
+
+
+@every_law
+def test_past_the_table_it_is_a_power_law_with_the_end_slope(column):
+    _, slopes, _ = log_law(column)(np.log([1e-3, 1e6, 0.05, 36.975]))
+    np.testing.assert_allclose(slopes[:2], slopes[2:], rtol=1e-10)
+
+
+def test_sachs_scaling_brings_every_charge_to_one_kilogram():
+    mass, ambient, speed = 500.0, 7e4, 320.0
+    size = (mass * STANDARD_PRESSURE / ambient) ** (1 / 3)
+    thin, slow = ambient / STANDARD_PRESSURE, STANDARD_SOUND_SPEED / speed
+    place = (3.0 * size, mass, ambient)
+    for column, law in LAWS.items():
+        if column.endswith("kPa"):
+            expected = thin * law(3.0, 1.0)
+            found = law(*place)
+        else:
+            found = law(*place, speed)
+            expected = law(3.0, 1.0) * size * slow * (thin if "kPa" in column else 1.0)
+        np.testing.assert_allclose(found, expected, rtol=1e-13)
+
+
+def test_it_holds_in_free_air_only_and_within_its_table():
+    z = np.array([0.049, 0.051, 36.9, 37.0])
+    assert ufc.ufc_valid(z, 1.0).tolist() == [False, True, True, False]
+    assert not ufc.ufc_valid(z, 1.0, burst="surface").any()
+    assert (Z[0], Z[-1]) == (ufc.FIRST, ufc.LAST)
+
+
+@pytest.mark.parametrize(
+    ("quantity", "column"),
+    [
+        ("negative_pressure_pa", "Pso_neg_kPa"),
+        ("negative_impulse_pa_s", "is_neg_kPa_ms_kg13"),
+        ("negative_duration_s", "t_neg_ms_kg13"),
+        ("reflected_negative_pressure_pa", "Pr_neg_kPa"),
+        ("reflected_negative_impulse_pa_s", "ir_neg_kPa_ms_kg13"),
+    ],
+)
+def test_the_registry_knows_each_quantity_and_its_declared_scatter(quantity, column):
+    law = law_for(quantity, "ufc_3_340_02")
+    assert law.function is LAWS[column]
+    assert law.scatter() == (0.15, 0.0, 0.10)
+
+
+def test_a_range_of_nothing_is_named():
+    with pytest.raises(ValueError, match="slant_range must be positive, got 0 m"):
+        ufc.ufc_negative_pressure(0.0, 1.0)
+
+
+def test_the_packaged_table_is_the_other_transcription():
+    assert rows(TRANSCRIBED_AGAIN / "negative_phase_ufc_free_air.csv") == TABLE

@@ -1,0 +1,183 @@
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from jblast.waves.propagation.absorption import (
+    DECIBELS_PER_NEPER,
+    ISO_DECIBELS_PER_NEPER,
+    iso_9613_absorption,
+    iso_9613_valid,
+    stokes_absorption,
+    stokes_kirchhoff_absorption,
+)
+from jblast.waves.propagation.atmosphere import air_density, sound_speed_in_air
+from tests.tools.slopes import check_slopes
+
+# Frequency [Hz], temperature [K], pressure [Pa], relative humidity, and what the PyPI
+# package acoustic-toolbox 0.2.2 makes of them [dB/m]: of its module
+# standards.iso_9613_1_1993, in kPa and per cent, attenuation_coefficient(p, T, 101.325,
+# 293.15, relaxation_frequency_nitrogen(p, T, h), relaxation_frequency_oxygen(p, h), f)
+# with h = molar_concentration_water_vapour(hr, saturation_pressure(T), p).
+INDEPENDENT = np.array(
+    [
+        (50.0, 293.15, 101325.0, 0.7, 5.66921467e-05),
+        (125.0, 293.15, 101325.0, 0.7, 0.000334986697),
+        (1000.0, 293.15, 101325.0, 0.7, 0.00497781085),
+        (8000.0, 293.15, 101325.0, 0.7, 0.0776331531),
+        (79.5774715459, 313.0, 101325.0, 0.5, 0.000107198558),
+        (250.0, 273.15, 101325.0, 0.2, 0.00183165431),
+        (2000.0, 253.15, 90000.0, 0.8, 0.019875847),
+        (4000.0, 323.15, 101325.0, 0.1, 0.0467294756),
+        (10000.0, 303.15, 70000.0, 0.95, 0.0804588401),
+        (500.0, 283.15, 54000.0, 0.05, 0.0109198039),
+    ]
+)
+
+THESIS = (500.0 / (2 * np.pi), 1.2, 340.0, 313.0)
+
+
+def test_iso_9613_is_what_an_independent_package_computes():
+    *air, printed = INDEPENDENT.T
+    np.testing.assert_allclose(
+        ISO_DECIBELS_PER_NEPER * iso_9613_absorption(*air), printed, rtol=1e-6
+    )
+
+
+def test_iso_9613_at_20_celsius_is_the_usual_table():
+    # dB/km at 70 %, three printed digits
+    computed = (
+        1e3
+        * DECIBELS_PER_NEPER
+        * iso_9613_absorption(np.array([125.0, 1e3, 8e3]), 293.15, 101325.0, 0.7)
+    )
+    np.testing.assert_allclose(computed, [0.335, 4.98, 77.6], rtol=1.5e-3)
+
+
+def test_a_neper_is_as_many_decibels_as_printed():
+    assert abs(DECIBELS_PER_NEPER - 8.685889638) < 5e-10
+    assert round(DECIBELS_PER_NEPER, 3) == ISO_DECIBELS_PER_NEPER
+
+
+def test_stokes_is_the_number_of_the_thesis():
+    # omega = 500 rad/s at 313 K: three printed digits, 0.007 % over a kilometre
+    alpha = stokes_absorption(*THESIS)
+    np.testing.assert_allclose(alpha, 6.75e-8, atol=5e-11)
+    assert round(100 * float(-jnp.expm1(-1000.0 * alpha)), 3) == 0.007
+
+
+def test_stokes_is_short_of_iso_9613_by_one_or_two_orders_of_magnitude():
+    # 20 C, 70 %; printed 270, 131, 59, 14 with the air of Stokes not stated
+    frequency = np.array([20.0, 500.0, 1e3, 8e3])
+    iso = iso_9613_absorption(frequency, 293.15, 101325.0, 0.7)
+    stokes = stokes_absorption(frequency, 1.204, 343.2, 293.15)
+    np.testing.assert_allclose(iso / stokes, [270, 131, 59, 14], rtol=0.02)
+
+
+def test_classical_absorption_is_iso_9613_without_relaxation():
+    # Far above both relaxation frequencies these add a constant. In dry air those are
+    # 24 and 9 Hz, and at 100 MHz the constant is a millionth.
+    alpha = iso_9613_absorption(1e8, 293.15, 101325.0, 0.0)
+    speed = sound_speed_in_air(293.15, 101325.0, 0.0)
+    density = air_density(293.15, 101325.0, 0.0)
+    classical = stokes_kirchhoff_absorption(1e8, density, speed, 293.15)
+    # 1.84e-11 has three digits, the Prandtl number two
+    np.testing.assert_allclose(classical, alpha, rtol=5e-3)
+
+
+def test_the_classical_law_keeps_near_that_term_in_all_the_standards_air():
+    kelvin = np.linspace(253.15, 323.15, 8)
+    speed = sound_speed_in_air(kelvin, 101325.0, 0.0)
+    density = air_density(kelvin, 101325.0, 0.0)
+    ratio = stokes_kirchhoff_absorption(1e8, density, speed, kelvin) / (
+        iso_9613_absorption(1e8, kelvin, 101325.0, 0.0)
+    )
+    assert np.all(np.abs(ratio - 1) < 0.042)
+    assert ratio.max() > 1.04  # as docstring says
+
+
+def test_rotation_and_conduction_nearly_double_what_shear_absorbs():
+    # (4/3 + 0.6 + 0.4/0.71) / (4/3)
+    ratio = stokes_kirchhoff_absorption(*THESIS) / stokes_absorption(*THESIS)
+    np.testing.assert_allclose(ratio, 1.87254, rtol=1e-5)
+
+
+@pytest.mark.parametrize("law", [stokes_absorption, stokes_kirchhoff_absorption])
+def test_classical_log_slopes_are_the_exponents(law):
+    slopes = jax.grad(lambda x: jnp.log(law(*jnp.exp(x))))(jnp.log(jnp.array(THESIS)))
+    np.testing.assert_allclose(slopes, [2.0, -1.0, -3.0, 0.7355], rtol=1e-12)
+
+
+def test_relaxation_peaks_at_its_frequency():
+    # dry air, where oxygen relaxes at 24 Hz: absorption per wavelength less the
+    # classical part is largest near it, so alpha/f grows below and falls above
+    def per_wavelength(frequency):
+        return iso_9613_absorption(frequency, 293.15, 101325.0, 0.0) / frequency
+
+    slope = jax.vmap(jax.grad(per_wavelength))(jnp.array([5.0, 100.0]))
+    assert slope[0] > 0 > slope[1]
+
+
+def test_absorption_of_a_given_wave_is_a_function_of_frequency_over_pressure():
+    # at one temperature and mole fraction, alpha/P depends on f/P alone
+    one = iso_9613_absorption(1000.0, 290.0, 1e5, 0.3)
+    half = iso_9613_absorption(500.0, 290.0, 5e4, 0.15)
+    np.testing.assert_allclose(half, 0.5 * one, rtol=1e-12)
+
+
+def test_iso_9613_says_where_it_claims_ten_per_cent():
+    assert iso_9613_valid(
+        np.array([49.0, 50.0, 1e4, 1.01e4]), 293.15, 101325.0
+    ).tolist() == [False, True, True, False]
+    assert iso_9613_valid(
+        100.0, np.array([253.0, 253.15, 323.15, 323.3]), 101325.0
+    ).tolist() == [False, True, True, False]
+    assert iso_9613_valid(100.0, 293.15, np.array([1.99e5, 2e5])).tolist() == [
+        True,
+        False,
+    ]
+
+
+@pytest.mark.parametrize(
+    ("law", "at"),
+    [
+        (stokes_absorption, (1e3, 1.2, 340.0, 290.0)),
+        (stokes_kirchhoff_absorption, (1e3, 1.2, 340.0, 290.0)),
+        (iso_9613_absorption, (1e3, 290.0, 1e5, 0.5)),
+    ],
+)
+def test_gradients_are_the_derivatives(law, at):
+    # in units of each argument, of ln alpha, as they differ by orders of magnitude
+    check_slopes(
+        jax.jit(lambda x: jnp.log(law(*(a * u for a, u in zip(at, x, strict=True))))),
+        (jnp.ones(len(at)),),
+        order=2,
+    )
+
+
+def test_dry_air_has_a_gradient_to_humidity():
+    slope = jax.grad(iso_9613_absorption, argnums=3)(1000.0, 293.15, 101325.0, 0.0)
+    step = 1e-7
+    rise = iso_9613_absorption(1000.0, 293.15, 101325.0, step) - iso_9613_absorption(
+        1000.0, 293.15, 101325.0, 0.0
+    )
+    # half a step times a curvature of some 1e2 in units of the slope; rounding 1e-7
+    np.testing.assert_allclose(slope, rise / step, rtol=1e-4)
+
+
+def test_a_batch_is_a_loop_and_single_precision_stays_close():
+    *air, _ = INDEPENDENT.T
+    together = jax.vmap(iso_9613_absorption)(*map(jnp.asarray, air))
+    alone = [iso_9613_absorption(*map(float, row)) for row in np.stack(air, axis=1)]
+    np.testing.assert_allclose(together, alone, rtol=1e-13)
+    single = iso_9613_absorption(*(x.astype(np.float32) for x in air))
+    assert single.dtype == np.float32
+    np.testing.assert_allclose(single, together, rtol=1e-5)
+
+
+def test_what_no_air_has_is_refused():
+    with pytest.raises(ValueError, match="relative_humidity must be between 0 and 1"):
+        iso_9613_absorption(1000.0, 293.15, 101325.0, 70.0)
+    with pytest.raises(ValueError, match="frequency must be not negative, got -1 Hz"):
+        stokes_absorption(-1.0, 1.2, 340.0, 313.0)
+    assert stokes_absorption(0.0, 1.2, 340.0, 313.0) == 0.0

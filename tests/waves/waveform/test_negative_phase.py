@@ -1,0 +1,82 @@
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scipy.integrate import quad
+
+from jblast.waves.waveform.negative_phase import negative_phase_pressure
+from tests.tools.slopes import check_slopes
+
+DURATION, LOWEST, LENGTH = 4e-3, 2.5e4, 1.1e-2
+
+
+def test_it_is_the_printed_cubic():
+    s = np.array([0.1, 0.5, 0.9])
+    np.testing.assert_allclose(
+        negative_phase_pressure(DURATION + s * LENGTH, DURATION, LOWEST, LENGTH),
+        -LOWEST * 6.75 * s * (1 - s) ** 2,
+        rtol=1e-13,
+    )
+
+
+def test_it_is_zero_before_and_after_and_where_it_starts_and_ends():
+    time = jnp.array([-1.0, 0.0, 3e-3, DURATION, DURATION + LENGTH, 0.02, 1e6])
+    pressure = negative_phase_pressure(time, DURATION, LOWEST, LENGTH)
+    # the end is met to rounding: (1 - s)^2 of 1e-16
+    np.testing.assert_allclose(pressure, np.zeros(7), rtol=0, atol=1e-20)
+
+
+def test_it_is_lowest_after_a_third_by_the_pressure_given():
+    time = DURATION + LENGTH / 3
+    low = negative_phase_pressure(time, DURATION, LOWEST, LENGTH)
+    np.testing.assert_allclose(low, -LOWEST, rtol=1e-14)
+    slope = jax.grad(negative_phase_pressure)(time, DURATION, LOWEST, LENGTH)
+    assert abs(slope) < 1e-12 * LOWEST / LENGTH
+
+
+def test_the_impulse_is_nine_sixteenths_of_the_rectangle():
+    area = quad(
+        lambda t: float(negative_phase_pressure(t, DURATION, LOWEST, LENGTH)),
+        DURATION,
+        DURATION + LENGTH,
+    )[0]
+    np.testing.assert_allclose(area, -9 / 16 * LOWEST * LENGTH, rtol=1e-12)
+
+
+def test_slopes_at_its_ends_are_those_of_the_docstring():
+    slope = jax.grad(negative_phase_pressure)
+    np.testing.assert_allclose(
+        slope(DURATION, DURATION, LOWEST, LENGTH), -6.75 * LOWEST / LENGTH, rtol=1e-14
+    )
+    assert slope(DURATION - 1e-9, DURATION, LOWEST, LENGTH) == 0.0
+    # smooth at the end: 1e-9 s before it the slope is 2 * 6.75 P/t^2 times that
+    before = slope(DURATION + LENGTH - 1e-9, DURATION, LOWEST, LENGTH)
+    np.testing.assert_allclose(before, 13.5 * LOWEST / LENGTH**2 * 1e-9, rtol=1e-5)
+    assert slope(DURATION + LENGTH + 1e-9, DURATION, LOWEST, LENGTH) == 0.0
+
+
+def test_gradients_are_those_of_finite_differences():
+    # before, within (twice) and after
+    time = jnp.array([1.0, 6.0, 11.0, 30.0])
+
+    def cubic(d, p, n):
+        return negative_phase_pressure(1e-3 * time, 1e-3 * d, 1e4 * p, 1e-3 * n) / 1e4
+
+    check_slopes(cubic, (4.0, 2.5, 11.0), order=2, rtol=1e-4)
+
+
+def test_a_batch_is_its_loop_and_single_precision_is_as_good_as_the_lowest():
+    time = jnp.linspace(0.0, 0.02, 101)
+    batch = jax.jit(negative_phase_pressure)(time, DURATION, LOWEST, LENGTH)
+    loop = [negative_phase_pressure(t, DURATION, LOWEST, LENGTH) for t in time]
+    np.testing.assert_allclose(batch, loop, rtol=1e-12, atol=1e-9)
+    arguments = [jnp.float32(x) for x in (DURATION, LOWEST, LENGTH)]
+    single = negative_phase_pressure(time.astype("float32"), *arguments)
+    assert single.dtype == jnp.float32
+    # relative to the lowest: it passes through zero at both ends
+    np.testing.assert_allclose(single.astype(float), batch, rtol=0, atol=3e-6 * LOWEST)
+
+
+def test_a_duration_of_nothing_is_named():
+    with pytest.raises(ValueError, match="negative_duration must be positive, got 0 s"):
+        negative_phase_pressure(0.0, DURATION, LOWEST, 0.0)
