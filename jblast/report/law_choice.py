@@ -5,8 +5,11 @@ import math
 from jblast.fidelity import Candidate, Choice
 from jblast.fidelity.explanation import percent
 from jblast.report.fit.terminal import hanging
+from jblast.report.tables import aligned
 
 ABSENT = "-"
+WIDTHS = (26, 14, 12)
+"""Of the columns, where no method is named at greater length."""
 
 
 def choice_text(choice: Choice) -> str:
@@ -22,16 +25,17 @@ def choice_text(choice: Choice) -> str:
         "",
         *hanging(choice.reason, indent=2),
         "",
-        f"  {'method':24}{'error':>16}{'s a reading':>14}   ",
     ]
-    lines += [_row(candidate) for candidate in choice.candidates]
+    rows = [("  method", "error", "s a reading", "")]
+    rows += [_row(candidate) for candidate in choice.candidates]
+    lines += aligned(rows, right=(1, 2), least=WIDTHS)
     return "\n".join(line.rstrip() for line in lines) + "\n"
 
 
-def _row(candidate: Candidate) -> str:
+def _row(candidate: Candidate) -> tuple[str, str, str, str]:
     cost = ABSENT if math.isnan(candidate.cost_s) else f"{candidate.cost_s:.2g}"
     error = percent(candidate.error) if math.isfinite(candidate.error) else ABSENT
     note = "the reference" if candidate.is_reference else ""
     if not candidate.valid:
         error, note = ABSENT, "does not hold at all places"
-    return f"  {candidate.method:24}{error:>16}{cost:>14}   {note}"
+    return f"  {candidate.method}", error, cost, f" {note}"

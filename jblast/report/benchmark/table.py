@@ -1,7 +1,5 @@
 """A chart of cost against error as a table: Markdown to read, CSV to work with."""
 
-import csv
-import io
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -9,10 +7,12 @@ from jblast.fidelity.timing import machine
 from jblast.files import write_text
 from jblast.report.benchmark.figure import chart_figure
 from jblast.report.figure_files import write_figure
+from jblast.report.tables import comma_separated, markdown
 from jblast.report.words import capitalised
 from jblast.verification.benchmark.chart import Point, Topic, on_front, panels
 
 COLUMNS = ("method", "cost_s", "error", "on_front", "range")
+HEAD = ("", "method", "cost [s]", "error", "over")
 
 
 def chart_markdown(topic: Topic, points: Sequence[Point]) -> str:
@@ -28,35 +28,31 @@ def chart_markdown(topic: Topic, points: Sequence[Point]) -> str:
     }
     for panel, within in panels(points).items():
         lines += ["", f"### {capitalised(panel)}", ""] if panel else [""]
-        lines += ["| | method | cost [s] | error | over |", "|---|---|---:|---:|---|"]
-        for point in sorted(within, key=lambda p: p.cost_s):
-            star = "*" if id(point) in front else ""
-            error = f"{point.error:.2g}" + (
-                " (the reference)" if point.is_reference else ""
-            )
-            lines.append(
-                f"| {star} | {point.method} | {point.cost_s:.2g} | {error} | "
-                f"{point.range} |"
-            )
+        cheapest_first = sorted(within, key=lambda p: p.cost_s)
+        rows = [_row(point, id(point) in front) for point in cheapest_first]
+        lines.append(markdown(HEAD, rows, right=(2, 3)))
     return "\n".join(lines) + "\n"
+
+
+def _row(point: Point, is_on_front: bool) -> tuple[str, ...]:
+    error = f"{point.error:.2g}" + (" (the reference)" if point.is_reference else "")
+    star = "*" if is_on_front else ""
+    return star, point.method, f"{point.cost_s:.2g}", error, point.range
 
 
 def chart_csv(points: Sequence[Point]) -> str:
     """Return all points, a row each."""
-    text = io.StringIO()
-    table = csv.writer(text, lineterminator="\n")
-    table.writerow(COLUMNS)
-    for point, on in zip(points, on_front(points), strict=True):
-        table.writerow(
-            [
-                point.method,
-                f"{point.cost_s:.4g}",
-                f"{point.error:.4g}",
-                str(bool(on)).lower(),
-                point.range,
-            ]
+    rows = [
+        (
+            point.method,
+            f"{point.cost_s:.4g}",
+            f"{point.error:.4g}",
+            str(bool(on)).lower(),
+            point.range,
         )
-    return text.getvalue()
+        for point, on in zip(points, on_front(points), strict=True)
+    ]
+    return comma_separated([COLUMNS, *rows])
 
 
 def write_chart(topic: Topic, points: Sequence[Point], directory: Path) -> None:

@@ -1,7 +1,5 @@
 """The calculator's answer for other programs: JSON and CSV."""
 
-import csv
-import io
 import json
 from collections.abc import Sequence
 from dataclasses import asdict
@@ -13,6 +11,7 @@ from jblast.report.calculator.header import header, title
 from jblast.report.calculator.inputs import inputs
 from jblast.report.calculator.notes import disagreement_words, notes
 from jblast.report.json_values import plain
+from jblast.report.tables import comma_separated
 from jblast.sensors.calculator.disagreement import Disagreement
 from jblast.sensors.calculator.forward import Calculated, Calculation
 from jblast.sensors.calculator.inverse import Roots
@@ -76,7 +75,7 @@ def calculation_csv(
     said = "".join(
         f"# {one.quantity}: {disagreement_words(one, len(ranges))}\n" for one in apart
     )
-    return _comments(question) + said + _csv(lines)
+    return _comments(question) + said + comma_separated(lines)
 
 
 def roots_csv(question: Question, answer: dict[str, Roots]) -> str:
@@ -85,7 +84,7 @@ def roots_csv(question: Question, answer: dict[str, Roots]) -> str:
     for name, found in answer.items():
         for value, valid in zip(found.value, found.valid, strict=True):
             lines.append((repr(float(value)), name, str(bool(valid)).lower()))
-    return _comments(question) + _csv(lines)
+    return _comments(question) + comma_separated(lines)
 
 
 def _value(of_law: Calculated) -> dict[str, Any]:
@@ -99,12 +98,6 @@ def _comments(question: Question) -> str:
     said = [title(question), *(f"{name}: {text}" for name, text in header(question))]
     said += notes(question, beside=False)
     return "".join(f"# {line}\n" for line in said)
-
-
-def _csv(lines: list[tuple[str, ...]]) -> str:
-    out = io.StringIO()
-    csv.writer(out, lineterminator="\n").writerows(lines)
-    return out.getvalue()
 
 
 def _json(answer: dict[str, Any]) -> str:

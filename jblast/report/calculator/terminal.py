@@ -8,6 +8,7 @@ import numpy as np
 from jblast.report.calculator.header import header, title
 from jblast.report.calculator.notes import disagreement_words, notes
 from jblast.report.numbers import Unit, printed_number, significant, unit_for
+from jblast.report.tables import aligned
 from jblast.report.words import capitalised, quantity_words
 from jblast.sensors.calculator.disagreement import Disagreement
 from jblast.sensors.calculator.forward import Calculated, Calculation
@@ -17,6 +18,9 @@ from jblast.sensors.calculator.question import Question
 WIDTH = 96
 OUTSIDE = "outside"
 """Mark of a number where its law does not hold."""
+PLACES, LAW = (12, 9), 11
+"""Widths of columns of the table: range and mass, and each law, unless one is wider."""
+Columns = list[list[str]]
 Lines = list[str]
 
 
@@ -127,29 +131,23 @@ def _table(
     unit = _unit(quantity, by_law)
     symbol = f" [{unit.symbol}]" if unit.symbol else ""
     lines = [capitalised(quantity_words(quantity)) + symbol]
-    places = [f"{'range':>12}", *(printed_number("_m", r).rjust(12) for r in ranges)]
+    places = [["range", *(printed_number("_m", r) for r in ranges)]]
     if len(question.charge_mass) > 1:
-        kilograms = [printed_number("_kg", m) for m in masses]
-        places = [
-            place + mass.rjust(11)
-            for place, mass in zip(places, ["mass", *kilograms], strict=True)
-        ]
+        places.append(["mass", *(printed_number("_kg", m) for m in masses)])
     columns = [
-        [name.rjust(width)]
+        [name]
         + [
-            (significant(v / unit.size, 4) + (" " if ok else "*")).rjust(width)
+            significant(v / unit.size, 4) + (" " if ok else "*")
             for v, ok in zip(of_law.value, of_law.valid, strict=True)
         ]
         for name, of_law in by_law.items()
-        for width in [max(len(name), 11) + 2]
     ]
     while columns:  # as many columns as fit, then again from the left
-        fitting = 1
-        while fitting < len(columns) and _width(places, columns[: fitting + 1]) < WIDTH:
-            fitting += 1
-        for row, place in enumerate(places):
-            lines.append(place + "".join(column[row] for column in columns[:fitting]))
-        columns = columns[fitting:]
+        shown = 1
+        while shown < len(columns) and _fit(places, columns[: shown + 1]):
+            shown += 1
+        lines += _beside_places(places, columns[:shown])
+        columns = columns[shown:]
         lines += [""] if columns else []
     for name, of_law in by_law.items():
         left = "" if of_law.valid.all() else "* outside: "
@@ -157,8 +155,16 @@ def _table(
     return lines
 
 
-def _width(places: list[str], columns: list[list[str]]) -> int:
-    return len(places[0]) + sum(len(column[0]) for column in columns)
+def _fit(places: Columns, columns: Columns) -> bool:
+    """Return whether columns beside those of the places are not too wide."""
+    return len(_beside_places(places, columns)[0]) < WIDTH
+
+
+def _beside_places(places: Columns, columns: Columns) -> Lines:
+    whole = [*places, *columns]
+    least = (*PLACES[: len(places)], *[LAW] * len(columns))
+    rows = list(zip(*whole, strict=True))
+    return aligned(rows, right=range(len(whole)), least=least)
 
 
 def _hanging(start: str, text: str) -> Lines:

@@ -9,6 +9,7 @@ import numpy as np
 from jblast.quantities import ADDITIVE
 from jblast.report.fit.terminal import hanging
 from jblast.report.numbers import finite, printed_number, significant
+from jblast.report.tables import aligned
 from jblast.report.words import joined, parameter_words, quantity_words
 
 MOST_HELP = 6
@@ -49,10 +50,8 @@ def data_lines(answer: Mapping[str, Any]) -> list[str]:
             idle.append(quantity_words(quantity))
     title = f"One more datum: sd of the {parameter_words(target)}"
     lines = ["", f"{title}, now {shown_sd(target, now)}"]
-    widths = [max((len(row[i]) for row in rows), default=0) + 2 for i in range(3)]
-    for row in rows:
-        cells = [c.ljust(w) for c, w in zip(row, widths, strict=True)]
-        lines += hanging("".join(cells))
+    for row in aligned(rows):
+        lines += hanging(row)
     if idle:
         alone = "No one of these tells it" if now["sd"] is None else "No help"
         lines += hanging(f"{alone}: {joined(idle)}.")

@@ -13,6 +13,7 @@ from jblast.report.design.added_datum import NOT, data_lines, shown_sd
 from jblast.report.fit.identifiability import determined_lines
 from jblast.report.fit.terminal import cannot_tell, hanging, section
 from jblast.report.numbers import printed_estimate, printed_number
+from jblast.report.tables import aligned
 from jblast.report.words import joined, parameter_words, quantity_words
 
 SAID_OF_THE_MASS = {"air_arrival_s": "the air shock's travel time"}
@@ -84,8 +85,7 @@ def _table(answer: Mapping[str, Any]) -> list[str]:
                 printed_estimate(name, estimate).interval,
             )
         )
-    widths = [max(len(row[i]) for row in rows) + 2 for i in range(4)]
-    return ["".join(c.ljust(w) for c, w in zip(r, widths, strict=True)) for r in rows]
+    return aligned(rows)
 
 
 def _laws(bound: Bound) -> list[str]:

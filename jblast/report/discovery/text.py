@@ -1,8 +1,5 @@
 """Equations found in a trajectory, in words, and at which noise they are found."""
 
-import csv
-import dataclasses
-import io
 import math
 from collections.abc import Sequence
 from typing import Any
@@ -11,6 +8,7 @@ import numpy as np
 
 from jblast.report.discovery.doubts import certain, doubts, doubts_text
 from jblast.report.numbers import finite, significant
+from jblast.report.tables import aligned
 from jblast.study.discovery.discover import Discovery
 from jblast.study.discovery.noise_sweep import Outcome
 from jblast.study.discovery.replay import Replay
@@ -163,21 +161,7 @@ def outcomes_text(outcomes: Sequence[Outcome]) -> str:
                 f"{o.whole:.2f}",
             )
         )
-    widths = [max(map(len, column)) + 2 for column in zip(*rows, strict=True)]
-    return "".join(
-        "".join(c.ljust(w) for c, w in zip(row, widths, strict=True)).rstrip() + "\n"
-        for row in rows
-    )
-
-
-def outcomes_csv(outcomes: Sequence[Outcome]) -> str:
-    """Return the same as CSV."""
-    text = io.StringIO()
-    fields = [field.name for field in dataclasses.fields(Outcome)]
-    table = csv.DictWriter(text, fields, lineterminator="\n")
-    table.writeheader()
-    table.writerows(dataclasses.asdict(outcome) for outcome in outcomes)
-    return text.getvalue()
+    return "\n".join(aligned(rows)) + "\n"
 
 
 def _terms(found: Discovery, state: int, *, kept: bool) -> list[dict[str, Any]]:

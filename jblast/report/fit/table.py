@@ -1,7 +1,5 @@
 """Many answers as one table: for a terminal, and as CSV."""
 
-import csv
-import io
 import textwrap
 from collections.abc import Mapping
 from typing import Any
@@ -10,6 +8,7 @@ from jblast.errors import InputError
 from jblast.inference.fitting.result import Fit
 from jblast.report.fit.goodness import goodness_p
 from jblast.report.numbers import finite, printed_estimate, significant
+from jblast.report.tables import aligned, comma_separated
 from jblast.report.words import parameter_words
 
 WIDTH = 96
@@ -27,11 +26,6 @@ def answers_text(answers: Mapping[str, Fit | InputError]) -> str:
         found = estimates(fit)
         cells = [_cell(p, found[p]) if p in found else "-" for p in names]
         rows.append((name, *cells, _goodness(fit), _doubts(fit)))
-    widths = [max(map(len, column)) + 2 for column in zip(*rows, strict=True)]
-    lines = [
-        "".join(c.ljust(w) for c, w in zip(row, widths, strict=True)).rstrip()
-        for row in rows
-    ]
     failed = [
         line
         for name, error in answers.items()
@@ -39,24 +33,22 @@ def answers_text(answers: Mapping[str, Fit | InputError]) -> str:
         for line in textwrap.wrap(f"{name}: {error}", WIDTH, subsequent_indent="  ")
     ]
     of = f"{len(fits)} of {len(answers)} logs fitted; 90 % intervals in brackets"
-    parts = [of, "", *(lines if fits else [])]
+    parts = [of, "", *(aligned(rows) if fits else [])]
     return "\n".join([*parts, *(["", "Not fitted", *failed] if failed else [])]) + "\n"
 
 
 def answers_csv(answers: Mapping[str, Fit | InputError]) -> str:
     """Return a tidy table: one row a log and parameter, one for a log that failed."""
-    text = io.StringIO()
-    table = csv.DictWriter(text, COLUMNS, restval="", lineterminator="\n")
-    table.writeheader()
+    rows: list[dict[str, Any]] = []
     for name, fit in answers.items():
         if isinstance(fit, InputError):
-            table.writerow({"log": name, "error": str(fit)})
+            rows.append({"log": name, "error": str(fit)})
             continue
         of_log = {k: fit.answer[k] for k in OF_LOG}
         for parameter, estimate in estimates(fit).items():
-            numbers = {k: estimate[k] for k in NUMBERS if estimate[k] is not None}
-            table.writerow({"log": name, "parameter": parameter} | numbers | of_log)
-    return text.getvalue()
+            numbers = {k: estimate[k] for k in NUMBERS}
+            rows.append({"log": name, "parameter": parameter} | numbers | of_log)
+    return comma_separated([COLUMNS, *([row.get(c) for c in COLUMNS] for row in rows)])
 
 
 def answers_document(answers: Mapping[str, Fit | InputError]) -> dict[str, Any]:

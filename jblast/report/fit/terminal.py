@@ -23,6 +23,7 @@ from jblast.report.fit.laws import laws_used, validity_sentence
 from jblast.report.fit.reference_values import Accepted, compare
 from jblast.report.fit.rows import log_name
 from jblast.report.numbers import printed_estimate
+from jblast.report.tables import GAP, aligned
 from jblast.report.words import joined, parameter_words
 
 WIDTH = 96
@@ -104,27 +105,22 @@ def _title(fit: Fit) -> str:
 
 
 def _estimate_table(answer: Mapping[str, Any], accepted: Accepted | None) -> list[str]:
-    rows = [("", "value", "90 % interval", "accepted" if accepted else "")]
+    rows = [("Estimates", "value", "90 % interval", "accepted" if accepted else "")]
     for name, estimate in answer["estimates"].items():
         rows.append(_table_row(name, estimate, accepted))
     derived = answer.get("derived", {})
     for name, estimate in derived.items():
         rows.append(_table_row(name, estimate, accepted))
-    widths = [max(len(row[i]) for row in rows) + 2 for i in range(3)]
+    indent = max(len(row[0]) for row in rows) + GAP
     lines = []
+    whole, left = aligned(rows), aligned([row[:3] for row in rows])
     for i, row in enumerate(rows):
         if derived and i == len(answer["estimates"]) + 1:
             lines.append("Derived")
-        left = "".join(c.ljust(w) for c, w in zip(row, widths, strict=False))
-        left = (
-            "Estimates".ljust(widths[0] + 2) + left[widths[0] :]
-            if i == 0
-            else "  " + left
-        )
-        if len(left) + len(row[3]) <= WIDTH:
-            lines.append(left + row[3])
+        if len(whole[i]) <= WIDTH:
+            lines.append(whole[i])
         else:
-            lines += [left, *hanging(f"accepted: {row[3]}", 2, indent=widths[0] + 2)]
+            lines += [left[i], *hanging(f"accepted: {row[3]}", 2, indent=indent)]
     return lines
 
 
@@ -138,7 +134,8 @@ def _table_row(
         if comparison
         else ""
     )
-    return parameter_words(name), printed.value_and_beside, printed.interval, beside
+    words = f"  {parameter_words(name)}"
+    return words, printed.value_and_beside, printed.interval, beside
 
 
 def cannot_tell(answer: Mapping[str, Any]) -> list[str]:

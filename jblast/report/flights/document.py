@@ -1,7 +1,5 @@
 """Flights as `jblast fly --json` prints them, and a row a flight as CSV."""
 
-import csv
-import io
 import math
 from typing import Any
 
@@ -9,6 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from jblast.report.json_values import plain
+from jblast.report.tables import comma_separated
 from jblast.study.flights.records import Flights, Flown
 from jblast.study.flights.statistics import (
     EXPOSURES,
@@ -68,15 +67,11 @@ def flights_document(flights: Flights) -> dict[str, Any]:
 
 def flights_csv(flights: Flights) -> str:
     """Return a row for each vehicle and hold: what was drawn, and what became of it."""
-    text = io.StringIO()
-    table = csv.writer(text, lineterminator="\n")
     blasts = [f".{name}" if name else "" for name in flights.blasts]
     met = ("arrival_s", "distance_m", "scaled_distance", "in_range")
-    table.writerow(
-        ["vehicle", "hold", *flights.drawn]
-        + [f"{column}{blast}" for blast in blasts for column in met]
-        + [*METRICS, *EXPOSURES, "settled", "crashed", "lost"]
-    )
+    names = ["vehicle", "hold", *flights.drawn]
+    names += [f"{column}{blast}" for blast in blasts for column in met]
+    table = [[*names, *METRICS, *EXPOSURES, "settled", "crashed", "lost"]]
     for hold, flown in flights.holds.items():
         columns: list[Any] = list(flights.drawn.values())
         for n in range(len(blasts)):
@@ -85,8 +80,8 @@ def flights_csv(flights: Flights) -> str:
         columns += [flown.metrics.settled, flown.metrics.crashed, flown.lost]
         rows = zip(*map(np.asarray, columns), strict=True)
         for lane, row in enumerate(rows):
-            table.writerow([lane, hold, *map(_field, row)])
-    return text.getvalue()
+            table.append([str(lane), hold, *map(_field, row)])
+    return comma_separated(table)
 
 
 def _field(value: Any) -> str:

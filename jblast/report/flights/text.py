@@ -2,13 +2,13 @@
 
 import math
 import textwrap
-from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from jblast.quantity_table import QUANTITIES
 from jblast.report.numbers import printed_number, significant
+from jblast.report.tables import aligned
 from jblast.report.words import capitalised, parameter_words
 from jblast.study.flights.records import Flights
 from jblast.study.flights.statistics import (
@@ -48,9 +48,9 @@ def flights_text(flights: Flights) -> str:
     """Return what the terminal shows."""
     lines = [_title(flights), ""]
     if flights.drawn:
-        lines += [*_table(_drawn(flights)), ""]
-    lines += [*_table(_blasts(flights)), ""]
-    lines += _table(_holds(flights))
+        lines += [*aligned(_drawn(flights)), ""]
+    lines += [*aligned(_blasts(flights)), ""]
+    lines += aligned(_holds(flights))
     lines += ["", *_notes(flights)]
     return "\n".join(lines) + "\n"
 
@@ -192,11 +192,3 @@ def _one(name: str, value: float, digits: int = 4) -> str:
 
 def _yes(value: bool) -> str:
     return "yes" if value else "no"
-
-
-def _table(rows: Sequence[tuple[str, ...]]) -> list[str]:
-    widths = [max(map(len, column)) + 2 for column in zip(*rows, strict=True)]
-    return [
-        "".join(c.ljust(w) for c, w in zip(row, widths, strict=True)).rstrip()
-        for row in rows
-    ]

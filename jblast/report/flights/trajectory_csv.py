@@ -4,13 +4,11 @@ Beside the parts of a trajectory it has the direction in which the rotors pull, 
 in the world's axes: in it the thrust's push is linear, in the quaternion it is not.
 """
 
-import csv
-import io
-
 import numpy as np
 from jaxtyping import Float
 from scipy.spatial.transform import Rotation
 
+from jblast.report.tables import comma_separated
 from jblast.vehicle import Trajectory
 
 WORLD, BODY, ROTORS = ("east", "north", "up"), "xyz", "1234"
@@ -38,11 +36,7 @@ def trajectory_csv(
         path_error_m: Of each row.
         comment: What is said of it in the first line.
     """
-    text = io.StringIO()
-    text.write(f"# {comment}\n")
-    table = csv.writer(text, lineterminator="\n")
     names = [name for part in COLUMNS.values() for name in part]
-    table.writerow(["time_s", *names, "path_error_m", *PULL])
     parts = [np.asarray(trajectory.time_s)[:, None]]
     parts += [np.asarray(getattr(trajectory, name)) for name in COLUMNS]
     rows = np.hstack([*parts, path_error_m[:, None]])
@@ -50,5 +44,6 @@ def trajectory_csv(
     first = 1 + names.index("quaternion_i")
     attitude = Rotation.from_quat(rows[:, first : first + 4]).as_matrix()
     rows = np.hstack([rows, attitude[:, :, 2]])
-    table.writerows([f"{value:.12g}" for value in row] for row in rows)
-    return text.getvalue()
+    columns = ["time_s", *names, "path_error_m", *PULL]
+    numbers = ([f"{value:.12g}" for value in row] for row in rows)
+    return f"# {comment}\n" + comma_separated([columns, *numbers])

@@ -1,20 +1,20 @@
 """The edges of methods as text, Markdown, CSV and JSON."""
 
-import csv
 import dataclasses
-import io
 import json
 from collections.abc import Mapping, Sequence
 
 from jblast.report.fit.terminal import hanging
 from jblast.report.json_values import plain
 from jblast.report.numbers import printed_number
+from jblast.report.tables import comma_separated, markdown
 from jblast.report.words import capitalised
 from jblast.verification.stability.failure import Edge
 
 Edges = Mapping[str, Sequence[Edge]]
 """By area."""
 
+COLUMNS = ("method", "what goes wrong", "at", "beyond it", "jblast")
 COLUMN = 10
 """Width of the words before each entry."""
 HEAD = (
@@ -57,30 +57,29 @@ def stability_markdown(edges: Edges) -> str:
     """Return a page with a table for each area."""
     lines = [*HEAD]
     for area, found in edges.items():
-        lines += ["", f"## {capitalised(area)}", ""]
-        lines += ["| method | what goes wrong | at | beyond it | jblast |"]
-        lines += ["|---|---|---|---|---|"]
-        for edge in found:
-            cells = (
+        rows = [
+            (
                 edge.method,
                 edge.edge,
                 boundary_words(edge),
                 edge.beyond,
                 f"**{edge.deed}**: {edge.said}",
             )
-            lines.append("| " + " | ".join(c.replace("|", r"\|") for c in cells) + " |")
+            for edge in found
+        ]
+        lines += ["", f"## {capitalised(area)}", "", markdown(COLUMNS, rows)]
     return "\n".join(lines) + "\n"
 
 
 def stability_csv(edges: Edges) -> str:
     """Return one row an edge."""
-    text = io.StringIO()
     columns = [field.name for field in dataclasses.fields(Edge)]
-    table = csv.DictWriter(text, columns, lineterminator="\n")
-    table.writeheader()
-    for found in edges.values():
-        table.writerows(dataclasses.asdict(edge) for edge in found)
-    return text.getvalue()
+    rows = (
+        [getattr(edge, name) for name in columns]
+        for found in edges.values()
+        for edge in found
+    )
+    return comma_separated([columns, *rows])
 
 
 def stability_json(edges: Edges) -> str:
