@@ -10,9 +10,9 @@ from jaxtyping import Array, Float
 
 from jblast.constants import AIR_HEAT_CAPACITY_RATIO
 from jblast.vehicle.control.allocation import allocation
-from jblast.vehicle.loads.blast.burst import Blast
-from jblast.vehicle.loads.blast.curves import FIRST
 from jblast.vehicle.loads.blast.load import BlastLoad
+from jblast.vehicle.loads.blast.passage import Blast
+from jblast.vehicle.loads.blast.wave import FIRST
 from jblast.vehicle.quadrotor.body import known
 from jblast.vehicle.quadrotor.parameters import Vehicle
 from jblast.vehicle.rollout.batching import Each, own

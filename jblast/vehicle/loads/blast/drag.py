@@ -7,7 +7,7 @@ $$F = \tfrac12 \rho C_d \sqrt{\sum_i (A_i r_i)^2}\;r, \qquad r = w - v$$
 with $r$ the wind past the vehicle along body axes: as an ellipsoid's projected area
 turns, so does this one.
 
-To it comes the impulse of the front (`front.py`).
+To it comes the impulse of the front (`passage.py`), and of the rotors in the wind.
 
 A step may hold the whole wave. So the drag is integrated by Gauss's rule over the part
 of each phase within the step, and the vehicle's velocity in it follows the impulse so
@@ -17,22 +17,26 @@ in the way it is pushed. At a velocity held over the step 10 ms would miss up to
 
 from typing import NamedTuple
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
 from jblast.vehicle.dynamics.components import (
+    Motion,
     Number,
     Rows,
     Vector,
+    add,
     dot,
     three,
     times_transposed,
+    turned,
 )
-from jblast.vehicle.loads.blast.front import front_impulse
-from jblast.vehicle.loads.blast.passage import Passage
+from jblast.vehicle.dynamics.equations import Wrench, air_wrench
+from jblast.vehicle.loads.blast.passage import Passage, front_impulse
 from jblast.vehicle.loads.blast.quadrature import Place, node_at, places, until
-from jblast.vehicle.quadrotor.parameters import Body
+from jblast.vehicle.quadrotor.parameters import Body, Vehicle
 
 
 class RotorForce(NamedTuple):
@@ -172,3 +176,44 @@ def drag_force(body: Body, attitude: Rows, density: Number, past: Vector) -> Vec
     size = jnp.where(blows, jnp.sqrt(jnp.where(blows, square, 1.0)), 0.0)
     half = 0.5 * density * body.drag_coefficient * size
     return half * x, half * y, half * z
+
+
+def rotors_in_wind(
+    vehicle: Vehicle, motion: Motion, air: Vector, passage: Passage
+) -> tuple[RotorForce, RotorForce]:
+    """Return what the rotors feel of a wind: force, world, and moment, body.
+
+    Without the frame's drag both are polynomials of second degree in the speed of the
+    wind: three of its values tell it.
+    """
+    probe = passage.wave.sound_speed_m_s / 10
+    bare = eqx.tree_at(
+        lambda v: v.frame_drag, vehicle, jnp.zeros_like(vehicle.frame_drag)
+    )
+
+    def wrench(speed: Number) -> Wrench:
+        x, y, z = (speed * n for n in passage.away)
+        force, moment = air_wrench(bare, motion, add(air, (x, y, z)))
+        return turned(motion.quaternion, force), moment
+
+    none, ahead, back = wrench(0 * probe), wrench(probe), wrench(-probe)
+    force, moment = (
+        RotorForce(
+            three((jnp.stack(a) - jnp.stack(b)) / (2 * probe)),
+            three(
+                (jnp.stack(a) + jnp.stack(b) - 2 * jnp.stack(n))
+                / (2 * jnp.square(probe))
+            ),
+        )
+        for n, a, b in zip(none, ahead, back, strict=True)
+    )
+    return force, moment
+
+
+def polynomial(rotors: RotorForce, given: WindImpulse) -> Vector:
+    """Return the impulse of such a force, or moment."""
+    x, y, z = (
+        a * given.way + b * given.square
+        for a, b in zip(rotors.linear, rotors.square, strict=True)
+    )
+    return x, y, z

@@ -9,8 +9,8 @@ from jaxtyping import Array, Bool
 from jblast.errors import InputError
 from jblast.scene import Charge, Scene
 from jblast.scene.charge import Burst
-from jblast.vehicle.loads.blast.burst import Blast
 from jblast.vehicle.loads.blast.load import BlastLoad
+from jblast.vehicle.loads.blast.passage import Blast
 from jblast.waves.path_between import path_between
 from jblast.waves.propagation.ambient import ambient, sound_speed_of
 
@@ -22,7 +22,7 @@ def blast_load(
 
     Args:
         scene: Charges and air. Its laws are not asked: the loads have theirs
-            (`curves.py`). The curve set of a charge that does not say its burst
+            (`wave.py`). The curve set of a charge that does not say its burst
             is that which its height leaves where the scene's vehicle starts; the
             surface curves where the height is no number yet, as under `vmap`.
         drag: Whether the blast wind drags the body.

@@ -37,13 +37,14 @@ from jblast.vehicle.dynamics.components import (
 )
 from jblast.vehicle.dynamics.equations import air_wrench
 from jblast.vehicle.dynamics.state import State
-from jblast.vehicle.loads.blast.burst import Blast, Surroundings
-from jblast.vehicle.loads.blast.curves import RANGE
-from jblast.vehicle.loads.blast.drag import wind_impulse
-from jblast.vehicle.loads.blast.front import crossing_time
-from jblast.vehicle.loads.blast.passage import blast_passage
-from jblast.vehicle.loads.blast.rotors import polynomial, rotors_in_wind
-from jblast.vehicle.loads.blast.wave import Wave
+from jblast.vehicle.loads.blast.drag import polynomial, rotors_in_wind, wind_impulse
+from jblast.vehicle.loads.blast.passage import (
+    Blast,
+    Surroundings,
+    blast_passage,
+    crossing_time,
+)
+from jblast.vehicle.loads.blast.wave import RANGE, Wave
 from jblast.vehicle.quadrotor.body import known
 from jblast.vehicle.quadrotor.parameters import Vehicle
 from jblast.waves.paths import slant_range

@@ -7,7 +7,7 @@ from typing import no_type_check
 import numpy as np
 import warp as wp
 
-from jblast.vehicle.loads.blast.curves import FIRST, WaveCurves, wave_curves
+from jblast.vehicle.loads.blast.wave import FIRST, WaveCurves, wave_curves
 from jblast.vehicle.warp.kernels.body import body_functions
 
 BURSTS = ("surface", "free-air")

@@ -9,8 +9,8 @@ import pytest
 from jax.test_util import check_grads
 
 from jblast.constants import STANDARD_PRESSURE
-from jblast.vehicle.loads.blast.curves import RANGE
 from jblast.vehicle.loads.blast.wave import (
+    RANGE,
     Wave,
     arrival_time,
     overpressure,
