@@ -34,6 +34,26 @@ ORDER = [
 ]
 LEVEL = {name: level for level, names in enumerate(ORDER) for name in names}
 
+# Folders within a room, in their order; the room's own files go where they must.
+ROOMS = {
+    "waves": ("curves", "propagation", "shock", "laws", "waveform"),
+    "vehicle": ("quadrotor", "dynamics", "control", "loads", "rollout", "warp"),
+    "sensors.camera": ("image", "geometry", "rendering", "events", "files"),
+    "inference": (
+        *("posterior", "mode", "identifiability", "importance", "mcmc"),
+        *("fitting", "design"),
+    ),
+    "inference.many": ("solver", "residuals", "starts"),
+    "verification": ("cases", "stability", "benchmark"),
+    "cli": ("arguments", "verbs"),
+}
+BESIDE = {
+    "waves": {"euler": ("waveform",)},
+    "inference": {"many": ("mcmc", "fitting", "design")},
+}
+"""Folders that stand beside others: none of the two imports the other."""
+MOST_FILES, MOST_LINES = 16, 260
+
 # What a bare GPU machine runs.
 BARE = {"jax", "equinox", "jaxtyping", "numpy", "jblast"}
 
@@ -93,6 +113,60 @@ def test_imports_point_up_the_list_only():
         if (found := wrong_way(path.read_text(), module_of(path), package_of(path)))
     }
     assert wrong == {}
+
+
+def rooms_between(room: str) -> set[tuple[str, str]]:
+    """Which folder of a room imports from which other one."""
+    prefix = f"jblast.{room}."
+    found = set()
+    for path in SOURCES:
+        module = module_of(path)
+        if not module.startswith(prefix):
+            continue
+        own = module.removeprefix(prefix).partition(".")[0]
+        for name in imports_of(path.read_text(), package_of(path)):
+            if name.startswith(prefix):
+                found.add((own, name.removeprefix(prefix).partition(".")[0]))
+    return {(own, other) for own, other in found if own != other}
+
+
+@pytest.mark.parametrize("room", ROOMS)
+def test_folders_of_a_room_import_those_before_them_only(room):
+    place = {name: index for index, name in enumerate(ROOMS[room])}
+    wrong = {
+        (own, other)
+        for own, other in rooms_between(room)
+        if own in place and other in place and place[other] > place[own]
+    }
+    assert wrong == set()
+
+
+@pytest.mark.parametrize("room", BESIDE)
+def test_folders_that_stand_beside_each_other_do_not_meet(room):
+    apart = {(a, b) for a, others in BESIDE[room].items() for b in others}
+    met = rooms_between(room)
+    assert met & (apart | {(b, a) for a, b in apart}) == set()
+
+
+def test_every_folder_of_an_ordered_room_is_in_the_order():
+    for room, ordered in ROOMS.items():
+        folder = PACKAGE.joinpath(*room.split("."))
+        there = {path.parent.name for path in folder.glob("*/__init__.py")}
+        assert there == {*ordered, *BESIDE.get(room, ())}
+
+
+def test_no_folder_and_no_file_is_too_long_to_look_through():
+    many = {
+        str(folder.relative_to(PACKAGE)): count
+        for folder in {path.parent for path in SOURCES}
+        if (count := len(list(folder.glob("*.py")))) > MOST_FILES
+    }
+    long = {
+        module_of(path): lines
+        for path in SOURCES
+        if (lines := path.read_text().count("\n")) > MOST_LINES
+    }
+    assert (many, long) == ({}, {})
 
 
 def test_every_folder_and_module_has_its_place_in_the_list():
