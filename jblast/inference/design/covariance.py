@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from jblast.inference.mode.laplace import FALLS, Laplace, half_width, marginals
-from jblast.inference.mode.starts import scales
+from jblast.inference.mode.starts import typical_step
 from jblast.inference.posterior.fisher_information import (
     NULL,
     information,
@@ -103,7 +103,7 @@ def spread_left(
         known_covariance(
             jnp.asarray(matrix[np.ix_(kept, kept)]),
             jnp.asarray(has_prior[kept]),
-            scales(posterior)[np.array(kept)],
+            typical_step(posterior)[np.array(kept)],
         ),
     )
     if unknown[kept.index(target)] or not np.isfinite(part).all():
@@ -120,7 +120,7 @@ def worst(posterior: Posterior, z: Float[np.ndarray, " free"]) -> int:
 
     Otherwise that with the largest sd for a typical step.
     """
-    names, scale = posterior.parameters.names, scales(posterior)
+    names, scale = posterior.parameters.names, typical_step(posterior)
     known = information(posterior, jnp.asarray(z))
     found = known_covariance(known, posterior.parameters.has_prior(), scale)
     covariance, unknown = map(np.asarray, found)

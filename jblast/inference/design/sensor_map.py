@@ -11,7 +11,7 @@ from jaxtyping import Array, Bool, Float
 from jblast.errors import InputError
 from jblast.inference.design.covariance import information_of_layout, worst
 from jblast.inference.design.cramer_rao import Bound
-from jblast.inference.mode.starts import scales
+from jblast.inference.mode.starts import typical_step
 from jblast.inference.posterior.fisher_information import known_covariance
 from jblast.inference.posterior.posterior import Posterior
 from jblast.kept_programs import kept
@@ -104,7 +104,7 @@ def bound_map(bound: Bound, points: int = POINTS) -> BoundMap:
         np.asarray, _over(posterior, new, sigma, z, jnp.asarray(places))
     )
     before = known_covariance(
-        jnp.asarray(bound.information), parameters.has_prior(), scales(posterior)
+        jnp.asarray(bound.information), parameters.has_prior(), typical_step(posterior)
     )
     values, slopes = jax.jvp(
         lambda step: parameters.values(z + step), (0 * z,), (jnp.ones_like(z),)
@@ -173,7 +173,7 @@ def _over(
     """Return covariance, what is unknown and validity for a sensor at each place."""
     parameters, noise = posterior.parameters, posterior.noise
     laws = dict(posterior.laws)
-    has_prior, scale = parameters.has_prior(), scales(posterior)
+    has_prior, scale = parameters.has_prior(), typical_step(posterior)
 
     def one(place: Float[Array, "2"]):
         there = eqx.tree_at(

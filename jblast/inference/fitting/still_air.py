@@ -17,7 +17,7 @@ import numpy as np
 from jaxtyping import Float
 
 from jblast.inference.fitting.solution import Solution
-from jblast.inference.mode.starts import scales
+from jblast.inference.mode.starts import typical_step
 from jblast.inference.posterior.fisher_information import information_of_row
 from jblast.inference.posterior.posterior import Misfit, Posterior
 from jblast.parameter_table import PARAMETERS
@@ -88,7 +88,7 @@ def wider_with_wind(solution: Solution, sd: float = WIND) -> dict[str, float] | 
     if not to_wind.any():
         return None
     sds = np.sqrt(np.diag(normal.covariance))
-    typical = np.asarray(scales(posterior))
+    typical = np.asarray(typical_step(posterior))
     steps = STEP * np.where(sds > 0, np.minimum(sds, typical), typical)
     to_fitted = np.stack(
         [

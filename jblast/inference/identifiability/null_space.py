@@ -6,7 +6,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
-from jblast.inference.mode.starts import scales
+from jblast.inference.mode.starts import typical_step
 from jblast.inference.posterior.fisher_information import (
     NULL,
     information,
@@ -55,7 +55,7 @@ def identifiability(
     A number with a prior is known, however little beside what the data know; so its
     information counts as no less than the data's.
     """
-    scale = scales(posterior)
+    scale = typical_step(posterior)
     known = np.asarray(information(posterior, jnp.asarray(z)))
     prior = np.diag(np.asarray(posterior.parameters.has_prior()) * np.diag(known))
     size, values, vectors = map(
@@ -85,7 +85,11 @@ def _followed(posterior, z, direction, size) -> np.ndarray | None:
     then a finite step is seen. A true invariance may be curved (a charge on a circle
     about its one sensor), so after the step the told directions are adjusted.
     """
-    step = STEP * direction / np.max(np.abs(direction) / np.asarray(scales(posterior)))
+    step = (
+        STEP
+        * direction
+        / np.max(np.abs(direction) / np.asarray(typical_step(posterior)))
+    )
     started = _whitened_prediction(posterior, z, z)
     there = z + step
     miss = _whitened_prediction(posterior, there, z) - started

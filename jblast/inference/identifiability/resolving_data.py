@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from jblast.constants import STANDARD_SOUND_SPEED
-from jblast.inference.mode.starts import layout_size, scales
+from jblast.inference.mode.starts import layout_size, typical_step
 from jblast.inference.posterior.fireball_growth import GROWTH
 from jblast.inference.posterior.posterior import Posterior
 from jblast.kept_programs import kept
@@ -84,7 +84,7 @@ def cure_of_null(
     scene = posterior.parameters.scene_at(jnp.asarray(z))
     laws = laws_beside(posterior, scene, layout)
 
-    scale = np.asarray(scales(posterior))
+    scale = np.asarray(typical_step(posterior))
     _, moved = jax.jvp(
         lambda z: log_reading(posterior, layout, laws, z),
         (jnp.asarray(z),),

@@ -21,7 +21,7 @@ from jax import lax
 from jaxtyping import Array, Float, PRNGKeyArray
 
 from jblast.inference.mode.row_subset import is_long, thinned
-from jblast.inference.mode.starts import spreads, starts
+from jblast.inference.mode.starts import start_sd, starts
 from jblast.inference.posterior.fisher_information import information
 from jblast.inference.posterior.posterior import Posterior
 from jblast.kept_programs import kept
@@ -63,7 +63,7 @@ def optima(key: PRNGKeyArray, posterior: Posterior) -> Optima:
     if not is_long(posterior):
         return _searched(key, posterior)[0]
     found, middle = _searched(key, thinned(posterior))
-    scale = spreads(posterior)
+    scale = start_sd(posterior)
 
     def climb(end):
         z, density = end
@@ -92,7 +92,7 @@ def likeliest_start(key: PRNGKeyArray, posterior: Posterior) -> Float[Array, " f
 
 def _searched(key: PRNGKeyArray, posterior: Posterior):
     """Return the optima, and the middle of the starts."""
-    scale = spreads(posterior)
+    scale = start_sd(posterior)
     first = starts(key, posterior, STARTS) / scale[None, :]
     shape = jax.eval_shape(posterior.misfit, first[0]).loading.shape
     effects = jnp.zeros((STARTS, shape[1]))

@@ -6,7 +6,9 @@ from jaxtyping import Array, Float
 
 from jblast.constants import STANDARD_SOUND_SPEED
 from jblast.inference.posterior.posterior import Posterior
+from jblast.parameter_table import CHARGE_POSITION
 from jblast.quantities import CLOCK_TIMES, DIRECTIONS
+from jblast.scene import Free
 
 AWAY = 100.0
 """How far a charge is seen from at least, for a start [m]."""
@@ -28,7 +30,39 @@ def sight_length(posterior: Posterior) -> Float[Array, ""]:
     return jnp.maximum(STANDARD_SOUND_SPEED * jnp.ptp(clock), AWAY)
 
 
-def along_sight(
+def places_along_sight(
+    posterior: Posterior,
+    z: Float[Array, "start free"],
+    normal: Float[Array, "start free"],
+) -> Float[Array, "start free"]:
+    """Move every other start's free places onto lines of sight, where there are any.
+
+    Args:
+        posterior: Has the bearings.
+        z: Starts.
+        normal: A standard normal draw for each coordinate.
+    """
+    names, beliefs = posterior.parameters.names, posterior.parameters.beliefs
+    scene = posterior.parameters.scene
+    for shot, charge in enumerate(scene.charges):
+        place = [name + scene.label(charge) for name in CHARGE_POSITION]
+        at = [names.index(name) if name in names else -1 for name in place]
+        if at[0] < 0 or at[1] < 0:
+            continue
+        up = jnp.broadcast_to(charge.up, len(z)) if at[2] < 0 else z[:, at[2]]
+        moved = _along_sight(
+            posterior,
+            np.array(posterior.layout.shot) == shot,
+            jnp.stack([z[:, at[0]], z[:, at[1]], up], axis=1),
+            normal[:, at[0]],
+        )
+        for i, coordinate in zip(at, moved.T, strict=True):
+            if i >= 0 and isinstance(beliefs[i], Free):
+                z = z.at[:, i].set(coordinate)
+    return z
+
+
+def _along_sight(
     posterior: Posterior,
     of_shot: np.ndarray,
     place: Float[Array, "start 3"],
