@@ -98,7 +98,8 @@ def level_of(module: str) -> int | None:
 
 def wrong_way(source: str, module: str, package: str) -> list[str]:
     """Imports of ours that stand below the importer."""
-    own = level_of(module)
+    # the front door names what it offers for type checkers, and imports it when asked
+    own = LEVEL["study"] if module == "jblast" else level_of(module)
     return sorted(
         name
         for name in imports_of(source, package)
@@ -183,7 +184,7 @@ def test_every_folder_and_module_has_its_place_in_the_list():
         ("jblast.scene.air", "from jblast import waves"),
         ("jblast.scene.air", "from ..waves import wu_hao"),
         ("jblast.registry", "from jblast.scene.air import Air"),
-        ("jblast", "from jblast.scene import Scene"),
+        ("jblast", "from jblast.cli import main"),
     ],
 )
 def test_an_import_down_the_list_is_found(module, source):

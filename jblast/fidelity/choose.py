@@ -56,9 +56,15 @@ def choose(
         tolerance: Largest relative error allowed; None takes a third of the smallest
             sigma the sensors state.
 
+    Returns:
+        The method, the error it was measured to have, what it costs, and why it.
+
     Raises:
         InputError: There is no such quantity, no sensor for it, no law or no place, the
             tolerance is no positive number, or a number that decides is free.
+
+    Example:
+        `jblast.choose(jblast.read_scene("scene.toml"), "air_arrival_s", 0.01).method`
     """
     uncertain = scene if isinstance(scene, UncertainScene) else UncertainScene(scene)
     if tolerance is not None and not (tolerance > 0 and math.isfinite(tolerance)):

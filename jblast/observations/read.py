@@ -30,8 +30,17 @@ def read(path: str | os.PathLike[str]) -> Observations:
     `path`, `shot` and `clock` may follow. Their order is free. Lines that begin with #
     are comments. An empty sigma leaves the law's scatter alone.
 
+    Args:
+        path: The file.
+
+    Returns:
+        The log: a row a measurement, in SI units.
+
     Raises:
         InputError: The file is not as described; the message says where and how.
+
+    Example:
+        `observations = jblast.read("log.csv")`
     """
     begin = stages(STAGES)
     begin("loading")

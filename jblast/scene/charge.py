@@ -42,6 +42,9 @@ class Charge(eqx.Module):
     Raises:
         InputError: The time is not a number, or minus infinity. Inside jit it is not
             looked at.
+
+    Example:
+        `jblast.Charge(mass=15.0, up=1.5, explosive="C4")`
     """
 
     mass: Float[Array, ""] = eqx.field(

@@ -32,6 +32,9 @@ class Scene(eqx.Module):
         sedov_gamma: Ratio of specific heats in the Sedov-Taylor law [-].
         fireball_growth: Time constant of fireballs' expansion [s]; None leaves it to
             the law.
+
+    Example:
+        `jblast.Scene(jblast.Charge(mass=15.0), air=jblast.scene.Air(altitude=800.0))`
     """
 
     charge: Charge = eqx.field(default_factory=Charge)

@@ -112,8 +112,17 @@ def record(scene: Scene, layout: Layout, laws: Mapping[str, str]) -> Recording:
         layout: Rows of a log.
         laws: Name of the law for each of `layout.quantities()`.
 
+    Returns:
+        Values and scatter of each row, and where its law holds; differentiable in all
+        numbers of the scene, without errors of instruments.
+
     Raises:
         ValueError: A name in `laws` is no law of its quantity.
+
+    Example:
+        `layout, sigma, names = jblast.sensors.planned_layout(scene)` says who records
+        what, `jblast.record(scene, layout, {"air_arrival_s": "kingery_bulmash"}).value`
+        what is read.
     """
     n = len(layout.quantity)
     offsets = clock_offsets(scene, layout)

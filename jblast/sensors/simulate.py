@@ -28,8 +28,14 @@ def simulate(
         seed: Of all draws.
         noise: Distribution of the independent errors.
 
+    Returns:
+        A log, as `jblast.observations.write` writes it and `jblast.fit` takes it.
+
     Raises:
         InputError: A number is free and cannot be drawn, or no sensor records anything.
+
+    Example:
+        `observations = jblast.simulate(jblast.read_scene("scene.toml"), seed=1)`
     """
     scene_key, noise_key = jax.random.split(jax.random.key(seed))
     scene = draw_scene(scene_key, uncertain)

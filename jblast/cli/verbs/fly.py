@@ -106,13 +106,13 @@ def run(asked: argparse.Namespace) -> int:
     from jblast.report.flights.document import flights_document
     from jblast.report.flights.text import flights_text
     from jblast.scene import read_scene
-    from jblast.study.flights.fly import fly_scene
+    from jblast.study.flights.fly import fly
 
     if asked.out:
         check_directory(asked.out, asked.force)
     options = _options(asked)
     begin("flying")
-    flights = fly_scene(
+    flights = fly(
         read_scene(asked.scene), options, vehicles=asked.vehicles, seed=asked.seed
     )
     begin("writing")

@@ -92,9 +92,16 @@ def bound(
         noise: Distribution of the independent errors.
         seed: Of the search for a second solution.
 
+    Returns:
+        The least standard deviation of each unknown (Cramer-Rao), what limits it, and
+        which datum would help most.
+
     Raises:
         InputError: The scene and what is asked do not go together; the message says
             how.
+
+    Example:
+        `jblast.bound(jblast.read_scene("scene.toml"), {"charge_mass_kg": 15.0})`
     """
     begin = stages(STAGES)
     begin("what the layout tells")

@@ -66,8 +66,15 @@ def fit(
         seed: Of the starts of the search and the draws of the posterior.
         store: Folder in which a walk is kept, to be gone on with if it is cut short.
 
+    Returns:
+        Estimates with their intervals, the law they rest on and where it ends, and
+        what the data cannot tell; `jblast.report.summary` puts it in words.
+
     Raises:
         ValueError: The log and the scene do not go together; the message says how.
+
+    Example:
+        `jblast.fit(jblast.read("log.csv"), jblast.read_scene("scene.toml"))`
     """
     uncertain = uncertain or default_scene()
     uncertain = as_seen(uncertain, observations.quantity, observations.time)

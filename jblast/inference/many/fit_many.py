@@ -51,9 +51,16 @@ def fit_many(
             that readings would hardly have (`many.ends.HARDLY`); its lowest end counts.
         seed: Of the library.
 
+    Returns:
+        Estimates and standard deviations of each log, whether it converged, and what
+        is wrong with those that did not.
+
     Raises:
         InputError: The batch as a whole cannot be fitted. A bad log does not raise: its
             lane alone fails, and `faults` says why.
+
+    Example:
+        `jblast.fit_many(uncertain, *jblast.inference.batch_of(logs, uncertain))`
     """
     engine = engine_for(uncertain, layout, laws, noise)
     return engine.fit(values, sigma, starts=starts, tries=tries, seed=seed)

@@ -22,9 +22,18 @@ from jblast.scene.uncertain import UncertainScene
 def read_scene(path: str | os.PathLike[str]) -> UncertainScene:
     """Read a scene file.
 
+    Args:
+        path: A TOML file; `jblast scene` writes one to start from.
+
+    Returns:
+        The scene, with the priors of what is not known.
+
     Raises:
         InputError: The file is no scene; the message names the table and key, what was
             expected there and what came.
+
+    Example:
+        `uncertain = jblast.read_scene("scene.toml")`
     """
     text = read_text(path, "a scene in TOML")
     try:

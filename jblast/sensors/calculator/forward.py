@@ -1,12 +1,12 @@
 """Every quantity by every law that gives it: the calculator's way forward."""
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, ArrayLike, Bool, Float
 
 import jblast.waves as _waves  # noqa: F401  laws enter the registry as they are imported
 from jblast.kept_programs import kept
@@ -59,8 +59,8 @@ def calculated_laws(quantity: str = "") -> tuple[Law, ...]:
 
 def calculate(
     scene: Scene,
-    slant_range: Float[np.ndarray, " row"],
-    charge_mass: Float[np.ndarray, " row"],
+    slant_range: Float[ArrayLike, "..."] | Sequence[float],
+    charge_mass: Float[ArrayLike, "..."] | Sequence[float],
 ) -> dict[str, dict[str, Calculated]]:
     """Return every quantity by every law at some ranges from some charges.
 
@@ -68,9 +68,21 @@ def calculate(
 
     Args:
         scene: Charge, air and ground; the mass of its charge is not used.
-        slant_range: Distances from the charge [m], positive.
-        charge_mass: Masses of the explosive [kg], positive.
+        slant_range: Distances from the charge [m], positive: one, or a row each.
+        charge_mass: Masses of the explosive [kg], positive: one, or a row each.
+
+    Returns:
+        By quantity and law: the value at each row, and whether the law holds there.
+
+    Raises:
+        ValueError: There are neither as many ranges as masses, nor one of either.
+
+    Example:
+        `jblast.calculate(jblast.Scene(), [20.0, 40.0], 15.0)["peak_overpressure_pa"]`
     """
+    slant_range, charge_mass = np.broadcast_arrays(
+        *(np.atleast_1d(np.asarray(x, float)) for x in (slant_range, charge_mass))
+    )
     laws = {(law.quantity, law.name): law for law in calculated_laws()}
     values, valid = evaluate(scene, slant_range, charge_mass, tuple(laws.values()))
     order = {name: i for i, name in enumerate((*QUANTITIES, *DERIVED_QUANTITIES))}

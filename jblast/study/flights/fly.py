@@ -43,7 +43,7 @@ CHUNK = {"cpu": 2048, "gpu": 16_384}
 """Vehicles of `BATCH_ROWS` in memory at once: on a CPU some 2 GB, in float64."""
 
 
-def fly_scene(
+def fly(
     uncertain: UncertainScene,
     options: Options | None = None,
     *,
@@ -58,9 +58,16 @@ def fly_scene(
         vehicles: How many scenes are drawn.
         seed: Of the draws.
 
+    Returns:
+        The flights by hold, with integral action and without: how far each vehicle was
+        thrown, when it had recovered, which crashed.
+
     Raises:
         InputError: The scene cannot be flown, a number cannot be drawn, or an option
             cannot be used.
+
+    Example:
+        `flights = jblast.fly(jblast.read_scene("scene.toml"), vehicles=100)`
     """
     options = Options() if options is None else options
     vehicle = checked_scene(uncertain, vehicles, options.profile is not None)

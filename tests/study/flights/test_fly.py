@@ -24,9 +24,9 @@ from jblast.scene import (
     VehicleSpec,
     with_values,
 )
-from jblast.study.flights import fly
+from jblast.study.flights import fly as fly_module
 from jblast.study.flights.encounter import Profile, load_of, meeting_at
-from jblast.study.flights.fly import Options, fly_scene
+from jblast.study.flights.fly import Options, fly
 from jblast.study.flights.statistics import quantiles, share_interval, warnings_of
 from jblast.vehicle import blast_load, flight_metrics
 
@@ -44,7 +44,7 @@ def scene(spec: VehicleSpec | None = SPEC, **parts) -> UncertainScene:
 
 @pytest.fixture(scope="module")
 def flights():
-    return fly_scene(scene(), SHORT)
+    return fly(scene(), SHORT)
 
 
 @pytest.mark.slow
@@ -79,14 +79,14 @@ def test_the_two_holds_differ(flights):
 
 def test_the_scenes_own_hold_comes_first():
     spec = dataclasses.replace(SPEC, integral=False)
-    flights = fly_scene(scene(spec), SHORT)
+    flights = fly(scene(spec), SHORT)
     assert tuple(flights.holds) == ("without_integral", "with_integral")
     assert flights.own == "without_integral"
 
 
 def test_wind_before_the_blast_is_told_apart():
     windy = scene(air=Air(wind_east=8.0), charge=Charge(mass=1.0, time=0.5))
-    flights = fly_scene(windy, SHORT)
+    flights = fly(windy, SHORT)
     for flown in flights.holds.values():
         assert flown.error_at_blast_m > 0.05
     assert any("already as the first blast comes" in w for w in warnings_of(flights))
@@ -101,14 +101,16 @@ def test_a_flight_lasts_five_seconds_past_the_last_blast():
     )
     for uncertain, blast in ((one, 2.0), (both, 3.0)):
         arrival = blast + 0.0092  # at 5.4 m
-        seconds = fly.flight_seconds(uncertain.scene, SPEC, "scene.toml", Options())
+        seconds = fly_module.flight_seconds(
+            uncertain.scene, SPEC, "scene.toml", Options()
+        )
         assert arrival + 5.0 <= seconds < arrival + 5.1
 
 
 def test_a_charge_that_never_happens_changes_nothing(flights):
     never = Charge(mass=5.0, east=4.0, time=np.inf, name="b")
     both = scene(charge=Charge(mass=1.0, name="a"), others=(never,))
-    found = fly_scene(both, SHORT)
+    found = fly(both, SHORT)
     for name, flown in found.holds.items():
         expected = flights.holds[name]
         for here, there in zip(
@@ -130,7 +132,7 @@ def test_a_charge_that_never_happens_changes_nothing(flights):
     assert flights_document(found)["blasts"][1]["arrival_s"] is None
     assert loads_figure(found) is not None
     seconds = [
-        fly.flight_seconds(of.scene, SPEC, "scene.toml", Options())
+        fly_module.flight_seconds(of.scene, SPEC, "scene.toml", Options())
         for of in (both, scene())
     ]
     assert seconds[0] == seconds[1]
@@ -192,7 +194,7 @@ REFUSED = {
 @pytest.mark.parametrize(("make", "options", "said"), REFUSED.values(), ids=REFUSED)
 def test_what_cannot_be_flown_is_refused(make, options, said):
     with pytest.raises(InputError) as caught:
-        fly_scene(make(), **options)
+        fly(make(), **options)
     for words in said:
         assert words in str(caught.value), caught.value
 
@@ -203,26 +205,26 @@ def test_draws_that_cannot_be_are_refused():
     with pytest.raises(
         InputError, match=r"draws charge_mass_kg -.* of 10000; expected"
     ):
-        fly_scene(uncertain, SHORT, vehicles=10_000)
+        fly(uncertain, SHORT, vehicles=10_000)
 
 
 def test_a_long_flight_has_as_fine_rows_as_a_short_one(monkeypatch):
     """Else its peak falls between two of them; then fewer vehicles fit in memory."""
-    assert fly.rows_stored(6.0, 10) == 500
+    assert fly_module.rows_stored(6.0, 10) == 500
     for vehicles in (1, 10):
-        assert 1000.0 / fly.rows_stored(1000.0, vehicles) <= 0.02
-    monkeypatch.setitem(fly.CHUNK, "cpu", 20)
+        assert 1000.0 / fly_module.rows_stored(1000.0, vehicles) <= 0.02
+    monkeypatch.setitem(fly_module.CHUNK, "cpu", 20)
     sizes = []
 
     def noted(scenes, spec, hold, seconds, vehicles, options):
         sizes.append(scenes.charge.mass.shape[0])
         raise InputError("enough")
 
-    monkeypatch.setattr(fly, "_flown", noted)
+    monkeypatch.setattr(fly_module, "_flown", noted)
     uncertain = scene(beliefs={"charge_mass_kg": LogNormal(1.0, 1.5)})
     for seconds in (6.0, 100.0):
         with pytest.raises(InputError, match="enough"):
-            fly_scene(uncertain, Options(seconds=seconds), vehicles=20)
+            fly(uncertain, Options(seconds=seconds), vehicles=20)
     assert sizes == [20, 2]
 
 
@@ -255,13 +257,13 @@ def test_a_profile_whose_moments_are_about_another_place_is_not_flown():
     case = np.array([0.01, 8.0, np.pi / 2, np.pi, 1e-3, 0.0, 0.0, 0.0, 0.1, 0.0])
     asked = dataclasses.replace(SHORT, profile=Profile(case[None]))
     with pytest.raises(InputError, match=r"a lever of 100 m; expected at most 0\.13 m"):
-        fly_scene(scene(), asked)
+        fly(scene(), asked)
 
 
 @pytest.mark.slow
 def test_a_batch_flies_as_its_vehicles_alone(monkeypatch):
     """In two chunks, the last filled up; rounding in another order aside."""
-    monkeypatch.setitem(fly.CHUNK, "cpu", 2)
+    monkeypatch.setitem(fly_module.CHUNK, "cpu", 2)
     uncertain = scene(
         beliefs={
             "charge_mass_kg": LogNormal(1.0, 1.5),
@@ -274,13 +276,13 @@ def test_a_batch_flies_as_its_vehicles_alone(monkeypatch):
     listener = Listener()
     monkeypatch.setattr(listener, "heard", lambda: told.append(listener.words()))
     with heard_by(listener):
-        flights = fly_scene(uncertain, options, vehicles=3, seed=5)
+        flights = fly(uncertain, options, vehicles=3, seed=5)
     counts = ("0", "1", "2", "2", "3")  # each vehicle with two holds
     assert told == [f"{count} of 3 vehicles" for count in counts]
     for lane in range(3):
         values = {name: drawn[lane] for name, drawn in flights.drawn.items()}
         alone = UncertainScene(with_values(uncertain.scene, values))
-        single = fly_scene(alone, options)
+        single = fly(alone, options)
         for name, flown in flights.holds.items():
             own = single.holds[name]
             found = flown.metrics, flown.meeting, flown.error_at_blast_m

@@ -54,8 +54,14 @@ def events(
         look: How the fireball is exposed, and how its smoke is distributed.
         views: Pictures of an explosion in place of the procedural fireball.
 
+    Returns:
+        The events in order of time: when, at which pixel, brighter or darker.
+
     Raises:
         InputError: As `render` and `ideal_events`.
+
+    Example:
+        `jblast.events(scene, scene.camera, jnp.arange(100) / 1e3, capacity=100_000)`
     """
     frames = render(
         scene,

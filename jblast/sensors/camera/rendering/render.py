@@ -85,6 +85,9 @@ def render(
     Raises:
         InputError: Outside jit: times fall or are not finite, the camera is below the
             ground, a depth is negative or NaN. Anywhere: a size does not fit.
+
+    Example:
+        `frames = jblast.render(scene, scene.camera, jnp.arange(100) / 1e3)`
     """
     times = as_float_array(times)
     _check_times(times)

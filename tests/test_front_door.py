@@ -1,0 +1,155 @@
+"""What `import jblast` offers: each name is there, told of, and works."""
+
+import importlib
+import inspect
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import jblast
+from jblast.inference import batch_of
+from jblast.observations import write
+from jblast.scene import Sensor
+from jblast.sensors import planned_layout
+from jblast.study.flights.fly import Options
+
+NAMES = (
+    *("fit", "fit_many", "read", "read_scene", "simulate", "record", "calculate"),
+    *("bound", "choose", "render", "events", "fly", "Scene", "Charge"),
+)
+TOML = """
+[charge]
+mass_kg = {mass}
+position_m = [0.0, 0.0, 1.0]
+
+[law]
+air_arrival_s = "kingery_bulmash"
+peak_overpressure_pa = "kingery_bulmash"
+
+[camera]
+position_m = [0.0, -40.0, 2.0]
+look_at_m = [0.0, 0.0, 4.0]
+focal_px = 10.0
+width = 8
+height = 6
+
+[vehicle]
+model = "crazyflie"
+position_m = [0.0, 8.0, 2.0]
+
+[[sensor]]
+name = "a"
+position_m = [30.0, 0.0, 1.0]
+records = {{ air_arrival_s = 1e-4 }}
+
+[[sensor]]
+name = "b"
+position_m = [40.0, 0.0, 1.0]
+records = {{ peak_overpressure_pa = 0.05 }}
+"""
+
+
+@pytest.fixture(scope="module")
+def known(tmp_path_factory):
+    path = tmp_path_factory.mktemp("known") / "scene.toml"
+    path.write_text(TOML.format(mass="15.0"))
+    return jblast.read_scene(path)
+
+
+@pytest.fixture(scope="module")
+def unknown(tmp_path_factory):
+    path = tmp_path_factory.mktemp("unknown") / "scene.toml"
+    path.write_text(TOML.format(mass="{ lognormal = [10.0, 2.0] }"))
+    return jblast.read_scene(path)
+
+
+@pytest.fixture(scope="module")
+def log(known):
+    return jblast.simulate(known, seed=1)
+
+
+def test_the_names_are_these():
+    assert set(jblast.__all__) == set(NAMES)
+    assert set(NAMES) <= set(dir(jblast))
+    with pytest.raises(AttributeError, match="no attribute 'detect'"):
+        jblast.detect  # noqa: B018  # pyright: ignore[reportAttributeAccessIssue]
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_each_name_is_no_module_of_ours_and_says_how_it_is_used(name):
+    with pytest.raises(ModuleNotFoundError):
+        importlib.import_module(f"jblast.{name}")
+    told = inspect.getdoc(getattr(jblast, name)) or ""
+    parts = ("Attributes:",) if name[0].isupper() else ("Args:", "Returns:", "Raises:")
+    assert all(part in told for part in (*parts, "Example:")), told
+    assert f"jblast.{name}(" in told.partition("Example:")[2]
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_type_checkers_see_what_is_imported(name):
+    source = inspect.getsource(jblast).partition("if TYPE_CHECKING:")[2]
+    seen = source.partition("__version__")[0]
+    home = jblast._HOMES[name]
+    assert f"{name} as {name}" in seen
+    assert f"from {home} import" in seen
+
+
+def test_a_log_is_simulated_written_and_read(log, tmp_path):
+    write(tmp_path / "log.csv", log)
+    again = jblast.read(tmp_path / "log.csv")
+    np.testing.assert_allclose(again.value, log.value, rtol=1e-6)
+    assert again.quantity == log.quantity
+
+
+def test_a_log_is_fitted(log, unknown):
+    answer = jblast.fit(log, unknown, posterior="laplace")
+    low, high = (
+        answer.answer["estimates"]["charge_mass_kg"][key] for key in ("q05", "q95")
+    )
+    assert low < 15.0 < high
+
+
+def test_many_logs_are_fitted(known, unknown):
+    logs = [jblast.simulate(known, seed) for seed in (1, 2)]
+    fits = jblast.fit_many(unknown, *batch_of(logs, unknown))
+    assert fits.converged.all()
+    # 5 % of a pressure are some 8 % of a mass
+    np.testing.assert_allclose(fits.values["charge_mass_kg"], 15.0, rtol=0.5)
+
+
+def test_a_layout_reads_what_the_calculator_says():
+    scene = jblast.Scene(
+        jblast.Charge(mass=15.0),
+        sensors=(
+            Sensor("a", np.array([0.0, 20.0, 0.0]), records=(("air_arrival_s", 1e-4),)),
+        ),
+    )
+    layout, _, _ = planned_layout(scene)
+    read = jblast.record(scene, layout, {"air_arrival_s": "kingery_bulmash"})
+    laws = jblast.calculate(scene, [20.0], 15.0)["air_arrival_s"]
+    np.testing.assert_allclose(read.value, laws["kingery_bulmash"].value, rtol=1e-9)
+
+
+def test_a_layout_is_bounded(unknown):
+    bound = jblast.bound(unknown, {"charge_mass_kg": 15.0})
+    assert bound.exit_code == 0
+
+
+def test_a_method_is_chosen(known):
+    assert jblast.choose(known, "air_arrival_s", 0.05).met
+
+
+def test_a_fireball_is_seen_and_sends_events(known):
+    scene, times = known.scene, jnp.linspace(-1e-3, 5e-3, 4)
+    frames = jblast.render(scene, scene.camera, times)
+    assert frames.shape == (4, 6, 8, 3)
+    assert float(frames[-1].max()) > float(frames[0].max())
+    assert int(jblast.events(scene, scene.camera, times, capacity=1000).count) > 0
+
+
+def test_a_vehicle_flies(known):
+    flights = jblast.fly(known, Options(seconds=0.5, step_s=1e-3))
+    assert set(flights.holds) == {"with_integral", "without_integral"}
+    assert jax.tree.leaves(flights.holds)
