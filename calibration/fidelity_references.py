@@ -27,8 +27,8 @@ from jblast.registry import call, law_for
 from jblast.scene.charge import Burst
 from jblast.scene.explosives import tnt_factor
 from jblast.waves.laws.kingery_bulmash.table import kingery_bulmash_curve
-from jblast.waves.laws.weak_shock.tail import weak_shock_tail
 from jblast.waves.shock.rankine_hugoniot import shock_mach_number
+from jblast.waves.shock.weak_shock_tail import weak_shock_tail
 
 EDGES = (0.0, 0.3, 1.0, 3.0, 10.0, 20.0, 40.0, 100.0, 300.0, 1000.0)
 """Of the spans [m/kg^(1/3)]; the first begins where the reference does."""

@@ -15,7 +15,7 @@ import jax
 import jax.numpy as jnp
 
 from jblast.waves.laws.kingery_bulmash.table import kingery_bulmash_curve
-from jblast.waves.laws.weak_shock.tail import weak_shock_tail
+from jblast.waves.shock.weak_shock_tail import weak_shock_tail
 
 SCALED_DISTANCES = (20.0, 25.0, 30.0, 35.0, 40.0, 400.0)
 

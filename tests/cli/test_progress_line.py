@@ -143,7 +143,8 @@ def test_where_nobody_listens_telling_does_nothing():
 
 SLOW = """
 import sys
-from jblast.cli import calc, main, progress_line
+from jblast.cli import main, progress_line
+from jblast.cli.verbs import calc
 from jblast.progress import stages
 
 def run(asked):

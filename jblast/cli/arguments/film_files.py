@@ -15,19 +15,19 @@ from jblast.progress import counted
 from jblast.report.contact_sheet import sheet_frames, time_label, write_contact_sheet
 from jblast.sensors.camera.events.exact.fireball import render_events
 from jblast.sensors.camera.events.ideal import Events
-from jblast.sensors.camera.events.instants import (
-    LIGHT_ERROR,
-    STAMP_ERROR,
-    Block,
-    first_instants,
-    subdivided,
-)
 from jblast.sensors.camera.events.noise import Imperfections
 from jblast.sensors.camera.events.noisy import real_stream
 from jblast.sensors.camera.events.stream import stream_events
 from jblast.sensors.camera.files.events import Written, write_events
 from jblast.sensors.camera.files.png import write_png
 from jblast.sensors.camera.film import Film
+from jblast.sensors.camera.instants import (
+    LIGHT_ERROR,
+    STAMP_ERROR,
+    Block,
+    first_instants,
+    subdivided,
+)
 
 FRAMES, EVENTS, SHEET = "frames", "events.h5", "contact_sheet.png"
 SOLVED = 1e-6

@@ -1,1 +1,1 @@
-"""Jump conditions across a shock, and its reflection."""
+"""Jump conditions across a shock, its reflection, and its decay far away."""

@@ -8,7 +8,7 @@ is Sedov's and Taylor's strong limit with the constant that meets the first valu
 $$x = \frac{8}{60\,\alpha}\lambda^{-3} + 1.063, \qquad \alpha(1.4) = 0.851071854758$$
 
 and farther the weak-shock law that leaves the last node in value and slope
-(`laws/weak_shock/tail.py`). Curvature jumps where the three meet, and nowhere else.
+(`shock/weak_shock_tail.py`). Curvature jumps where the three meet, and nowhere else.
 """
 
 import math
@@ -21,7 +21,7 @@ from jaxtyping import Array, Float
 from jblast.waves.curves.hermite import HermiteCurve
 from jblast.waves.curves.log_spline import clamped_log_spline
 from jblast.waves.curves.printed_table import data_rows
-from jblast.waves.laws.weak_shock.tail import WeakShockTail, tail_from
+from jblast.waves.shock.weak_shock_tail import WeakShockTail, tail_from
 
 SEDOV_ALPHA = 0.851071854758
 """$E t^2/(\rho_0 R^5)$ for gamma 1.4; `laws/sedov_taylor/alpha.py` computes it."""

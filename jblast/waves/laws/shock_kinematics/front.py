@@ -12,7 +12,7 @@ from jaxtyping import Array, Float
 
 from jblast.constants import STANDARD_PRESSURE
 from jblast.waves.laws.kingery_bulmash.table import kingery_bulmash_curve
-from jblast.waves.laws.weak_shock.tail import WeakShockTail, weak_shock_tail
+from jblast.waves.shock.weak_shock_tail import WeakShockTail, weak_shock_tail
 
 JOIN = 20.0
 """Scaled distance where the tail takes over [m/kg^(1/3)]."""

@@ -1,1 +1,1 @@
-"""Weak shocks far away: the tail, its ISO 9613-1 absorption, its pressure."""
+"""Weak shocks far away: their pressure, and what the air absorbs by ISO 9613-1."""

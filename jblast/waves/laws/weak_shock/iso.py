@@ -5,7 +5,8 @@ $$p = p_s(R)\,\exp[-\alpha(f)\,(R - R_{20})], \qquad f = \frac{1}{2 t_d}, \qquad
 
 $p_s$ is `shock_kinematics`, whose tail has the length $b$; $R_{20}$ is where $Z$ = 20
 for this charge, $t_{20}$ Kingery's and Bulmash's positive duration there, scaled by
-Sachs, from where it grows as that of a weak shock (Landau, Whitham: `tail.py`);
+Sachs, from where it grows as that of a weak shock (Landau, Whitham:
+`weak_shock_tail.py`);
 $\alpha$ is that of ISO 9613-1 (`absorption.py`).
 
 The frequency is our choice and the loss an estimate: that of a tone whose half period

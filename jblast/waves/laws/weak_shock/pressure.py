@@ -3,9 +3,10 @@ r"""Peak pressure far away by the weak-shock tail alone.
 $$p = \frac{A}{Z \sqrt{\ln(Z/b)}}$$
 
 with $A$ and $b$ where the tail leaves the curve of Kingery and Bulmash, at $Z = 20$
-m/kg^(1/3) (`laws/shock_kinematics/front.py`; `tail.py` derives it). From there on it is
-`shock_kinematics`; nearer, where this law does not hold, it is a power law with the
-slope at 20. Past 1e4, where absorption has to be reckoned with, the formula goes on.
+m/kg^(1/3) (`shock_kinematics/front.py`; `weak_shock_tail.py` derives it). From there
+on it is `shock_kinematics`; nearer, where this law does not hold, it is a power law
+with the slope at 20. Past 1e4, where absorption has to be reckoned with, the formula
+goes on.
 """
 
 import math

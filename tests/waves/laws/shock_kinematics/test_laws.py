@@ -24,7 +24,7 @@ from jblast.waves.laws.shock_kinematics.laws import (
     shock_kinematics_shock_speed,
     shock_kinematics_valid,
 )
-from jblast.waves.laws.weak_shock.tail import weak_shock_tail
+from jblast.waves.shock.weak_shock_tail import weak_shock_tail
 from tests.tools.slopes import with_slopes
 
 BURSTS = ("surface", "free-air")

@@ -8,18 +8,18 @@ import pytest
 from jblast.scene import Camera, Charge, Scene
 from jblast.scene.pose import look_at
 from jblast.sensors.camera.events.exact.fireball import render_events
-from jblast.sensors.camera.events.instants import (
+from jblast.sensors.camera.events.noise import Imperfections
+from jblast.sensors.camera.events.noisy import real_stream
+from jblast.sensors.camera.events.stream import stream_events
+from jblast.sensors.camera.files.png import write_png
+from jblast.sensors.camera.film import Film
+from jblast.sensors.camera.instants import (
     LEFT,
     LIGHT_ERROR,
     STAMP_ERROR,
     first_instants,
     subdivided,
 )
-from jblast.sensors.camera.events.noise import Imperfections
-from jblast.sensors.camera.events.noisy import real_stream
-from jblast.sensors.camera.events.stream import stream_events
-from jblast.sensors.camera.files.png import write_png
-from jblast.sensors.camera.film import Film
 from jblast.sensors.camera.rendering.billboards import Views
 
 BOTH = (0.2, 0.3)
