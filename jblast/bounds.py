@@ -2,9 +2,10 @@
 
 import math
 from dataclasses import dataclass
-from typing import overload
+from typing import TYPE_CHECKING, overload
 
-import numpy as np
+if TYPE_CHECKING:  # options of the command line are bounded too, and wait for no NumPy
+    import numpy as np
 
 
 @dataclass(frozen=True)
@@ -25,7 +26,7 @@ class Bounds:
     def allows(self, value: float) -> bool: ...
 
     @overload
-    def allows(self, value: np.ndarray) -> np.ndarray: ...
+    def allows(self, value: "np.ndarray") -> "np.ndarray": ...
 
     def allows(self, value):
         """Return whether a number lies within the bounds; of an array, where."""
