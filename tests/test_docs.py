@@ -112,9 +112,10 @@ def test_generated_tables_tell_all_that_the_readers_know():
 def test_the_command_line_page_has_every_verb_with_its_options():
     told = command_line.verbs()
     assert re.findall(r"^## jblast (\w+)$", told, re.M) == [v.name for v in VERBS]
-    assert "`--one-event`" in told
-    assert "`--posterior {weighted,laplace,emcee,auto}`" in told
-    assert told.count("`--debug`") == len(VERBS)
+    assert "<code>--one-event</code>" in told
+    assert "<code>--posterior {weighted,laplace,emcee,auto}</code>" in told
+    assert "<code>--burst surface&#124;free-air</code>" in told
+    assert told.count("<code>--debug</code>") == len(VERBS)
 
 
 def test_every_notebook_and_every_kept_result_becomes_a_page():

@@ -60,12 +60,25 @@ def tree(root: Path) -> str:
 def _room(path: Path, root: Path) -> Room:
     name = ".".join(path.parent.relative_to(root).parts)
     tree = ast.parse(path.read_text("utf-8"))
-    return Room(
-        name,
-        path.relative_to(root).as_posix(),
-        ast.get_docstring(tree) or "",
-        _re_exported(tree),
-    )
+    offers = {
+        offer: _home(root, offer, module)
+        for offer, module in _re_exported(tree).items()
+        if module != name  # a module of the room's own
+    }
+    about = ast.get_docstring(tree) or ""
+    return Room(name, path.relative_to(root).as_posix(), about, offers)
+
+
+def _home(root: Path, name: str, module: str) -> str:
+    """Return the module that defines a name, where its room has it from another room.
+
+    A face may offer a function that is called as its module is.
+    """
+    face = root.joinpath(*module.split("."), "__init__.py")
+    if not face.exists():
+        return module
+    further = _re_exported(ast.parse(face.read_text("utf-8"))).get(name, module)
+    return module if further == module else _home(root, name, further)
 
 
 def _re_exported(tree: ast.Module) -> dict[str, str]:

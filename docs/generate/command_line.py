@@ -1,6 +1,7 @@
 """The command line as its parsers tell it."""
 
 import argparse
+from html import escape
 
 from jblast.cli.parsers import verb_parser
 from jblast.cli.verbs.table import GROUPS, VERBS
@@ -33,7 +34,7 @@ def _verb(name: str, verb: argparse.ArgumentParser) -> str:
             "",
             f"```text\n{usage}\n```",
             "",
-            "| | |",
+            "| word | what it does |",
             "|---|---|",
             *rows,
         ]
@@ -48,20 +49,23 @@ def _named(action: argparse.Action) -> str:
     if isinstance(value, tuple):
         value = " ".join(value)
     if not action.option_strings:
-        return f"`{value or action.dest}`"
+        return _code(value or action.dest)
     if action.nargs == 0:
         value = ""
     elif not value:
         value = action.dest.upper()
-    return _cell(
-        ", ".join(f"`{f'{o} {value}'.strip()}`" for o in action.option_strings)
-    )
+    return ", ".join(_code(f"{option} {value}") for option in action.option_strings)
+
+
+def _code(text: str) -> str:
+    """Return text as code in a table, where backticks would show an escaped bar."""
+    return f"<code>{escape(text.strip()).replace('|', '&#124;')}</code>"
 
 
 def _cell(text: str) -> str:
-    return " ".join(text.split()).replace("|", "\\|").replace("<", "&lt;")
+    return escape(" ".join(text.split()), quote=False).replace("|", "&#124;")
 
 
 def _prose(text: str) -> str:
-    """Return a docstring as paragraphs, indented lines as code."""
-    return text.replace("<", "&lt;").strip()
+    """Return a docstring as paragraphs."""
+    return escape(text.strip(), quote=False)

@@ -7,6 +7,8 @@ from pathlib import Path
 
 KEPT = "calibration/results"
 CHARTS = "charts/"
+WIDE = "---\nhide: [toc]\n---\n\n"
+"""Front matter of a page whose tables need all the width there is."""
 
 
 @dataclass(frozen=True)
@@ -35,7 +37,11 @@ class Result:
 def all_of_them(root: Path) -> list[Result]:
     """Return every kept page and table, pages first."""
     kept = root / KEPT
-    files = [*sorted(kept.rglob("*.md")), *sorted(kept.glob("*.txt"))]
+    files = [
+        *sorted(kept.glob("*.md")),
+        *sorted(kept.glob("*.txt")),
+        *sorted(kept.glob(f"{CHARTS}*.md")),
+    ]
     return [_result(root, path) for path in files]
 
 
@@ -53,7 +59,7 @@ def page(result: Result) -> str:
     written = f"Written by `{result.script}`.\n\n" if result.script else ""
     pictures = "".join(f"![{result.title}]({name})\n\n" for name in result.pictures)
     body = f"```text\n{result.text.rstrip()}\n```\n"
-    return f"# {result.title}\n\n{asked}{written}{pictures}{body}"
+    return f"{WIDE}# {result.title}\n\n{asked}{written}{pictures}{body}"
 
 
 def index(root: Path) -> str:
@@ -95,8 +101,14 @@ def _title(name: str, text: str) -> str:
     if name.endswith(".md"):
         heading = next(line for line in text.splitlines() if line.startswith("#"))
         title = heading.lstrip("# ")
-        return f"Chart: {title}" if name.startswith(CHARTS) else title
+        return f"Chart: {_subject(title)}" if name.startswith(CHARTS) else title
     return name.removesuffix(".txt").replace("_", " ").capitalize()
+
+
+def _subject(title: str) -> str:
+    """Return what a chart is of: its title goes on with what is drawn against what."""
+    subject = title.partition(":")[0]
+    return subject[0].lower() + subject[1:]
 
 
 def _script(root: Path, stem: str) -> tuple[str, str]:
