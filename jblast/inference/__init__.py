@@ -19,8 +19,9 @@ from jblast.inference.fitting.fit import fit as fit, solve as solve
 from jblast.inference.fitting.fit_each import fit_each as fit_each
 from jblast.inference.fitting.result import Band as Band, Fit as Fit
 from jblast.inference.fitting.solution import Solution as Solution
-from jblast.inference.many import ManyFits as ManyFits, fit_many as fit_many
 from jblast.inference.many.batch import Batch as Batch, batch_of as batch_of
+from jblast.inference.many.fit_many import fit_many as fit_many
+from jblast.inference.many.many_fits import ManyFits as ManyFits
 from jblast.inference.mcmc.ensemble import Ensemble as Ensemble, ensemble as ensemble
 from jblast.inference.posterior.posterior import (
     Posterior as Posterior,

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from jblast.errors import InputError
-from jblast.inference.many import fit_many
+from jblast.inference import fit_many
 from jblast.inference.many.engine import engine_for
 from jblast.inference.many.residuals.rows import rows_of
 from jblast.inference.many.starts.multilateration import closed_form

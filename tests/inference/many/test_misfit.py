@@ -6,8 +6,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jblast.inference import batch_of
-from jblast.inference.many import fit_many
+from jblast.inference import batch_of, fit_many
 from jblast.scene import Scene, Sensor, UncertainScene, freed, with_laws, with_values
 from jblast.sensors import planned_layout, record
 from tests.inference.logs import log

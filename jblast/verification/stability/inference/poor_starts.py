@@ -14,8 +14,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Bool, Float
 
-from jblast.inference import Posterior, fit_many, solve
-from jblast.inference.many import ManyFits
+from jblast.inference import ManyFits, Posterior, fit_many, solve
 from jblast.inference.mode.search import SAME
 from jblast.observations import Observations
 from jblast.scene import UncertainScene
