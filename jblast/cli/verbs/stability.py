@@ -46,15 +46,15 @@ def run(asked: argparse.Namespace) -> int:
     start_jax()
     from jblast.progress import stages
     from jblast.report.stability.text import stability_json, stability_text
-    from jblast.verification.stability.areas import edges_of
+    from jblast.verification.stability.areas import failure_modes_of
 
-    begin, edges = stages(dict.fromkeys(areas, 1.0)), {}
+    begin, modes = stages(dict.fromkeys(areas, 1.0)), {}
     for area in areas:
         begin(area)
-        edges[area] = edges_of(area)
+        modes[area] = failure_modes_of(area)
     if asked.out:
-        _write(Path(asked.out), edges)
-    sys.stdout.write(stability_json(edges) if asked.json else stability_text(edges))
+        _write(Path(asked.out), modes)
+    sys.stdout.write(stability_json(modes) if asked.json else stability_text(modes))
     if asked.out and not asked.json:
         sys.stdout.write(f"\nWritten: {asked.out}, {', '.join(FILES)}\n")
     return 0
@@ -70,12 +70,12 @@ def _check_out(directory: str, *, force: bool) -> None:
         refuse_existing(Path(directory) / name, force=force)
 
 
-def _write(directory: Path, edges) -> None:
+def _write(directory: Path, modes) -> None:
     from jblast.cli.arguments.paths import save_figure, save_text
     from jblast.report.stability.figure import stability_figure
     from jblast.report.stability.text import stability_csv, stability_markdown
 
     table, page, picture = (directory / name for name in FILES)
-    save_text(stability_csv(edges), table)
-    save_text(stability_markdown(edges), page)
-    save_figure(stability_figure(edges), picture)
+    save_text(stability_csv(modes), table)
+    save_text(stability_markdown(modes), page)
+    save_figure(stability_figure(modes), picture)

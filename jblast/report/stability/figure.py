@@ -7,21 +7,21 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from jblast.report.figure_style import BLUE, MUTED, new_figure
-from jblast.report.stability.law_map import DEED_COLOURS, law_map
+from jblast.report.stability.law_map import RESPONSE_COLOURS, law_map
 from jblast.report.stability.panels import PANELS, shares
-from jblast.verification.stability.failure import Edge
+from jblast.verification.stability.failure import FailureMode
 
 
-def stability_figure(edges: Mapping[str, Sequence[Edge]]) -> Figure:
+def stability_figure(modes: Mapping[str, Sequence[FailureMode]]) -> Figure:
     """Draw the laws over scaled distance, and a panel for each other area.
 
     Args:
-        edges: By area; what was not measured is not drawn.
+        modes: Failure modes by area; what was not measured is not drawn.
     """
-    beside = [area for area in PANELS if area in edges]
-    every = [edge for found in edges.values() for edge in found]
-    counts = any(edge.cases for edge in every)
-    mapped = "laws" in edges
+    beside = [area for area in PANELS if area in modes]
+    every = [mode for found in modes.values() for mode in found]
+    counts = any(mode.cases for mode in every)
+    mapped = "laws" in modes
     rows = -(-len(beside) // 2)
     figure = new_figure(8.0 * mapped + 8.6 * bool(beside or counts) or 8.0, 10.5)
     columns = ([0.92] if mapped else []) + ([1.0] if beside or counts else [])
@@ -31,7 +31,7 @@ def stability_figure(edges: Mapping[str, Sequence[Edge]]) -> Figure:
     parts = list(parts[0])
     if mapped:
         axes = parts.pop(0).subplots()
-        law_map(axes, edges["laws"])
+        law_map(axes, modes["laws"])
         _key(axes)
     if not parts:
         return figure
@@ -40,7 +40,7 @@ def stability_figure(edges: Mapping[str, Sequence[Edge]]) -> Figure:
     for place, area in enumerate(beside):
         alone = place % 2 == 0 and place == len(beside) - 1
         across = slice(None) if alone else place % 2
-        PANELS[area](parts[0].add_subplot(grid[place // 2, across]), edges[area])
+        PANELS[area](parts[0].add_subplot(grid[place // 2, across]), modes[area])
     if counts:
         shares(parts[0].add_subplot(grid[-1, :]), every)
     return figure
@@ -52,8 +52,8 @@ def _key(axes) -> None:
         Patch(color="#d8d8d8", label="goes on, marked"),
     ]
     entries += [
-        Line2D([], [], color=DEED_COLOURS[deed], linewidth=2.0, label=words)
-        for deed, words in (("marks", "edge: marked"), ("holds", "edge avoided"))
+        Line2D([], [], color=RESPONSE_COLOURS[response], linewidth=2.0, label=words)
+        for response, words in (("marks", "edge: marked"), ("holds", "edge avoided"))
     ]
     axes.legend(
         handles=entries,

@@ -17,7 +17,7 @@ from jblast.report.words import capitalised, quantity_words
 from jblast.scene import Charge, Scene
 from jblast.scene.charge import Burst
 from jblast.sensors.calculator.question import scene_path, with_rows
-from jblast.verification.stability.failure import Edge
+from jblast.verification.stability.failure import FailureMode
 from jblast.waves import sedov_taylor_energy
 
 MASS = 15.0
@@ -33,8 +33,8 @@ DRAWN = (
 )
 """Quantities of the map; the others have the same ends as these."""
 UNITS = {"m/kg^(1/3)": 1.0, "m/kg^(1/2)": MASS ** (1.0 / 2.0 - 1.0 / 3.0)}
-"""What an edge's unit is in scaled distances of `MASS`."""
-DEED_COLOURS = {
+"""What a boundary's unit is in scaled distances of `MASS`."""
+RESPONSE_COLOURS = {
     "marks": VERMILLION,
     "refuses": INK,
     "falls back": "#E69F00",
@@ -45,12 +45,12 @@ APART = 1.9
 """Numbers on one bar stand at least this factor apart."""
 
 
-def law_map(axes: Axes, edges: Sequence[Edge]) -> None:
-    """Draw a bar a law and quantity, and tick its edges.
+def law_map(axes: Axes, modes: Sequence[FailureMode]) -> None:
+    """Draw a bar a law and quantity, and tick where it fails.
 
     Args:
         axes: Where.
-        edges: Of the area "laws"; those of scaled distances are drawn.
+        modes: Of the area "laws"; those of scaled distances are drawn.
     """
     row, places, names = 0.0, [], []
     for quantity in DRAWN:
@@ -68,7 +68,7 @@ def law_map(axes: Axes, edges: Sequence[Edge]) -> None:
             holds = holds_at(law)
             _bar(axes, row, holds)
             method = f"{quantity} by {law.name}"
-            _ticks(axes, row, [edge for edge in edges if edge.method == method], holds)
+            _ticks(axes, row, [mode for mode in modes if mode.method == method], holds)
             places.append(row)
             names.append(law.name)
             row += 1.0
@@ -122,14 +122,17 @@ def _bar(axes: Axes, row: float, holds: Bool[np.ndarray, " point"]) -> None:
 
 
 def _ticks(
-    axes: Axes, row: float, edges: Sequence[Edge], holds: Bool[np.ndarray, " point"]
+    axes: Axes,
+    row: float,
+    modes: Sequence[FailureMode],
+    holds: Bool[np.ndarray, " point"],
 ) -> None:
-    """Tick edges, each with its figure unless it would run into the one before."""
+    """Tick boundaries, each with its figure unless it would run into the one before."""
     named = 0.0
-    here = [edge for edge in edges if edge.unit in UNITS]
-    for edge in sorted(here, key=lambda edge: edge.boundary * UNITS[edge.unit]):
-        z = edge.boundary * UNITS[edge.unit]
-        colour = DEED_COLOURS[edge.deed]
+    here = [mode for mode in modes if mode.unit in UNITS]
+    for mode in sorted(here, key=lambda mode: mode.boundary * UNITS[mode.unit]):
+        z = mode.boundary * UNITS[mode.unit]
+        colour = RESPONSE_COLOURS[mode.response]
         axes.plot([z, z], [row - 0.42, row + 0.42], color=colour, linewidth=2.0)
         if z < APART * named:
             continue

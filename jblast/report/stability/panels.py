@@ -1,4 +1,4 @@
-"""Panels of the stability map beside the laws: a curve that breaks, and its edge."""
+"""Panels of the stability map beside the laws: a curve that breaks, and where."""
 
 from collections.abc import Callable, Sequence
 
@@ -6,9 +6,9 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from jblast.report.figure_style import BLUE, INK, MUTED, VERMILLION, quiet, titled
-from jblast.report.stability.law_map import DEED_COLOURS
+from jblast.report.stability.law_map import RESPONSE_COLOURS
 from jblast.report.stability.text import boundary_words
-from jblast.verification.stability.failure import Edge
+from jblast.verification.stability.failure import FailureMode
 from jblast.verification.stability.flights.pulses import impulse_errors as pulse_errors
 from jblast.verification.stability.laws.clocks import FINE, SIGMA, TIMES
 from jblast.verification.stability.laws.gradients import MOST_SAMPLES, slope_felt
@@ -18,7 +18,7 @@ from jblast.verification.stability.laws.waveforms import impulse_errors
 MOST_BARS = 14
 
 
-def wave_forms(axes: Axes, edges: Sequence[Edge]) -> None:
+def wave_forms(axes: Axes, modes: Sequence[FailureMode]) -> None:
     """Draw the error of the pulse's impulse against its decay."""
     decay, bare, ours = impulse_errors()
     floor = np.finfo(np.float32).eps / 4.0
@@ -30,13 +30,13 @@ def wave_forms(axes: Axes, edges: Sequence[Edge]) -> None:
     axes.loglog(middle, np.maximum(kept, floor), color=BLUE, linewidth=1.8)
     axes.text(6e-5, 3e2, "closed form", color=VERMILLION, fontsize=9)
     axes.text(2e-5, 4e-7, "jblast", color=BLUE, fontsize=9)
-    _line(axes, edges[0].boundary, f"b = {edges[0].boundary:.2g}")
+    _line(axes, modes[0].boundary, f"b = {modes[0].boundary:.2g}")
     axes.set(xlabel="decay b", ylabel="relative error")
     quiet(axes)
     titled(axes, "Impulse of a pulse, float32")
 
 
-def gradients(axes: Axes, edges: Sequence[Edge]) -> None:
+def gradients(axes: Axes, modes: Sequence[FailureMode]) -> None:
     """Draw how much of the misfit's slope is seen against the rise of the front."""
     samples = range(MOST_SAMPLES // 2 + 1)
     felt = [100.0 * slope_felt(n) for n in samples]
@@ -60,7 +60,7 @@ def gradients(axes: Axes, edges: Sequence[Edge]) -> None:
     titled(axes, "Misfit's slope in the arrival")
 
 
-def clocks(axes: Axes, edges: Sequence[Edge]) -> None:
+def clocks(axes: Axes, modes: Sequence[FailureMode]) -> None:
     """Draw the steps of a clock against its time."""
     time = 2.0 ** np.arange(0, 36)
     for dtype, sigma, colour in (
@@ -76,16 +76,18 @@ def clocks(axes: Axes, edges: Sequence[Edge]) -> None:
     for words, at in TIMES.items():
         axes.axvline(at, color="#c8c8c8", linewidth=0.9, zorder=0)
         axes.text(at, 3e3, f"{words} ", color=MUTED, fontsize=8, ha="right", va="top")
-    for edge in edges:
-        sigma = SIGMA if "float32" in edge.method else FINE
-        axes.plot(edge.boundary, sigma, "o", color=DEED_COLOURS[edge.deed], zorder=4)
+    for mode in modes:
+        sigma = SIGMA if "float32" in mode.method else FINE
+        axes.plot(
+            mode.boundary, sigma, "o", color=RESPONSE_COLOURS[mode.response], zorder=4
+        )
     axes.set(xlabel="time on the clock (s)", ylabel="step (s)")
     axes.set_ylim(1e-17, 5e3)
     quiet(axes)
     titled(axes, "Clock times", "dots: refused from here")
 
 
-def solver(axes: Axes, edges: Sequence[Edge]) -> None:
+def solver(axes: Axes, modes: Sequence[FailureMode]) -> None:
     """Draw the error of the shock solver against the length of its steps."""
     fraction = np.concatenate([np.linspace(SHORT, 1.0, 10), np.arange(1.02, 1.3, 0.02)])
     least = wave_error(SHORT), sod_end(SHORT)[1]
@@ -114,33 +116,39 @@ def solver(axes: Axes, edges: Sequence[Edge]) -> None:
     titled(axes, "Shock solver", "crosses: lost beyond")
 
 
-def flights(axes: Axes, edges: Sequence[Edge]) -> None:
+def flights(axes: Axes, modes: Sequence[FailureMode]) -> None:
     """Draw the error of a blast's impulse against the step."""
     ratio, bare, ours = pulse_errors()
     axes.loglog(ratio, np.maximum(bare, 1e-9), color=VERMILLION, linewidth=1.8)
     axes.loglog(ratio, np.maximum(ours, 1e-9), color=BLUE, linewidth=1.8)
     axes.text(3.0, 0.02 * bare.max(), "a force", color=VERMILLION, fontsize=9)
     axes.text(3.0, 0.02 * ours.max(), "jblast", color=BLUE, fontsize=9)
-    at = next(e.boundary for e in edges if e.unit.startswith("positive phases"))
+    at = next(e.boundary for e in modes if e.unit.startswith("positive phases"))
     _line(axes, at, f"{at:.2g}")
     axes.set(xlabel="step, of the positive phase", ylabel="error of the impulse")
     quiet(axes)
     titled(axes, "Blast on a vehicle")
 
 
-def shares(axes: Axes, edges: Sequence[Edge]) -> None:
-    """Draw what share of cases fails, a bar an edge whose unit counts cases."""
-    counted = [edge for edge in edges if edge.cases][:MOST_BARS]
-    for row, edge in enumerate(counted):
-        share = 100.0 * edge.boundary / edge.cases
-        axes.barh(row, share, 0.36, color=DEED_COLOURS[edge.deed], alpha=0.8)
+def shares(axes: Axes, modes: Sequence[FailureMode]) -> None:
+    """Draw what share of cases fails, a bar a failure mode whose unit counts cases."""
+    counted = [mode for mode in modes if mode.cases][:MOST_BARS]
+    for row, mode in enumerate(counted):
+        share = 100.0 * mode.boundary / mode.cases
+        axes.barh(row, share, 0.36, color=RESPONSE_COLOURS[mode.response], alpha=0.8)
         for x, y, words in (
-            (0.0, row - 0.36, f"{edge.method}: {edge.edge}"),
-            (share + 1.0, row, boundary_words(edge)),
+            (0.0, row - 0.36, f"{mode.method}: {mode.failure}"),
+            (share + 1.0, row, boundary_words(mode)),
         ):
             axes.text(x, y, words, va="center", fontsize=8.5, color=INK)
-    for deed in dict.fromkeys(edge.deed for edge in counted):
-        axes.barh(0.0, 0.0, color=DEED_COLOURS[deed], alpha=0.8, label=f"jblast {deed}")
+    for response in dict.fromkeys(mode.response for mode in counted):
+        axes.barh(
+            0.0,
+            0.0,
+            color=RESPONSE_COLOURS[response],
+            alpha=0.8,
+            label=f"jblast {response}",
+        )
     axes.legend(loc="center right", frameon=False, fontsize=9, labelcolor=MUTED)
     axes.set_yticks([])
     axes.set(xlim=(0.0, 110.0), ylim=(len(counted) - 0.5, -0.8))
@@ -151,7 +159,7 @@ def shares(axes: Axes, edges: Sequence[Edge]) -> None:
     titled(axes, "Cases that fail")
 
 
-PANELS: dict[str, Callable[[Axes, Sequence[Edge]], None]] = {
+PANELS: dict[str, Callable[[Axes, Sequence[FailureMode]], None]] = {
     "wave forms": wave_forms,
     "gradients": gradients,
     "clocks": clocks,

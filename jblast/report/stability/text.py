@@ -1,6 +1,5 @@
-"""The edges of methods as text, Markdown, CSV and JSON."""
+"""How methods fail, as text, Markdown, CSV and JSON."""
 
-import dataclasses
 import json
 from collections.abc import Mapping, Sequence
 
@@ -9,9 +8,9 @@ from jblast.report.json_values import plain
 from jblast.report.numbers import printed_number
 from jblast.report.tables import comma_separated, markdown
 from jblast.report.words import capitalised
-from jblast.verification.stability.failure import Edge
+from jblast.verification.stability.failure import KEYS, FailureMode
 
-Edges = Mapping[str, Sequence[Edge]]
+FailureModes = Mapping[str, Sequence[FailureMode]]
 """By area."""
 
 COLUMNS = ("method", "what goes wrong", "at", "beyond it", "jblast")
@@ -29,64 +28,56 @@ HEAD = (
 )
 
 
-def boundary_words(edge: Edge) -> str:
-    """Return where an edge lies, with its unit."""
+def boundary_words(mode: FailureMode) -> str:
+    """Return where a failure begins, with its unit."""
     number = (
-        f"{edge.boundary:g}" if edge.cases else printed_number("", edge.boundary, 3)
+        f"{mode.boundary:g}" if mode.cases else printed_number("", mode.boundary, 3)
     )
-    return f"{number} {edge.unit}".rstrip()
+    return f"{number} {mode.unit}".rstrip()
 
 
-def stability_text(edges: Edges) -> str:
-    """Return every edge for the terminal, area by area."""
+def stability_text(modes: FailureModes) -> str:
+    """Return every failure mode for the terminal, area by area."""
     lines = []
-    for area, found in edges.items():
+    for area, found in modes.items():
         lines += ["", capitalised(area)]
-        for edge in found:
-            lines += hanging(f"{edge.method}: {edge.edge}", 2)
+        for mode in found:
+            lines += hanging(f"{mode.method}: {mode.failure}", 2)
             for word, text in (
-                ("at", boundary_words(edge)),
-                ("beyond", edge.beyond),
-                ("jblast", f"{edge.deed}: {edge.said}"),
+                ("at", boundary_words(mode)),
+                ("beyond", mode.beyond),
+                ("jblast", f"{mode.response}: {mode.message}"),
             ):
                 lines += hanging(f"{word.ljust(COLUMN)}{text}", COLUMN, indent=4)
     return "\n".join(lines[1:]) + "\n"
 
 
-def stability_markdown(edges: Edges) -> str:
+def stability_markdown(modes: FailureModes) -> str:
     """Return a page with a table for each area."""
     lines = [*HEAD]
-    for area, found in edges.items():
+    for area, found in modes.items():
         rows = [
             (
-                edge.method,
-                edge.edge,
-                boundary_words(edge),
-                edge.beyond,
-                f"**{edge.deed}**: {edge.said}",
+                mode.method,
+                mode.failure,
+                boundary_words(mode),
+                mode.beyond,
+                f"**{mode.response}**: {mode.message}",
             )
-            for edge in found
+            for mode in found
         ]
         lines += ["", f"## {capitalised(area)}", "", markdown(COLUMNS, rows)]
     return "\n".join(lines) + "\n"
 
 
-def stability_csv(edges: Edges) -> str:
-    """Return one row an edge."""
-    columns = [field.name for field in dataclasses.fields(Edge)]
-    rows = (
-        [getattr(edge, name) for name in columns]
-        for found in edges.values()
-        for edge in found
-    )
-    return comma_separated([columns, *rows])
+def stability_csv(modes: FailureModes) -> str:
+    """Return one row a failure mode."""
+    every = (mode for found in modes.values() for mode in found)
+    return comma_separated([KEYS, *(mode.to_dict().values() for mode in every)])
 
 
-def stability_json(edges: Edges) -> str:
+def stability_json(modes: FailureModes) -> str:
     """Return what `--json` prints."""
-    areas = {
-        area: [dataclasses.asdict(edge) for edge in found]
-        for area, found in edges.items()
-    }
+    areas = {area: [mode.to_dict() for mode in found] for area, found in modes.items()}
     document = plain({"schema": 1, "areas": areas})
     return json.dumps(document, indent=1, allow_nan=False) + "\n"

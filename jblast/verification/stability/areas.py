@@ -3,7 +3,7 @@
 import importlib
 
 from jblast.errors import InputError, nearest, shown
-from jblast.verification.stability.failure import EDGES, Edge
+from jblast.verification.stability.failure import FAILURE_MODES, FailureMode
 
 AREAS: dict[str, str] = {
     "laws": "laws.laws",
@@ -35,11 +35,11 @@ def area_named(word: str) -> str:
     return name
 
 
-def edges_of(area: str) -> list[Edge]:
-    """Measure the edges of one area, here and now.
+def failure_modes_of(area: str) -> list[FailureMode]:
+    """Measure the failure modes of one area, here and now.
 
     Args:
         area: A name of `AREAS`.
     """
     importlib.import_module(f"jblast.verification.stability.{AREAS[area]}")
-    return EDGES[area]()
+    return FAILURE_MODES[area]()

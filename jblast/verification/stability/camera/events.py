@@ -12,8 +12,8 @@ from jblast.sensors.camera.events.soft_counts import smooth_counts
 from jblast.sensors.camera.events.stream import stream_events
 from jblast.study.event_inversion.fit_events import STAGES
 from jblast.verification.cases.moving_disc import THRESHOLD, film
-from jblast.verification.stability.camera.lenses import lens_edges
-from jblast.verification.stability.failure import Edge, measures, witnessed
+from jblast.verification.stability.camera.lenses import lens_failures
+from jblast.verification.stability.failure import FailureMode, measures, verified
 from jblast.verification.stability.threshold import crossing, turning
 
 BOTH = (THRESHOLD, THRESHOLD)
@@ -33,9 +33,9 @@ _convert = jax.jit(ideal_events, static_argnames="capacity")
 
 
 @measures("events")
-def event_edges() -> list[Edge]:
-    """Measure every edge."""
-    return [_sum(), _rounded(), _cut(), _short(), _warm(), *lens_edges()]
+def event_failures() -> list[FailureMode]:
+    """Measure every failure mode."""
+    return [_sum(), _rounded(), _cut(), _short(), _warm(), *lens_failures()]
 
 
 def summed_errors() -> tuple[Float[np.ndarray, " event"], Float[np.ndarray, " event"]]:
@@ -59,19 +59,19 @@ def summed_errors() -> tuple[Float[np.ndarray, " event"], Float[np.ndarray, " ev
     return off[0], off[1]
 
 
-def _sum() -> Edge:
+def _sum() -> FailureMode:
     running, counted = summed_errors()
     begin, ours = (int(np.argmax(off > LOST)) for off in (running, counted))
-    return Edge(
+    return FailureMode(
         area="events",
         method="reference of a pixel in float32",
-        edge="a sum of thresholds gathers rounding errors",
+        failure="a sum of thresholds gathers rounding errors",
         boundary=float(begin),
         unit="events",
         beyond=f"off by {LOST:.0%} of a threshold there, by {running.max():.0%} within "
         f"{LONGEST:,} events",
-        deed=witnessed("holds", ours > 10 * begin, "references"),
-        said=f"whole counts: {LOST:.0%} after {ours:,} events in float32; streams "
+        response=verified("holds", ours > 10 * begin, "references"),
+        message=f"whole counts: {LOST:.0%} after {ours:,} events in float32; streams "
         "count in float64",
     )
 
@@ -93,17 +93,17 @@ def lost_to_rounding() -> tuple[int, int]:
     return int((bare != number).sum()), int((np.asarray(ours[0]) != number).sum())
 
 
-def _rounded() -> Edge:
+def _rounded() -> FailureMode:
     bare, ours = lost_to_rounding()
-    return Edge(
+    return FailureMode(
         area="events",
         method="count of a ramp of k thresholds",
-        edge="the last event is lost to rounding",
+        failure="the last event is lost to rounding",
         boundary=float(bare),
         unit=f"of {RAMPS}",
         beyond=f"floor(change/threshold) is k - 1 in {bare} of {RAMPS}, k to {MOST}",
-        deed=witnessed("holds", ours == 0, "ramps"),
-        said="a threshold counts as reached from 16 roundings below it: none lost",
+        response=verified("holds", ours == 0, "ramps"),
+        message="a threshold counts as reached from 16 roundings below it: none lost",
     )
 
 
@@ -122,17 +122,17 @@ def cut_counts() -> tuple[int, int, int]:
     return count(slice(None)), sum(count(part) for part in parts), together
 
 
-def _cut() -> Edge:
+def _cut() -> FailureMode:
     whole, alone, together = cut_counts()
-    return Edge(
+    return FailureMode(
         area="events",
         method="a recording in blocks, each on its own",
-        edge="what began before a block is forgotten",
+        failure="what began before a block is forgotten",
         boundary=1.0,
         unit="cuts and more",
         beyond=f"blocks of {BLOCK} frames: {alone:,} of {whole:,} events",
-        deed=witnessed("holds", together == whole, "blocks"),
-        said="stream_events carries the references over: the events of the whole",
+        response=verified("holds", together == whole, "blocks"),
+        message="stream_events carries the references over: the events of the whole",
     )
 
 
@@ -153,19 +153,19 @@ def pulse_counts(width: float) -> tuple[int, int]:
     return int(seen.count), int(frameless_events(light, (1, 1), times, BOTH).count)
 
 
-def _short() -> Edge:
+def _short() -> FailureMode:
     seen = 0.2
     boundary = turning(lambda w: pulse_counts(w)[0] == 0, 0.05, 0.5, to=1e-3)
     frames, ours = pulse_counts(seen)
-    return Edge(
+    return FailureMode(
         area="events",
         method="events of frames, linear between them",
-        edge="light that comes and goes between two frames is not seen",
+        failure="light that comes and goes between two frames is not seen",
         boundary=boundary,
         unit="frames, pulse's sigma, and less",
         beyond=f"sigma = {seen:g} frames: {frames} of 10 events",
-        deed=witnessed("holds", ours == 10, "a short pulse"),
-        said=f"frameless_events finds {ours} from the same first samples",
+        response=verified("holds", ours == 10, "a short pulse"),
+        message=f"frameless_events finds {ours} from the same first samples",
     )
 
 
@@ -175,16 +175,16 @@ def still_count(temperature: float) -> float:
     return float((up + down).sum())
 
 
-def _warm() -> Edge:
+def _warm() -> FailureMode:
     boundary = crossing(lambda t: still_count(t) - FALSE, 0.05, 1.0)
     last = STAGES[-1][0]
-    return Edge(
+    return FailureMode(
         area="events",
         method="smooth counts",
-        edge=f"a still pixel sends {FALSE:g} events a frame",
+        failure=f"a still pixel sends {FALSE:g} events a frame",
         boundary=boundary,
         unit="= temperature and above",
         beyond=f"{still_count(0.3):.2g} a frame at 0.3, {still_count(0.5):.2g} at 0.5",
-        deed=witnessed("holds", still_count(last) < 0.1 * FALSE, "smooth counts"),
-        said=f"fit_events cools down to {last:g}: {still_count(last):.1g} a frame",
+        response=verified("holds", still_count(last) < 0.1 * FALSE, "smooth counts"),
+        message=f"fit_events cools down to {last:g}: {still_count(last):.1g} a frame",
     )

@@ -8,15 +8,15 @@ from jblast.scene import Camera
 from jblast.sensors.camera.geometry.distortion import fold_radius
 from jblast.sensors.camera.geometry.projection import project
 from jblast.sensors.camera.geometry.unproject import unproject
-from jblast.verification.stability.failure import Edge, witnessed
+from jblast.verification.stability.failure import FailureMode, verified
 
 BARREL = (-0.3, 0.0, 0.0, 0.0, 0.0)
 """A wide lens's distortion, whose formula folds over inside the view."""
 
 
-def lens_edges() -> list[Edge]:
+def lens_failures() -> list[FailureMode]:
     """Measure both."""
-    return [behind_edge(), fold_edge()]
+    return [behind_failure(), fold_failure()]
 
 
 def wide_camera(distortion=BARREL) -> Camera:
@@ -32,7 +32,7 @@ def wide_camera(distortion=BARREL) -> Camera:
     )
 
 
-def behind_edge() -> Edge:
+def behind_failure() -> FailureMode:
     """Measure what the pinhole's formula makes of a place behind the camera."""
     camera = wide_camera((0.0,) * 5)
     place = jnp.array([1.0, -5.0, 0.5])  # behind, to the right, above
@@ -41,20 +41,20 @@ def behind_edge() -> Edge:
     x, y, z = 1.0, -0.5, -5.0
     ahead = project(camera, jnp.array([1.0, 5.0, 0.5]))
     seen = bool(ahead.seen) and not bool(found.seen)
-    return Edge(
+    return FailureMode(
         area="events",
         method="pinhole projection x/z",
-        edge="a place behind the camera has a pixel",
+        failure="a place behind the camera has a pixel",
         boundary=0.0,
         unit="m ahead and less",
         beyond=f"5 m behind: pixel ({fx * x / z + cx:.0f}, {fy * y / z + cy:.0f}) of "
         "640 x 480, upside down",
-        deed=witnessed("marks", seen, "a place behind the camera"),
-        said="seen false, and a finite pixel, so that gradients stay finite",
+        response=verified("marks", seen, "a place behind the camera"),
+        message="seen false, and a finite pixel, so that gradients stay finite",
     )
 
 
-def fold_edge() -> Edge:
+def fold_failure() -> FailureMode:
     """Measure where the distortion of a wide lens folds over."""
     camera = wide_camera()
     edge = float(fold_radius(camera.distortion, jnp.array([1.0, 0.0])))
@@ -69,14 +69,14 @@ def fold_edge() -> Edge:
     except InputError:
         refused = True
     seen = bool(inside.seen) and not bool(beyond.seen) and refused
-    return Edge(
+    return FailureMode(
         area="events",
         method=f"lens distortion, k1 = {BARREL[0]:g}",
-        edge="the formula folds over: two directions have one pixel",
+        failure="the formula folds over: two directions have one pixel",
         boundary=float(np.degrees(np.arctan(edge))),
         unit="degrees off the axis",
         beyond=f"{np.degrees(np.arctan(out)):.0f} degrees off the axis are put at "
         f"x = {bent:.2f}, inside the {most:.2f} of the fold",
-        deed=witnessed("marks", seen, "the fold"),
-        said="seen false; unproject refuses a pixel past the fold",
+        response=verified("marks", seen, "the fold"),
+        message="seen false; unproject refuses a pixel past the fold",
     )

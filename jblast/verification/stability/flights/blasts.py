@@ -17,7 +17,7 @@ from jblast.vehicle import (
     named_gains,
     simulate,
 )
-from jblast.verification.stability.failure import Edge, witnessed
+from jblast.verification.stability.failure import FailureMode, verified
 from jblast.verification.stability.flights.hold_limits import (
     HOME,
     NAMES,
@@ -47,7 +47,7 @@ def near_impulses() -> tuple[Float[np.ndarray, " place"], Bool[np.ndarray, " pla
     return np.asarray(sizes), np.asarray(held)
 
 
-def near_edge() -> Edge:
+def near_failure() -> FailureMode:
     """Measure from where on a load is no longer by the laws."""
     sizes, held = near_impulses()
     load = blast_load(Scene(charge=Charge(mass=1.0)))
@@ -58,18 +58,18 @@ def near_edge() -> Edge:
 
     begins = crossing(inside, 0.1, 1.0)
     finite = bool(np.isfinite(sizes).all())
-    return Edge(
+    return FailureMode(
         area="flights",
         method="blast load of 1 kg on the ground",
-        edge="nearer than the laws' fits reach",
+        failure="nearer than the laws' fits reach",
         boundary=begins,
         unit="m from the charge",
         beyond=f"{NEAR[1]:g} m: {sizes[1]:.2g} N s, as if it were at Z = 0.07; "
         f"{sizes[0]:.2g} at the charge, without a direction",
-        deed=witnessed(
+        response=verified(
             "marks", finite and not held[:3].any() and held[4:].all(), "near"
         ),
-        said="in_range is false there; the load stays finite",
+        message="in_range is false there; the load stays finite",
     )
 
 
@@ -104,23 +104,23 @@ def fly_on() -> tuple[
     return alive, np.asarray(told.peak_deviation_m).reshape(shape)
 
 
-def charge_edges() -> list[Edge]:
+def charge_failures() -> list[FailureMode]:
     """Measure the least charge after which each held vehicle does not fly on."""
-    edges = []
+    modes = []
     for name, alive, peak in zip(NAMES, *fly_on(), strict=True):
         first = int(np.argmin(alive))
-        edges.append(
-            Edge(
+        modes.append(
+            FailureMode(
                 area="flights",
                 method=f"{name}, position hold, 5 m from a charge",
-                edge="it turns over or comes down",
+                failure="it turns over or comes down",
                 boundary=float(CHARGES[first]),
                 unit="kg of TNT",
                 beyond=f"{CHARGES[first - 1]:.2g} kg moves it {peak[first - 1]:.2g} m; "
                 f"it flies on after {int(alive[first:].sum())} of "
                 f"{CHARGES.size - first - 1} larger charges",
-                deed=witnessed("marks", first > 0 and not alive[first], name),
-                said="crashed, in the metrics of the flight",
+                response=verified("marks", first > 0 and not alive[first], name),
+                message="crashed, in the metrics of the flight",
             )
         )
-    return edges
+    return modes

@@ -12,15 +12,18 @@ from jblast.errors import InputError
 from jblast.vehicle import named, simulate
 from jblast.vehicle.dynamics.components import unit
 from jblast.vehicle.rollout.timetable import timetable
-from jblast.verification.stability.failure import Edge, measures, witnessed
-from jblast.verification.stability.flights.blasts import charge_edges, near_edge
+from jblast.verification.stability.failure import FailureMode, measures, verified
+from jblast.verification.stability.flights.blasts import charge_failures, near_failure
 from jblast.verification.stability.flights.hold_limits import (
-    hold_edges,
+    hold_failures,
     hovering,
     stacked,
 )
-from jblast.verification.stability.flights.pulses import pulse_edge
-from jblast.verification.stability.flights.warp_kernels import adjoint_edge, sum_edge
+from jblast.verification.stability.flights.pulses import pulse_failure
+from jblast.verification.stability.flights.warp_kernels import (
+    adjoint_failure,
+    sum_failure,
+)
 
 DRIFT = 1e-9
 """Of the energy, relative, that a second of free tumble may lose."""
@@ -32,19 +35,19 @@ SPEEDS = np.geomspace(1e4, 1e7, 100)
 
 
 @measures("flights")
-def flight_edges() -> list[Edge]:
-    """Measure every edge."""
+def flight_failures() -> list[FailureMode]:
+    """Measure every failure mode."""
     return [
-        *hold_edges(),
-        pulse_edge(),
+        *hold_failures(),
+        pulse_failure(),
         _tumble(),
         _clock(),
         _quaternion(),
         _lost(),
-        near_edge(),
-        *charge_edges(),
-        adjoint_edge(),
-        sum_edge(),
+        near_failure(),
+        *charge_failures(),
+        adjoint_failure(),
+        sum_failure(),
     ]
 
 
@@ -75,20 +78,20 @@ def tumble_drift(integrator: str) -> Float[np.ndarray, " rate"]:
     return np.abs(energy / energy[:, :1] - 1).max(axis=1)
 
 
-def _tumble() -> Edge:
+def _tumble() -> FailureMode:
     euler, ours = tumble_drift("euler"), tumble_drift("rk4")
     at = float(np.exp(np.interp(np.log(DRIFT), np.log(ours), np.log(RATES))))
     ten = [float(np.interp(10.0, RATES, drift)) for drift in (euler, ours)]
-    return Edge(
+    return FailureMode(
         area="flights",
         method="free tumble, RK4, steps of 0.5 ms",
-        edge=f"the energy drifts by more than {DRIFT:g} a second",
+        failure=f"the energy drifts by more than {DRIFT:g} a second",
         boundary=at,
         unit="rad/s",
         beyond=f"{RATES[-1]:g} rad/s: {ours[-1]:.1g} a second; semi-implicit Euler "
         f"drifts by {ten[0]:.1g} at 10 rad/s",
-        deed=witnessed("holds", ten[1] < DRIFT, "free tumble"),
-        said=f"RK4, the default: {ten[1]:.1g} a second at 10 rad/s",
+        response=verified("holds", ten[1] < DRIFT, "free tumble"),
+        message=f"RK4, the default: {ten[1]:.1g} a second at 10 rad/s",
     )
 
 
@@ -105,19 +108,19 @@ def clock_errors(until_s: float = HOUR) -> tuple[Float[np.ndarray, " step"], flo
     return np.abs(summed - exact), float(late.max())
 
 
-def _clock() -> Edge:
+def _clock() -> FailureMode:
     summed, ours = clock_errors()
     begins = STEP * (1 + int(np.argmax(summed > STEP / 2)))
     coarse = float(2.0 ** np.ceil(np.log2(STEP / np.finfo(np.float32).eps)))
-    return Edge(
+    return FailureMode(
         area="flights",
         method="clock of a flight in float32",
-        edge="sums of steps of 0.5 ms are off by half a step",
+        failure="sums of steps of 0.5 ms are off by half a step",
         boundary=begins,
         unit="s of flight",
         beyond=f"after an hour {summed[-1]:.2g} s off",
-        deed=witnessed("holds", ours <= STEP / 2, "clock"),
-        said="times are counted, n steps, in float64 and rounded last: at most "
+        response=verified("holds", ours <= STEP / 2, "clock"),
+        message="times are counted, n steps, in float64 and rounded last: at most "
         f"{1e3 * ours:.1g} ms off within an hour; from {coarse:,.0f} s on steps are "
         "not told apart",
     )
@@ -132,21 +135,21 @@ def shortest_quaternion(dtype: type = np.float32) -> float:
     return float(f"1e-{powers[np.argmax(np.abs(scaled - 1) > 1e-3)]}")
 
 
-def _quaternion() -> Edge:
+def _quaternion() -> FailureMode:
     turned = np.asarray(unit(tuple(jnp.zeros(4))))
     shortest = {t.__name__: shortest_quaternion(t) for t in (np.float32, np.float64)}
     said = [_refusal(length) for length in (0.0, shortest["float32"])]
     refused = all("length 1, got" in words for words in said)
-    return Edge(
+    return FailureMode(
         area="flights",
         method="quaternion scaled to length 1, float32",
-        edge="its square is zero",
+        failure="its square is zero",
         boundary=shortest["float32"],
         unit="long and shorter",
         beyond=f"length 0: {np.isnan(turned).sum()} of 4 numbers are NaN, and so the "
         f"flight for ever; in float64 from {shortest['float64']:.0e}",
-        deed=witnessed("refuses", refused, "zero quaternion"),
-        said=f"{said[0]}; {said[1].partition(', ')[2]}",
+        response=verified("refuses", refused, "zero quaternion"),
+        message=f"{said[0]}; {said[1].partition(', ')[2]}",
     )
 
 
@@ -186,18 +189,18 @@ def lost_speeds() -> tuple[Bool[np.ndarray, " speed"], bool]:
     return np.asarray(both.lost), alike
 
 
-def _lost() -> Edge:
+def _lost() -> FailureMode:
     lost, alike = lost_speeds()
     first = int(np.argmax(lost))
     seen = alike and lost[first::2].all() and not lost[::2].any()
-    return Edge(
+    return FailureMode(
         area="flights",
         method="a batch of 100, one vehicle of two ever faster",
-        edge="drag by the square, too stiff for a step of 0.5 ms: it diverges",
+        failure="drag by the square, too stiff for a step of 0.5 ms: it diverges",
         boundary=float(SPEEDS[first]),
         unit="m/s",
         beyond=f"{int(lost.sum())} of 50 end in NaN",
-        deed=witnessed("marks", seen, "a batch"),
-        said="those are named as lost, rows NaN; the others fly on as without them, "
+        response=verified("marks", seen, "a batch"),
+        message="those are named as lost, rows NaN; the others fly on as without them, "
         "bit for bit",
     )

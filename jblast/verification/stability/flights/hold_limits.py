@@ -26,7 +26,7 @@ from jblast.vehicle import (
     step_limit,
 )
 from jblast.vehicle.quadrotor.models import PARAMETERS
-from jblast.verification.stability.failure import Edge, witnessed
+from jblast.verification.stability.failure import FailureMode, verified
 
 NAMES = tuple(PARAMETERS)
 STEP = 1e-3
@@ -121,17 +121,17 @@ def swings(integrator: str) -> Swings:
     return Swings(np.array(limits), early, late)
 
 
-def hold_edges() -> list[Edge]:
+def hold_failures() -> list[FailureMode]:
     """Measure where each vehicle's hold swings up, by either integrator."""
     return [
-        edge
+        mode
         for integrator, words in (("rk4", "RK4"), ("euler", "semi-implicit Euler"))
-        for edge in _edges(integrator, words)
+        for mode in _failures(integrator, words)
     ]
 
 
-def _edges(integrator: str, words: str) -> list[Edge]:
-    found, edges = swings(integrator), []
+def _failures(integrator: str, words: str) -> list[FailureMode]:
+    found, modes = swings(integrator), []
     for name, limit, up, late in zip(
         NAMES, found.limit_s, found.up(), found.late, strict=True
     ):
@@ -139,21 +139,21 @@ def _edges(integrator: str, words: str) -> list[Edge]:
         last = "lost" if np.isinf(late[first + 1]) else f"{late[first + 1]:.1g} rad/s"
         kept = SHARES[first] > 0.99 and up[first:].any()
         kept = kept and _refused(name, integrator, limit)
-        edges.append(
-            Edge(
+        modes.append(
+            FailureMode(
                 area="flights",
                 method=f"{name}, position hold, {words}",
-                edge="a step too long: a turn of 1e-6 rad/s swings up",
+                failure="a step too long: a turn of 1e-6 rad/s swings up",
                 boundary=1e3 * float(limit * SHARES[first]),
                 unit="ms",
                 beyond=f"{1e3 * limit * SHARES[first + 1]:.3g} ms: {last} after "
                 f"{STEPS:,} steps",
-                deed=witnessed("refuses", kept, f"{name}, {integrator}"),
-                said=f"past {1e3 * limit:.4g} ms, motors' and loop's eigenvalues, with "
-                "that limit",
+                response=verified("refuses", kept, f"{name}, {integrator}"),
+                message=f"past {1e3 * limit:.4g} ms, motors' and loop's eigenvalues, "
+                "with that limit",
             )
         )
-    return edges
+    return modes
 
 
 def _refused(name: str, integrator: str, limit: float) -> bool:

@@ -10,7 +10,7 @@ from jaxtyping import Float
 
 from jblast.scene import Charge, Scene
 from jblast.vehicle import blast_load, named
-from jblast.verification.stability.failure import Edge, witnessed
+from jblast.verification.stability.failure import FailureMode, verified
 from jblast.verification.stability.flights.hold_limits import hovering
 
 RATIOS = np.geomspace(0.03, 100.0, 15)
@@ -76,19 +76,19 @@ def impulse_errors() -> tuple[
     return RATIOS, np.array(bare), np.array(ours)
 
 
-def pulse_edge() -> Edge:
+def pulse_failure() -> FailureMode:
     """Measure at which step a sampled force loses a hundredth of the impulse."""
     ratio, bare, ours = impulse_errors()
     begins = float(ratio[np.argmax(bare > LOST)])
     ten = int(np.argmin(abs(ratio - 10.0)))
-    return Edge(
+    return FailureMode(
         area="flights",
         method="blast pulse as a force, RK4",
-        edge=f"{LOST:.0%} of its impulse is lost or made up between the stages",
+        failure=f"{LOST:.0%} of its impulse is lost or made up between the stages",
         boundary=begins,
         unit="positive phases, the step",
         beyond=f"a step of {ratio[ten]:.0f} positive phases: wrong by {bare[ten]:.0%}",
-        deed=witnessed("holds", ours.max() < 1e-3, "pulses"),
-        said="a step takes its share of the impulse: wrong by "
+        response=verified("holds", ours.max() < 1e-3, "pulses"),
+        message="a step takes its share of the impulse: wrong by "
         f"{ours.max():.1g} at most, steps of {ratio[0]:g} to {ratio[-1]:g} phases",
     )

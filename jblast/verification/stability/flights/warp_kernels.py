@@ -11,7 +11,7 @@ from jaxtyping import Float
 from jblast.constants import FLIGHT_GRAVITY
 from jblast.errors import InputError
 from jblast.vehicle import named, simulate
-from jblast.verification.stability.failure import Edge, witnessed
+from jblast.verification.stability.failure import FailureMode, verified
 from jblast.verification.stability.flights.hold_limits import hovering
 from jblast.verification.stability.flights.overwriting_loop import (
     slope_by_tape,
@@ -32,20 +32,20 @@ def adjoint_errors() -> Float[np.ndarray, " loop"]:
     )
 
 
-def adjoint_edge() -> Edge:
+def adjoint_failure() -> FailureMode:
     """Measure when an adjoint of a loop in registers is wrong."""
     errors = adjoint_errors()
     first = int(np.argmax(errors > WRONG))
     said = _refusal()
-    return Edge(
+    return FailureMode(
         area="flights",
         method="Warp, adjoint of a loop that overwrites its state",
-        edge=f"the derivative is off by more than {WRONG:.1%}, and nothing says so",
+        failure=f"the derivative is off by more than {WRONG:.1%}, and nothing says so",
         boundary=float(LOOPS[first]),
         unit="steps",
         beyond=f"{LOOPS[-1]} steps: off by {errors[-1]:.0%}",
-        deed=witnessed("refuses", "no derivatives" in said, "gradient by Warp"),
-        said=f"{said}; those of JAX keep or repeat every state",
+        response=verified("refuses", "no derivatives" in said, "gradient by Warp"),
+        message=f"{said}; those of JAX keep or repeat every state",
     )
 
 
@@ -114,19 +114,19 @@ def _plain_fall(up: float, step: float) -> float:
     return float(x)
 
 
-def sum_edge() -> Edge:
+def sum_failure() -> FailureMode:
     """Measure at which step float32 rounds a flight away."""
     plain, ours = falls()
     first = int(np.argmax(plain > ALLOWED_M))
     kept = bool((ours < ALLOWED_M).all())
-    return Edge(
+    return FailureMode(
         area="flights",
         method="flight in float32, plain sums",
-        edge=f"a fall of {FALL_S:g} s ends more than 1 mm off",
+        failure=f"a fall of {FALL_S:g} s ends more than 1 mm off",
         boundary=1e3 * float(STEPS[first]),
         unit="ms and shorter steps",
         beyond=f"{1e6 * STEPS[-1]:g} us: {1e3 * plain[-1]:.2g} mm",
-        deed=witnessed("holds", kept, "sums in float32"),
-        said="what a sum rounds away is added to the next: "
+        response=verified("holds", kept, "sums in float32"),
+        message="what a sum rounds away is added to the next: "
         f"{1e3 * ours.max():.1g} mm at most, steps of 20 us to 10 ms",
     )

@@ -1,4 +1,4 @@
-"""The logs that edges of fits and of walks are measured on.
+"""The logs on which failures of fits and of walks are measured.
 
 A surface charge and eight sensors, which record one arrival each, to 0.1 ms; mass and
 place are unknown. All logs have the same rows, so what is compiled for one serves all.

@@ -10,7 +10,7 @@ from jblast.inference import fit_many, solve
 from jblast.inference.fitting.goodness_of_fit import left_of, suspected_outliers
 from jblast.inference.mode.laplace import NORMAL_Q95
 from jblast.observations import Observations
-from jblast.verification.stability.failure import Edge, witnessed
+from jblast.verification.stability.failure import FailureMode, verified
 from jblast.verification.stability.inference.arrival_logs import (
     FITS,
     LAWS,
@@ -82,7 +82,7 @@ def _by_student(clean: Told, log: Observations) -> tuple[float, bool]:
     return float(z[0]), any(o["sensor"] == log.sensor[WHICH] for o in named)
 
 
-def outlier_edge() -> Edge:
+def outlier_failure() -> FailureMode:
     """Measure from which size of one outlier on the interval loses the mass."""
     by = moved()
     size = np.abs(by.normal)
@@ -90,17 +90,17 @@ def outlier_edge() -> Edge:
     never = np.flatnonzero(~by.named)
     first = SIZES[never[-1] + 1] if never[-1] + 1 < len(SIZES) else np.inf
     worst = int(np.argmax(np.abs(by.student)))
-    return Edge(
+    return FailureMode(
         area="fits",
         method="least squares, normal errors",
-        edge="one outlier of eight readings moves the mass out of its 90 % interval",
+        failure="one outlier of eight readings moves the mass out of its 90 % interval",
         boundary=boundary,
         unit="sd of the reading",
         beyond=f"an outlier of {FAR} sd moves ln mass by "
         f"{np.interp(FAR, FINE, size):.1f} of its sd",
-        deed=witnessed("marks", bool(first <= FAR), "an outlier"),
-        said=f"Student-t errors: moved by {np.abs(by.student[SIZES == FAR])[0]:.2f} sd "
-        f"at {FAR}, at most by {np.abs(by.student[worst]):.2f} (by an outlier of "
+        response=verified("marks", bool(first <= FAR), "an outlier"),
+        message=f"Student-t errors: moved by {np.abs(by.student[SIZES == FAR])[0]:.2f} "
+        f"sd at {FAR}, at most by {np.abs(by.student[worst]):.2f} (by an outlier of "
         f"{SIZES[worst]:.0f}); named among the suspected outliers from {first:.0f} sd "
         "on",
     )

@@ -18,7 +18,7 @@ from jblast.inference import ManyFits, Posterior, fit_many, solve
 from jblast.inference.mode.search import SAME
 from jblast.observations import Observations
 from jblast.scene import UncertainScene
-from jblast.verification.stability.failure import Edge, witnessed
+from jblast.verification.stability.failure import FailureMode, verified
 from jblast.verification.stability.inference.arrival_logs import (
     FITS,
     LAWS,
@@ -142,7 +142,7 @@ def solved_off(logs: Logs, best: Float[np.ndarray, "log free"], count=SOLVED) ->
     return wrong
 
 
-def poor_start_edges() -> list[Edge]:
+def poor_start_failures() -> list[FailureMode]:
     """Measure the share of fits that end off the optimum, and what they report."""
     logs = draw()
     best = best_known(logs)
@@ -156,22 +156,22 @@ def poor_start_edges() -> list[Edge]:
         f"{of_poor.off.sum()} off, and marks all but {of_poor.falsely()} doubtful"
     )
     held = not (of_own.off.any() or of_poor.falsely())
-    edges = []
+    modes = []
     for precision in TOLERANCE:
         for name in SOLVERS:
             of = by_stock(logs, best, name, precision)
-            edges.append(
-                Edge(
+            modes.append(
+                FailureMode(
                     area="fits",
                     method=f"{name}, {precision}",
-                    edge="poor start",
+                    failure="poor start",
                     boundary=float(of.off.sum()),
                     unit=f"of {FITS}",
                     beyond=f"{of.off.sum()} of {FITS} fits end off the optimum, and "
                     f"{of.falsely()} of these report success; the nearest from a start "
                     f"{of.nearest:.0f} m off",
-                    deed=witnessed("falls back", held, "poor starts"),
-                    said=said,
+                    response=verified("falls back", held, "poor starts"),
+                    message=said,
                 )
             )
-    return edges
+    return modes

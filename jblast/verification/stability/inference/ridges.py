@@ -11,7 +11,7 @@ from jblast.inference.fitting.uncertainty import how_sure
 from jblast.inference.importance.interval_check import ends_judged
 from jblast.inference.importance.psis import ENDS
 from jblast.inference.importance.whitening import Whitened, root_of, whitened
-from jblast.verification.stability.failure import Edge, witnessed
+from jblast.verification.stability.failure import FailureMode, verified
 from jblast.verification.stability.inference.arrival_logs import circle, told
 from jblast.verification.stability.inference.plain_emcee import (
     WALKERS,
@@ -39,7 +39,7 @@ def along_the_null(steps: int) -> BareWalk:
     return bare_walk(about, 0.1 * rng.standard_normal((WALKERS, z.size)), steps)
 
 
-def null_edge() -> Edge:
+def null_failure() -> FailureMode:
     """Measure how a walk over a null direction fills it, and looks converged."""
     walk = along_the_null(LONG)
     found = wu_hao_told()
@@ -49,17 +49,17 @@ def null_edge() -> Edge:
         refused = False
     except InputError as error:
         refused = "improper along charge_mass_kg" in str(error)
-    return Edge(
+    return FailureMode(
         area="walks",
         method="emcee, Wu-Hao, mass and both speeds",
-        edge="a null direction without a prior has no width",
+        failure="a null direction without a prior has no width",
         boundary=float(LONG / walk.judged.tau.max()),
         unit=f"autocorrelation times in {LONG} steps",
         beyond=f"ln mass fills {mass.min():.0f} to {mass.max():.0f}, as far as float64 "
         f"goes; autocorrelation time {walk.judged.tau.max():.0f}, R-hat "
         f"{walk.judged.r_hat.max():.3f}: it looks converged",
-        deed=witnessed("refuses", refused, "a null direction"),
-        said="nothing is walked: improper along charge_mass_kg and the speeds; "
+        response=verified("refuses", refused, "a null direction"),
+        message="nothing is walked: improper along charge_mass_kg and the speeds; "
         "expected a prior, or a fixed value",
     )
 
@@ -78,7 +78,7 @@ def endless() -> tuple[Solution, Ensemble]:
     return found, walk
 
 
-def endless_edge() -> Edge:
+def endless_failure() -> FailureMode:
     """Measure how a walk runs down a ridge that does not end."""
     found, ours = endless()
     density = whitened(found.posterior, found.laplace, found.identifiability)
@@ -87,17 +87,17 @@ def endless_edge() -> Edge:
     low = [np.quantile(_masses(found, walk), 0.05) for walk in walks]
     tau = float(walks[-1].judged.tau.max())
     improper = any("so the posterior is improper" in why for why in ours.why)
-    return Edge(
+    return FailureMode(
         area="walks",
         method="emcee, arrivals from afar",
-        edge="a ridge without end: ever smaller masses arrive with sound",
+        failure="a ridge without end: ever smaller masses arrive with sound",
         boundary=LONG / tau,
         unit=f"autocorrelation times in {LONG} steps",
         beyond=f"the 5 % quantile of the mass is {low[0]:.2g} kg after {SHORT} steps, "
         f"{low[1]:.2g} kg after {LONG}: the walk's length, not the log's word",
-        deed=witnessed("marks", improper and not ours.converged, "an endless ridge"),
-        said="not converged (exit code 4): the ridge, its ends, and that the posterior "
-        "is improper are named",
+        response=verified("marks", improper and not ours.converged, "an endless ridge"),
+        message="not converged (exit code 4): the ridge, its ends, and that the "
+        "posterior is improper are named",
     )
 
 
@@ -120,7 +120,7 @@ def _beside(radius: float) -> Solution:
     return told(circle(radius), 30.0, 60.0, 0.0).solution
 
 
-def bent_edge() -> Edge:
+def bent_failure() -> FailureMode:
     """Measure from which aperture on the normal approximation does not do."""
     boundary = crossing(lambda r: off_at(r) - ENDS, CLOSE, 40.0, to=0.01)
     found = _beside(CLOSE)
@@ -128,21 +128,21 @@ def bent_edge() -> Edge:
     asked, sure = how_sure(found, "laplace"), how_sure(found, "auto")
     normal, walked = asked.marginals[name], sure.marginals[name]
     told_of = any("off by up to" in why and name in why for why in asked.why)
-    return Edge(
+    return FailureMode(
         area="walks",
         method="normal approximation (Laplace)",
-        edge="a ridge of mass and range that bends",
+        failure="a ridge of mass and range that bends",
         boundary=boundary,
         unit="m radius of eight sensors 60 m away",
         beyond=f"ends of 90 % intervals are off by more than {ENDS:g} sd; at {CLOSE:g} "
         f"m by {off_at(CLOSE):.1f}: the mass is {_interval(normal)} instead of "
         f"{_interval(walked)}",
-        deed=witnessed(
+        response=verified(
             "marks",
             told_of and sure.method == "emcee" and sure.converged,
             "a bent ridge",
         ),
-        said="a warning names the end that is off by most; --posterior auto walks",
+        message="a warning names the end that is off by most; --posterior auto walks",
     )
 
 

@@ -1,26 +1,26 @@
-"""The edges of walks, and of the normal approximation they stand in for, measured."""
+"""How walks fail, and the normal approximation they stand in for, measured."""
 
-from jblast.verification.stability.failure import Edge, measures
+from jblast.verification.stability.failure import FailureMode, measures
 from jblast.verification.stability.inference.ridges import (
-    bent_edge,
-    endless_edge,
-    null_edge,
+    bent_failure,
+    endless_failure,
+    null_failure,
 )
 from jblast.verification.stability.inference.two_modes import (
-    found_edge,
-    mirror_edge,
-    weighed_edge,
+    found_failure,
+    mirror_failure,
+    weighed_failure,
 )
 
 
 @measures("walks")
-def walks() -> list[Edge]:
+def walks() -> list[FailureMode]:
     """Measure them all."""
     return [
-        found_edge(),
-        weighed_edge(),
-        mirror_edge(),
-        null_edge(),
-        endless_edge(),
-        bent_edge(),
+        found_failure(),
+        weighed_failure(),
+        mirror_failure(),
+        null_failure(),
+        endless_failure(),
+        bent_failure(),
     ]

@@ -13,7 +13,7 @@ from jblast.inference import Ensemble, ensemble
 from jblast.inference.importance.whitening import whitened
 from jblast.inference.mcmc.independence_move import Mixture, mixture_of
 from jblast.inference.mcmc.run import Sampled, Start, sample
-from jblast.verification.stability.failure import Edge, witnessed
+from jblast.verification.stability.failure import FailureMode, verified
 from jblast.verification.stability.inference.arrival_logs import line, told
 from jblast.verification.stability.inference.plain_emcee import (
     WALKERS,
@@ -64,7 +64,7 @@ def share_beyond(chain: np.ndarray, apart: float) -> float:
     return float(np.mean(chain[..., 0] > apart / 2))
 
 
-def found_edge() -> Edge:
+def found_failure() -> FailureMode:
     """Measure from how far apart the other mode is not found from the first."""
     shares = [share_beyond(from_one(apart).kept(), apart) for apart in APART]
     missed = 1 - np.array(shares) / LESSER
@@ -72,16 +72,18 @@ def found_edge() -> Edge:
     boundary = float(np.interp(0.5, np.maximum.accumulate(missed), APART))
     walk = by_jblast(FAR)
     share = share_beyond(walk.chain[walk.convergence.warm_up :], FAR)
-    return Edge(
+    return FailureMode(
         area="walks",
         method="emcee, stretch move",
-        edge="from one mode, half of the other is missed",
+        failure="from one mode, half of the other is missed",
         boundary=boundary,
         unit="sd between the modes",
         beyond=f"a mode of {LESSER:.0%} of all that is {FAR:g} sd away gets "
         f"{shares[-1]:.1%} in {STEPS} steps",
-        deed=witnessed("holds", walk.reached and abs(share - LESSER) < 0.05, "modes"),
-        said="walkers start at every optimum the search found and go anew to the "
+        response=verified(
+            "holds", walk.reached and abs(share - LESSER) < 0.05, "modes"
+        ),
+        message="walkers start at every optimum the search found and go anew to the "
         f"normals about them: {share:.0%} there, {len(walk.chain)} steps, "
         f"autocorrelation time {walk.convergence.tau.max():.0f}",
     )
@@ -113,46 +115,46 @@ def mirror() -> Mirror:
     return Mirror(walk, int(there.sum()), ours)
 
 
-def mirror_edge() -> Edge:
+def mirror_failure() -> FailureMode:
     """Measure how many walkers reach the mirror image of a charge."""
     by = mirror()
     shares = [mode.share for mode in by.ours.modes]
-    return Edge(
+    return FailureMode(
         area="walks",
         method="emcee, stretch move",
-        edge="walkers that never see the mirror image",
+        failure="walkers that never see the mirror image",
         boundary=float(WALKERS - by.beyond),
         unit=f"of {WALKERS}",
         beyond=f"{MIRROR_STEPS} steps from the best optimum: {by.beyond} of {WALKERS} "
         f"walkers ever stand there, and the chain cannot tell: R-hat "
         f"{by.bare.judged.r_hat.max():.3f}, {MIRROR_STEPS / by.bare.own_tau:.0f} "
         "autocorrelation times",
-        deed=witnessed(
+        response=verified(
             "marks", len(shares) == 2 and by.ours.converged, "a mirror image"
         ),
-        said=f"both modes are named with their shares, {shares[0]:.0%} and "
+        message=f"both modes are named with their shares, {shares[0]:.0%} and "
         f"{shares[1]:.0%}; autocorrelation time "
         f"{by.ours.convergence.tau.max():.0f}",
     )
 
 
-def weighed_edge() -> Edge:
+def weighed_failure() -> FailureMode:
     """Measure how far off the share of a mode stays where walkers start in both."""
     walk = from_both(FAR)
     share = share_beyond(walk.kept(), FAR)
     tau = walk.judged.tau.max()
-    return Edge(
+    return FailureMode(
         area="walks",
         method="emcee, own autocorrelation time",
-        edge="from both modes, the shares stay as started",
+        failure="from both modes, the shares stay as started",
         boundary=STEPS / walk.own_tau,
         unit=f"autocorrelation times claimed in {STEPS} steps",
         beyond=f"{FAR:g} sd apart, a mode of {LESSER:.0%} keeps {share:.0%}; emcee's "
         f"autocorrelation time is {walk.own_tau:.0f} steps, its limit of 50 of them "
         "met",
-        deed=witnessed(
+        response=verified(
             "marks", not walk.judged.reached(1.0) and tau > STEPS / 50, "shares"
         ),
-        said=f"deviations from the mean of all walkers: {tau:.0f} steps, so the same "
-        "walk counts as not converged",
+        message=f"deviations from the mean of all walkers: {tau:.0f} steps, so the "
+        "same walk counts as not converged",
     )

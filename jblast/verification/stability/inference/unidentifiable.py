@@ -10,7 +10,7 @@ from jblast.inference import Solution, solve
 from jblast.inference.fitting.unidentified import NEAR, ambiguities
 from jblast.scene import freed
 from jblast.sensors import simulate
-from jblast.verification.stability.failure import Edge, witnessed
+from jblast.verification.stability.failure import FailureMode, verified
 from jblast.verification.stability.inference.arrival_logs import (
     FITS,
     SEED,
@@ -83,28 +83,28 @@ def mirror_excess(bent: float) -> float:
     return float(2 * (density[0] - density[other].max()))
 
 
-def collinear_edge() -> Edge:
+def collinear_failure() -> FailureMode:
     """Measure how far off the line a sensor has to stand."""
     boundary = crossing(lambda bent: mirror_excess(bent) - NEAR, 0.0, 5.0, to=0.01)
     at = told(line(), *MIRRORED).solution
     ends = by_stock(at, poor_starts())
     wrong = int(np.sum(ends.z[:, 2] < 0))
     north = abs(float(at.laplace.z[2]))
-    return Edge(
+    return FailureMode(
         area="fits",
         method=f"{LM}, sensors in a line",
-        edge="the mirror image of the charge explains the arrivals as well",
+        failure="the mirror image of the charge explains the arrivals as well",
         boundary=boundary,
         unit="m that one sensor stands off the line",
         beyond=f"of {ends.good} fits at the least cost, all reporting success, {wrong} "
         f"say {north:.0f} m south and {ends.good - wrong} {north:.0f} m north",
-        deed=witnessed(
+        response=verified(
             "marks",
             len(ambiguities(at, True)) == 1
             and not ambiguities(told(line(2 * boundary), *MIRRORED).solution, True),
             "sensors in a line",
         ),
-        said="the other place is named as an ambiguity, with its cure; exit code 4",
+        message="the other place is named as an ambiguity, with its cure; exit code 4",
     )
 
 
@@ -119,25 +119,25 @@ def is_told(solution: Solution) -> bool:
     return not len(solution.identifiability.null) and not ambiguities(solution, True)
 
 
-def one_place_edge() -> Edge:
+def one_place_failure() -> FailureMode:
     """Measure at how many places sensors have to stand."""
     needed = next(n for n in range(1, SENSORS + 1) if is_told(at_places(n).solution))
     one = at_places(1).solution
     ends = by_stock(one, poor_starts())
     mass = np.exp(ends.z[:, 0])
     null = one.identifiability.null
-    return Edge(
+    return FailureMode(
         area="fits",
         method=f"{LM}, one sensor",
-        edge="mass and place from arrivals at fewer places",
+        failure="mass and place from arrivals at fewer places",
         boundary=float(needed),
         unit="places",
         beyond=f"eight arrivals at one place: {ends.good} of {FITS} fits report "
         f"success at the same cost, with {mass.min():.2g} to {mass.max():.2g} kg up to "
         f"{_widest(ends.z[:, 1:]):.0f} m apart",
-        deed=witnessed("marks", len(null) == 2, "one sensor"),
-        said=f"{len(null)} null directions are named; no value and no interval for any "
-        "of the three; exit code 4",
+        response=verified("marks", len(null) == 2, "one sensor"),
+        message=f"{len(null)} null directions are named; no value and no interval for "
+        "any of the three; exit code 4",
     )
 
 
@@ -155,7 +155,7 @@ def wu_hao_told() -> Solution:
     return solve(log, freed(known, list(SPEEDS)), noise="gaussian")
 
 
-def null_direction_edge() -> Edge:
+def null_direction_failure() -> FailureMode:
     """Measure what masses are reported where no arrival tells them."""
     found = wu_hao_told()
     rng = np.random.default_rng(0)
@@ -165,20 +165,20 @@ def null_direction_edge() -> Edge:
     least, most = values[0], values[-1]
     (null,) = found.identifiability.null
     along = ", ".join(f"{weight:.3g}" for weight in null)
-    return Edge(
+    return FailureMode(
         area="fits",
         method=f"{LM}, Wu-Hao, mass and both speeds",
-        edge="a null direction: masses apart by this factor are reported",
+        failure="a null direction: masses apart by this factor are reported",
         boundary=float(most[0] / least[0]),
         unit="",
         beyond=f"{ends.good} of {FITS} fits report success at the same cost, from "
         f"({least[0]:.2g} kg, {least[1]:.0f} m/s) to ({most[0]:.3g} kg, "
         f"{most[1]:.0f} m/s)",
-        deed=witnessed(
+        response=verified(
             "marks",
             bool(np.allclose(null, WU_HAO_NULL, atol=1e-6)),
             "a null direction",
         ),
-        said=f"the direction ({along}) in ln is named, and the products that are told; "
-        "no value for any of the three; exit code 4",
+        message=f"the direction ({along}) in ln is named, and the products that are "
+        "told; no value for any of the three; exit code 4",
     )

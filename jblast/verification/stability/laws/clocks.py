@@ -9,7 +9,7 @@ import numpy as np
 from jblast.errors import InputError
 from jblast.observations import Observations
 from jblast.observations.clocks import refuse_unresolved
-from jblast.verification.stability.failure import Edge, measures, witnessed
+from jblast.verification.stability.failure import FailureMode, measures, verified
 
 SIGMA = 1e-3
 """Of a recorder's arrivals [s]."""
@@ -19,9 +19,12 @@ TIMES = {"60 s": 60.0, "1 h": 3600.0, "Unix time": 1.7e9}
 
 
 @measures("clocks")
-def clock_edges() -> list[Edge]:
+def clock_failures() -> list[FailureMode]:
     """Measure them for single and for double precision."""
-    return [_edge(np.float32, SIGMA, "float32"), _edge(np.float64, FINE, "float64")]
+    return [
+        _failure(np.float32, SIGMA, "float32"),
+        _failure(np.float64, FINE, "float64"),
+    ]
 
 
 def coarse_from(dtype: type[np.floating[Any]], sigma: float) -> float:
@@ -40,7 +43,7 @@ def coarse_from(dtype: type[np.floating[Any]], sigma: float) -> float:
     return 2.0**exponent
 
 
-def _edge(dtype: type[np.floating[Any]], sigma: float, name: str) -> Edge:
+def _failure(dtype: type[np.floating[Any]], sigma: float, name: str) -> FailureMode:
     boundary = coarse_from(dtype, sigma)
     spacings = ", ".join(
         f"{float(np.spacing(dtype(time))):.3g} s at {words}"
@@ -51,16 +54,16 @@ def _edge(dtype: type[np.floating[Any]], sigma: float, name: str) -> Edge:
     told = float(dtype(start + way)) - start
     before = _is_refused(math.nextafter(boundary, 0.0) / 1.01, sigma, dtype)
     after = _is_refused(boundary, sigma, dtype)
-    return Edge(
+    return FailureMode(
         area="clocks",
         method=f"clock times in {name}",
-        edge=f"steps of the clock exceed sigma = {sigma:g} s",
+        failure=f"steps of the clock exceed sigma = {sigma:g} s",
         boundary=boundary,
         unit="s on the clock",
         beyond=f"steps of {spacings}; a way of {way:.4f} s at Unix time is read as "
         f"{told:.4f} s",
-        deed=witnessed("refuses", after and not before, f"clock times in {name}"),
-        said="fit and batch_of refuse such a row; every command runs in float64",
+        response=verified("refuses", after and not before, f"clock times in {name}"),
+        message="fit and batch_of refuse such a row; every command runs in float64",
     )
 
 

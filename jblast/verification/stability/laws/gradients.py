@@ -11,7 +11,7 @@ from jblast.registry import LAWS, call
 from jblast.scene import Charge, Scene
 from jblast.sensors.calculator.forward import calculated_laws
 from jblast.sensors.calculator.question import scene_path, with_rows
-from jblast.verification.stability.failure import Edge, measures, witnessed
+from jblast.verification.stability.failure import FailureMode, measures, verified
 from jblast.waves import (
     finite_rise_pressure,
     modified_friedlander_pressure,
@@ -31,8 +31,8 @@ UNFELT = 0.05
 
 
 @measures("gradients")
-def gradient_edges() -> list[Edge]:
-    """Measure every edge of a derivative."""
+def gradient_failures() -> list[FailureMode]:
+    """Measure every failure mode of a derivative."""
     return [_front(), _misfit(), _distance(), _laws_at_zero()]
 
 
@@ -75,7 +75,7 @@ def slope_felt(samples: int) -> float:
     return float(felt / true)
 
 
-def _front() -> Edge:
+def _front() -> FailureMode:
     slope = jax.grad(lambda t: pulse(t))
     before, at, after = (float(slope(t)) for t in (-1e-9, 0.0, 1e-9))
     rise = jnp.asarray(1e-4)
@@ -83,55 +83,55 @@ def _front() -> Edge:
     step = 1e-6
     secant = float(pulse(jnp.asarray(step)) - pulse(jnp.asarray(-step))) / (2 * step)
     inside = before == 0.0 and np.isclose(at, after, rtol=1e-5) and soft == [0.0, 0.0]
-    return Edge(
+    return FailureMode(
         area="gradients",
         method="sharp front, slope in time",
-        edge="no derivative at the arrival",
+        failure="no derivative at the arrival",
         boundary=0.0,
         unit="s after arrival",
         beyond=f"{before:g} Ps/s before, {at:.0f} at it and after; differences over "
         f"{2e6 * step:g} us: {secant:+.0f}",
-        deed=witnessed("holds", bool(inside), "slope at the arrival"),
-        said="pressure and slope at the arrival are those behind the front, finite; "
+        response=verified("holds", bool(inside), "slope at the arrival"),
+        message="pressure and slope at the arrival are those behind the front, finite; "
         "finite_rise_pressure has one slope from both sides",
     )
 
 
-def _misfit() -> Edge:
+def _misfit() -> FailureMode:
     sharp, soft = slope_felt(0), slope_felt(MOST_SAMPLES)
     samples = np.arange(1, MOST_SAMPLES + 1)
     off = np.array([abs(slope_felt(int(n)) - 1.0) for n in samples])
-    return Edge(
+    return FailureMode(
         area="gradients",
         method="sharp front, misfit of a record",
-        edge="moving the arrival over a sample is not felt",
+        failure="moving the arrival over a sample is not felt",
         boundary=float(samples[off > UNFELT].max()),
         unit="samples of rise and fewer",
         beyond=f"sharp: d(misfit)/d(arrival) is {100 * sharp:.0f} % of what it is",
-        deed=witnessed("holds", abs(soft - 1.0) < UNFELT, "misfit of a record"),
-        said=f"finite_rise_pressure: {100 * soft:.0f} % with {MOST_SAMPLES} samples in "
-        "the rise",
+        response=verified("holds", abs(soft - 1.0) < UNFELT, "misfit of a record"),
+        message=f"finite_rise_pressure: {100 * soft:.0f} % with {MOST_SAMPLES} samples "
+        "in the rise",
     )
 
 
-def _distance() -> Edge:
+def _distance() -> FailureMode:
     origin = jnp.zeros(3)
     naive = jax.grad(jnp.linalg.norm)(origin)
     ours = jax.grad(slant_range)(origin, jnp.zeros(3))
     defined = bool(jnp.isnan(naive).all()) and bool((ours == 0.0).all())
-    return Edge(
+    return FailureMode(
         area="gradients",
         method="slant range, slope in place",
-        edge="no direction at distance 0",
+        failure="no direction at distance 0",
         boundary=0.0,
         unit="m",
         beyond="the root of the sum of squares has NaN for slope, and so all it enters",
-        deed=witnessed("holds", defined, "slant range at 0"),
-        said="slant_range gives 0",
+        response=verified("holds", defined, "slant range at 0"),
+        message="slant_range gives 0",
     )
 
 
-def _laws_at_zero() -> Edge:
+def _laws_at_zero() -> FailureMode:
     bad = laws_without_slope()
     refused = 0
     one = np.zeros(1)
@@ -153,17 +153,17 @@ def _laws_at_zero() -> Edge:
             refuse()
         except (InputError, ValueError):
             refused += 1
-    return Edge(
+    return FailureMode(
         area="gradients",
         method="laws of the slant range",
-        edge="no blast at distance 0",
+        failure="no blast at distance 0",
         boundary=0.0,
         unit="m",
         beyond=f"inside jit {len(bad)} of {len(_laws_of_range())} laws have no finite "
         "value with a finite slope there",
-        deed=witnessed("refuses", refused == 2, "distance 0"),
-        said="outside jit a law raises; fit, bound and simulate refuse a sensor that "
-        "stands on the charge",
+        response=verified("refuses", refused == 2, "distance 0"),
+        message="outside jit a law raises; fit, bound and simulate refuse a sensor "
+        "that stands on the charge",
     )
 
 

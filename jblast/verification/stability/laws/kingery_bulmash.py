@@ -7,7 +7,7 @@ import numpy as np
 
 from jblast.registry import LAWS
 from jblast.scene.charge import Burst
-from jblast.verification.stability.failure import Edge, witnessed
+from jblast.verification.stability.failure import FailureMode, verified
 from jblast.verification.stability.threshold import turning
 from jblast.waves import shock_kinematics_pressure
 from jblast.waves.curves.log_polynomial import BLEND_WIDTH, LogCurve, Segment
@@ -24,16 +24,16 @@ NEAR, FAR, FARTHEST = 0.01, 100.0, 1e3
 """Scaled distances beyond the ends at which it is looked [m/kg^(1/3)]."""
 
 
-def kingery_bulmash_edges() -> list[Edge]:
+def kingery_bulmash_failures() -> list[FailureMode]:
     """Measure the joins of both bursts, and the ends of the surface's curves."""
     bursts: tuple[Burst, ...] = ("surface", "free-air")
     joins = [
-        edge
+        mode
         for quantity in CURVES
         for burst in bursts
-        for edge in _joins(quantity, burst)
+        for mode in _joins(quantity, burst)
     ]
-    return [*joins, *(edge for quantity in CURVES for edge in _ends(quantity))]
+    return [*joins, *(mode for quantity in CURVES for mode in _ends(quantity))]
 
 
 def printed_value(curve: LogCurve, z: float) -> float:
@@ -54,7 +54,7 @@ def kept_value(curve: LogCurve, z: float) -> float:
     return float(jnp.exp(curve.log_value(jnp.asarray(math.log(z)))))
 
 
-def _joins(quantity: str, burst: Burst) -> list[Edge]:
+def _joins(quantity: str, burst: Burst) -> list[FailureMode]:
     curve = kingery_bulmash_curve(CURVES[quantity], burst)
     method = f"{quantity} by kingery_bulmash"
     return [
@@ -63,7 +63,7 @@ def _joins(quantity: str, burst: Burst) -> list[Edge]:
     ]
 
 
-def _join(method, burst, curve, before: Segment, after: Segment) -> Edge:
+def _join(method, burst, curve, before: Segment, after: Segment) -> FailureMode:
     join = after.z_min
     at = math.log(join)
     jump = math.expm1(after.log_value(at) - before.log_value(at))
@@ -74,21 +74,21 @@ def _join(method, burst, curve, before: Segment, after: Segment) -> Edge:
     left = np.expm1(np.abs(kept - printed)).max()
     step = np.abs(np.diff(kept)).max()
     smooth = step < 0.2 * abs(jump) and abs(kept[0] - printed[0]) < 1e-12
-    return Edge(
+    return FailureMode(
         area="laws",
         method=method,
-        edge=f"printed curve jumps ({burst})",
+        failure=f"printed curve jumps ({burst})",
         boundary=join,
         unit="m/kg^(1/3)",
         beyond=f"value by {100 * jump:+.2f} %, slope d ln y/d ln Z from "
         f"{before.log_slope(at):.2f} to {after.log_slope(at):.2f}",
-        deed=witnessed("holds", bool(smooth), f"{method}, Z = {join:g}"),
-        said=f"blended over {100 * BLEND_WIDTH:g} % in Z: no jump, at most "
+        response=verified("holds", bool(smooth), f"{method}, Z = {join:g}"),
+        message=f"blended over {100 * BLEND_WIDTH:g} % in Z: no jump, at most "
         f"{100 * left:.2f} % from the print",
     )
 
 
-def _ends(quantity: str) -> list[Edge]:
+def _ends(quantity: str) -> list[FailureMode]:
     law = LAWS[quantity, "kingery_bulmash"]
     curve = kingery_bulmash_curve(CURVES[quantity], "surface")
     method = f"{quantity} by kingery_bulmash"
@@ -112,25 +112,25 @@ def _ends(quantity: str) -> list[Edge]:
         return f"{'overflows' if math.isinf(ratio) else f'{ratio:.3g}'} at Z = {z:g}"
 
     return [
-        Edge(
+        FailureMode(
             area="laws",
             method=method,
-            edge="table ends near the charge",
+            failure="table ends near the charge",
             boundary=near,
             unit="m/kg^(1/3)",
             beyond=f"polynomial over power law: {lie(NEAR)}",
-            deed=witnessed("marks", _is_power_law(law, near), method),
-            said="power law with the end slope, law_valid false",
+            response=verified("marks", _is_power_law(law, near), method),
+            message="power law with the end slope, law_valid false",
         ),
-        Edge(
+        FailureMode(
             area="laws",
             method=method,
-            edge="table ends far out",
+            failure="table ends far out",
             boundary=far,
             unit="m/kg^(1/3)",
             beyond=f"polynomial over power law: {lie(FAR)}, {lie(FARTHEST)}",
-            deed=witnessed("marks", goes_on, method),
-            said=said,
+            response=verified("marks", goes_on, method),
+            message=said,
         ),
     ]
 

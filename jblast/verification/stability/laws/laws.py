@@ -7,9 +7,9 @@ import numpy as np
 
 from jblast.constants import STANDARD_SOUND_SPEED
 from jblast.registry import LAWS
-from jblast.verification.stability.failure import Edge, measures, witnessed
-from jblast.verification.stability.laws.kingery_bulmash import kingery_bulmash_edges
-from jblast.verification.stability.laws.point_sources import point_source_edges
+from jblast.verification.stability.failure import FailureMode, measures, verified
+from jblast.verification.stability.laws.kingery_bulmash import kingery_bulmash_failures
+from jblast.verification.stability.laws.point_sources import point_source_failures
 from jblast.verification.stability.threshold import crossing, turning
 from jblast.waves import (
     iso_9613_absorption,
@@ -36,18 +36,18 @@ DENSITY = 1.225
 
 
 @measures("laws")
-def law_edges() -> list[Edge]:
-    """Measure every edge of a law."""
+def law_failures() -> list[FailureMode]:
+    """Measure every failure mode of a law."""
     return [
-        *wu_hao_edges(),
-        *kingery_bulmash_edges(),
-        *kinney_graham_edges(),
-        *point_source_edges(),
-        *stokes_edges(),
+        *wu_hao_failures(),
+        *kingery_bulmash_failures(),
+        *kinney_graham_failures(),
+        *point_source_failures(),
+        *stokes_failures(),
     ]
 
 
-def wu_hao_edges() -> list[Edge]:
+def wu_hao_failures() -> list[FailureMode]:
     """Find where Wu's and Hao's air shock falls behind sound, on average and locally.
 
     Boundaries are of a charge of 1 kg; they grow as the root of the mass.
@@ -73,34 +73,36 @@ def wu_hao_edges() -> list[Edge]:
     avoided = bool(speeds) and "wu_hao" not in speeds
     method = "air_arrival_s by wu_hao"
     return [
-        Edge(
+        FailureMode(
             area="laws",
             method=method,
-            edge="slower than sound on average",
+            failure="slower than sound on average",
             boundary=mean,
             unit="m/kg^(1/2)",
             beyond=f"{mean * math.sqrt(MASS):.1f} m for {MASS:g} kg; at twice that "
             f"{-100 * mean_lead(2 * mean):.0f} % slower than sound",
-            deed=witnessed("marks", math.isclose(marked, mean, rel_tol=1e-6), method),
-            said="law_valid false from there on",
+            response=verified(
+                "marks", math.isclose(marked, mean, rel_tol=1e-6), method
+            ),
+            message="law_valid false from there on",
         ),
-        Edge(
+        FailureMode(
             area="laws",
             method=method,
-            edge="front slower than sound where it is",
+            failure="front slower than sound where it is",
             boundary=local,
             unit="m/kg^(1/2)",
             beyond=f"{local * math.sqrt(MASS):.1f} m for {MASS:g} kg; "
             f"{-100 * local_lead(mean):.0f} % slower where the average falls behind; "
             f"the arrival up to then {100 * (float(off.min()) - 1):+.0f} to "
             f"{100 * (float(off.max()) - 1):+.0f} % off shock_kinematics",
-            deed=witnessed("holds", avoided, method),
-            said=f"no shock speed by it: {', '.join(speeds)} give one",
+            response=verified("holds", avoided, method),
+            message=f"no shock speed by it: {', '.join(speeds)} give one",
         ),
     ]
 
 
-def kinney_graham_edges() -> list[Edge]:
+def kinney_graham_failures() -> list[FailureMode]:
     """Find where Kinney's and Graham's duration leaves Kingery's and Bulmash's."""
 
     def ratio(z):
@@ -123,32 +125,32 @@ def kinney_graham_edges() -> list[Edge]:
     holds = bool(kinney_graham_duration_valid(nearest, 1.0))
     of = "of kingery_bulmash"
     return [
-        Edge(
+        FailureMode(
             area="laws",
             method=method,
-            edge="too short near the charge",
+            failure="too short near the charge",
             boundary=near,
             unit="m/kg^(1/3)",
             beyond=f"{100 * ratio(worst):.0f} % {of} at Z = {worst:.2g}, "
             f"{100 * ratio(2.0):.0f} % at 2; {100 * ratio(nearest):.0f} % at best "
             f"(Z = {nearest:.0f})",
-            deed=witnessed("marks", marked and holds, method),
-            said=f"law_valid false: {registered.range}",
+            response=verified("marks", marked and holds, method),
+            message=f"law_valid false: {registered.range}",
         ),
-        Edge(
+        FailureMode(
             area="laws",
             method=method,
-            edge="too short far out",
+            failure="too short far out",
             boundary=far,
             unit="m/kg^(1/3)",
             beyond=f"{100 * ratio(40.0):.0f} % {of} at Z = 40",
-            deed=witnessed("marks", marked and holds, method),
-            said="law_valid false",
+            response=verified("marks", marked and holds, method),
+            message="law_valid false",
         ),
     ]
 
 
-def stokes_edges() -> list[Edge]:
+def stokes_failures() -> list[FailureMode]:
     """Find where Stokes' absorption alone leaves what sound really loses."""
 
     def stokes(distance, frequency=THESIS_FREQUENCY):
@@ -173,26 +175,26 @@ def stokes_edges() -> list[Edge]:
     ten = crossing(lambda f: too_small(f) - 10.0, 100.0, 1e5)
     method = "stokes_absorption"
     return [
-        Edge(
+        FailureMode(
             area="laws",
             method=method,
-            edge="no spreading: as loud far as near",
+            failure="no spreading: as loud far as near",
             boundary=distance,
             unit="times the range where it was heard",
             beyond=f"3 dB too loud there; at 1 km it takes {stokes(1e3):.4f} dB "
             f"({THESIS_FREQUENCY:.0f} Hz), nature {whole(1e3):.0f} dB",
-            deed=witnessed("holds", whole(1e3) > 59.0 + stokes(1e3), method),
-            said="transmission_loss spreads, and absorbs by ISO 9613-1",
+            response=verified("holds", whole(1e3) > 59.0 + stokes(1e3), method),
+            message="transmission_loss spreads, and absorbs by ISO 9613-1",
         ),
-        Edge(
+        FailureMode(
             area="laws",
             method=method,
-            edge="no relaxation: ten times too small",
+            failure="no relaxation: ten times too small",
             boundary=ten,
             unit="Hz and below",
             beyond=f"ISO 9613-1 takes {too_small(THESIS_FREQUENCY):.0f} times as much "
             f"at {THESIS_FREQUENCY:.0f} Hz, {too_small(1e3):.0f} times at 1 kHz",
-            deed=witnessed("holds", whole(2e3) - whole(1e3) > 6.02, method),
-            said="transmission_loss absorbs by ISO 9613-1",
+            response=verified("holds", whole(2e3) - whole(1e3) > 6.02, method),
+            message="transmission_loss absorbs by ISO 9613-1",
         ),
     ]

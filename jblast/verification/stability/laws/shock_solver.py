@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jblast.errors import InputError
-from jblast.verification.stability.failure import Edge, measures, witnessed
+from jblast.verification.stability.failure import FailureMode, measures, verified
 from jblast.verification.stability.threshold import crossing, turning
 from jblast.waves.euler import (
     Flow,
@@ -44,8 +44,8 @@ SOUND = np.sqrt(1.4)
 
 
 @measures("solver")
-def solver_edges() -> list[Edge]:
-    """Measure every edge of the solver."""
+def solver_failures() -> list[FailureMode]:
+    """Measure every failure mode of the solver."""
     return [_unstable(), _inaccurate(), _coarse(), _torn()]
 
 
@@ -96,7 +96,7 @@ def _refused(attempt: Callable[[], object]) -> bool:
     return False
 
 
-def _unstable() -> Edge:
+def _unstable() -> FailureMode:
     boundary = turning(lambda c: sod_end(c)[0], 0.7, 2.0, to=CLOSE)
     flow, state = start_sod(CELLS)
 
@@ -105,32 +105,33 @@ def _unstable() -> Edge:
 
     refused = _refused(attempt(1.0 + 1e-9)) and not _refused(attempt(1.0))
     usual, at_limit = sod_end(COURANT)[1], sod_end(1.0)[1]
-    return Edge(
+    return FailureMode(
         area="solver",
         method="explicit step, Sod's tube",
-        edge="unstable",
+        failure="unstable",
         boundary=boundary,
         unit="stable steps and longer",
         beyond=f"positivity lost before the end; error at 1 is {at_limit / usual:.2f} "
         f"times that at {COURANT:g}",
-        deed=witnessed("refuses", refused and boundary > 1.0, "courant"),
-        said="run and march refuse a fraction above 1",
+        response=verified("refuses", refused and boundary > 1.0, "courant"),
+        message="run and march refuse a fraction above 1",
     )
 
 
-def _inaccurate() -> Edge:
+def _inaccurate() -> FailureMode:
     least = wave_error(SHORT)
     boundary = crossing(lambda c: wave_error(c) / least - 2.0, SHORT, 1.0, to=CLOSE)
     limit, usual = wave_error(1.0) / least, wave_error(COURANT) / least
-    return Edge(
+    return FailureMode(
         area="solver",
         method="explicit step, smooth wave",
-        edge="the step costs as much accuracy as the grid",
+        failure="the step costs as much accuracy as the grid",
         boundary=boundary,
         unit="stable steps and longer",
         beyond=f"error {limit:.1f} times that of short steps at 1, with {CELLS} cells",
-        deed=witnessed("holds", usual < 2.0 < limit, "usual step"),
-        said=f"the usual fraction is {COURANT:g}: {usual:.1f} times; up to 1 if asked",
+        response=verified("holds", usual < 2.0 < limit, "usual step"),
+        message=f"the usual fraction is {COURANT:g}: {usual:.1f} times; up to 1 if "
+        "asked",
     )
 
 
@@ -143,22 +144,22 @@ def fewest_cells() -> int:
     return next(n for n in itertools.count(1) if not _refused(attempt(n)))
 
 
-def _coarse() -> Edge:
+def _coarse() -> FailureMode:
     fewest = fewest_cells()
     at = np.array([0.3, 1.0])
     fine = decay_at(at, point_source_march(4 * fewest, 1.01)).overpressure_ratio
     coarse = decay_at(at, point_source_march(fewest, 1.01)).overpressure_ratio
     off = 100.0 * (coarse / fine - 1.0)
-    return Edge(
+    return FailureMode(
         area="solver",
         method="grid, point source",
-        edge="too coarse to hold the source",
+        failure="too coarse to hold the source",
         boundary=float(fewest - 1),
         unit="cells and fewer",
         beyond=f"with one more the pressure is {off[0]:+.2f} % off that of "
         f"{4 * fewest} cells at lambda = 0.3, {off[1]:+.2f} % at 1",
-        deed=witnessed("refuses", fewest > 1, "cells"),
-        said=f"expects at least {fewest} cells; a sphere, 10",
+        response=verified("refuses", fewest > 1, "cells"),
+        message=f"expects at least {fewest} cells; a sphere, 10",
     )
 
 
@@ -171,17 +172,20 @@ def torn(mach: float) -> str:
     return march(state, flow, 0.1 / (mach * SOUND), stride=1).lost
 
 
-def _torn() -> Edge:
+def _torn() -> FailureMode:
     boundary = turning(lambda m: bool(torn(m)), 0.05, 4.9, to=CLOSE)
     said = torn(1.1 * boundary)
-    return Edge(
+    return FailureMode(
         area="solver",
         method="positivity, halves of a tube torn apart",
-        edge="a pressure below zero",
+        failure="a pressure below zero",
         boundary=boundary,
         unit="Mach and above, each half",
         beyond="the scheme finds a pressure below zero; the exact flow opens a vacuum "
         "at Mach 5 only",
-        deed=witnessed("refuses", said.startswith("positivity lost at r ="), "march"),
-        said="march stops there, says where and when, and keeps the records until then",
+        response=verified(
+            "refuses", said.startswith("positivity lost at r ="), "march"
+        ),
+        message="march stops there, says where and when, and keeps the records until "
+        "then",
     )

@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Float
 
 from jblast.sensors.calculator.combined import COMBINATIONS
-from jblast.verification.stability.failure import Edge, measures, witnessed
+from jblast.verification.stability.failure import FailureMode, measures, verified
 from jblast.verification.stability.threshold import crossing
 from jblast.waves import (
     friedlander_decay,
@@ -27,8 +27,8 @@ METHOD = "Friedlander's pulse"
 
 
 @measures("wave forms")
-def wave_form_edges() -> list[Edge]:
-    """Measure every edge of the pulse; impulses are over $P_s t_d$."""
+def wave_form_failures() -> list[FailureMode]:
+    """Measure every failure mode of the pulse; impulses are over $P_s t_d$."""
     return [_near_zero(), _negative(), _rising_front(), _too_much_impulse()]
 
 
@@ -51,28 +51,29 @@ def impulse_errors() -> tuple[
     return decay, np.abs(closed_form(single) / exact - 1), np.abs(ours / exact - 1)
 
 
-def _near_zero() -> Edge:
+def _near_zero() -> FailureMode:
     decay, bare, ours = impulse_errors()
     boundary = float(decay[bare > LOST].max())
 
     def worst(low, high):
         return bare[(decay >= low) & (decay < high)].max()
 
-    return Edge(
+    return FailureMode(
         area="wave forms",
         method=METHOD,
-        edge="impulse in closed form, decay near 0, float32",
+        failure="impulse in closed form, decay near 0, float32",
         boundary=boundary,
         unit="= b and below",
         beyond=f"{100 * LOST:g} % off there; near b = 0.001 up to "
         f"{100 * worst(9e-4, 1.1e-3):.0f} %, near 1e-6 up to {worst(0.0, 1.1e-6):.0e} "
         "times",
-        deed=witnessed("holds", bool(ours.max() < 1e-6), METHOD),
-        said=f"expm1 and a series for |b| < 1: at most {ours.max():.0e} off in float32",
+        response=verified("holds", bool(ours.max() < 1e-6), METHOD),
+        message=f"expm1 and a series for |b| < 1: at most {ours.max():.0e} off in "
+        "float32",
     )
 
 
-def _negative() -> Edge:
+def _negative() -> FailureMode:
     late = float(modified_friedlander_pressure(10.0, 1.0, 1.0, -0.5))
     try:
         friedlander_spectrum(1.0, 1.0, 1.0, 0.0)
@@ -85,36 +86,36 @@ def _negative() -> Edge:
     duration = kingery_bulmash_duration(38.0, 1.0, burst="free-air")
     end = blast_pressure(arrival + 50.0 * duration, 38.0, 1.0, burst="free-air")
     ends = "decay must be positive" in refusal and float(end) == 0.0
-    return Edge(
+    return FailureMode(
         area="wave forms",
         method=METHOD,
-        edge="decay not positive: the tail grows without end",
+        failure="decay not positive: the tail grows without end",
         boundary=0.0,
         unit="= b and below",
         beyond=f"b = -0.5: {late:.0f} times the peak ten durations after arrival",
-        deed=witnessed("refuses", ends, METHOD),
-        said="friedlander_spectrum refuses it; blast_pressure has the negative phase "
-        "in place of the tail",
+        response=verified("refuses", ends, METHOD),
+        message="friedlander_spectrum refuses it; blast_pressure has the negative "
+        "phase in place of the tail",
     )
 
 
-def _rising_front() -> Edge:
+def _rising_front() -> FailureMode:
     # the pressure is largest at t/t_d = 1 + 1/b, which is behind the front for b < -1
     decay = -2.0
     largest = float(modified_friedlander_pressure(1.0 + 1.0 / decay, 1.0, 1.0, decay))
     holds = COMBINATIONS["friedlander_decay"].holds
     marked = not holds(-1.0 - 1e-9) and bool(holds(-1.0 + 1e-9))
     fraction = float(friedlander_impulse(1.0, 1.0, -1.0))
-    return Edge(
+    return FailureMode(
         area="wave forms",
         method=METHOD,
-        edge="pressure rises behind the front",
+        failure="pressure rises behind the front",
         boundary=-1.0,
         unit="= b and below",
         beyond=f"impulse above {fraction:.3f} Ps td; b = -2: {largest:.2f} times the "
         "peak given",
-        deed=witnessed("marks", marked, METHOD),
-        said="the decay is given, valid false: no such pulse has that peak",
+        response=verified("marks", marked, METHOD),
+        message="the decay is given, valid false: no such pulse has that peak",
     )
 
 
@@ -136,7 +137,7 @@ def conwep_decay(fraction: float) -> float:
     return decay
 
 
-def _too_much_impulse() -> Edge:
+def _too_much_impulse() -> FailureMode:
     def fraction(z):
         of = {"slant_range": z, "charge_mass": 1.0, "burst": "free-air"}
         area = kingery_bulmash_pressure(**of) * kingery_bulmash_duration(**of)
@@ -148,16 +149,16 @@ def _too_much_impulse() -> Edge:
     lost = float(friedlander_impulse(1.0, 1.0, naive)) / given - 1.0
     decay = float(friedlander_decay(1.0, given, 1.0))
     kept = float(friedlander_impulse(1.0, 1.0, decay)) / given - 1.0
-    return Edge(
+    return FailureMode(
         area="wave forms",
         method=METHOD,
-        edge="no decay >= 0 has the impulse",
+        failure="no decay >= 0 has the impulse",
         boundary=0.5,
         unit="= impulse/(Ps td) and above",
         beyond=f"kingery_bulmash in free air from Z = {distance:.1f} on; Newton as in "
         f"ConWep ends at b = {abs(naive):.0e}; at {given:g} the impulse is then "
         f"{100 * lost:+.0f} % off",
-        deed=witnessed("holds", abs(kept) < 1e-12, METHOD),
-        said=f"the negative root, b = {decay:.2f} at {given:g}: impulse kept to "
+        response=verified("holds", abs(kept) < 1e-12, METHOD),
+        message=f"the negative root, b = {decay:.2f} at {given:g}: impulse kept to "
         f"{max(abs(kept), 1e-16):.0e}",
     )

@@ -5,12 +5,12 @@ import pytest
 
 from jblast.verification.cases.moving_disc import analytic
 from jblast.verification.stability.camera import events
-from jblast.verification.stability.camera.lenses import behind_edge, fold_edge
-from jblast.verification.stability.failure import EDGES
+from jblast.verification.stability.camera.lenses import behind_failure, fold_failure
+from jblast.verification.stability.failure import FAILURE_MODES
 
 
 def test_events_are_entered_into_the_map():
-    assert EDGES["events"] is events.event_edges
+    assert FAILURE_MODES["events"] is events.event_failures
 
 
 def test_whole_counts_keep_their_digits_ten_times_as_long_as_a_sum():
@@ -44,8 +44,8 @@ def test_a_still_pixel_sends_what_the_logistic_says():
 
 
 def test_places_behind_the_camera_and_beyond_the_fold_are_marked():
-    assert behind_edge().deed == "marks"
-    edge = fold_edge()
-    assert edge.deed == "marks"
+    assert behind_failure().response == "marks"
+    mode = fold_failure()
+    assert mode.response == "marks"
     # 1 + 3 k1 r^2 = 0 for k1 alone
-    assert np.tan(np.radians(edge.boundary)) == pytest.approx(1 / np.sqrt(0.9))
+    assert np.tan(np.radians(mode.boundary)) == pytest.approx(1 / np.sqrt(0.9))

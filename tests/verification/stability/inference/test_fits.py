@@ -8,7 +8,7 @@ import pytest
 from jblast.inference import fit
 from jblast.inference.fitting.unidentified import NEAR, ambiguities
 from jblast.inference.mode.laplace import NORMAL_Q95
-from jblast.verification.stability.failure import EDGES
+from jblast.verification.stability.failure import FAILURE_MODES
 from jblast.verification.stability.inference import (
     outliers,
     poor_starts,
@@ -20,7 +20,7 @@ from jblast.verification.stability.inference.stock_solvers import SOLVERS, TOLER
 
 
 def test_fits_are_entered_into_the_map():
-    assert EDGES["fits"] is fits
+    assert FAILURE_MODES["fits"] is fits
 
 
 @pytest.fixture(scope="module")
@@ -98,20 +98,20 @@ def test_a_mirror_image_is_reported_as_often_as_the_charge_and_named_by_jblast()
 
 @pytest.mark.slow
 def test_the_mirror_image_is_told_apart_past_the_boundary_and_not_before():
-    edge = unidentifiable.collinear_edge()
-    assert edge.unit.startswith("m ")
-    for bent, named in ((0.8 * edge.boundary, 1), (1.2 * edge.boundary, 0)):
+    mode = unidentifiable.collinear_failure()
+    assert mode.unit.startswith("m ")
+    for bent, named in ((0.8 * mode.boundary, 1), (1.2 * mode.boundary, 0)):
         found = told(line(bent), *unidentifiable.MIRRORED).solution
         assert len(ambiguities(found, True)) == named
     # a charge at the height of its sensors: -2 ln density grows as the offset squared
-    double = unidentifiable.mirror_excess(2 * edge.boundary)
+    double = unidentifiable.mirror_excess(2 * mode.boundary)
     assert double / NEAR == pytest.approx(4.0, rel=0.25)
 
 
 @pytest.mark.slow
 def test_sensors_at_one_place_tell_neither_mass_nor_place_whatever_a_solver_says():
-    edge = unidentifiable.one_place_edge()
-    assert edge.boundary == 4  # mass and place are three; a mirror image is left at 3
+    mode = unidentifiable.one_place_failure()
+    assert mode.boundary == 4  # mass and place are three; a mirror image is left at 3
     one = unidentifiable.at_places(1)
     ends = unidentifiable.by_stock(one.solution, unidentifiable.poor_starts())
     assert ends.good > 300
@@ -125,11 +125,11 @@ def test_sensors_at_one_place_tell_neither_mass_nor_place_whatever_a_solver_says
 @pytest.mark.slow
 def test_one_outlier_moves_normal_errors_without_bound_and_student_errors_hardly():
     by = outliers.moved()
-    edge = outliers.outlier_edge()
+    mode = outliers.outlier_failure()
     # least squares follows a reading in proportion, but for what the law bends
     far = np.abs(by.normal[-1]) / np.abs(by.normal[len(by.normal) // 4])
     assert far == pytest.approx(4.0, rel=0.1)
-    at = np.interp(edge.boundary, outliers.FINE, np.abs(by.normal))
+    at = np.interp(mode.boundary, outliers.FINE, np.abs(by.normal))
     assert at == pytest.approx(NORMAL_Q95, rel=1e-6)
     assert np.abs(by.student).max() < NORMAL_Q95
     assert by.named[outliers.SIZES >= 10].all()
@@ -148,8 +148,8 @@ def test_an_outlier_is_named_in_the_answer():
 
 @pytest.mark.slow
 def test_wu_hao_tells_no_mass_while_the_solver_reports_success_at_many():
-    edge = unidentifiable.null_direction_edge()
-    assert edge.boundary > 1000  # starts spread over 1e4; it stays near where it began
+    mode = unidentifiable.null_direction_failure()
+    assert mode.boundary > 1000  # starts spread over 1e4; it stays near where it began
     found = unidentifiable.wu_hao_told()
     (null,) = found.identifiability.null
     np.testing.assert_allclose(null, unidentifiable.WU_HAO_NULL, atol=1e-6)

@@ -8,7 +8,7 @@ from jblast.inference import ensemble, fit
 from jblast.inference.fitting.uncertainty import how_sure
 from jblast.inference.importance.psis import ENDS
 from jblast.inference.mcmc.convergence import LONG_ENOUGH
-from jblast.verification.stability.failure import EDGES
+from jblast.verification.stability.failure import FAILURE_MODES
 from jblast.verification.stability.inference import ridges, two_modes
 from jblast.verification.stability.inference.arrival_logs import circle, told
 from jblast.verification.stability.inference.samplers import walks
@@ -17,7 +17,7 @@ from jblast.verification.stability.inference.unidentifiable import wu_hao_told
 
 
 def test_walks_are_entered_into_the_map():
-    assert EDGES["walks"] is walks
+    assert FAILURE_MODES["walks"] is walks
 
 
 def test_the_stretch_move_finds_a_near_mode_and_misses_a_far_one():
@@ -46,8 +46,8 @@ def test_the_walk_of_jblast_gives_each_mode_its_share():
 
 @pytest.mark.slow
 def test_the_boundary_lies_between_modes_that_are_found_and_not():
-    edge = two_modes.found_edge()
-    assert two_modes.APART[0] < edge.boundary < FAR
+    mode = two_modes.found_failure()
+    assert two_modes.APART[0] < mode.boundary < FAR
 
 
 @pytest.mark.slow
@@ -78,8 +78,8 @@ def test_a_walk_over_a_null_direction_looks_converged_and_is_refused():
 
 @pytest.mark.slow
 def test_a_ridge_without_end_is_walked_on_and_on_and_called_improper():
-    edge = ridges.endless_edge()
-    assert edge.boundary < LONG_ENOUGH
+    mode = ridges.endless_failure()
+    assert mode.boundary < LONG_ENOUGH
     _, walk = ridges.endless()
     assert not walk.converged
     assert any("so the posterior is improper" in why for why in walk.why)
@@ -89,9 +89,9 @@ def test_a_ridge_without_end_is_walked_on_and_on_and_called_improper():
 
 @pytest.mark.slow
 def test_the_normal_approximation_says_past_its_boundary_that_it_fails():
-    edge = ridges.bent_edge()
-    assert ridges.off_at(1.5 * edge.boundary) < ENDS
-    assert ridges.off_at(edge.boundary / 1.5) > ENDS
+    mode = ridges.bent_failure()
+    assert ridges.off_at(1.5 * mode.boundary) < ENDS
+    assert ridges.off_at(mode.boundary / 1.5) > ENDS
     close, wide = (
         told(circle(radius), 30.0, 60.0, 0.0) for radius in (ridges.CLOSE, 10.0)
     )

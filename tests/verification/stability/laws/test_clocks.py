@@ -9,7 +9,7 @@ from jblast.observations.clocks import refuse_unresolved
 from jblast.scene import Free, Scene, UncertainScene
 from jblast.verification.stability.laws.clocks import (
     arrival_at,
-    clock_edges,
+    clock_failures,
     coarse_from,
 )
 
@@ -20,7 +20,7 @@ def test_single_precision_steps_over_a_millisecond_from_16384_s_on():
     # and a step below it still tells 1 ms
     assert np.float32(8192.0) + np.float32(1e-3) > np.float32(8192.0)
     assert np.spacing(np.float32(1.7e9)) == 128.0
-    single, double = clock_edges()
+    single, double = clock_failures()
     assert single.boundary == 16384.0
     assert double.boundary == 2.0**33
 

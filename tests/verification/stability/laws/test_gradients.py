@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from jblast.verification.stability.laws.gradients import (
-    gradient_edges,
+    gradient_failures,
     laws_without_slope,
     pulse,
     slope_felt,
@@ -13,7 +13,7 @@ from jblast.waves import kingery_bulmash_pressure, slant_range
 
 
 def test_each_edge_of_a_derivative_is_seen():
-    assert [edge.deed for edge in gradient_edges()] == [
+    assert [mode.response for mode in gradient_failures()] == [
         *("holds", "holds", "holds", "refuses"),
     ]
 

@@ -11,14 +11,14 @@ from jblast.registry import LAWS
 from jblast.scene import Charge, Free, Scene, UncertainScene
 from jblast.verification.stability.laws.kingery_bulmash import kept_value, printed_value
 from jblast.verification.stability.laws.laws import (
-    kinney_graham_edges,
-    law_edges,
-    stokes_edges,
-    wu_hao_edges,
+    kinney_graham_failures,
+    law_failures,
+    stokes_failures,
+    wu_hao_failures,
 )
 from jblast.verification.stability.laws.point_sources import (
     energy_error,
-    point_source_edges,
+    point_source_failures,
 )
 from jblast.waves import (
     iso_9613_absorption,
@@ -38,19 +38,19 @@ SOUND = 340.29
 
 
 def test_every_claim_of_the_map_was_seen_and_says_where():
-    edges = law_edges()
-    assert len({(edge.method, edge.edge, edge.boundary) for edge in edges}) == len(
-        edges
+    modes = law_failures()
+    assert len({(mode.method, mode.failure, mode.boundary) for mode in modes}) == len(
+        modes
     )
-    for edge in edges:
-        assert edge.area == "laws"
-        assert np.isfinite(edge.boundary)
-        assert edge.beyond
-        assert edge.said
+    for mode in modes:
+        assert mode.area == "laws"
+        assert np.isfinite(mode.boundary)
+        assert mode.beyond
+        assert mode.message
 
 
 def test_wu_hao_is_slower_than_sound_past_the_edges():
-    mean, local = wu_hao_edges()
+    mean, local = wu_hao_failures()
     # the figures of the thesis' charge: 14.8 sqrt(Q), 57 m and 24.8 m
     assert mean.boundary == pytest.approx(0.34**-2.5, rel=1e-9)
     assert local.boundary == pytest.approx((1.4 * 0.34) ** -2.5, rel=1e-9)
@@ -101,7 +101,7 @@ def test_beyond_its_table_the_polynomial_overflows_and_ours_is_marked():
 
 
 def test_kinney_grahams_duration_is_marked_where_it_is_a_third_short():
-    near, far = kinney_graham_edges()
+    near, far = kinney_graham_failures()
     law = LAWS["positive_duration_s", "kinney_graham"]
 
     def ratio(z):
@@ -118,7 +118,7 @@ def test_kinney_grahams_duration_is_marked_where_it_is_a_third_short():
 
 
 def test_sedovs_pressure_is_a_tenth_low_past_the_edge_and_marked_before():
-    weak = point_source_edges()[0]
+    weak = point_source_failures()[0]
 
     def off(z):
         exact = point_source_pressure(z, 1.0) + 101325.0
@@ -126,7 +126,7 @@ def test_sedovs_pressure_is_a_tenth_low_past_the_edge_and_marked_before():
 
     assert off(0.99 * weak.boundary) > -0.1 > off(1.01 * weak.boundary)
     assert off(0.3) > -0.02
-    assert "marks" in weak.deed
+    assert "marks" in weak.response
 
 
 def test_tnt_is_no_point_source_and_a_fit_by_one_says_so():
@@ -165,7 +165,7 @@ def test_tnt_is_no_point_source_and_a_fit_by_one_says_so():
 
 
 def test_stokes_leaves_a_blast_as_loud_at_1_km_as_at_1_m():
-    spreading, relaxation = stokes_edges()
+    spreading, relaxation = stokes_failures()
     air = (288.15, 101325.0, 0.5)
     alpha = float(stokes_absorption(80.0, 1.225, SOUND, 288.15))
     assert math.exp(-alpha * 999.0) > 0.9999

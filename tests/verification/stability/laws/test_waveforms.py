@@ -9,7 +9,7 @@ from jblast.verification.stability.laws.waveforms import (
     closed_form,
     conwep_decay,
     impulse_errors,
-    wave_form_edges,
+    wave_form_failures,
 )
 from jblast.waves import (
     friedlander_decay,
@@ -23,7 +23,7 @@ from jblast.waves import (
 
 
 def test_the_closed_form_loses_its_digits_near_zero_and_ours_does_not():
-    near_zero = wave_form_edges()[0]
+    near_zero = wave_form_failures()[0]
     decay, bare, ours = impulse_errors()
     assert bare[decay > 1.01 * near_zero.boundary].max() < 1e-3
     assert bare[decay < near_zero.boundary].max() > 0.1
