@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 from jsonschema import Draft202012Validator
 
+import jblast
 from docs.generate import blocks, command_line, pages, scene_tables
 from docs.generate.links import in_repository, site_uri, targets, to_site
 from docs.generate.scene_schema import scene_schema
@@ -164,6 +165,12 @@ def test_readme_is_a_page_one_reads_through():
 def test_readme_tells_of_every_verb():
     table = text(ROOT / "README.md").split("## The verbs")[1]
     assert [v.name for v in VERBS if f"`{v.name}`" not in table] == []
+
+
+def test_readme_tells_of_every_name_of_the_front_door():
+    offered = " ".join(text(ROOT / "README.md").split()).split("`jblast` offers")[1]
+    told = re.findall(r"`(\w+)`", offered.partition(", and loads")[0])
+    assert sorted(told) == sorted(jblast.__all__)
 
 
 @pytest.mark.slow

@@ -31,10 +31,15 @@ def rooms(root: Path) -> list[Room]:
 
 
 def page(room: Room) -> str:
-    """Write the page of a room."""
+    """Write the page of a room, module by module: these tell formula and source."""
+    modules: dict[str, list[str]] = {}
+    for name, module in room.offers.items():
+        modules.setdefault(module, []).append(name)
     entries = [
-        f"::: {module}.{name}\n    options:\n      heading_level: 2"
-        for name, module in sorted(room.offers.items())
+        f"::: {module}\n    options:\n      members: [{', '.join(names)}]\n"
+        f"      heading: {title}\n      toc_label: {title}"
+        for module, names in modules.items()
+        for title in [module.removeprefix(f"{room.name}.")]
     ]
     return "\n\n".join([f"# {room.name}", room.about, *entries]) + "\n"
 

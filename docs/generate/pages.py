@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from docs.generate import api, notebooks, results, scene_schema
+from docs.generate.front_door import front_door
 
 ROOT = Path(__file__).parents[2]
 ALSO = {
@@ -50,7 +51,8 @@ def generated() -> list[Generated]:
                   lambda: api.tree(ROOT)),
         *(
             Generated(uri, room.source, room.name, "API",
-                      lambda room=room: api.page(room))
+                      lambda room=room: api.page(room) if "." in room.name
+                      else front_door(ROOT, room))
             for room in api.rooms(ROOT)
             for uri in [f"reference/api/{room.name}.md"]
         ),
