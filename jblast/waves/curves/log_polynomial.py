@@ -35,7 +35,7 @@ class Segment(Protocol):
         """Return ln y: floats, NumPy and JAX arrays alike."""
         ...
 
-    def log_slope(self, log_z: float) -> float:
+    def log_slope(self, log_z: Any) -> Any:
         """Return d ln y / d ln z."""
         ...
 
@@ -66,12 +66,13 @@ class LogPolynomial:
             value = value * u + coefficient
         return value
 
-    def log_slope(self, log_z: float) -> float:
-        """Return d ln y / d ln z."""
+    def log_slope(self, log_z: Any) -> Any:
+        """Return d ln y / d ln z: floats and NumPy arrays alike."""
         u = self.offset + self.scale * log_z
-        return self.scale * math.fsum(
-            i * c * u ** (i - 1) for i, c in enumerate(self.coefficients) if i
-        )
+        slope = 0.0
+        for power in range(len(self.coefficients) - 1, 0, -1):
+            slope = slope * u + power * self.coefficients[power]
+        return self.scale * slope
 
 
 @dataclass(frozen=True)

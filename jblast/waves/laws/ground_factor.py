@@ -23,7 +23,6 @@ from jaxtyping import Array, ArrayLike, Float
 from jblast.constants import STANDARD_PRESSURE
 from jblast.waves.arguments import checked
 from jblast.waves.curves.hermite import HermiteCurve, hermite_curve
-from jblast.waves.curves.log_polynomial import Segment
 from jblast.waves.laws.kingery_bulmash.table import kingery_bulmash_curve
 from jblast.waves.scaling import log_scaled_distance
 
@@ -67,18 +66,13 @@ def _log_factor() -> HermiteCurve:
     pressure = surface.log_value(nodes)
     log_z = nodes - math.log(1.6) / 3.0
     for _ in range(8):  # Newton's steps; five reach rounding
-        log_z = log_z - (free_air.log_value(log_z) - pressure) / _slopes(
-            free_air, log_z
+        log_z = log_z - (free_air.log_value(log_z) - pressure) / free_air.log_slope(
+            log_z
         )
     return hermite_curve(
         nodes,
         3.0 * (nodes - log_z),
-        3.0 * (1.0 - _slopes(surface, nodes) / _slopes(free_air, log_z)),
+        3.0 * (1.0 - surface.log_slope(nodes) / free_air.log_slope(log_z)),
         slope_before=0.0,
         slope_after=0.0,
     )
-
-
-def _slopes(curve: Segment, log_z: np.ndarray) -> np.ndarray:
-    """Return d ln p/d ln Z at each of many places."""
-    return np.array([curve.log_slope(x) for x in log_z])
