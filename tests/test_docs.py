@@ -49,8 +49,8 @@ def test_the_navigation_names_every_written_page_and_none_that_is_not_there():
     named = re.findall(r"[-:] (\S+\.md)$", nav, re.M)
     written = {path.relative_to(ROOT / "docs").as_posix() for path in WRITTEN}
     assert sorted(named) == sorted({*written, *pages.ALSO})
-    sections = re.findall(r"- (\w+): \[\]$", nav, re.M)
-    assert sorted(sections) == sorted(pages.navigation(GENERATED))
+    sections = re.findall(r"- (\w+):(?: \[\])?$", nav, re.M)
+    assert set(pages.navigation(GENERATED)) <= set(sections)
 
 
 @each_page
