@@ -23,7 +23,7 @@ from calibration.mass_posterior import MassEstimate
 from jblast.inference.fitting.fit import solve
 from jblast.inference.fitting.solution import Solution
 from jblast.inference.fitting.uncertainty import HowSure, how_sure
-from jblast.observations import Observations, place, read
+from jblast.observations import Observations, read, resolve_positions
 from jblast.registry import Law
 from jblast.scene import UncertainScene, read_scene, with_laws
 
@@ -55,7 +55,7 @@ def log_and_scene(shot: str, laws: list[Law]) -> tuple[Observations, UncertainSc
 def weigh(shot: str, laws: list[Law]) -> Weighed:
     """Fit the log of a shot as a user would, by laws that are registered."""
     log, uncertain = log_and_scene(shot, laws)
-    log = place(log, uncertain.scene, uncertain.beliefs)
+    log = resolve_positions(log, uncertain.scene, uncertain.beliefs)
     solution = solve(log, uncertain)
     mode = float(solution.laplace.z[0])
     truth = float(np.log(float(ford_logs.rows_of(shot)[0]["yield_kg"])))

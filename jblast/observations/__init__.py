@@ -1,7 +1,7 @@
 """What was measured: tidy tables and their readers."""
 
 from jblast.observations.grouping import some_rows as some_rows
-from jblast.observations.placement import place as place
+from jblast.observations.placement import resolve_positions as resolve_positions
 from jblast.observations.read import read as read
 from jblast.observations.starter_scene import starter_scene as starter_scene
 from jblast.observations.table import (

@@ -25,7 +25,7 @@ from jblast.quantities import BY_CAMERA
 from jblast.scene import Scene
 
 
-def place(
+def resolve_positions(
     observations: Observations, scene: Scene, beliefs: Collection[str] = ()
 ) -> Observations:
     """Fill in the positions of sensors from the scene, and check what both say.

@@ -90,7 +90,7 @@ class Layout(eqx.Module):
 
 
 def layout_of(observations: Observations, scene: Scene) -> Layout:
-    """Return the rows of a log whose positions are known (see `observations.place`)."""
+    """Return the rows of a log whose positions are known (see `resolve_positions`)."""
     shots = [charge.name for charge in scene.charges]
     shot = tuple(shots.index(s) if scene.others else 0 for s in observations.shot)
     ways = list(zip(shot, observations.groups(), strict=True))

@@ -17,7 +17,7 @@ from jaxtyping import Array, Float, PRNGKeyArray
 from jblast.quantities import ADDITIVE, CIRCULAR
 from jblast.scene import Scene
 from jblast.sensors.layout import Layout
-from jblast.sensors.record import Recording, known, record
+from jblast.sensors.record import Recording, opaque_constant, record
 
 Noise = Literal["student", "gaussian"]
 
@@ -31,7 +31,8 @@ def loadings(recording: Recording, layout: Layout) -> Float[Array, "row effect"]
     There is one effect for the shot and one for each path, for each quantity whose law
     scatters so.
     """
-    group, groups = known(np.array(layout.group)), dict.fromkeys(layout.group)
+    group = opaque_constant(np.array(layout.group))
+    groups = dict.fromkeys(layout.group)
     columns = list(recording.shot_loading.values())
     for of_path in recording.path_loading.values():
         columns += [jnp.where(group == g, of_path, 0.0) for g in groups]

@@ -59,7 +59,7 @@ def comparable(
     plain = np.isin(quantity, ADDITIVE)
     if plain.all():
         return jnp.asarray(value)
-    plain = known(plain)
+    plain = opaque_constant(plain)
     return jnp.where(plain, value, jnp.log(jnp.where(plain, 1.0, value)))
 
 
@@ -74,11 +74,11 @@ def missed(
     if not circular.any():
         return residual
     short = jnp.mod(residual + math.pi, 2 * math.pi) - math.pi
-    return jnp.where(known(circular), short, residual)
+    return jnp.where(opaque_constant(circular), short, residual)
 
 
-def known(rows: np.ndarray) -> np.ndarray | Array:
-    """Return what is known of rows beforehand as a program should hold it (`LONG`)."""
+def opaque_constant(rows: np.ndarray) -> np.ndarray | Array:
+    """Hide a long constant from XLA's constant folding (`LONG`)."""
     return lax.optimization_barrier(jnp.asarray(rows)) if rows.size > LONG else rows
 
 
@@ -101,7 +101,8 @@ def clock_offsets(scene: Scene, layout: Layout) -> Float[Array, " row"]:
         return jnp.zeros(len(layout.clock))
     place = {name: i for i, name in enumerate(told, start=1)}
     offsets = jnp.stack([jnp.zeros(()), *told.values()])
-    return offsets[known(np.array([place.get(name, 0) for name in layout.clock]))]
+    of_row = np.array([place.get(name, 0) for name in layout.clock])
+    return offsets[opaque_constant(of_row)]
 
 
 def record(scene: Scene, layout: Layout, laws: Mapping[str, str]) -> Recording:
@@ -136,14 +137,14 @@ def record(scene: Scene, layout: Layout, laws: Mapping[str, str]) -> Recording:
         never, charge = charge.never, charge.as_if_at_zero()
         path = path_to(scene, layout, charge)
         here = shots == shot
-        distance = jnp.where(known(here), path.slant_range, distance)
-        starts = known(here & is_clock_time)
+        distance = jnp.where(opaque_constant(here), path.slant_range, distance)
+        starts = opaque_constant(here & is_clock_time)
         value = jnp.where(starts, charge.time + offsets, value)
         for quantity in layout.quantities():
             rows, sign = layout.rows(quantity, shot)
             if not rows.size:
                 continue
-            rows, sign = known(rows), known(sign)
+            rows, sign = opaque_constant(rows), opaque_constant(sign)
             law = law_for(quantity, laws[quantity])
             way = replace(_rows_of(path, rows), charge_mass=charge.tnt_mass(quantity))
             given = jnp.broadcast_to(call(law.function, way), rows.shape)
@@ -164,8 +165,8 @@ def record(scene: Scene, layout: Layout, laws: Mapping[str, str]) -> Recording:
             if not _is_zero(sds[1]):
                 of_paths[name] = jnp.zeros(n).at[rows].set(of_path)
             record_variance = record_variance.at[rows].add(of_record**2)
-        lost = known(here) & never
-        value = jnp.where(lost, known(_nothing(layout.quantity)), value)
+        lost = opaque_constant(here) & never
+        value = jnp.where(lost, opaque_constant(_nothing(layout.quantity)), value)
         valid = valid | lost
     some = ~(record_variance <= 0)  # a scatter that is no number is not none
     record_sd = jnp.where(some, jnp.sqrt(jnp.where(some, record_variance, 1.0)), 0.0)

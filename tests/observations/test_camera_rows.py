@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from jblast.errors import InputError
-from jblast.observations import place, read
+from jblast.observations import read, resolve_positions
 from jblast.scene import Camera, Charge, Scene, Sensor
 from jblast.sensors import planned_layout
 
@@ -26,13 +26,13 @@ def log(tmp_path, text: str):
 
 
 def test_a_radius_in_an_image_is_seen_from_the_camera(tmp_path):
-    placed = place(log(tmp_path, HEADER + RADIUS), Scene(camera=camera()))
+    placed = resolve_positions(log(tmp_path, HEADER + RADIUS), Scene(camera=camera()))
     np.testing.assert_array_equal(placed.position, [[0.0, -100.0, 2.0]])
 
 
 def test_a_radius_in_metres_needs_neither_place_nor_camera(tmp_path):
     text = HEADER + "c,fireball_radius_m,4,,0.004\n"
-    assert np.isnan(place(log(tmp_path, text), Scene()).position).all()
+    assert np.isnan(resolve_positions(log(tmp_path, text), Scene()).position).all()
 
 
 SEEN = "c,bearing_rad,-0.1,0.01,3,4,0,\n"
@@ -74,14 +74,14 @@ BAD = {
 @pytest.mark.parametrize(("text", "scene", "said"), BAD.values(), ids=BAD)
 def test_what_does_not_go_together_is_refused(tmp_path, text, scene, said):
     with pytest.raises(InputError) as error:
-        place(log(tmp_path, text), scene)
+        resolve_positions(log(tmp_path, text), scene)
     for words in said:
         assert words in str(error.value)
 
 
 def test_a_free_origin_time_may_come_before_it_all(tmp_path):
     text = HEADER + RADIUS.replace("0.004", "-0.004")
-    place(log(tmp_path, text), Scene(camera=camera()), ["origin_time_s"])
+    resolve_positions(log(tmp_path, text), Scene(camera=camera()), ["origin_time_s"])
 
 
 PLANS = {

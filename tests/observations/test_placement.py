@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from jblast.errors import InputError
-from jblast.observations import place, read
+from jblast.observations import read, resolve_positions
 from jblast.scene import Air, Charge, Scene, Sensor
 
 BARE = "sensor,quantity,value,sigma\n"
@@ -28,17 +28,17 @@ def scene(**sensors):
 
 def test_a_place_comes_from_the_scene_where_the_log_has_none(log):
     observations = log(POSITION + "a,air_arrival_s,1,,,,\nb,air_arrival_s,2,,4,5,6\n")
-    placed = place(observations, scene(a=[1.0, 2.0, 3.0]))
+    placed = resolve_positions(observations, scene(a=[1.0, 2.0, 3.0]))
     np.testing.assert_array_equal(placed.position, [[1, 2, 3], [4, 5, 6]])
     assert np.isnan(observations.position[0]).all()  # the log itself is unchanged
 
 
 def test_a_place_given_twice_may_differ_by_less_than_a_millimetre(log):
     observations = log(POSITION + "a,air_arrival_s,1,,1,2,3\n")
-    placed = place(observations, scene(a=[1.0, 2.0, 3.0009]))
+    placed = resolve_positions(observations, scene(a=[1.0, 2.0, 3.0009]))
     np.testing.assert_array_equal(placed.position, [[1, 2, 3]])
     with pytest.raises(InputError) as caught:
-        place(observations, scene(a=[1.0, 2.0, 3.002]))
+        resolve_positions(observations, scene(a=[1.0, 2.0, 3.002]))
     for said in ("log.csv: line 2", "'a'", "[1, 2, 3] m", "[1, 2, 3.002] m"):
         assert said in str(caught.value)
 
@@ -46,53 +46,59 @@ def test_a_place_given_twice_may_differ_by_less_than_a_millimetre(log):
 def test_a_sensor_without_a_place_is_named(log):
     observations = log(BARE + "a,air_arrival_s,1,\nb,air_arrival_s,2,\n")
     with pytest.raises(InputError, match=r"line 3: expected east_m.*named 'b'"):
-        place(observations, scene(a=[1.0, 2.0, 3.0]))
+        resolve_positions(observations, scene(a=[1.0, 2.0, 3.0]))
 
 
 def test_a_scene_sensor_that_says_no_position_gives_none(log):
     observations = log(BARE + "a,air_arrival_s,1,\n")
     with pytest.raises(InputError, match="named 'a'"):
-        place(observations, scene(a=[np.nan] * 3))
+        resolve_positions(observations, scene(a=[np.nan] * 3))
 
 
 def test_a_shock_radius_needs_no_place(log):
     text = "sensor,quantity,value,sigma,time_s\ncamera,shock_radius_m,11,,1e-4\n"
-    assert np.isnan(place(log(text), Scene()).position).all()
+    assert np.isnan(resolve_positions(log(text), Scene()).position).all()
 
 
 def test_one_sensor_needs_no_place_where_the_scene_gives_its_range(log):
     ranged = Scene(charge=Charge(range=20.0))
-    assert len(place(log(BARE + "a,air_arrival_s,1,\n"), ranged)) == 1
+    assert len(resolve_positions(log(BARE + "a,air_arrival_s,1,\n"), ranged)) == 1
     with pytest.raises(InputError, match=r"distance to one sensor; got .*'a', 'b'"):
-        place(log(BARE + "a,air_arrival_s,1,\nb,air_arrival_s,2,\n"), ranged)
+        resolve_positions(
+            log(BARE + "a,air_arrival_s,1,\nb,air_arrival_s,2,\n"), ranged
+        )
 
 
 def test_ranges_are_kept_where_the_charge_stays_in_place(log):
     observations = log(RANGE + "a,air_arrival_s,1,,20\nb,air_arrival_s,2,,30\n")
-    placed = place(observations, Scene(), {"charge_mass_kg"})
+    placed = resolve_positions(observations, Scene(), {"charge_mass_kg"})
     np.testing.assert_array_equal(placed.slant_range, [20, 30])
 
 
 @pytest.mark.parametrize("name", ["charge_east_m", "charge_north_m"])
 def test_a_range_beside_a_free_place_is_refused(log, name):
     with pytest.raises(InputError, match=f"line 2, column range_m.*{name}.*got range"):
-        place(log(RANGE + "a,air_arrival_s,1,,20\n"), Scene(), {name})
+        resolve_positions(log(RANGE + "a,air_arrival_s,1,,20\n"), Scene(), {name})
 
 
 def test_a_range_in_the_log_and_in_the_scene_must_agree(log):
     observations = log(RANGE + "a,air_arrival_s,1,,20\n")
-    assert len(place(observations, Scene(charge=Charge(range=20.0)))) == 1
+    assert len(resolve_positions(observations, Scene(charge=Charge(range=20.0)))) == 1
     with pytest.raises(InputError, match=r"line 2, column range_m: got 20.*21\.0"):
-        place(observations, Scene(charge=Charge(range=21.0)))
+        resolve_positions(observations, Scene(charge=Charge(range=21.0)))
     with pytest.raises(InputError, match=r"line 2.*\[charge\] range_m.*not fixed"):
-        place(observations, Scene(charge=Charge(range=20.0)), {"charge_range_m"})
+        resolve_positions(
+            observations, Scene(charge=Charge(range=20.0)), {"charge_range_m"}
+        )
 
 
 def test_a_range_in_the_log_must_agree_with_a_sensor_of_the_scene(log):
     observations = log(RANGE + "a,air_arrival_s,1,,5\n")
-    assert np.isnan(place(observations, scene(a=[3.0, 4.0, 0.0])).position).all()
+    assert np.isnan(
+        resolve_positions(observations, scene(a=[3.0, 4.0, 0.0])).position
+    ).all()
     with pytest.raises(InputError, match=r"line 2, column range_m: got 5\.0.*10\.0"):
-        place(observations, scene(a=[6.0, 8.0, 0.0]))
+        resolve_positions(observations, scene(a=[6.0, 8.0, 0.0]))
 
 
 SHOTS = RANGE.replace("\n", ",shot\n")
@@ -100,16 +106,16 @@ SHOTS = RANGE.replace("\n", ",shot\n")
 
 def test_several_shots_need_a_charge_named_for_each(log):
     rows = ["a,air_arrival_s,1,,20,one\n", "a,air_arrival_s,2,,20,two\n"]
-    assert len(place(log(SHOTS + rows[0]), Scene())) == 1
+    assert len(resolve_positions(log(SHOTS + rows[0]), Scene())) == 1
     observations = log(SHOTS + "".join(rows))
     message = r"line 3, column shot: expected 'one'.*got 'two'.*\[\[charge\]\]"
     with pytest.raises(InputError, match=message):
-        place(observations, Scene())
+        resolve_positions(observations, Scene())
     two = Scene(charge=Charge(name="one"), others=(Charge(name="two", time=1.5),))
-    assert len(place(observations, two)) == 2
+    assert len(resolve_positions(observations, two)) == 2
     other = Scene(charge=Charge(name="one"), others=(Charge(name="three"),))
     with pytest.raises(InputError, match=r"line 3.*'one', 'three'; got 'two'"):
-        place(observations, other)
+        resolve_positions(observations, other)
 
 
 def test_each_charge_is_asked_about_its_own_origin_time(log):
@@ -118,8 +124,8 @@ def test_each_charge_is_asked_about_its_own_origin_time(log):
     )
     late = Scene(charge=Charge(name="one"), others=(Charge(name="two", time=9.0),))
     with pytest.raises(InputError, match=r"line 3.*after the origin time, 9 s"):
-        place(observations, late)
-    assert len(place(observations, late, {"origin_time_s.two"})) == 2
+        resolve_positions(observations, late)
+    assert len(resolve_positions(observations, late, {"origin_time_s.two"})) == 2
 
 
 def test_wind_needs_a_direction_but_only_for_what_it_changes(log):
@@ -127,7 +133,12 @@ def test_wind_needs_a_direction_but_only_for_what_it_changes(log):
     with pytest.raises(
         InputError, match=r"line 2.*range alone, which has no direction"
     ):
-        place(log(RANGE + "a,air_arrival_s,1,,20\n"), windy)
+        resolve_positions(log(RANGE + "a,air_arrival_s,1,,20\n"), windy)
     with pytest.raises(InputError, match="a free wind"):
-        place(log(RANGE + "a,air_arrival_s,1,,20\n"), Scene(), {"wind_east_m_s"})
-    assert len(place(log(RANGE + "a,peak_overpressure_pa,1,,20\n"), windy)) == 1
+        resolve_positions(
+            log(RANGE + "a,air_arrival_s,1,,20\n"), Scene(), {"wind_east_m_s"}
+        )
+    assert (
+        len(resolve_positions(log(RANGE + "a,peak_overpressure_pa,1,,20\n"), windy))
+        == 1
+    )

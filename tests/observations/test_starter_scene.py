@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings, strategies as st
 
-from jblast.observations import Observations, place, read, starter_scene
+from jblast.observations import Observations, read, resolve_positions, starter_scene
 from jblast.scene import Free, read_scene
 
 BARE = "sensor,quantity,value,sigma\n"
@@ -47,7 +47,7 @@ def test_three_sensors_around_the_charge_free_its_place_and_time(start):
     assert c.records == ()
     assert "no sigma for air_arrival_s" in text
     assert "[ground]" not in text
-    place(observations, uncertain.scene, uncertain.beliefs)
+    resolve_positions(observations, uncertain.scene, uncertain.beliefs)
 
 
 def test_sensors_in_a_line_leave_the_place_fixed(start):
@@ -60,14 +60,14 @@ def test_sensors_in_a_line_leave_the_place_fixed(start):
 def test_one_range_goes_into_the_scene(start):
     observations, uncertain, _ = start(RANGE + "a,positive_impulse_pa_s,70,,276.25\n")
     assert uncertain.scene.charge.range == 276.25
-    placed = place(observations, uncertain.scene, uncertain.beliefs)
+    placed = resolve_positions(observations, uncertain.scene, uncertain.beliefs)
     assert placed.slant_range[0] == 276.25
 
 
 def test_a_sensor_at_an_unknown_range_frees_it(start):
     observations, uncertain, _ = start(BARE + "a,positive_impulse_pa_s,70,\n")
     assert set(uncertain.beliefs) == {"charge_mass_kg", "charge_range_m"}
-    place(observations, uncertain.scene, uncertain.beliefs)
+    resolve_positions(observations, uncertain.scene, uncertain.beliefs)
 
 
 def test_several_ranges_leave_the_place_fixed(start):
@@ -75,7 +75,7 @@ def test_several_ranges_leave_the_place_fixed(start):
         RANGE + "a,positive_impulse_pa_s,70,,276\nb,positive_impulse_pa_s,7,,2760\n"
     )
     assert set(uncertain.beliefs) == {"charge_mass_kg"}
-    place(observations, uncertain.scene, uncertain.beliefs)
+    resolve_positions(observations, uncertain.scene, uncertain.beliefs)
 
 
 def test_a_shock_radius_alone_leaves_place_and_time_fixed(start):
@@ -86,7 +86,7 @@ def test_a_shock_radius_alone_leaves_place_and_time_fixed(start):
     )
     assert set(uncertain.beliefs) == {"charge_mass_kg"}
     assert "position_m = [EAST" not in text
-    place(observations, uncertain.scene, uncertain.beliefs)
+    resolve_positions(observations, uncertain.scene, uncertain.beliefs)
 
 
 def test_places_that_nobody_gave_are_asked_for(start):
@@ -103,7 +103,7 @@ def test_a_sensor_that_moves_keeps_its_places_in_the_log(start):
     observations, uncertain, _ = start(
         POSITION + "a,air_arrival_s,1,,20,0,0\na,air_arrival_s,2,,30,0,0\n"
     )
-    placed = place(observations, uncertain.scene, uncertain.beliefs)
+    placed = resolve_positions(observations, uncertain.scene, uncertain.beliefs)
     np.testing.assert_array_equal(placed.position, observations.position)
 
 

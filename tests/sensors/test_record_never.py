@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from jblast.errors import InputError
-from jblast.observations.placement import place
+from jblast.observations.placement import resolve_positions
 from jblast.scene import Charge, Scene, Sensor, UncertainScene
 from jblast.sensors import planned_layout, record, simulate
 from jblast.sensors.observe import loadings, observe
@@ -114,7 +114,7 @@ def test_a_row_of_a_charge_that_never_happens_is_refused():
     with pytest.raises(
         InputError, match=r"of 'other', which never happens .* time is inf"
     ):
-        place(log, never)
+        resolve_positions(log, never)
 
 
 @pytest.mark.parametrize("time", [np.nan, -np.inf])

@@ -14,7 +14,7 @@ from jblast.errors import InputError, nearest
 from jblast.inference.posterior.fireball_growth import GROWTH, as_seen, own_growth
 from jblast.inference.posterior.parameters import parameters_of
 from jblast.inference.posterior.posterior import Posterior, posterior_of
-from jblast.observations import Observations, place
+from jblast.observations import Observations, resolve_positions
 from jblast.parameter_table import CHARGE_POSITION, CLOCK_OFFSET
 from jblast.quantities import TIMED
 from jblast.scene import Free, Scene, UncertainScene, place_of, with_values
@@ -114,7 +114,7 @@ def planned(
     # the place is taken for known here, so a sensor must not stand at it
     kept = [name for name in beliefs if name.partition(".")[0] not in CHARGE_POSITION]
     with np.errstate(over="ignore"):  # a charge beyond all reach is refused below
-        log = place(log, scene, kept)
+        log = resolve_positions(log, scene, kept)
     for row in np.flatnonzero(~np.isfinite(value)):
         raise InputError(
             f"{source}: sensor {log.sensor[row]!r}: {log.quantity[row]} is {value[row]}"

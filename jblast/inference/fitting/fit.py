@@ -24,7 +24,7 @@ from jblast.inference.mode.starts import starts
 from jblast.inference.posterior.fireball_growth import as_seen
 from jblast.inference.posterior.parameters import parameters_of
 from jblast.inference.posterior.posterior import posterior_of
-from jblast.observations import Observations, place
+from jblast.observations import Observations, resolve_positions
 from jblast.progress import stages
 from jblast.scene import UncertainScene, default_scene
 from jblast.sensors import layout_of, resolve_laws
@@ -78,7 +78,7 @@ def fit(
     """
     uncertain = uncertain or default_scene()
     uncertain = as_seen(uncertain, observations.quantity, observations.time)
-    observations = place(observations, uncertain.scene, uncertain.beliefs)
+    observations = resolve_positions(observations, uncertain.scene, uncertain.beliefs)
     begin = stages(STAGES)
     solution = solve(observations, uncertain, noise=noise, seed=seed)
     begin("how sure")

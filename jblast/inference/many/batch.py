@@ -8,7 +8,7 @@ from jaxtyping import Float
 
 from jblast.errors import InputError
 from jblast.inference.posterior.posterior import refuse_exact
-from jblast.observations import Observations, place
+from jblast.observations import Observations, resolve_positions
 from jblast.observations.clocks import refuse_unresolved
 from jblast.registry import names_for
 from jblast.scene import Scene, UncertainScene
@@ -52,7 +52,7 @@ def batch_of(logs: Sequence[Observations], uncertain: UncertainScene) -> Batch:
     """
     if not logs:
         raise InputError("logs: expected at least one, got none")
-    first = place(logs[0], uncertain.scene, uncertain.beliefs)
+    first = resolve_positions(logs[0], uncertain.scene, uncertain.beliefs)
     layout = layout_of(first, uncertain.scene)
     laws = _named_laws(uncertain.scene, layout)
     for number, log in enumerate(logs):

@@ -4,7 +4,8 @@ from collections.abc import Mapping
 from typing import Any
 
 from jblast.inference.fitting.result import Fit
-from jblast.parameter_table import described
+from jblast.parameter_table import CHARGE_POSITION, PARAMETERS, described
+from jblast.registry import law_for
 from jblast.report.fit.goodness import goodness_sentence
 from jblast.report.fit.headline import headline
 from jblast.report.fit.identifiability import (
@@ -86,10 +87,8 @@ def given_sentence(fit: Fit) -> str:
     names = []
     for charge in scene.charges:
         label = scene.label(charge)
-        places = ["charge_east_m", "charge_north_m", "charge_up_m"]
-        if charge.range is not None:
-            places = ["charge_range_m"]
-        names += [f"{n}{label}" for n in ("charge_mass_kg", *places, "origin_time_s")]
+        place = CHARGE_POSITION if charge.range is None else ("charge_range_m",)
+        names += [f"{n}{label}" for n in ("charge_mass_kg", *place, "origin_time_s")]
         if charge.tnt_factor is not None:
             names.append(f"tnt_factor{label}")
     if scene.air.sound_speed is not None:
@@ -100,12 +99,7 @@ def given_sentence(fit: Fit) -> str:
         names += ["air_temperature_k", "air_pressure_pa"]
     if float(scene.air.wind_east) or float(scene.air.wind_north):
         names += ["wind_east_m_s", "wind_north_m_s"]
-    if any(q.startswith(("ground", "arrival_diff")) for q in fit.answer["law"]):
-        names += ["ground_p_speed_m_s"]
-    if "sedov_taylor" in fit.answer["law"].values():
-        names += ["sedov_gamma"]
-    if "fireball" in fit.answer["law"].values() and scene.fireball_growth is not None:
-        names += ["fireball_growth_s"]
+    names += _asked_by_laws(fit.answer["law"])
     known = []
     for name in names:
         value = value_of(scene, name)
@@ -114,6 +108,17 @@ def given_sentence(fit: Fit) -> str:
             known.append(f"{parameter_words(name)} {shown}")
     known += [_explosive_words(charge) for charge in scene.charges]
     return f"Taken as known: {joined([k for k in known if k])}."
+
+
+def _asked_by_laws(laws: Mapping[str, str]) -> list[str]:
+    """Return the numbers of the ground, and of laws themselves, that laws ask for."""
+    asked = {a for pair in laws.items() for a in law_for(*pair).arguments()}
+    return [
+        one.name
+        for one in PARAMETERS.values()
+        if one.key.table in ("ground", "law")
+        and one.attribute.rpartition(".")[2] in asked
+    ]
 
 
 def _explosive_words(charge: Charge) -> str:

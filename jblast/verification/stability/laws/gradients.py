@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from jblast.errors import InputError
-from jblast.observations import Observations, place
+from jblast.observations import Observations, resolve_positions
 from jblast.registry import LAWS, call
 from jblast.scene import Charge, Scene
 from jblast.sensors.calculator.forward import calculated_laws
@@ -148,7 +148,7 @@ def _laws_at_zero() -> FailureMode:
         clock=("",),
     )
     pressure = LAWS["peak_overpressure_pa", "kingery_bulmash"].function
-    for refuse in (lambda: pressure(0.0, 1.0), lambda: place(log, Scene())):
+    for refuse in (lambda: pressure(0.0, 1.0), lambda: resolve_positions(log, Scene())):
         try:
             refuse()
         except (InputError, ValueError):
