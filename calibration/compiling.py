@@ -45,10 +45,10 @@ def measured() -> dict[str, float]:
     seconds = {}
     for name, posterior in WORK:
         begun = time.perf_counter()
-        answer = fit(log, scene, posterior=posterior).answer
+        answer = fit(log, scene, posterior=posterior).summary
         seconds[name] = time.perf_counter() - begun
         if name == "first fit":
-            seconds["kg"] = answer["estimates"]["charge_mass_kg"]["value"]
+            seconds["kg"] = answer.estimates["charge_mass_kg"].value
     return seconds
 
 

@@ -81,9 +81,7 @@ def main(count: int = LOGS) -> None:
             ("weighted", sure.marginals),
             ("laplace", marginals(parameters, normal)),
         ):
-            ends = np.array(
-                [[intervals[n][q] for q in ("q05", "q95")] for n in TRUTH], float
-            )
+            ends = np.array([[intervals[n].q05, intervals[n].q95] for n in TRUTH])
             held[how].append((ends[:, 0] <= truth) & (truth <= ends[:, 1]))
         away.append((z - coordinate) / np.sqrt(np.diag(normal.covariance)))
     print(f"share of {count} logs whose 90 % interval holds the truth (+- 0.015)")

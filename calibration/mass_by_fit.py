@@ -82,8 +82,7 @@ def _told(shot: str, solution: Solution, sure: HowSure) -> tuple[float, float, f
     if not (solution.laplace.converged and sure.converged):
         raise RuntimeError(f"the fit of {shot} by {sure.method} did not converge")
     mass = sure.marginals["charge_mass_kg"]
-    sd, q05, q95 = np.array([mass[key] for key in ("log_sd", "q05", "q95")], float)
-    return float(sd), float(np.log(q05)), float(np.log(q95))
+    return mass.log_sd, float(np.log(mass.q05)), float(np.log(mass.q95))
 
 
 def log_integral(z: np.ndarray, log_density: np.ndarray) -> float:

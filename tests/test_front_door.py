@@ -105,10 +105,8 @@ def test_a_log_is_simulated_written_and_read(log, tmp_path):
 
 def test_a_log_is_fitted(log, unknown):
     answer = jblast.fit(log, unknown, posterior="laplace")
-    low, high = (
-        answer.answer["estimates"]["charge_mass_kg"][key] for key in ("q05", "q95")
-    )
-    assert low < 15.0 < high
+    mass = answer.summary.estimates["charge_mass_kg"]
+    assert mass.q05 < 15.0 < mass.q95
 
 
 def test_many_logs_are_fitted(known, unknown):

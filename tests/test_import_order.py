@@ -16,7 +16,7 @@ SOURCES = sorted(PACKAGE.rglob("*.py"))
 # Each may import what stands above it, and its own.
 ORDER = [
     ("types", "constants", "bounds", "registry", "errors", "progress"),
-    ("files",),
+    ("files", "json_values"),
     ("parameter", "parameter_table", "quantity", "quantity_table", "quantities"),
     ("program_words",),
     ("kept_programs",),

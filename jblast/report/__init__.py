@@ -9,10 +9,8 @@ if TYPE_CHECKING:
         write_report as write_report,
     )
     from jblast.report.fit.terminal import summary as summary
-    from jblast.report.json_values import plain as plain
 
 HOMES = {
-    "plain": "json_values",
     "summary": "fit.terminal",
     "check_directory": "fit.files",
     "write_report": "fit.files",

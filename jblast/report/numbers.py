@@ -1,15 +1,10 @@
 """How a number is printed: its unit, and no more digits than it deserves."""
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from jblast.constants import TNT_SPECIFIC_ENERGY
 from jblast.report.words import split_name
-
-WIDE_LOG_SD = 0.3
-"""Past this sd in ln an interval spans a factor of three: digits count then."""
 
 
 @dataclass(frozen=True)
@@ -18,26 +13,6 @@ class Unit:
 
     symbol: str
     size: float
-
-
-@dataclass(frozen=True)
-class Printed:
-    """An estimate in words ready for a table.
-
-    Attributes:
-        value: With its unit, "not identified" where there is none.
-        interval: The 90 % interval with its unit, "-" where there is none.
-        beside: The same value in another unit a reader may know, or "".
-    """
-
-    value: str
-    interval: str
-    beside: str
-
-    @property
-    def value_and_beside(self) -> str:
-        """Return the value, with the other unit in brackets."""
-        return f"{self.value} ({self.beside})" if self.beside else self.value
 
 
 LADDERS = {
@@ -106,35 +81,6 @@ def scientific(number: float, decimals: int) -> str:
     return f"{mantissa}e{int(exponent)}"
 
 
-def printed_estimate(name: str, estimate: Mapping[str, Any]) -> Printed:
-    """Print one entry of an answer's `estimates` or `derived`.
-
-    Two digits of the sd decide how far value and interval are printed; where the
-    parameter is uncertain by a factor, each number has two significant digits.
-    """
-    value, sd, low, high = (
-        finite(estimate.get(k)) for k in ("value", "sd", "q05", "q95")
-    )
-    log_sd = finite(estimate.get("log_sd"))
-    unit = unit_for(name, *((low, high) if value is None else (value,)))
-    if sd is None and low is not None and high is not None:
-        sd = (high - low) / 3.29
-
-    def show(number: float) -> str:
-        if (log_sd is not None and log_sd > WIDE_LOG_SD) or not sd:
-            return significant(number / unit.size, 2 if sd else 4)
-        return rounded(number / unit.size, sd / unit.size)
-
-    bare = f" {unit.symbol}" if unit.symbol else ""
-    return Printed(
-        value="not identified" if value is None else show(value) + bare,
-        interval="-"
-        if low is None or high is None
-        else f"{show(low)} to {show(high)}{bare}",
-        beside="" if value is None else _beside(name, value),
-    )
-
-
 def printed_number(name: str, value: float | int, digits: int = 4) -> str:
     """Print a number with its unit where no uncertainty is known."""
     value = float(value)
@@ -143,12 +89,3 @@ def printed_number(name: str, value: float | int, digits: int = 4) -> str:
     if "." in text and "e" not in text:
         text = text.rstrip("0").rstrip(".")
     return f"{text} {unit.symbol}".rstrip()
-
-
-def _beside(name: str, value: float) -> str:
-    suffix = split_name(name)[1]
-    if suffix == "_kg" and value >= 1e6:
-        return f"{scientific(value, 2)} kg"
-    if suffix == "_j" and value >= 1e6 * TNT_SPECIFIC_ENERGY:
-        return f"{significant(value / TNT_SPECIFIC_ENERGY / 1e6, 3)} kt of TNT"
-    return ""

@@ -332,10 +332,10 @@ def test_a_fit_by_the_library_finds_the_same_air():
     start = with_values(Scene(), {"charge_mass_kg": 45284.0})
     exact = UncertainScene(dataclasses.replace(start, scatter=False))
     scene = with_laws(freed(exact, list(names)), {"air_arrival_s": "acoustic"})
-    told = fit(log, scene, noise="gaussian").answer["estimates"]
+    told = fit(log, scene, noise="gaussian").summary.estimates
     ours = gauge_hrr5.fitted(heard, 3)
     for name, value, sd in zip(names, ours.value[:3], ours.sd, strict=True):
         sd = sd * gauge_hrr5_text.ARRIVAL_SD
         # its search ends within a thousandth of a standard deviation or so
-        assert told[name]["value"] == pytest.approx(value, abs=0.01 * sd), name
-        assert told[name]["sd"] == pytest.approx(sd, rel=0.05), name
+        assert told[name].value == pytest.approx(value, abs=0.01 * sd), name
+        assert told[name].sd == pytest.approx(sd, rel=0.05), name

@@ -74,11 +74,11 @@ def test_density_of_a_normal_walked_is_normalised():
 
 @pytest.mark.slow
 def test_emcee_is_judged_by_what_the_fit_answers(hri_2):
-    answer = fit(*log_and_scene("HRI-2", LAWS), posterior="emcee").answer
-    mass, told = answer["estimates"]["charge_mass_kg"], hri_2[0].emcee
+    answer = fit(*log_and_scene("HRI-2", LAWS), posterior="emcee").summary
+    mass, told = answer.estimates["charge_mass_kg"], hri_2[0].emcee
     for key, judged_by in (("q05", told.q05), ("q95", told.q95)):
-        assert np.log(mass[key]) == pytest.approx(judged_by, rel=1e-12)
-    assert mass["log_sd"] == pytest.approx(told.sd, rel=1e-12)
+        assert np.log(getattr(mass, key)) == pytest.approx(judged_by, rel=1e-12)
+    assert mass.log_sd == pytest.approx(told.sd, rel=1e-12)
 
 
 def judged(campaign, log_mass=0.0):

@@ -1,12 +1,20 @@
 """Made-up fits: what a report has to cope with, without running any inference."""
 
+import math
 from dataclasses import replace
-from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
 
+from jblast.inference.fitting.findings import SuspectedOutlier
 from jblast.inference.fitting.result import Band, Fit
+from jblast.inference.fitting.summary import Summary
+from jblast.inference.identifiability.findings import (
+    EstimableCombination,
+    NullDirection,
+    OtherMode,
+)
+from jblast.inference.posterior.estimate import Estimate
 from jblast.observations import Observations
 from jblast.quantities import TIMES
 from jblast.scene import Charge, Scene, Sensor
@@ -14,44 +22,36 @@ from jblast.scene import Charge, Scene, Sensor
 SOUND = 340.29
 
 
-def estimate(value, sd=0.0, positive=False) -> dict[str, Any]:
-    """An entry of the answer, its interval normal (in ln if positive)."""
-    if value is None:
-        keys = ("value", "sd", "log_sd", "q05", "q50", "q95")
-        return dict.fromkeys(keys)
-    entry: dict[str, Any] = {"value": value, "sd": sd, "q50": value}
-    if positive:
-        entry["log_sd"] = sd / value
-        low, high = value * np.exp(np.array([-1.645, 1.645]) * sd / value)
-    else:
-        low, high = value - 1.645 * sd, value + 1.645 * sd
-    return entry | {"q05": float(low), "q95": float(high)}
+def estimate(value, sd=0.0, positive=False) -> Estimate:
+    """An estimate, its interval normal (in ln if positive)."""
+    if not positive:
+        q05, q95 = value - 1.645 * sd, value + 1.645 * sd
+        return Estimate(value, sd, math.nan, q05, value, q95)
+    q05, q95 = map(float, value * np.exp(np.array([-1.645, 1.645]) * sd / value))
+    return Estimate(value, sd, sd / value, q05, value, q95)
 
 
-def answer(**changes) -> dict[str, Any]:
-    """A plain answer, with some of it changed."""
-    return {
-        "schema": 1,
-        "law": {},
-        "law_reason": {},
-        "law_valid": True,
-        "law_valid_rows": 12,
-        "estimates": {},
-        "derived": {},
-        "free": [],
-        "identifiable": True,
-        "null_directions": [],
-        "ambiguities": [],
-        "determined": [],
-        "posterior": "laplace",
-        "converged": True,
-        "chi2": 9.1,
-        "dof": 9,
-        "n_observations": 12,
-        "suspected_outliers": [],
-        "explained_by": [],
-        "warnings": [],
-    } | changes
+PLAIN = Summary(
+    law={},
+    law_reason={},
+    law_valid=True,
+    law_valid_rows=12,
+    estimates={},
+    derived={},
+    free=(),
+    identifiable=True,
+    null_directions=(),
+    ambiguities=(),
+    determined=(),
+    posterior="laplace",
+    converged=True,
+    chi2=9.1,
+    dof=9,
+    n_observations=12,
+    suspected_outliers=(),
+    explained_by=(),
+    warnings=(),
+)
 
 
 LAWS = {
@@ -150,7 +150,8 @@ def three_parameters() -> Fit:
     )
     return fit_of(
         made,
-        answer=answer(
+        summary=replace(
+            PLAIN,
             law=dict.fromkeys(REASONS, "kingery_bulmash"),
             law_reason=REASONS,
             estimates={
@@ -162,7 +163,7 @@ def three_parameters() -> Fit:
                 "charge_tnt_mass_kg": estimate(mass, 33.4, True),
                 "charge_energy_j": estimate(mass * 4.184e6, 33.4 * 4.184e6, True),
             },
-            free=["charge_mass_kg", "origin_time_s", "air_sound_speed_m_s"],
+            free=("charge_mass_kg", "origin_time_s", "air_sound_speed_m_s"),
         ),
         scene=Scene(
             charge=Charge(mass=mass, time=t0),
@@ -185,16 +186,17 @@ def one_parameter() -> Fit:
     rng = np.random.default_rng(5)
     return fit_of(
         made,
-        answer=answer(
+        summary=replace(
+            PLAIN,
             law={"positive_impulse_pa_s": "ford_2021"},
             law_reason={"positive_impulse_pa_s": "all Z >= 20 m/kg^(1/3)"},
             law_valid=False,
             estimates={"charge_mass_kg": estimate(1000.0, 620.0, True)},
-            free=["charge_mass_kg"],
+            free=("charge_mass_kg",),
             chi2=41.0,
             dof=4,
             n_observations=5,
-            warnings=["poor fit without a scene: try `jblast scene quarry.csv`"],
+            warnings=("poor fit without a scene: try `jblast scene quarry.csv`",),
         ),
         scene=Scene(charge=Charge(mass=1000.0)),
         draws={"charge_mass_kg": 1000.0 * np.exp(0.62 * rng.standard_normal(1500))},
@@ -209,31 +211,30 @@ def not_identifiable() -> Fit:
     x = np.geomspace(9.0, 60.0, 50)
     return fit_of(
         made,
-        answer=answer(
+        summary=replace(
+            PLAIN,
             law={"air_arrival_s": "wu_hao"},
             law_reason={"air_arrival_s": "asked for"},
             estimates={
-                "charge_mass_kg": estimate(None),
-                "air_sound_speed_m_s": estimate(None),
+                "charge_mass_kg": Estimate(),
+                "air_sound_speed_m_s": Estimate(),
                 "origin_time_s": estimate(0.0001, 4e-4),
             },
-            derived={"charge_energy_j": estimate(None)},
-            free=["charge_mass_kg", "air_sound_speed_m_s", "origin_time_s"],
+            derived={"charge_energy_j": Estimate()},
+            free=("charge_mass_kg", "air_sound_speed_m_s", "origin_time_s"),
             identifiable=False,
-            null_directions=[
-                {
-                    "parameters": {"charge_mass_kg": 1.0, "air_sound_speed_m_s": -0.2},
-                    "space": "ln",
-                    "cure": "measure the air temperature, or record one overpressure",
-                }
-            ],
-            determined=[
-                {
-                    "combination": "0.2 ln charge_mass_kg + ln air_sound_speed_m_s",
-                    "value": 6.37128,
-                    "sd": 0.0051,
-                }
-            ],
+            null_directions=(
+                NullDirection(
+                    {"charge_mass_kg": 1.0, "air_sound_speed_m_s": -0.2},
+                    "ln",
+                    "measure the air temperature, or record one overpressure",
+                ),
+            ),
+            determined=(
+                EstimableCombination(
+                    "0.2 ln charge_mass_kg + ln air_sound_speed_m_s", 6.37128, 0.0051
+                ),
+            ),
             dof=6,
             n_observations=8,
         ),
@@ -254,7 +255,8 @@ def shock_radius() -> Fit:
     mass = energy / 4.184e6
     return fit_of(
         made,
-        answer=answer(
+        summary=replace(
+            PLAIN,
             law={"shock_radius_m": "sedov_taylor"},
             law_reason={"shock_radius_m": "strong shock throughout"},
             estimates={
@@ -262,7 +264,7 @@ def shock_radius() -> Fit:
                 "sedov_gamma": estimate(1.31, 0.04, True),
             },
             derived={"charge_energy_j": estimate(energy, 0.12 * energy, True)},
-            free=["charge_mass_kg", "sedov_gamma"],
+            free=("charge_mass_kg", "sedov_gamma"),
             chi2=20.3,
             dof=22,
             n_observations=24,
@@ -286,26 +288,22 @@ def with_outliers() -> Fit:
     value, residual = table.value.copy(), fit.residual.copy()
     value[row] *= 2.4
     residual[row] += np.log(2.4) / fit.sd[row]
-    outlier = {
-        "sensor": NASTY,
-        "quantity": "peak_overpressure_pa",
-        "sds": float(residual[row]),
-    }
+    outlier = SuspectedOutlier(NASTY, "peak_overpressure_pa", float(residual[row]))
     other = {"charge_mass_kg": 340.0, "origin_time_s": 0.4101}
     return replace(
         fit,
-        answer=dict(fit.answer)
-        | {
-            "suspected_outliers": [outlier],
-            "ambiguities": [
-                {
-                    "parameters": other,
-                    "reason": "mirror image behind a line of sensors",
-                    "cure": "one sensor off the line",
-                }
-            ],
-            "identifiable": False,
-        },
+        summary=replace(
+            fit.summary,
+            suspected_outliers=(outlier,),
+            ambiguities=(
+                OtherMode(
+                    other,
+                    "mirror image behind a line of sensors",
+                    "one sensor off the line",
+                ),
+            ),
+            identifiable=False,
+        ),
         observations=replace(table, sensor=tuple(names), value=value),
         residual=residual,
     )
@@ -317,16 +315,15 @@ NASTY = "<script>alert('$x')</script>"
 def no_draws() -> Fit:
     """A fit that did not converge: no draws, no bands, NaN where numbers should be."""
     fit = one_parameter()
-    empty = estimate(None) | {"value": float("nan")}
     return replace(
         fit,
-        answer=dict(fit.answer)
-        | {
-            "estimates": {"charge_mass_kg": empty},
-            "converged": False,
-            "chi2": float("nan"),
-            "dof": 0,
-        },
+        summary=replace(
+            fit.summary,
+            estimates={"charge_mass_kg": Estimate()},
+            converged=False,
+            chi2=math.nan,
+            dof=0,
+        ),
         draws={},
         bands=(),
         predicted=np.full(5, np.nan),

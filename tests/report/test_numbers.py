@@ -1,14 +1,8 @@
-from typing import Any
-
 import pytest
 
-from jblast.report.numbers import (
-    printed_estimate,
-    printed_number,
-    rounded,
-    significant,
-    unit_for,
-)
+from jblast.inference.posterior.estimate import Estimate
+from jblast.report.estimates import printed_estimate
+from jblast.report.numbers import printed_number, rounded, significant, unit_for
 from jblast.report.words import joined, parameter_words, quantity_words, split_name
 
 
@@ -29,7 +23,7 @@ def test_two_digits_of_the_sd_decide_how_far_a_number_goes(number, sd, text):
 
 
 def test_a_number_known_within_a_factor_has_two_significant_digits():
-    estimate = {"value": 3.0, "sd": 4.0, "log_sd": 1.5, "q05": 0.2543, "q95": 35.4}
+    estimate = Estimate(value=3.0, sd=4.0, log_sd=1.5, q05=0.2543, q95=35.4)
     printed = printed_estimate("charge_mass_kg", estimate)
     assert (printed.value, printed.interval) == ("3.0 kg", "0.25 to 35 kg")
 
@@ -55,27 +49,22 @@ def test_the_suffix_of_a_name_gives_its_unit(name, value, text):
 
 
 def test_a_kiloton_is_printed_beside_kilograms_and_an_energy_beside_tnt():
-    mass = {"value": 2.1e7, "sd": 2e6, "log_sd": 0.1, "q05": 1.8e7, "q95": 2.5e7}
+    mass = Estimate(value=2.1e7, sd=2e6, log_sd=0.1, q05=1.8e7, q95=2.5e7)
     assert (
         printed_estimate("charge_mass_kg", mass).value_and_beside
         == "21.0 kt (2.10e7 kg)"
     )
-    energy = {k: v * 4.184e6 for k, v in mass.items()} | {"log_sd": 0.1}
-    printed = printed_estimate("charge_energy_j", energy)
+    printed = printed_estimate("charge_energy_j", mass.times(4.184e6))
     assert printed.value_and_beside == "87.9 TJ (21.0 kt of TNT)"
 
 
 def test_an_unidentified_number_has_no_value_and_no_interval():
-    nothing: dict[str, Any] = dict.fromkeys(
-        ("value", "sd", "log_sd", "q05", "q50", "q95")
-    )
-    for estimate in (nothing, nothing | {"value": float("nan")}, {}):
-        printed = printed_estimate("charge_mass_kg", estimate)
-        assert (printed.value, printed.interval) == ("not identified", "-")
+    printed = printed_estimate("charge_mass_kg", Estimate())
+    assert (printed.value, printed.interval) == ("not identified", "-")
 
 
 def test_an_estimate_without_an_sd_still_prints():
-    printed = printed_estimate("charge_east_m", {"value": 12.3456, "sd": 0.0})
+    printed = printed_estimate("charge_east_m", Estimate(value=12.3456, sd=0.0))
     assert printed.value == "12.35 m"
 
 

@@ -105,7 +105,7 @@ def fitted() -> dict[str, Any]:
     exact = dataclasses.replace(Scene(), scatter=False)
     uncertain = UncertainScene(exact, {"charge_mass_kg": Free(positive=True)})
     answer = fit(log, uncertain, posterior="laplace")
-    return dict(answer.answer)
+    return answer.to_dict()
 
 
 if __name__ == "__main__":

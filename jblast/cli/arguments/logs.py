@@ -71,12 +71,11 @@ def write_answers(answers: dict[str, Fit | InputError], directory: Path) -> None
     """
     import json
 
-    from jblast.report import plain
     from jblast.report.fit.table import answers_csv, answers_document
 
     with writing(directory):
         directory.mkdir(parents=True, exist_ok=True)
-        text = json.dumps(plain(answers_document(answers)), indent=1, allow_nan=False)
+        text = json.dumps(answers_document(answers), indent=1, allow_nan=False)
         write_text(directory / "fits.json", text + "\n")
         write_text(directory / "answers.csv", answers_csv(answers))
 

@@ -55,7 +55,7 @@ def run(asked: argparse.Namespace) -> int:
 
     from jblast.cli.arguments.laws import chosen_laws
     from jblast.inference import bound
-    from jblast.report import plain
+    from jblast.report.design.document import bound_document
     from jblast.report.design.terminal import bound_text
     from jblast.scene import freed, read_scene, with_laws
 
@@ -75,7 +75,7 @@ def run(asked: argparse.Namespace) -> int:
 
         save_figure(bound_figure(bound_map(found)), asked.map)
     if asked.json:
-        text = json.dumps(plain(found.answer), indent=1, allow_nan=False)
+        text = json.dumps(bound_document(found), indent=1, allow_nan=False)
         sys.stdout.write(text + "\n")
     else:
         sys.stdout.write(bound_text(found, plot=asked.map))

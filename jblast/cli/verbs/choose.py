@@ -42,7 +42,7 @@ def run(asked: argparse.Namespace) -> int:
     import json
 
     from jblast.fidelity import choose
-    from jblast.report import plain
+    from jblast.json_values import plain
     from jblast.report.law_choice import choice_text
     from jblast.scene import read_scene
 

@@ -79,6 +79,7 @@ def run(asked: argparse.Namespace) -> int:
     from jblast.errors import InputError
     from jblast.inference import fit, fit_each
     from jblast.report import check_directory, summary, write_report
+    from jblast.report.fit.document import fit_document
     from jblast.scene import default_scene, freed, read_scene, with_laws
 
     out = Path(asked.out) if asked.out else None
@@ -108,7 +109,7 @@ def run(asked: argparse.Namespace) -> int:
         store=out / WALK if out else None,
     )
     if asked.json:
-        _print_json(answer.answer)
+        _print_json(fit_document(answer))
     if out:
         begin("writing")
         with writing(out):
@@ -144,7 +145,5 @@ def _many(answers, out, asked: argparse.Namespace) -> int:
 def _print_json(document) -> None:
     import json
 
-    from jblast.report import plain
-
-    text = json.dumps(plain(document), indent=1, allow_nan=False)
+    text = json.dumps(document, indent=1, allow_nan=False)
     sys.stdout.write(text + "\n")

@@ -1,6 +1,6 @@
 """Which one more datum would help a planned layout most, and by how much."""
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -9,13 +9,20 @@ from jaxtyping import Array, Bool, Float
 
 from jblast.inference.design.covariance import spread_left, worst
 from jblast.inference.design.planned_log import Planned
-from jblast.inference.identifiability.resolving_data import aside, laws_beside
+from jblast.inference.design.summary import AddedDatum
+from jblast.inference.identifiability.resolving_data import (
+    CANDIDATES,
+    aside,
+    laws_beside,
+)
 from jblast.inference.posterior.fisher_information import whitened
 from jblast.inference.posterior.posterior import Posterior
 from jblast.kept_programs import kept
-from jblast.quantities import ADDABLE
+from jblast.quantities import TIMES
 from jblast.sensors import Layout
 
+DEFAULT_SIGMA = {"time": 1e-3, "relative": 0.05}
+"""Error of a datum whose quantity the layout does not record: seconds, or relative."""
 MOST_SENSORS = 12
 """Data are tried beside so many sensors of a layout, the nearest to the farthest."""
 
@@ -33,7 +40,7 @@ class Datum(NamedTuple):
     is_default: bool
 
 
-def added_data(plan: Planned) -> tuple[list[dict[str, Any]], int]:
+def added_data(plan: Planned) -> tuple[tuple[AddedDatum, ...], int]:
     """Rank rows that could be added by the sd they leave.
 
     The sd is that of the charge mass; if no mass is fitted, of the number that is known
@@ -70,32 +77,25 @@ def added_data(plan: Planned) -> tuple[list[dict[str, Any]], int]:
     for datum, matrix, holds in zip(data, known, valid, strict=True):
         left = spread_left(posterior, z, matrix, target)
         entries.append(_entry(datum, plan, laws, bool(holds), target, left))
-    entries.sort(key=lambda e: (not e["law_valid"], _sd_of(e)))
-    return entries, target
+    entries.sort(key=lambda e: (not e.law_valid, e.left.width))
+    return tuple(entries), target
 
 
-def _entry(datum: Datum, plan: Planned, laws, holds, target, left) -> dict[str, Any]:
+def _entry(datum: Datum, plan: Planned, laws, holds, target, left) -> AddedDatum:
     parameters = plan.posterior.parameters
-    placed = parameters.scene.charges[datum.shot].range is None
-    where = f"at sensor {datum.sensor}" if datum.sensor else "off the sensors' line"
-    charge = parameters.scene.charges[datum.shot].name
-    return {
-        "quantity": datum.quantity,
-        "where": where,
-        "position_m": datum.position.tolist() if placed else None,
-        "charge": charge or None,
-        "sigma": datum.sigma,
-        "sigma_from": "default" if datum.is_default else "layout",
-        "law": laws[datum.quantity],
-        "law_valid": holds,
-        "parameter": parameters.names[target],
-        **left,
-    }
-
-
-def _sd_of(entry: dict[str, Any]) -> float:
-    sd = entry["log_sd"] if entry["log_sd"] is not None else entry["sd"]
-    return np.inf if sd is None else sd
+    charge = parameters.scene.charges[datum.shot]
+    return AddedDatum(
+        quantity=datum.quantity,
+        sensor=datum.sensor,
+        position=datum.position if charge.range is None else None,
+        charge=charge.name,
+        sigma=datum.sigma,
+        is_default=datum.is_default,
+        law=laws[datum.quantity],
+        law_valid=holds,
+        parameter=parameters.names[target],
+        left=left,
+    )
 
 
 def candidates(plan: Planned) -> list[Datum]:
@@ -124,8 +124,9 @@ def candidates(plan: Planned) -> list[Datum]:
             places.append(
                 (aside(posterior, reach), "", max(layout.group) + 1 + shot, "")
             )
-        for quantity, default in ADDABLE.items():
-            sigma = float(sigmas.get(quantity, default))
+        for quantity in CANDIDATES:
+            timed = "time" if quantity in TIMES else "relative"
+            sigma = float(sigmas.get(quantity, DEFAULT_SIGMA[timed]))
             answer += [
                 Datum(quantity, at, name, group, clock, shot, sigma, is_default)
                 for is_default in (quantity not in sigmas,)

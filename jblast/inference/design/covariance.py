@@ -8,6 +8,7 @@ from jaxtyping import Array, Float
 
 from jblast.inference.mode.laplace import FALLS, Laplace, half_width, marginals
 from jblast.inference.mode.starts import typical_step
+from jblast.inference.posterior.estimate import Spread
 from jblast.inference.posterior.fisher_information import (
     NULL,
     information,
@@ -81,8 +82,8 @@ def spread_left(
     *,
     known: int | None = None,
     unbelieved: int | None = None,
-) -> dict[str, float | None]:
-    """Return the sd of a number, and of its ln if positive; None where nothing is told.
+) -> Spread:
+    """Return how far a number may be off.
 
     Args:
         posterior: Says what the numbers are.
@@ -107,12 +108,11 @@ def spread_left(
         ),
     )
     if unknown[kept.index(target)] or not np.isfinite(part).all():
-        return {"sd": None, "log_sd": None}
+        return Spread()
     covariance = np.zeros((n, n))
     covariance[np.ix_(kept, kept)] = part
     told = marginals(posterior.parameters, Laplace(z, covariance, 0.0, True))
-    spread = told[posterior.parameters.names[target]]
-    return {"sd": spread["sd"], "log_sd": spread["log_sd"]}
+    return told[posterior.parameters.names[target]].spread
 
 
 def worst(posterior: Posterior, z: Float[np.ndarray, " free"]) -> int:

@@ -19,6 +19,7 @@ from jblast.inference.design.added_datum import added_data
 from jblast.inference.design.covariance import cramer_rao
 from jblast.inference.design.planned_log import Planned, planned
 from jblast.inference.design.sensitivity import leans_on, mass_exponents
+from jblast.inference.design.summary import BoundSummary
 from jblast.inference.fitting.solution import Solution
 from jblast.inference.fitting.unidentified import (
     ambiguities,
@@ -29,6 +30,7 @@ from jblast.inference.fitting.warnings import height_beside_the_curves, outside
 from jblast.inference.identifiability.null_space import identifiability
 from jblast.inference.mode.laplace import Laplace, density_and_slope, marginals
 from jblast.inference.mode.search import optima
+from jblast.inference.posterior.estimate import Spread
 from jblast.inference.posterior.fisher_information import (
     information,
     information_of_row,
@@ -54,7 +56,7 @@ class Bound:
     """What a layout could tell.
 
     Attributes:
-        answer: What `jblast bound --json` prints; `scene_schema.md` is its contract.
+        summary: What was found.
         log: The readings without error.
         posterior: What the log would say.
         z: The numbers taken for true, in the fitted coordinates.
@@ -63,7 +65,7 @@ class Bound:
         exit_code: 0 answered, 4 not identifiable.
     """
 
-    answer: Mapping[str, Any]
+    summary: BoundSummary
     log: Observations
     posterior: Posterior
     z: Float[np.ndarray, " free"]
@@ -73,7 +75,11 @@ class Bound:
     @property
     def exit_code(self) -> int:
         """Return the exit code of the contract."""
-        return 0 if self.answer["identifiable"] else 4
+        return 0 if self.summary.identifiable else 4
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return what was found as JSON can hold it."""
+        return self.summary.to_dict()
 
 
 def bound(
@@ -121,7 +127,7 @@ def bound(
     solution = Solution(posterior, plan.laws, True, found, told, normal)
     begin("what more data would tell")
     return Bound(
-        answer=_answer(plan, solution),
+        summary=_summary(plan, solution),
         log=plan.log,
         posterior=posterior,
         z=z,
@@ -130,8 +136,8 @@ def bound(
     )
 
 
-def _answer(plan: Planned, solution: Solution) -> dict[str, Any]:
-    """Put a bound into the contract's words."""
+def _summary(plan: Planned, solution: Solution) -> BoundSummary:
+    """Put together what was found."""
     posterior, normal = solution.posterior, solution.laplace
     valid = np.asarray(posterior.misfit(jnp.asarray(plan.z)).valid)
     null = null_directions(solution)
@@ -140,25 +146,24 @@ def _answer(plan: Planned, solution: Solution) -> dict[str, Any]:
     home = _climbed(posterior, plan.z, normal)
     doubles = ambiguities(solution._replace(laplace=home), bool(valid.all()))
     help_, target = added_data(plan)
-    return {
-        "schema": 1,
-        "at": dict(plan.values),
-        "law": {quantity: name for quantity, (name, _) in plan.laws.items()},
-        "law_reason": {q: reason for q, (_, reason) in plan.laws.items()},
-        "law_valid": bool(valid.all()),
-        "parameters": _parameters(solution),
-        "free": list(posterior.parameters.names),
-        "identifiable": not null and not doubles,
-        "null_directions": null,
-        "ambiguities": doubles,
-        "determined": determined(solution),
-        "noise": posterior.noise,
-        "n_observations": len(plan.log),
-        "help": help_,
-        "leans_on": leans_on(plan, target),
-        "mass_exponents": mass_exponents(plan),
-        "warnings": _warnings(plan, solution, valid),
-    }
+    return BoundSummary(
+        at=dict(plan.values),
+        law={quantity: name for quantity, (name, _) in plan.laws.items()},
+        law_reason={q: reason for q, (_, reason) in plan.laws.items()},
+        law_valid=bool(valid.all()),
+        parameters=_parameters(solution),
+        free=posterior.parameters.names,
+        identifiable=not null and not doubles,
+        null_directions=null,
+        ambiguities=doubles,
+        determined=determined(solution),
+        noise=posterior.noise,
+        n_observations=len(plan.log),
+        help=help_,
+        leans_on=leans_on(plan, target),
+        mass_exponents=mass_exponents(plan),
+        warnings=tuple(_warnings(plan, solution, valid)),
+    )
 
 
 def _climbed(posterior: Posterior, z, normal: Laplace) -> Laplace:
@@ -176,7 +181,7 @@ def _climbed(posterior: Posterior, z, normal: Laplace) -> Laplace:
     return replace(normal, z=there) if float(top) > float(start) else normal
 
 
-def _parameters(solution: Solution) -> dict[str, dict[str, float | None]]:
+def _parameters(solution: Solution) -> dict[str, Spread]:
     """Return the standard deviations; a number in a null direction has none."""
     parameters, normal = solution.posterior.parameters, solution.laplace
     told = marginals(parameters, normal)
@@ -184,11 +189,11 @@ def _parameters(solution: Solution) -> dict[str, dict[str, float | None]]:
     for i, (name, determined_) in enumerate(
         zip(parameters.names, solution.identifiability.determined, strict=True)
     ):
-        log_sd = told[name]["log_sd"]
-        if log_sd is not None and isinstance(parameters.beliefs[i], Free):
+        spread = told[name].spread
+        if not np.isnan(spread.log_sd) and isinstance(parameters.beliefs[i], Free):
             log_sd = float(np.sqrt(normal.covariance[i, i]))
-        spread = {"sd": told[name]["sd"], "log_sd": log_sd}
-        answer[name] = spread if determined_ else dict.fromkeys(spread)
+            spread = replace(spread, log_sd=log_sd)
+        answer[name] = spread if determined_ else Spread()
     return answer
 
 

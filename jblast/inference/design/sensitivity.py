@@ -1,7 +1,5 @@
 """What a planned answer leans on: priors, other unknowns, the slopes of the laws."""
 
-from typing import Any
-
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -9,6 +7,7 @@ from jaxtyping import Array, Float
 
 from jblast.inference.design.covariance import spread_left
 from jblast.inference.design.planned_log import Planned
+from jblast.inference.design.summary import Sensitivity
 from jblast.inference.posterior.fisher_information import information
 from jblast.inference.posterior.posterior import Posterior
 from jblast.kept_programs import kept
@@ -21,7 +20,7 @@ LOST = 1.2
 """or larger by this one were its prior not believed."""
 
 
-def leans_on(plan: Planned, target: int) -> list[dict[str, Any]]:
+def leans_on(plan: Planned, target: int) -> tuple[Sensitivity, ...]:
     """Say which other numbers decide how well one is known.
 
     Args:
@@ -29,13 +28,12 @@ def leans_on(plan: Planned, target: int) -> list[dict[str, Any]]:
         target: Index of the number.
 
     Returns:
-        For each that matters, the most first: the sd left if it were known, and if its
-        prior were not believed (None where it has none); None where nothing is told.
+        One for each that matters, the most first.
     """
     posterior, z = plan.posterior, plan.z
     has_prior = np.asarray(posterior.parameters.has_prior())
     matrix = np.asarray(information(posterior, jnp.asarray(z)))
-    now = _width(spread_left(posterior, z, matrix, target))
+    now = spread_left(posterior, z, matrix, target).width
     answer = []
     for i, name in enumerate(posterior.parameters.names):
         if i == target:
@@ -44,24 +42,13 @@ def leans_on(plan: Planned, target: int) -> list[dict[str, Any]]:
         without = None
         if has_prior[i]:
             without = spread_left(posterior, z, matrix, target, unbelieved=i)
-        gain = _ratio(now, _width(known))
-        loss = 1.0 if without is None else _ratio(_width(without), now)
+        gain = _ratio(now, known.width)
+        loss = 1.0 if without is None else _ratio(without.width, now)
         if gain < GAINED and loss < LOST:
             continue
-        entry = {
-            "parameter": posterior.parameters.names[target],
-            "on": name,
-            "if_known": known,
-            "without_prior": without,
-        }
+        entry = Sensitivity(posterior.parameters.names[target], name, known, without)
         answer.append((max(gain, loss), entry))
-    return [entry for _, entry in sorted(answer, key=lambda pair: -pair[0])]
-
-
-def _width(spread: dict[str, float | None]) -> float:
-    log_sd, sd = spread["log_sd"], spread["sd"]
-    width = sd if log_sd is None else log_sd
-    return np.inf if width is None else width
+    return tuple(entry for _, entry in sorted(answer, key=lambda pair: -pair[0]))
 
 
 def _ratio(wide: float, narrow: float) -> float:

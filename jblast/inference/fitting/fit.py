@@ -10,11 +10,11 @@ import numpy as np
 
 from jblast.errors import InputError
 from jblast.inference.fitting.burial import valid_at_depth
-from jblast.inference.fitting.document import answer_of
 from jblast.inference.fitting.goodness_of_fit import left_of
 from jblast.inference.fitting.predictive_bands import bands
 from jblast.inference.fitting.result import Fit
 from jblast.inference.fitting.solution import Solution
+from jblast.inference.fitting.summary import summary_of
 from jblast.inference.fitting.uncertainty import Method, how_sure
 from jblast.inference.identifiability.null_space import identifiability
 from jblast.inference.importance.whitening import non_finite_rows
@@ -98,7 +98,7 @@ def fit(
     values = parameters.values_of_each(jnp.asarray(draws))
     distance = np.asarray(misfit.slant_range)
     return Fit(
-        answer=answer_of(
+        summary=summary_of(
             observations,
             uncertain,
             solution,

@@ -7,6 +7,7 @@ import numpy as np
 from jaxtyping import Float
 from scipy.special import betainc, gammaincc, ndtr, ndtri
 
+from jblast.inference.fitting.findings import SuspectedOutlier
 from jblast.inference.posterior.posterior import Posterior
 from jblast.observations import Observations
 from jblast.sensors.observe import STUDENT_FREEDOM, Noise
@@ -85,7 +86,7 @@ def chance(chi2: float, dof: int) -> float | None:
 
 def suspected_outliers(
     observations: Observations, residual: Float[np.ndarray, " row"], noise: Noise
-) -> list[dict[str, object]]:
+) -> tuple[SuspectedOutlier, ...]:
     """Name the readings too far off for errors as stated, worst first.
 
     One log in twenty without a wild reading has one named. Where more than a third of
@@ -93,13 +94,13 @@ def suspected_outliers(
     """
     wild = beyond(residual, noise) * len(residual) < WILD
     if wild.sum() > len(residual) / 3:
-        return []
-    return [
-        {
-            "sensor": observations.sensor[row],
-            "quantity": observations.quantity[row],
-            "sds": round(float(residual[row]), 2),
-        }
+        return ()
+    return tuple(
+        SuspectedOutlier(
+            sensor=observations.sensor[row],
+            quantity=observations.quantity[row],
+            sds=round(float(residual[row]), 2),
+        )
         for row in np.argsort(-np.abs(residual))
         if wild[row]
-    ]
+    )

@@ -1,4 +1,4 @@
-"""What a fit returns: the answer in words and numbers, and what a figure needs."""
+"""What a fit returns: what was found, and what a figure of it needs."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from jblast.inference.fitting.goodness_of_fit import POOR, chance
+from jblast.inference.fitting.summary import Summary
 from jblast.observations import Observations
 from jblast.scene import Scene
 
@@ -43,7 +44,7 @@ class Fit:
     """The answer to one log.
 
     Attributes:
-        answer: What `jblast fit --json` prints; `scene_schema.md` is its contract.
+        summary: What was found.
         observations: The log.
         scene: The scene at the maximum of the posterior.
         predicted: The law's value at each row, in the row's unit.
@@ -63,7 +64,7 @@ class Fit:
             clock or sensor spoils.
     """
 
-    answer: Mapping[str, Any]
+    summary: Summary
     observations: Observations
     scene: Scene
     predicted: Float[np.ndarray, " row"]
@@ -88,17 +89,21 @@ class Fit:
     @property
     def exit_code(self) -> int:
         """Return the exit code of the contract: 0 answered, 4 computed with a doubt."""
-        answered = self.answer["converged"] and self.answer["identifiable"]
-        doubt = self.is_poor or self.is_outside or self.answer["explained_by"]
+        answered = self.summary.converged and self.summary.identifiable
+        doubt = self.is_poor or self.is_outside or self.summary.explained_by
         return 0 if answered and not doubt else 4
 
     @property
     def is_poor(self) -> bool:
         """Whether the log disagrees with its laws by more than its errors allow."""
-        p = chance(self.answer["chi2"], self.answer["dof"])
+        p = chance(self.summary.chi2, self.summary.dof)
         return p is not None and p < POOR
 
     @property
     def is_outside(self) -> bool:
         """Whether the laws hold for no row."""
-        return self.answer["law_valid_rows"] == 0
+        return self.summary.law_valid_rows == 0
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return what was found as JSON can hold it."""
+        return self.summary.to_dict()

@@ -15,6 +15,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from jblast.errors import InputError
+from jblast.inference.fitting.findings import WrongClock, WrongSensor
 from jblast.inference.fitting.goodness_of_fit import (
     FITS,
     POOR,
@@ -57,7 +58,7 @@ def explained_by(
     solution: Solution,
     fits: bool,
     refit: Callable[[Observations], Solution],
-) -> list[dict[str, Any]]:
+) -> tuple[WrongSensor, ...]:
     """Name each clock or sensor without which a log fits, and from which it is far.
 
     One is accused if the rest converges, identifies every number and fits; and if
@@ -73,13 +74,11 @@ def explained_by(
         refit: Solves for a log of the same rows.
 
     Returns:
-        The most probable first: `kind`, `name`, `offset_s` and `offset_sd` of a clock,
-        `parameter` that would be free, `chi2`, `dof`, `p_value`, `law_valid_rows`,
-        `estimates`.
+        The most probable first.
     """
     posterior = solution.posterior
     if is_long(posterior):
-        return []
+        return ()
     known = len(observations) + int(np.sum(posterior.parameters.has_prior()))
     spare = known - solution.laplace.z.size
     possible = [s for s in suspects(observations, solution) if len(s.rows) < spare]
@@ -95,12 +94,13 @@ def explained_by(
         least = float(solution.optima.log_density[0]) - math.log(POOR / len(possible))
         if fits and density < least:
             continue
-        if entry := _judged(observations, rest, suspect, len(possible)):
-            found.append((density, entry))
-    if any(entry["law_valid_rows"] for _, entry in found):
-        found = [pair for pair in found if pair[1]["law_valid_rows"]]
+        if wrong := _judged(observations, rest, suspect, len(possible)):
+            found.append((density, wrong))
+    if any(wrong.law_valid_rows for _, wrong in found):
+        found = [pair for pair in found if pair[1].law_valid_rows]
     found.sort(key=lambda pair: -pair[0])
-    return [entry for density, entry in found if found[0][0] - density < AS_LIKELY]
+    likely = [wrong for density, wrong in found if found[0][0] - density < AS_LIKELY]
+    return tuple(likely)
 
 
 def lies_far(solution: Solution) -> bool:
@@ -164,7 +164,7 @@ def _likeliest(solution: Solution, possible: Sequence[Suspect]) -> list[Suspect]
 
 def _judged(
     observations: Observations, rest: Solution, suspect: Suspect, among: int
-) -> dict[str, Any] | None:
+) -> WrongSensor | None:
     """Return what a log says without a suspect; None if that does not explain it."""
     normal, told = rest.laplace, rest.identifiability
     if not (normal.converged and all(told.determined)):
@@ -180,7 +180,7 @@ def _judged(
     scale = np.nan_to_num(observations.error_scale())
     as_read = replace(posterior, sigma=jnp.asarray(scale))
     missed, covariance = _missed(as_read, rest, suspect.rows)
-    entry: dict[str, Any] = {"kind": suspect.kind, "name": suspect.name}
+    clock: dict[str, Any] = {}
     if suspect.kind == "clock":
         weights = np.linalg.solve(covariance, np.ones(len(missed)))
         offset = float(weights @ missed / weights.sum())
@@ -194,23 +194,22 @@ def _judged(
         rarity = float(beyond(np.array([offset / sd]), posterior.noise)[0])
         first = next((clock for clock in observations.clock if clock), "")
         is_set = bool(first) and suspect.name == first
-        entry |= {
-            "offset_s": offset,
-            "offset_sd": sd,
-            "parameter": None if is_set else f"{CLOCK_OFFSET}.{suspect.name}",
-        }
+        parameter = None if is_set else f"{CLOCK_OFFSET}.{suspect.name}"
+        clock = {"offset_s": offset, "offset_sd": sd, "parameter": parameter}
     else:
         far = missed / np.sqrt(np.diag(covariance))
         rarity = float(beyond(far, posterior.noise).min()) * len(missed)
     if rarity * among > POOR:
         return None
-    return entry | {
-        "chi2": chi2,
-        "dof": dof,
-        "p_value": p,
-        "law_valid_rows": int(valid.sum()),
-        "estimates": marginals(posterior.parameters, normal),
-    }
+    return (WrongClock if clock else WrongSensor)(
+        name=suspect.name,
+        chi2=chi2,
+        dof=dof,
+        p_value=p,
+        law_valid_rows=int(valid.sum()),
+        estimates=marginals(posterior.parameters, normal),
+        **clock,
+    )
 
 
 def _missed(

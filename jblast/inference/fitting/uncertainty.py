@@ -2,7 +2,7 @@
 
 import os
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import jax.numpy as jnp
@@ -24,6 +24,7 @@ from jblast.inference.importance.psis import (
 from jblast.inference.mcmc.ensemble import Ensemble, ensemble
 from jblast.inference.mcmc.run import WALKERS
 from jblast.inference.mode.laplace import marginals
+from jblast.inference.posterior.estimate import Estimate
 
 Method = Literal["weighted", "laplace", "emcee", "auto"]
 DRAWS = 8000
@@ -43,7 +44,7 @@ class HowSure:
             posterior.
         reason: Why that one.
         z: Draws of the coordinates.
-        marginals: By number: value (the most probable), sd, log_sd, q05, q50, q95.
+        marginals: What is known of each number, its value the most probable.
         converged: Whether the method reached what it should.
         why: Sentences about what draws showed: modes, a ridge, intervals that are off.
         ensemble: The walk, where there was one.
@@ -52,7 +53,7 @@ class HowSure:
     method: str
     reason: str
     z: Float[np.ndarray, "draw free"]
-    marginals: dict[str, dict[str, float | None]]
+    marginals: dict[str, Estimate]
     converged: bool
     why: tuple[str, ...] = ()
     ensemble: Ensemble | None = None
@@ -120,7 +121,7 @@ def how_sure(
         method="emcee",
         reason=reason,
         z=walk.draws(DRAWS),
-        marginals={n: told[n] | {"value": float(best[n])} for n in parameters.names},
+        marginals={n: replace(told[n], value=float(best[n])) for n in told},
         converged=walk.converged,
         why=(reason, *walk.why) if method == "auto" else walk.why,
         ensemble=walk,
@@ -150,10 +151,12 @@ def _weighted(solution: Solution, seed: int) -> HowSure:
     alone = marginals_of_draws(parameters, drawn.straight, drawn.of_normal)
     exact = marginals(parameters, normal)
     for name, number in told.items():  # what chance did to both, it did to one alike
-        for sd in ("sd", "log_sd"):
-            by_draws, known, drawn_sd = alone[name][sd], exact[name][sd], number[sd]
-            if by_draws and known and drawn_sd and np.isfinite([by_draws, known]).all():
-                number[sd] = drawn_sd * known / by_draws
+        one, other = alone[name], exact[name]
+        told[name] = replace(
+            number,
+            sd=_less_chance(number.sd, one.sd, other.sd),
+            log_sd=_less_chance(number.log_sd, one.log_sd, other.log_sd),
+        )
     best = parameters.values(jnp.asarray(normal.z))
     picked = np.random.default_rng(seed).choice(len(drawn.z), DRAWS, p=drawn.weights)
     return HowSure(
@@ -161,10 +164,16 @@ def _weighted(solution: Solution, seed: int) -> HowSure:
         reason="draws of the normal approximation, weighted by the posterior "
         f"(importance sampling, k-hat {found.k_hat:.2f}, {effective:.0f} draws' worth)",
         z=drawn.z[picked],
-        marginals={n: told[n] | {"value": float(best[n])} for n in parameters.names},
+        marginals={n: replace(told[n], value=float(best[n])) for n in told},
         converged=True,
         weighted=True,
     )
+
+
+def _less_chance(sd: float, by_draws: float, exact: float) -> float:
+    """Return an sd of draws, less what chance did to one that is known exactly."""
+    known = by_draws and exact and np.isfinite([by_draws, exact]).all()
+    return sd * exact / by_draws if known else sd
 
 
 def _doubts(solution: Solution, seed: int) -> tuple[str, ...]:

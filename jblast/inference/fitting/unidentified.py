@@ -1,12 +1,15 @@
 """What data cannot tell, in words: of a log that was fitted, or of one planned."""
 
-from typing import Any
-
 import jax.numpy as jnp
 import numpy as np
 
 from jblast.inference.fitting.solution import Solution
 from jblast.inference.identifiability.combinations import combination, space_of
+from jblast.inference.identifiability.findings import (
+    EstimableCombination,
+    NullDirection,
+    OtherMode,
+)
 from jblast.inference.identifiability.null_space import told_combinations
 from jblast.inference.identifiability.resolving_data import (
     cure_of_ambiguity,
@@ -21,24 +24,24 @@ NEAR = 6.0
 """Another optimum within this of the best, in -2 ln density, is an ambiguity."""
 
 
-def null_directions(solution: Solution) -> list[dict[str, Any]]:
+def null_directions(solution: Solution) -> tuple[NullDirection, ...]:
     """Name every direction along which no datum moves, and what would end it."""
     parameters = solution.posterior.parameters
-    return [
-        {
-            "parameters": {
+    return tuple(
+        NullDirection(
+            parameters={
                 name: float(weight)
                 for name, weight in zip(parameters.names, direction, strict=True)
                 if weight != 0
             },
-            "space": space_of(parameters.space(), direction),
-            "cure": cure_of_null(solution.posterior, solution.laplace.z, direction),
-        }
+            space=space_of(parameters.space(), direction),
+            cure=cure_of_null(solution.posterior, solution.laplace.z, direction),
+        )
         for direction in solution.identifiability.null
-    ]
+    )
 
 
-def determined(solution: Solution) -> list[dict[str, Any]]:
+def determined(solution: Solution) -> tuple[EstimableCombination, ...]:
     """Name the combinations of undetermined numbers that the data do tell."""
     parameters, normal = solution.posterior.parameters, solution.laplace
     answer = []
@@ -54,14 +57,11 @@ def determined(solution: Solution) -> list[dict[str, Any]]:
             sd = value * sd
         if not np.isfinite([value, sd]).all():
             continue
-        entry = {"combination": text, "value": value, "sd": sd}
-        if not is_global:
-            entry["note"] = "near the answer only: the invariance is curved"
-        answer.append(entry)
-    return answer
+        answer.append(EstimableCombination(text, value, sd, not is_global))
+    return tuple(answer)
 
 
-def ambiguities(solution: Solution, valid: bool) -> list[dict[str, Any]]:
+def ambiguities(solution: Solution, valid: bool) -> tuple[OtherMode, ...]:
     """Name every other optimum that the data cannot rule out.
 
     One that differs in numbers the data do not determine anyway is none, nor is one
@@ -92,13 +92,13 @@ def ambiguities(solution: Solution, valid: bool) -> list[dict[str, Any]]:
             if moved
         ]
         answer.append(
-            {
-                "parameters": {name: float(value) for name, value in values.items()},
-                "reason": _reason(differ, 2 * float(found.log_density[0] - density)),
-                "cure": cure_of_ambiguity(posterior, best, z),
-            }
+            OtherMode(
+                parameters={name: float(value) for name, value in values.items()},
+                reason=_reason(differ, 2 * float(found.log_density[0] - density)),
+                cure=cure_of_ambiguity(posterior, best, z),
+            )
         )
-    return answer
+    return tuple(answer)
 
 
 def _apart(solution: Solution, one, other) -> float:

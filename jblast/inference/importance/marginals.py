@@ -1,9 +1,12 @@
 """Each number by itself, told from draws: as `laplace.marginals` does from a normal."""
 
+import math
+
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
+from jblast.inference.posterior.estimate import Estimate
 from jblast.inference.posterior.parameters import Parameters
 from jblast.scene import place_of
 
@@ -13,18 +16,14 @@ def marginals_of_draws(
     z: Float[np.ndarray, "draw free"],
     weights: Float[np.ndarray, " draw"] | None = None,
     quantiles: Float[np.ndarray, "3 free"] | None = None,
-) -> dict[str, dict[str, float | None]]:
-    """Summarise each number by itself.
+) -> dict[str, Estimate]:
+    """Summarise each number by itself, value and median at the draws' median.
 
     Args:
         parameters: What was fitted.
         z: Draws of the coordinates.
         weights: What each counts; all alike without them.
         quantiles: 5, 50 and 95 % of each coordinate, where they are known better.
-
-    Returns:
-        By name: `value` and `q50` (both the median), `sd`, `log_sd` (None for a number
-        that may be negative), `q05`, `q95`.
     """
     if weights is None:
         weights = np.full(len(z), 1 / len(z))
@@ -32,7 +31,7 @@ def marginals_of_draws(
     known = (
         None if quantiles is None else parameters.values_of_each(jnp.asarray(quantiles))
     )
-    answer: dict[str, dict[str, float | None]] = {}
+    answer = {}
     for name in parameters.names:
         value = np.asarray(values[name])
         q05, q50, q95 = (
@@ -40,14 +39,14 @@ def marginals_of_draws(
             if known is None
             else map(float, known[name])
         )
-        answer[name] = {
-            "value": q50,
-            "sd": _sd(value, weights),
-            "log_sd": _log_sd(value, weights) if place_of(name).positive else None,
-            "q05": q05,
-            "q50": q50,
-            "q95": q95,
-        }
+        answer[name] = Estimate(
+            value=q50,
+            sd=_sd(value, weights),
+            log_sd=_log_sd(value, weights) if place_of(name).positive else math.nan,
+            q05=q05,
+            q50=q50,
+            q95=q95,
+        )
     return answer
 
 

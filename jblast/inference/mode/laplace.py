@@ -10,6 +10,7 @@ measured; not so where the axis only leaves a ridge that bends, along whose cres
 density falls as it should.
 """
 
+import math
 from dataclasses import dataclass
 
 import jax
@@ -17,6 +18,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
+from jblast.inference.posterior.estimate import Estimate
 from jblast.inference.posterior.fisher_information import (
     NULL,
     information,
@@ -162,15 +164,8 @@ def density_and_slope(posterior: Posterior, z):
     return jax.value_and_grad(posterior.log_density)(z)
 
 
-def marginals(
-    parameters: Parameters, normal: Laplace
-) -> dict[str, dict[str, float | None]]:
-    """Summarise each number by itself.
-
-    Returns:
-        By name: `value` and `q50` (both at the mean of the coordinate), `sd`, `log_sd`
-        (None for a number that may be negative), `q05`, `q95`.
-    """
+def marginals(parameters: Parameters, normal: Laplace) -> dict[str, Estimate]:
+    """Summarise each number by itself, value and median at its coordinate's mean."""
     nodes, weights = np.polynomial.hermite_e.hermegauss(40)
     weights = weights / weights.sum()
     sds = np.sqrt(np.diag(normal.covariance))
@@ -178,14 +173,14 @@ def marginals(
     at = parameters.values_of_each(jnp.asarray(normal.z + steps[:, None] * sds))
     values = {name: np.asarray(at[name]) for name in parameters.names}
     return {
-        name: {
-            "value": float(value[1]),
-            "sd": _sd(value[3:], weights),
-            "log_sd": _log_sd(value[3:], weights) if place_of(name).positive else None,
-            "q05": float(value[0]),
-            "q50": float(value[1]),
-            "q95": float(value[2]),
-        }
+        name: Estimate(
+            value=float(value[1]),
+            sd=_sd(value[3:], weights),
+            log_sd=_log_sd(value[3:], weights) if place_of(name).positive else math.nan,
+            q05=float(value[0]),
+            q50=float(value[1]),
+            q95=float(value[2]),
+        )
         for name, value in values.items()
     }
 

@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
+from jblast.json_values import plain
 from jblast.report.calculator.header import header, title
 from jblast.report.calculator.inputs import inputs
 from jblast.report.calculator.notes import disagreement_words, notes
-from jblast.report.json_values import plain
 from jblast.report.tables import comma_separated
 from jblast.sensors.calculator.disagreement import Disagreement
 from jblast.sensors.calculator.forward import Calculated, Calculation

@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from jblast.quantities import DIRECTIONS, FIREBALL_RADII
 from jblast.registry import LAWS
 from jblast.report.figure_style import COLOURS, INK
-from jblast.report.fit.recordings import runs
+from jblast.report.fit.figures.recordings import runs
 
 NOT_DRAWN = ("flash_time_s", *FIREBALL_RADII, *DIRECTIONS)
 """No waves of the air or the ground."""

@@ -1,12 +1,14 @@
 """Which one more datum would help, as the terminal shows it."""
 
 import math
-from collections.abc import Mapping
-from typing import Any
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from jblast.inference.design.summary import AddedDatum
+from jblast.inference.posterior.estimate import Spread
 from jblast.quantities import ADDITIVE
+from jblast.report.design.document import where
 from jblast.report.fit.terminal import hanging
 from jblast.report.numbers import finite, printed_number, significant
 from jblast.report.tables import aligned
@@ -20,9 +22,9 @@ PER_CENT = 1.0
 """A larger sd of ln is printed as a factor."""
 
 
-def shown_sd(name: str, spread: Mapping[str, Any]) -> str:
+def shown_sd(name: str, spread: Spread) -> str:
     """Return an sd: of what is positive in per cent, or a factor where it is wide."""
-    log_sd, sd = finite(spread["log_sd"]), finite(spread["sd"])
+    log_sd, sd = finite(spread.log_sd), finite(spread.sd)
     if log_sd is None:
         return NOT if sd is None else printed_number(name, sd, 2)
     if log_sd > PER_CENT:
@@ -31,60 +33,66 @@ def shown_sd(name: str, spread: Mapping[str, Any]) -> str:
     return f"{significant(100 * log_sd)} %"
 
 
-def data_lines(answer: Mapping[str, Any]) -> list[str]:
-    """Say what the best datum of each quantity leaves, those first that help most."""
-    if not answer["help"]:
+def data_lines(
+    data: Sequence[AddedDatum], parameters: Mapping[str, Spread]
+) -> list[str]:
+    """Say what the best datum of each quantity leaves, those first that help most.
+
+    Args:
+        data: What could be added.
+        parameters: How far each number may be off without it.
+    """
+    if not data:
         return []
-    best: dict[str, Mapping[str, Any]] = {}
-    for entry in answer["help"]:
-        best.setdefault(entry["quantity"], entry)
-    target = answer["help"][0]["parameter"]
-    now = answer["parameters"][target]
+    best: dict[str, AddedDatum] = {}
+    for datum in data:
+        best.setdefault(datum.quantity, datum)
+    target = data[0].parameter
+    now = parameters[target]
     rows, idle = [], []
-    for quantity, entry in sorted(best.items(), key=lambda of: _left(of[1]))[
+    for datum in sorted(best.values(), key=lambda datum: _width(datum.left))[
         :MOST_HELP
     ]:
-        if _helps(entry, now):
-            rows.append(_row(quantity, entry))
+        if _helps(datum.left, now):
+            rows.append(_row(datum))
         else:
-            idle.append(quantity_words(quantity))
+            idle.append(quantity_words(datum.quantity))
     title = f"One more datum: sd of the {parameter_words(target)}"
     lines = ["", f"{title}, now {shown_sd(target, now)}"]
     for row in aligned(rows):
         lines += hanging(row)
     if idle:
-        alone = "No one of these tells it" if now["sd"] is None else "No help"
+        alone = "No one of these tells it" if not now.is_known else "No help"
         lines += hanging(f"{alone}: {joined(idle)}.")
     return lines
 
 
-def _helps(entry: Mapping[str, Any], now: Mapping[str, float | None]) -> bool:
-    key = "sd" if entry["log_sd"] is None else "log_sd"
-    before = finite(now[key])
-    return _left(entry) < (math.inf if before is None else LITTLE * before)
+def _helps(left: Spread, now: Spread) -> bool:
+    before = now.sd if math.isnan(left.log_sd) else now.log_sd
+    return _width(left) < (LITTLE * before if math.isfinite(before) else math.inf)
 
 
-def _left(entry: Mapping[str, Any]) -> float:
-    """Return the sd that a datum leaves; infinite if nothing is told then."""
-    left = finite(entry["sd"] if entry["log_sd"] is None else entry["log_sd"])
-    return math.inf if left is None else left
+def _width(left: Spread) -> float:
+    """Return the sd that a datum leaves; infinite if nothing is known then."""
+    return left.width if math.isfinite(left.width) else math.inf
 
 
-def _row(quantity: str, entry: Mapping[str, Any]) -> tuple[str, str, str]:
+def _row(datum: AddedDatum) -> tuple[str, str, str]:
+    quantity = datum.quantity
     error = (
-        printed_number(quantity, entry["sigma"], 2)
+        printed_number(quantity, datum.sigma, 2)
         if quantity in ADDITIVE
-        else f"{100 * entry['sigma']:.2g} %"
+        else f"{100 * datum.sigma:.2g} %"
     )
-    whose = "as planned" if entry["sigma_from"] == "layout" else "our guess"
-    place = entry["where"]
-    if entry["position_m"] is not None and not place.startswith("at sensor"):
-        east, north, _ = entry["position_m"]
+    whose = "our guess" if datum.is_default else "as planned"
+    place = where(datum)
+    if datum.position is not None and not datum.sensor:
+        east, north, _ = datum.position
         place = f"at east {east:.4g}, north {north:.4g} m"
-    of = f" of {entry['charge']}" if entry["charge"] else ""
-    mark = "" if entry["law_valid"] else "; law out of range"
+    of = f" of {datum.charge}" if datum.charge else ""
+    mark = "" if datum.law_valid else "; law out of range"
     return (
         f"{quantity_words(quantity)}{of} {place}",
-        shown_sd(entry["parameter"], entry),
+        shown_sd(datum.parameter, datum.left),
         f"(read to {error}, {whose}{mark})",
     )

@@ -1,11 +1,13 @@
 """The conclusion in sentences, and its limits."""
 
 from collections.abc import Mapping
-from typing import Any
 
 from jblast.inference.fitting.result import Fit
+from jblast.inference.fitting.summary import Summary
+from jblast.inference.posterior.estimate import Estimate
 from jblast.parameter_table import CHARGE_POSITION, PARAMETERS, described
 from jblast.registry import law_for
+from jblast.report.estimates import printed_estimate
 from jblast.report.fit.goodness import goodness_sentence
 from jblast.report.fit.headline import headline
 from jblast.report.fit.identifiability import (
@@ -14,7 +16,6 @@ from jblast.report.fit.identifiability import (
     null_direction_sentence,
     outlier_lines,
     practically_unidentified,
-    unidentified,
 )
 from jblast.report.fit.laws import law_sentence, validity_sentence
 from jblast.report.fit.reference_values import (
@@ -23,7 +24,7 @@ from jblast.report.fit.reference_values import (
     estimates_of,
     not_fitted,
 )
-from jblast.report.numbers import finite, printed_estimate, printed_number, significant
+from jblast.report.numbers import printed_number, significant
 from jblast.report.words import capitalised, joined, parameter_words, split_name
 from jblast.scene import EXPLOSIVES, Charge
 from jblast.scene.parameters import value_of
@@ -41,18 +42,18 @@ def conclusion(fit: Fit, accepted: Accepted | None = None) -> list[str]:
         fit: The fit.
         accepted: Published values by parameter name, each with where it comes from.
     """
-    answer = fit.answer
+    found = fit.summary
     said = headline(fit)
-    doubts = _cannot_tell(answer)
-    if unidentified(answer):  # then this is the news, and comes first
+    doubts = _cannot_tell(found)
+    if found.unidentified:  # then this is the news, and comes first
         said, doubts = said + doubts, []
-    for name, estimate in estimates_of(answer).items():
-        if finite(estimate.get("value")) is not None and not _repeats(name, answer):
+    for name, estimate in estimates_of(found).items():
+        if estimate.is_identified and not _repeats(name, found):
             made_of = fit.scene.charge.explosive if name == "charge_mass_kg" else ""
             said.append(_estimate_sentence(name, estimate, accepted, made_of))
     said += doubts
-    said.append(goodness_sentence(answer))
-    if outliers := outlier_lines(answer):
+    said.append(goodness_sentence(found))
+    if outliers := outlier_lines(found.suspected_outliers):
         several = "recordings look" if len(outliers) > 1 else "recording looks"
         said.append(f"{len(outliers)} {several} wrong: {'; '.join(outliers)}.")
     said.append(f"{law_sentence(fit)} {validity_sentence(fit)}")
@@ -70,10 +71,10 @@ def limits(fit: Fit) -> list[str]:
         "(emcee).",
     }
     lines = [given_sentence(fit)]
-    if posterior := "weighted" if fit.weighted else fit.answer.get("posterior"):
+    if posterior := "weighted" if fit.weighted else fit.summary.posterior:
         why = f" Why: {fit.posterior_reason}." if fit.posterior_reason else ""
         lines.append(how.get(posterior, f"Intervals come from: {posterior}.") + why)
-    if fit.answer["estimates"]:
+    if fit.summary.estimates:
         lines.append(
             "Intervals count the errors given in the log and the scatter of the laws; "
             "they do not count a wrong law, a wrong sensor position or reflections."
@@ -83,7 +84,7 @@ def limits(fit: Fit) -> list[str]:
 
 def given_sentence(fit: Fit) -> str:
     """Say which numbers were taken as known."""
-    scene, free = fit.scene, set(fit.answer["free"])
+    scene, free = fit.scene, set(fit.summary.free)
     names = []
     for charge in scene.charges:
         label = scene.label(charge)
@@ -99,7 +100,7 @@ def given_sentence(fit: Fit) -> str:
         names += ["air_temperature_k", "air_pressure_pa"]
     if float(scene.air.wind_east) or float(scene.air.wind_north):
         names += ["wind_east_m_s", "wind_north_m_s"]
-    names += _asked_by_laws(fit.answer["law"])
+    names += _asked_by_laws(fit.summary.law)
     known = []
     for name in names:
         value = value_of(scene, name)
@@ -135,18 +136,17 @@ def _explosive_words(charge: Charge) -> str:
     )
 
 
-def _repeats(name: str, answer: Mapping[str, Any]) -> bool:
+def _repeats(name: str, found: Summary) -> bool:
     """Tell whether a TNT mass only repeats the charge mass."""
     base, dot, label = name.partition(".")
-    of_mass = answer["estimates"].get(f"charge_mass_kg{dot}{label}", {})
-    mass = of_mass.get("value")
-    tnt = answer.get("derived", {}).get(name, {}).get("value")
-    return base == "charge_tnt_mass_kg" and mass is not None and mass == tnt
+    mass = found.estimates.get(f"charge_mass_kg{dot}{label}", Estimate())
+    tnt = found.derived.get(name, Estimate())
+    return base == "charge_tnt_mass_kg" and mass.value == tnt.value
 
 
 def _estimate_sentence(
     name: str,
-    estimate: Mapping[str, Any],
+    estimate: Estimate,
     accepted: Accepted | None,
     explosive: str = "",
 ) -> str:
@@ -175,22 +175,20 @@ def _estimate_sentence(
     )
 
 
-def _cannot_tell(answer: Mapping[str, Any]) -> list[str]:
+def _cannot_tell(found: Summary) -> list[str]:
     said = []
-    if names := unidentified(answer):
+    if names := found.unidentified:
         are = "is" if len(names) == 1 else "are"
         words = joined([parameter_words(n) for n in names])
         said.append(f"{capitalised(words)} {are} not identified by these recordings.")
-    for direction in answer.get("null_directions", ()):
+    for direction in found.null_directions:
         cure = cure_sentence(direction)
         said.append(f"{null_direction_sentence(direction)} {cure}".strip())
-    for ambiguity in answer.get("ambiguities", ()):
-        cure = cure_sentence(ambiguity)
-        said.append(f"{ambiguity_sentence(ambiguity)} {cure}".strip())
-    for name in practically_unidentified(answer):
-        factor = significant(
-            2.718281828 ** (1.645 * answer["estimates"][name]["log_sd"])
-        )
+    for other in found.ambiguities:
+        cure = cure_sentence(other)
+        said.append(f"{ambiguity_sentence(other)} {cure}".strip())
+    for name in practically_unidentified(found.estimates):
+        factor = significant(2.718281828 ** (1.645 * found.estimates[name].log_sd))
         said.append(
             f"The {parameter_words(name)} is practically unidentified: known only "
             f"within a factor of {factor} either way."
@@ -202,6 +200,6 @@ def accepted_not_fitted(fit: Fit, accepted: Accepted | None) -> list[str]:
     """Say which accepted values nothing here can be compared with."""
     return [
         f"The accepted {parameter_words(name)} ({label}) was not fitted."
-        for name in not_fitted(fit.answer, accepted)
+        for name in not_fitted(fit.summary, accepted)
         for label in [(accepted or {})[name][1]]
     ]

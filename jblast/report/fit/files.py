@@ -1,6 +1,5 @@
 """The report as files: the answer, the figures, and one page with all of it."""
 
-import json
 import os
 import warnings
 from collections.abc import Callable
@@ -10,8 +9,8 @@ from typing import TYPE_CHECKING
 from jblast.errors import InputError
 from jblast.files import write_bytes, write_text
 from jblast.inference.fitting.result import Fit
+from jblast.report.fit.document import answer_json
 from jblast.report.fit.reference_values import Accepted
-from jblast.report.json_values import plain
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -48,10 +47,10 @@ def write_report(
     """
     # here, so that an answer in words alone need not wait for Matplotlib
     from jblast.report.figure_files import image_bytes
-    from jblast.report.fit.corner_plot import corner_figure
+    from jblast.report.fit.figures.corner_plot import corner_figure
+    from jblast.report.fit.figures.recordings import recordings_figure
+    from jblast.report.fit.figures.residuals import residuals_figure
     from jblast.report.fit.page import report_page
-    from jblast.report.fit.recordings import recordings_figure
-    from jblast.report.fit.residuals import residuals_figure
 
     directory = Path(directory)
     check_directory(directory, force)
@@ -128,11 +127,3 @@ def check_directory(directory: str | Path, force: bool = False) -> None:
             f"{directory}: already holds files; expected a new or empty directory for "
             "the report, or --force to overwrite"
         )
-
-
-def answer_json(fit: Fit) -> str:
-    """Return the answer as JSON text, with null for what is not a finite number."""
-    return (
-        json.dumps(plain(fit.answer), indent=2, allow_nan=False, ensure_ascii=False)
-        + "\n"
-    )

@@ -1,24 +1,22 @@
 """Does the law agree with the recordings, within their errors?"""
 
-from collections.abc import Mapping
-from typing import Any
-
 from jblast.inference.fitting.goodness_of_fit import POOR, chance
+from jblast.inference.fitting.summary import Summary
 from jblast.report.numbers import finite
 
 MARGINAL = 0.01
 
 
-def goodness_p(answer: Mapping[str, Any]) -> float | None:
+def goodness_p(found: Summary) -> float | None:
     """Return the chance of a worse chi2 than this by luck; None without freedom."""
-    chi2, dof = finite(answer.get("chi2")), finite(answer.get("dof"))
-    return None if chi2 is None or dof is None else chance(chi2, int(dof))
+    chi2 = finite(found.chi2)
+    return None if chi2 is None else chance(chi2, found.dof)
 
 
-def goodness_sentence(answer: Mapping[str, Any]) -> str:
+def goodness_sentence(found: Summary) -> str:
     """Say what chi2 says of the fit."""
-    p = goodness_p(answer)
-    if p is None and (answer.get("dof") or 0) > 0:
+    p = goodness_p(found)
+    if p is None and found.dof > 0:
         return "There is no chi2, so nothing says whether the law fits the recordings."
     if p is None:
         return (
@@ -43,11 +41,11 @@ def goodness_sentence(answer: Mapping[str, Any]) -> str:
     return f"The recordings agree with the law within their errors (p {printed_p(p)})."
 
 
-def goodness_numbers(answer: Mapping[str, Any]) -> str:
+def goodness_numbers(found: Summary) -> str:
     """Return chi2, degrees of freedom and p in one line."""
-    chi2, dof, p = finite(answer.get("chi2")), answer.get("dof"), goodness_p(answer)
+    chi2, p = finite(found.chi2), goodness_p(found)
     shown = "unknown" if chi2 is None else f"{chi2:.1f}"
-    line = f"chi2 = {shown} on {dof} degrees of freedom"
+    line = f"chi2 = {shown} on {found.dof} degrees of freedom"
     return line if p is None else f"{line}, p {printed_p(p)}"
 
 

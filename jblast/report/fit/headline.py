@@ -1,11 +1,10 @@
 """What stands above every number: that there is no answer, why, and what would help."""
 
-from collections.abc import Mapping
-from typing import Any
-
+from jblast.inference.fitting.findings import WrongClock, WrongSensor
 from jblast.inference.fitting.result import Fit
+from jblast.report.estimates import printed_estimate
 from jblast.report.fit.goodness import goodness_p, printed_p
-from jblast.report.numbers import printed_estimate, printed_number
+from jblast.report.numbers import printed_number
 from jblast.report.words import joined, parameter_words
 
 MASS = "charge_mass_kg"
@@ -13,11 +12,11 @@ MASS = "charge_mass_kg"
 
 def headline(fit: Fit) -> list[str]:
     """Return why no number is an answer, the gravest first; nothing if they are."""
-    answer, lines = fit.answer, []
-    if not answer["converged"]:
+    found, lines = fit.summary, []
+    if not found.converged:
         lines.append("NOT CONVERGED: take no number below as an answer.")
     if fit.is_poor:
-        p = goodness_p(answer)
+        p = goodness_p(found)
         lines.append(
             f"POOR FIT (p {printed_p(p or 0.0)}): the recordings disagree with the law "
             "by more than their errors allow; take no interval below as an answer."
@@ -27,24 +26,21 @@ def headline(fit: Fit) -> list[str]:
             "OUTSIDE THE LAWS: no recording lies where its law holds; take no number "
             "below as an answer."
         )
-    explained = answer["explained_by"]
-    if explained and not lines:
+    if found.explained_by and not lines:
         lines.append("ONE READING SPOILS THE LOG: take no number below as an answer.")
-    if len(explained) > 1:
-        names = " or ".join(entry["name"] for entry in explained)
+    if len(found.explained_by) > 1:
+        names = " or ".join(wrong.name for wrong in found.explained_by)
         lines.append(f"{names} is wrong; the log cannot say which.")
-    return [*lines, *(explanation(entry) for entry in explained)]
+    return [*lines, *(explanation(wrong) for wrong in found.explained_by)]
 
 
-def explanation(entry: Mapping[str, Any]) -> str:
+def explanation(wrong: WrongSensor) -> str:
     """Say what a log tells without a clock or sensor, and what to type."""
-    name, fits = entry["name"], f"the others fit (p {printed_p(entry['p_value'])})"
-    if entry["kind"] == "clock":
-        offset = entry["offset_s"]
+    name, fits = wrong.name, f"the others fit (p {printed_p(wrong.p_value)})"
+    if isinstance(wrong, WrongClock):
+        offset = wrong.offset_s
         ahead = "ahead" if offset > 0 else "behind"
-        off, sd = (
-            printed_number("_s", x, 2) for x in (abs(offset), entry["offset_sd"])
-        )
+        off, sd = (printed_number("_s", x, 2) for x in (abs(offset), wrong.offset_sd))
         said = (
             f"Without the times of {name} {fits}: its clock is {off} {ahead} "
             f"(± {sd}), or they were read wrong."
@@ -53,13 +49,13 @@ def explanation(entry: Mapping[str, Any]) -> str:
         said = f"Without the sensor {name} {fits}."
     told = [
         f"{parameter_words(number)} {printed.value} (90 %: {printed.interval})"
-        for number, estimate in entry["estimates"].items()
+        for number, estimate in wrong.estimates.items()
         if number.partition(".")[0] == MASS
         for printed in [printed_estimate(number, estimate)]
     ]
     if told:
-        outside = "" if entry["law_valid_rows"] else ", outside the laws"
+        outside = "" if wrong.law_valid_rows else ", outside the laws"
         said += f" Without it: {joined(told)}{outside}."
-    if parameter := entry.get("parameter"):
-        return f"{said} To fit its clock: --free {parameter}."
+    if isinstance(wrong, WrongClock) and wrong.parameter:
+        return f"{said} To fit its clock: --free {wrong.parameter}."
     return f"{said} To leave it out, put a # before its rows."

@@ -1,9 +1,16 @@
 """What the recordings cannot tell, in words."""
 
 import math
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Iterable, Mapping, Sequence
 
+from jblast.inference.fitting.findings import SuspectedOutlier
+from jblast.inference.identifiability.findings import (
+    EstimableCombination,
+    NullDirection,
+    OtherMode,
+)
+from jblast.inference.posterior.estimate import Estimate
+from jblast.report.fit.document import NEAR_ALONE
 from jblast.report.numbers import finite, printed_number, rounded, significant
 from jblast.report.words import capitalised, joined, parameter_words, quantity_words
 from jblast.scene import place_of
@@ -12,29 +19,24 @@ UNIDENTIFIED_LOG_SD = 0.5
 """A positive parameter with a larger sd in ln is called practically unidentified."""
 
 
-def unidentified(answer: Mapping[str, Any]) -> list[str]:
-    """Return the free parameters that have no value."""
-    return [n for n, e in answer["estimates"].items() if finite(e.get("value")) is None]
-
-
-def practically_unidentified(answer: Mapping[str, Any]) -> list[str]:
-    """Return the free parameters that have a value, but one nobody should rely on."""
+def practically_unidentified(estimates: Mapping[str, Estimate]) -> list[str]:
+    """Return the parameters that have a value, but one nobody should rely on."""
     return [
         name
-        for name, estimate in answer["estimates"].items()
-        if finite(estimate.get("value")) is not None
-        and (finite(estimate.get("log_sd")) or 0.0) > UNIDENTIFIED_LOG_SD
+        for name, estimate in estimates.items()
+        if estimate.is_identified
+        and (finite(estimate.log_sd) or 0.0) > UNIDENTIFIED_LOG_SD
     ]
 
 
-def null_direction_sentence(direction: Mapping[str, Any]) -> str:
+def null_direction_sentence(direction: NullDirection) -> str:
     """Say which changes together leave every recording as it is."""
-    steps = {n: float(step) for n, step in direction["parameters"].items() if step}
+    steps = {n: float(step) for n, step in direction.parameters.items() if step}
     names = [parameter_words(name) for name in steps]
     if len(steps) == 1:
         return f"The recordings do not depend on the {names[0]}."
     # what is fitted in ln sets the pace: it doubles; else the widest moves by one unit
-    space = direction.get("space", "ln")
+    space = direction.space
     in_ln = [abs(step) for name, step in steps.items() if _in_ln(name, space)]
     pace = max(in_ln, default=max(abs(step) for step in steps.values()))
     moved = math.log(2.0) if in_ln else 1.0
@@ -58,45 +60,43 @@ def _signed(name: str, step: float) -> str:
     return ("+" if step > 0 else "") + printed_number(name, step, 3)
 
 
-def ambiguity_sentence(ambiguity: Mapping[str, Any]) -> str:
+def ambiguity_sentence(other: OtherMode) -> str:
     """Say where the other solution lies, and why there is one."""
     values = joined(
         [
             f"{parameter_words(name)} {printed_number(name, value)}"
-            for name, value in ambiguity["parameters"].items()
+            for name, value in other.parameters.items()
             if finite(value) is not None
         ]
     )
-    reason = capitalised(str(ambiguity.get("reason") or "").strip().rstrip("."))
+    reason = capitalised(other.reason)
     said = f"Another solution fits nearly as well: {values}."
     return f"{said} {reason}." if reason else said
 
 
-def cure_sentence(entry: Mapping[str, Any]) -> str:
+def cure_sentence(entry: NullDirection | OtherMode) -> str:
     """Return what would cure a null direction or an ambiguity, or ""."""
-    cure = str(entry.get("cure") or "").strip().rstrip(".")
-    return f"Cure: {cure}." if cure else ""
+    return f"Cure: {entry.cure}." if entry.cure else ""
 
 
-def determined_lines(determined: Sequence[Mapping[str, Any]]) -> list[str]:
+def determined_lines(determined: Sequence[EstimableCombination]) -> list[str]:
     """Return one line for each combination that the recordings do determine."""
     lines = []
     for entry in determined:
-        value, sd = finite(entry.get("value")), finite(entry.get("sd"))
+        value, sd = finite(entry.value), finite(entry.sd)
         if value is None:
-            lines.append(str(entry["combination"]))
+            lines.append(entry.combination)
         elif not sd:
-            lines.append(f"{entry['combination']} = {significant(value, 4)}")
+            lines.append(f"{entry.combination} = {significant(value, 4)}")
         else:
             shown = f"{rounded(value, sd)} ± {rounded(sd, sd)}"
-            note = f" ({entry['note']})" if entry.get("note") else ""
-            lines.append(f"{entry['combination']} = {shown}{note}")
+            note = f" ({NEAR_ALONE})" if entry.is_local else ""
+            lines.append(f"{entry.combination} = {shown}{note}")
     return lines
 
 
-def outlier_lines(answer: Mapping[str, Any]) -> list[str]:
+def outlier_lines(outliers: Iterable[SuspectedOutlier]) -> list[str]:
     """Return one line for each suspected outlier."""
     return [
-        f"{o['sensor']}, {quantity_words(o['quantity'])}: {float(o['sds']):+.1f} sd"
-        for o in answer.get("suspected_outliers", ())
+        f"{o.sensor}, {quantity_words(o.quantity)}: {o.sds:+.1f} sd" for o in outliers
     ]

@@ -24,13 +24,13 @@ class LawUsed:
 def laws_used(fit: Fit) -> list[LawUsed]:
     """Return the law of each quantity in the log, with reason, range and source."""
     used = []
-    for quantity, name in fit.answer["law"].items():
+    for quantity, name in fit.summary.law.items():
         law = LAWS.get((quantity, name))
         used.append(
             LawUsed(
                 quantity=quantity_words(quantity),
                 law=name,
-                reason=str(fit.answer.get("law_reason", {}).get(quantity, "")),
+                reason=fit.summary.law_reason.get(quantity, ""),
                 range=law.range if law else "",
                 source=law.source if law else "",
                 scatter=_scatter(fit, law),
@@ -48,7 +48,7 @@ def _scatter(fit: Fit, law: Law | None) -> str:
 def law_sentence(fit: Fit) -> str:
     """Say which law read what: one clause a law."""
     by_law: dict[str, list[str]] = {}
-    for quantity, name in fit.answer["law"].items():
+    for quantity, name in fit.summary.law.items():
         by_law.setdefault(name, []).append(quantity_words(quantity))
     clauses = [
         f"{joined(quantities)} by {law_words(name)}"
@@ -60,7 +60,7 @@ def law_sentence(fit: Fit) -> str:
 
 def validity_sentence(fit: Fit) -> str:
     """Say whether the answer lies where its laws were made for."""
-    if fit.answer["law_valid"]:
+    if fit.summary.law_valid:
         return "The answer lies where these laws hold."
     outside = [
         quantity_words(b.quantity) for b in fit.bands if _leaves_its_range(fit, b)

@@ -11,9 +11,11 @@ from matplotlib.figure import Figure
 
 import jblast
 from jblast.inference.fitting.result import Fit
+from jblast.inference.fitting.summary import Summary
+from jblast.report.estimates import printed_estimate
 from jblast.report.figure_files import image_bytes
 from jblast.report.fit.conclusion import SAFETY, accepted_not_fitted, conclusion, limits
-from jblast.report.fit.corner_plot import absent_note
+from jblast.report.fit.figures.corner_plot import absent_note
 from jblast.report.fit.goodness import (
     POOR,
     goodness_numbers,
@@ -24,7 +26,6 @@ from jblast.report.fit.identifiability import determined_lines
 from jblast.report.fit.laws import laws_used, validity_sentence
 from jblast.report.fit.reference_values import Accepted, compare
 from jblast.report.fit.rows import log_name, residual_rows
-from jblast.report.numbers import printed_estimate
 from jblast.report.words import capitalised, joined, parameter_words, quantity_words
 
 
@@ -59,27 +60,27 @@ def report_page(
     template = environment.from_string(
         files("jblast.report.fit").joinpath("template.html").read_text("utf-8")
     )
-    answer, name, used = fit.answer, log_name(fit), laws_used(fit)
-    p = goodness_p(answer)
+    found, name, used = fit.summary, log_name(fit), laws_used(fit)
+    p = goodness_p(found)
     return template.render(
         title=f"Blast fit: {name}" if name else "Blast fit",
         subtitle=_subtitle(fit),
         conclusion=conclusion(fit, accepted),
         doubtful=fit.exit_code != 0
-        or not answer["law_valid"]
+        or not found.law_valid
         or (p is not None and p < POOR),
-        estimates=_estimates(answer, accepted),
+        estimates=_estimates(found, accepted),
         has_accepted=bool(accepted),
         not_fitted=accepted_not_fitted(fit, accepted),
-        determined=determined_lines(answer.get("determined", ())),
+        determined=determined_lines(found.determined),
         pictures=[_picture(fit, k, figure) for k, figure in figures.items()],
         has_corner="corner" in figures,
         absent_note=absent_note(fit),
         laws=used,
         registered=any(law.source for law in used),
         validity=validity_sentence(fit),
-        goodness_numbers=goodness_numbers(answer),
-        goodness=goodness_sentence(answer),
+        goodness_numbers=goodness_numbers(found),
+        goodness=goodness_sentence(found),
         rows=residual_rows(fit),
         n_rows=len(fit.observations),
         warnings=[*_warnings(fit), *extra_warnings],
@@ -92,8 +93,8 @@ def report_page(
 
 
 def _subtitle(fit: Fit) -> str:
-    n = fit.answer["n_observations"]
-    fitted = joined([parameter_words(name) for name in fit.answer["free"]])
+    n = fit.summary.n_observations
+    fitted = joined([parameter_words(name) for name in fit.summary.free])
     recordings = "recording" if n == 1 else "recordings"
     return f"{n} {recordings}; fitted: {fitted or 'nothing'}"
 
@@ -101,16 +102,17 @@ def _subtitle(fit: Fit) -> str:
 def _warnings(fit: Fit) -> list[str]:
     """Return the answer's warnings, the log by its name: others will read the page."""
     source = fit.observations.source
-    texts = [str(warning) for warning in fit.answer.get("warnings", ())]
+    texts = fit.summary.warnings
     return [t.replace(source, log_name(fit)) if source else t for t in texts]
 
 
-def _estimates(
-    answer: Mapping[str, Any], accepted: Accepted | None
-) -> list[dict[str, Any]]:
+def _estimates(found: Summary, accepted: Accepted | None) -> list[dict[str, Any]]:
     rows = []
-    for group in ("estimates", "derived"):
-        for name, estimate in answer.get(group, {}).items():
+    for group, estimates in (
+        ("estimates", found.estimates),
+        ("derived", found.derived),
+    ):
+        for name, estimate in estimates.items():
             printed = printed_estimate(name, estimate)
             comparison = compare(name, estimate, accepted)
             shown = ""
@@ -130,12 +132,12 @@ def _estimates(
 
 
 def _picture(fit: Fit, kind: str, figure: Figure) -> Picture:
-    quantities = joined([quantity_words(q) for q in fit.answer["law"]])
-    along = "time" if list(fit.answer["law"]) == ["shock_radius_m"] else "range"
+    quantities = joined([quantity_words(q) for q in fit.summary.law])
+    along = "time" if list(fit.summary.law) == ["shock_radius_m"] else "range"
     values = "; ".join(
         f"{parameter_words(name)} {printed.value} (90 %: {printed.interval})"
-        for name in fit.answer["free"]
-        for printed in [printed_estimate(name, fit.answer["estimates"][name])]
+        for name in fit.summary.free
+        for printed in [printed_estimate(name, fit.summary.estimates[name])]
     )
     heading, alt, caption = {
         "recordings": (
@@ -149,7 +151,7 @@ def _picture(fit: Fit, kind: str, figure: Figure) -> Picture:
         "residuals": (
             "Residuals",
             f"Plot of residuals in standard deviations against {along}, with lines at "
-            "plus and minus 2. " + goodness_sentence(fit.answer),
+            "plus and minus 2. " + goodness_sentence(fit.summary),
             "About nineteen of twenty should lie between the dashed lines, "
             "without a trend.",
         ),

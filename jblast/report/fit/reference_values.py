@@ -2,8 +2,9 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
+from jblast.inference.fitting.summary import Summary
+from jblast.inference.posterior.estimate import Estimate
 from jblast.report.numbers import finite, printed_number
 
 Accepted = Mapping[str, tuple[float | int, str]]
@@ -32,23 +33,23 @@ class Comparison:
         return "inside" if self.inside else "outside"
 
 
-def estimates_of(answer: Mapping[str, Any]) -> dict[str, Mapping[str, Any]]:
+def estimates_of(found: Summary) -> dict[str, Estimate]:
     """Return fitted and derived numbers in one table."""
-    return {**answer["estimates"], **answer.get("derived", {})}
+    return {**found.estimates, **found.derived}
 
 
 def compare(
-    name: str, estimate: Mapping[str, Any], accepted: Accepted | None
+    name: str, estimate: Estimate, accepted: Accepted | None
 ) -> Comparison | None:
     """Compare one estimate with its accepted value; None where none is given."""
     if accepted is None or name not in accepted:
         return None
     value, label = accepted[name]
-    low, high = finite(estimate.get("q05")), finite(estimate.get("q95"))
+    low, high = finite(estimate.q05), finite(estimate.q95)
     inside = None if low is None or high is None else bool(low <= value <= high)
     return Comparison(printed_number(name, value), label, inside)
 
 
-def not_fitted(answer: Mapping[str, Any], accepted: Accepted | None) -> list[str]:
-    """Return the accepted names that the answer says nothing of."""
-    return [name for name in accepted or {} if name not in estimates_of(answer)]
+def not_fitted(found: Summary, accepted: Accepted | None) -> list[str]:
+    """Return the accepted names that an answer says nothing of."""
+    return [name for name in accepted or {} if name not in estimates_of(found)]

@@ -40,15 +40,15 @@ def outlier_rows(fit: Fit) -> tuple[int, ...]:
     A sensor may give a quantity twice; then the row nearest to the named residual.
     """
     table, found = fit.observations, []
-    for outlier in fit.answer.get("suspected_outliers", ()):
+    for outlier in fit.summary.suspected_outliers:
         rows = [
             i
             for i in range(len(table))
             if (table.sensor[i], table.quantity[i])
-            == (outlier["sensor"], outlier["quantity"])
+            == (outlier.sensor, outlier.quantity)
         ]
         if rows:
-            gap = [abs(abs(fit.residual[i]) - abs(outlier["sds"])) for i in rows]
+            gap = [abs(abs(fit.residual[i]) - abs(outlier.sds)) for i in rows]
             found.append(rows[int(np.argmin(gap))])
     return tuple(dict.fromkeys(found))
 

@@ -1,13 +1,18 @@
 """Many answers as one table: for a terminal, and as CSV."""
 
+import math
 import textwrap
 from collections.abc import Mapping
+from dataclasses import asdict
 from typing import Any
 
 from jblast.errors import InputError
 from jblast.inference.fitting.result import Fit
+from jblast.inference.posterior.estimate import Estimate
+from jblast.report.estimates import printed_estimate
+from jblast.report.fit.document import fit_document
 from jblast.report.fit.goodness import goodness_p
-from jblast.report.numbers import finite, printed_estimate, significant
+from jblast.report.numbers import significant
 from jblast.report.tables import aligned, comma_separated
 from jblast.report.words import parameter_words
 
@@ -20,10 +25,10 @@ COLUMNS: tuple[str, ...] = ("log", "parameter", *NUMBERS, *OF_LOG, "error")
 def answers_text(answers: Mapping[str, Fit | InputError]) -> str:
     """Return one line a log: what was found of each number, and what is doubtful."""
     fits = {name: fit for name, fit in answers.items() if isinstance(fit, Fit)}
-    names = list(dict.fromkeys(p for fit in fits.values() for p in estimates(fit)))
+    names = list(dict.fromkeys(p for fit in fits.values() for p in fit.summary.free))
     rows = [("log", *map(parameter_words, names), "chi2 (chance)", "")]
     for name, fit in fits.items():
-        found = estimates(fit)
+        found = fit.summary.estimates
         cells = [_cell(p, found[p]) if p in found else "-" for p in names]
         rows.append((name, *cells, _goodness(fit), _doubts(fit)))
     failed = [
@@ -44,9 +49,9 @@ def answers_csv(answers: Mapping[str, Fit | InputError]) -> str:
         if isinstance(fit, InputError):
             rows.append({"log": name, "error": str(fit)})
             continue
-        of_log = {k: fit.answer[k] for k in OF_LOG}
-        for parameter, estimate in estimates(fit).items():
-            numbers = {k: estimate[k] for k in NUMBERS}
+        of_log = {k: getattr(fit.summary, k) for k in OF_LOG}
+        for parameter, estimate in fit.summary.estimates.items():
+            numbers = _numbers(estimate)
             rows.append({"log": name, "parameter": parameter} | numbers | of_log)
     return comma_separated([COLUMNS, *([row.get(c) for c in COLUMNS] for row in rows)])
 
@@ -56,45 +61,45 @@ def answers_document(answers: Mapping[str, Fit | InputError]) -> dict[str, Any]:
     return {
         "schema": 1,
         "logs": {
-            name: {"error": str(fit)} if isinstance(fit, InputError) else fit.answer
+            name: {"error": str(fit)}
+            if isinstance(fit, InputError)
+            else fit_document(fit)
             for name, fit in answers.items()
         },
     }
 
 
-def estimates(fit: Fit) -> Mapping[str, Mapping[str, Any]]:
-    """Return what an answer says of every free number."""
-    return fit.answer["estimates"]
+def _numbers(estimate: Estimate) -> dict[str, float]:
+    """Return what is known of a number, without what there cannot be."""
+    known = asdict(estimate) if estimate.is_identified else {}
+    return {k: x for k, x in known.items() if not (k == "log_sd" and math.isnan(x))}
 
 
-def _cell(name: str, estimate: Mapping[str, Any]) -> str:
-    if finite(estimate["value"]) is None:
+def _cell(name: str, estimate: Estimate) -> str:
+    if not estimate.is_identified:
         return "not identified"
     printed = printed_estimate(name, estimate)
     return f"{printed.value} [{printed.interval}]"
 
 
 def _goodness(fit: Fit) -> str:
-    p = goodness_p(fit.answer)
+    p = goodness_p(fit.summary)
     chance = "-" if p is None else significant(p)
-    return f"{fit.answer['chi2']:.3g}/{fit.answer['dof']} ({chance})"
+    return f"{fit.summary.chi2:.3g}/{fit.summary.dof} ({chance})"
 
 
 def _doubts(fit: Fit) -> str:
-    answer = fit.answer
+    found = fit.summary
     doubts = [
         word
         for word, doubtful in (
-            ("not converged", not answer["converged"]),
-            ("not identifiable", not answer["identifiable"]),
+            ("not converged", not found.converged),
+            ("not identifiable", not found.identifiable),
             ("poor fit", fit.is_poor),
             ("no row within its law", fit.is_outside),
-            ("outside its law", not answer["law_valid"] and not fit.is_outside),
-            *(
-                (f"without {entry['name']} it fits", True)
-                for entry in answer["explained_by"]
-            ),
-            ("outliers", bool(answer["suspected_outliers"])),
+            ("outside its law", not found.law_valid and not fit.is_outside),
+            *((f"without {wrong.name} it fits", True) for wrong in found.explained_by),
+            ("outliers", bool(found.suspected_outliers)),
         )
         if doubtful
     ]

@@ -3,10 +3,13 @@
 import textwrap
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
+from jblast.inference.design.summary import BoundSummary
 from jblast.inference.fitting.result import Fit
+from jblast.inference.fitting.summary import Summary
 from jblast.inference.fitting.uncertainty import AS_ASKED
+from jblast.inference.posterior.estimate import Estimate
+from jblast.report.estimates import printed_estimate
 from jblast.report.fit.conclusion import accepted_not_fitted
 from jblast.report.fit.goodness import goodness_numbers, goodness_sentence
 from jblast.report.fit.headline import headline
@@ -17,12 +20,10 @@ from jblast.report.fit.identifiability import (
     null_direction_sentence,
     outlier_lines,
     practically_unidentified,
-    unidentified,
 )
 from jblast.report.fit.laws import laws_used, validity_sentence
 from jblast.report.fit.reference_values import Accepted, compare
 from jblast.report.fit.rows import log_name
-from jblast.report.numbers import printed_estimate
 from jblast.report.tables import GAP, aligned
 from jblast.report.words import joined, parameter_words
 
@@ -44,12 +45,12 @@ def summary(
             printed beside the estimates with whether they lie inside.
         out: Where the figures were written, if they were.
     """
-    answer = fit.answer
+    found = fit.summary
     lines = [_title(fit), *_how_intervals_held(fit), ""]
     if doubts := headline(fit):  # above every line but the title
         said = (line for doubt in doubts for line in textwrap.wrap(doubt, WIDTH))
         lines[1:1] = ["", *said, ""]
-    lines += _estimate_table(answer, accepted)
+    lines += _estimate_table(found, accepted)
     lines += section("", accepted_not_fitted(fit, accepted))
     lines += ["", "Laws"]
     used = laws_used(fit)
@@ -59,16 +60,15 @@ def summary(
         text = f"{law.law}: {text}" if text else law.law
         lines += hanging(law.quantity.ljust(column) + text, column)
     lines += hanging(validity_sentence(fit))
-    lines += ["", "Goodness of fit", *hanging(goodness_numbers(answer))]
-    lines += hanging(goodness_sentence(answer))
+    lines += ["", "Goodness of fit", *hanging(goodness_numbers(found))]
+    lines += hanging(goodness_sentence(found))
     lines += section("Intervals", _intervals(fit))
     nothing = ["nothing: the recordings, or a prior, identify every fitted number"]
-    lines += section("What the recordings cannot tell", cannot_tell(answer) or nothing)
-    lines += section(
-        "What they do tell", determined_lines(answer.get("determined", ()))
-    )
-    lines += section("Suspected outliers", outlier_lines(answer))
-    lines += section("Warnings", [str(w) for w in answer.get("warnings", ())])
+    untold = cannot_tell(found, found.estimates) or nothing
+    lines += section("What the recordings cannot tell", untold)
+    lines += section("What they do tell", determined_lines(found.determined))
+    lines += section("Suspected outliers", outlier_lines(found.suspected_outliers))
+    lines += section("Warnings", found.warnings)
     if out is not None:
         lines += ["", f"Report and figures: {out}"]
     return "\n".join(line.rstrip() for line in lines) + "\n"
@@ -79,7 +79,7 @@ def _how_intervals_held(fit: Fit) -> list[str]:
 
     Those were fitted well, with weighted draws or as asked for: no other is like them.
     """
-    if fit.answer["posterior"] != "laplace" or not fit.answer["converged"]:
+    if fit.summary.posterior != "laplace" or not fit.summary.converged:
         return []
     how = "weighted by the posterior" if fit.weighted else "alone"
     said = f"90 % intervals by a normal approximation, {how}"
@@ -91,12 +91,11 @@ def _how_intervals_held(fit: Fit) -> list[str]:
 
 def _intervals(fit: Fit) -> list[str]:
     reason = fit.posterior_reason
-    return [f"{fit.answer['posterior']}: {reason}"] if reason else []
+    return [f"{fit.summary.posterior}: {reason}"] if reason else []
 
 
 def _title(fit: Fit) -> str:
-    answer = fit.answer
-    n, free = answer["n_observations"], list(answer["free"])
+    n, free = fit.summary.n_observations, fit.summary.free
     of = f" of {log_name(fit)}" if log_name(fit) else ""
     fitted = joined([parameter_words(name) for name in free])
     recordings = "recording" if n == 1 else "recordings"
@@ -104,18 +103,17 @@ def _title(fit: Fit) -> str:
     return "\n".join(textwrap.wrap(title, WIDTH))
 
 
-def _estimate_table(answer: Mapping[str, Any], accepted: Accepted | None) -> list[str]:
+def _estimate_table(found: Summary, accepted: Accepted | None) -> list[str]:
     rows = [("Estimates", "value", "90 % interval", "accepted" if accepted else "")]
-    for name, estimate in answer["estimates"].items():
+    for name, estimate in found.estimates.items():
         rows.append(_table_row(name, estimate, accepted))
-    derived = answer.get("derived", {})
-    for name, estimate in derived.items():
+    for name, estimate in found.derived.items():
         rows.append(_table_row(name, estimate, accepted))
     indent = max(len(row[0]) for row in rows) + GAP
     lines = []
     whole, left = aligned(rows), aligned([row[:3] for row in rows])
     for i, row in enumerate(rows):
-        if derived and i == len(answer["estimates"]) + 1:
+        if found.derived and i == len(found.estimates) + 1:
             lines.append("Derived")
         if len(whole[i]) <= WIDTH:
             lines.append(whole[i])
@@ -125,7 +123,7 @@ def _estimate_table(answer: Mapping[str, Any], accepted: Accepted | None) -> lis
 
 
 def _table_row(
-    name: str, estimate: Mapping[str, Any], accepted: Accepted | None
+    name: str, estimate: Estimate, accepted: Accepted | None
 ) -> tuple[str, str, str, str]:
     printed = printed_estimate(name, estimate)
     comparison = compare(name, estimate, accepted)
@@ -138,18 +136,20 @@ def _table_row(
     return words, printed.value_and_beside, printed.interval, beside
 
 
-def cannot_tell(answer: Mapping[str, Any]) -> list[str]:
+def cannot_tell(
+    found: Summary | BoundSummary, estimates: Mapping[str, Estimate]
+) -> list[str]:
     """Return a line for each number, direction or second solution left open."""
-    lines = [f"{parameter_words(n)}: not identified" for n in unidentified(answer)]
-    for name in practically_unidentified(answer):
-        log_sd = answer["estimates"][name]["log_sd"]
+    lines = [f"{parameter_words(n)}: not identified" for n in found.unidentified]
+    for name in practically_unidentified(estimates):
+        log_sd = estimates[name].log_sd
         lines.append(
             f"{parameter_words(name)}: practically unidentified (sd of ln {log_sd:.2f})"
         )
-    for direction in answer.get("null_directions", ()):
+    for direction in found.null_directions:
         lines += [null_direction_sentence(direction), cure_sentence(direction)]
-    for ambiguity in answer.get("ambiguities", ()):
-        lines += [ambiguity_sentence(ambiguity), cure_sentence(ambiguity)]
+    for other in found.ambiguities:
+        lines += [ambiguity_sentence(other), cure_sentence(other)]
     return [line for line in lines if line]
 
 

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from jblast.report.json_values import plain
+from jblast.json_values import plain
 from jblast.report.tables import comma_separated
 from jblast.study.flights.records import Flights, Flown
 from jblast.study.flights.statistics import (

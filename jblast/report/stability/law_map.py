@@ -12,7 +12,7 @@ from matplotlib.axes import Axes
 from jblast.constants import TNT_SPECIFIC_ENERGY
 from jblast.registry import LAWS, Law, call
 from jblast.report.figure_style import BLUE, GRID, INK, MUTED, VERMILLION, titled
-from jblast.report.fit.recordings import runs
+from jblast.report.fit.figures.recordings import runs
 from jblast.report.words import capitalised, quantity_words
 from jblast.scene import Charge, Scene
 from jblast.scene.charge import Burst

@@ -73,7 +73,7 @@ def heard(
 
 def accused(found: Fit) -> list[str]:
     """Return who is said to explain a log."""
-    return [entry["name"] for entry in found.answer["explained_by"]]
+    return [entry.name for entry in found.summary.explained_by]
 
 
 def main() -> None:

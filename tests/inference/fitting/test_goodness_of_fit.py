@@ -43,7 +43,7 @@ def test_chance_is_the_survival_of_chi_squared():
 def named(residual):
     rows = [(f"s{i}", "air_arrival_s", 1.0, 0.1, 10.0) for i in range(len(residual))]
     return [
-        found["sensor"]
+        found.sensor
         for found in suspected_outliers(
             log(*rows, at_range=True), np.array(residual, float), "student"
         )

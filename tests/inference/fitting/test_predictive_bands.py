@@ -6,7 +6,7 @@ import pytest
 from matplotlib.collections import PolyCollection
 
 from jblast.inference import fit
-from jblast.report.fit.recordings import recordings_figure
+from jblast.report.fit.figures.recordings import recordings_figure
 from tests.inference.fitting.clocks_off import ASKED, heard
 
 
@@ -32,7 +32,7 @@ def test_the_line_of_a_figure_goes_by_what_the_answer_predicts(found):
 
 def test_the_band_at_a_sensor_is_what_draws_say_of_it(found):
     (band,) = found.bands
-    names = list(found.answer["free"])
+    names = list(found.summary.free)
     numbers = np.stack([found.draws[n] for n in names], axis=1)[::40]
     positive = [b.positive for b in found.density.parameters.beliefs]
     z = np.where(positive, np.log(np.where(positive, numbers, 1.0)), numbers)

@@ -17,9 +17,9 @@ def warnings(belief, *factors):
         for p in [float(kingery_bulmash_pressure(r, 15.0))]
     ]
     uncertain = UncertainScene(SCENE, {"charge_mass_kg": belief}, "scene.toml")
-    answer = fit(log(*rows, at_range=True), uncertain, noise="gaussian").answer
-    assert any("poor fit" in said for said in answer["warnings"])
-    return [said for said in answer["warnings"] if "poor fit" not in said]
+    answer = fit(log(*rows, at_range=True), uncertain, noise="gaussian").summary
+    assert any("poor fit" in said for said in answer.warnings)
+    return [said for said in answer.warnings if "poor fit" not in said]
 
 
 def test_a_prior_that_excludes_the_data_is_named_with_what_they_say():

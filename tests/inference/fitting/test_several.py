@@ -59,14 +59,14 @@ def test_two_charges_are_told_apart_by_the_shot_of_each_row():
     uncertain = freed(
         UncertainScene(scene), [f"{n}.{shot}" for shot in truth for n in names]
     )
-    answer = fit(made, uncertain).answer
-    assert answer["identifiable"]
+    answer = fit(made, uncertain).summary
+    assert answer.identifiable
     for shot, (mass, at, time) in truth.items():
         for name, true in zip(names, (mass, *at[:2], time), strict=True):
-            assert answer["estimates"][f"{name}.{shot}"]["value"] == pytest.approx(
+            assert answer.estimates[f"{name}.{shot}"].value == pytest.approx(
                 true, rel=1e-4, abs=1e-5
             )
-    assert set(answer["derived"]) == {
+    assert set(answer.derived) == {
         f"{n}.{shot}"
         for n in ("charge_tnt_mass_kg", "charge_energy_j")
         for shot in truth
@@ -87,7 +87,7 @@ def test_a_shared_effect_of_one_charge_does_not_touch_the_other():
     # one loading for each charge: 10 % of its own rows and none of the other's
     assert result.shot == (0,) * 4 + (1,) * 4
     assert abs(result.shared[:4]).max() < 0.02
-    assert result.answer["estimates"]["charge_mass_kg.two"]["value"] > 20
+    assert result.summary.estimates["charge_mass_kg.two"].value > 20
 
 
 @pytest.mark.slow
@@ -107,13 +107,13 @@ def test_a_recorder_that_runs_late_is_found_and_the_blast_with_it():
     scene = Scene(charge=Charge(mass=mass), air=AIR, scatter=False)
     where = ["charge_east_m", "charge_north_m", "origin_time_s"]
     uncertain = freed(UncertainScene(scene), [*where, "clock_offset_s.y"])
-    answer = fit(made, uncertain).answer
-    estimates = answer["estimates"]
-    assert estimates["clock_offset_s.y"]["value"] == pytest.approx(late, abs=1e-5)
-    assert estimates["charge_east_m"]["value"] == pytest.approx(2.0, abs=1e-3)
-    assert not any("taken to agree" in warning for warning in answer["warnings"])
-    agreeing = fit(made, freed(UncertainScene(scene), where)).answer
-    assert any("--free clock_offset_s.y" in said for said in agreeing["warnings"])
+    answer = fit(made, uncertain).summary
+    estimates = answer.estimates
+    assert estimates["clock_offset_s.y"].value == pytest.approx(late, abs=1e-5)
+    assert estimates["charge_east_m"].value == pytest.approx(2.0, abs=1e-3)
+    assert not any("taken to agree" in warning for warning in answer.warnings)
+    agreeing = fit(made, freed(UncertainScene(scene), where)).summary
+    assert any("--free clock_offset_s.y" in said for said in agreeing.warnings)
 
 
 def test_a_clock_free_beside_the_origin_time_alone_is_a_null_direction():
@@ -128,9 +128,9 @@ def test_a_clock_free_beside_the_origin_time_alone_is_a_null_direction():
     )
     scene = Scene(charge=Charge(mass=15.0), sensors=(Sensor("a", np.array(RING[0])),))
     uncertain = freed(UncertainScene(scene), ["origin_time_s", "clock_offset_s.a"])
-    answer = fit(made, uncertain).answer
-    (null,) = answer["null_directions"]
-    assert null["parameters"] == pytest.approx(
+    answer = fit(made, uncertain).summary
+    (null,) = answer.null_directions
+    assert null.parameters == pytest.approx(
         {"origin_time_s": 1.0, "clock_offset_s.a": -1.0}
     )
 
@@ -144,10 +144,10 @@ def test_wind_is_found_from_arrivals_around_the_charge():
         rows.append((f"s{i}", "air_arrival_s", reading, 1e-5, place))
     scene = Scene(charge=Charge(mass=15.0), air=AIR, scatter=False)
     uncertain = freed(UncertainScene(scene), ["wind_east_m_s", "wind_north_m_s"])
-    estimates = fit(log(*rows), uncertain).answer["estimates"]
-    assert estimates["wind_east_m_s"]["value"] == pytest.approx(6.0, abs=1e-4)
-    assert estimates["wind_north_m_s"]["value"] == pytest.approx(-3.0, abs=1e-4)
-    assert estimates["wind_north_m_s"]["log_sd"] is None
+    estimates = fit(log(*rows), uncertain).summary.estimates
+    assert estimates["wind_east_m_s"].value == pytest.approx(6.0, abs=1e-4)
+    assert estimates["wind_north_m_s"].value == pytest.approx(-3.0, abs=1e-4)
+    assert np.isnan(estimates["wind_north_m_s"].log_sd)
 
 
 @pytest.mark.parametrize(
@@ -163,12 +163,12 @@ def test_c4_weighs_less_than_the_tnt_that_does_the_same(quantity, law, factor):
     # dry air of the tables, so that the impulse is not scaled by the sound speed
     scene = Scene(charge=Charge(explosive="C4"), air=AIR, scatter=False)
     uncertain = UncertainScene(scene, {"charge_mass_kg": Free(positive=True)})
-    answer = fit(made, uncertain).answer
-    mass = answer["estimates"]["charge_mass_kg"]["value"]
+    answer = fit(made, uncertain).summary
+    mass = answer.estimates["charge_mass_kg"].value
     assert mass == pytest.approx(10.0 / factor, rel=1e-6)
-    derived = answer["derived"]
-    assert derived["charge_tnt_mass_kg"]["value"] == pytest.approx(1.37 * mass)
-    by_impulse = derived["charge_tnt_mass_by_impulse_kg"]["value"]
+    derived = answer.derived
+    assert derived["charge_tnt_mass_kg"].value == pytest.approx(1.37 * mass)
+    by_impulse = derived["charge_tnt_mass_by_impulse_kg"].value
     assert by_impulse == pytest.approx(1.19 * mass)
 
 
@@ -184,10 +184,10 @@ def test_an_uncertain_tnt_factor_widens_the_mass_by_as_much():
             "tnt_factor": LogNormal(1.1, 1.1),
         },
     )
-    estimate = fit(made, uncertain).answer["estimates"]["charge_mass_kg"]
-    assert estimate["value"] == pytest.approx(10.0, rel=1e-3)
+    estimate = fit(made, uncertain).summary.estimates["charge_mass_kg"]
+    assert estimate.value == pytest.approx(10.0, rel=1e-3)
     # beside it the datum adds 1e-3 / slope * 3, less than 0.3 %
-    assert estimate["log_sd"] == pytest.approx(np.log(1.1), rel=2e-3)
+    assert estimate.log_sd == pytest.approx(np.log(1.1), rel=2e-3)
 
 
 def test_a_simulated_log_of_two_charges_reads_back_with_their_names():

@@ -5,6 +5,7 @@ import pytest
 
 from jblast.errors import InputError
 from jblast.inference import fit, solve
+from jblast.inference.fitting.findings import WrongClock, WrongSensor
 from jblast.inference.fitting.suspects import explained_by
 from jblast.report import summary
 from tests.inference.fitting.clocks_off import ASKED, MASS, NAMES, accused, heard
@@ -13,13 +14,14 @@ from tests.inference.fitting.clocks_off import ASKED, MASS, NAMES, accused, hear
 def test_a_clock_that_is_off_is_named_with_what_to_type():
     found = fit(heard("arrivals", np.random.default_rng(3), clock={"c": -0.8}), ASKED)
     assert found.exit_code == 4
-    (entry,) = found.answer["explained_by"]
-    assert (entry["kind"], entry["name"]) == ("clock", "c")
-    assert entry["parameter"] == "clock_offset_s.c"
+    (entry,) = found.summary.explained_by
+    assert isinstance(entry, WrongClock)
+    assert entry.name == "c"
+    assert entry.parameter == "clock_offset_s.c"
     # 5 sd: one wrong alarm in a million seeds, and this one is fixed
-    assert abs(entry["offset_s"] + 0.8) < 5 * entry["offset_sd"]
-    mass = entry["estimates"]["charge_mass_kg"]
-    assert abs(np.log(mass["value"] / MASS)) < 4 * mass["log_sd"]
+    assert abs(entry.offset_s + 0.8) < 5 * entry.offset_sd
+    mass = entry.estimates["charge_mass_kg"]
+    assert abs(np.log(mass.value / MASS)) < 4 * mass.log_sd
     lines = summary(found).splitlines()
     said = " ".join(lines)
     # the doubt stands above every number
@@ -43,7 +45,7 @@ def test_a_rest_that_has_no_answer_accuses_nobody_and_ends_nothing():
         asked.append(log)
         raise InputError("no value of charge_mass_kg gives the log a probability")
 
-    assert explained_by(made, solution, False, refused) == []
+    assert explained_by(made, solution, False, refused) == ()
     assert len(asked) == len(NAMES)  # each was tried
 
 
@@ -75,9 +77,9 @@ def test_a_sensor_of_which_everything_is_wrong_is_named_and_not_its_clock():
     made = heard("both", rng, clock={"b": 0.5}, gain={"b": 30.0})
     found = fit(made, ASKED)
     assert found.exit_code == 4
-    (entry,) = found.answer["explained_by"]
-    assert (entry["kind"], entry["name"]) == ("sensor", "b")
+    (entry,) = found.summary.explained_by
+    assert (type(entry), entry.name) == (WrongSensor, "b")
     assert "put a # before its rows" in " ".join(summary(found).split())
     made = heard("both", rng, clock={"b": 0.5})
-    (entry,) = fit(made, ASKED).answer["explained_by"][:1]
-    assert (entry["kind"], entry["name"]) == ("clock", "b")
+    (entry,) = fit(made, ASKED).summary.explained_by[:1]
+    assert (type(entry), entry.name) == (WrongClock, "b")

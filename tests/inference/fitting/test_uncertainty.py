@@ -39,26 +39,26 @@ def pressures(sigma: float):
 
 def test_a_narrow_answer_is_left_to_the_normal_approximation():
     result = fit(pressures(0.01), MASS_FREE, noise="gaussian", posterior="auto")
-    assert result.answer["posterior"] == "laplace"
+    assert result.summary.posterior == "laplace"
     assert "k-hat" in result.posterior_reason
-    assert result.answer["warnings"] == []
+    assert result.summary.warnings == ()
 
 
 def test_a_wide_answer_gets_walkers_and_they_agree_where_it_is_normal():
     wide = fit(pressures(0.3), MASS_FREE, noise="gaussian", posterior="auto")
-    assert wide.answer["posterior"] == "emcee"
-    assert wide.answer["converged"]
-    assert any("k-hat" in said for said in wide.answer["warnings"])
-    normal = fit(pressures(0.3), MASS_FREE, noise="gaussian").answer
-    by_walk = wide.answer["estimates"]["charge_mass_kg"]
-    by_normal = normal["estimates"]["charge_mass_kg"]
-    assert by_walk["value"] == by_normal["value"]
+    assert wide.summary.posterior == "emcee"
+    assert wide.summary.converged
+    assert any("k-hat" in said for said in wide.summary.warnings)
+    normal = fit(pressures(0.3), MASS_FREE, noise="gaussian").summary
+    by_walk = wide.summary.estimates["charge_mass_kg"]
+    by_normal = normal.estimates["charge_mass_kg"]
+    assert by_walk.value == by_normal.value
     # ln p is nearly straight in ln W: the two differ by the walk's error of 5 % of the
     # sd, and as much by the bend
     for quantile in ("q05", "q95"):
-        apart = np.log(by_walk[quantile] / by_normal[quantile])
-        assert abs(apart) < 0.15 * by_normal["log_sd"]
-    assert by_walk["log_sd"] == pytest.approx(by_normal["log_sd"], rel=0.1)
+        apart = np.log(getattr(by_walk, quantile) / getattr(by_normal, quantile))
+        assert abs(apart) < 0.15 * by_normal.log_sd
+    assert by_walk.log_sd == pytest.approx(by_normal.log_sd, rel=0.1)
 
 
 def test_what_no_log_can_tell_is_not_walked_over():
@@ -67,9 +67,9 @@ def test_what_no_log_can_tell_is_not_walked_over():
     scene = Scene(scatter=False, law=(("air_arrival_s", "wu_hao"),))
     uncertain = freed(UncertainScene(scene), ["charge_mass_kg", "air_sound_speed_m_s"])
     result = fit(made, uncertain, posterior="emcee")
-    assert result.answer["posterior"] == "laplace"
+    assert result.summary.posterior == "laplace"
     assert "untold" in result.posterior_reason
-    assert not result.answer["identifiable"]
+    assert not result.summary.identifiable
 
 
 def disagreeing(apart: float):
@@ -121,8 +121,8 @@ def test_ends_are_off_by_what_integration_says_and_the_answer_warns(apart):
     found = ends_judged(solution.posterior, solution.laplace)
     assert found.off == pytest.approx(by, abs=3 * found.error + 0.01)
     assert found.believed
-    alone = fit(made, MASS_FREE, posterior="laplace").answer
-    said = [w for w in alone["warnings"] if "90 %" in w]
+    alone = fit(made, MASS_FREE, posterior="laplace").summary
+    said = [w for w in alone.warnings if "90 %" in w]
     warned = f"off by up to {found.off:.1f} of a standard deviation at charge_mass_kg"
     assert [warned in w and "--posterior emcee walks" in w for w in said] == (
         [True] if by > ENDS else []
@@ -135,9 +135,9 @@ def test_weighted_intervals_end_where_integration_says(apart):
     solution = solve(made, MASS_FREE)
     weighted = fit(made, MASS_FREE)
     assert weighted.weighted
-    mass = weighted.answer["estimates"]["charge_mass_kg"]
+    mass = weighted.summary.estimates["charge_mass_kg"]
     normal = solution.laplace
-    ends = (np.log([mass["q05"], mass["q95"]]) - normal.z) / np.sqrt(normal.covariance)
+    ends = (np.log([mass.q05, mass.q95]) - normal.z) / np.sqrt(normal.covariance)
     found = ends_judged(solution.posterior, normal)
     # chance moves an end by its standard error, told of the worst one alone
     expected = ends_by_grid(solution)
@@ -145,7 +145,7 @@ def test_weighted_intervals_end_where_integration_says(apart):
     assert np.abs(ends[0]).max() == pytest.approx(
         np.abs(expected).max(), abs=3 * max(found.error, 0.03)
     )
-    assert not any("90 %" in said for said in weighted.answer["warnings"])
+    assert not any("90 %" in said for said in weighted.summary.warnings)
 
 
 def test_where_importance_sampling_cannot_tell_the_approximation_stands_alone():

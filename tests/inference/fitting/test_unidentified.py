@@ -44,10 +44,10 @@ def test_three_sensors_with_the_charge_outside_their_triangle_leave_a_second_pla
     triangle = [(0.0, 0.0), (100.0, 0.0), (0.0, 100.0)]
     free = [*PLACE, "origin_time_s"]
     found, text = told(arrivals(triangle, -20.0, -20.0, 1.0), free)
-    (other,) = found.answer["ambiguities"]
+    (other,) = found.summary.ambiguities
     both = [
-        {name: of["value"] for name, of in found.answer["estimates"].items()},
-        other["parameters"],
+        {name: of.value for name, of in found.summary.estimates.items()},
+        other.parameters,
     ]
     one, two = sorted(both, key=lambda values: values["origin_time_s"])
     for name, true in zip(free, (-20.0, -20.0, 1.0), strict=True):
@@ -66,8 +66,8 @@ def test_three_sensors_with_the_charge_outside_their_triangle_leave_a_second_pla
 def test_clocks_all_unknown_tell_no_place_and_no_origin_time():
     clocks = [f"clock_offset_s.{name}" for name in "abcd"]
     found, text = told(arrivals(RING, 5.0, 10.0), [*PLACE, "origin_time_s", *clocks])
-    assert len(found.answer["null_directions"]) == 3  # seven unknowns, four readings
-    assert all(of["value"] is None for of in found.answer["estimates"].values())
+    assert len(found.summary.null_directions) == 3  # seven unknowns, four readings
+    assert not any(of.is_identified for of in found.summary.estimates.values())
     assert found.exit_code == 4
     assert "cannot tell the origin time, clock offset of a, clock offset of b" in text
     assert "a flash time at a sensor of the log, on a clock that is right" in text
@@ -76,8 +76,8 @@ def test_clocks_all_unknown_tell_no_place_and_no_origin_time():
 def test_sensors_all_at_one_place_are_told_to_spread():
     made = arrivals([(60.0, 0.0)] * 3, 30.0, 40.0)
     found, text = told(made, PLACE)
-    (null,) = found.answer["null_directions"]
-    assert null["space"] == "linear"
+    (null,) = found.summary.null_directions
+    assert null.space == "linear"
     assert "cannot tell the charge east and charge north apart" in text
     assert "or an air arrival at a new place" in text
     assert found.exit_code == 4
@@ -91,7 +91,7 @@ def test_far_out_the_mass_rests_on_the_prior_of_the_sound_speed():
         free = ["charge_mass_kg"]
         believed = {"air_sound_speed_m_s": LogNormal(C, 1.01)}
         found, _ = told(made, free, **believed)
-        sds[z] = found.answer["estimates"]["charge_mass_kg"]["log_sd"]
+        sds[z] = found.summary.estimates["charge_mass_kg"].log_sd
         step = [
             np.log(float(shock_kinematics_arrival_time(r, MASS * f, 101325.0, C)))
             for f in (0.99, 1.01)
@@ -111,6 +111,6 @@ def test_fewer_data_than_unknowns_are_answered_and_marked():
     p = float(kingery_bulmash_pressure(40.0, MASS))
     made = log(("a", "peak_overpressure_pa", p, 0.05 * p, (40.0, 0.0, 0.0)))
     found, text = told(made, ["charge_mass_kg", *PLACE])
-    assert len(found.answer["null_directions"]) == 2
+    assert len(found.summary.null_directions) == 2
     assert found.exit_code == 4
     assert "no more recordings than unknowns" in text

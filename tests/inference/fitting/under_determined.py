@@ -122,13 +122,13 @@ def fault(found: Fit | Exception) -> str:
     """Say what is wrong with an end; "" if it is as it should be."""
     if isinstance(found, Exception):
         return f"{type(found).__name__}: {found}"
-    answer = found.answer
+    answer = found.summary
     if found.exit_code != 4:
         return f"exit code {found.exit_code}"
-    least = max(len(answer["free"]) - len(found.observations), 1)
-    if len(answer["null_directions"]) < least:
-        return f"{len(answer['null_directions'])} null directions for {least}"
-    return "" if cannot_tell(answer) else "no sentence"
+    least = max(len(answer.free) - len(found.observations), 1)
+    if len(answer.null_directions) < least:
+        return f"{len(answer.null_directions)} null directions for {least}"
+    return "" if cannot_tell(answer, answer.estimates) else "no sentence"
 
 
 def main() -> None:

@@ -45,11 +45,11 @@ def test_plain_logs_are_fitted_as_one_by_one_and_a_bad_one_fails_alone():
         (1, "log 1, row 0, peak_overpressure_pa: expected a positive number, got -1.0"),
     )
     for lane, observations in ((0, LOGS[0]), (2, LOGS[1])):
-        alone = fit(observations, SCENE, noise="gaussian").answer
-        mass = alone["estimates"]["charge_mass_kg"]
+        alone = fit(observations, SCENE, noise="gaussian").summary
+        mass = alone.estimates["charge_mass_kg"]
         # both stop where a Newton step would gain 1e-4 in ln-density at most
-        assert abs(np.log(found.values["charge_mass_kg"][lane] / mass["value"])) < (
-            0.015 * mass["log_sd"]
+        assert abs(np.log(found.values["charge_mass_kg"][lane] / mass.value)) < (
+            0.015 * mass.log_sd
         )
 
 

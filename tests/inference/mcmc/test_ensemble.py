@@ -39,10 +39,11 @@ def test_intervals_agree_with_importance_sampling():
     one = marginals_of_draws(posterior.parameters, walked.draws())
     other = marginals_of_draws(posterior.parameters, weighted.z, weighted.weights)
     for name in posterior.parameters.names:
-        sd = one[name]["sd"]
-        assert sd is not None
+        sd = one[name].sd
         for key in ("q05", "q50", "q95"):  # Monte Carlo errors of about 0.04 sd
-            assert one[name][key] == pytest.approx(other[name][key], abs=0.15 * sd)
+            assert getattr(one[name], key) == pytest.approx(
+                getattr(other[name], key), abs=0.15 * sd
+            )
 
 
 def test_the_mirror_image_of_a_charge_beside_a_line_is_a_mode():

@@ -90,55 +90,55 @@ def test_a_bound_takes_the_growth_time_of_the_law():
     scene = scene_of(HEARD)
     found = bound(
         open_scene(scene), {"charge_mass_kg": MASS, "charge_range_m": RANGE}
-    ).answer
-    assert found["identifiable"]
-    assert found["at"]["fireball_growth_s"] == pytest.approx(own_growth(scene))
+    ).summary
+    assert found.identifiable
+    assert found.at["fireball_growth_s"] == pytest.approx(own_growth(scene))
     # 20 % of a radius that the shot shares is 60 % of a mass, the rest adds a little
-    assert 0.6 < found["parameters"]["charge_mass_kg"]["log_sd"] < 0.75
+    assert 0.6 < found.parameters["charge_mass_kg"].log_sd < 0.75
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("more", [(), ("origin_time_s",)])
 def test_an_image_alone_tells_size_over_distance_and_names_the_cure(more):
     found = fit(log_of(SIGHTED), open_scene(scene_of(SIGHTED), *more))
-    answer = found.answer
-    (null,) = answer["null_directions"]
-    assert null["parameters"] == {
+    answer = found.summary
+    (null,) = answer.null_directions
+    assert null.parameters == {
         "charge_mass_kg": 1.0,
         "charge_range_m": pytest.approx(1 / 3, rel=1e-6),
     }
-    assert null["space"] == "ln"
-    assert "an air arrival (the bang" in null["cure"]
+    assert null.space == "ln"
+    assert "an air arrival (the bang" in null.cure
     assert found.exit_code == 4
-    growth = answer["estimates"]["fireball_growth_s"]
-    assert growth["q05"] < own_growth(scene_of(SIGHTED)) < growth["q95"]
+    growth = answer.estimates["fireball_growth_s"]
+    assert growth.q05 < own_growth(scene_of(SIGHTED)) < growth.q95
 
 
 @pytest.mark.slow
 def test_a_flash_adds_nothing_and_a_bang_ends_it():
     seen = (*SIGHTED, ("flash_time_s", 2e-4))
-    alone = fit(log_of(seen), open_scene(scene_of(seen), "origin_time_s")).answer
-    (null,) = alone["null_directions"]
-    assert set(null["parameters"]) == {"charge_mass_kg", "charge_range_m"}
+    alone = fit(log_of(seen), open_scene(scene_of(seen), "origin_time_s")).summary
+    (null,) = alone.null_directions
+    assert set(null.parameters) == {"charge_mass_kg", "charge_range_m"}
     heard = fit(log_of(HEARD), open_scene(scene_of(HEARD), "origin_time_s"))
     assert heard.exit_code == 0
     for name, truth in (("charge_mass_kg", MASS), ("charge_range_m", RANGE)):
-        told = heard.answer["estimates"][name]
-        assert abs(math.log(told["value"] / truth)) < 3 * told["log_sd"]
+        told = heard.summary.estimates[name]
+        assert abs(math.log(told.value / truth)) < 3 * told.log_sd
 
 
 @pytest.mark.slow
 def test_radii_long_before_the_growth_ends_leave_it_open_too():
     early = tuple(time * 1e-3 for time in TIMES)
     uncertain = UncertainScene(scene_of(SIGHTED, early), {"charge_mass_kg": FREE})
-    answer = fit(log_of(SIGHTED, times=early), uncertain).answer
+    answer = fit(log_of(SIGHTED, times=early), uncertain).summary
     for name in ("charge_mass_kg", "fireball_growth_s"):
-        told = answer["estimates"][name]
+        told = answer.estimates[name]
         # their errors decide whether the likeliest growth is endless: then told is none
-        assert told["log_sd"] is None or told["log_sd"] > 2.0
-        for null in answer["null_directions"]:
-            assert name in null["parameters"]
-            assert "a fireball radius at a later time" in null["cure"]
+        assert not told.log_sd <= 2.0
+        for null in answer.null_directions:
+            assert name in null.parameters
+            assert "a fireball radius at a later time" in null.cure
 
 
 @pytest.mark.slow
@@ -150,9 +150,9 @@ def test_the_worked_example_is_recovered():
     truth |= {"charge_up_m": 0.0, "origin_time_s": 2.0}
     truth |= {"fireball_growth_s": 1e-3 * np.cbrt(50.0)}
     for name, value in truth.items():
-        told = found.answer["estimates"][name]
-        wide = 2 * (told["q95"] - told["q05"]) / 3.29  # two sds
-        assert told["q50"] - wide < value < told["q50"] + wide, name
+        told = found.summary.estimates[name]
+        wide = 2 * (told.q95 - told.q05) / 3.29  # two sds
+        assert told.q50 - wide < value < told.q50 + wide, name
 
 
 @pytest.mark.slow
@@ -162,12 +162,12 @@ def test_a_line_of_sight_is_a_null_direction_of_a_charge_anywhere(tmp_path):
     silent.write_text("\n".join(row for row in text if ",air_arrival_s," not in row))
     uncertain = read_scene(DATA / "camera_and_bang.toml")
     found = fit(read(silent), uncertain)
-    (null,) = found.answer["null_directions"]
-    along = [null["parameters"][f"charge_{side}_m"] for side in ("east", "north", "up")]
+    (null,) = found.summary.null_directions
+    along = [null.parameters[f"charge_{side}_m"] for side in ("east", "north", "up")]
     charge = found.scene.charge
     away = np.array([charge.east, charge.north, charge.up]) - [150.0, -200.0, 1.5]
     np.testing.assert_allclose(3 * np.array(along), away, rtol=1e-4)
-    assert "an air arrival (the bang" in null["cure"]
+    assert "an air arrival (the bang" in null.cure
 
 
 @pytest.mark.slow

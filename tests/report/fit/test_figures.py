@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from matplotlib.collections import LineCollection, PolyCollection
 
-from jblast.report.fit.corner_plot import corner_figure, drawn_parameters
-from jblast.report.fit.recordings import recordings_figure, runs
-from jblast.report.fit.reduced_time import reduction
-from jblast.report.fit.residuals import residuals_figure
+from jblast.report.fit.figures.corner_plot import corner_figure, drawn_parameters
+from jblast.report.fit.figures.recordings import recordings_figure, runs
+from jblast.report.fit.figures.reduced_time import reduction
+from jblast.report.fit.figures.residuals import residuals_figure
 from jblast.report.fit.rows import MOST_ROWS, outlier_rows, residual_rows
 from jblast.scene import with_values
 from tests.report import example
@@ -119,7 +119,7 @@ def test_the_residual_table_marks_outliers_and_keeps_to_its_length():
     assert rows[6].measured.endswith("kPa")
     r = np.geomspace(5.0, 500.0, 300)
     long = example.fit_of(
-        example.log(["peak_overpressure_pa"], r), answer=example.answer()
+        example.log(["peak_overpressure_pa"], r), summary=example.PLAIN
     )
     rows = residual_rows(long)
     assert len(rows) == MOST_ROWS

@@ -1,12 +1,16 @@
 import json
 import re
+from dataclasses import replace
 from html.parser import HTMLParser
 
 import pytest
 
+import jblast
 from jblast.errors import InputError
+from jblast.json_values import plain
 from jblast.report import write_report
-from jblast.report.fit import files as writing, residuals
+from jblast.report.fit.document import fit_document
+from jblast.report.fit.figures import residuals
 from tests.report import example
 
 FILES = {"fit.json", "recordings.png", "residuals.png", "corner.png", "report.html"}
@@ -57,7 +61,7 @@ def test_the_json_is_the_answer(pages):
     root, _ = pages
     for make in example.EVERY[:-1]:
         text = (root / make.__name__ / "fit.json").read_text("utf-8")
-        assert json.loads(text) == make().answer
+        assert json.loads(text) == fit_document(make())
 
 
 def test_the_json_holds_null_for_nan(pages):
@@ -72,8 +76,8 @@ def test_arrays_and_numbers_of_numpy_become_plain_json():
     import numpy as np
 
     given = {"a": np.float64(np.inf), "b": np.array([1.0, np.nan]), "c": np.bool_(True)}
-    assert writing.plain(given) == {"a": None, "b": [1.0, None], "c": True}
-    assert writing.plain((np.int64(3), np.float32(0.5))) == [3, 0.5]
+    assert plain(given) == {"a": None, "b": [1.0, None], "c": True}
+    assert plain((np.int64(3), np.float32(0.5))) == [3, 0.5]
 
 
 def test_the_page_needs_nothing_beside_it(pages):
@@ -100,7 +104,7 @@ def test_the_page_says_what_the_text_says(pages):
         "kingery_bulmash",
         "# A made-up log, for tests only.",
         "it designs no explosives",
-        "Made by jblast 0.1.0",
+        f"Made by jblast {jblast.__version__}",
     ):
         assert words in page
     page = (root / "not_identifiable" / "report.html").read_text("utf-8")
@@ -119,7 +123,8 @@ def test_what_a_user_wrote_is_escaped(pages):
 
 def test_a_warning_names_the_log_without_its_folder(tmp_path):
     fit = example.one_parameter()
-    fit.answer["warnings"].append(f"poor: {fit.observations.source}")
+    warnings = (*fit.summary.warnings, f"poor: {fit.observations.source}")
+    fit = replace(fit, summary=replace(fit.summary, warnings=warnings))
     write_report(fit, tmp_path)
     page = (tmp_path / "report.html").read_text("utf-8")
     assert "poor: quarry.csv" in page
@@ -166,8 +171,6 @@ def test_a_figure_that_fails_costs_only_itself(tmp_path, monkeypatch):
 
 
 def test_a_sensor_named_in_signs_the_font_lacks_is_no_obstacle(tmp_path):
-    from dataclasses import replace
-
     fit = example.with_outliers()
     name = "爆 🎇"
     table = replace(
@@ -176,7 +179,7 @@ def test_a_sensor_named_in_signs_the_font_lacks_is_no_obstacle(tmp_path):
             name if s == example.NASTY else s for s in fit.observations.sensor
         ),
     )
-    outlier = fit.answer["suspected_outliers"][0] | {"sensor": name}
-    answer = dict(fit.answer) | {"suspected_outliers": [outlier]}
-    write_report(replace(fit, observations=table, answer=answer), tmp_path)
+    outlier = replace(fit.summary.suspected_outliers[0], sensor=name)
+    found = replace(fit.summary, suspected_outliers=(outlier,))
+    write_report(replace(fit, observations=table, summary=found), tmp_path)
     assert name in (tmp_path / "report.html").read_text("utf-8")

@@ -55,7 +55,7 @@ def test_no_share_stands_beside_an_answer_that_those_logs_were_not_like(changes)
     plain = example.three_parameters()
     fit = replace(
         plain,
-        answer=dict(plain.answer) | changes,
+        summary=replace(plain.summary, **changes),
         weighted=bool(changes),
         posterior_reason="importance sampling cannot tell (k-hat 0.90)",
     )

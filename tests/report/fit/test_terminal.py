@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import scipy.stats
@@ -46,9 +48,10 @@ def test_a_null_direction_is_named_with_what_stays_determined_and_the_cure():
 
 
 def test_a_mixed_null_direction_doubles_what_is_in_ln_and_shifts_the_rest():
-    direction = {"parameters": {"charge_mass_kg": 0.5, "charge_east_m": -20.0}}
+    direction = {"charge_mass_kg": 0.5, "charge_east_m": -20.0}
     fit = example.not_identifiable()
-    fit.answer["null_directions"][0] |= direction | {"space": "mixed"}  # pyright: ignore[reportIndexIssue]  a Mapping to its readers
+    null = replace(fit.summary.null_directions[0], parameters=direction, space="mixed")
+    fit = replace(fit, summary=replace(fit.summary, null_directions=(null,)))
     text = " ".join(summary(fit).split())
     # mass doubles over ln 2 / 0.5 of the direction, so east moves 20 * 2 ln 2
     assert "charge mass times 2.00 and charge east by -27.7 m" in text
@@ -116,10 +119,10 @@ def test_what_was_taken_as_known_is_listed():
 
 def test_p_is_the_survival_of_chi_squared():
     for chi2, dof in [(9.1, 9), (41.0, 4), (0.3, 30)]:
-        ours = goodness_p({"chi2": chi2, "dof": dof})
+        ours = goodness_p(replace(example.PLAIN, chi2=chi2, dof=dof))
         assert ours == pytest.approx(scipy.stats.chi2.sf(chi2, dof), rel=1e-10)
-    assert goodness_p({"chi2": 1.0, "dof": 0}) is None
-    assert goodness_p({"chi2": np.nan, "dof": 3}) is None
+    assert goodness_p(replace(example.PLAIN, chi2=1.0, dof=0)) is None
+    assert goodness_p(replace(example.PLAIN, chi2=np.nan, dof=3)) is None
 
 
 def test_what_is_not_identified_is_the_first_thing_concluded():
@@ -139,4 +142,4 @@ def test_what_is_not_identified_is_the_first_thing_concluded():
     ],
 )
 def test_goodness_is_told_in_words(chi2, words):
-    assert words in goodness_sentence({"chi2": chi2, "dof": 9})
+    assert words in goodness_sentence(replace(example.PLAIN, chi2=chi2, dof=9))

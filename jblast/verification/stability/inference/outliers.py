@@ -79,7 +79,7 @@ def _by_student(clean: Told, log: Observations) -> tuple[float, bool]:
     found = solve(log, clean.uncertain)
     posterior, z = found.posterior, found.laplace.z
     named = suspected_outliers(log, left_of(posterior, z).residual, posterior.noise)
-    return float(z[0]), any(o["sensor"] == log.sensor[WHICH] for o in named)
+    return float(z[0]), any(o.sensor == log.sensor[WHICH] for o in named)
 
 
 def outlier_failure() -> FailureMode:

@@ -11,6 +11,7 @@ from jblast.inference.fitting.uncertainty import how_sure
 from jblast.inference.importance.interval_check import ends_judged
 from jblast.inference.importance.psis import ENDS
 from jblast.inference.importance.whitening import Whitened, root_of, whitened
+from jblast.inference.posterior.estimate import Estimate
 from jblast.verification.stability.failure import FailureMode, verified
 from jblast.verification.stability.inference.arrival_logs import circle, told
 from jblast.verification.stability.inference.plain_emcee import (
@@ -146,5 +147,5 @@ def bent_failure() -> FailureMode:
     )
 
 
-def _interval(marginal: dict[str, float | None]) -> str:
-    return f"{marginal['q05']:.3g} to {marginal['q95']:.3g} kg"
+def _interval(marginal: Estimate) -> str:
+    return f"{marginal.q05:.3g} to {marginal.q95:.3g} kg"

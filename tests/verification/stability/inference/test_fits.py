@@ -89,10 +89,10 @@ def test_a_mirror_image_is_reported_as_often_as_the_charge_and_named_by_jblast()
     # a coin of 200: four standard errors
     assert south == pytest.approx(0.5, abs=0.15)
     answer = fit(found.log, found.uncertain, noise="gaussian")
-    (other,) = answer.answer["ambiguities"]
-    north = answer.answer["estimates"]["charge_north_m"]["value"]
-    assert other["parameters"]["charge_north_m"] == pytest.approx(-north, abs=1e-3)
-    assert not answer.answer["identifiable"]
+    (other,) = answer.summary.ambiguities
+    north = answer.summary.estimates["charge_north_m"].value
+    assert other.parameters["charge_north_m"] == pytest.approx(-north, abs=1e-3)
+    assert not answer.summary.identifiable
     assert answer.exit_code == 4
 
 
@@ -117,8 +117,8 @@ def test_sensors_at_one_place_tell_neither_mass_nor_place_whatever_a_solver_says
     assert ends.good > 300
     assert np.ptp(ends.z[:, 0]) > np.log(1e6)
     answer = fit(one.log, one.uncertain, noise="gaussian")
-    assert len(answer.answer["null_directions"]) == 2
-    assert all(of["value"] is None for of in answer.answer["estimates"].values())
+    assert len(answer.summary.null_directions) == 2
+    assert not any(of.is_identified for of in answer.summary.estimates.values())
     assert answer.exit_code == 4
 
 
@@ -141,9 +141,9 @@ def test_an_outlier_is_named_in_the_answer():
     clean = told(ring(), 30.0, 10.0, -5.0, "student")
     value = clean.log.value.copy()
     value[outliers.WHICH] += outliers.FAR * 1e-4
-    answer = fit(dataclasses.replace(clean.log, value=value), clean.uncertain).answer
-    suspects = answer["suspected_outliers"]
-    assert [o["sensor"] for o in suspects] == [clean.log.sensor[outliers.WHICH]]
+    answer = fit(dataclasses.replace(clean.log, value=value), clean.uncertain).summary
+    suspects = answer.suspected_outliers
+    assert [o.sensor for o in suspects] == [clean.log.sensor[outliers.WHICH]]
 
 
 @pytest.mark.slow

@@ -96,20 +96,20 @@ def test_the_normal_approximation_says_past_its_boundary_that_it_fails():
         told(circle(radius), 30.0, 60.0, 0.0) for radius in (ridges.CLOSE, 10.0)
     )
     answers = [
-        fit(asked.log, asked.uncertain, noise="gaussian", posterior=method).answer
+        fit(asked.log, asked.uncertain, noise="gaussian", posterior=method).summary
         for asked in (close, wide)
         for method in ("laplace", "emcee")
     ]
     ends = [
-        np.log([answer["estimates"]["charge_mass_kg"][q] for q in ("q05", "q95")])
+        np.log([getattr(answer.estimates["charge_mass_kg"], q) for q in ("q05", "q95")])
         for answer in answers
     ]
     sds = [np.sqrt(asked.solution.laplace.covariance[0, 0]) for asked in (close, wide)]
     # integrated over mass, place by Laplace's method, ends are off by 0.40 and 0.19; a
     # walk along so thin a ridge tells the first as 0.24 to 0.40
     assert np.abs(ends[0] - ends[1]).max() > 0.2 * sds[0]
-    assert any("off by up to 0.4 of a standard" in w for w in answers[0]["warnings"])
+    assert any("off by up to 0.4 of a standard" in w for w in answers[0].warnings)
     # importance sampling by the normal's own draws puts these off by 0.5
     assert np.abs(ends[2] - ends[3]).max() < ENDS * sds[1]
-    quiet = [w for w in answers[2]["warnings"] if not w.startswith("still air")]
+    quiet = [w for w in answers[2].warnings if not w.startswith("still air")]
     assert quiet == []

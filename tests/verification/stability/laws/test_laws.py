@@ -157,11 +157,11 @@ def test_tnt_is_no_point_source_and_a_fit_by_one_says_so():
         )
         uncertain = UncertainScene(scene, {"charge_mass_kg": Free(positive=True)})
         answer = fit(log, uncertain, noise="gaussian")
-        told[explosive] = answer.answer
-    assert told["TNT"]["estimates"]["charge_mass_kg"]["value"] < 5.0
+        told[explosive] = answer.summary
+    assert told["TNT"].estimates["charge_mass_kg"].value < 5.0
     said = "the law of a point source, which a charge of TNT is not"
-    assert any(said in warning for warning in told["TNT"]["warnings"])
-    assert not any("point source" in warning for warning in told["nuclear"]["warnings"])
+    assert any(said in warning for warning in told["TNT"].warnings)
+    assert not any("point source" in warning for warning in told["nuclear"].warnings)
 
 
 def test_stokes_leaves_a_blast_as_loud_at_1_km_as_at_1_m():

@@ -11,7 +11,6 @@ from jaxtyping import Float
 
 from jblast.constants import LIGHT_SPEED
 from jblast.inference.fitting.result import Fit
-from jblast.report.fit.identifiability import unidentified
 from jblast.waves.propagation.ambient import sound_speed_of
 
 
@@ -42,8 +41,8 @@ def axis_sound_speed(fit: Fit) -> float:
     Where it is not identified, any would fit; then it is that of the air's temperature.
     """
     air = fit.scene.air
-    if air.sound_speed is not None and "air_sound_speed_m_s" not in unidentified(
-        fit.answer
+    if air.sound_speed is not None and (
+        "air_sound_speed_m_s" not in fit.summary.unidentified
     ):
         return float(air.sound_speed)
     return float(sound_speed_of(replace(air, sound_speed=None)))
@@ -70,7 +69,7 @@ def common_clock(fit: Fit) -> Float[np.ndarray, " row"]:
     """Return what to take off each row's clock to read the common clock [s]."""
     offsets = fit.scene.clock_offsets()
     told = [
-        0.0 if f"clock_offset_s.{clock}" in unidentified(fit.answer) else offset
+        0.0 if f"clock_offset_s.{clock}" in fit.summary.unidentified else offset
         for clock, offset in offsets.items()
     ]
     by_name = dict(zip(offsets, map(float, told), strict=True))

@@ -9,6 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from jblast.inference.fitting.result import Fit
+from jblast.report.estimates import WIDE_LOG_SD, printed_estimate
 from jblast.report.figure_style import (
     BLUE,
     DPI,
@@ -21,7 +22,7 @@ from jblast.report.figure_style import (
     titled,
 )
 from jblast.report.fit.reference_values import Accepted
-from jblast.report.numbers import WIDE_LOG_SD, Unit, finite, printed_estimate, unit_for
+from jblast.report.numbers import Unit, finite, unit_for
 from jblast.report.words import capitalised, joined, parameter_words
 
 
@@ -29,9 +30,9 @@ def drawn_parameters(fit: Fit) -> list[str]:
     """Return the parameters whose draws can be plotted: finite, not all equal."""
     return [
         name
-        for name in fit.answer["free"]
+        for name in fit.summary.free
         if name in fit.draws
-        and finite(fit.answer["estimates"][name].get("value")) is not None
+        and fit.summary.estimates[name].is_identified
         and len(fit.draws[name]) > 1
         and bool(np.all(np.isfinite(fit.draws[name])))
         and np.ptp(fit.draws[name]) > 0.0
@@ -40,7 +41,7 @@ def drawn_parameters(fit: Fit) -> list[str]:
 
 def absent_note(fit: Fit) -> str:
     """Say which free parameters the corner plot lacks, or ""."""
-    absent = [n for n in fit.answer["free"] if n not in drawn_parameters(fit)]
+    absent = [n for n in fit.summary.free if n not in drawn_parameters(fit)]
     if not absent:
         return ""
     words = joined([parameter_words(name) for name in absent])
@@ -85,7 +86,7 @@ def _key(figure: Figure, count: int, has_truths: bool, note: str) -> None:
 
 
 def _unit(fit: Fit, name: str) -> Unit:
-    return unit_for(name, finite(fit.answer["estimates"][name]["value"]))
+    return unit_for(name, finite(fit.summary.estimates[name].value))
 
 
 def _label(name: str, unit: Unit) -> str:
@@ -94,7 +95,7 @@ def _label(name: str, unit: Unit) -> str:
 
 
 def _wide(fit: Fit, name: str) -> bool:
-    log_sd = finite(fit.answer["estimates"][name].get("log_sd"))
+    log_sd = finite(fit.summary.estimates[name].log_sd)
     return (log_sd or 0.0) > WIDE_LOG_SD and bool(np.all(fit.draws[name] > 0.0))
 
 
@@ -110,11 +111,11 @@ def _histogram(
     first, last = (float(q) for q in np.quantile(draws, [0.001, 0.999]))
     spaced = np.geomspace if _wide(fit, name) else np.linspace
     axes.hist(draws, list(spaced(first, last, 41)), color=BLUE, alpha=0.35)
-    estimate = fit.answer["estimates"][name]
-    low, high = (finite(estimate.get(k)) for k in ("q05", "q95"))
+    estimate = fit.summary.estimates[name]
+    low, high = finite(estimate.q05), finite(estimate.q95)
     if low is not None and high is not None:
         axes.axvspan(low / unit.size, high / unit.size, color=BLUE, alpha=0.10, lw=0)
-    axes.axvline(estimate["value"] / unit.size, color=BLUE, linewidth=1.6)
+    axes.axvline(estimate.value / unit.size, color=BLUE, linewidth=1.6)
     for truth in truths.values():
         axes.axvline(truth, color=VERMILLION, linewidth=1.6)
     quiet(axes)
@@ -196,8 +197,8 @@ def _accepted_lines(grid: np.ndarray, i: int, truth: float) -> None:
 
 
 def _diagonal(axes: Axes, fit: Fit, name: str, unit: Unit) -> None:
-    estimate = fit.answer["estimates"][name]
-    low, high = (finite(estimate.get(k)) for k in ("q05", "q95"))
+    estimate = fit.summary.estimates[name]
+    low, high = finite(estimate.q05), finite(estimate.q95)
     if low is not None and high is not None:
         axes.axvspan(low / unit.size, high / unit.size, color=BLUE, alpha=0.10, lw=0)
     printed = printed_estimate(name, estimate)

@@ -20,7 +20,7 @@ from jblast.report.figure_style import (
     quiet,
     titled,
 )
-from jblast.report.fit.reduced_time import Reduction, common_clock, reduction
+from jblast.report.fit.figures.reduced_time import Reduction, common_clock, reduction
 from jblast.report.fit.rows import outlier_rows
 from jblast.report.numbers import Unit, unit_for
 from jblast.report.words import capitalised, law_words, quantity_words
@@ -104,7 +104,7 @@ def _panel(axes: Axes, fit: Fit, quantity: str, shot: int) -> None:
     axes.set_ylabel(_with_unit(what, y_unit))
     along = "time after detonation" if against_time else "slant range"
     axes.set_xlabel(_with_unit(along, x_unit))
-    law = fit.answer["law"].get(quantity, "")
+    law = fit.summary.law.get(quantity, "")
     of = f" of {fit.scene.charges[shot].name}" if fit.scene.others else ""
     titled(axes, capitalised(quantity_words(quantity)) + of, law_words(law))
 

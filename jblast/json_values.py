@@ -1,7 +1,8 @@
-"""Answers as JSON can hold them."""
+"""Answers as JSON can hold them: dataclasses as objects, NaN as null."""
 
 import math
 from collections.abc import Mapping
+from dataclasses import fields, is_dataclass
 from typing import Any
 
 import numpy as np
@@ -9,6 +10,8 @@ import numpy as np
 
 def plain(value: Any) -> Any:
     """Return what JSON can hold: arrays as lists, NaN and infinities as None."""
+    if is_dataclass(value) and not isinstance(value, type):
+        return {f.name: plain(getattr(value, f.name)) for f in fields(value)}
     if isinstance(value, Mapping):
         return {str(key): plain(entry) for key, entry in value.items()}
     if isinstance(value, (list, tuple)):

@@ -16,7 +16,7 @@ from jblast.report.figure_style import (
     quiet,
     titled,
 )
-from jblast.report.fit.reduced_time import common_clock
+from jblast.report.fit.figures.reduced_time import common_clock
 from jblast.report.fit.rows import outlier_rows
 from jblast.report.numbers import unit_for
 from jblast.report.words import quantity_words

@@ -1,0 +1,214 @@
+"""What a fit found, as values: numbers, what they leave open, what is doubtful."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Bool, Float
+
+from jblast.constants import TNT_SPECIFIC_ENERGY
+from jblast.inference.fitting.findings import WrongSensor
+from jblast.inference.fitting.goodness_of_fit import (
+    FITS,
+    POOR,
+    SuspectedOutlier,
+    chance,
+    chi_squared,
+    suspected_outliers,
+)
+from jblast.inference.fitting.solution import Solution
+from jblast.inference.fitting.suspects import explained_by, lies_far
+from jblast.inference.fitting.uncertainty import HowSure
+from jblast.inference.fitting.unidentified import (
+    ambiguities,
+    determined,
+    null_directions,
+)
+from jblast.inference.fitting.warnings import cautions_of
+from jblast.inference.identifiability.findings import (
+    EstimableCombination,
+    NullDirection,
+    OtherMode,
+)
+from jblast.inference.posterior.estimate import Estimate
+from jblast.json_values import plain
+from jblast.observations import Observations
+from jblast.scene import UncertainScene
+
+TNT_MASS_BY = {
+    "pressure": "peak_overpressure_pa",
+    "impulse": "positive_impulse_pa_s",
+    "energy": "shock_radius_m",
+}
+"""A quantity of each kind that explosives have a factor of their own for."""
+
+
+@dataclass(frozen=True)
+class Summary:
+    """What a fit found.
+
+    Attributes:
+        law: Name of the law that read each quantity.
+        law_reason: Why that one.
+        law_valid: Whether every row lies where its law holds.
+        law_valid_rows: How many do.
+        estimates: What is known of every free number.
+        derived: What follows from each mass: as TNT, and as energy.
+        free: Names of what was fitted.
+        identifiable: Whether the data leave one answer.
+        null_directions: Directions in which no datum moves.
+        ambiguities: Other optima that the data cannot rule out.
+        determined: Combinations of unidentified numbers that are identified.
+        posterior: "laplace" or "emcee": where intervals come from.
+        converged: Whether search and sampler arrived.
+        chi2: Chi squared.
+        dof: Its degrees of freedom.
+        n_observations: Rows of the log.
+        suspected_outliers: Readings too far off, worst first.
+        explained_by: Clocks and sensors without one of which the log fits.
+        warnings: What is to be told beside the numbers, the gravest first.
+    """
+
+    law: Mapping[str, str]
+    law_reason: Mapping[str, str]
+    law_valid: bool
+    law_valid_rows: int
+    estimates: Mapping[str, Estimate]
+    derived: Mapping[str, Estimate]
+    free: tuple[str, ...]
+    identifiable: bool
+    null_directions: tuple[NullDirection, ...]
+    ambiguities: tuple[OtherMode, ...]
+    determined: tuple[EstimableCombination, ...]
+    posterior: str
+    converged: bool
+    chi2: float
+    dof: int
+    n_observations: int
+    suspected_outliers: tuple[SuspectedOutlier, ...]
+    explained_by: tuple[WrongSensor, ...]
+    warnings: tuple[str, ...]
+
+    @property
+    def unidentified(self) -> tuple[str, ...]:
+        """Names of the free numbers that have no value."""
+        return tuple(n for n, e in self.estimates.items() if not e.is_identified)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return it as JSON can hold it; null is what is not a finite number."""
+        return plain(self)
+
+
+def summary_of(
+    observations: Observations,
+    uncertain: UncertainScene,
+    solution: Solution,
+    sure: HowSure,
+    valid: Bool[np.ndarray, " row"],
+    deep: Bool[np.ndarray, " row"],
+    residual: Float[np.ndarray, " row"],
+    effects: Float[np.ndarray, " effect"],
+    refit: Callable[[Observations], Solution],
+) -> Summary:
+    """Put together what a fit found.
+
+    Args:
+        observations: The log.
+        uncertain: What was known before.
+        solution: What inference found.
+        sure: How sure it is.
+        valid: Whether each row's laws hold at the answer.
+        deep: Whether they do as deep as its interval reaches, too.
+        residual: What is left of each row, in standard deviations.
+        effects: The most probable shared effects.
+        refit: Solves for a log of the same rows; asked where no scene fits this one.
+    """
+    z = solution.laplace.z
+    estimates = _estimates(solution, sure)
+    null = null_directions(solution)
+    doubles = ambiguities(solution, bool(valid.all()))
+    chi2, dof = chi_squared(
+        solution.posterior, z, residual, effects, solution.identifiability.told.shape[1]
+    )
+    p = chance(chi2, dof)
+    converged = solution.laplace.converged and sure.converged
+    poor = p is not None and p < POOR
+    answered = converged and not null and bool(valid.any()) and not poor
+    wrong: tuple[WrongSensor, ...] = ()
+    if not answered or lies_far(solution) or (p is not None and p < FITS):
+        wrong = explained_by(observations, solution, answered, refit)
+    return Summary(
+        law={quantity: name for quantity, (name, _) in solution.laws.items()},
+        law_reason={q: reason for q, (_, reason) in solution.laws.items()},
+        law_valid=bool((valid & deep).all()),
+        law_valid_rows=int(valid.sum()),
+        estimates=estimates,
+        derived=_derived(estimates, solution),
+        free=solution.posterior.parameters.names,
+        identifiable=not null and not doubles,
+        null_directions=null,
+        ambiguities=doubles,
+        determined=determined(solution),
+        posterior=sure.method,
+        converged=converged,
+        chi2=chi2,
+        dof=dof,
+        n_observations=len(observations),
+        suspected_outliers=suspected_outliers(
+            observations, residual, solution.posterior.noise
+        ),
+        explained_by=wrong,
+        warnings=(
+            *cautions_of(
+                observations, uncertain, solution, valid & deep, chi2, dof, effects
+            ),
+            *sure.why,
+        ),
+    )
+
+
+def _estimates(solution: Solution, sure: HowSure) -> dict[str, Estimate]:
+    """Summarise every free number; one in a null direction has nothing to say."""
+    names = solution.posterior.parameters.names
+    return {
+        name: sure.marginals[name] if told else Estimate()
+        for name, told in zip(names, solution.identifiability.determined, strict=True)
+    }
+
+
+def _derived(
+    estimates: Mapping[str, Estimate], solution: Solution
+) -> dict[str, Estimate]:
+    """What follows from each mass: as TNT by pressure, and as energy by convention.
+
+    The TNT mass by impulse is told where it differs. A log of the front alone tells
+    energy: the TNT mass is that of the energy then.
+    """
+    z = solution.laplace.z
+    parameters = solution.posterior.parameters
+    scene = parameters.scene_at(jnp.asarray(z))
+    derived = {}
+    for charge in scene.charges:
+        label = scene.label(charge)
+        mass, factor = f"charge_mass_kg{label}", f"tnt_factor{label}"
+        if mass not in estimates:
+            continue
+        if factor in parameters.names:  # the product is not normal in one coordinate
+            continue
+        per_kg = {
+            what: float(charge.tnt_mass(quantity) / charge.mass)
+            for what, quantity in TNT_MASS_BY.items()
+        }
+        front_alone = set(solution.posterior.layout.quantity) == {"shock_radius_m"}
+        first = per_kg["energy" if front_alone else "pressure"]
+        derived[f"charge_tnt_mass_kg{label}"] = estimates[mass].times(first)
+        if per_kg["impulse"] != per_kg["pressure"] and not front_alone:
+            derived[f"charge_tnt_mass_by_impulse_kg{label}"] = estimates[mass].times(
+                per_kg["impulse"]
+            )
+        derived[f"charge_energy_j{label}"] = estimates[mass].times(
+            per_kg["energy"] * TNT_SPECIFIC_ENERGY
+        )
+    return derived

@@ -1,0 +1,68 @@
+"""How an estimate is printed: its value, its 90 % interval, no digit too many."""
+
+from dataclasses import dataclass
+
+from jblast.constants import TNT_SPECIFIC_ENERGY
+from jblast.inference.posterior.estimate import Estimate
+from jblast.report.numbers import finite, rounded, scientific, significant, unit_for
+from jblast.report.words import split_name
+
+WIDE_LOG_SD = 0.3
+"""Past this sd in ln an interval spans a factor of three: digits count then."""
+
+
+@dataclass(frozen=True)
+class Printed:
+    """An estimate in words ready for a table.
+
+    Attributes:
+        value: With its unit, "not identified" where there is none.
+        interval: The 90 % interval with its unit, "-" where there is none.
+        beside: The same value in another unit a reader may know, or "".
+    """
+
+    value: str
+    interval: str
+    beside: str
+
+    @property
+    def value_and_beside(self) -> str:
+        """Return the value, with the other unit in brackets."""
+        return f"{self.value} ({self.beside})" if self.beside else self.value
+
+
+def printed_estimate(name: str, estimate: Estimate) -> Printed:
+    """Print one entry of an answer's `estimates` or `derived`.
+
+    Two digits of the sd decide how far value and interval are printed; where the
+    parameter is uncertain by a factor, each number has two significant digits.
+    """
+    numbers = estimate.value, estimate.sd, estimate.q05, estimate.q95
+    value, sd, low, high = map(finite, numbers)
+    log_sd = finite(estimate.log_sd)
+    unit = unit_for(name, *((low, high) if value is None else (value,)))
+    if sd is None and low is not None and high is not None:
+        sd = (high - low) / 3.29
+
+    def show(number: float) -> str:
+        if (log_sd is not None and log_sd > WIDE_LOG_SD) or not sd:
+            return significant(number / unit.size, 2 if sd else 4)
+        return rounded(number / unit.size, sd / unit.size)
+
+    bare = f" {unit.symbol}" if unit.symbol else ""
+    return Printed(
+        value="not identified" if value is None else show(value) + bare,
+        interval="-"
+        if low is None or high is None
+        else f"{show(low)} to {show(high)}{bare}",
+        beside="" if value is None else _beside(name, value),
+    )
+
+
+def _beside(name: str, value: float) -> str:
+    suffix = split_name(name)[1]
+    if suffix == "_kg" and value >= 1e6:
+        return f"{scientific(value, 2)} kg"
+    if suffix == "_j" and value >= 1e6 * TNT_SPECIFIC_ENERGY:
+        return f"{significant(value / TNT_SPECIFIC_ENERGY / 1e6, 3)} kt of TNT"
+    return ""

@@ -1,0 +1,106 @@
+"""The answer as `jblast fit --json` prints it, key by key of the contract."""
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
+from typing import Any
+
+from jblast.inference.fitting.findings import WrongClock, WrongSensor
+from jblast.inference.fitting.result import Fit
+from jblast.inference.identifiability.findings import (
+    EstimableCombination,
+    NullDirection,
+    OtherMode,
+)
+from jblast.inference.posterior.estimate import Estimate
+from jblast.json_values import plain
+
+
+def fit_document(fit: Fit) -> dict[str, Any]:
+    """Return what `jblast fit --json` prints, null for what is not a finite number."""
+    found = fit.summary
+    return plain(
+        {
+            "schema": 1,
+            "law": found.law,
+            "law_reason": found.law_reason,
+            "law_valid": found.law_valid,
+            "law_valid_rows": found.law_valid_rows,
+            "estimates": estimate_entries(found.estimates),
+            "derived": estimate_entries(found.derived),
+            "free": found.free,
+            "identifiable": found.identifiable,
+            "null_directions": null_direction_entries(found.null_directions),
+            "ambiguities": ambiguity_entries(found.ambiguities),
+            "determined": determined_entries(found.determined),
+            "posterior": found.posterior,
+            "converged": found.converged,
+            "chi2": found.chi2,
+            "dof": found.dof,
+            "n_observations": found.n_observations,
+            "suspected_outliers": [asdict(o) for o in found.suspected_outliers],
+            "explained_by": [_explanation(wrong) for wrong in found.explained_by],
+            "warnings": found.warnings,
+        }
+    )
+
+
+def answer_json(fit: Fit) -> str:
+    """Return the answer as the text of `fit.json`."""
+    document = fit_document(fit)
+    return json.dumps(document, indent=2, allow_nan=False, ensure_ascii=False) + "\n"
+
+
+def estimate_entries(estimates: Mapping[str, Estimate]) -> dict[str, Any]:
+    """Return an entry for each number by name."""
+    return {name: asdict(estimate) for name, estimate in estimates.items()}
+
+
+def null_direction_entries(found: Sequence[NullDirection]) -> list[dict[str, Any]]:
+    """Return an entry for each direction in which no datum moves."""
+    return [
+        {"parameters": of.parameters, "space": of.space, "cure": of.cure}
+        for of in found
+    ]
+
+
+def ambiguity_entries(found: Sequence[OtherMode]) -> list[dict[str, Any]]:
+    """Return an entry for each other optimum."""
+    return [
+        {"parameters": of.parameters, "reason": of.reason, "cure": of.cure}
+        for of in found
+    ]
+
+
+def determined_entries(found: Sequence[EstimableCombination]) -> list[dict[str, Any]]:
+    """Return an entry for each combination that is identified."""
+    return [
+        {"combination": of.combination, "value": of.value, "sd": of.sd}
+        | ({"note": NEAR_ALONE} if of.is_local else {})
+        for of in found
+    ]
+
+
+NEAR_ALONE = "near the answer only: the invariance is curved"
+"""Beside a combination that is identified at the answer, and no more elsewhere."""
+
+
+def _explanation(wrong: WrongSensor) -> dict[str, Any]:
+    """Return the entry of a clock or a sensor without which the log fits."""
+    clock = {}
+    if isinstance(wrong, WrongClock):
+        clock = {
+            "offset_s": wrong.offset_s,
+            "offset_sd": wrong.offset_sd,
+            "parameter": wrong.parameter,
+        }
+    return {
+        "kind": "clock" if clock else "sensor",
+        "name": wrong.name,
+        **clock,
+        "chi2": wrong.chi2,
+        "dof": wrong.dof,
+        "p_value": wrong.p_value,
+        "law_valid_rows": wrong.law_valid_rows,
+        "estimates": estimate_entries(wrong.estimates),
+    }
