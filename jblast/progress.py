@@ -108,6 +108,12 @@ def counted(total: int, what: str) -> Callable[[float | int], None]:
     return through
 
 
+def in_words() -> Callable[[str], None]:
+    """Return what is to be called with where a task is in words: nothing is counted."""
+    told = telling()
+    return lambda words: told(Level(words, "", 0.0, 0.0))
+
+
 def each(items: Collection[Item], what: str) -> Iterator[Item]:
     """Go through items and tell how many are through."""
     through = counted(len(items), what)

@@ -7,7 +7,7 @@ import sys
 import pytest
 
 from jblast.cli.progress_line import ProgressLine
-from jblast.progress import counted, each, heard_by, stages
+from jblast.progress import counted, each, heard_by, in_words, stages
 
 
 class Stream(io.StringIO):
@@ -48,6 +48,19 @@ def test_nothing_is_said_in_the_first_second(clock):
         clock.now += 0.99
         begin("fitting")
     assert stream.getvalue() == ""
+
+
+def test_words_within_a_stage_stand_behind_it_until_the_next(clock):
+    line = line_on(Stream(), clock)
+    with heard_by(line):
+        begin = stages({"sampler": 1.0, "vehicle": 1.0})
+        begin("sampler")
+        tell = in_words()
+        tell("the optimum")
+        tell("the reference")
+        assert line.words() == "sampler (1 of 2): the reference"
+        begin("vehicle")
+        assert line.words() == "vehicle (2 of 2)"
 
 
 def test_after_a_second_the_stage_is_told_and_of_how_many(clock):

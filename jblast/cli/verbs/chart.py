@@ -30,7 +30,7 @@ def add_arguments(verb: argparse.ArgumentParser) -> None:
 
 
 def run(asked: argparse.Namespace) -> int:
-    """Measure, print, and write each topic as soon as it is through."""
+    """Measure, print, and write each benchmark as soon as it is through."""
     from jblast.cli.jax_start import start_jax
 
     start_jax()
@@ -38,12 +38,12 @@ def run(asked: argparse.Namespace) -> int:
 
     from jblast.cli.arguments.paths import writing
     from jblast.errors import InputError, nearest
-    from jblast.progress import Level, stages, telling
+    from jblast.progress import stages
     from jblast.report import check_directory
     from jblast.report.benchmark.table import chart_markdown, write_chart
-    from jblast.verification.benchmark import TOPICS
+    from jblast.verification.benchmark import BENCHMARKS
 
-    known = (*TOPICS, ALL)
+    known = (*BENCHMARKS, ALL)
     if asked.topic not in known:
         raise InputError(
             f"no topic {asked.topic!r}: expected one of {', '.join(known)}"
@@ -52,18 +52,15 @@ def run(asked: argparse.Namespace) -> int:
     out = Path(asked.out) if asked.out else None
     if out:
         check_directory(out, asked.force)
-    names = list(TOPICS) if asked.topic == ALL else [asked.topic]
+    names = list(BENCHMARKS) if asked.topic == ALL else [asked.topic]
     begin = stages(dict.fromkeys(names, 1.0))
     for name in names:
-        topic = TOPICS[name]
+        benchmark = BENCHMARKS[name]
         begin(name)
-        tell = telling()
-        points = topic.measure(
-            lambda words, tell=tell: tell(Level(words, "", 0.0, 0.0))
-        )
-        sys.stdout.write(chart_markdown(topic, points) + "\n")
+        points = benchmark.measure()
+        sys.stdout.write(chart_markdown(benchmark, points) + "\n")
         sys.stdout.flush()
         if out:
             with writing(out):
-                write_chart(topic, points, out)
+                write_chart(benchmark, points, out)
     return 0

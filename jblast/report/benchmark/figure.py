@@ -22,7 +22,12 @@ from jblast.report.figure_style import (
     titled,
 )
 from jblast.report.words import capitalised
-from jblast.verification.benchmark.chart import Point, Topic, on_front, panels
+from jblast.verification.benchmark.chart import (
+    Benchmark,
+    BenchmarkPoint,
+    on_pareto_front,
+    panels,
+)
 
 APART = 1e3
 """A method that costs so many times the next cheaper one stands at the right edge."""
@@ -51,8 +56,8 @@ PLACES = (
 """Where a name may stand beside its point: offset [points] and alignment."""
 
 
-def chart_figure(topic: Topic, points: Sequence[Point]) -> Figure:
-    """Draw every panel of a topic: cost to the right, error upwards.
+def chart_figure(benchmark: Benchmark, points: Sequence[BenchmarkPoint]) -> Figure:
+    """Draw every panel of a benchmark: cost to the right, error upwards.
 
     All panels have the same axes. A filled point covers the whole panel, a blue one no
     other beats, a diamond is what the others are held against.
@@ -62,7 +67,7 @@ def chart_figure(topic: Topic, points: Sequence[Point]) -> Figure:
     rows = math.ceil(len(parts) / columns)
     height = 2.7 * rows + 1.0 if len(parts) > 1 else ALONE
     figure = new_figure(5.4 * columns if columns > 1 else 7.0, height)
-    figure.suptitle(topic.title, fontsize=13, color=INK, fontweight="bold")
+    figure.suptitle(benchmark.title, fontsize=13, color=INK, fontweight="bold")
     grid = figure.subplots(rows, columns, squeeze=False, sharex=True, sharey=True)
     for axes in grid.flat[len(parts) :]:
         axes.set_visible(False)
@@ -71,12 +76,12 @@ def chart_figure(topic: Topic, points: Sequence[Point]) -> Figure:
         (axes, _panel(axes, panel, within, last))
         for axes, (panel, within) in zip(grid.flat, parts.items(), strict=False)
     ]
-    _scale(grid[0, 0], topic, points, last)
+    _scale(grid[0, 0], benchmark, points, last)
     for axes, panel in zip(grid.flat, parts.values(), strict=False):
-        for word, order in topic.orders.items():
+        for word, order in benchmark.orders.items():
             _order(axes, [p for p in panel if p.method.startswith(word)], order)
-    figure.supxlabel(f"cost: {topic.cost}", fontsize=10, color=INK)
-    error = textwrap.fill(f"error: {topic.error}", int(LETTERS * height))
+    figure.supxlabel(f"cost: {benchmark.cost}", fontsize=10, color=INK)
+    error = textwrap.fill(f"error: {benchmark.error}", int(LETTERS * height))
     figure.supylabel(error, fontsize=10, color=INK, ma="center")
     figure.canvas.draw()
     for axes, labels in drawn:
@@ -84,14 +89,16 @@ def chart_figure(topic: Topic, points: Sequence[Point]) -> Figure:
     return figure
 
 
-def _last_within(points: Sequence[Point]) -> float:
+def _last_within(points: Sequence[BenchmarkPoint]) -> float:
     """Return the cost past which methods stand at the right edge."""
     costs = np.sort([point.cost_s for point in points])
     gaps = np.flatnonzero(costs[1:] > APART * costs[:-1])
     return float(costs[gaps[0]] if gaps.size else costs[-1])
 
 
-def _scale(axes: Axes, topic: Topic, points: Sequence[Point], last: float) -> None:
+def _scale(
+    axes: Axes, benchmark: Benchmark, points: Sequence[BenchmarkPoint], last: float
+) -> None:
     """Set the axes that all panels share: whole decades, in seconds and per cent."""
     axes.set_xscale("log")
     axes.set_yscale("log")
@@ -107,18 +114,20 @@ def _scale(axes: Axes, topic: Topic, points: Sequence[Point], last: float) -> No
     axes.xaxis.set_major_formatter(EngFormatter(unit="s"))
     axes.xaxis.set_minor_formatter(NullFormatter())
     axes.yaxis.set_minor_formatter(NullFormatter())
-    shown = (lambda y, _: f"{100 * y:g} %") if topic.relative else lambda y, _: f"{y:g}"
+    shown = (
+        (lambda y, _: f"{100 * y:g} %") if benchmark.relative else lambda y, _: f"{y:g}"
+    )
     axes.yaxis.set_major_formatter(FuncFormatter(shown))
 
 
 def _panel(
-    axes: Axes, panel: str, points: Sequence[Point], last: float
+    axes: Axes, panel: str, points: Sequence[BenchmarkPoint], last: float
 ) -> list[tuple[float, float, str, str]]:
     """Draw the points of a panel; return each with where it stands and its name."""
     quiet(axes)
     titled(axes, capitalised(panel))
     labels, front = [], []
-    for point, best in zip(points, on_front(points), strict=True):
+    for point, best in zip(points, on_pareto_front(points), strict=True):
         far = point.cost_s > last
         x = last * BESIDE if far else point.cost_s
         colour = VERMILLION if point.is_reference else BLUE if best else MUTED
@@ -144,7 +153,7 @@ def _panel(
     return labels
 
 
-def _order(axes: Axes, points: Sequence[Point], order: int) -> None:
+def _order(axes: Axes, points: Sequence[BenchmarkPoint], order: int) -> None:
     """Draw how a method's error should fall with its cost: from its last point."""
     if not points:
         return

@@ -12,4 +12,4 @@ from jblast.verification.benchmark import (
     shock_solver as shock_solver,
     waveforms as waveforms,
 )
-from jblast.verification.benchmark.chart import TOPICS as TOPICS
+from jblast.verification.benchmark.chart import BENCHMARKS as BENCHMARKS

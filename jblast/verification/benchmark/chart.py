@@ -1,7 +1,7 @@
 """What a chart of speed against accuracy is made of.
 
-Every part of jblast with more than one method registers a topic: what it is to be held
-against, and a function that measures each method's cost and error on this machine.
+Every part of jblast with more than one method registers a benchmark: what it is to be
+held against, and a function that measures each method's cost and error on this machine.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -12,16 +12,16 @@ from jaxtyping import Bool
 
 
 @dataclass(frozen=True)
-class Point:
+class BenchmarkPoint:
     """One method as measured.
 
     Attributes:
         method: Its name.
-        cost_s: Seconds of this machine, of what the topic counts.
-        error: What the topic counts, positive.
+        cost_s: Seconds of this machine, of what the benchmark counts.
+        error: What the benchmark counts, positive.
         range: Over what it was measured, in words.
         panel: Which part of the figure it belongs to; methods compete within one.
-        whole: Whether it covers all of the panel; only such can be on its front.
+        whole: Whether it covers all of the panel; only such can be on its Pareto front.
         is_reference: Whether the others of the panel are held against it.
     """
 
@@ -35,8 +35,8 @@ class Point:
 
 
 @dataclass(frozen=True)
-class Topic:
-    """One chart.
+class Benchmark:
+    """One chart: methods that compete, and how they are measured.
 
     Attributes:
         name: As on the command line.
@@ -44,7 +44,7 @@ class Topic:
         cost: What a cost is of, for the axis.
         error: What an error is of, for the axis.
         relative: Whether an error is a share, to be read in per cent.
-        measure: Measures all points; what it is given is called with words of progress.
+        measure: Measures all points, and tells how far it is (`jblast.progress`).
         orders: Of convergence, by the word with which the names of a method's points
             begin: how its errors should fall as its costs rise, for the figure.
     """
@@ -53,32 +53,32 @@ class Topic:
     title: str
     cost: str
     error: str
-    measure: Callable[[Callable[[str], None]], list[Point]]
+    measure: Callable[[], list[BenchmarkPoint]]
     relative: bool = True
     orders: Mapping[str, int] = field(default_factory=dict)
 
 
-TOPICS: dict[str, Topic] = {}
+BENCHMARKS: dict[str, Benchmark] = {}
 
 
-def register_topic(topic: Topic) -> Topic:
-    """Enter a topic; one of the same name is replaced."""
-    TOPICS[topic.name] = topic
-    return topic
+def register_benchmark(benchmark: Benchmark) -> Benchmark:
+    """Enter a benchmark; one of the same name is replaced."""
+    BENCHMARKS[benchmark.name] = benchmark
+    return benchmark
 
 
-def panels(points: Sequence[Point]) -> dict[str, list[Point]]:
+def panels(points: Sequence[BenchmarkPoint]) -> dict[str, list[BenchmarkPoint]]:
     """Return the points of each panel, in order of appearance."""
-    parts: dict[str, list[Point]] = {}
+    parts: dict[str, list[BenchmarkPoint]] = {}
     for point in points:
         parts.setdefault(point.panel, []).append(point)
     return parts
 
 
-def on_front(points: Sequence[Point]) -> Bool[np.ndarray, " point"]:
+def on_pareto_front(points: Sequence[BenchmarkPoint]) -> Bool[np.ndarray, " point"]:
     """Return which points no other point of their panel beats in cost and error both.
 
-    Of several equal in both, all are on the front.
+    Of several equal in both, all are on it.
     """
     front = np.zeros(len(points), bool)
     for i, one in enumerate(points):

@@ -13,12 +13,17 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from jblast.fidelity.timing import best_of
+from jblast.progress import in_words
 from jblast.sensors.camera.events.exact.crossing_times import frameless_events
 from jblast.sensors.camera.events.ideal import Events
 from jblast.sensors.camera.events.noise import IDEAL, Imperfections
 from jblast.sensors.camera.events.noisy import real_stream
 from jblast.sensors.camera.events.stream import stream_events
-from jblast.verification.benchmark.chart import Point, Topic, register_topic
+from jblast.verification.benchmark.chart import (
+    Benchmark,
+    BenchmarkPoint,
+    register_benchmark,
+)
 from jblast.verification.cases.moving_disc import (
     DURATION,
     SHAPE,
@@ -146,13 +151,13 @@ def _counts(pixel: np.ndarray) -> np.ndarray:
     return np.bincount(pixel, minlength=SHAPE[0] * SHAPE[1])
 
 
-def stamp_points(tell: Callable[[str], None], repeats: int = REPEATS) -> list[Point]:
+def stamp_points(repeats: int = REPEATS) -> list[BenchmarkPoint]:
     """Return what each way costs, and how far its times are off.
 
     Args:
-        tell: Called with words of progress.
         repeats: How often each is timed.
     """
+    tell = in_words()
     points = []
     for name, way, fps in WAYS:
         tell(name)
@@ -162,7 +167,7 @@ def stamp_points(tell: Callable[[str], None], repeats: int = REPEATS) -> list[Po
         text = f"{most}; count wrong in {wrong} of {pixels:,} pixels"
         cost = took / (SHAPE[0] * SHAPE[1])
         error = max(float(off.mean()), SOLVED)
-        points.append(Point(name, cost, error * 1e6, text))
+        points.append(BenchmarkPoint(name, cost, error * 1e6, text))
     return points
 
 
@@ -202,13 +207,13 @@ def unlike(found: Sent, known: Sent) -> tuple[int, int]:
     return alone(known, found), alone(found, known)
 
 
-def effect_points(tell: Callable[[str], None], repeats: int = REPEATS) -> list[Point]:
+def effect_points(repeats: int = REPEATS) -> list[BenchmarkPoint]:
     """Return what each effect costs, and how unlike a real camera's the events are.
 
     Args:
-        tell: Called with words of progress.
         repeats: How often each is timed.
     """
+    tell = in_words()
     points, known = [], looked(USUAL)
     pixel_frames = SHAPE[0] * SHAPE[1] * len(_long_film(1000)[0])
     for name, effects in {**EFFECTS, "all": USUAL}.items():
@@ -219,12 +224,12 @@ def effect_points(tell: Callable[[str], None], repeats: int = REPEATS) -> list[P
         share = max(missing + extra, 0.5) / both
         text = f"{missing:,} missing, {extra:,} not sent, of {both:,} of both"
         cost, full = took / pixel_frames, effects == USUAL
-        points.append(Point(name, cost, share, text, is_reference=full))
+        points.append(BenchmarkPoint(name, cost, share, text, is_reference=full))
     return points
 
 
-register_topic(
-    Topic(
+register_benchmark(
+    Benchmark(
         name="events",
         title="Times of events: cost against error",
         cost=f"time of a pixel over {1e3 * DURATION:g} ms, with the light's own",
@@ -234,8 +239,8 @@ register_topic(
         relative=False,
     )
 )
-register_topic(
-    Topic(
+register_benchmark(
+    Benchmark(
         name="event_effects",
         title="Effects of a real event camera: what it costs to leave them out",
         cost="time of a pixel in a frame, 8 bits at 1,000 frames/s",

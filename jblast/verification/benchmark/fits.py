@@ -5,7 +5,6 @@ and poor starts, which know the mass to a factor of 1,000 and the place to a squ
 200 m. All ways start there but `fit_many` and `solve` where they choose for themselves.
 """
 
-from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import jax
@@ -16,9 +15,14 @@ from scipy.optimize import least_squares
 
 from jblast.fidelity.timing import best_of
 from jblast.inference import solve
+from jblast.progress import in_words
 from jblast.sensors import planned_layout
 from jblast.sensors.simulate import written
-from jblast.verification.benchmark.chart import Point, Topic, register_topic
+from jblast.verification.benchmark.chart import (
+    Benchmark,
+    BenchmarkPoint,
+    register_benchmark,
+)
 from jblast.verification.stability.inference.poor_starts import (
     OFF,
     Logs,
@@ -66,17 +70,15 @@ class Ends(NamedTuple):
     z: Float[np.ndarray, "log free"]
 
 
-def fit_ends(
-    logs: Logs, tell: Callable[[str], None], solved: int, looped: int
-) -> list[Ends]:
+def fit_ends(logs: Logs, solved: int, looped: int) -> list[Ends]:
     """Fit the logs by every way.
 
     Args:
         logs: What to fit.
-        tell: Called with words of progress.
         solved: Logs for `solve`.
         looped: Logs for scipy.
     """
+    tell = in_words()
     ends = []
     for name, start, given in (
         ("fit_many", OWN, None),
@@ -170,25 +172,23 @@ def missed(logs: Logs, ends: list[Ends]) -> list[int]:
 
 
 def fit_points(
-    tell: Callable[[str], None],
     count: int = LOGS,
     solved: int = SOLVED,
     looped: int = LOOPED,
-) -> list[Point]:
+) -> list[BenchmarkPoint]:
     """Return the cost of a fit by every way, and the share that misses the optimum.
 
     None of N counts as half a log of N.
 
     Args:
-        tell: Called with words of progress.
         count: How many logs.
         solved: Logs for `solve`.
         looped: Logs for scipy.
     """
     logs = draw(count)
-    ends = fit_ends(logs, tell, solved, looped)
+    ends = fit_ends(logs, solved, looped)
     return [
-        Point(
+        BenchmarkPoint(
             way.method,
             way.seconds / len(way.z),
             max(off, 0.5) / len(way.z),
@@ -198,8 +198,8 @@ def fit_points(
     ]
 
 
-register_topic(
-    Topic(
+register_benchmark(
+    Benchmark(
         name="fit",
         title="Finding the optimum of a log: cost against misses",
         cost=f"time of a fit, {LOGS:,} at once; scipy's and solve's one by one",

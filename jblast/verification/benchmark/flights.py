@@ -15,6 +15,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from jblast.fidelity.timing import best_of
+from jblast.progress import in_words
 from jblast.scene import Charge, Scene
 from jblast.vehicle import (
     PositionHold,
@@ -25,7 +26,11 @@ from jblast.vehicle import (
     named_gains,
     simulate,
 )
-from jblast.verification.benchmark.chart import Point, Topic, register_topic
+from jblast.verification.benchmark.chart import (
+    Benchmark,
+    BenchmarkPoint,
+    register_benchmark,
+)
 
 VEHICLES = 64
 """Few enough that one core takes them at once."""
@@ -133,17 +138,16 @@ def order(errors: Sequence[float], steps: Sequence[float]) -> float:
 
 
 def flight_points(
-    tell: Callable[[str], None],
     count: int = VEHICLES,
     repeats: int = 1,
-) -> list[Point]:
+) -> list[BenchmarkPoint]:
     """Return what a second of flight costs at each step, and the largest error.
 
     Args:
-        tell: Called with words of progress.
         count: Vehicles in each case.
         repeats: How often each is timed.
     """
+    tell = in_words()
     return [
         point for case in cases(count) for point in _points(case, tell, count, repeats)
     ]
@@ -151,7 +155,7 @@ def flight_points(
 
 def _points(
     case: Case, tell: Callable[[str], None], count: int, repeats: int
-) -> Iterator[Point]:
+) -> Iterator[BenchmarkPoint]:
     tell(f"{case.name}, the truth")
     truth = fly(case, "rk4", FINEST, "float64")
     for dtype in DTYPES:
@@ -164,7 +168,7 @@ def _points(
                 measured.append((took / (count * DURATION), farthest(found, truth)))
             slope = order([error for _, error in measured], case.steps)
             for step, (cost, error) in zip(case.steps, measured, strict=True):
-                yield Point(
+                yield BenchmarkPoint(
                     f"{words} {1e3 * step:g} ms",
                     cost,
                     1e3 * error,
@@ -173,8 +177,8 @@ def _points(
                 )
 
 
-register_topic(
-    Topic(
+register_benchmark(
+    Benchmark(
         name="vehicle",
         title="Flights: cost against error",
         cost=f"time of a second of flight, one of {VEHICLES} Crazyflies at once",

@@ -2,7 +2,6 @@
 
 import dataclasses
 import math
-from collections.abc import Callable
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -22,10 +21,15 @@ from jblast.fidelity.measured_errors import (
 )
 from jblast.fidelity.reference import REFERENCES
 from jblast.fidelity.timing import seconds
+from jblast.progress import in_words
 from jblast.quantity_table import QUANTITIES
 from jblast.registry import call, law_for
 from jblast.scene.charge import Burst
-from jblast.verification.benchmark.chart import Point, Topic, register_topic
+from jblast.verification.benchmark.chart import (
+    Benchmark,
+    BenchmarkPoint,
+    register_benchmark,
+)
 from jblast.waves.paths import Path
 
 BANDS = ((0.5, 3.0), (3.0, 40.0), (40.0, 1000.0))
@@ -71,15 +75,15 @@ def _many_paths() -> Path:
     )
 
 
-def law_points(quantity: str, tell: Callable[[str], None]) -> list[Point]:
+def law_points(quantity: str) -> list[BenchmarkPoint]:
     """Return the cost and the largest error of every method, by burst and band.
 
     An error below what the reference itself may be off counts as that.
 
     Args:
         quantity: One of `REFERENCES`.
-        tell: Called with words of progress.
     """
+    tell = in_words()
     costs = {}
     for method in methods_for(quantity):
         tell(method)
@@ -95,7 +99,7 @@ def law_points(quantity: str, tell: Callable[[str], None]) -> list[Point]:
 
 def _point(
     quantity: str, method: str, cost: float, burst: Burst, start: float, end: float
-) -> Point | None:
+) -> BenchmarkPoint | None:
     """Return one method in one panel; None where it does not hold."""
     first = start * JUST_PAST
     z = np.unique([first, *NODES[(first < NODES) & (end > NODES)], end])
@@ -112,7 +116,7 @@ def _point(
     )
     low, high = z[known][[0, -1]]
     where = "surface" if burst == "surface" else "free air"
-    return Point(
+    return BenchmarkPoint(
         method=method,
         cost_s=cost,
         error=max(own, 0.0 if refers else float(np.abs(np.expm1(ratio[known])).max())),
@@ -129,12 +133,12 @@ for _name, _quantity in (
     ("impulse", "positive_impulse_pa_s"),
     ("duration", "positive_duration_s"),
 ):
-    register_topic(
-        Topic(
+    register_benchmark(
+        Benchmark(
             name=_name,
             title=f"{QUANTITIES[_quantity].words.capitalize()}: cost against error",
             cost="time of a reading, many at once; of the solver, of a run",
             error="the largest over the span, or how far the reference may be off",
-            measure=lambda tell, quantity=_quantity: law_points(quantity, tell),
+            measure=lambda quantity=_quantity: law_points(quantity),
         )
     )

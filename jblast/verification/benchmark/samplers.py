@@ -5,7 +5,6 @@ against a long walk of the compiled sampler, whose own error is half of what its
 and second half are apart.
 """
 
-from collections.abc import Callable
 from typing import NamedTuple
 
 import jax
@@ -20,7 +19,12 @@ from jblast.inference.importance.psis import Importance, importance
 from jblast.inference.importance.whitening import Whitened, whitened
 from jblast.inference.mode.laplace import NORMAL_Q95, Laplace, laplace
 from jblast.inference.mode.search import optima
-from jblast.verification.benchmark.chart import Point, Topic, register_topic
+from jblast.progress import in_words
+from jblast.verification.benchmark.chart import (
+    Benchmark,
+    BenchmarkPoint,
+    register_benchmark,
+)
 from jblast.verification.cases.five_microphones import one_posterior
 from jblast.verification.cases.timed_sampling import (
     EMCEE,
@@ -80,24 +84,23 @@ def weighted_ends(found: Importance, normal: Laplace) -> Interval:
 
 
 def sampler_points(
-    tell: Callable[[str], None],
     steps: tuple[int, ...] = STEPS,
     draws: tuple[int, ...] = DRAWS,
     reference: int = REFERENCE,
     runs: int = RUNS,
-) -> list[Point]:
+) -> list[BenchmarkPoint]:
     """Return the cost of every sampler at some lengths, and the error of its intervals.
 
     The error is that of the worst end of any unknown, rms over the runs; one below what
     the reference itself may be off counts as that.
 
     Args:
-        tell: Called with words of progress.
         steps: Of walks, a hundred and more.
         draws: Of importance sampling.
         reference: Steps of the walk that the others are held against.
         runs: Of the longest of each; of a shorter one up to `MOST_RUNS`.
     """
+    tell = in_words()
     tell("the optimum")
     what = known()
     free, axes = what.normal.z.size, np.asarray(what.density.root)
@@ -114,7 +117,9 @@ def sampler_points(
     def add(method: str, seconds: float, ends: list[Interval], words: str = "") -> None:
         worst = [np.max(np.abs(one - true) / sd) for one in ends]
         error = max(own, float(np.sqrt(np.mean(np.square(worst)))))
-        points.append(Point(method, what.seconds + seconds, error, over + words))
+        points.append(
+            BenchmarkPoint(method, what.seconds + seconds, error, over + words)
+        )
 
     for name, sampler in (("emcee", EMCEE), ("one scan", SCAN)):
         for number in steps:
@@ -151,7 +156,7 @@ def sampler_points(
     sds = np.sqrt(np.diag(what.normal.covariance))
     add("Laplace", 0.0, [np.outer([-NORMAL_Q95, NORMAL_Q95], sds)])
     points.append(
-        Point(
+        BenchmarkPoint(
             f"one scan, {reference:,} steps",
             what.seconds + took,
             own,
@@ -162,8 +167,8 @@ def sampler_points(
     return points
 
 
-register_topic(
-    Topic(
+register_benchmark(
+    Benchmark(
         name="sampler",
         title="Sampling a posterior: cost against error",
         cost="time of a run, the optimum known",

@@ -4,13 +4,16 @@ Held against the exact point source, whose table was made of runs with up to 800
 and agrees with another author's by the method of characteristics to 1e-6.
 """
 
-from collections.abc import Callable
-
 import jax.numpy as jnp
 import numpy as np
 
 from jblast.fidelity import solver
-from jblast.verification.benchmark.chart import Point, Topic, register_topic
+from jblast.progress import in_words
+from jblast.verification.benchmark.chart import (
+    Benchmark,
+    BenchmarkPoint,
+    register_benchmark,
+)
 from jblast.waves.curves.arrival import log_sound_fraction
 from jblast.waves.laws.point_source.arrival import point_source_arrival
 from jblast.waves.laws.point_source.front import log_overpressure_ratio
@@ -20,8 +23,9 @@ SPANS = ((0.1, 1.0), (1.0, 10.0), (10.0, 100.0))
 """Scaled distances lambda of the panels; the run begins at 0.02."""
 
 
-def solver_points(tell: Callable[[str], None]) -> list[Point]:
+def solver_points() -> list[BenchmarkPoint]:
     """Return the cost of a run and its largest error in pressure and arrival."""
+    tell = in_words()
     log_lambda = jnp.log(solver.NODES)
     exact = {
         "pressure": log_overpressure_ratio(log_lambda),
@@ -45,12 +49,14 @@ def solver_points(tell: Callable[[str], None]) -> list[Point]:
             for cells, said in runs.items():
                 off = np.abs(np.expm1(said[what] - value))[inside]
                 worst = float(off.max())
-                points.append(Point(f"{cells} cells", costs[cells], worst, span, span))
+                points.append(
+                    BenchmarkPoint(f"{cells} cells", costs[cells], worst, span, span)
+                )
     return points
 
 
-register_topic(
-    Topic(
+register_benchmark(
+    Benchmark(
         name="solver",
         title="Shock solver: cost of a run against error",
         cost="a run of the point source from lambda = 0.02 to 100",

@@ -6,7 +6,7 @@ and time counts from the arrival, of the solver's runs from their own: what is j
 the shape.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import jax
 import jax.numpy as jnp
@@ -14,7 +14,12 @@ import numpy as np
 from jaxtyping import Float
 
 from jblast.fidelity.timing import best_of, seconds
-from jblast.verification.benchmark.chart import Point, Topic, register_topic
+from jblast.progress import in_words
+from jblast.verification.benchmark.chart import (
+    Benchmark,
+    BenchmarkPoint,
+    register_benchmark,
+)
 from jblast.verification.benchmark.closed_waveforms import POSITIVE, WHOLE, Form, Told
 from jblast.verification.benchmark.gauge_waveforms import (
     Waveform,
@@ -76,22 +81,21 @@ def own_error(coarse: Waveform, middle: Waveform, fine: Waveform, end: float) ->
 
 
 def waveform_points(
-    tell: Callable[[str], None],
     places: Sequence[float] = PLACES,
     end: float = END,
     cells: Sequence[int] = (*CELLS, REFERENCE),
-) -> list[Point]:
+) -> list[BenchmarkPoint]:
     """Return cost and error of every way, for both phases at each place.
 
     An error below what the reference itself may be off counts as that.
 
     Args:
-        tell: Called with words of progress.
         places: Lambda of the gauges [-].
         end: Lambda of the shock at the end of a run [-].
         cells: Of the runs, three and more, each twice the one before; the last is the
             reference.
     """
+    tell = in_words()
     costs, runs = {}, {}
     for number in cells:
         tell(f"{number} cells")
@@ -114,7 +118,7 @@ def waveform_points(
             span = f"{panel}, peak {float(true.told.peak):.2g} ambient pressures"
             own = own_error(waves[-3], waves[-2], true, until)
             points += [
-                Point(
+                BenchmarkPoint(
                     name,
                     forms[form],
                     max(own, form_error(form, true, until)),
@@ -124,7 +128,7 @@ def waveform_points(
                 for name, form in allowed.items()
             ]
             points += [
-                Point(
+                BenchmarkPoint(
                     f"{number} cells",
                     costs[number],
                     max(own, _apart(wave, true, until)),
@@ -137,8 +141,8 @@ def waveform_points(
     return points
 
 
-register_topic(
-    Topic(
+register_benchmark(
+    Benchmark(
         name="waveform",
         title="Pressure history: cost against error",
         cost=f"time of a waveform of {SAMPLES} samples, many at once; of the solver, "

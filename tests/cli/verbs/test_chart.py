@@ -2,7 +2,7 @@ import csv
 
 import pytest
 
-from jblast.verification.benchmark.chart import TOPICS, Point, Topic
+from jblast.verification.benchmark.chart import BENCHMARKS, Benchmark, BenchmarkPoint
 from tests.cli.cli_files import Command
 
 HALVES = "halves of something"
@@ -16,16 +16,16 @@ def jblast(tmp_path, capsys):
 @pytest.fixture
 def topic(monkeypatch):
     points = [
-        Point("cheap", 1e-8, 0.3, "Z = 1 to 40", "near"),
-        Point("dear", 1e-6, 0.01, "Z = 1 to 40", "near", is_reference=True),
-        Point("worse", 2e-6, 0.5, "Z = 1 to 40", "near"),
-        Point("slow", 0.7, 0.005, "Z = 2 to 9", "near", whole=False),
-        Point("alone", 1e-7, 0.2, "Z = 40 to 1000", "far"),
+        BenchmarkPoint("cheap", 1e-8, 0.3, "Z = 1 to 40", "near"),
+        BenchmarkPoint("dear", 1e-6, 0.01, "Z = 1 to 40", "near", is_reference=True),
+        BenchmarkPoint("worse", 2e-6, 0.5, "Z = 1 to 40", "near"),
+        BenchmarkPoint("slow", 0.7, 0.005, "Z = 2 to 9", "near", whole=False),
+        BenchmarkPoint("alone", 1e-7, 0.2, "Z = 40 to 1000", "far"),
     ]
-    fake = Topic("halves", HALVES, "a half", "a share", lambda tell: points)
+    fake = Benchmark("halves", HALVES, "a half", "a share", lambda: points)
     import jblast.verification.benchmark  # noqa: F401  the real ones enter the table first
 
-    monkeypatch.setitem(TOPICS, "halves", fake)
+    monkeypatch.setitem(BENCHMARKS, "halves", fake)
     return fake
 
 
@@ -67,11 +67,11 @@ def test_help_names_every_topic():
     import argparse
 
     from jblast.cli.verbs import chart
-    from jblast.verification.benchmark import TOPICS
+    from jblast.verification.benchmark import BENCHMARKS
 
     verb = argparse.ArgumentParser()
     chart.add_arguments(verb)
-    for name in TOPICS:
+    for name in BENCHMARKS:
         assert name in verb.format_help()
 
 

@@ -1,20 +1,20 @@
 import numpy as np
 from hypothesis import given, strategies as st
 
-from jblast.verification.benchmark.chart import Point, on_front, panels
+from jblast.verification.benchmark.chart import BenchmarkPoint, on_pareto_front, panels
 
 positive = st.floats(1e-9, 1e3)
 some = st.lists(st.tuples(positive, positive, st.sampled_from("ab")), max_size=12)
 
 
 def points(rows):
-    return [Point(f"m{i}", c, e, "", p) for i, (c, e, p) in enumerate(rows)]
+    return [BenchmarkPoint(f"m{i}", c, e, "", p) for i, (c, e, p) in enumerate(rows)]
 
 
 @given(some)
 def test_no_method_on_the_front_is_beaten_and_every_other_is(rows):
     drawn = points(rows)
-    front = on_front(drawn)
+    front = on_pareto_front(drawn)
     for one, on in zip(drawn, front, strict=True):
         beaten = any(
             other.panel == one.panel
@@ -29,12 +29,15 @@ def test_no_method_on_the_front_is_beaten_and_every_other_is(rows):
 @given(some)
 def test_every_panel_has_a_front(rows):
     drawn = points(rows)
-    front = on_front(drawn)
+    front = on_pareto_front(drawn)
     for name, within in panels(drawn).items():
         ids = {id(point) for point in within}
         assert any(front[i] for i, p in enumerate(drawn) if id(p) in ids), name
 
 
 def test_what_covers_a_part_of_the_panel_is_not_on_its_front():
-    whole, part = Point("a", 2.0, 2.0, ""), Point("b", 1.0, 1.0, "", whole=False)
-    np.testing.assert_array_equal(on_front([whole, part]), [True, False])
+    whole, part = (
+        BenchmarkPoint("a", 2.0, 2.0, ""),
+        BenchmarkPoint("b", 1.0, 1.0, "", whole=False),
+    )
+    np.testing.assert_array_equal(on_pareto_front([whole, part]), [True, False])

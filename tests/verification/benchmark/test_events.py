@@ -3,7 +3,7 @@ import pytest
 
 from jblast.sensors.camera.events.noise import IDEAL
 from jblast.verification.benchmark import events
-from jblast.verification.benchmark.chart import on_front
+from jblast.verification.benchmark.chart import on_pareto_front
 from jblast.verification.benchmark.events import Sent, stamp_errors, unlike
 
 
@@ -57,12 +57,12 @@ def test_a_camera_with_all_effects_is_like_itself_and_unlike_an_ideal_one():
 
 @pytest.mark.slow
 def test_every_way_is_measured_and_only_frameless_is_solved():
-    stamps = events.stamp_points(lambda _: None, 1)
+    stamps = events.stamp_points(1)
     assert len(stamps) == len(events.WAYS)
     solved = {p.method for p in stamps if p.error == pytest.approx(1e-3)}
     assert solved == {"frameless from 30/s", "frameless from 1,000/s"}
-    effects = events.effect_points(lambda _: None, 1)
+    effects = events.effect_points(1)
     assert len(effects) == len(events.EFFECTS) + 1
     assert [p.is_reference for p in effects] == [False] * len(events.EFFECTS) + [True]
     assert all(0 < p.error <= 1 and p.cost_s > 0 for p in effects)
-    assert on_front(effects)[-1]
+    assert on_pareto_front(effects)[-1]

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from jblast.verification.benchmark.chart import on_front
+from jblast.verification.benchmark.chart import on_pareto_front
 from jblast.verification.benchmark.fits import STOCK, Ends, by_scipy, fit_points, missed
 from jblast.verification.stability.inference.poor_starts import best_known, draw, ours
 from jblast.verification.stability.inference.stock_solvers import stock_fits
@@ -58,7 +58,7 @@ def test_an_end_off_by_a_standard_deviation_or_by_nan_is_missed(logs):
 
 @pytest.mark.slow
 def test_every_way_is_measured_and_fit_many_is_on_the_front():
-    points = fit_points(lambda _: None, LOGS, SOLVED, LOOPED)
+    points = fit_points(LOGS, SOLVED, LOOPED)
     assert len(points) == len(STOCK) + 4
     by_name = {point.method: point for point in points}
     assert len(by_name) == len(points)
@@ -68,5 +68,7 @@ def test_every_way_is_measured_and_fit_many_is_on_the_front():
     assert by_name["fit_many"].error == 0.5 / LOGS
     assert by_name["solve"].error == 0.5 / SOLVED
     assert by_name["solve"].range == f"0 of {SOLVED} off, starts of its own"
-    front = [p.method for p, on in zip(points, on_front(points), strict=True) if on]
+    front = [
+        p.method for p, on in zip(points, on_pareto_front(points), strict=True) if on
+    ]
     assert "fit_many" in front

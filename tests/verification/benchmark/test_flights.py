@@ -3,7 +3,7 @@ import pytest
 
 from jblast.report.benchmark.figure import chart_figure
 from jblast.verification.benchmark import flights
-from jblast.verification.benchmark.chart import TOPICS, Point
+from jblast.verification.benchmark.chart import BENCHMARKS, BenchmarkPoint
 
 
 def test_the_order_is_read_where_neither_rounding_nor_stability_flattens_it():
@@ -13,13 +13,13 @@ def test_the_order_is_read_where_neither_rounding_nor_stability_flattens_it():
 
 
 def test_orders_are_drawn_through_a_methods_points():
-    topic = TOPICS["vehicle"]
+    benchmark = BENCHMARKS["vehicle"]
     points = [
-        Point(f"{name} {step:g} ms", 1e-3 / step, step**order, "")
+        BenchmarkPoint(f"{name} {step:g} ms", 1e-3 / step, step**order, "")
         for name, order in (("RK4", 4), ("Euler", 1))
         for step in (0.5, 1.0, 2.0)
     ]
-    axes = chart_figure(topic, points).axes[0]
+    axes = chart_figure(benchmark, points).axes[0]
     dashed = [line for line in axes.lines if line.get_linestyle() == "--"]
     slopes = [float(np.diff(np.log(x.get_ydata()))[0]) for x in dashed]
     spans = [float(np.diff(np.log(x.get_xdata()))[0]) for x in dashed]

@@ -25,7 +25,7 @@ class Round(eqx.Module):
 
 @pytest.fixture(scope="module")
 def points():
-    return sampler_points(lambda _: None, STEPS, DRAWS, 3000, 2)
+    return sampler_points(STEPS, DRAWS, 3000, 2)
 
 
 def errors(points, name):

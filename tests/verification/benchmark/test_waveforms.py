@@ -7,7 +7,7 @@ import pytest
 from scipy.interpolate import PchipInterpolator
 
 from jblast.errors import InputError
-from jblast.verification.benchmark.chart import on_front
+from jblast.verification.benchmark.chart import on_pareto_front
 from jblast.verification.benchmark.closed_waveforms import (
     POSITIVE,
     WHOLE,
@@ -123,7 +123,7 @@ def test_a_run_that_ends_within_a_phase_is_refused(run):
 
 @pytest.mark.slow
 def test_more_cells_are_nearer_to_the_reference_and_cost_more():
-    points = waveform_points(lambda _: None, (PLACE,), 4.0, (40, 80, 160))
+    points = waveform_points((PLACE,), 4.0, (40, 80, 160))
     phases = [points[:6], points[6:]]
     assert [len(phase) for phase in phases] == [6, 7]
     for phase in phases:
@@ -132,7 +132,7 @@ def test_more_cells_are_nearer_to_the_reference_and_cost_more():
         assert [p.is_reference for p in phase] == [False] * (len(phase) - 1) + [True]
         closed = [p for p in phase if "cells" not in p.method]
         assert max(p.cost_s for p in closed) < coarse.cost_s
-    front = on_front(points)
+    front = on_pareto_front(points)
     assert {p.method for p, on in zip(points, front, strict=True) if on} >= {
         "Friedlander, b of impulse",
         "b of impulse, then cubic",
