@@ -109,6 +109,7 @@ from jblast.waves.propagation.absorption import (
 )
 from jblast.waves.propagation.atmosphere import (
     air_density as air_density,
+    effective_sound_speed as effective_sound_speed,
     sound_speed_in_air as sound_speed_in_air,
     standard_atmosphere as standard_atmosphere,
 )
@@ -119,7 +120,6 @@ from jblast.waves.propagation.spreading import (
 from jblast.waves.propagation.transmission_loss import (
     transmission_loss as transmission_loss,
 )
-from jblast.waves.propagation.wind import effective_sound_speed as effective_sound_speed
 from jblast.waves.scaling import (
     sachs_distance_factor as sachs_distance_factor,
     sachs_impulse_factor as sachs_impulse_factor,

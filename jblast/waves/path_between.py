@@ -7,8 +7,7 @@ from jblast.scene import Charge, Scene
 from jblast.waves.height_of_burst import bursts_in_free_air
 from jblast.waves.paths import Path, slant_range
 from jblast.waves.propagation.ambient import ambient, sound_speed_of
-from jblast.waves.propagation.atmosphere import air_density
-from jblast.waves.propagation.wind import effective_sound_speed
+from jblast.waves.propagation.atmosphere import air_density, effective_sound_speed
 
 
 def path_between(

@@ -5,7 +5,14 @@ grow as $W^{1/3}$ while pressure stays. Sachs (1944, BRL Report 466): in other a
 overpressure over the ambient pressure $P_0$ depends on $R (P_0/W)^{1/3}$ alone. The
 curves are tabulated for 101325 Pa and 340.29 m/s; evaluate them at $Z = R/S_d$ and
 multiply by the factors below. Temperature enters only through the sound speed.
+
+Half of a nuclear yield goes into air blast, the rest into heat and radiation, so a
+charge of mass W blasts like a nuclear yield of 2 W: 1 kt of TNT like 2 kt. The factor
+is MultiPEM's C2N = 2. A law stated for a yield is therefore asked at Y = 2 W, and at a
+distance in metres per kt^(1/3).
 """
+
+import math
 
 import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike, Float
@@ -13,6 +20,14 @@ from jaxtyping import Array, ArrayLike, Float
 from jblast.constants import STANDARD_PRESSURE, STANDARD_SOUND_SPEED
 from jblast.types import as_float_array, as_float_arrays
 from jblast.waves.arguments import checked
+
+NUCLEAR_YIELD_PER_MASS = 2.0
+"""Nuclear yield with the air blast of a TNT charge, over its mass [-]."""
+
+NUCLEAR_SCALED_METRES = (1e6 / NUCLEAR_YIELD_PER_MASS) ** (1.0 / 3.0)
+"""Scaled distance in m/kt^(1/3) that is 1 m/kg^(1/3): 79.37 [kg^(1/3)/kt^(1/3)]."""
+
+LOG_NUCLEAR_SCALED_METRES = math.log(NUCLEAR_SCALED_METRES)
 
 
 @checked

@@ -1,3 +1,5 @@
+import math
+
 import jax
 import jax.numpy as jnp
 import pytest
@@ -5,6 +7,8 @@ from hypothesis import given, settings, strategies as st
 
 from jblast.constants import DRY_AIR_GAS_CONSTANT, STANDARD_PRESSURE
 from jblast.waves.scaling import (
+    LOG_NUCLEAR_SCALED_METRES,
+    NUCLEAR_SCALED_METRES,
     log_scaled_distance,
     sachs_distance_factor,
     sachs_impulse_factor,
@@ -83,3 +87,10 @@ def test_a_batch_equals_its_loop_and_single_precision_stays_single():
     assert jnp.allclose(
         single.astype(float), scaled_distance(distances, masses), rtol=5e-7
     )
+
+
+def test_half_a_kiloton_of_tnt_at_its_scaled_metre_is_one_nuclear_kiloton_at_79_37():
+    mass = 0.5e6
+    assert 1.0 * mass ** (1 / 3) == pytest.approx(NUCLEAR_SCALED_METRES, rel=1e-14)
+    assert pytest.approx(79.37, abs=0.005) == NUCLEAR_SCALED_METRES
+    assert math.exp(LOG_NUCLEAR_SCALED_METRES) == pytest.approx(NUCLEAR_SCALED_METRES)

@@ -8,7 +8,7 @@ $$t = \frac{r^2 (6.7 + r)}{7.12 \cdot 10^6 + 7.32 \cdot 10^4\, r + 340.5\, r^2}
 
 with r in m for 1 kt. As in the program BLAST of the Defense Nuclear Agency (1984), read
 second-hand in two public programs (GOFAI/glasstone, HeWu) that agree. The mass of the
-charge is chemical: $Y = 2W$ (`nuclear_scaling.py`), so r = 79.37 Z.
+charge is chemical: $Y = 2W$ (`scaling.py`), so r = 79.37 Z.
 
 The formulas need no guard and no continuation: the argument of the logarithm is least,
 2.784, at r = 83.4 m, so the root is never of less than 1.02. Close in p goes as
@@ -32,8 +32,11 @@ from jblast.constants import STANDARD_PRESSURE, STANDARD_SOUND_SPEED
 from jblast.registry import Law, declared_scatter, register
 from jblast.types import as_float_arrays
 from jblast.waves.arguments import checked
-from jblast.waves.laws.nuclear_scaling import NUCLEAR_SCALED_METRES
-from jblast.waves.scaling import sachs_pressure_factor, scaled_distance
+from jblast.waves.scaling import (
+    NUCLEAR_SCALED_METRES,
+    sachs_pressure_factor,
+    scaled_distance,
+)
 
 SOURCE = "DNA 1 kt free-air standard (program BLAST, 1984), over two transcriptions"
 RANGE = "free air, r = 16 to 4000 m/kt^(1/3) (Z = 0.2 to 50 m/kg^(1/3)), Y = 2 W"

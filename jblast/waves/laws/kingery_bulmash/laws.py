@@ -44,18 +44,6 @@ RANGE = "Z = 0.0674 (free-air 0.0531) to 40 m/kg^(1/3)"
 DURATION_RANGE = "Z = 0.178 (free-air 0.147) to 40 m/kg^(1/3)"
 
 
-def _scaled_value(
-    quantity: str,
-    burst: str,
-    slant_range: Float[ArrayLike, "..."],
-    charge_mass: Float[ArrayLike, "..."],
-    ambient_pressure: Float[ArrayLike, "..."],
-) -> Float[Array, "..."]:
-    """Return a curve's value at the scaled distance."""
-    log_z = log_scaled_distance(slant_range, charge_mass, ambient_pressure)
-    return jnp.exp(kingery_bulmash_curve(quantity, burst).log_value(log_z))
-
-
 @checked
 def kingery_bulmash_pressure(
     slant_range: Float[ArrayLike, "..."],
@@ -73,9 +61,9 @@ def kingery_bulmash_pressure(
         ambient_pressure: $P_0$ [Pa], positive.
         burst: "surface" (hemispherical) or "free-air" (spherical).
     """
-    return sachs_pressure_factor(ambient_pressure) * _scaled_value(
-        "incident_pressure", burst, slant_range, charge_mass, ambient_pressure
-    )
+    log_z = log_scaled_distance(slant_range, charge_mass, ambient_pressure)
+    curve = kingery_bulmash_curve("incident_pressure", burst)
+    return sachs_pressure_factor(ambient_pressure) * jnp.exp(curve.log_value(log_z))
 
 
 @checked
@@ -86,9 +74,9 @@ def kingery_bulmash_reflected_pressure(
     burst: str = "surface",
 ) -> Float[Array, "..."]:
     """Return the peak overpressure on a rigid wall facing the charge [Pa]."""
-    return sachs_pressure_factor(ambient_pressure) * _scaled_value(
-        "reflected_pressure", burst, slant_range, charge_mass, ambient_pressure
-    )
+    log_z = log_scaled_distance(slant_range, charge_mass, ambient_pressure)
+    curve = kingery_bulmash_curve("reflected_pressure", burst)
+    return sachs_pressure_factor(ambient_pressure) * jnp.exp(curve.log_value(log_z))
 
 
 @checked
@@ -108,11 +96,10 @@ def kingery_bulmash_impulse(
         sound_speed: $c_0$ [m/s], positive.
         burst: "surface" (hemispherical) or "free-air" (spherical).
     """
-    return sachs_impulse_factor(
-        charge_mass, ambient_pressure, sound_speed
-    ) * _scaled_value(
-        "incident_impulse", burst, slant_range, charge_mass, ambient_pressure
-    )
+    log_z = log_scaled_distance(slant_range, charge_mass, ambient_pressure)
+    curve = kingery_bulmash_curve("incident_impulse", burst)
+    factor = sachs_impulse_factor(charge_mass, ambient_pressure, sound_speed)
+    return factor * jnp.exp(curve.log_value(log_z))
 
 
 @checked
@@ -124,11 +111,10 @@ def kingery_bulmash_reflected_impulse(
     burst: str = "surface",
 ) -> Float[Array, "..."]:
     """Return the impulse on a rigid wall facing the charge [Pa s]."""
-    return sachs_impulse_factor(
-        charge_mass, ambient_pressure, sound_speed
-    ) * _scaled_value(
-        "reflected_impulse", burst, slant_range, charge_mass, ambient_pressure
-    )
+    log_z = log_scaled_distance(slant_range, charge_mass, ambient_pressure)
+    curve = kingery_bulmash_curve("reflected_impulse", burst)
+    factor = sachs_impulse_factor(charge_mass, ambient_pressure, sound_speed)
+    return factor * jnp.exp(curve.log_value(log_z))
 
 
 @checked
@@ -140,11 +126,10 @@ def kingery_bulmash_duration(
     burst: str = "surface",
 ) -> Float[Array, "..."]:
     """Return the duration of the positive phase [s]."""
-    return sachs_time_factor(charge_mass, ambient_pressure, sound_speed) * (
-        _scaled_value(
-            "positive_phase_duration", burst, slant_range, charge_mass, ambient_pressure
-        )
-    )
+    log_z = log_scaled_distance(slant_range, charge_mass, ambient_pressure)
+    curve = kingery_bulmash_curve("positive_phase_duration", burst)
+    factor = sachs_time_factor(charge_mass, ambient_pressure, sound_speed)
+    return factor * jnp.exp(curve.log_value(log_z))
 
 
 @checked
@@ -159,9 +144,10 @@ def kingery_bulmash_arrival_time(
 
     Do not differentiate it near Z = 40 to get a shock speed: that wiggles up to 7 %.
     """
-    return sachs_time_factor(charge_mass, ambient_pressure, sound_speed) * (
-        _scaled_value("arrival_time", burst, slant_range, charge_mass, ambient_pressure)
-    )
+    log_z = log_scaled_distance(slant_range, charge_mass, ambient_pressure)
+    curve = kingery_bulmash_curve("arrival_time", burst)
+    factor = sachs_time_factor(charge_mass, ambient_pressure, sound_speed)
+    return factor * jnp.exp(curve.log_value(log_z))
 
 
 @checked
@@ -177,9 +163,10 @@ def kingery_bulmash_shock_speed(
     Past Z = 40 the power law leaves the speed of sound slowly (352 m/s at Z = 1e6 on
     the surface, 311 in free air): not valid there.
     """
-    return (as_float_array(sound_speed) / STANDARD_SOUND_SPEED) * _scaled_value(
-        "shock_front_velocity", burst, slant_range, charge_mass, ambient_pressure
-    )
+    log_z = log_scaled_distance(slant_range, charge_mass, ambient_pressure)
+    curve = kingery_bulmash_curve("shock_front_velocity", burst)
+    factor = as_float_array(sound_speed) / STANDARD_SOUND_SPEED
+    return factor * jnp.exp(curve.log_value(log_z))
 
 
 def kingery_bulmash_valid(

@@ -57,11 +57,29 @@ def _segment(row: dict[str, str]) -> LogPolynomial:
     coefficients = [
         float(row[f"C{i}"]) * math.log(10) for i in range(int(row["degree"]) + 1)
     ]
-    coefficients[0] += math.log(SI_UNITS[row["y_unit"]])
+    scale = float(row["K1"]) / math.log(10)
+    return segment_in_si(row, coefficients, float(row["K0"]), scale)
+
+
+def segment_in_si(
+    row: dict[str, str],
+    coefficients: list[float],
+    offset: float = 0.0,
+    scale: float = 1.0,
+) -> LogPolynomial:
+    """Return a row's polynomial, its values in SI.
+
+    Args:
+        row: It names the unit of the values, and where the segment starts and ends.
+        coefficients: Of the natural logarithm of the values in that unit.
+        offset: $k_0$ of `LogPolynomial`.
+        scale: $k_1$.
+    """
+    first, *others = coefficients
     return LogPolynomial(
         z_min=float(row["z_min"]),
         z_max=float(row["z_max"]),
-        offset=float(row["K0"]),
-        scale=float(row["K1"]) / math.log(10),
-        coefficients=tuple(coefficients),
+        offset=offset,
+        scale=scale,
+        coefficients=(first + math.log(SI_UNITS[row["y_unit"]]), *others),
     )

@@ -6,9 +6,8 @@ $$t_d = \frac{180 \sqrt{1 + (z/100)^3}}{\sqrt{1 + z/40}\,
 
 with $z = R/Y^{1/3}$ in m/kt^(1/3) and the duration for 1 kt. Kinney and Graham (1985),
 *Explosive Shocks in Air*, 2nd ed., read second-hand in two public programs (InfraPy,
-Supracenter) that agree. The charge's mass is chemical: $Y = 2W$
-(`laws/nuclear_scaling.py`), so z = 79.37 Z. To other air by Sachs (`scaling.py`), as
-`laws.py` says why.
+Supracenter) that agree. The charge's mass is chemical, $Y = 2W$, so z = 79.37 Z; that
+and other air, by Sachs, are those of `scaling.py`, as `laws.py` says why.
 
 Range: we could read none. Ours is that of the DNA's 1 kt standard (`dna_1kt.py`), 16 to
 4000 m/kt^(1/3), over which this pressure is 1.00 to 1.22 times that. Both formulas are
@@ -25,11 +24,9 @@ from jblast.registry import Law, declared_scatter, register
 from jblast.types import as_float_arrays
 from jblast.waves.arguments import checked
 from jblast.waves.curves.broken_power_law import Bend, BentPowerLaw
-from jblast.waves.laws.nuclear_scaling import (
+from jblast.waves.scaling import (
     LOG_NUCLEAR_SCALED_METRES,
     NUCLEAR_SCALED_METRES,
-)
-from jblast.waves.scaling import (
     log_scaled_distance,
     sachs_time_factor,
     scaled_distance,

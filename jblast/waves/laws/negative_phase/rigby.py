@@ -32,12 +32,6 @@ from jblast.waves.scaling import (
 )
 
 
-def _scaled_value(quantity, burst, slant_range, charge_mass, ambient_pressure):
-    """Return a curve's SI value at the scaled distance."""
-    log_z = log_scaled_distance(slant_range, charge_mass, ambient_pressure)
-    return SI_UNITS[quantity] * jnp.exp(CURVES[quantity, burst].log_value(log_z))
-
-
 @checked
 def rigby_reflected_negative_pressure(
     slant_range: Float[ArrayLike, "..."],
@@ -53,9 +47,10 @@ def rigby_reflected_negative_pressure(
         ambient_pressure: $P_0$ [Pa], positive.
         burst: "surface" (hemispherical) or "free-air" (spherical).
     """
-    return sachs_pressure_factor(ambient_pressure) * _scaled_value(
-        "pressure", burst, slant_range, charge_mass, ambient_pressure
-    )
+    log_z = log_scaled_distance(slant_range, charge_mass, ambient_pressure)
+    curve = CURVES["pressure", burst]
+    value = SI_UNITS["pressure"] * jnp.exp(curve.log_value(log_z))
+    return sachs_pressure_factor(ambient_pressure) * value
 
 
 @checked
@@ -75,9 +70,10 @@ def rigby_reflected_negative_impulse(
         sound_speed: $c_0$ [m/s], positive.
         burst: "surface" (hemispherical) or "free-air" (spherical).
     """
-    return sachs_impulse_factor(
-        charge_mass, ambient_pressure, sound_speed
-    ) * _scaled_value("impulse", burst, slant_range, charge_mass, ambient_pressure)
+    log_z = log_scaled_distance(slant_range, charge_mass, ambient_pressure)
+    curve = CURVES["impulse", burst]
+    value = SI_UNITS["impulse"] * jnp.exp(curve.log_value(log_z))
+    return sachs_impulse_factor(charge_mass, ambient_pressure, sound_speed) * value
 
 
 @checked
@@ -97,9 +93,10 @@ def rigby_negative_duration(
         sound_speed: $c_0$ [m/s], positive.
         burst: "surface" (hemispherical) or "free-air" (spherical).
     """
-    return sachs_time_factor(
-        charge_mass, ambient_pressure, sound_speed
-    ) * _scaled_value("duration", burst, slant_range, charge_mass, ambient_pressure)
+    log_z = log_scaled_distance(slant_range, charge_mass, ambient_pressure)
+    curve = CURVES["duration", burst]
+    value = SI_UNITS["duration"] * jnp.exp(curve.log_value(log_z))
+    return sachs_time_factor(charge_mass, ambient_pressure, sound_speed) * value
 
 
 def rigby_valid(

@@ -75,17 +75,6 @@ def _held_below_ambient(pressure: np.ndarray) -> np.ndarray:
     return STANDARD_PRESSURE * np.exp(d)
 
 
-def _scaled_value(
-    column: str,
-    slant_range: Float[ArrayLike, "..."],
-    charge_mass: Float[ArrayLike, "..."],
-    ambient_pressure: Float[ArrayLike, "..."],
-) -> Float[Array, "..."]:
-    """Return a curve's value at the scaled distance."""
-    log_z = log_scaled_distance(slant_range, charge_mass, ambient_pressure)
-    return jnp.exp(ufc_curve(column).value(log_z))
-
-
 @checked
 def ufc_negative_pressure(
     slant_range: Float[ArrayLike, "..."],
@@ -101,9 +90,9 @@ def ufc_negative_pressure(
         charge_mass: TNT-equivalent mass $W$ [kg], positive.
         ambient_pressure: $P_0$ [Pa], positive.
     """
-    return sachs_pressure_factor(ambient_pressure) * _scaled_value(
-        "Pso_neg_kPa", slant_range, charge_mass, ambient_pressure
-    )
+    log_z = log_scaled_distance(slant_range, charge_mass, ambient_pressure)
+    curve = ufc_curve("Pso_neg_kPa")
+    return sachs_pressure_factor(ambient_pressure) * jnp.exp(curve.value(log_z))
 
 
 @checked
@@ -113,9 +102,9 @@ def ufc_reflected_negative_pressure(
     ambient_pressure: Float[ArrayLike, "..."] = STANDARD_PRESSURE,
 ) -> Float[Array, "..."]:
     """Return the greatest underpressure on a rigid wall facing the charge [Pa]."""
-    return sachs_pressure_factor(ambient_pressure) * _scaled_value(
-        "Pr_neg_kPa", slant_range, charge_mass, ambient_pressure
-    )
+    log_z = log_scaled_distance(slant_range, charge_mass, ambient_pressure)
+    curve = ufc_curve("Pr_neg_kPa")
+    return sachs_pressure_factor(ambient_pressure) * jnp.exp(curve.value(log_z))
 
 
 @checked
@@ -133,9 +122,10 @@ def ufc_negative_impulse(
         ambient_pressure: $P_0$ [Pa], positive.
         sound_speed: $c_0$ [m/s], positive.
     """
-    return sachs_impulse_factor(
-        charge_mass, ambient_pressure, sound_speed
-    ) * _scaled_value("is_neg_kPa_ms_kg13", slant_range, charge_mass, ambient_pressure)
+    log_z = log_scaled_distance(slant_range, charge_mass, ambient_pressure)
+    curve = ufc_curve("is_neg_kPa_ms_kg13")
+    factor = sachs_impulse_factor(charge_mass, ambient_pressure, sound_speed)
+    return factor * jnp.exp(curve.value(log_z))
 
 
 @checked
@@ -146,9 +136,10 @@ def ufc_reflected_negative_impulse(
     sound_speed: Float[ArrayLike, "..."] = STANDARD_SOUND_SPEED,
 ) -> Float[Array, "..."]:
     """Return the negative impulse on a rigid wall facing the charge [Pa s]."""
-    return sachs_impulse_factor(
-        charge_mass, ambient_pressure, sound_speed
-    ) * _scaled_value("ir_neg_kPa_ms_kg13", slant_range, charge_mass, ambient_pressure)
+    log_z = log_scaled_distance(slant_range, charge_mass, ambient_pressure)
+    curve = ufc_curve("ir_neg_kPa_ms_kg13")
+    factor = sachs_impulse_factor(charge_mass, ambient_pressure, sound_speed)
+    return factor * jnp.exp(curve.value(log_z))
 
 
 @checked
@@ -159,9 +150,10 @@ def ufc_negative_duration(
     sound_speed: Float[ArrayLike, "..."] = STANDARD_SOUND_SPEED,
 ) -> Float[Array, "..."]:
     """Return the duration of the negative phase [s], one for incident and reflected."""
-    return sachs_time_factor(
-        charge_mass, ambient_pressure, sound_speed
-    ) * _scaled_value("t_neg_ms_kg13", slant_range, charge_mass, ambient_pressure)
+    log_z = log_scaled_distance(slant_range, charge_mass, ambient_pressure)
+    curve = ufc_curve("t_neg_ms_kg13")
+    factor = sachs_time_factor(charge_mass, ambient_pressure, sound_speed)
+    return factor * jnp.exp(curve.value(log_z))
 
 
 def ufc_valid(

@@ -51,17 +51,6 @@ END = {"incident_pressure": 40.0}
 SOURCE = "Swisdak 1994 (ADA526744), metric, over three transcriptions"
 
 
-def _scaled_value(
-    quantity: str,
-    slant_range: Float[ArrayLike, "..."],
-    charge_mass: Float[ArrayLike, "..."],
-    ambient_pressure: Float[ArrayLike, "..."],
-) -> Float[Array, "..."]:
-    """Return a curve's value at the scaled distance."""
-    log_z = log_scaled_distance(slant_range, charge_mass, ambient_pressure)
-    return jnp.exp(swisdak_curve(quantity).log_value(log_z))
-
-
 @checked
 def swisdak_pressure(
     slant_range: Float[ArrayLike, "..."],
@@ -75,9 +64,9 @@ def swisdak_pressure(
         charge_mass: TNT-equivalent mass $W$ [kg], positive.
         ambient_pressure: $P_0$ [Pa], positive.
     """
-    return sachs_pressure_factor(ambient_pressure) * _scaled_value(
-        "incident_pressure", slant_range, charge_mass, ambient_pressure
-    )
+    log_z = log_scaled_distance(slant_range, charge_mass, ambient_pressure)
+    curve = swisdak_curve("incident_pressure")
+    return sachs_pressure_factor(ambient_pressure) * jnp.exp(curve.log_value(log_z))
 
 
 @checked
@@ -87,9 +76,9 @@ def swisdak_reflected_pressure(
     ambient_pressure: Float[ArrayLike, "..."] = STANDARD_PRESSURE,
 ) -> Float[Array, "..."]:
     """Return the peak overpressure on a rigid wall facing the charge [Pa]."""
-    return sachs_pressure_factor(ambient_pressure) * _scaled_value(
-        "reflected_pressure", slant_range, charge_mass, ambient_pressure
-    )
+    log_z = log_scaled_distance(slant_range, charge_mass, ambient_pressure)
+    curve = swisdak_curve("reflected_pressure")
+    return sachs_pressure_factor(ambient_pressure) * jnp.exp(curve.log_value(log_z))
 
 
 @checked
@@ -109,9 +98,10 @@ def swisdak_impulse(
         ambient_pressure: $P_0$ [Pa], positive.
         sound_speed: $c_0$ [m/s], positive.
     """
-    return sachs_impulse_factor(
-        charge_mass, ambient_pressure, sound_speed
-    ) * _scaled_value("incident_impulse", slant_range, charge_mass, ambient_pressure)
+    log_z = log_scaled_distance(slant_range, charge_mass, ambient_pressure)
+    curve = swisdak_curve("incident_impulse")
+    factor = sachs_impulse_factor(charge_mass, ambient_pressure, sound_speed)
+    return factor * jnp.exp(curve.log_value(log_z))
 
 
 @checked
@@ -122,9 +112,10 @@ def swisdak_reflected_impulse(
     sound_speed: Float[ArrayLike, "..."] = STANDARD_SOUND_SPEED,
 ) -> Float[Array, "..."]:
     """Return the impulse on a rigid wall facing the charge [Pa s]."""
-    return sachs_impulse_factor(
-        charge_mass, ambient_pressure, sound_speed
-    ) * _scaled_value("reflected_impulse", slant_range, charge_mass, ambient_pressure)
+    log_z = log_scaled_distance(slant_range, charge_mass, ambient_pressure)
+    curve = swisdak_curve("reflected_impulse")
+    factor = sachs_impulse_factor(charge_mass, ambient_pressure, sound_speed)
+    return factor * jnp.exp(curve.log_value(log_z))
 
 
 @checked
@@ -135,11 +126,10 @@ def swisdak_duration(
     sound_speed: Float[ArrayLike, "..."] = STANDARD_SOUND_SPEED,
 ) -> Float[Array, "..."]:
     """Return the duration of the positive phase [s]."""
-    return sachs_time_factor(
-        charge_mass, ambient_pressure, sound_speed
-    ) * _scaled_value(
-        "positive_phase_duration", slant_range, charge_mass, ambient_pressure
-    )
+    log_z = log_scaled_distance(slant_range, charge_mass, ambient_pressure)
+    curve = swisdak_curve("positive_phase_duration")
+    factor = sachs_time_factor(charge_mass, ambient_pressure, sound_speed)
+    return factor * jnp.exp(curve.log_value(log_z))
 
 
 @checked
@@ -150,9 +140,10 @@ def swisdak_arrival_time(
     sound_speed: Float[ArrayLike, "..."] = STANDARD_SOUND_SPEED,
 ) -> Float[Array, "..."]:
     """Return the time from detonation to the arrival of the shock [s]."""
-    return sachs_time_factor(
-        charge_mass, ambient_pressure, sound_speed
-    ) * _scaled_value("arrival_time", slant_range, charge_mass, ambient_pressure)
+    log_z = log_scaled_distance(slant_range, charge_mass, ambient_pressure)
+    curve = swisdak_curve("arrival_time")
+    factor = sachs_time_factor(charge_mass, ambient_pressure, sound_speed)
+    return factor * jnp.exp(curve.log_value(log_z))
 
 
 @checked
@@ -163,9 +154,10 @@ def swisdak_shock_speed(
     sound_speed: Float[ArrayLike, "..."] = STANDARD_SOUND_SPEED,
 ) -> Float[Array, "..."]:
     """Return the speed of the shock front [m/s]; at a given Z it goes with $c_0$."""
-    return (as_float_array(sound_speed) / STANDARD_SOUND_SPEED) * _scaled_value(
-        "shock_front_velocity", slant_range, charge_mass, ambient_pressure
-    )
+    log_z = log_scaled_distance(slant_range, charge_mass, ambient_pressure)
+    curve = swisdak_curve("shock_front_velocity")
+    factor = as_float_array(sound_speed) / STANDARD_SOUND_SPEED
+    return factor * jnp.exp(curve.log_value(log_z))
 
 
 def swisdak_valid(quantity: str) -> Callable[..., Bool[Array, "..."]]:

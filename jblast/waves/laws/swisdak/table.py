@@ -1,11 +1,10 @@
 """Swisdak's table as curves: `data/swisdak_1994.csv`, read in SI units."""
 
-import math
 from functools import cache
 
 from jblast.waves.curves.log_polynomial import LogCurve, LogPolynomial
 from jblast.waves.curves.printed_table import data_rows
-from jblast.waves.laws.kingery_bulmash.table import SI_UNITS
+from jblast.waves.laws.kingery_bulmash.table import segment_in_si
 
 
 @cache
@@ -28,13 +27,6 @@ def swisdak_joins(quantity: str) -> tuple[float, ...]:
 def _segment(row: dict[str, str]) -> LogPolynomial:
     """Turn a row into a polynomial in SI; the table's logarithms are natural."""
     coefficients = [float(row[letter]) for letter in "ABCDEFG"]
-    coefficients[0] += math.log(SI_UNITS[row["y_unit"]])
     while coefficients[-1] == 0.0:
         coefficients.pop()
-    return LogPolynomial(
-        z_min=float(row["z_min"]),
-        z_max=float(row["z_max"]),
-        offset=0.0,
-        scale=1.0,
-        coefficients=tuple(coefficients),
-    )
+    return segment_in_si(row, coefficients)
