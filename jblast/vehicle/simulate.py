@@ -15,11 +15,11 @@ from jblast.vehicle.backend import flies_on_warp
 from jblast.vehicle.check_arguments import (
     check_choices,
     check_commands,
+    check_shared,
     check_start,
     check_step,
     check_times,
 )
-from jblast.vehicle.check_batch import check_shared
 from jblast.vehicle.control.position_hold import Controller
 from jblast.vehicle.dynamics.state import State, Trajectory
 from jblast.vehicle.loads.load import Load, Pulse
