@@ -1,22 +1,110 @@
-"""The areas of the map, and which module measures each: imported when it is asked."""
+"""The areas of the map, and what measures each: imported when it is asked for.
 
-import importlib
+Names are known without JAX, and a walk is measured without Warp.
+"""
+
+from collections.abc import Callable
 
 from jblast.errors import InputError, nearest, shown
-from jblast.verification.stability.failure import FAILURE_MODES, FailureMode
+from jblast.verification.stability.failure import FailureMode
 
-AREAS: dict[str, str] = {
-    "laws": "laws.laws",
-    "wave forms": "laws.waveforms",
-    "gradients": "laws.gradients",
-    "clocks": "laws.clocks",
-    "solver": "laws.shock_solver",
-    "fits": "inference.fits",
-    "walks": "inference.samplers",
-    "events": "camera.events",
-    "flights": "flights.flights",
+Measure = Callable[[], FailureMode | list[FailureMode]]
+
+
+def _laws() -> tuple[Measure, ...]:
+    from jblast.verification.stability.laws.laws import law_failures
+
+    return (law_failures,)
+
+
+def _wave_forms() -> tuple[Measure, ...]:
+    from jblast.verification.stability.laws.waveforms import wave_form_failures
+
+    return (wave_form_failures,)
+
+
+def _gradients() -> tuple[Measure, ...]:
+    from jblast.verification.stability.laws.gradients import gradient_failures
+
+    return (gradient_failures,)
+
+
+def _clocks() -> tuple[Measure, ...]:
+    from jblast.verification.stability.laws.clocks import clock_failures
+
+    return (clock_failures,)
+
+
+def _solver() -> tuple[Measure, ...]:
+    from jblast.verification.stability.laws.shock_solver import solver_failures
+
+    return (solver_failures,)
+
+
+def _fits() -> tuple[Measure, ...]:
+    from jblast.verification.stability.inference.outliers import outlier_failure
+    from jblast.verification.stability.inference.poor_starts import poor_start_failures
+    from jblast.verification.stability.inference.unidentifiable import (
+        collinear_failure,
+        null_direction_failure,
+        one_place_failure,
+    )
+
+    return (
+        poor_start_failures,
+        collinear_failure,
+        one_place_failure,
+        outlier_failure,
+        null_direction_failure,
+    )
+
+
+def _walks() -> tuple[Measure, ...]:
+    from jblast.verification.stability.inference.ridges import (
+        bent_failure,
+        endless_failure,
+        null_failure,
+    )
+    from jblast.verification.stability.inference.two_modes import (
+        found_failure,
+        mirror_failure,
+        weighed_failure,
+    )
+
+    return (
+        found_failure,
+        weighed_failure,
+        mirror_failure,
+        null_failure,
+        endless_failure,
+        bent_failure,
+    )
+
+
+def _events() -> tuple[Measure, ...]:
+    from jblast.verification.stability.camera.events import event_failures
+
+    return (event_failures,)
+
+
+def _flights() -> tuple[Measure, ...]:
+    from jblast.verification.stability.flights.flights import flight_failures
+
+    return (flight_failures,)
+
+
+AREAS: dict[str, Callable[[], tuple[Measure, ...]]] = {
+    "laws": _laws,
+    "wave forms": _wave_forms,
+    "gradients": _gradients,
+    "clocks": _clocks,
+    "solver": _solver,
+    "fits": _fits,
+    "walks": _walks,
+    "events": _events,
+    "flights": _flights,
 }
-"""By the name of an area, the module below this folder that measures it."""
+"""By the name of an area, what imports the functions that measure its failure modes."""
 
 
 def area_named(word: str) -> str:
@@ -41,5 +129,9 @@ def failure_modes_of(area: str) -> list[FailureMode]:
     Args:
         area: A name of `AREAS`.
     """
-    importlib.import_module(f"jblast.verification.stability.{AREAS[area]}")
-    return FAILURE_MODES[area]()
+    found = [measure() for measure in AREAS[area]()]
+    return [
+        mode
+        for one in found
+        for mode in ([one] if isinstance(one, FailureMode) else one)
+    ]

@@ -1,6 +1,5 @@
 """One way in which a method fails: where, what it does there, what jblast does."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -57,19 +56,6 @@ KEYS = {
     "said": "message",
 }
 """Attributes by what files call them."""
-
-FAILURE_MODES: dict[str, Callable[[], list[FailureMode]]] = {}
-"""What measures the failure modes of each area, by its name."""
-
-
-def measures(area: str) -> Callable[[Callable[[], list[FailureMode]]], Callable]:
-    """Enter a function into the table: it measures the failure modes of an area."""
-
-    def enter(measure: Callable[[], list[FailureMode]]) -> Callable:
-        FAILURE_MODES[area] = measure
-        return measure
-
-    return enter
 
 
 def verified(response: Response, seen: bool | np.bool_, what: str) -> Response:

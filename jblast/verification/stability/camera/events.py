@@ -13,7 +13,7 @@ from jblast.sensors.camera.events.stream import stream_events
 from jblast.study.event_inversion.fit_events import STAGES
 from jblast.verification.cases.moving_disc import THRESHOLD, film
 from jblast.verification.stability.camera.lenses import lens_failures
-from jblast.verification.stability.failure import FailureMode, measures, verified
+from jblast.verification.stability.failure import FailureMode, verified
 from jblast.verification.stability.threshold import crossing, turning
 
 BOTH = (THRESHOLD, THRESHOLD)
@@ -32,7 +32,6 @@ FALSE = 0.01
 _convert = jax.jit(ideal_events, static_argnames="capacity")
 
 
-@measures("events")
 def event_failures() -> list[FailureMode]:
     """Measure every failure mode."""
     return [_sum(), _rounded(), _cut(), _short(), _warm(), *lens_failures()]

@@ -12,7 +12,7 @@ from jblast.errors import InputError
 from jblast.vehicle import named, simulate
 from jblast.vehicle.dynamics.components import unit
 from jblast.vehicle.rollout.timetable import timetable
-from jblast.verification.stability.failure import FailureMode, measures, verified
+from jblast.verification.stability.failure import FailureMode, verified
 from jblast.verification.stability.flights.blasts import charge_failures, near_failure
 from jblast.verification.stability.flights.hold_limits import (
     hold_failures,
@@ -34,7 +34,6 @@ SPEEDS = np.geomspace(1e4, 1e7, 100)
 """Starts that may be too fast for the step [m/s]."""
 
 
-@measures("flights")
 def flight_failures() -> list[FailureMode]:
     """Measure every failure mode."""
     return [

@@ -9,7 +9,7 @@ import numpy as np
 from jblast.errors import InputError
 from jblast.observations import Observations
 from jblast.observations.clocks import refuse_unresolved
-from jblast.verification.stability.failure import FailureMode, measures, verified
+from jblast.verification.stability.failure import FailureMode, verified
 
 SIGMA = 1e-3
 """Of a recorder's arrivals [s]."""
@@ -18,7 +18,6 @@ FINE = 1e-6
 TIMES = {"60 s": 60.0, "1 h": 3600.0, "Unix time": 1.7e9}
 
 
-@measures("clocks")
 def clock_failures() -> list[FailureMode]:
     """Measure them for single and for double precision."""
     return [

@@ -11,7 +11,7 @@ from jblast.registry import LAWS, call
 from jblast.scene import Charge, Scene
 from jblast.sensors.calculator.forward import calculated_laws
 from jblast.sensors.calculator.question import scene_path, with_rows
-from jblast.verification.stability.failure import FailureMode, measures, verified
+from jblast.verification.stability.failure import FailureMode, verified
 from jblast.waves import (
     finite_rise_pressure,
     modified_friedlander_pressure,
@@ -30,7 +30,6 @@ UNFELT = 0.05
 """A slope off by more than this is called wrong [-]."""
 
 
-@measures("gradients")
 def gradient_failures() -> list[FailureMode]:
     """Measure every failure mode of a derivative."""
     return [_front(), _misfit(), _distance(), _laws_at_zero()]

@@ -7,7 +7,7 @@ import numpy as np
 
 from jblast.constants import STANDARD_SOUND_SPEED
 from jblast.registry import LAWS
-from jblast.verification.stability.failure import FailureMode, measures, verified
+from jblast.verification.stability.failure import FailureMode, verified
 from jblast.verification.stability.laws.kingery_bulmash import kingery_bulmash_failures
 from jblast.verification.stability.laws.point_sources import point_source_failures
 from jblast.verification.stability.threshold import crossing, turning
@@ -35,7 +35,6 @@ DENSITY = 1.225
 """Of that air [kg/m3]."""
 
 
-@measures("laws")
 def law_failures() -> list[FailureMode]:
     """Measure every failure mode of a law."""
     return [

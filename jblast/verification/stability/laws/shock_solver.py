@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jblast.errors import InputError
-from jblast.verification.stability.failure import FailureMode, measures, verified
+from jblast.verification.stability.failure import FailureMode, verified
 from jblast.verification.stability.threshold import crossing, turning
 from jblast.waves.euler import (
     Flow,
@@ -43,7 +43,6 @@ SOUND = np.sqrt(1.4)
 """Speed of sound of the gas that is torn apart, of density and pressure 1."""
 
 
-@measures("solver")
 def solver_failures() -> list[FailureMode]:
     """Measure every failure mode of the solver."""
     return [_unstable(), _inaccurate(), _coarse(), _torn()]

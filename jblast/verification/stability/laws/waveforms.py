@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Float
 
 from jblast.sensors.calculator.combined import COMBINATIONS
-from jblast.verification.stability.failure import FailureMode, measures, verified
+from jblast.verification.stability.failure import FailureMode, verified
 from jblast.verification.stability.threshold import crossing
 from jblast.waves import (
     friedlander_decay,
@@ -26,7 +26,6 @@ LOST = 1e-3
 METHOD = "Friedlander's pulse"
 
 
-@measures("wave forms")
 def wave_form_failures() -> list[FailureMode]:
     """Measure every failure mode of the pulse; impulses are over $P_s t_d$."""
     return [_near_zero(), _negative(), _rising_front(), _too_much_impulse()]

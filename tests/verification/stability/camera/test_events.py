@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 
 from jblast.verification.cases.moving_disc import analytic
+from jblast.verification.stability.areas import AREAS
 from jblast.verification.stability.camera import events
 from jblast.verification.stability.camera.lenses import behind_failure, fold_failure
-from jblast.verification.stability.failure import FAILURE_MODES
 
 
 def test_events_are_entered_into_the_map():
-    assert FAILURE_MODES["events"] is events.event_failures
+    assert AREAS["events"]() == (events.event_failures,)
 
 
 def test_whole_counts_keep_their_digits_ten_times_as_long_as_a_sum():

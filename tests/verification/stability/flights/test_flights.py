@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from jblast.verification.stability.failure import FAILURE_MODES
+from jblast.verification.stability.areas import AREAS
 from jblast.verification.stability.flights import (
     blasts,
     flights,
@@ -14,7 +14,7 @@ from jblast.verification.stability.flights import (
 
 
 def test_flights_are_entered_into_the_map():
-    assert FAILURE_MODES["flights"] is flights.flight_failures
+    assert AREAS["flights"]() == (flights.flight_failures,)
 
 
 def test_a_summed_clock_runs_away_in_single_precision_and_ours_does_not():

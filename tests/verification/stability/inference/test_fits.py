@@ -8,19 +8,20 @@ import pytest
 from jblast.inference import fit
 from jblast.inference.fitting.unidentified import NEAR, ambiguities
 from jblast.inference.mode.laplace import NORMAL_Q95
-from jblast.verification.stability.failure import FAILURE_MODES
+from jblast.verification.stability.areas import AREAS
 from jblast.verification.stability.inference import (
     outliers,
     poor_starts,
     unidentifiable,
 )
 from jblast.verification.stability.inference.arrival_logs import line, ring, told
-from jblast.verification.stability.inference.fits import fits
 from jblast.verification.stability.inference.stock_solvers import SOLVERS, TOLERANCE
 
 
 def test_fits_are_entered_into_the_map():
-    assert FAILURE_MODES["fits"] is fits
+    assert poor_starts.poor_start_failures in AREAS["fits"]()
+    assert outliers.outlier_failure in AREAS["fits"]()
+    assert unidentifiable.collinear_failure in AREAS["fits"]()
 
 
 @pytest.fixture(scope="module")

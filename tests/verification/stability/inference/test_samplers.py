@@ -8,16 +8,16 @@ from jblast.inference import ensemble, fit
 from jblast.inference.fitting.uncertainty import how_sure
 from jblast.inference.importance.psis import ENDS
 from jblast.inference.mcmc.convergence import LONG_ENOUGH
-from jblast.verification.stability.failure import FAILURE_MODES
+from jblast.verification.stability.areas import AREAS
 from jblast.verification.stability.inference import ridges, two_modes
 from jblast.verification.stability.inference.arrival_logs import circle, told
-from jblast.verification.stability.inference.samplers import walks
 from jblast.verification.stability.inference.two_modes import FAR, LESSER, STEPS
 from jblast.verification.stability.inference.unidentifiable import wu_hao_told
 
 
 def test_walks_are_entered_into_the_map():
-    assert FAILURE_MODES["walks"] is walks
+    assert ridges.bent_failure in AREAS["walks"]()
+    assert two_modes.found_failure in AREAS["walks"]()
 
 
 def test_the_stretch_move_finds_a_near_mode_and_misses_a_far_one():
