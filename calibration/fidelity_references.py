@@ -66,11 +66,11 @@ class Span(NamedTuple):
 def spans() -> list[Span]:
     """Return how far every reference may be off, by span."""
     found = []
-    for quantity, pieces in REFERENCES.items():
+    for quantity, branches in REFERENCES.items():
         for burst in BURSTS:
             first = _first(quantity, burst)
             for low, high in pairwise(EDGES):
-                if high <= first or high > pieces[-1].end:
+                if high <= first or high > branches[-1].end:
                     continue
                 start = max(low, first)
                 worst, why = max(_evidence(quantity, burst, start, high))

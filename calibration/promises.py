@@ -21,12 +21,12 @@ from jaxtyping import Bool, Float
 
 from jblast.cli.jax_start import start_jax
 from jblast.constants import STANDARD_PRESSURE
-from jblast.fidelity import error_tables as stored
+from jblast.fidelity import error_tables
 from jblast.fidelity.choose import ALIKE
-from jblast.fidelity.errors import is_covered, own_error, relative_errors
+from jblast.fidelity.conditions import Conditions, jitted_conditions
+from jblast.fidelity.errors import is_covered, reference_uncertainty, relative_errors
 from jblast.fidelity.measured_errors import BURSTS, standard_path, value_of
 from jblast.fidelity.reference import REFERENCES, reference_value
-from jblast.fidelity.regimes import Ways, jitted_ways
 from jblast.fidelity.solver import METHOD as SOLVER
 from jblast.scene.charge import Burst
 from jblast.waves.paths import Path
@@ -85,13 +85,13 @@ def random_path(burst: Burst, count: int = SCENES, seed: int = 1) -> Path:
 
 
 def real_errors(
-    quantity: str, path: Path, ways: Ways
+    quantity: str, path: Path, conditions: Conditions
 ) -> dict[str, Float[np.ndarray, " place"]]:
     """Return every law's real error; infinite where it or the reference fails."""
-    covered = is_covered(quantity, ways)
+    covered = is_covered(quantity, conditions)
     reference = np.asarray(reference_value(quantity, path))
     found = {}
-    for method, holds in ways.holds.items():
+    for method, holds in conditions.holds.items():
         if method != SOLVER:
             off = np.abs(value_of(quantity, method, path) / reference - 1.0)
             found[method] = np.where(np.asarray(holds) & covered, off, np.inf)
@@ -100,15 +100,22 @@ def real_errors(
 
 def promises(quantity: str, path: Path) -> dict[float, Promises]:
     """Return what was promised and kept over some places, by tolerance."""
-    ways = jax.tree.map(np.asarray, jitted_ways(quantity, path))
-    real = real_errors(quantity, path, ways)
-    promised = relative_errors(quantity, ways)
-    costs = np.array([stored.costs()[quantity, method] for method in real])[:, None]
+    conditions = jax.tree.map(np.asarray, jitted_conditions(quantity, path))
+    real = real_errors(quantity, path, conditions)
+    promised = relative_errors(quantity, conditions)
+    costs = np.array([error_tables.costs()[quantity, method] for method in real])[
+        :, None
+    ]
     said = np.stack([promised[method] for method in real])
     true = np.stack(list(real.values()))
-    own, covered = own_error(quantity, ways), is_covered(quantity, ways)
+    uncertainty, covered = (
+        reference_uncertainty(quantity, conditions),
+        is_covered(quantity, conditions),
+    )
     return {
-        tolerance: _promises(said, true, costs, covered & (own <= tolerance), tolerance)
+        tolerance: _promises(
+            said, true, costs, covered & (uncertainty <= tolerance), tolerance
+        )
         for tolerance in TOLERANCES
     }
 

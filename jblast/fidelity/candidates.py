@@ -5,11 +5,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from jblast.fidelity import error_tables as stored, solver
+from jblast.fidelity import error_tables, solver
 from jblast.fidelity.choice import Candidate
-from jblast.fidelity.errors import is_covered, own_error, relative_errors
-from jblast.fidelity.reference import REFERENCES, is_piece, refers
-from jblast.fidelity.regimes import Ways
+from jblast.fidelity.conditions import Conditions
+from jblast.fidelity.errors import is_covered, reference_uncertainty, relative_errors
+from jblast.fidelity.reference import REFERENCES, covers, is_reference
 from jblast.registry import Law, law_for, names_for
 
 ON_THE_GROUND = 0.05
@@ -17,28 +17,34 @@ ON_THE_GROUND = 0.05
 beside a reference that does [m/kg^(1/3)]."""
 
 
-def worst_own_error(quantity: str, ways: Sequence[Ways]) -> float:
+def worst_reference_uncertainty(
+    quantity: str, conditions: Sequence[Conditions]
+) -> float:
     """Return how far the reference may be off; infinite where there is none."""
     if quantity not in REFERENCES:
         exact = all(law_for(quantity, name).is_exact() for name in names_for(quantity))
         return 0.0 if exact else math.inf
-    if not all(is_covered(quantity, each).all() for each in ways):
+    if not all(is_covered(quantity, each).all() for each in conditions):
         return math.inf
-    return max(float(own_error(quantity, each).max()) for each in ways)
+    return max(
+        float(reference_uncertainty(quantity, each).max()) for each in conditions
+    )
 
 
-def candidates_for(quantity: str, ways: Sequence[Ways], own: float) -> list[Candidate]:
+def candidates_for(
+    quantity: str, conditions: Sequence[Conditions], uncertainty: float
+) -> list[Candidate]:
     """Return every method that gives the quantity."""
     if quantity in REFERENCES:
-        of_paths = [relative_errors(quantity, each) for each in ways]
+        of_paths = [relative_errors(quantity, each) for each in conditions]
         errors = {
             method: np.concatenate([each[method] for each in of_paths])
             for method in of_paths[0]
         }
     else:
-        errors = {name: np.full(1, own) for name in names_for(quantity)}
-    blind = blind_to_height(quantity, ways)
-    costs = stored.costs()
+        errors = {name: np.full(1, uncertainty) for name in names_for(quantity)}
+    blind = blind_to_height(quantity, conditions)
+    costs = error_tables.costs()
     found = []
     for method, error in errors.items():
         worst = math.inf if method in blind else float(error.max())
@@ -46,26 +52,27 @@ def candidates_for(quantity: str, ways: Sequence[Ways], own: float) -> list[Cand
             Candidate(
                 method=method,
                 error=worst,
-                predicted_error=max(worst, own),
+                predicted_error=max(worst, uncertainty),
                 cost_s=costs.get((quantity, method), math.nan),
-                valid=all(np.all(each.holds[method]) for each in ways),
+                valid=all(np.all(each.holds[method]) for each in conditions),
                 is_reference=all(
-                    refers(quantity, method, np.asarray(each.z)) for each in ways
+                    is_reference(quantity, method, np.asarray(each.z))
+                    for each in conditions
                 ),
             )
         )
     return found
 
 
-def blind_to_height(quantity: str, ways: Sequence[Ways]) -> set[str]:
+def blind_to_height(quantity: str, conditions: Sequence[Conditions]) -> set[str]:
     """Return the methods that do not know how high or deep the charge is.
 
     None where it stands on the ground, or where the reference does not know either.
     """
-    for each in ways:
+    for each in conditions:
         z = np.asarray(each.z)
-        pieces = REFERENCES.get(quantity, ())
-        laws = [law_for(quantity, p.law) for p in pieces if is_piece(p, z).any()]
+        branches = REFERENCES.get(quantity, ())
+        laws = [law_for(quantity, p.law) for p in branches if covers(p, z).any()]
         lifted = np.abs(each.scaled_height).max() > ON_THE_GROUND
         if lifted and any(map(_knows_height, laws)):
             return {

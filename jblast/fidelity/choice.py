@@ -39,7 +39,7 @@ class Choice:
         cost_s: Seconds a reading.
         candidates: All methods that were looked at, the cheapest first.
         span: Smallest and largest scaled distance [m/kg^(1/3)].
-        own_error: How far the reference itself may be off there.
+        reference_uncertainty: How far the reference itself may be off there.
     """
 
     quantity: str
@@ -51,10 +51,10 @@ class Choice:
     cost_s: float
     candidates: tuple[Candidate, ...]
     span: tuple[float, float]
-    own_error: float
+    reference_uncertainty: float
 
     def document(self) -> dict:
         """Return what `jblast choose --json` prints."""
         document = asdict(self)
-        del document["span"], document["own_error"]  # the reason tells them
+        del document["span"], document["reference_uncertainty"]  # the reason tells them
         return document

@@ -13,12 +13,12 @@ from jblast.errors import InputError
 from jblast.fidelity.candidates import (
     blind_to_height,
     candidates_for,
-    worst_own_error,
+    worst_reference_uncertainty,
 )
 from jblast.fidelity.choice import Candidate, Choice
+from jblast.fidelity.conditions import Conditions, jitted_conditions
 from jblast.fidelity.explanation import reason_for
-from jblast.fidelity.reference import REFERENCES, refers
-from jblast.fidelity.regimes import Ways, jitted_ways
+from jblast.fidelity.reference import REFERENCES, is_reference
 from jblast.fidelity.sensor_paths import by_curves, paths_in, sensors_for, tnt_path
 from jblast.quantities import TIMES
 from jblast.registry import names_for
@@ -74,13 +74,15 @@ def choose(
         raise InputError(f"no law gives {quantity}: not supported yet")
     unsettled = paths_in(uncertain, quantity, sensors)
     paths = by_curves(unsettled)
-    ways = [jax.tree.map(np.asarray, jitted_ways(quantity, path)) for path in paths]
+    conditions = [
+        jax.tree.map(np.asarray, jitted_conditions(quantity, path)) for path in paths
+    ]
     if tolerance is None:
         sigma = np.array([dict(s.records).get(quantity, math.nan) for s in sensors])
         tolerance = tolerance_of(
-            sigma, quantity, ways[: 1 + len(uncertain.scene.others)]
+            sigma, quantity, conditions[: 1 + len(uncertain.scene.others)]
         )
-    choice = choose_for(quantity, ways, tolerance)
+    choice = choose_for(quantity, conditions, tolerance)
     said = [choice.reason, *_of_heights(uncertain.scene, unsettled, quantity, sensors)]
     return replace(choice, reason="; ".join(said))
 
@@ -113,48 +115,50 @@ def _of_heights(
 
 
 def tolerance_of(
-    sigma: Float[np.ndarray, " place"], quantity: str, ways: Sequence[Ways]
+    sigma: Float[np.ndarray, " place"], quantity: str, conditions: Sequence[Conditions]
 ) -> float:
     """Return a third of the smallest sigma, relative; zero if none is told.
 
     Args:
         sigma: Of each place; seconds for times, else relative; NaN if not told.
         quantity: What they are of.
-        ways: From each charge to these places. A time's sigma counts as a share of
-            what sound would take.
+        conditions: From each charge at these places. A time's sigma counts as a share
+            of what sound would take.
     """
     shares = sigma
     if quantity in TIMES:
-        longest = np.max([each.sound_time for each in ways], axis=0)
+        longest = np.max([each.sound_time for each in conditions], axis=0)
         away = longest > 0.0  # a sensor at the charge says nothing
         shares = shares[away] / longest[away]
     told = shares[np.isfinite(shares)]
     return SHARE_OF_SIGMA * float(told.min()) if told.size else 0.0
 
 
-def choose_for(quantity: str, ways: Sequence[Ways], tolerance: float) -> Choice:
+def choose_for(
+    quantity: str, conditions: Sequence[Conditions], tolerance: float
+) -> Choice:
     """Return the cheapest method that is good enough over some places.
 
     Args:
         quantity: What is asked for; some law gives it.
-        ways: From every charge to its places.
+        conditions: From every charge at its places.
         tolerance: Largest relative error allowed; zero asks for the best there is.
     """
-    z = np.concatenate([each.z for each in ways])
+    z = np.concatenate([each.z for each in conditions])
     span = float(z.min()), float(z.max())
-    own = worst_own_error(quantity, ways)
-    candidates = sorted(candidates_for(quantity, ways, own), key=_cost)
+    uncertainty = worst_reference_uncertainty(quantity, conditions)
+    candidates = sorted(candidates_for(quantity, conditions, uncertainty), key=_cost)
     enough = [c for c in candidates if c.valid and c.predicted_error <= tolerance]
     if enough:
         most = ALIKE * _cost(enough[0])
         alike = [c for c in enough if _cost(c) <= most]
-        found = min(alike, key=lambda c: _preference(quantity, c, ways))
+        found = min(alike, key=lambda c: _preference(quantity, c, conditions))
     else:
-        blind = blind_to_height(quantity, ways)
+        blind = blind_to_height(quantity, conditions)
         # one that knows of burial, out of its range, before any that does not
         found = min(
             candidates,
-            key=lambda c: (c.method in blind, *_nearness(quantity, c, ways)),
+            key=lambda c: (c.method in blind, *_nearness(quantity, c, conditions)),
         )
     choice = Choice(
         quantity=quantity,
@@ -166,7 +170,7 @@ def choose_for(quantity: str, ways: Sequence[Ways], tolerance: float) -> Choice:
         cost_s=found.cost_s,
         candidates=tuple(candidates),
         span=span,
-        own_error=own,
+        reference_uncertainty=uncertainty,
     )
     return replace(choice, reason=reason_for(choice))
 
@@ -175,33 +179,39 @@ def _cost(candidate: Candidate) -> float:
     return math.inf if math.isnan(candidate.cost_s) else candidate.cost_s
 
 
-def _nearness(quantity: str, candidate: Candidate, ways: Sequence[Ways]) -> tuple:
+def _nearness(
+    quantity: str, candidate: Candidate, conditions: Sequence[Conditions]
+) -> tuple:
     """Return what to compare methods by where none is good enough.
 
     First whether it holds at all places, then whether at the nearest and at how many,
     then as where several are.
     """
-    holding = np.concatenate([each.holds[candidate.method] for each in ways])
-    z = np.concatenate([each.z for each in ways])
+    holding = np.concatenate([each.holds[candidate.method] for each in conditions])
+    z = np.concatenate([each.z for each in conditions])
     return (
         not candidate.valid,
         not holding[z.argmin()],
         int((~holding).sum()),
-        *_preference(quantity, candidate, ways),
+        *_preference(quantity, candidate, conditions),
     )
 
 
-def _preference(quantity: str, candidate: Candidate, ways: Sequence[Ways]) -> tuple:
+def _preference(
+    quantity: str, candidate: Candidate, conditions: Sequence[Conditions]
+) -> tuple:
     """Return what to compare methods by that cost alike.
 
-    First the error that can be promised; where that is the reference's own, the
+    First the error that can be promised; where that is the reference's, the
     reference without absorption, as the simpler one.
     """
-    pieces = REFERENCES.get(quantity, ())
-    names = list(dict.fromkeys([p.lossless for p in pieces] + [p.law for p in pieces]))
+    branches = REFERENCES.get(quantity, ())
+    names = list(
+        dict.fromkeys([p.lossless for p in branches] + [p.law for p in branches])
+    )
     plain = all(
-        refers(quantity, candidate.method, np.asarray(each.z), lossless=True)
-        for each in ways
+        is_reference(quantity, candidate.method, np.asarray(each.z), lossless=True)
+        for each in conditions
     )
     rank = names.index(candidate.method) if candidate.method in names else len(names)
     return candidate.predicted_error, not plain, rank, _cost(candidate)

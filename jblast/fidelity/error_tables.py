@@ -38,7 +38,7 @@ class Losses(NamedTuple):
     log_loss: Float[np.ndarray, "node mass pressure"]
 
 
-class Own(NamedTuple):
+class ReferenceUncertainty(NamedTuple):
     """How far a reference itself may be off, relative, over a span of Z.
 
     Attributes:
@@ -102,10 +102,12 @@ def losses(burst: str) -> Losses:
 
 
 @cache
-def own_errors(quantity: str, burst: str) -> tuple[Own, ...]:
+def reference_uncertainties(
+    quantity: str, burst: str
+) -> tuple[ReferenceUncertainty, ...]:
     """Return how far a quantity's reference may be off, nearest span first."""
     return tuple(
-        Own(
+        ReferenceUncertainty(
             float(row["z_from"]),
             float(row["z_to"]),
             float(row["e_ref"]),

@@ -6,18 +6,18 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from jblast.constants import STANDARD_PRESSURE
-from jblast.fidelity import error_tables as stored
+from jblast.fidelity import error_tables
+from jblast.fidelity.conditions import Conditions, Numbers
 from jblast.fidelity.reference import (
     END,
     KINGERY_BULMASH_END,
     REFERENCES,
-    is_piece,
+    covers,
     is_too_far,
 )
-from jblast.fidelity.regimes import Numbers, Ways
 
 
-def relative_errors(quantity: str, ways: Ways) -> dict[str, Numbers]:
+def relative_errors(quantity: str, conditions: Conditions) -> dict[str, Numbers]:
     """Return how far every method is off its reference at every place, relative.
 
     Zero where a method is itself the reference; infinite where it does not hold, or
@@ -25,55 +25,60 @@ def relative_errors(quantity: str, ways: Ways) -> dict[str, Numbers]:
 
     Args:
         quantity: One of `REFERENCES`.
-        ways: To every place.
+        conditions: At every place.
     """
-    table = stored.errors(quantity, ways.burst)
-    z = np.asarray(ways.z)
+    table = error_tables.errors(quantity, conditions.burst)
+    z = np.asarray(conditions.z)
     with np.errstate(divide="ignore"):  # a sensor at the charge: nothing is known there
         log_z = np.log(z)
-    log_mass, log_pressure = np.log(ways.charge_mass), np.log(ways.ambient_pressure)
-    loss = _log_loss(quantity, ways.burst, log_z, log_mass, log_pressure)
-    known = is_covered(quantity, ways)
+    log_mass, log_pressure = (
+        np.log(conditions.charge_mass),
+        np.log(conditions.ambient_pressure),
+    )
+    loss = _log_loss(quantity, conditions.burst, log_z, log_mass, log_pressure)
+    known = is_covered(quantity, conditions)
     found = {}
     for method, nodes in table.log_ratio.items():
         per_mass, per_pressure = table.exponents[method]
         ratio = np.interp(log_z, table.log_z, nodes, left=np.nan, right=np.nan)
         ratio = ratio + per_mass * log_mass - loss
         ratio = ratio + per_pressure * (log_pressure - math.log(STANDARD_PRESSURE))
-        for piece in REFERENCES[quantity]:
-            if piece.law == method:
-                ratio = np.where(is_piece(piece, z), 0.0, ratio)
-        good = known & np.asarray(ways.holds[method])
+        for branch in REFERENCES[quantity]:
+            if branch.law == method:
+                ratio = np.where(covers(branch, z), 0.0, ratio)
+        good = known & np.asarray(conditions.holds[method])
         off = np.abs(np.expm1(np.where(good, ratio, np.nan)))
         found[method] = np.where(np.isfinite(off), off, np.inf)
     return found
 
 
-def is_covered(quantity: str, ways: Ways) -> Bool[np.ndarray, " place"]:
+def is_covered(quantity: str, conditions: Conditions) -> Bool[np.ndarray, " place"]:
     """Return where the reference holds, by place."""
-    z = np.asarray(ways.z)
-    spans = stored.own_errors(quantity, ways.burst)
+    z = np.asarray(conditions.z)
+    spans = error_tables.reference_uncertainties(quantity, conditions.burst)
     inside = (z >= spans[0].start) & (z <= spans[-1].end)
-    return inside & ~is_too_far(z, ways.slant_range)
+    return inside & ~is_too_far(z, conditions.slant_range)
 
 
-def own_error(quantity: str, ways: Ways) -> Float[np.ndarray, " place"]:
+def reference_uncertainty(
+    quantity: str, conditions: Conditions
+) -> Float[np.ndarray, " place"]:
     """Return how far the reference itself may be off at every place, relative."""
-    spans = stored.own_errors(quantity, ways.burst)
+    spans = error_tables.reference_uncertainties(quantity, conditions.burst)
     ends = [span.end for span in spans[:-1]]
     errors = np.array([span.error for span in spans])
-    return errors[np.searchsorted(ends, np.asarray(ways.z))]
+    return errors[np.searchsorted(ends, np.asarray(conditions.z))]
 
 
 def _log_loss(quantity: str, burst: str, log_z, log_mass, log_pressure) -> np.ndarray:
     """Return what absorption takes past the tables, in ln, of a place; else zero."""
-    lossy = any(piece.law != piece.lossless for piece in REFERENCES[quantity])
+    lossy = any(branch.law != branch.lossless for branch in REFERENCES[quantity])
     far = log_z > math.log(KINGERY_BULMASH_END)
     if not (lossy and far.any()):
         return np.zeros_like(log_z)
     from scipy.interpolate import RegularGridInterpolator  # half as slow as all of JAX
 
-    table = stored.losses(burst)
+    table = error_tables.losses(burst)
     axes = (table.log_z, table.log_mass, table.log_pressure)
     places = [
         np.clip(x, axis[0], axis[-1])

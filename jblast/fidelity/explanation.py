@@ -55,18 +55,18 @@ def _of_the_chosen(choice: Choice, found: Candidate) -> str:
     where = f"inside {law.range}" if law else "inside the run"
     name = named(found.method)
     if choice.quantity not in REFERENCES:
-        if choice.own_error == 0.0:
+        if choice.reference_uncertainty == 0.0:
             return f"{name}: exact"
         return (
             f"{name}: the law taken unless told otherwise; nothing was measured to "
             "hold it against, so no tolerance is supportable"
         )
-    if not math.isfinite(choice.own_error):
+    if not math.isfinite(choice.reference_uncertainty):
         return (
             f"{name}: {z}; the reference ends at Z = {END:g} and "
             f"{FARTHEST / 1000:g} km, so no tolerance is supportable there"
         )
-    own = percent(choice.own_error)
+    own = percent(choice.reference_uncertainty)
     if not found.valid:
         return f"{name}: {z}, not all {where}; no method holds at all of it"
     quality = (
@@ -77,7 +77,7 @@ def _of_the_chosen(choice: Choice, found: Candidate) -> str:
     if choice.met or choice.tolerance == 0.0:
         return f"{name}: {z} {where}, {quality}"
     asked = f"a tolerance of {percent(choice.tolerance)}"
-    if choice.own_error > choice.tolerance:
+    if choice.reference_uncertainty > choice.tolerance:
         return f"{name}: {z} {where}; {asked} is not supportable: it is {quality}"
     short = found.predicted_error / choice.tolerance
     return (

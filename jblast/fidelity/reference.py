@@ -32,7 +32,7 @@ FARTHEST = 5000.0
 """Distance up to which there is one past the tables [m]: farther, weather decides."""
 
 
-class Piece(NamedTuple):
+class Branch(NamedTuple):
     """A law that is the reference over a span of scaled distances.
 
     Attributes:
@@ -48,25 +48,25 @@ class Piece(NamedTuple):
     lossless: str
 
 
-def _piece(law: str, start: float, end: float, lossless: str = "") -> Piece:
-    return Piece(law, start, end, lossless or law)
+def _branch(law: str, start: float, end: float, lossless: str = "") -> Branch:
+    return Branch(law, start, end, lossless or law)
 
 
-NEAR = _piece("kingery_bulmash", 0.0, KINGERY_BULMASH_END)
+NEAR = _branch("kingery_bulmash", 0.0, KINGERY_BULMASH_END)
 
 
-REFERENCES: dict[str, tuple[Piece, ...]] = {
-    "air_arrival_s": (NEAR, _piece("shock_kinematics", KINGERY_BULMASH_END, END)),
+REFERENCES: dict[str, tuple[Branch, ...]] = {
+    "air_arrival_s": (NEAR, _branch("shock_kinematics", KINGERY_BULMASH_END, END)),
     "peak_overpressure_pa": (
         NEAR,
-        _piece("weak_shock_iso", KINGERY_BULMASH_END, END, "shock_kinematics"),
+        _branch("weak_shock_iso", KINGERY_BULMASH_END, END, "shock_kinematics"),
     ),
-    "shock_speed_m_s": (NEAR, _piece("shock_kinematics", KINGERY_BULMASH_END, END)),
+    "shock_speed_m_s": (NEAR, _branch("shock_kinematics", KINGERY_BULMASH_END, END)),
     **dict.fromkeys(
         ("positive_impulse_pa_s", "positive_duration_s"),
         (
-            _piece("kingery_bulmash", 0.0, FORD_START),
-            _piece("ford_2021", FORD_START, END),
+            _branch("kingery_bulmash", 0.0, FORD_START),
+            _branch("ford_2021", FORD_START, END),
         ),
     ),
     **dict.fromkeys(("reflected_pressure_pa", "reflected_impulse_pa_s"), (NEAR,)),
@@ -80,14 +80,14 @@ def scaled_distances(path: Path) -> Float[np.ndarray, " place"]:
     return np.atleast_1d(np.asarray(z))
 
 
-def is_piece(
-    piece: Piece, z: Float[np.ndarray, " place"]
+def covers(
+    branch: Branch, z: Float[np.ndarray, " place"]
 ) -> Bool[np.ndarray, " place"]:
-    """Return where a piece is the reference: a join belongs to what lies before it."""
-    return (z > piece.start) & (z <= piece.end)
+    """Return where a branch is the reference: a join belongs to what lies before it."""
+    return (z > branch.start) & (z <= branch.end)
 
 
-def refers(
+def is_reference(
     quantity: str, name: str, z: Float[np.ndarray, " place"], *, lossless: bool = False
 ) -> bool:
     """Return whether a method is a quantity's reference at all of some Z.
@@ -98,12 +98,14 @@ def refers(
         z: Scaled distances [m/kg^(1/3)].
         lossless: Whether absorption is left out of the reference.
     """
-    pieces = [
-        piece
-        for piece in REFERENCES.get(quantity, ())
-        if name == (piece.lossless if lossless else piece.law)
+    branches = [
+        branch
+        for branch in REFERENCES.get(quantity, ())
+        if name == (branch.lossless if lossless else branch.law)
     ]
-    return bool(pieces) and bool(np.any([is_piece(p, z) for p in pieces], axis=0).all())
+    return bool(branches) and bool(
+        np.any([covers(p, z) for p in branches], axis=0).all()
+    )
 
 
 def is_too_far(
@@ -125,8 +127,8 @@ def reference_value(
     """
     z = scaled_distances(path)
     value = jnp.full(z.shape, jnp.nan)
-    for piece in REFERENCES[quantity]:
-        law = law_for(quantity, piece.lossless if lossless else piece.law)
+    for branch in REFERENCES[quantity]:
+        law = law_for(quantity, branch.lossless if lossless else branch.law)
         said = jnp.where(call(law.valid, path), call(law.function, path), jnp.nan)
-        value = jnp.where(is_piece(piece, z), said, value)
+        value = jnp.where(covers(branch, z), said, value)
     return jnp.where(is_too_far(z, path.slant_range), jnp.nan, value)

@@ -13,7 +13,7 @@ from jaxtyping import Float
 
 from jblast.errors import InputError, nearest
 from jblast.fidelity import choose_for, tolerance_of
-from jblast.fidelity.regimes import Ways, ways_of
+from jblast.fidelity.conditions import Conditions, conditions_of
 from jblast.kept_programs import kept
 from jblast.registry import names_for
 from jblast.scene import Charge, Scene
@@ -71,29 +71,31 @@ def choose_laws(
     told = np.full(len(layout.quantity), np.nan) if sigma is None else np.array(sigma)
     if any(charge.burst is None for charge in scene.charges) and not layout.free_air:
         scene, layout = settled(scene, layout)
-    ways = jax.tree.map(np.asarray, _ways(scene, layout, tuple(quantities)))
+    conditions = jax.tree.map(np.asarray, _conditions(scene, layout, tuple(quantities)))
     return {
-        quantity: _choose(quantity, scene, layout, ways[quantity], told)
+        quantity: _choose(quantity, scene, layout, conditions[quantity], told)
         for quantity in quantities
     }
 
 
 @kept
-def _ways(
+def _conditions(
     scene: Scene, layout: Layout, quantities: tuple[str, ...]
-) -> dict[str, list[Ways | None]]:
-    """Return the ways from every charge to the rows a quantity takes part in."""
-    ways: dict[str, list[Ways | None]] = {quantity: [] for quantity in quantities}
+) -> dict[str, list[Conditions | None]]:
+    """Return the conditions from every charge at the rows a quantity is of."""
+    conditions: dict[str, list[Conditions | None]] = {
+        quantity: [] for quantity in quantities
+    }
     for charge, shot, burst in _charges(scene):
         path = replace(path_to(scene, layout, charge), burst=burst, free_air=None)
-        for quantity, found in ways.items():
+        for quantity, found in conditions.items():
             rows = _rows(layout, quantity, shot, charge, burst)
-            way = replace(
+            to_rows = replace(
                 jax.tree.map(lambda x, rows=rows: x[rows] if x.ndim else x, path),
                 charge_mass=charge.tnt_mass(quantity),
             )
-            found.append(ways_of(quantity, way) if rows.size else None)
-    return ways
+            found.append(conditions_of(quantity, to_rows) if rows.size else None)
+    return conditions
 
 
 def _charges(scene: Scene) -> list[tuple[Charge, int, Burst]]:
@@ -119,16 +121,16 @@ def _choose(
     quantity: str,
     scene: Scene,
     layout: Layout,
-    ways: Sequence[Ways | None],
+    conditions: Sequence[Conditions | None],
     sigma: Float[np.ndarray, " row"],
 ) -> tuple[str, str]:
     """Return the law and the reason for one quantity."""
     found, shares = [], []
-    for (charge, shot, burst), way in zip(_charges(scene), ways, strict=True):
-        if way is not None:
+    for (charge, shot, burst), each in zip(_charges(scene), conditions, strict=True):
+        if each is not None:
             rows = _rows(layout, quantity, shot, charge, burst)
-            found.append(way)
-            shares.append(tolerance_of(sigma[rows], quantity, [way]))
+            found.append(each)
+            shares.append(tolerance_of(sigma[rows], quantity, [each]))
     told = [share for share in shares if share > 0.0]
     choice = choose_for(quantity, found, min(told, default=0.0))
     return choice.method, choice.reason.removeprefix(f"{choice.method}: ")

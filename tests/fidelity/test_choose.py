@@ -5,11 +5,11 @@ import numpy as np
 import pytest
 
 from jblast.errors import InputError
-from jblast.fidelity import choose, error_tables as stored
+from jblast.fidelity import choose, error_tables
 from jblast.fidelity.choose import ALIKE, SHARE_OF_SIGMA, tolerance_of
+from jblast.fidelity.conditions import conditions_of
 from jblast.fidelity.measured_errors import standard_path
 from jblast.fidelity.reference import END, FARTHEST
-from jblast.fidelity.regimes import ways_of
 from jblast.scene import Charge, Scene, Sensor, UncertainScene, freed
 from jblast.scene.parameters import with_values
 from jblast.scene.priors import LogNormal
@@ -34,10 +34,10 @@ def test_the_reference_is_good_to_what_it_may_itself_be_off():
     choice = choose(scene(10.0, 35.0), ARRIVAL, 0.01)
     assert choice.met
     assert choice.method == "kingery_bulmash"
-    spans = stored.own_errors(ARRIVAL, "surface")
+    spans = error_tables.reference_uncertainties(ARRIVAL, "surface")
     z = np.array(choice.span)
-    own = [s.error for s in spans if s.end > z[0] and s.start < z[1]]
-    assert choice.predicted_error == max(own)
+    uncertainty = [s.error for s in spans if s.end > z[0] and s.start < z[1]]
+    assert choice.predicted_error == max(uncertainty)
     assert candidate(choice, "kingery_bulmash").error == 0.0
     assert candidate(choice, "kingery_bulmash").is_reference
 
@@ -125,8 +125,8 @@ def test_the_default_tolerance_is_a_third_of_the_smallest_sigma():
 
 
 def test_no_sigma_asks_for_the_best_there_is():
-    ways = ways_of(ARRIVAL, standard_path(np.array([5.0]), "surface"))
-    assert tolerance_of(np.array([np.nan]), ARRIVAL, [ways]) == 0.0
+    conditions = conditions_of(ARRIVAL, standard_path(np.array([5.0]), "surface"))
+    assert tolerance_of(np.array([np.nan]), ARRIVAL, [conditions]) == 0.0
 
 
 @pytest.mark.parametrize(

@@ -10,9 +10,9 @@ import pytest
 from calibration.promises import promises, random_path, real_errors, wilson_lower
 from jblast.fidelity import choose_for
 from jblast.fidelity.choose import ALIKE
+from jblast.fidelity.conditions import jitted_conditions
 from jblast.fidelity.measured_errors import BURSTS
 from jblast.fidelity.reference import REFERENCES
-from jblast.fidelity.regimes import jitted_ways
 from jblast.fidelity.solver import METHOD as SOLVER
 from jblast.registry import call, law_for
 
@@ -41,13 +41,15 @@ def test_promises_are_kept_at_no_more_than_twice_the_cost(quantity, path):
 @pytest.mark.parametrize("quantity", ["air_arrival_s", "peak_overpressure_pa"])
 def test_what_choose_names_is_what_the_study_counts(quantity):
     path = random_path("free-air", FEW)
-    ways = jax.tree.map(np.asarray, jitted_ways(quantity, path))
-    real = real_errors(quantity, path, ways)
+    conditions = jax.tree.map(np.asarray, jitted_conditions(quantity, path))
+    real = real_errors(quantity, path, conditions)
     counts = promises(quantity, path)
     for tolerance in TOLERANCES:
         choices = [
             choose_for(
-                quantity, [jax.tree.map(lambda x, i=i: x[i : i + 1], ways)], tolerance
+                quantity,
+                [jax.tree.map(lambda x, i=i: x[i : i + 1], conditions)],
+                tolerance,
             )
             for i in range(FEW)
         ]
@@ -60,15 +62,15 @@ def test_what_choose_names_is_what_the_study_counts(quantity):
 @pytest.mark.slow
 @pytest.mark.parametrize("quantity", REFERENCES)
 def test_no_value_and_no_slope_is_anything_but_a_number(quantity, path):
-    for name in {m for m in jitted_ways(quantity, path).holds if m != SOLVER}:
+    for name in {m for m in jitted_conditions(quantity, path).holds if m != SOLVER}:
         law = law_for(quantity, name)
 
         @jax.jit
         def values(log_range, log_mass, law=law):
-            way = dataclasses.replace(
+            there = dataclasses.replace(
                 path, slant_range=jnp.exp(log_range), charge_mass=jnp.exp(log_mass)
             )
-            return jnp.broadcast_to(call(law.function, way), log_range.shape)
+            return jnp.broadcast_to(call(law.function, there), log_range.shape)
 
         at = jnp.log(path.slant_range), jnp.log(path.charge_mass)
         value, pull = jax.vjp(values, *at)

@@ -62,8 +62,8 @@ def _of(
     names = [name for name in names if by_law[name].valid.any()]
     if len(names) < 2:
         return None
-    way = path_of_rows(question, quantity)
-    scatter = {name: _scatter(quantity, name, way) for name in names}
+    path = path_of_rows(question, quantity)
+    scatter = {name: _scatter(quantity, name, path) for name in names}
     apart = {
         pair: _sds_apart([by_law[n] for n in pair], [scatter[n] for n in pair])
         for pair in combinations(names, 2)
@@ -91,11 +91,11 @@ def _of(
     )
 
 
-def _scatter(quantity: str, name: str, way: Path) -> Float[np.ndarray, " row"]:
+def _scatter(quantity: str, name: str, path: Path) -> Float[np.ndarray, " row"]:
     """Return one standard deviation of nature about a law, in ln, of each row."""
-    parts = call(LAWS[quantity, name].scatter, way)
+    parts = call(LAWS[quantity, name].scatter, path)
     squares = sum(np.square(np.asarray(part)) for part in parts)
-    return np.broadcast_to(np.sqrt(squares), way.slant_range.shape)
+    return np.broadcast_to(np.sqrt(squares), path.slant_range.shape)
 
 
 def _sds_apart(
@@ -114,8 +114,8 @@ def _taken(question: Question, quantity: str, row: int) -> tuple[str, str]:
     """Return the law that `jblast choose` would take at a row for the best there is."""
     # what is stored of methods is read where laws disagree, and only there
     from jblast.fidelity import choose_for
+    from jblast.fidelity.conditions import jitted_conditions
     from jblast.fidelity.reference import REFERENCES
-    from jblast.fidelity.regimes import jitted_ways
 
     if quantity not in REFERENCES:
         return "", "nothing here tells which of them is nearer to nature"
@@ -125,10 +125,10 @@ def _taken(question: Question, quantity: str, row: int) -> tuple[str, str]:
         slant_range=(float(ranges[row]),),
         charge_mass=(float(masses[row]),),
     )
-    way = path_of_rows(here, quantity)
-    if way.burst is None:
-        burst = "free-air" if bool(np.asarray(way.free_air)[0]) else "surface"
-        way = way.at_burst(burst)
-    ways = jax.tree.map(np.asarray, jitted_ways(quantity, way))
-    choice = choose_for(quantity, [ways], 0.0)
+    path = path_of_rows(here, quantity)
+    if path.burst is None:
+        burst = "free-air" if bool(np.asarray(path.free_air)[0]) else "surface"
+        path = path.at_burst(burst)
+    conditions = jax.tree.map(np.asarray, jitted_conditions(quantity, path))
+    choice = choose_for(quantity, [conditions], 0.0)
     return choice.method, choice.reason.removeprefix(f"{choice.method}: ")

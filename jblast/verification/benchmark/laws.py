@@ -9,7 +9,7 @@ import numpy as np
 
 from jblast.constants import STANDARD_PRESSURE
 from jblast.fidelity import solver
-from jblast.fidelity.error_tables import own_errors
+from jblast.fidelity.error_tables import reference_uncertainties
 from jblast.fidelity.measured_errors import (
     BURSTS,
     JUST_PAST,
@@ -108,9 +108,9 @@ def _point(
     known = np.isfinite(ratio) & holds(quantity, method, path)
     if known.sum() < FEWEST:
         return None
-    spans = own_errors(quantity, burst)
-    own = max(s.error for s in spans if s.start < end and s.end > start)
-    refers = any(
+    spans = reference_uncertainties(quantity, burst)
+    uncertainty = max(s.error for s in spans if s.start < end and s.end > start)
+    is_reference = any(
         p.law == method and p.start <= start and end <= p.end
         for p in REFERENCES[quantity]
     )
@@ -119,11 +119,14 @@ def _point(
     return BenchmarkPoint(
         method=method,
         cost_s=cost,
-        error=max(own, 0.0 if refers else float(np.abs(np.expm1(ratio[known])).max())),
+        error=max(
+            uncertainty,
+            0.0 if is_reference else float(np.abs(np.expm1(ratio[known])).max()),
+        ),
         range=f"{where}, Z = {low:.3g} to {high:.3g} m/kg^(1/3)",
         panel=f"{where}, Z = {start:g} to {end:g}",
         whole=bool(known.all()),
-        is_reference=refers,
+        is_reference=is_reference,
     )
 
 

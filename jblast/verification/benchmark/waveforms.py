@@ -73,7 +73,9 @@ def _apart(one: Waveform, true: Waveform, end: float) -> float:
     return _rms(one.pressure(np.linspace(0.0, end, SAMPLES)), true, end)
 
 
-def own_error(coarse: Waveform, middle: Waveform, fine: Waveform, end: float) -> float:
+def reference_uncertainty(
+    coarse: Waveform, middle: Waveform, fine: Waveform, end: float
+) -> float:
     """Return how far the finest of three runs may be off, by their observed order."""
     last = _apart(middle, fine, end)
     ratio = _apart(coarse, middle, end) / last
@@ -116,12 +118,12 @@ def waveform_points(
         ):
             panel = f"{what}, lambda = {place:g}"
             span = f"{panel}, peak {float(true.told.peak):.2g} ambient pressures"
-            own = own_error(waves[-3], waves[-2], true, until)
+            uncertainty = reference_uncertainty(waves[-3], waves[-2], true, until)
             points += [
                 BenchmarkPoint(
                     name,
                     forms[form],
-                    max(own, form_error(form, true, until)),
+                    max(uncertainty, form_error(form, true, until)),
                     span,
                     panel,
                 )
@@ -131,7 +133,7 @@ def waveform_points(
                 BenchmarkPoint(
                     f"{number} cells",
                     costs[number],
-                    max(own, _apart(wave, true, until)),
+                    max(uncertainty, _apart(wave, true, until)),
                     span,
                     panel,
                     is_reference=wave is true,

@@ -21,7 +21,7 @@ from jblast.verification.benchmark.gauge_waveforms import (
 )
 from jblast.verification.benchmark.waveforms import (
     form_error,
-    own_error,
+    reference_uncertainty,
     waveform_points,
 )
 from jblast.waves.laws.point_source.front import log_overpressure_ratio
@@ -87,7 +87,7 @@ def test_own_error_is_that_of_the_finest_of_second_order_runs():
     def wave(ripple):
         return wave_of(1.0, ripple=ripple)
 
-    exact = own_error(wave(1.6e-2), wave(4e-3), wave(1e-3), 1.0)
+    exact = reference_uncertainty(wave(1.6e-2), wave(4e-3), wave(1e-3), 1.0)
     # the rms of a sine over half a turn, on 256 samples with both ends
     assert exact == pytest.approx(1e-3 / np.sqrt(2.0), rel=0.01)
 

@@ -1,4 +1,4 @@
-"""The ways from a charge to some places: what a choice of method depends on."""
+"""What a choice of method depends on, from a charge to some places."""
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -16,8 +16,8 @@ Numbers = Float[Array | np.ndarray, " place"]
 Marks = Bool[Array | np.ndarray, " place"]
 
 
-class Ways(eqx.Module):
-    """What decides over methods, by place.
+class Conditions(eqx.Module):
+    """What a choice of method is conditioned on, by place.
 
     Attributes:
         z: Scaled distance [m/kg^(1/3)].
@@ -40,7 +40,7 @@ class Ways(eqx.Module):
     burst: Burst = eqx.field(static=True)
 
 
-def ways_of(quantity: str, path: Path) -> Ways:
+def conditions_of(quantity: str, path: Path) -> Conditions:
     """Return what decides over the methods for a quantity; may be jitted.
 
     Args:
@@ -57,7 +57,7 @@ def ways_of(quantity: str, path: Path) -> Ways:
     }
     if quantity in solver.QUANTITIES:
         holds[solver.METHOD] = solver.holds(z, path.one_burst())
-    return Ways(
+    return Conditions(
         z=z,
         slant_range=path.slant_range,
         charge_mass=each(path.charge_mass),
@@ -69,4 +69,4 @@ def ways_of(quantity: str, path: Path) -> Ways:
     )
 
 
-jitted_ways = kept(ways_of)
+jitted_conditions = kept(conditions_of)
