@@ -55,7 +55,7 @@ def conditions_of(quantity: str, path: Path) -> Conditions:
     holds = {
         name: call(law_for(quantity, name).valid, path) for name in names_for(quantity)
     }
-    if quantity in solver.QUANTITIES:
+    if quantity in solver.SOLVED:
         holds[solver.METHOD] = solver.holds(z, path.one_burst())
     return Conditions(
         z=z,

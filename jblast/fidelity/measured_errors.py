@@ -87,7 +87,7 @@ def methods_for(quantity: str) -> tuple[str, ...]:
         for name in names_for(quantity)
         if "time_since_detonation" not in law_for(quantity, name).arguments()
     )
-    return laws + ((solver.METHOD,) if quantity in solver.QUANTITIES else ())
+    return laws + ((solver.METHOD,) if quantity in solver.SOLVED else ())
 
 
 def value_of(quantity: str, method: str, path: Path) -> Float[np.ndarray, " place"]:

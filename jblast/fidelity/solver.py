@@ -18,7 +18,9 @@ METHOD = "euler"
 CELLS = 100
 """Enough for 0.1 % (`calibration/results/point_source.txt`)."""
 
-QUANTITIES = ("air_arrival_s", "peak_overpressure_pa", "shock_speed_m_s")
+SOLVED = ("air_arrival_s", "peak_overpressure_pa", "shock_speed_m_s")
+"""Quantities that it gives."""
+
 LAMBDAS = (0.1, 100.0)
 """Scaled distances R (P0/E)^(1/3) that a run covers."""
 
@@ -48,7 +50,7 @@ def scaled_value(
     r"""Return a quantity of 1 kg in standard air: $c_0 t/R$, $p/P_0$ or $U/c_0$.
 
     Args:
-        quantity: One of `QUANTITIES`.
+        quantity: One of `SOLVED`.
         z: Scaled distances [m/kg^(1/3)].
         burst: "surface" or "free-air".
 
