@@ -7,11 +7,15 @@ writes, so that no page tells by hand what a table says.
 import re
 from collections.abc import Callable
 
-from docs.generate import command_line, scene_tables
+from docs.generate import answer_tables, command_line, scene_tables
 
 MARKER = re.compile(r"^<!-- jblast: (\w+) -->$", re.MULTILINE)
 BLOCKS: dict[str, Callable[[], str]] = {
     "command_line": command_line.verbs,
+    "answer_of_fit": answer_tables.fit,
+    "answer_of_bound": answer_tables.bound,
+    "answer_of_choose": answer_tables.choose,
+    "answer_of_stability": answer_tables.stability,
     "quantities": scene_tables.quantities,
     "units": scene_tables.units,
     "columns": scene_tables.columns,

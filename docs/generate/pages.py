@@ -5,7 +5,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from docs.generate import api, notebooks, results, scene_schema
+from docs.generate import answer_schemas, api, notebooks, results, scene_schema
 from docs.generate.front_door import front_door
 
 ROOT = Path(__file__).parents[2]
@@ -15,7 +15,13 @@ ALSO = {
     "contributing.md": "CONTRIBUTING.md",
 }
 """Pages that are files of the repository's root."""
-SCHEMAS = {"scene": scene_schema.scene_schema}
+SCHEMAS = {
+    "scene": scene_schema.scene_schema,
+    "fit": answer_schemas.fit,
+    "bound": answer_schemas.bound,
+    "choose": answer_schemas.choose,
+    "stability": answer_schemas.stability,
+}
 """JSON Schemas, by name."""
 
 

@@ -16,6 +16,7 @@ ROOM_OF = {
     "notebooks": "tests/test_notebooks.py",
     "calibration": "tests/calibration",
     ".ci": "tests/test_packaging.py",
+    "docs": "tests/test_schemas.py",
 }
 """Where the tests are of what stands outside jblast/ and tests/."""
 ALWAYS = (

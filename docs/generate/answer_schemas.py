@@ -1,0 +1,147 @@
+"""JSON Schemas of answers, from the dataclasses that hold them.
+
+An answer's fields are its keys, their types the schema, and what its docstring says of
+them the description. Where a document words an entry otherwise than the class has it,
+`WORDED` says so; a test holds documents of real answers against all of it.
+"""
+
+import types
+from collections.abc import Callable, Mapping
+from dataclasses import fields, is_dataclass
+from typing import Any, Union, get_args, get_origin, get_type_hints
+
+from docs.generate.attributes import attributes
+from jblast.fidelity import Choice
+from jblast.inference.design.summary import AddedDatum, BoundSummary
+from jblast.inference.fitting.findings import WrongSensor
+from jblast.inference.fitting.summary import Summary
+from jblast.inference.identifiability.findings import EstimableCombination
+from jblast.verification.stability.failure import KEYS as FAILURE_KEYS, FailureMode
+
+DIALECT = "https://json-schema.org/draft/2020-12/schema"
+NUMBER = {"type": ["number", "null"]}
+"""What is infinite or unknown is null."""
+SIMPLE: dict[Any, dict[str, Any]] = {
+    float: NUMBER,
+    int: {"type": "integer"},
+    bool: {"type": "boolean"},
+    str: {"type": "string"},
+}
+Schema = dict[str, Any]
+
+
+def fit() -> Schema:
+    """Return the schema of what `jblast fit --json` prints of one log."""
+    return _document("An answer of jblast fit", schema_of(Summary))
+
+
+def bound() -> Schema:
+    """Return the schema of what `jblast bound --json` prints."""
+    return _document("An answer of jblast bound", schema_of(BoundSummary))
+
+
+def choose() -> Schema:
+    """Return the schema of what `jblast choose --json` prints."""
+    return {"$schema": DIALECT, "title": "An answer of jblast choose"} | schema_of(
+        Choice
+    )
+
+
+def stability() -> Schema:
+    """Return the schema of what `jblast stability --json` prints."""
+    areas = {"type": "array", "items": schema_of(FailureMode)}
+    properties = {"areas": {"type": "object", "additionalProperties": areas}}
+    return _document("Failure modes, by jblast stability", _object(properties))
+
+
+def schema_of(hint: Any) -> Schema:
+    """Return the schema of a type: of a dataclass, or of what a field of one holds."""
+    if hint in SIMPLE:
+        return SIMPLE[hint]
+    if is_dataclass(hint) and isinstance(hint, type):
+        return WORDED.get(hint, lambda schema: schema)(_of_class(hint))
+    origin, inner = get_origin(hint), get_args(hint)
+    if origin in (Union, types.UnionType):
+        return {"anyOf": [schema_of(one) for one in inner]}
+    if hint is type(None):
+        return {"type": "null"}
+    if origin is Mapping:
+        return {"type": "object", "additionalProperties": schema_of(inner[1])}
+    if origin is tuple:
+        items = {"type": "array", "items": schema_of(inner[0])}
+        if inner[1] is ...:
+            return items
+        return items | {"minItems": len(inner), "maxItems": len(inner)}
+    if str(origin) == "typing.Literal":
+        return {"enum": list(inner)}
+    return {"type": "array", "items": NUMBER}  # an array, by its shape
+
+
+def _of_class(cls: type) -> Schema:
+    hints, told = get_type_hints(cls), attributes(cls.__doc__ or "")
+    return _object(
+        {
+            field.name: schema_of(hints[field.name]) | {"description": told[field.name]}
+            for field in fields(cls)
+        }
+    )
+
+
+def _object(properties: dict[str, Schema]) -> Schema:
+    return {
+        "type": "object",
+        "properties": properties,
+        "required": list(properties),
+        "additionalProperties": False,
+    }
+
+
+def _document(title: str, schema: Schema) -> Schema:
+    properties = {"schema": {"const": 1}} | schema["properties"]
+    return {"$schema": DIALECT, "title": title} | _object(properties)
+
+
+def _without(schema: Schema, *names: str) -> dict[str, Schema]:
+    return {k: v for k, v in schema["properties"].items() if k not in names}
+
+
+def _combination(schema: Schema) -> Schema:
+    told = _object(_without(schema, "is_local"))
+    told["properties"]["note"] = {"type": "string"}  # where it holds nearby alone
+    return told
+
+
+def _wrong(schema: Schema) -> Schema:
+    told = _object({"kind": {"enum": ["clock", "sensor"]}, **schema["properties"]})
+    told["properties"] |= {
+        "offset_s": NUMBER,
+        "offset_sd": NUMBER,
+        "parameter": {"type": ["string", "null"]},
+    }
+    return told
+
+
+def _added(schema: Schema) -> Schema:
+    told = _without(schema, "sensor", "position", "charge", "is_default", "left")
+    return _object(
+        told
+        | {
+            "where": {"type": "string"},
+            "position_m": schema["properties"]["position"],
+            "charge": {"type": ["string", "null"]},
+            "sigma_from": {"enum": ["default", "layout"]},
+        }
+        | schema["properties"]["left"]["properties"]
+    )
+
+
+WORDED: dict[type, Callable[[Schema], Schema]] = {
+    EstimableCombination: _combination,
+    WrongSensor: _wrong,
+    AddedDatum: _added,
+    Choice: lambda schema: _object(_without(schema, "span", "own_error")),
+    FailureMode: lambda schema: _object(
+        {key: schema["properties"][of] for key, of in FAILURE_KEYS.items()}
+    ),
+}
+"""Entries that a document words otherwise than their class has them."""

@@ -1,0 +1,50 @@
+"""The keys of answers as tables, from their schemas."""
+
+from collections.abc import Mapping
+from typing import Any
+
+from docs.generate import answer_schemas
+
+
+def fit() -> str:
+    """Write the keys of a fit's answer."""
+    return keys_of(answer_schemas.fit())
+
+
+def bound() -> str:
+    """Write the keys of a bound's answer."""
+    return keys_of(answer_schemas.bound())
+
+
+def choose() -> str:
+    """Write the keys of a choice."""
+    return keys_of(answer_schemas.choose())
+
+
+def stability() -> str:
+    """Write the keys of each failure mode."""
+    areas = answer_schemas.stability()["properties"]["areas"]
+    return keys_of(areas["additionalProperties"]["items"])
+
+
+def keys_of(schema: Mapping[str, Any]) -> str:
+    """Write a row for each key: what it holds, and the keys of what it holds."""
+    rows = []
+    for key, value in schema["properties"].items():
+        if key == "schema":
+            rows.append("| `schema` | 1 |")
+            continue
+        told = value.get("description", "").rstrip(".")
+        rows.append(f"| `{key}` | {'; '.join(filter(None, [told, _within(value)]))} |")
+    return "\n".join(["| key | what it holds |", "|---|---|", *rows])
+
+
+def _within(schema: Mapping[str, Any]) -> str:
+    """Name the keys of entries: of one, of each of a list, or of each by its name."""
+    if "properties" in schema:
+        return ", ".join(f"`{key}`" for key in schema["properties"])
+    for word, how in (("items", "each with "), ("additionalProperties", "by name ")):
+        inner = schema.get(word)
+        if isinstance(inner, Mapping) and (keys := _within(inner)):
+            return how + keys
+    return next(filter(None, map(_within, schema.get("anyOf", ()))), "")

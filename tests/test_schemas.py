@@ -1,0 +1,133 @@
+"""JSON Schemas of the manual: they take what is read and printed, and nothing else."""
+
+import math
+import tomllib
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from jsonschema import Draft202012Validator
+
+import jblast
+from docs.generate import answer_schemas, answer_tables
+from docs.generate.scene_schema import scene_schema
+from jblast.errors import InputError
+from jblast.inference.design.cramer_rao import Bound
+from jblast.inference.design.summary import AddedDatum, BoundSummary, Sensitivity
+from jblast.inference.fitting.findings import WrongClock, WrongSensor
+from jblast.inference.identifiability.findings import (
+    EstimableCombination,
+    NullDirection,
+    OtherMode,
+)
+from jblast.inference.posterior.estimate import Estimate, Spread
+from jblast.json_values import plain
+from jblast.report.design.document import bound_document
+from jblast.report.fit.document import fit_document
+from jblast.scene.reader.scene import scene_from_document
+from jblast.verification.stability.failure import FailureMode
+from tests.report import example
+
+ROOT = Path(__file__).parents[1]
+NULL = NullDirection({"charge_mass_kg": 1.0}, "ln", "an origin time")
+OTHER = OtherMode({"charge_mass_kg": 2.0}, "another place", "a third sensor")
+NEARBY = EstimableCombination("charge_mass_kg * wind", math.nan, 0.1, is_local=True)
+
+
+def check(schema: dict[str, Any], document: Any) -> None:
+    Draft202012Validator.check_schema(schema)
+    Draft202012Validator(schema).validate(document)
+
+
+def test_the_schema_of_a_scene_takes_what_the_reader_takes():
+    schema = Draft202012Validator(scene_schema())
+    for path in (ROOT / "calibration").rglob("*.toml"):
+        schema.validate(tomllib.loads(path.read_text("utf-8")))
+    for document in (
+        {"charge": {"mass_kg": -1.0}},
+        {"charge": {"mass_kg": {"normal": [1.0]}}},
+        {"charge": {"position_m": [0.0, 0.0]}},
+        {"air": {"relative_humidity": 1.5}},
+        {"sensor": [{"name": "a", "records": {"air_arrival": 1e-3}}]},
+        {"vehicle": {"model": "balloon"}},
+        {"charges": {}},
+        {"schema": 2},
+    ):
+        assert not schema.is_valid(document), document
+        with pytest.raises(InputError):
+            scene_from_document(document, "scene.toml")
+
+
+def test_the_schema_of_a_fit_takes_every_answer():
+    fit = example.not_identifiable()
+    rest = (2.5, 3, math.nan, 4, {"origin_time_s": Estimate()})
+    full = replace(
+        fit.summary,
+        null_directions=(NULL,),
+        ambiguities=(OTHER,),
+        determined=(NEARBY,),
+        explained_by=(
+            WrongClock("c", *rest, -0.8, 0.01, None),
+            WrongSensor("d", *rest),
+        ),
+    )
+    made = (fit, example.three_parameters(), example.with_outliers())
+    for one in (*made, replace(fit, summary=full)):
+        check(answer_schemas.fit(), fit_document(one))
+
+
+def test_the_schema_of_a_bound_takes_every_answer():
+    datum = AddedDatum(
+        quantity="air_arrival_s",
+        sensor="",
+        position=np.array([1.0, 2.0, 0.0]),
+        charge="",
+        sigma=1e-3,
+        is_default=True,
+        law="kingery_bulmash",
+        law_valid=True,
+        parameter="charge_mass_kg",
+        left=Spread(0.1, 0.2),
+    )
+    summary = BoundSummary(
+        at={"charge_mass_kg": 25.0},
+        law={"air_arrival_s": "kingery_bulmash"},
+        law_reason={"air_arrival_s": "asked for"},
+        law_valid=True,
+        parameters={"charge_mass_kg": Spread()},
+        free=("charge_mass_kg",),
+        identifiable=False,
+        null_directions=(NULL,),
+        ambiguities=(OTHER,),
+        determined=(NEARBY,),
+        noise="student",
+        n_observations=3,
+        help=(datum, replace(datum, position=None, sensor="a", is_default=False)),
+        leans_on=(Sensitivity("charge_mass_kg", "wind_east_m_s", Spread(), None),),
+        mass_exponents={"air_arrival_s": (-0.1, -0.2)},
+        warnings=("one",),
+    )
+    bound = Bound.__new__(Bound)  # a document takes nothing but its summary
+    object.__setattr__(bound, "summary", summary)
+    check(answer_schemas.bound(), bound_document(bound))
+
+
+def test_the_schema_of_a_choice_takes_one():
+    scene = jblast.read_scene(ROOT / "calibration/scenes/arrivals.toml")
+    choice = jblast.choose(scene, "air_arrival_s", 0.01)
+    check(answer_schemas.choose(), plain(choice.document()))
+
+
+def test_the_schema_of_failure_modes_takes_one():
+    mode = FailureMode("laws", "a law", "it ends", math.inf, "m", "", "marks", "so")
+    document = {"schema": 1, "areas": {"laws": [mode.to_dict()]}}
+    check(answer_schemas.stability(), plain(document))
+
+
+@pytest.mark.parametrize("name", ["fit", "bound", "choose", "stability"])
+def test_every_key_of_an_answer_is_told(name):
+    table = getattr(answer_tables, name)()
+    assert all(len(row.split("|")[2]) > 2 for row in table.splitlines())
+    assert table.count("\n| `") >= 8
