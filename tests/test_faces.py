@@ -36,7 +36,7 @@ def exports(source: str) -> list[str]:
         for node in ast.walk(ast.parse(source))
         if isinstance(node, ast.ImportFrom)
         for alias in node.names
-        if alias.asname == alias.name
+        if alias.asname is not None and alias.asname == alias.name
     ]
 
 
