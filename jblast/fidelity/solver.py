@@ -6,13 +6,16 @@ mirror: the source of twice the charge in free air.
 
 import math
 from functools import cache
+from typing import TYPE_CHECKING
 
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from jblast.fidelity.timing import seconds
-from jblast.waves.euler import Decay, decay_at, point_source_march
 from jblast.waves.laws.point_source.laws import LENGTH
+
+if TYPE_CHECKING:  # a choice knows what a run costs, and needs none
+    from jblast.waves.euler import Decay
 
 METHOD = "euler"
 CELLS = 100
@@ -34,13 +37,17 @@ NODES = np.geomspace(*LAMBDAS, 200)
 
 
 @cache
-def decay(cells: int = CELLS) -> Decay:
+def decay(cells: int = CELLS) -> "Decay":
     """Return the decay of the front by a run, at `NODES`."""
+    from jblast.waves.euler import decay_at, point_source_march
+
     return decay_at(NODES, point_source_march(cells, LAMBDAS[1]))
 
 
 def seconds_of_run(cells: int = CELLS) -> float:
     """Return what a run costs, compiled before [s]."""
+    from jblast.waves.euler import point_source_march
+
     return seconds(lambda: point_source_march(cells, LAMBDAS[1]).history, 1)
 
 

@@ -178,11 +178,11 @@ def _scene(asked: argparse.Namespace) -> Scene:
 
 def _check_vapour(air: Air) -> None:
     """Refuse steam: the sound speed of humid air means nothing for it."""
-    if air.altitude is not None:  # never so warm or thin
-        return
     kelvin, pascal, humidity = (
         x.item() for x in (air.temperature, air.pressure, air.relative_humidity)
     )
+    if not humidity or air.altitude is not None:  # never so warm or thin
+        return
     most = 1.0 / water_vapour_fraction(kelvin, pascal, 1.0).item()
     if humidity >= most:
         raise InputError(

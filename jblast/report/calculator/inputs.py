@@ -3,7 +3,9 @@
 from typing import Any
 
 import numpy as np
+from jaxtyping import Array, ArrayLike, Float
 
+from jblast.kept_programs import kept
 from jblast.report.calculator.notes import notes
 from jblast.sensors.calculator.question import (
     Question,
@@ -29,12 +31,16 @@ def inputs(question: Question) -> dict[str, Any]:
     elif question.quantity:
         given = {"range_m": question.slant_range[0], "asked": "charge_mass_kg"}
     else:
+        tnt_masses = tnt_factor_in(scene, "peak_overpressure_pa").item() * masses
+        distances, factors = map(
+            np.asarray, _scaled(ranges, tnt_masses, path.ambient_pressure)
+        )
         given = {
             "mass_kg": _one_or_all(masses),
             "range_m": _one_or_all(ranges),
-            "scaled_distance_m_kg13": _one_or_all(scaled_distances(question)),
+            "scaled_distance_m_kg13": _one_or_all(distances),
             "charge_radius_m": _one_or_all(charge_radius(masses)),
-            "ground_factor": _one_or_all(ground_factors(question)),
+            "ground_factor": _one_or_all(factors),
         }
     if question.quantity:
         given[question.quantity] = question.target
@@ -57,17 +63,18 @@ def inputs(question: Question) -> dict[str, Any]:
     }
 
 
-def scaled_distances(question: Question) -> np.ndarray:
-    """Return the scaled distance of every row, by the TNT mass for pressure."""
-    ranges, masses = question.rows()
-    factor = tnt_factor_in(question.scene, "peak_overpressure_pa").item()
-    pressure = scene_path(question.scene).ambient_pressure.item()
-    return np.asarray(scaled_distance(ranges, factor * masses, pressure))
+@kept
+def _scaled(
+    slant_range: Float[ArrayLike, " row"],
+    charge_mass: Float[ArrayLike, " row"],
+    ambient_pressure: Float[ArrayLike, ""],
+) -> tuple[Float[Array, " row"], Float[Array, " row"]]:
+    """Return scaled distances, and how much more a charge in free air weighs there.
 
-
-def ground_factors(question: Question) -> np.ndarray:
-    """Return how much more a charge in free air weighs that makes the same pressure."""
-    return np.asarray(ground_factor(scaled_distances(question), 1.0))
+    It makes the same pressure there as the charge on the ground.
+    """
+    distance = scaled_distance(slant_range, charge_mass, ambient_pressure)
+    return distance, ground_factor(distance, 1.0)
 
 
 def _one_or_all(values: np.ndarray) -> Any:

@@ -73,7 +73,7 @@ def _other_set(question: Question, beside: bool) -> str:
 def _scaled_heights(question: Question) -> tuple[float, float]:
     """Return the least and the largest height of burst [m/kg^(1/3)]."""
     height = question.scene.charge.up.item()
-    if not question.charge_mass:  # of an unknown mass only the sign counts
+    if not (height and question.charge_mass):  # of an unknown mass only the sign counts
         return height, height
     factor = tnt_factor_in(question.scene, "peak_overpressure_pa").item()
     pressure = scene_path(question.scene).ambient_pressure.item()
