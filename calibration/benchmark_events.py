@@ -16,8 +16,8 @@ import numpy as np
 
 from jblast.sensors.camera.events.ideal import ideal_events
 from jblast.sensors.camera.events.log_intensity import grey_table, log_intensity
-from jblast.sensors.camera.events.noise import Imperfections
-from jblast.sensors.camera.events.noisy import real_stream
+from jblast.sensors.camera.events.noise import NoiseModel
+from jblast.sensors.camera.events.noisy import noisy_stream
 from jblast.sensors.camera.events.stream import stream_events
 from jblast.sensors.camera.image.grey_composite import grey_composite
 from jblast.verification.benchmark.events import EFFECTS, USUAL
@@ -95,7 +95,7 @@ def _rows() -> list[Row]:
     return rows
 
 
-def flawed(times: np.ndarray, grey: np.ndarray, effects: Imperfections):
+def flawed(times: np.ndarray, grey: np.ndarray, effects: NoiseModel):
     """Return pixel-frames a second of a camera with imperfections, and its events."""
     times, grey = times[:256], grey[:256]
     key, shape, both = jax.random.key(0), (HEIGHT, WIDTH), (THRESHOLD, THRESHOLD)
@@ -104,7 +104,7 @@ def flawed(times: np.ndarray, grey: np.ndarray, effects: Imperfections):
     def run() -> None:
         nonlocal found
         blocks = zip(_cut(times), _cut(grey), strict=True)
-        stream = real_stream(key, blocks, shape, both, effects)
+        stream = noisy_stream(key, blocks, shape, both, effects)
         found = sum(int(part.count) for part in stream)
 
     rate = _rate(run, len(grey))

@@ -15,8 +15,8 @@ from jblast.progress import counted
 from jblast.report.contact_sheet import sheet_frames, time_label, write_contact_sheet
 from jblast.sensors.camera.events.exact.fireball import render_events
 from jblast.sensors.camera.events.ideal import Events
-from jblast.sensors.camera.events.noise import Imperfections
-from jblast.sensors.camera.events.noisy import real_stream
+from jblast.sensors.camera.events.noise import NoiseModel
+from jblast.sensors.camera.events.noisy import noisy_stream
 from jblast.sensors.camera.events.stream import stream_events
 from jblast.sensors.camera.files.events import Written, write_events
 from jblast.sensors.camera.files.png import write_png
@@ -143,7 +143,7 @@ class FilmWriter:
             blocks = self._instants(min(steps), light_error)
             if noise:
                 key = jax.random.key(seed)
-                events = real_stream(key, blocks, shape, steps, Imperfections())
+                events = noisy_stream(key, blocks, shape, steps, NoiseModel())
             else:
                 events = stream_events(blocks, steps)
         else:

@@ -65,8 +65,8 @@ def run(asked: argparse.Namespace) -> int:
 
     from jblast.cli.arguments.paths import refuse_existing, writing
     from jblast.sensors.camera.events.log_intensity import grey_table
-    from jblast.sensors.camera.events.noise import Imperfections
-    from jblast.sensors.camera.events.noisy import real_stream
+    from jblast.sensors.camera.events.noise import NoiseModel
+    from jblast.sensors.camera.events.noisy import noisy_stream
     from jblast.sensors.camera.events.stream import stream_events
     from jblast.sensors.camera.files.events import check_suffix, write_events
     from jblast.sensors.camera.files.frames import frame_files, read_frame, read_frames
@@ -82,8 +82,8 @@ def run(asked: argparse.Namespace) -> int:
         events = stream_events(blocks, thresholds, table=table)
     else:
         key, shape = jax.random.key(asked.seed), (height, width)
-        effects = Imperfections()
-        events = real_stream(key, blocks, shape, thresholds, effects, table=table)
+        effects = NoiseModel()
+        events = noisy_stream(key, blocks, shape, thresholds, effects, table=table)
     seconds = (len(files) - 1) / fps
     with writing(asked.out):
         written = write_events(asked.out, events, width, height, duration_s=seconds)

@@ -19,11 +19,11 @@ from jblast.sensors.camera.events.ideal import (
 from jblast.sensors.camera.events.log_intensity import log_intensity as log_intensity
 from jblast.sensors.camera.events.noise import (
     IDEAL as IDEAL,
-    Imperfections as Imperfections,
+    NoiseModel as NoiseModel,
 )
 from jblast.sensors.camera.events.noisy import (
-    real_events as real_events,
-    real_stream as real_stream,
+    noisy_events as noisy_events,
+    noisy_stream as noisy_stream,
 )
 from jblast.sensors.camera.events.scene import events as events
 from jblast.sensors.camera.events.soft_counts import smooth_counts as smooth_counts
@@ -55,7 +55,7 @@ from jblast.sensors.camera.image.grey_composite import (
     LUMINANCE as LUMINANCE,
     luminance as luminance,
 )
-from jblast.sensors.camera.rendering.appearance import Look as Look
+from jblast.sensors.camera.rendering.appearance import Appearance as Appearance
 from jblast.sensors.camera.rendering.billboards import (
     Views as Views,
     views_seen as views_seen,

@@ -16,8 +16,8 @@ from jblast.fidelity.timing import best_of
 from jblast.progress import in_words
 from jblast.sensors.camera.events.exact.crossing_times import frameless_events
 from jblast.sensors.camera.events.ideal import Events
-from jblast.sensors.camera.events.noise import IDEAL, Imperfections
-from jblast.sensors.camera.events.noisy import real_stream
+from jblast.sensors.camera.events.noise import IDEAL, NoiseModel
+from jblast.sensors.camera.events.noisy import noisy_stream
 from jblast.sensors.camera.events.stream import stream_events
 from jblast.verification.benchmark.chart import (
     Benchmark,
@@ -46,7 +46,7 @@ STILL_TO = 1.0
 """So long does the real camera look [s]."""
 NEAR = 0.2e-3
 """Events of one pixel and sign are the same within this [s]."""
-USUAL = Imperfections()
+USUAL = NoiseModel()
 EFFECTS = {
     "none of them": IDEAL,
     "mismatch": IDEAL._replace(mismatch=USUAL.mismatch),
@@ -171,7 +171,7 @@ def stamp_points(repeats: int = REPEATS) -> list[BenchmarkPoint]:
     return points
 
 
-def looked(effects: Imperfections, fps: int = 1000) -> Sent:
+def looked(effects: NoiseModel, fps: int = 1000) -> Sent:
     """Return what a real camera sends, the same pixels and noise for the same effects.
 
     Args:
@@ -180,7 +180,7 @@ def looked(effects: Imperfections, fps: int = 1000) -> Sent:
     """
     times, frames = _long_film(fps)
     key, blocks = jax.random.key(0), _blocks(times, frames)
-    return sent(real_stream(key, blocks, SHAPE, BOTH, effects))
+    return sent(noisy_stream(key, blocks, SHAPE, BOTH, effects))
 
 
 @functools.cache

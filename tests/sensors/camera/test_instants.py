@@ -8,8 +8,8 @@ import pytest
 from jblast.scene import Camera, Charge, Scene
 from jblast.scene.pose import look_at
 from jblast.sensors.camera.events.exact.fireball import render_events
-from jblast.sensors.camera.events.noise import Imperfections
-from jblast.sensors.camera.events.noisy import real_stream
+from jblast.sensors.camera.events.noise import NoiseModel
+from jblast.sensors.camera.events.noisy import noisy_stream
 from jblast.sensors.camera.events.stream import stream_events
 from jblast.sensors.camera.files.png import write_png
 from jblast.sensors.camera.film import Film
@@ -92,11 +92,11 @@ def test_a_smaller_bound_takes_more_instants_and_is_kept():
 def test_a_real_camera_s_times_are_within_the_bound_of_those_in_finer_light():
     """Its references are taken from the light: errors of one event move the next."""
     film = filmed(seconds=0.5)
-    camera_s = Imperfections(shot_hz=None)  # noise is drawn block by block
+    camera_s = NoiseModel(shot_hz=None)  # noise is drawn block by block
 
     def real(bound, light_error):
         blocks = subdivided(film, 0.2, bound, light_error)
-        return fields(list(real_stream(KEY, blocks, (15, 20), (0.2, 0.2), camera_s)))
+        return fields(list(noisy_stream(KEY, blocks, (15, 20), (0.2, 0.2), camera_s)))
 
     finer, when = real(0.2 * STAMP_ERROR, 0.01 * LIGHT_ERROR * 0.2)
     found, time = real(STAMP_ERROR, LIGHT_ERROR * 0.2)

@@ -23,8 +23,8 @@ from jblast.sensors.camera.events.pixel import Thresholds
 from jblast.types import as_float_arrays
 
 
-class Imperfections(NamedTuple):
-    """Of an event camera; None leaves an effect out.
+class NoiseModel(NamedTuple):
+    """What makes an event camera a real one; None leaves an effect out.
 
     Attributes:
         mismatch: Standard deviation of the logarithm of thresholds, pixel to pixel.
@@ -54,7 +54,7 @@ class Imperfections(NamedTuple):
     refractory: Literal["reset", "esim"] = "reset"
 
 
-IDEAL = Imperfections(
+IDEAL = NoiseModel(
     mismatch=None,
     bandwidth_hz=None,
     leak_hz=None,
@@ -123,14 +123,12 @@ class Leak(NamedTuple):
     phase: Float[Array, "height width"]
 
 
-def leaks(
-    key: PRNGKeyArray, shape: tuple[int, int], imperfections: Imperfections
-) -> Leak:
+def leaks(key: PRNGKeyArray, shape: tuple[int, int], noise: NoiseModel) -> Leak:
     """Return how each pixel leaks, hot pixels among them."""
     hot_key, rate_key, phase_key = jax.random.split(key, 3)
-    hot = jax.random.uniform(hot_key, shape) < (imperfections.hot_fraction or 0.0)
-    mean = jnp.where(hot, imperfections.hot_hz, imperfections.leak_hz or 0.0)
-    spread = imperfections.leak_spread
+    hot = jax.random.uniform(hot_key, shape) < (noise.hot_fraction or 0.0)
+    mean = jnp.where(hot, noise.hot_hz, noise.leak_hz or 0.0)
+    spread = noise.leak_spread
     own = jnp.exp(spread * jax.random.normal(rate_key, shape) - 0.5 * spread**2)
     phase = jnp.where(mean > 0.0, jax.random.uniform(phase_key, shape), 0.0)
     return Leak(mean * own, phase)

@@ -1,4 +1,4 @@
-"""Frames to events by a camera with imperfections: under jit, or as a stream."""
+"""Frames to events by a camera with noise: under jit, or as a stream."""
 
 from collections.abc import Iterable, Iterator
 
@@ -10,7 +10,7 @@ from jaxtyping import Array, ArrayLike, Float, PRNGKeyArray
 from jblast.sensors.camera.events.ideal import Events, continued_events, reset_events
 from jblast.sensors.camera.events.log_intensity import grey_table, log_intensity
 from jblast.sensors.camera.events.noise import (
-    Imperfections,
+    NoiseModel,
     leaked,
     leaks,
     low_passed,
@@ -23,39 +23,39 @@ from jblast.sensors.camera.events.pixel import first_reference
 from jblast.sensors.camera.events.stream import Block, stream_events
 
 
-def real_events(
+def noisy_events(
     key: PRNGKeyArray,
     log_frames: Float[Array, "frame height width"],
     times: Float[Array, " frame"],
     thresholds: tuple[Float[ArrayLike, "..."], Float[ArrayLike, "..."]],
-    imperfections: Imperfections,
+    noise: NoiseModel,
     *,
     capacity: int,
 ) -> Events:
-    """Return what a camera with imperfections sends; see `ideal_events`.
+    """Return what a camera with noise sends; see `ideal_events`.
 
     Args:
         key: Of mismatch, hot pixels and noise.
         log_frames: Logarithm of the light.
         times: Of the frames [s], rising.
         thresholds: Positive and negative, as positive numbers.
-        imperfections: Which effects, and how large.
+        noise: Which effects, and how large.
         capacity: Room for events, before noise in refractory periods is left out.
     """
     shape = log_frames.shape[1], log_frames.shape[2]
-    pixel, hot, noise = jax.random.split(key, 3)
-    if imperfections.mismatch is not None:
-        thresholds = mismatched(pixel, thresholds, imperfections.mismatch, shape)
-    if imperfections.bandwidth_hz is not None:
+    pixel, hot, shot = jax.random.split(key, 3)
+    if noise.mismatch is not None:
+        thresholds = mismatched(pixel, thresholds, noise.mismatch, shape)
+    if noise.bandwidth_hz is not None:
         first = log_frames[0]
-        log_frames = low_passed(log_frames, times, imperfections.bandwidth_hz, first)
+        log_frames = low_passed(log_frames, times, noise.bandwidth_hz, first)
     first = log_frames[0]
-    if _leaks(imperfections):
-        leak = leaks(hot, shape, imperfections)
+    if _leaks(noise):
+        leak = leaks(hot, shape, noise)
         positive = jnp.broadcast_to(jnp.asarray(thresholds[0]), shape)
         first = first - leak.phase * positive
         log_frames = leaked(log_frames, times - times[0], leak.rate, positive)
-    held = _held(imperfections)
+    held = _held(noise)
     if held is not None:
         events = reset_events(
             log_frames, times, thresholds, held, first, capacity=capacity
@@ -65,32 +65,32 @@ def real_events(
         events, _ = continued_events(
             log_frames, times, thresholds, seen, capacity=capacity
         )
-    if imperfections.shot_hz is not None:
+    if noise.shot_hz is not None:
         span = times[0], times[-1]
-        rate = imperfections.shot_hz
-        extra = shot_noise(noise, rate, shape, *span, capacity=capacity)
+        rate = noise.shot_hz
+        extra = shot_noise(shot, rate, shape, *span, capacity=capacity)
         events = merged(events, extra, capacity)
-    if imperfections.refractory_s is not None:
+    if noise.refractory_s is not None:
         never = jnp.full(shape, -jnp.inf, times.dtype)
-        events, _ = rested(events, imperfections.refractory_s, never)
+        events, _ = rested(events, noise.refractory_s, never)
     return events
 
 
-def _held(imperfections: Imperfections) -> float | None:
+def _held(noise: NoiseModel) -> float | None:
     """Return how long a pixel is held in reset after an event [s], if it is."""
-    return imperfections.refractory_s if imperfections.refractory == "reset" else None
+    return noise.refractory_s if noise.refractory == "reset" else None
 
 
-def _leaks(imperfections: Imperfections) -> bool:
-    return (imperfections.leak_hz, imperfections.hot_fraction) != (None, None)
+def _leaks(noise: NoiseModel) -> bool:
+    return (noise.leak_hz, noise.hot_fraction) != (None, None)
 
 
-def real_stream(
+def noisy_stream(
     key: PRNGKeyArray,
     blocks: Iterable[Block],
     shape: tuple[int, int],
     thresholds: tuple[Float[ArrayLike, "..."], Float[ArrayLike, "..."]],
-    imperfections: Imperfections,
+    noise: NoiseModel,
     *,
     table: Float[np.ndarray, "256"] | None = None,
 ) -> Iterator[Events]:
@@ -103,27 +103,27 @@ def real_stream(
         blocks: Times [s] and frames of linear light, grey of 8 bits or floats.
         shape: Height and width.
         thresholds: Positive and negative, as positive numbers.
-        imperfections: Which effects, and how large.
+        noise: Which effects, and how large.
         table: Logarithm of the light of each 8-bit value; by default `grey_table()`.
     """
     table = grey_table() if table is None else table
-    pixel, hot, noise = jax.random.split(key, 3)
+    pixel, hot, shot = jax.random.split(key, 3)
     both = thresholds
-    if imperfections.mismatch is not None:
-        both = mismatched(pixel, thresholds, imperfections.mismatch, shape)
+    if noise.mismatch is not None:
+        both = mismatched(pixel, thresholds, noise.mismatch, shape)
     positive, negative = (np.broadcast_to(np.asarray(t), shape) for t in both)
     spans: list[tuple[float, float]] = []
-    signal = imperfections.bandwidth_hz is not None or _leaks(imperfections)
+    signal = noise.bandwidth_hz is not None or _leaks(noise)
     begun = np.zeros(shape)
     blocks = _noted(blocks, spans)
     if signal:
         drift = None
-        if _leaks(imperfections):
-            leak = leaks(hot, shape, imperfections)
+        if _leaks(noise):
+            leak = leaks(hot, shape, noise)
             drift = leak.rate, jnp.asarray(positive)
             begun = np.asarray(leak.phase) * positive
-        blocks = _signals(blocks, table, imperfections.bandwidth_hz, drift)
-    held = _held(imperfections)
+        blocks = _signals(blocks, table, noise.bandwidth_hz, drift)
+    held = _held(noise)
     stream = stream_events(
         blocks,
         (positive, negative),
@@ -136,22 +136,20 @@ def real_stream(
     for i, events in enumerate(stream):
         start, stop = spans[i]
         extra = None
-        if imperfections.shot_hz is not None:
-            mean = imperfections.shot_hz * shape[0] * shape[1] * (stop - start)
+        if noise.shot_hz is not None:
+            mean = noise.shot_hz * shape[0] * shape[1] * (stop - start)
             # ten standard deviations: none is lost
             room = _room(int(mean + 10.0 * np.sqrt(mean) + 10.0))
-            here = jax.random.fold_in(noise, i)
-            extra = _shot_noise(
-                here, imperfections.shot_hz, shape, start, stop, capacity=room
-            )
-        if extra is None and (held is not None or imperfections.refractory_s is None):
+            here = jax.random.fold_in(shot, i)
+            extra = _shot_noise(here, noise.shot_hz, shape, start, stop, capacity=room)
+        if extra is None and (held is not None or noise.refractory_s is None):
             yield events
             continue
         events = _padded(events)
         if extra is not None:
             events = _merged(events, extra, len(events.time) + len(extra.time))
-        if imperfections.refractory_s is not None:
-            events, last = _rested(events, imperfections.refractory_s, last)
+        if noise.refractory_s is not None:
+            events, last = _rested(events, noise.refractory_s, last)
         yield events
 
 

@@ -9,10 +9,10 @@ from jaxtyping import ArrayLike, Float, PRNGKeyArray
 from jblast.scene import Camera, Scene
 from jblast.sensors.camera.events.ideal import Events, ideal_events
 from jblast.sensors.camera.events.log_intensity import log_intensity
-from jblast.sensors.camera.events.noise import IDEAL, Imperfections
-from jblast.sensors.camera.events.noisy import real_events
+from jblast.sensors.camera.events.noise import IDEAL, NoiseModel
+from jblast.sensors.camera.events.noisy import noisy_events
 from jblast.sensors.camera.image.grey_composite import luminance
-from jblast.sensors.camera.rendering.appearance import Look
+from jblast.sensors.camera.rendering.appearance import Appearance
 from jblast.sensors.camera.rendering.billboards import Views
 from jblast.sensors.camera.rendering.render import BACKGROUND, Background, render
 
@@ -24,12 +24,12 @@ def events(
     *,
     capacity: int,
     key: PRNGKeyArray | None = None,
-    imperfections: Imperfections = IDEAL,
+    noise: NoiseModel = IDEAL,
     background: Background = BACKGROUND,
     depth: Float[ArrayLike, "height width"] | None = None,
     ground: bool = True,
     supersample: int = 1,
-    look: Look | None = None,
+    appearance: Appearance | None = None,
     views: Views | None = None,
 ) -> Events:
     """Return what an event camera sends of a scene's fireballs.
@@ -45,13 +45,13 @@ def events(
         times: Of the frames in between [s], rising.
         capacity: Room for events. If there are more, `lost` says how many.
         key: Of mismatch, hot pixels and noise; needed for those alone.
-        imperfections: Which effects, and how large; by default none.
-        background: As in `render`, with `depth`, `ground`, `supersample`, `look` and
-            `views`.
+        noise: Which effects, and how large; by default none.
+        background: As in `render`, with `depth`, `ground`, `supersample`, `views` and
+            `appearance`.
         depth: Distance of the background along each pixel's ray [m].
         ground: Whether the plane up = 0 hides what is below it.
         supersample: Rays along each side of a pixel.
-        look: How the fireball is exposed, and how its smoke is distributed.
+        appearance: How the fireball is exposed, and how its smoke is distributed.
         views: Pictures of an explosion in place of the procedural fireball.
 
     Returns:
@@ -72,12 +72,12 @@ def events(
         ground=ground,
         supersample=supersample,
         exposures=1,
-        look=look,
+        appearance=appearance,
         views=views,
     )
     light = log_intensity(luminance(frames))
     thresholds, clock = (camera.threshold[0], camera.threshold[1]), jnp.asarray(times)
-    if imperfections == IDEAL:
+    if noise == IDEAL:
         return ideal_events(light, clock, thresholds, capacity=capacity)
     key = jax.random.key(0) if key is None else key
-    return real_events(key, light, clock, thresholds, imperfections, capacity=capacity)
+    return noisy_events(key, light, clock, thresholds, noise, capacity=capacity)

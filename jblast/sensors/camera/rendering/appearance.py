@@ -25,7 +25,7 @@ for scattering alike in all directions with the albedo $w = 0.25$ of fresh soot 
 and Bergstrom 2006, from memory: 0.2 to 0.3)."""
 
 
-class Look(eqx.Module):
+class Appearance(eqx.Module):
     """How a fireball is exposed, and how its smoke is distributed.
 
     Attributes:

@@ -36,7 +36,7 @@ from jblast.sensors.camera.geometry.pixel_rays import Rays, pixel_rays, pixels
 from jblast.sensors.camera.image.blackbody import blackbody_light
 from jblast.sensors.camera.image.compositing import laid_over, straight
 from jblast.sensors.camera.image.grey_composite import luminance
-from jblast.sensors.camera.rendering.appearance import Look
+from jblast.sensors.camera.rendering.appearance import Appearance
 from jblast.types import as_float_array
 from jblast.waves.fireball import fireball
 from jblast.waves.propagation.ambient import ambient
@@ -74,7 +74,7 @@ def fireball_layer(
     depth: Float[Array, "height width"] | None = None,
     ground: bool = True,
     supersample: int = 1,
-    look: Look | None = None,
+    appearance: Appearance | None = None,
 ) -> Float[Array, "height width 4"]:
     """Return the fireballs of a scene at an instant, with nothing behind them.
 
@@ -85,13 +85,13 @@ def fireball_layer(
         depth: Distance of the background along each pixel's ray [m]; None is infinite.
         ground: Whether the plane up = 0 hides what is below it.
         supersample: Rays along each side of a pixel.
-        look: How it is exposed, and how the smoke is distributed.
+        appearance: How it is exposed, and how the smoke is distributed.
 
     Returns:
         Red, green, blue in linear light, full scale 1, not clipped, and straight alpha.
     """
     rays = pixel_rays(camera, depth, supersample=supersample, ground=ground)
-    layer = fireballs_seen(scene, rays, as_float_array(time), look)
+    layer = fireballs_seen(scene, rays, as_float_array(time), appearance)
     return straight(pixels(layer, supersample))
 
 
@@ -99,7 +99,7 @@ def fireballs_seen(
     scene: Scene,
     rays: Rays,
     time: Float[Array, ""],
-    look: Look | None = None,
+    appearance: Appearance | None = None,
     shining: Callable[[Cloud], Glow] | None = None,
 ) -> Float[Array, "4 row column"]:
     """Return the light of all fireballs along rays, laid over each other.
@@ -110,16 +110,19 @@ def fireballs_seen(
         scene: Charges and air.
         rays: Along which to look.
         time: On the common clock [s].
-        look: How it is exposed, and how the smoke is distributed.
+        appearance: How it is exposed, and how the smoke is distributed.
         shining: Light of limb and middle of a fireball, where it is tabulated; None to
             take Planck's law.
 
     Returns:
         Red, green and blue times alpha, and alpha.
     """
-    look = Look() if look is None else look
+    appearance = Appearance() if appearance is None else appearance
     return laid_over(
-        [_seen(scene, charge, rays, time, look, shining) for charge in scene.charges]
+        [
+            _seen(scene, charge, rays, time, appearance, shining)
+            for charge in scene.charges
+        ]
     )
 
 
@@ -177,15 +180,17 @@ def cloud(scene: Scene, charge: Charge, time: Float[Array, ""]) -> Cloud:
     return Cloud(centre, ball.radius, ball.temperature, depth, temperature)
 
 
-def glow(temperature: Float[Array, ""], air: Float[Array, ""], look: Look) -> Glow:
+def glow(
+    temperature: Float[Array, ""], air: Float[Array, ""], appearance: Appearance
+) -> Glow:
     """Return the light of the limb and of the middle of a fireball [cd/m2].
 
     Args:
         temperature: Of its middle [K].
         air: Temperature of the air around [K].
-        look: How much cooler its limb is.
+        appearance: How much cooler its limb is.
     """
-    limb = air + look.rim * (temperature - air)
+    limb = air + appearance.rim * (temperature - air)
     return blackbody_light(limb), blackbody_light(temperature)
 
 
@@ -194,22 +199,22 @@ def _seen(
     charge: Charge,
     rays: Rays,
     time: Float[Array, ""],
-    look: Look,
+    appearance: Appearance,
     shining: Callable[[Cloud], Glow] | None,
 ) -> tuple[Float[Array, "4 row column"], Float[Array, ""]]:
     """Return the premultiplied light of one charge's fireball, and how far it is."""
     ball = cloud(scene, charge, time)
     offset = ball.centre - rays.origin
     met = passage(offset, ball.radius, rays)
-    lumps = -look.lumps * jnp.expm1(-ball.optical_depth / look.lumps)
+    lumps = -appearance.lumps * jnp.expm1(-ball.optical_depth / appearance.lumps)
     alpha = -jnp.expm1(-lumps * met.column)
     if shining is None:
-        limb, middle = glow(ball.temperature, ball.air, look)
+        limb, middle = glow(ball.temperature, ball.air, appearance)
     else:
         limb, middle = shining(ball)
     light = (
-        _between(limb, middle, met.chord) / look.white
-        + (look.smoke * (0.6 + 0.4 * met.height))[None]
+        _between(limb, middle, met.chord) / appearance.white
+        + (appearance.smoke * (0.6 + 0.4 * met.height))[None]
     )
     layer = jnp.concatenate([alpha[None] * light, alpha[None]])
     return layer, jnp.sqrt(jnp.sum(jnp.square(offset)))

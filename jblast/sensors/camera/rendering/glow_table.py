@@ -1,9 +1,9 @@
 """The glow of fireballs tabulated over temperature, where it is wanted a million times.
 
-Planck's law is hundreds of exponentials. In one air and look the light of limb and
-middle is a smooth function of the fireball's temperature alone, so that cubics between
-its values and slopes (Hermite) tell it: with `KNOTS` from the air's temperature to that
-of the burst, its luminance to 1e-9 of its value, however long a film lasts.
+Planck's law is hundreds of exponentials. In one air and appearance the light of limb
+and middle is a smooth function of the fireball's temperature alone, so that cubics
+between its values and slopes (Hermite) tell it: with `KNOTS` from the air's temperature
+to that of the burst, its luminance to 1e-9 of its value, however long a film lasts.
 
 Colour stands apart from luminance and leaves it alone: while anything glows it is known
 to 1e-9 of it too, and below that less well.
@@ -17,7 +17,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from jblast.sensors.camera.image.grey_composite import luminance
-from jblast.sensors.camera.rendering.appearance import Look
+from jblast.sensors.camera.rendering.appearance import Appearance
 from jblast.sensors.camera.rendering.fireball_image import Cloud, Glow, glow
 from jblast.waves.fireball import HOTTEST
 
@@ -53,13 +53,15 @@ class GlowTable(eqx.Module):
 
 
 @partial(jax.jit, static_argnames="knots")
-def glow_table(air: Float[Array, ""], look: Look, *, knots: int = KNOTS) -> GlowTable:
+def glow_table(
+    air: Float[Array, ""], appearance: Appearance, *, knots: int = KNOTS
+) -> GlowTable:
     """Return the table of fireballs in air of a temperature [K]."""
     pace = (HOTTEST - air) / (knots - 1)
     temperatures = air + pace * jnp.arange(knots, dtype=pace.dtype)
 
     def glowing(temperature):
-        light = jnp.stack(glow(temperature, air, look))
+        light = jnp.stack(glow(temperature, air, appearance))
         grey = luminance(light)[:, None]
         return jnp.concatenate([jnp.log(grey), light / grey], axis=1)
 

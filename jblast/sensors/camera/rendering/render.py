@@ -14,7 +14,7 @@ from jblast.errors import InputError, shown
 from jblast.scene import Camera, Scene
 from jblast.sensors.camera.geometry.pixel_rays import Rays, pixel_rays, pixels
 from jblast.sensors.camera.image.compositing import straight
-from jblast.sensors.camera.rendering.appearance import Look
+from jblast.sensors.camera.rendering.appearance import Appearance
 from jblast.sensors.camera.rendering.billboards import Views, views_seen
 from jblast.sensors.camera.rendering.fireball_image import fireballs_seen
 from jblast.types import as_float_array
@@ -44,7 +44,7 @@ def render(
     alpha: bool = False,
     supersample: int = 1,
     exposures: int = 8,
-    look: Look | None = None,
+    appearance: Appearance | None = None,
     views: Views | None = None,
 ) -> Float[Array, "time height width channel"]:
     """Return what a camera sees of a scene's fireballs before a background.
@@ -75,9 +75,9 @@ def render(
         supersample: Rays along each side of a pixel.
         exposures: Instants that stand for an exposure, in the middles of as many equal
             parts; the frame is their mean.
-        look: How the fireball is exposed, and how its smoke is distributed.
+        appearance: How the fireball is exposed, and how its smoke is distributed.
         views: Pictures of an explosion to show in place of the procedural fireball; the
-            look is then theirs, and what they cannot show said in `views`.
+            appearance is then theirs, and what they cannot show said in `views`.
 
     Returns:
         Linear light, full scale 1, not clipped; three channels, or four with `alpha`.
@@ -102,8 +102,8 @@ def render(
     size = (camera.height, camera.width, 3)
     if not callable(source):
         source = _fitting(source, [size, (len(times), *size)], size)
-    look = Look() if look is None else look
-    shown_by = look if views is None else views
+    appearance = Appearance() if appearance is None else appearance
+    shown_by = appearance if views is None else views
     exposure = camera.exposure_s
     if not isinstance(exposure, Tracer) and exposure.item() == 0:
         exposures = 1  # fewer programs to compile
@@ -119,7 +119,7 @@ def _render(
     times: Float[Array, " time"],
     source: Any,
     exposure: Float[Array, ""],
-    shown_by: Look | Views,
+    shown_by: Appearance | Views,
     counts: tuple[int, int],
     size: tuple[int, int, int],
     alpha: bool,

@@ -8,14 +8,14 @@ import pytest
 from jblast.sensors.camera.events.ideal import Events, ideal_events
 from jblast.sensors.camera.events.noise import (
     IDEAL,
-    Imperfections,
+    NoiseModel,
     leaks,
     low_passed,
     mismatched,
     rested,
     shot_noise,
 )
-from jblast.sensors.camera.events.noisy import real_events, real_stream
+from jblast.sensors.camera.events.noisy import noisy_events, noisy_stream
 from jblast.verification.cases.moving_disc import HEIGHT, THRESHOLD, WIDTH, film
 
 KEY = jax.random.key(0)
@@ -24,9 +24,9 @@ STILL = 2.0 * jnp.ones((3, 20, 30))
 CLOCK = jnp.array([0.0, 4.0, 10.0])
 
 
-@functools.partial(jax.jit, static_argnames=("capacity", "imperfections"))
-def convert(logs, times, imperfections, capacity=1 << 14, key=KEY):
-    return real_events(key, logs, times, BOTH, imperfections, capacity=capacity)
+@functools.partial(jax.jit, static_argnames=("capacity", "noise"))
+def convert(logs, times, noise, capacity=1 << 14, key=KEY):
+    return noisy_events(key, logs, times, BOTH, noise, capacity=capacity)
 
 
 def test_with_every_effect_left_out_the_camera_is_ideal():
@@ -141,7 +141,7 @@ def test_noise_has_no_memory():
 
 
 def test_a_still_film_sends_nothing_without_leak_and_noise():
-    quiet = Imperfections(leak_hz=None, hot_fraction=None, shot_hz=None)
+    quiet = NoiseModel(leak_hz=None, hot_fraction=None, shot_hz=None)
     assert int(convert(STILL, CLOCK, quiet).count) == 0
 
 
@@ -182,23 +182,23 @@ def test_a_key_gives_the_same_events_again_and_another_key_others():
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    "imperfections",
+    "noise",
     [
         IDEAL._replace(mismatch=0.15),
         IDEAL._replace(bandwidth_hz=300.0),
         IDEAL._replace(leak_hz=5.0, hot_fraction=0.01, hot_hz=100.0),
         IDEAL._replace(refractory_s=0.002),
         IDEAL._replace(refractory_s=0.002, refractory="esim"),
-        Imperfections(shot_hz=None),
+        NoiseModel(shot_hz=None),
     ],
 )
-def test_a_stream_gives_the_events_of_the_whole(imperfections):
+def test_a_stream_gives_the_events_of_the_whole(noise):
     times, logs = film(1000)
-    whole = convert(jnp.asarray(logs), jnp.asarray(times), imperfections)
+    whole = convert(jnp.asarray(logs), jnp.asarray(times), noise)
     assert int(whole.lost) == 0
     light = np.exp(logs)
     blocks = [(times[a : a + 16], light[a : a + 16]) for a in range(0, len(times), 16)]
-    parts = list(real_stream(KEY, blocks, (HEIGHT, WIDTH), BOTH, imperfections))
+    parts = list(noisy_stream(KEY, blocks, (HEIGHT, WIDTH), BOTH, noise))
     ours = np.concatenate([np.asarray(p.time)[: int(p.count)] for p in parts])
     assert len(ours) > 1000
     # taking logarithms of exponentials moves the last bits
@@ -208,7 +208,7 @@ def test_a_stream_gives_the_events_of_the_whole(imperfections):
 def test_noise_of_a_stream_comes_at_its_rate():
     times, light = np.arange(33) / 4.0, np.full((33, 20, 30), 0.5)
     blocks = [(times[a : a + 8], light[a : a + 8]) for a in range(0, 33, 8)]
-    stream = real_stream(KEY, blocks, (20, 30), BOTH, IDEAL._replace(shot_hz=0.5))
+    stream = noisy_stream(KEY, blocks, (20, 30), BOTH, IDEAL._replace(shot_hz=0.5))
     count = sum(int(part.count) for part in stream)
     assert abs(count - 2400) < 196  # Poisson: four standard deviations
 
@@ -216,12 +216,12 @@ def test_noise_of_a_stream_comes_at_its_rate():
 def test_a_stream_repeats_with_its_key():
     times, light = np.arange(33) / 4.0, np.full((33, 20, 30), 0.5)
     blocks = [(times[a : a + 8], light[a : a + 8]) for a in range(0, 33, 8)]
-    noisy = Imperfections(leak_hz=0.2, shot_hz=0.2)
+    noisy = NoiseModel(leak_hz=0.2, shot_hz=0.2)
     one, two, other = (
         np.concatenate(
             [
                 np.asarray(part.time)[: int(part.count)]
-                for part in real_stream(key, blocks, (20, 30), BOTH, noisy)
+                for part in noisy_stream(key, blocks, (20, 30), BOTH, noisy)
             ]
         )
         for key in (KEY, KEY, jax.random.key(1))

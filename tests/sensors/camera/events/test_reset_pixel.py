@@ -8,7 +8,7 @@ import pytest
 
 from jblast.sensors.camera.events.ideal import ideal_events, reset_events
 from jblast.sensors.camera.events.noise import IDEAL
-from jblast.sensors.camera.events.noisy import real_events
+from jblast.sensors.camera.events.noisy import noisy_events
 from jblast.sensors.camera.events.stream import stream_events
 from jblast.verification.cases.moving_disc import THRESHOLD, film
 from tests.tools.slopes import check_slopes
@@ -142,7 +142,7 @@ def test_it_loses_what_happens_in_the_period_where_esim_counts_on():
     logs = logs[:, 20:24]
     args = jnp.asarray(logs), jnp.asarray(times), (THRESHOLD, THRESHOLD)
     rest = IDEAL._replace(refractory_s=2e-3)
-    run = functools.partial(real_events, jax.random.key(0), *args, capacity=1 << 14)
+    run = functools.partial(noisy_events, jax.random.key(0), *args, capacity=1 << 14)
     counts = {}
     for name in ("reset", "esim"):
         events = jax.jit(functools.partial(run, rest._replace(refractory=name)))()

@@ -9,7 +9,7 @@ from jblast.scene import Camera, Charge, Scene
 from jblast.scene.pose import look_at
 from jblast.sensors.camera import (
     LUMINANCE,
-    Imperfections,
+    NoiseModel,
     events,
     ideal_events,
     log_intensity,
@@ -76,14 +76,14 @@ def test_a_batch_of_charges_is_its_own_loop_and_has_derivatives(camera):
 
 @pytest.mark.slow
 def test_imperfections_draw_from_the_key(camera):
-    flawed = Imperfections()
+    flawed = NoiseModel()
     one, same, other = (
         events(
             SCENE,
             camera,
             TIMES,
             capacity=ROOM,
-            imperfections=flawed,
+            noise=flawed,
             key=jax.random.key(seed),
         )
         for seed in (1, 1, 2)

@@ -5,13 +5,13 @@ import pytest
 
 from jblast.scene import Air, Charge, Scene
 from jblast.sensors.camera.image.grey_composite import luminance
-from jblast.sensors.camera.rendering.appearance import Look
+from jblast.sensors.camera.rendering.appearance import Appearance
 from jblast.sensors.camera.rendering.fireball_image import cloud, glow
 from jblast.sensors.camera.rendering.glow_table import glow_table
 from jblast.waves.fireball import fireball_duration
 from jblast.waves.propagation.ambient import ambient
 
-LOOK = Look(rim=0.8)
+LOOK = Appearance(rim=0.8)
 
 
 @pytest.fixture(scope="module")

@@ -8,7 +8,7 @@ import pytest
 
 from jblast.errors import InputError
 from jblast.sensors.camera.image.compositing import over
-from jblast.sensors.camera.rendering.appearance import Look
+from jblast.sensors.camera.rendering.appearance import Appearance
 from jblast.sensors.camera.rendering.fireball_image import fireball_layer
 from jblast.sensors.camera.rendering.render import BACKGROUND, render
 from tests.sensors.camera.fireball_scenes import EYE, one_charge, single, small_camera
@@ -108,7 +108,7 @@ def test_single_precision_gives_the_same_picture():
         times,
         supersample=2,
         background=jnp.float32(BACKGROUND),
-        look=single(Look()),
+        appearance=single(Appearance()),
     )
     assert frames.dtype == jnp.float32
     # seven digits of 60 m leave 1e-5 of a radius: at the limb 1e-4 of the light
@@ -154,7 +154,7 @@ def test_bad_input_is_refused_by_name(options, message):
 )
 def test_a_look_that_cannot_be_is_refused(name, value):
     with pytest.raises(InputError, match=f"look {name}: expected a number above 0"):
-        Look(**{name: float(value)})
+        Appearance(**{name: float(value)})
 
 
 def test_below_the_ground_is_allowed_where_there_is_none():

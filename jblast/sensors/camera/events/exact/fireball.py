@@ -14,7 +14,7 @@ from jblast.sensors.camera.events.ideal import Events
 from jblast.sensors.camera.events.log_intensity import log_intensity
 from jblast.sensors.camera.geometry.pixel_rays import Rays, pixel_rays
 from jblast.sensors.camera.image.grey_composite import luminance
-from jblast.sensors.camera.rendering.appearance import Look
+from jblast.sensors.camera.rendering.appearance import Appearance
 from jblast.sensors.camera.rendering.fireball_image import cloud, fireballs_seen
 from jblast.sensors.camera.rendering.glow_table import GlowTable, glow_table
 from jblast.sensors.camera.rendering.render import BACKGROUND
@@ -30,7 +30,7 @@ def render_events(
     background: Float[ArrayLike, "..."] = BACKGROUND,
     depth: Float[ArrayLike, "height width"] | None = None,
     ground: bool = True,
-    look: Look | None = None,
+    appearance: Appearance | None = None,
     tolerance: float = 1e-9,
 ) -> Events:
     """Return what an ideal event camera sends of a scene's fireballs.
@@ -46,14 +46,19 @@ def render_events(
             still.
         depth: Distance of the background along each pixel's ray [m]; None is infinite.
         ground: Whether the plane up = 0 hides what is below it.
-        look: How the fireball is exposed, and how its smoke is distributed.
+        appearance: How the fireball is exposed, and how its smoke is distributed.
         tolerance: Of the times of events [s].
     """
     light = pixel_light(
-        scene, camera, background=background, depth=depth, ground=ground, look=look
+        scene,
+        camera,
+        background=background,
+        depth=depth,
+        ground=ground,
+        appearance=appearance,
     )
     with jax.enable_x64(True):
-        table = glow_table(ambient(scene.air)[0], light.look)
+        table = glow_table(ambient(scene.air)[0], light.appearance)
     light = replace(light, table=table)
     positive, negative = np.asarray(camera.threshold, float)
     both, shape = (positive, negative), (camera.height, camera.width)
@@ -70,14 +75,14 @@ class PixelLight(eqx.Module):
         scene: Charges and air.
         rays: One a pixel.
         background: Grey light behind the fireballs, full scale 1.
-        look: Of the fireballs.
+        appearance: Of the fireballs.
         table: Of their glow; None to take Planck's law at once.
     """
 
     scene: Scene
     rays: Rays
     background: Float[Array, "height width"]
-    look: Look
+    appearance: Appearance
     table: GlowTable | None = None
 
     def __call__(
@@ -90,7 +95,7 @@ class PixelLight(eqx.Module):
             rays = Rays(
                 self.rays.origin, direction[:, None, None], farthest[None, None]
             )
-            light = fireballs_seen(self.scene, rays, time, self.look, self.table)
+            light = fireballs_seen(self.scene, rays, time, self.appearance, self.table)
             return light[:, 0, 0]
 
         lanes = self.rays.direction[:, *at], self.rays.farthest[at]
@@ -106,7 +111,7 @@ def pixel_light(
     background: Float[ArrayLike, "..."] = BACKGROUND,
     depth: Float[ArrayLike, "height width"] | None = None,
     ground: bool = True,
-    look: Look | None = None,
+    appearance: Appearance | None = None,
 ) -> PixelLight:
     """Return the light of a scene for a camera; arguments as of `render_events`."""
     if depth is not None:
@@ -115,7 +120,7 @@ def pixel_light(
         scene,
         pixel_rays(camera, depth, ground=ground),
         jnp.broadcast_to(_grey(background), (camera.height, camera.width)),
-        Look() if look is None else look,
+        Appearance() if appearance is None else appearance,
     )
     # Python's numbers would be compiled apart from arrays
     return jax.tree.map(lambda v: jax.lax.convert_element_type(v, v.dtype), light)

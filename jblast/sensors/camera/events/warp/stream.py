@@ -2,7 +2,7 @@
 
 The events are those of `stream_events`, in the same order. Frames may be arrays of
 NumPy, or arrays of JAX that lie on the GPU already and are not copied. Of a real
-camera's imperfections thresholds, leaks and the refractory period are done here.
+camera's noise, thresholds, leaks and the refractory period are done here.
 """
 
 from collections.abc import Iterable, Iterator
