@@ -139,7 +139,7 @@ WORDED: dict[type, Callable[[Schema], Schema]] = {
     EstimableCombination: _combination,
     WrongSensor: _wrong,
     AddedDatum: _added,
-    Choice: lambda schema: _object(_without(schema, "span", "own_error")),
+    Choice: lambda schema: _object(_without(schema, "span", "reference_uncertainty")),
     FailureMode: lambda schema: _object(
         {key: schema["properties"][of] for key, of in FAILURE_KEYS.items()}
     ),
