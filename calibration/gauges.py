@@ -10,7 +10,7 @@
 
 Each names its data, whose provenance stands at their head. No random numbers. Every
 number of the text is computed; which words stand around it was decided on seeing them,
-and `tests/calibration/test_gauges.py` fails where they no longer go together.
+and `tests/calibration/gauges` fails where they no longer go together.
 """
 
 from calibration.gauge_200g_text import text_200g

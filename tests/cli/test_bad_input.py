@@ -1,6 +1,6 @@
 import pytest
 
-from tests.cli.cli_files import HEADER, TWO, Command
+from tests.cli.cli_files import HEADER, TWO
 
 ROW = "a,air_arrival_s,1,0.1,30,0,1\n"
 
@@ -106,11 +106,6 @@ OPTIONS = {
     "--seed 3": ["unrecognized"],
     "--scene ": ["expected a path"],
 }
-
-
-@pytest.fixture
-def jblast(tmp_path, capsys):
-    return Command(tmp_path, capsys)
 
 
 def one_message(err: str, words: list[str]) -> None:

@@ -2,7 +2,7 @@
 
 Functions are found by inspection, and their arguments drawn by name from the spans of
 `waves.arguments`: one that is new is tested, or fails for an argument nobody described.
-Laws of the registry are swept farther and closer in `test_every_law.py`; of them only
+Laws of the registry are swept farther and closer in `every_law`; of them only
 what they refuse is tested here.
 """
 

@@ -4,7 +4,7 @@ import sys
 
 import pytest
 
-from tests.cli.cli_files import SENSORS, Command
+from tests.cli.cli_files import SENSORS
 
 ANSWER = {
     "schema": int,
@@ -28,11 +28,6 @@ ANSWER = {
 CLOCK = "clock_offset_s.z=0"
 FREE = '[charge]\nmass_kg = "free"\n' + SENSORS
 PRIOR = "[charge]\nmass_kg = { lognormal = [15.0, 3.0] }\n" + SENSORS
-
-
-@pytest.fixture
-def jblast(tmp_path, capsys):
-    return Command(tmp_path, capsys)
 
 
 def of_contract(out: str) -> dict:

@@ -3,14 +3,8 @@ import csv
 import pytest
 
 from jblast.verification.benchmark.chart import BENCHMARKS, Benchmark, BenchmarkPoint
-from tests.cli.cli_files import Command
 
 HALVES = "halves of something"
-
-
-@pytest.fixture
-def jblast(tmp_path, capsys):
-    return Command(tmp_path, capsys)
 
 
 @pytest.fixture

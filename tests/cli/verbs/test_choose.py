@@ -2,7 +2,7 @@ import json
 
 import pytest
 
-from tests.cli.cli_files import SENSORS, Command
+from tests.cli.cli_files import SENSORS
 
 KNOWN = "[charge]\nmass_kg = 15.0\n" + SENSORS
 KEYS = (
@@ -15,11 +15,6 @@ KEYS = (
     "cost_s",
     "candidates",
 )
-
-
-@pytest.fixture
-def jblast(tmp_path, capsys):
-    return Command(tmp_path, capsys)
 
 
 def chosen(jblast, *asked: str) -> tuple[int, dict]:

@@ -11,11 +11,6 @@ from tests.cli.cli_files import Command
 TIME = np.linspace(0.0, 10.0, 301)
 
 
-@pytest.fixture
-def jblast(tmp_path, capsys) -> Command:
-    return Command(tmp_path, capsys)
-
-
 def table(*columns: np.ndarray, header: str) -> str:
     rows = "\n".join(
         ",".join(f"{v:.9g}" for v in row) for row in zip(*columns, strict=True)

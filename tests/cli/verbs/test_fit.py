@@ -6,7 +6,7 @@ import time
 
 import pytest
 
-from tests.cli.cli_files import HEADER, TWO, Command
+from tests.cli.cli_files import HEADER, TWO
 
 ANSWER = {
     "schema": int,
@@ -32,11 +32,6 @@ ANSWER = {
 }
 ESTIMATE = ("value", "sd", "log_sd", "q05", "q50", "q95")
 FLASH = HEADER + "a,flash_time_s,0.001,0.0001,300,0,1\n"
-
-
-@pytest.fixture
-def jblast(tmp_path, capsys):
-    return Command(tmp_path, capsys)
 
 
 def of_contract(out: str) -> dict:

@@ -4,18 +4,13 @@ import json
 
 import pytest
 
-from tests.cli.cli_files import HEADER, Command
+from tests.cli.cli_files import HEADER
 
 EXACT = '[charge]\nmass_kg = "free"\n[law]\nscatter = false\n'
 ROWS = "".join(
     f"s{i},peak_overpressure_pa,{value},{{}},{east},0,0\n"
     for i, (value, east) in enumerate(((196000, 10), (42000, 20), (14800, 40)))
 )
-
-
-@pytest.fixture
-def jblast(tmp_path, capsys):
-    return Command(tmp_path, capsys)
 
 
 @pytest.mark.slow

@@ -7,12 +7,7 @@ import numpy as np
 import pytest
 
 from jblast.waves import kingery_bulmash_arrival_time, kingery_bulmash_pressure
-from tests.cli.cli_files import HEADER, Command
-
-
-@pytest.fixture
-def jblast(tmp_path, capsys):
-    return Command(tmp_path, capsys)
+from tests.cli.cli_files import HEADER
 
 
 def pressures(mass: float, shot: str = "") -> list[str]:

@@ -14,11 +14,6 @@ SHORT = ("--seconds", "0.4", "--step", "0.002")
 FILES = {"fly.json", "flight.csv", "path.png", "loads.png", "error.png"}
 
 
-@pytest.fixture
-def jblast(tmp_path, capsys) -> Command:
-    return Command(tmp_path, capsys)
-
-
 def flown(jblast: Command, *options: str, scene: str = CHARGE + VEHICLE + OWN):
     return jblast("fly", jblast.file("scene.toml", scene), *SHORT, *options, "--debug")
 

@@ -5,7 +5,7 @@ import pytest
 
 from jblast.observations import read, starter_scene
 from jblast.scene import read_scene
-from tests.cli.cli_files import HEADER, TWO, Command
+from tests.cli.cli_files import HEADER, TWO
 
 DATA = Path(__file__).parents[3] / "calibration" / "data"
 SOURCE_TABLES = {
@@ -29,11 +29,6 @@ LOGS = {
     + "a,arrival_difference_s,0.75,0.001,300,0,1\n"
     + "b,arrival_difference_s,1.3,0.001,500,0,1\n",
 }
-
-
-@pytest.fixture
-def jblast(tmp_path, capsys):
-    return Command(tmp_path, capsys)
 
 
 def test_a_scene_is_printed_or_written_and_never_over_another(jblast):

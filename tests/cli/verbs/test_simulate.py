@@ -2,14 +2,9 @@ import json
 
 import pytest
 
-from tests.cli.cli_files import SENSORS, Command
+from tests.cli.cli_files import SENSORS
 
 PRIOR = "[charge]\nmass_kg = { lognormal = [15.0, 3.0] }\n"
-
-
-@pytest.fixture
-def jblast(tmp_path, capsys):
-    return Command(tmp_path, capsys)
 
 
 @pytest.mark.slow

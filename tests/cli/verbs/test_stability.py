@@ -9,12 +9,6 @@ from jblast.cli.verbs import stability
 from jblast.report.stability.text import stability_markdown, stability_text
 from jblast.verification.stability.areas import AREAS
 from jblast.verification.stability.failure import FailureMode, verified
-from tests.cli.cli_files import Command
-
-
-@pytest.fixture
-def jblast(tmp_path, capsys):
-    return Command(tmp_path, capsys)
 
 
 def test_the_table_goes_to_stdout_and_fits_the_terminal(jblast):

@@ -7,14 +7,8 @@ import pytest
 
 from jblast.cli.parsers import verb_parser
 from jblast.cli.verbs.table import GROUPS, VERBS
-from tests.cli.cli_files import Command
 
 NAMES = [verb.name for verb in VERBS]
-
-
-@pytest.fixture
-def jblast(tmp_path, capsys):
-    return Command(tmp_path, capsys)
 
 
 def loaded_by(*words: str) -> set[str]:

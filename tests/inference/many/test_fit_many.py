@@ -1,5 +1,6 @@
+"""Many logs at once: each lane ends where the fit of that log ends."""
+
 import dataclasses
-import functools
 import math
 
 import jax
@@ -7,7 +8,6 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jblast.errors import InputError
 from jblast.inference import fit_many
 from jblast.inference.many.engine import engine_for
 from jblast.inference.many.residuals.rows import rows_of
@@ -16,46 +16,9 @@ from jblast.inference.mode.search import optima
 from jblast.inference.posterior.fisher_information import information
 from jblast.inference.posterior.parameters import parameters_of
 from jblast.inference.posterior.posterior import posterior_of
-from jblast.scene import LogNormal, Scene, Sensor, UncertainScene, freed, with_values
-from jblast.sensors import observe, planned_layout
+from jblast.scene import LogNormal
 from tests.inference.logs import log
-
-FREE = ["charge_mass_kg", "charge_east_m", "charge_north_m", "origin_time_s"]
-TRUTH = {
-    "charge_mass_kg": 30.0,
-    "charge_east_m": 10.0,
-    "charge_north_m": -5.0,
-    "origin_time_s": 1.5,
-}
-LAWS = {"air_arrival_s": "wu_hao", "ground_arrival_s": "wu_hao"}
-COMMON = tuple(LAWS.items())
-RECORDS = (("air_arrival_s", 1e-4), ("ground_arrival_s", 1e-4))
-PLACES = ((60, 0), (-70, 30), (0, 90), (20, -80), (120, 100), (-90, -60))
-
-
-def problem(count, **how):
-    """A scene and the first of 16 logs of it."""
-    uncertain, layout, values, sigma, names = problem_of_16(**how)
-    return uncertain, layout, values[:count].copy(), sigma, names
-
-
-@functools.cache
-def problem_of_16(scatter=False, records=RECORDS, laws=COMMON):
-    sensors = tuple(
-        Sensor(f"s{i}", jnp.array([*place, 0.0]), records=records)
-        for i, place in enumerate(PLACES)
-    )
-    scene = dataclasses.replace(Scene(), scatter=scatter, sensors=sensors, law=laws)
-    scene = with_values(scene, TRUTH)
-    layout, sigma, names = planned_layout(scene)
-    keys = jax.random.split(jax.random.key(3), 16)
-    draw = jax.jit(
-        jax.vmap(
-            lambda k: observe(k, scene, layout, dict(laws), sigma, noise="gaussian")
-        )
-    )
-    uncertain = freed(UncertainScene(scene), FREE)
-    return uncertain, layout, np.asarray(draw(keys)), np.asarray(sigma), names
+from tests.inference.many.five_sensors import LAWS, RECORDS, TRUTH, problem
 
 
 def as_log(layout, names, values, sigma):
@@ -175,82 +138,6 @@ def test_answers_lie_about_the_truth_as_far_as_they_say():
     assert np.mean(found.cost) == pytest.approx(4.0, abs=1.5)
 
 
-def test_one_bad_log_fails_alone_and_is_named():
-    uncertain, layout, values, sigma, _ = problem(16)
-    clean = fit_many(uncertain, layout, values, sigma, LAWS, noise="gaussian")
-    broken = values.copy()
-    broken[13, 3] = np.nan
-    found = fit_many(uncertain, layout, broken, sigma, LAWS, noise="gaussian")
-    assert list(np.flatnonzero(found.bad)) == [13]
-    assert found.faults == (
-        (13, "log 13, row 3, ground_arrival_s: expected a finite time, got nan"),
-    )
-    assert np.isnan(found.z[13]).all()
-    assert not found.converged[13]
-    others = np.arange(16) != 13
-    assert found.converged[others].all()
-    np.testing.assert_allclose(found.z[others], clean.z[others], rtol=1e-9)
-
-
-@pytest.mark.slow
-def test_a_batch_of_bad_logs_alone_converges_nowhere():
-    uncertain, layout, values, sigma, _ = problem(2)
-    found = fit_many(uncertain, layout, np.inf * values, sigma, LAWS)
-    assert found.bad.all()
-    assert not found.converged.any()
-    assert [number for number, _ in found.faults] == [0, 1]
-
-
-@pytest.mark.slow
-def test_a_log_that_cannot_tell_its_unknowns_does_not_converge():
-    uncertain, _, _, _, _ = problem(1)
-    # sensors in one place tell a distance, and nothing of the direction
-    sensors = tuple(
-        Sensor(f"s{i}", jnp.array([60.0, 0.0, 0.0]), records=RECORDS) for i in range(3)
-    )
-    scene = dataclasses.replace(uncertain.scene, sensors=sensors)
-    uncertain = dataclasses.replace(uncertain, scene=scene)
-    layout, sigma, _ = planned_layout(scene)
-    values = np.asarray(
-        observe(jax.random.key(0), scene, layout, LAWS, sigma, noise="gaussian")
-    )
-    start = np.array([[3.0, 5.0, 5.0, 1.5]])
-    found = fit_many(
-        uncertain,
-        layout,
-        values[None],
-        np.asarray(sigma),
-        LAWS,
-        noise="gaussian",
-        starts=start,
-    )
-    assert not found.converged[0]
-    assert not found.bad[0]
-    assert np.isfinite(found.z).all()
-    assert np.isnan(found.covariance).all()
-
-
-@pytest.mark.slow
-def test_every_lane_from_random_starts_is_at_the_optimum_or_says_it_is_not():
-    uncertain, layout, values, sigma, _ = problem(16)
-    best = fit_many(uncertain, layout, values, sigma, LAWS, noise="gaussian")
-    rng = np.random.default_rng(0)
-    starts = np.stack(
-        [
-            rng.uniform(0.0, 7.0, (3, 16)),
-            *rng.uniform(-100, 100, (2, 3, 16)),
-            1.5 + rng.uniform(-0.1, 0.1, (3, 16)),
-        ],
-        axis=-1,
-    )
-    found = fit_many(
-        uncertain, layout, values, sigma, LAWS, noise="gaussian", starts=starts
-    )
-    away = np.abs(np.asarray((found.z - best.z) / best.sd())).max(axis=1)
-    assert (away[np.asarray(found.converged)] < 1e-6).all()
-    assert found.converged.mean() > 0.9
-
-
 @pytest.mark.slow
 def test_the_closed_form_is_near_the_truth_and_needs_air_and_ground():
     uncertain, layout, values, _, _ = problem(3)
@@ -276,57 +163,3 @@ def test_logs_without_a_closed_form_start_from_the_nearest_of_a_library():
     away = (found.values["charge_east_m"] - 10.0) / found.sd()[:, 1]
     # normal errors: none of 16 is 5 standard deviations away
     assert (jnp.abs(away) < 5).all()
-
-
-@pytest.mark.slow
-def test_float32_says_how_far_it_can_see():
-    uncertain, layout, values, sigma, _ = problem(16)
-    exact = fit_many(uncertain, layout, values, sigma, LAWS, noise="gaussian")
-    coarse = UncertainScene(
-        jax.tree.map(lambda x: jnp.asarray(x, jnp.float32), uncertain.scene),
-        uncertain.beliefs,
-    )
-    single = jax.tree.map(lambda x: jnp.asarray(x, jnp.float32), layout)
-    with jax.enable_x64(False):
-        found = fit_many(
-            coarse,
-            single,
-            values.astype(np.float32),
-            sigma.astype(np.float32),
-            LAWS,
-            noise="gaussian",
-        )
-    assert found.z.dtype == jnp.float32
-    assert (found.tolerance > 1e-3).all()  # 1.5 s in 0.1 ms, times 1.2e-7
-    away = np.abs(np.asarray(found.z, float) - np.asarray(exact.z)) / np.asarray(
-        exact.sd()
-    )
-    told = np.asarray(found.converged)
-    assert (away[told] < 3 * np.asarray(found.tolerance)[told, None]).all()
-
-
-@pytest.mark.parametrize(
-    ("values", "sigma", "starts", "said"),
-    [
-        (np.ones((2, 5)), np.ones(12), None, "values: expected"),
-        (np.ones((2, 12)), np.ones(5), None, "sigma: expected"),
-        (np.ones((2, 12)), np.full(12, np.nan), None, "sigma: expected finite"),
-        (np.ones((2, 12)), np.ones(12), np.ones((2, 3)), "starts: expected"),
-    ],
-)
-def test_a_batch_of_the_wrong_shape_is_refused(values, sigma, starts, said):
-    uncertain, layout, *_ = problem(1)
-    with pytest.raises(InputError, match=said):
-        fit_many(uncertain, layout, values, sigma, LAWS, starts=starts)
-
-
-def test_effects_beyond_what_is_written_out_are_refused():
-    records = (("air_arrival_s", 1e-4), ("positive_impulse_pa_s", 0.02))
-    laws = {"air_arrival_s": "kingery_bulmash", "positive_impulse_pa_s": "ford_2021"}
-    uncertain, *_ = problem(1, scatter=True, records=records, laws=tuple(laws.items()))
-    sensors = uncertain.scene.sensors * 3
-    scene = dataclasses.replace(uncertain.scene, sensors=sensors)
-    layout, *_ = planned_layout(scene)
-    uncertain = dataclasses.replace(uncertain, scene=scene)
-    with pytest.raises(InputError, match="at most 16"):
-        engine_for(uncertain, layout, laws, "gaussian")

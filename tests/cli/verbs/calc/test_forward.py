@@ -1,0 +1,172 @@
+"""`jblast calc` from a charge: what it prints, notes and draws."""
+
+import csv
+import io
+import json
+
+import numpy as np
+import pytest
+
+from jblast.waves import kingery_bulmash_pressure
+
+
+def test_the_thesis_case_comes_out_as_printed(numbers):
+    # table 4.1: 3.14 ms by 6000 m/s, 38.57 ms by 340 m/s, at 20 m from 15 kg
+    found = numbers("--mass 15 --range 20 --sound-speed 340 --p-speed 6000")
+    air, ground, between = (
+        found["quantities"][quantity]["wu_hao"]["value"]
+        for quantity in ("air_arrival_s", "ground_arrival_s", "arrival_difference_s")
+    )
+    assert (round(air, 5), round(ground, 5)) == (0.03857, 0.00314)
+    assert between == pytest.approx(air - ground, rel=1e-12)
+
+
+def test_defaults_are_printed_and_named(calc, numbers):
+    text = calc("--mass 15 --range 20")
+    for words in (
+        "surface (default)",
+        "288.15 K, 101.325 kPa, dry",
+        "(default: at sea level)",
+        "5660 m/s (default: granite)",
+        "8.11 m/kg^(1/3)",
+    ):
+        assert words in text
+    inputs = numbers("--mass 15 --range 20")["inputs"]
+    assert inputs["defaults"] == ["air", "burst", "explosive", "ground"]
+    assert inputs["scaled_distance_m_kg13"] == pytest.approx(20.0 / np.cbrt(15.0))
+    said = "--burst free-air --explosive rdx --humidity 0.1 --p-speed 6000"
+    inputs = numbers(f"--mass 15 --range 20 {said}")["inputs"]
+    assert inputs["defaults"] == []
+    assert inputs["explosive"] == "RDX"
+
+
+def test_json_says_value_validity_and_range(numbers):
+    pressure = numbers("--mass 1 --range 100")["quantities"]["peak_overpressure_pa"]
+    entry = pressure["kingery_bulmash"]
+    assert entry.keys() == {"value", "valid", "range"}
+    assert entry["value"] == pytest.approx(float(kingery_bulmash_pressure(100.0, 1.0)))
+    assert entry["valid"] is False  # past Z = 40
+    assert pressure["shock_kinematics"]["valid"] is True
+
+
+def test_a_number_outside_its_range_is_marked_in_text(calc):
+    lines = calc("--mass 1 --range 100").splitlines()
+    (pressure, *_) = [
+        line
+        for line in lines[lines.index("Peak overpressure") :]
+        if "kingery_bulmash" in line
+    ]
+    assert "outside" in pressure
+    (acoustic,) = [
+        line for line in calc("--mass 1 --range 600").splitlines() if "acous" in line
+    ]
+    assert "outside" not in acoustic
+
+
+def test_lines_are_not_wider_than_96_columns(calc):
+    for words in (
+        "--mass 15 --range 20 --height 1",
+        "--mass 15 1000 --range 1:1000:5 --explosive C4",
+        "--mass 15 --overpressure 2e4",
+    ):
+        assert max(len(line) for line in calc(words).splitlines()) <= 96
+
+
+def test_air_of_an_altitude_is_the_standard_atmosphere(numbers):
+    inputs = numbers("--mass 1 --range 9 --altitude 5000")["inputs"]
+    assert inputs["temperature_k"] == pytest.approx(255.65)
+    assert inputs["pressure_pa"] == pytest.approx(54020.0, rel=1e-4)
+    assert inputs["altitude_m"] == 5000.0
+
+
+def test_an_explosive_is_worth_its_tnt(numbers):
+    c4, tnt = (
+        numbers(f"--range 20 {words}")["quantities"]
+        for words in ("--mass 10 --explosive C4", "--mass 13.7")
+    )
+    for quantity, same in (
+        ("peak_overpressure_pa", True),
+        ("positive_impulse_pa_s", False),
+    ):
+        one, other = (q[quantity]["kingery_bulmash"]["value"] for q in (c4, tnt))
+        assert (one == pytest.approx(other, rel=1e-12)) is same
+
+
+def test_several_values_make_all_combinations(numbers, calc):
+    found = numbers("--mass 1 8 --range 1:100:3,7")
+    assert found["inputs"]["range_m"] == pytest.approx(2 * [1.0, 10.0, 100.0, 7.0])
+    assert found["inputs"]["mass_kg"] == 4 * [1.0] + 4 * [8.0]
+    pressure = found["quantities"]["peak_overpressure_pa"]["kingery_bulmash"]
+    ranges, masses = found["inputs"]["range_m"], found["inputs"]["mass_kg"]
+    expected = kingery_bulmash_pressure(np.array(ranges), np.array(masses))
+    np.testing.assert_allclose(pressure["value"], expected, rtol=1e-12)
+    within = np.array(ranges) / np.cbrt(masses) <= 40.0
+    assert pressure["valid"] == within.tolist()
+    assert set(pressure["valid"]) == {True, False}
+    table = calc("--mass 1 8 --range 1:100:3,7")
+    assert "10 m" in table
+    assert "*" in table
+
+
+def test_csv_is_one_value_a_line_beneath_comments(calc, numbers):
+    text = calc("--mass 15 --range 5 50 --csv")
+    comments = [line for line in text.splitlines() if line.startswith("#")]
+    assert any("surface (default)" in line for line in comments)
+    rows = list(csv.DictReader(io.StringIO(text.split("\n", len(comments))[-1])))
+    assert [*rows[0]] == ["range_m", "mass_kg", "quantity", "law", "value", "valid"]
+    found = numbers("--mass 15 --range 5 50")["quantities"]
+    assert len(rows) == 2 * sum(len(by_law) for by_law in found.values())
+    for row in rows:
+        entry = found[row["quantity"]][row["law"]]
+        i = [5.0, 50.0].index(float(row["range_m"]))
+        assert float(row["value"]) == entry["value"][i]
+        assert (row["valid"] == "true") == entry["valid"][i]
+
+
+def test_a_burst_between_the_limits_says_what_the_other_set_gives(numbers, calc):
+    found = numbers("--mass 15 --range 20 --height 1")
+    (note,) = found["inputs"]["notes"]
+    assert "the surface ones were used" in note
+    entry = found["quantities"]["peak_overpressure_pa"]["kingery_bulmash"]
+    free = numbers("--mass 15 --range 20 --burst free-air")
+    other = free["quantities"]["peak_overpressure_pa"]["kingery_bulmash"]
+    assert entry["other_burst"]["value"] == other["value"] < entry["value"]
+    assert "other_burst" not in found["quantities"]["air_arrival_s"]["wu_hao"]
+    assert "(free-air)" in calc("--mass 15 --range 20 --height 1")
+
+
+def test_a_note_of_a_csv_promises_no_more_than_stands_there(calc):
+    head = calc("--mass 15 --range 20 --height 1 --csv").partition("range_m,")[0]
+    assert "compare with the other --burst" in head
+    assert "beside" not in head
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        ("--height -1", "buried"),
+        ("--height -1e-1", "buried"),
+        ("--height -1 --burst free-air", "the free-air curves were used"),
+        ("--height 30", "of which the surface ones were used"),
+        ("--height 200", "the free-air curves were used"),
+        ("--height 200 --burst surface", "contradicts the height"),
+        ("--height 30 --burst free-air", "contradicts the height"),
+    ],
+)
+def test_other_heights_are_noted(numbers, words, said):
+    assert said in " ".join(numbers(f"--mass 15 --range 90 {words}")["inputs"]["notes"])
+
+
+def test_on_the_ground_there_is_nothing_to_note(numbers):
+    assert numbers("--mass 15 --range 20")["inputs"]["notes"] == []
+
+
+@pytest.mark.slow
+def test_a_plot_is_written_once(jblast, calc, tmp_path):
+    file = jblast.path("laws.png")
+    assert f"Plot: {file}" in calc(f"--mass 15 --range 20 --plot {file}")
+    assert (tmp_path / "laws.png").read_bytes().startswith(b"\x89PNG")
+    words = ["calc", "--mass", "15", "--range", "20", "--plot", file]
+    assert "exists already" in jblast.refused(*words)
+    assert jblast(*words, "--force")[0] == 0
+    assert json.loads(calc(f"--mass 15 --range 1:9:3 --plot {file} --force --json"))

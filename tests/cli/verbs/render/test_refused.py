@@ -1,0 +1,151 @@
+"""What `jblast render` refuses, and files it leaves alone."""
+
+from pathlib import Path
+
+import pytest
+from PIL import Image
+
+from jblast.sensors.camera import film
+from jblast.sensors.camera.files import png as png_files
+from tests.cli.verbs.render.scenes import AWAY, CAMERA, CHARGE, refused, rendered
+
+
+def without(key: str) -> str:
+    return "\n".join(line for line in CAMERA.splitlines() if key not in line) + "\n"
+
+
+BAD_SCENES = {
+    "no camera": (CHARGE, r"expected a [camera] to look through, got none"),
+    "looking away": (
+        CHARGE + AWAY,
+        "looks towards 180 degrees from north, 0 degrees up; the blast is towards 0 "
+        "degrees from north, -1 degrees up, 179 degrees from its axis",
+    ),
+    "zero focal length": (
+        CHARGE + CAMERA.replace("focal_px = 24", "focal_px = 0"),
+        "[camera] focal_px: expected a positive number, got 0",
+    ),
+    "focal length NaN": (
+        CHARGE + CAMERA.replace("focal_px = 24", "focal_px = nan"),
+        "[camera] focal_px: expected a positive number, got nan",
+    ),
+    "negative threshold": (
+        CHARGE + CAMERA.replace("0.3]", "-0.3]"),
+        "[camera] threshold[1]: expected a positive number, got -0.3",
+    ),
+    "0 frames a second": (
+        CHARGE + CAMERA.replace("frames_hz = 500", "frames_hz = 0"),
+        "[camera] frames_hz: expected a positive number, got 0",
+    ),
+    "no width": (CHARGE + without("width"), "[camera] width: expected a whole number"),
+    "a free mass": (
+        CHARGE.replace("15.0", '"free"') + CAMERA,
+        "charge_mass_kg is free and cannot be drawn; give it a value or a prior",
+    ),
+    "no mass": (
+        "[charge]\nposition_m = [0, 0, 1]\n" + CAMERA,
+        "charge_mass_kg is free",
+    ),
+    "a range": (
+        '[charge]\nmass_kg = 1.0\nrange_m = 5.0\n[[sensor]]\nname = "a"\n' + CAMERA,
+        "[charge] range_m: expected position_m",
+    ),
+    "below the ground": (
+        CHARGE + CAMERA.replace("[0, -40, 2]", "[0, -40, -2]"),
+        "expected a place not below the ground, up = 0, got up = -2 m",
+    ),
+}
+
+
+@pytest.mark.parametrize(("scene", "said"), BAD_SCENES.values(), ids=BAD_SCENES)
+def test_a_scene_that_cannot_be_filmed_is_refused(jblast, scene, said):
+    assert said in refused(jblast, "--seconds", "0.01", scene=scene)
+
+
+BAD_OPTIONS = {
+    "fps 0": (["--fps", "0"], "--fps: expected a positive number, got '0'"),
+    "fps NaN": (["--fps", "nan"], "--fps: expected a positive number"),
+    "times in one": (["--times", "3"], "--times: expected START:STOP"),
+    "times in words": (["--times", "now:then"], "--times: expected START:STOP"),
+    "no end": (["--times", "0:inf"], "--times: expected START:STOP"),
+    "out of order": (
+        ["--times", "2.1:2.0"],
+        "expected START before STOP, got '2.1:2.0'",
+    ),
+    "twice": (["--times", "2:3", "--seconds", "1"], "either --times or --seconds"),
+    "no time": (["--seconds", "0"], "--seconds: expected a positive number"),
+    "one frame": (["--seconds", "0.001"], "--seconds: expected 2 to 1,000,000 frames"),
+    "too many": (["--seconds", "1e9"], "got 500,000,000,000 of 500 Hz"),
+    "a threshold": (["--threshold=-0.2"], "--threshold: expected a positive number"),
+    "no rays": (["--supersample", "0"], "--supersample: expected at least 1, got 0"),
+    "no background": (["--background", "sky"], "--background: expected a grey"),
+    "no views": (["--views", "nowhere"], "nowhere: no such directory"),
+}
+
+
+@pytest.mark.parametrize(("options", "said"), BAD_OPTIONS.values(), ids=BAD_OPTIONS)
+def test_options_that_cannot_be_are_refused(jblast, options, said):
+    assert said in refused(jblast, *options)
+
+
+def test_a_frame_rate_beyond_the_exposure_is_refused(jblast):
+    scene = CHARGE + CAMERA + "exposure_s = 2e-3\n"
+    message = refused(jblast, "--fps", "501", scene=scene)
+    assert "--fps: expected at most 500 Hz, as the camera's exposure_s" in message
+
+
+def test_an_existing_output_is_left_alone_without_force(jblast):
+    rendered(jblast, "--seconds", "0.02")
+    out = jblast.directory / "out"
+    before = {p: p.read_bytes() for p in out.rglob("*") if p.is_file()}
+    words = ["--seconds", "0.01", "--out", str(out)]
+    for mode in ("rgb", "events", "both"):
+        message = jblast.refused(
+            "render", jblast.path("scene.toml"), *words, "--mode", mode
+        )
+        assert "exists already; expected a new file, or --force" in message
+    assert {p: p.read_bytes() for p in out.rglob("*") if p.is_file()} == before
+    rendered(jblast, "--seconds", "0.01", "--force")
+    # nothing of the longer film is left among the frames of the shorter
+    assert len(list((out / "frames").iterdir())) == 5
+
+
+def test_what_is_read_is_not_overwritten(jblast):
+    rendered(jblast, "--seconds", "0.01")
+    frames = jblast.directory / "out" / "frames"
+    before = {p: p.read_bytes() for p in frames.iterdir()}
+    for background in (frames, frames / "0000.png"):
+        words = ["--seconds", "0.01", "--force", "--background", str(background)]
+        words += ["--out", jblast.path("out")]
+        message = jblast.refused("render", jblast.path("scene.toml"), *words)
+        assert "expected another --out, as the frames are made from" in message
+    assert {p: p.read_bytes() for p in frames.iterdir()} == before
+
+
+def test_a_directory_that_is_a_file_is_refused(jblast):
+    jblast.file("out", "mine")
+    words = ["--seconds", "0.01", "--out", jblast.path("out")]
+    message = jblast.refused("render", jblast.path("scene.toml"), *words)
+    assert "expected a directory, got a file" in message
+    assert jblast.text("out") == "mine"
+
+
+def test_frames_written_before_an_interruption_stay_whole(jblast, monkeypatch):
+    monkeypatch.setattr(film, "PIXELS", 4 * 24 * 18)  # four frames a block
+    save, done = Image.Image.save, []
+
+    def interrupted(self, path, **options):
+        if len(done) == 6:
+            Path(path).write_bytes(b"\x89PNG half of it")
+            raise KeyboardInterrupt
+        done.append(path)
+        return save(self, path, **options)
+
+    monkeypatch.setattr(Image.Image, "save", interrupted)
+    words = ["--seconds", "0.02", "--out", jblast.path("out")]
+    code, out, err = jblast("render", jblast.path("scene.toml"), *words)
+    assert (code, out, err) == (130, "", "jblast: interrupted\n")
+    left = sorted(p for p in (jblast.directory / "out").rglob("*") if p.is_file())
+    assert [p.name for p in left] == [f"{k:04d}.png" for k in range(6)]
+    for path in left:
+        assert png_files.read_png(path).shape == (18, 24, 3)

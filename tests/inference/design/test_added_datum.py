@@ -1,0 +1,120 @@
+"""What one more datum, or one more sensor anywhere, leaves of a bound."""
+
+import dataclasses
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from jblast.inference import bound, bound_map
+from jblast.inference.design.summary import AddedDatum
+from jblast.inference.posterior.estimate import Spread
+from jblast.quantities import QUANTITIES
+from jblast.report.design.added_datum import data_lines
+from jblast.scene import (
+    LogNormal,
+    Sensor,
+)
+from tests.inference.design.plans import MASS, PLAN, PRESSURE, RING, TRUE, scene_of
+
+
+@pytest.mark.slow
+def test_what_an_added_datum_leaves_is_the_bound_of_the_layout_that_has_it(planned):
+    # rows of one shot share effects: what they tell does not add up
+    (entry,) = (
+        e
+        for e in planned.summary.help
+        if (e.quantity, e.sensor) == ("peak_overpressure_pa", "c")
+    )
+    added = (("peak_overpressure_pa", entry.sigma),)
+    scene = dataclasses.replace(
+        PLAN.scene,
+        sensors=tuple(
+            dataclasses.replace(s, records=s.records + added * (s.name == "c"))
+            for s in PLAN.scene.sensors
+        ),
+        law=tuple(planned.summary.law.items()),
+    )
+    again = bound(dataclasses.replace(PLAN, scene=scene), TRUE)
+    left = again.summary.parameters["charge_mass_kg"].log_sd
+    # the same matrix, its rows in another order: rounding only
+    assert entry.left.log_sd == pytest.approx(left, rel=1e-8)
+    assert left < 0.99 * planned.summary.parameters["charge_mass_kg"].log_sd
+
+
+@pytest.mark.slow
+def test_help_is_ranked_by_what_it_leaves_of_the_mass_and_says_whose_sigma(planned):
+    inside = [e for e in planned.summary.help if e.law_valid]
+    sds = [e.left.log_sd for e in inside]
+    assert sds == sorted(sds)
+    assert {e.parameter for e in inside} == {"charge_mass_kg"}
+    for entry in inside:
+        planned_too = entry.quantity in ("air_arrival_s", "peak_overpressure_pa")
+        assert entry.is_default != planned_too
+    assert not any(
+        (e.quantity, e.sensor) == ("air_arrival_s", "a") for e in planned.summary.help
+    )
+
+
+@pytest.mark.slow
+def test_a_map_is_the_bound_with_one_more_sensor_at_each_place(planned):
+    drawn = bound_map(planned, points=5)
+    assert drawn.log_sd_mass is not None
+    assert drawn.place_sd is not None
+    # twice the extent: 170 m from north -80 to 90
+    assert np.ptp(drawn.north) == pytest.approx(2 * 170.0)
+    assert drawn.now["mass"] == pytest.approx(
+        planned.summary.parameters["charge_mass_kg"].log_sd, rel=1e-9
+    )
+    row, column = 1, 3
+    at = np.array([drawn.east[column], drawn.north[row], drawn.up])
+    new = Sensor("new", at, records=PLAN.scene.sensors[0].records)
+    scene = dataclasses.replace(
+        PLAN.scene,
+        sensors=(*PLAN.scene.sensors, new),
+        law=tuple(planned.summary.law.items()),
+    )
+    left = bound(dataclasses.replace(PLAN, scene=scene), TRUE).summary.parameters
+    assert drawn.log_sd_mass[row, column] == pytest.approx(
+        left["charge_mass_kg"].log_sd, rel=1e-8
+    )
+    place = np.hypot(left["charge_east_m"].sd, left["charge_north_m"].sd)
+    assert drawn.place_sd[row, column] == pytest.approx(place, rel=1e-8)
+    assert (drawn.log_sd_mass <= drawn.now["mass"] * (1 + 1e-9)).all()
+
+
+@pytest.mark.slow
+def test_a_map_without_anything_to_draw_is_refused():
+    ground = {"ground_p_speed_m_s": LogNormal(5660.0, 1.1)}
+    found = bound(scene_of(ground, RING, (("ground_arrival_s", 1e-4),)))
+    with pytest.raises(ValueError, match="mass or the place"):
+        bound_map(found)
+    ranged = scene_of(MASS, {"a": (0.0, 0.0)}, PRESSURE)
+    charge = dataclasses.replace(ranged.scene.charge, range=jnp.asarray(30.0))
+    scene = dataclasses.replace(ranged.scene, charge=charge)
+    found = bound(dataclasses.replace(ranged, scene=scene), {"charge_mass_kg": 9.0})
+    assert found.summary.identifiable
+    assert all(entry.position is None for entry in found.summary.help)
+    with pytest.raises(ValueError, match="needs places"):
+        bound_map(found)
+
+
+def test_further_data_stand_in_the_order_of_the_sd_they_leave():
+    left = (Spread(0.3, 0.3), Spread(), Spread(0.1, 0.1), Spread(0.2, 0.2))
+    made = [
+        AddedDatum(
+            quantity=quantity,
+            sensor="a",
+            position=None,
+            charge="",
+            sigma=0.1,
+            is_default=False,
+            law="acoustic",
+            law_valid=True,
+            parameter="charge_mass_kg",
+            left=spread,
+        )
+        for quantity, spread in zip(list(QUANTITIES)[: len(left)], left, strict=True)
+    ]
+    _, _, *lines = data_lines(made, {"charge_mass_kg": Spread(5.0, 0.5)})
+    assert [line.split("%")[0].split()[-1] for line in lines[:3]] == ["10", "20", "30"]
