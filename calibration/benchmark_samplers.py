@@ -10,6 +10,9 @@ sampler it is that of the whole run timed.
 """
 
 import os
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
 
 import emcee
 import equinox as eqx
@@ -19,17 +22,15 @@ import numpy as np
 from jblast.fidelity.timing import best_of
 from jblast.inference.importance.psis import importance
 from jblast.inference.importance.whitening import densities
-from jblast.inference.mcmc import emcee_engine
 from jblast.inference.mcmc.convergence import convergence
+from jblast.inference.mcmc.emcee_engine import Emcee, moves, of_emcee
+from jblast.inference.mcmc.scan_engine import Scan
 from jblast.inference.mcmc.state import Stretch
 from jblast.inference.mode.laplace import NORMAL_Q95
 from jblast.verification.benchmark.samplers import REFERENCE_SEED, known, weighted_ends
 from jblast.verification.cases.five_microphones import RECORDS
 from jblast.verification.cases.timed_sampling import (
-    EMCEE,
-    SCAN,
     WALKERS,
-    Sampler,
     interval_ends,
     timed_walk,
     unit_normal,
@@ -59,7 +60,7 @@ def _text() -> str:
     normal, density = what.normal, what.density
     free = normal.z.size
     axes = np.asarray(density.root)
-    long = timed_walk(SCAN, density, free, REFERENCE, REFERENCE_SEED)[0] @ axes.T
+    long = timed_walk(Scan(), density, free, REFERENCE, REFERENCE_SEED)[0] @ axes.T
     true, sd = interval_ends(long), long.reshape(-1, free).std(axis=0)
 
     lines = [
@@ -84,16 +85,16 @@ def _text() -> str:
     rates = {}
     alone = emcee.moves.StretchMove()
     for name, sampler, of in (
-        ("emcee", EMCEE, density),
-        ("emcee, stretch move alone", _emcee(_by_jax, alone), density),
+        ("emcee", Emcee(), density),
+        ("emcee, stretch move alone", Alone(_by_jax, alone), density),
         (
             "emcee, density free",
-            _emcee(_by_numpy, emcee_engine.moves(unit_normal(free))),
+            Alone(_by_numpy, moves(unit_normal(free))),
             Free(),
         ),
-        ("emcee, stretch alone, density free", _emcee(_by_numpy, alone), Free()),
-        ("one lax.scan", SCAN, density),
-        ("one lax.scan, density free", SCAN, Free()),
+        ("emcee, stretch alone, density free", Alone(_by_numpy, alone), Free()),
+        ("one lax.scan", Scan(), density),
+        ("one lax.scan, density free", Scan(), Free()),
     ):
         chain, seconds = timed_walk(sampler, of, free, STEPS, repeats=REPEATS)
         kept = chain @ (axes.T if of is density else np.eye(free))
@@ -130,21 +131,34 @@ def _by_jax(density):
     return lambda w: np.asarray(densities(density, w))
 
 
-def _emcee(function_of, moves) -> Sampler:
-    """Return emcee by itself, with some moves."""
+@dataclass(frozen=True)
+class Alone:
+    """emcee by itself, with some moves.
 
-    def walk(density, mixture, state, steps, tick):
+    Attributes:
+        function_of: What it calls, of a density.
+        moves: Its moves.
+    """
+
+    function_of: Callable
+    moves: Any
+    tick_steps: int = 1
+
+    def first_random(self, seed: int) -> dict[str, np.ndarray]:
+        """Return what the random numbers start from, as ours do."""
+        return Emcee().first_random(seed)
+
+    def walk(self, density, mixture, state, steps, tick) -> Stretch:
+        """Walk as `run_mcmc` does."""
         count, free = state.walkers.shape
         sampler = emcee.EnsembleSampler(
-            count, free, function_of(density), moves=moves, vectorize=True
+            count, free, self.function_of(density), moves=self.moves, vectorize=True
         )
         start = emcee.State(
             state.walkers,
             log_prob=state.log_density,
-            random_state=emcee_engine.of_emcee(state.random),
+            random_state=of_emcee(state.random),
         )
         sampler.run_mcmc(start, steps)
         chain, value = sampler.get_chain(), sampler.get_log_prob()
         return Stretch(np.asarray(chain), np.asarray(value), state.random)
-
-    return Sampler(walk, emcee_engine.first_random)

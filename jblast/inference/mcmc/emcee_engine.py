@@ -10,16 +10,6 @@ from jblast.inference.mcmc.independence_move import Mixture, anew
 from jblast.inference.mcmc.state import SHARES, State, Stretch
 
 
-def first_random(seed: int) -> dict[str, np.ndarray]:
-    """Return what emcee's random numbers start from, as arrays."""
-    state = np.random.MT19937(seed).state["state"]
-    return {
-        "key": np.asarray(state["key"], np.uint32),
-        "place": np.array([state["pos"], 0]),
-        "normal": np.array(0.0),
-    }
-
-
 def moves(mixture: Mixture) -> list:
     """Return emcee's moves, each with its share."""
     from emcee.moves import DEMove, MHMove, StretchMove
@@ -37,52 +27,61 @@ def moves(mixture: Mixture) -> list:
     ]
 
 
-def walk(
-    density: Density,
-    mixture: Mixture,
-    state: State,
-    steps: int,
-    tick: Callable[[], None],
-) -> Stretch:
-    """Walk on; Ctrl-C ends the stretch after the last whole step.
+class Emcee:
+    """An ensemble that emcee moves."""
 
-    Args:
-        density: Where to walk.
-        mixture: Of the normals about its known optima.
-        state: Where the walkers stand.
-        steps: How many steps.
-        tick: Called after each.
-    """
-    import emcee
+    tick_steps = 1
 
-    walkers, free = state.walkers.shape
-    sampler = emcee.EnsembleSampler(
-        walkers,
-        free,
-        lambda w: np.asarray(densities(density, w), float),
-        moves=moves(mixture),
-        vectorize=True,
-    )
-    start = emcee.State(
-        state.walkers, log_prob=state.log_density, random_state=of_emcee(state.random)
-    )
-    done: list[tuple] = []
-    interrupted = False
-    try:
-        for now in sampler.sample(
-            start, iterations=steps, store=False, skip_initial_state_check=True
-        ):
-            both = now.coords.copy(), np.array(now.log_prob)
-            done.append((*both, now.random_state))
-            tick()
-    except KeyboardInterrupt:
-        interrupted = True
-    return Stretch(
-        np.array([coords for coords, *_ in done]).reshape(-1, walkers, free),
-        np.array([value for _, value, _ in done]).reshape(-1, walkers),
-        _arrays(done[-1][2]) if done else state.random,
-        interrupted,
-    )
+    def first_random(self, seed: int) -> dict[str, np.ndarray]:
+        """Return what emcee's random numbers start from, as arrays."""
+        state = np.random.MT19937(seed).state["state"]
+        return {
+            "key": np.asarray(state["key"], np.uint32),
+            "place": np.array([state["pos"], 0]),
+            "normal": np.array(0.0),
+        }
+
+    def walk(
+        self,
+        density: Density,
+        mixture: Mixture,
+        state: State,
+        steps: int,
+        tick: Callable[[], None],
+    ) -> Stretch:
+        """Walk on; Ctrl-C ends the stretch after the last whole step."""
+        import emcee
+
+        walkers, free = state.walkers.shape
+        sampler = emcee.EnsembleSampler(
+            walkers,
+            free,
+            lambda w: np.asarray(densities(density, w), float),
+            moves=moves(mixture),
+            vectorize=True,
+        )
+        start = emcee.State(
+            state.walkers,
+            log_prob=state.log_density,
+            random_state=of_emcee(state.random),
+        )
+        done: list[tuple] = []
+        interrupted = False
+        try:
+            for now in sampler.sample(
+                start, iterations=steps, store=False, skip_initial_state_check=True
+            ):
+                both = now.coords.copy(), np.array(now.log_prob)
+                done.append((*both, now.random_state))
+                tick()
+        except KeyboardInterrupt:
+            interrupted = True
+        return Stretch(
+            np.array([coords for coords, *_ in done]).reshape(-1, walkers, free),
+            np.array([value for _, value, _ in done]).reshape(-1, walkers),
+            _arrays(done[-1][2]) if done else state.random,
+            interrupted,
+        )
 
 
 def of_emcee(random: Mapping[str, np.ndarray]) -> tuple:

@@ -10,19 +10,17 @@ from jaxtyping import Float
 
 from jblast.errors import InputError
 from jblast.inference.importance.whitening import Density, densities
-from jblast.inference.mcmc import (
-    emcee_engine,
-    scan_engine,
-)
 from jblast.inference.mcmc.checkpoint import Store
 from jblast.inference.mcmc.convergence import Convergence, convergence
+from jblast.inference.mcmc.emcee_engine import Emcee
 from jblast.inference.mcmc.independence_move import Mixture, mixture_of
 from jblast.inference.mcmc.interrupt import interrupts
 from jblast.inference.mcmc.progress import Pace, Report, nothing
-from jblast.inference.mcmc.state import State, Stretch
+from jblast.inference.mcmc.scan_engine import Scan
+from jblast.inference.mcmc.state import Engine, State, Stretch
 
 Sampler = Literal["emcee", "scan"]
-ENGINES = {"emcee": emcee_engine, "scan": scan_engine}
+ENGINES: dict[str, Engine] = {"emcee": Emcee(), "scan": Scan()}
 
 WALKERS = 64
 PRECISION = 0.05
@@ -117,7 +115,7 @@ def sample(
     pace = Pace(steps, most_steps, walkers, precision, checks)
 
     def tick():
-        pace.done += scan_engine.BLOCK if sampler == "scan" else 1
+        pace.done += engine.tick_steps
         report(pace.now())
 
     interrupted = False

@@ -24,51 +24,48 @@ BLOCK = 100
 """Steps in one compiled call."""
 
 
-def first_random(seed: int) -> dict[str, np.ndarray]:
-    """Return what the random numbers start from, as arrays."""
-    return {"seed": np.array(seed), "step": np.array(0)}
+class Scan:
+    """An ensemble whose moves are compiled."""
 
+    tick_steps = BLOCK
 
-def walk(
-    density: Density,
-    mixture: Mixture,
-    state: State,
-    steps: int,
-    tick: Callable[[], None],
-) -> Stretch:
-    """Walk on; Ctrl-C loses the block it falls into.
+    def first_random(self, seed: int) -> dict[str, np.ndarray]:
+        """Return what the random numbers start from, as arrays."""
+        return {"seed": np.array(seed), "step": np.array(0)}
 
-    Args:
-        density: Where to walk.
-        mixture: Of the normals about its known optima.
-        state: Where the walkers stand.
-        steps: How many steps.
-        tick: Called after each block.
-    """
-    w, value = jnp.asarray(state.walkers), jnp.asarray(state.log_density)
-    key = jax.random.key(int(state.random["seed"]))
-    first = int(state.random["step"])
-    chain, log_density = [], []
-    interrupted = False
-    try:
-        for start in range(first, first + steps, BLOCK):
-            (w, value), (places, values) = _block(
-                density, mixture, w, value, key, jnp.asarray(start)
-            )
-            both = np.asarray(places), np.asarray(values)
-            chain.append(both[0])
-            log_density.append(both[1])
-            tick()
-    except KeyboardInterrupt:
-        interrupted = True
-    done = min(len(log_density) * BLOCK, steps)
-    shape = state.walkers.shape
-    return Stretch(
-        np.concatenate([np.zeros((0, *shape)), *chain])[:done],
-        np.concatenate([np.zeros((0, shape[0])), *log_density])[:done],
-        {**state.random, "step": np.array(first + done)},
-        interrupted,
-    )
+    def walk(
+        self,
+        density: Density,
+        mixture: Mixture,
+        state: State,
+        steps: int,
+        tick: Callable[[], None],
+    ) -> Stretch:
+        """Walk on; Ctrl-C loses the block it falls into."""
+        w, value = jnp.asarray(state.walkers), jnp.asarray(state.log_density)
+        key = jax.random.key(int(state.random["seed"]))
+        first = int(state.random["step"])
+        chain, log_density = [], []
+        interrupted = False
+        try:
+            for start in range(first, first + steps, BLOCK):
+                (w, value), (places, values) = _block(
+                    density, mixture, w, value, key, jnp.asarray(start)
+                )
+                both = np.asarray(places), np.asarray(values)
+                chain.append(both[0])
+                log_density.append(both[1])
+                tick()
+        except KeyboardInterrupt:
+            interrupted = True
+        done = min(len(log_density) * BLOCK, steps)
+        shape = state.walkers.shape
+        return Stretch(
+            np.concatenate([np.zeros((0, *shape)), *chain])[:done],
+            np.concatenate([np.zeros((0, shape[0])), *log_density])[:done],
+            {**state.random, "step": np.array(first + done)},
+            interrupted,
+        )
 
 
 @jax.jit

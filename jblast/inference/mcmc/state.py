@@ -1,10 +1,13 @@
 """A stretch of a walk: what the samplers hand back, and what they go on from."""
 
-from collections.abc import Mapping
-from typing import NamedTuple
+from collections.abc import Callable, Mapping
+from typing import NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Float
+
+from jblast.inference.importance.whitening import Density
+from jblast.inference.mcmc.independence_move import Mixture
 
 
 class State(NamedTuple):
@@ -40,6 +43,39 @@ class Stretch(NamedTuple):
     def end(self) -> State:
         """Where the walkers stand after the last step."""
         return State(self.chain[-1], self.log_density[-1], self.random)
+
+
+@runtime_checkable
+class Engine(Protocol):
+    """What moves the walkers."""
+
+    @property
+    def tick_steps(self) -> int:
+        """Steps from one call of `tick` to the next."""
+        ...
+
+    def first_random(self, seed: int) -> Mapping[str, np.ndarray]:
+        """Return what the random numbers start from, as arrays."""
+        ...
+
+    def walk(
+        self,
+        density: Density,
+        mixture: Mixture,
+        state: State,
+        steps: int,
+        tick: Callable[[], None],
+    ) -> Stretch:
+        """Walk on; Ctrl-C ends the stretch early.
+
+        Args:
+            density: Where to walk.
+            mixture: Of the normals about its known optima.
+            state: Where the walkers stand.
+            steps: How many steps.
+            tick: Called after each, or each `tick_steps`.
+        """
+        ...
 
 
 SHARES = {"near": 0.7, "jump": 0.1, "stretch": 0.1, "anew": 0.1}

@@ -17,6 +17,8 @@ from jblast.inference.identifiability.null_space import Identifiability, identif
 from jblast.inference.importance.marginals import weighted_quantiles
 from jblast.inference.importance.psis import Importance, importance
 from jblast.inference.importance.whitening import Whitened, whitened
+from jblast.inference.mcmc.emcee_engine import Emcee
+from jblast.inference.mcmc.scan_engine import Scan
 from jblast.inference.mode.laplace import NORMAL_Q95, Laplace, laplace
 from jblast.inference.mode.search import optima
 from jblast.progress import in_words
@@ -27,8 +29,6 @@ from jblast.verification.benchmark.chart import (
 )
 from jblast.verification.cases.five_microphones import one_posterior
 from jblast.verification.cases.timed_sampling import (
-    EMCEE,
-    SCAN,
     SHARES,
     WALKERS,
     interval_ends,
@@ -105,7 +105,7 @@ def sampler_points(
     what = known()
     free, axes = what.normal.z.size, np.asarray(what.density.root)
     tell("the reference")
-    long, took = timed_walk(SCAN, what.density, free, reference, REFERENCE_SEED)
+    long, took = timed_walk(Scan(), what.density, free, reference, REFERENCE_SEED)
     long = long @ axes.T
     true, sd = interval_ends(long), long.reshape(-1, free).std(axis=0)
     half = len(long) // 2
@@ -121,7 +121,7 @@ def sampler_points(
             BenchmarkPoint(method, what.seconds + seconds, error, over + words)
         )
 
-    for name, sampler in (("emcee", EMCEE), ("one scan", SCAN)):
+    for name, sampler in (("emcee", Emcee()), ("one scan", Scan())):
         for number in steps:
             tell(f"{name}, {number} steps")
             times = min(runs * max(steps) // number, MOST_RUNS)

@@ -1,20 +1,14 @@
 """How long a walk takes, and the 90 % intervals that draws give."""
 
-from collections.abc import Callable, Mapping
-from typing import NamedTuple
-
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
 from jblast.fidelity.timing import best_of
 from jblast.inference.importance.whitening import Density, densities
-from jblast.inference.mcmc import (
-    emcee_engine,
-    scan_engine,
-)
 from jblast.inference.mcmc.independence_move import Mixture, mixture_of
-from jblast.inference.mcmc.state import State, Stretch
+from jblast.inference.mcmc.scan_engine import BLOCK
+from jblast.inference.mcmc.state import Engine, State
 
 WALKERS = 256
 SHARES = (0.05, 0.95)
@@ -23,29 +17,13 @@ WARM_UP = 10
 """The first tenth of a walk is left out."""
 
 
-class Sampler(NamedTuple):
-    """What walks.
-
-    Attributes:
-        walk: As `scan_engine.walk`.
-        first_random: What its random numbers start from, by a seed.
-    """
-
-    walk: Callable[..., Stretch]
-    first_random: Callable[[int], Mapping[str, np.ndarray]]
-
-
-EMCEE = Sampler(emcee_engine.walk, emcee_engine.first_random)
-SCAN = Sampler(scan_engine.walk, scan_engine.first_random)
-
-
 def unit_normal(free: int) -> Mixture:
     """Return the unit normal: the approximation of a posterior where it is round."""
     return mixture_of(np.zeros((1, free)), np.eye(free)[None], np.ones(1))
 
 
 def timed_walk(
-    sampler: Sampler,
+    sampler: Engine,
     density: Density,
     free: int,
     steps: int,
@@ -74,9 +52,7 @@ def timed_walk(
     def walk(steps: int) -> Float[np.ndarray, "step walker free"]:
         return sampler.walk(density, about, start, steps, lambda: None).chain
 
-    seconds, chain = best_of(
-        lambda: walk(steps), repeats, lambda: walk(scan_engine.BLOCK)
-    )
+    seconds, chain = best_of(lambda: walk(steps), repeats, lambda: walk(BLOCK))
     return chain[steps // WARM_UP :], seconds
 
 

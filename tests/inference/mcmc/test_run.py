@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from jblast.errors import InputError
-from jblast.inference.mcmc import emcee_engine
 from jblast.inference.mcmc.checkpoint import Store
+from jblast.inference.mcmc.emcee_engine import Emcee
 from jblast.inference.mcmc.run import Start, sample
 from tests.inference.mcmc.densities_by_hand import (
     COVARIANCE,
@@ -167,7 +167,7 @@ def test_control_c_before_the_first_step_is_passed_on(monkeypatch):
     def pressed(*_):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(emcee_engine, "walk", pressed)
+    monkeypatch.setattr(Emcee, "walk", pressed)
     with pytest.raises(KeyboardInterrupt):
         sample(gaussian(), start(3), np.eye(3))
 

@@ -3,11 +3,11 @@ import numpy as np
 import pytest
 
 from jblast.inference.importance.psis import Importance
+from jblast.inference.mcmc.emcee_engine import Emcee
+from jblast.inference.mcmc.scan_engine import Scan
 from jblast.inference.mode.laplace import Laplace
 from jblast.verification.benchmark.samplers import known, sampler_points, weighted_ends
 from jblast.verification.cases.timed_sampling import (
-    EMCEE,
-    SCAN,
     WALKERS,
     interval_ends,
     timed_walk,
@@ -33,11 +33,11 @@ def errors(points, name):
 
 
 def test_a_walk_is_without_its_warm_up_and_follows_its_seed():
-    chain, seconds = timed_walk(EMCEE, Round(), 4, 50)
+    chain, seconds = timed_walk(Emcee(), Round(), 4, 50)
     assert chain.shape == (45, WALKERS, 4)
     assert seconds > 0
-    again, _ = timed_walk(EMCEE, Round(), 4, 50)
-    other, _ = timed_walk(EMCEE, Round(), 4, 50, seed=1)
+    again, _ = timed_walk(Emcee(), Round(), 4, 50)
+    other, _ = timed_walk(Emcee(), Round(), 4, 50, seed=1)
     np.testing.assert_array_equal(chain, again)
     assert not np.any(chain[-1] == other[-1])
 
@@ -85,7 +85,7 @@ def test_the_scan_and_emcee_agree():
     sd = np.sqrt(np.diag(what.normal.covariance))
     ends = [
         interval_ends(timed_walk(sampler, what.density, 4, 1500)[0] @ axes.T)
-        for sampler in (EMCEE, SCAN)
+        for sampler in (Emcee(), Scan())
     ]
     # 1,350 x 256 / 11 independent draws: 0.012 sd an end, sqrt(2) for two, five sigma
     assert np.max(np.abs(ends[0] - ends[1]) / sd) < 0.1
