@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
-from jblast.waves.curves.hermite import HermiteCurve, hermite_curve
+from jblast.waves.curves.hermite import hermite_curve
 from jblast.waves.euler.gas import IdealGas
 from jblast.waves.euler.initial.sedov import START_FRACTION, start_sedov
 from jblast.waves.euler.march import March, march
@@ -36,12 +36,6 @@ class Decay:
     overpressure_ratio: Float[np.ndarray, " node"]
     slope: Float[np.ndarray, " node"]
     arrival: Float[np.ndarray, " node"]
-
-    def pressure_curve(self) -> HermiteCurve:
-        r"""Return $\ln p/P_0$ against $\ln\lambda$."""
-        return hermite_curve(
-            np.log(self.scaled), np.log(self.overpressure_ratio), self.slope
-        )
 
 
 def point_source_march(
