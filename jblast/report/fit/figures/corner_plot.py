@@ -139,7 +139,9 @@ def _corner(
     units: dict[str, Unit],
     truths: dict[str, float],
 ) -> Figure:
-    import corner
+    with warnings.catch_warnings():  # ArviZ, which it imports, announces 1.0 once a day
+        warnings.simplefilter("ignore", FutureWarning)
+        import corner
 
     count = len(names)
     side = max(2.3 * count + 0.6, 5.4)
