@@ -11,6 +11,7 @@ import contextlib
 import functools
 import hashlib
 import json
+import os
 from collections.abc import Callable
 from importlib.metadata import version
 from pathlib import Path
@@ -155,9 +156,12 @@ def _source() -> str:
     """Return a fingerprint of the package's files and the libraries' versions."""
     digest = hashlib.sha256()
     root = Path(__file__).parent
-    for path in sorted(root.rglob("*")):
-        if path.is_file() and path.suffix != ".pyc":
-            digest.update(f"{path.relative_to(root)} ".encode() + path.read_bytes())
+    for folder, folders, names in os.walk(root):
+        folders.sort()
+        digest.update(os.path.relpath(folder, root).encode())
+        for name in sorted(names):
+            if not name.endswith(".pyc"):
+                digest.update(f" {name} ".encode() + Path(folder, name).read_bytes())
     digest.update(" ".join(version(name) for name in LIBRARIES).encode())
     return digest.hexdigest()
 
