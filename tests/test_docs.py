@@ -19,6 +19,7 @@ from jblast.parameter_table import PARAMETERS
 from jblast.quantity_table import DERIVED_QUANTITIES, QUANTITIES
 from jblast.scene.reader.scene import scene_from_document
 from jblast.scene.reader.schema import KEYS
+from tests.test_import_order import ORDER, ROOMS
 
 ROOT = Path(__file__).parents[1]
 FRONT = [ROOT / name for name in ("README.md", "CONTRIBUTING.md", "CHANGELOG.md")]
@@ -164,17 +165,21 @@ def test_the_python_in_readme_runs(monkeypatch, capsys):
     assert "243 kg, 90 % interval 173 to 341 kg" in caption
 
 
-def test_contributing_lists_the_rooms_that_there_are():
+def test_contributing_lists_the_rooms_that_there_are_in_their_order():
     table = text(ROOT / "CONTRIBUTING.md").split("## The rooms")[1].split("\n\n")[1]
     told = {
-        line.split("|")[1].strip(" `"): set(re.findall(r"`(\w+)`", line.split("|")[3]))
+        line.split("|")[1].strip(" `"): re.findall(r"`(\w+)`", line.split("|")[3])
         for line in table.splitlines()[2:]
     }
     there = {
-        room.name: {folder.parent.name for folder in room.glob("*/__init__.py")}
+        room.name: sorted(folder.parent.name for folder in room.glob("*/__init__.py"))
         for room in (path.parent for path in (ROOT / "jblast").glob("*/__init__.py"))
     }
-    assert told == there
+    assert {room: sorted(folders) for room, folders in told.items()} == there
+    assert list(told) == [name for names in ORDER for name in names if name in told]
+    for room, order in ROOMS.items():
+        if room in told:
+            assert [name for name in told[room] if name in order] == list(order)
 
 
 def test_links_of_the_repository_become_links_of_the_site():

@@ -7,6 +7,7 @@ from pathlib import Path
 
 KEPT = "calibration/results"
 CHARTS = "charts/"
+BENCHMARK = "benchmark_"
 WIDE = "---\nhide: [toc]\n---\n\n"
 """Front matter of a page whose tables need all the width there is."""
 
@@ -113,14 +114,14 @@ def _subject(title: str) -> str:
 
 def _script(root: Path, stem: str) -> tuple[str, str]:
     """Return how a table is written again, and the question its script asks."""
-    for script in (stem, stem.removesuffix("_verification"), "benchmarks"):
-        path = root / "calibration" / f"{script}.py"
-        if path.exists():
-            asked = (ast.get_docstring(ast.parse(path.read_text("utf-8"))) or "").split(
-                "\n\n"
-            )[0]
-            return f"python -m calibration.{script}", " ".join(asked.split())
-    return "", ""
+    path = root / "calibration" / f"{stem}.py"
+    if not path.exists():
+        return "", ""
+    told = ast.get_docstring(ast.parse(path.read_text("utf-8"))) or ""
+    asked = " ".join(told.partition("\n\n")[0].split())
+    if stem.startswith(BENCHMARK):
+        return f"python -m calibration.benchmarks {stem.removeprefix(BENCHMARK)}", asked
+    return f"python -m calibration.{stem}", asked
 
 
 def _beside(source: str) -> str:
