@@ -14,8 +14,8 @@ from jblast.waves.waveform.friedlander import (
 from jblast.waves.waveform.negative_phase import negative_phase_pressure
 
 
-class Told(NamedTuple):
-    """What a closed form is told of a waveform, in any units that go together.
+class PulseParameters(NamedTuple):
+    """What a closed form needs of a waveform, in any units that go together.
 
     Attributes:
         peak: Overpressure at the front.
@@ -32,38 +32,42 @@ class Told(NamedTuple):
     suction_impulse: Float[Array, "..."]
 
 
-def triangle(time: Float[Array, "..."], told: Told) -> Float[Array, "..."]:
+def triangle(time: Float[Array, "..."], pulse: PulseParameters) -> Float[Array, "..."]:
     """Return a straight fall to zero, and nothing after."""
-    return told.peak * jnp.maximum(1.0 - time / told.duration, 0.0)
+    return pulse.peak * jnp.maximum(1.0 - time / pulse.duration, 0.0)
 
 
-def decay_one(time: Float[Array, "..."], told: Told) -> Float[Array, "..."]:
+def decay_one(time: Float[Array, "..."], pulse: PulseParameters) -> Float[Array, "..."]:
     """Return Friedlander's pulse of decay 1 with its own tail."""
-    return friedlander_pressure(time, told.peak, told.duration)
+    return friedlander_pressure(time, pulse.peak, pulse.duration)
 
 
-def decay_of_impulse(time: Float[Array, "..."], told: Told) -> Float[Array, "..."]:
+def decay_of_impulse(
+    time: Float[Array, "..."], pulse: PulseParameters
+) -> Float[Array, "..."]:
     """Return Friedlander's pulse that has the impulse, with its own tail."""
-    decay = friedlander_decay(told.peak, told.impulse, told.duration)
-    return modified_friedlander_pressure(time, told.peak, told.duration, decay)
+    decay = friedlander_decay(pulse.peak, pulse.impulse, pulse.duration)
+    return modified_friedlander_pressure(time, pulse.peak, pulse.duration, decay)
 
 
-def cut(time: Float[Array, "..."], told: Told) -> Float[Array, "..."]:
+def cut(time: Float[Array, "..."], pulse: PulseParameters) -> Float[Array, "..."]:
     """Return Friedlander's pulse that has the impulse, and nothing after."""
-    return jnp.where(time < told.duration, decay_of_impulse(time, told), 0.0)
+    return jnp.where(time < pulse.duration, decay_of_impulse(time, pulse), 0.0)
 
 
-def with_suction(time: Float[Array, "..."], told: Told) -> Float[Array, "..."]:
+def with_suction(
+    time: Float[Array, "..."], pulse: PulseParameters
+) -> Float[Array, "..."]:
     """Return Friedlander's pulse that has the impulse, and the cubic negative phase.
 
     Its duration is the cubic's own for its underpressure and impulse.
     """
-    length = 16.0 / 9.0 * told.suction_impulse / told.suction
-    after = negative_phase_pressure(time, told.duration, told.suction, length)
-    return jnp.where(time < told.duration, decay_of_impulse(time, told), after)
+    length = 16.0 / 9.0 * pulse.suction_impulse / pulse.suction
+    after = negative_phase_pressure(time, pulse.duration, pulse.suction, length)
+    return jnp.where(time < pulse.duration, decay_of_impulse(time, pulse), after)
 
 
-Form = Callable[[Float[Array, "..."], Told], Float[Array, "..."]]
+Form = Callable[[Float[Array, "..."], PulseParameters], Float[Array, "..."]]
 """The overpressure by the time since arrival, which is not negative."""
 
 POSITIVE: dict[str, Form] = {

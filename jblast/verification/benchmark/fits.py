@@ -54,8 +54,8 @@ SHORT = {"Levenberg-Marquardt": "LM"}
 OWN, POOR = "starts of its own", "poor starts"
 
 
-class Ends(NamedTuple):
-    """Where a way of fitting ended.
+class FitOutcome(NamedTuple):
+    """Where the fits of a method ended.
 
     Attributes:
         method: Its name.
@@ -70,7 +70,7 @@ class Ends(NamedTuple):
     z: Float[np.ndarray, "log free"]
 
 
-def fit_ends(logs: Logs, solved: int, looped: int) -> list[Ends]:
+def fit_outcomes(logs: Logs, solved: int, looped: int) -> list[FitOutcome]:
     """Fit the logs by every way.
 
     Args:
@@ -79,14 +79,14 @@ def fit_ends(logs: Logs, solved: int, looped: int) -> list[Ends]:
         looped: Logs for scipy.
     """
     tell = in_words()
-    ends = []
+    outcomes = []
     for name, start, given in (
         ("fit_many", OWN, None),
         ("fit_many, poor starts", POOR, logs.starts),
     ):
         tell(name)
         took, fits = best_of(lambda given=given: ours(logs, given), REPEATS)
-        ends.append(Ends(name, start, took, np.asarray(fits.z)))
+        outcomes.append(FitOutcome(name, start, took, np.asarray(fits.z)))
     for name, precision in STOCK:
         words = SHORT.get(name, name)
         words += "" if precision == "float64" else f", {precision}"
@@ -97,7 +97,7 @@ def fit_ends(logs: Logs, solved: int, looped: int) -> list[Ends]:
             ),
             REPEATS,
         )
-        ends.append(Ends(words, POOR, took, stock.z))
+        outcomes.append(FitOutcome(words, POOR, took, stock.z))
     for name, start, fit, number in (
         ("scipy, lm", POOR, by_scipy, looped),
         ("solve", OWN, by_solve, solved),
@@ -108,8 +108,8 @@ def fit_ends(logs: Logs, solved: int, looped: int) -> list[Ends]:
             1,
             lambda fit=fit: fit(logs, 1),
         )
-        ends.append(Ends(name, start, took, z))
-    return ends
+        outcomes.append(FitOutcome(name, start, took, z))
+    return outcomes
 
 
 def by_scipy(logs: Logs, count: int) -> Float[np.ndarray, "log free"]:
@@ -151,11 +151,11 @@ def by_solve(logs: Logs, count: int) -> Float[np.ndarray, "log free"]:
     return np.array([np.asarray(one.optima.z[0]) for one in found])
 
 
-def missed(logs: Logs, ends: list[Ends]) -> list[int]:
-    """Count the ends off the optimum of each way.
+def missed(logs: Logs, outcomes: list[FitOutcome]) -> list[int]:
+    """Count the fits off the optimum of each method.
 
-    Off is an end less probable, beside the best that any way found or that a fit from
-    the truth ends at, than 0.1 standard deviations of one number would make it. In
+    Off is an end less probable, beside the best that any method found or that a fit
+    from the truth ends at, than 0.1 standard deviations of one number would make it. In
     float64 the count is the same for any limit down to 1e-9 in cost; rounding alone
     takes float32 over that.
     """
@@ -165,7 +165,7 @@ def missed(logs: Logs, ends: list[Ends]) -> list[int]:
         return np.array(costs(logs.blank, measured, jnp.asarray(z)))
 
     least = cost(best_known(logs))
-    each = [cost(way.z) for way in ends]
+    each = [cost(outcome.z) for outcome in outcomes]
     for found in each:
         least[: len(found)] = np.fmin(least[: len(found)], found)
     return [int(np.sum(~(found - least[: len(found)] <= OFF))) for found in each]
@@ -176,7 +176,7 @@ def fit_points(
     solved: int = SOLVED,
     looped: int = LOOPED,
 ) -> list[BenchmarkPoint]:
-    """Return the cost of a fit by every way, and the share that misses the optimum.
+    """Return the cost of a fit by every method, and the share that misses the optimum.
 
     None of N counts as half a log of N.
 
@@ -186,15 +186,15 @@ def fit_points(
         looped: Logs for scipy.
     """
     logs = draw(count)
-    ends = fit_ends(logs, solved, looped)
+    outcomes = fit_outcomes(logs, solved, looped)
     return [
         BenchmarkPoint(
-            way.method,
-            way.seconds / len(way.z),
-            max(off, 0.5) / len(way.z),
-            f"{off} of {len(way.z):,} off, {way.start}",
+            of.method,
+            of.seconds / len(of.z),
+            max(off, 0.5) / len(of.z),
+            f"{off} of {len(of.z):,} off, {of.start}",
         )
-        for way, off in zip(ends, missed(logs, ends), strict=True)
+        for of, off in zip(outcomes, missed(logs, outcomes), strict=True)
     ]
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from scipy.interpolate import PchipInterpolator
 
 from jblast.errors import InputError
-from jblast.verification.benchmark.closed_waveforms import Told
+from jblast.verification.benchmark.closed_waveforms import PulseParameters
 from jblast.waves.euler import March, decay_at, point_source_march
 
 STRIDE = 4
@@ -25,12 +25,12 @@ class Waveform(NamedTuple):
 
     Attributes:
         pressure: Overpressure against the time since arrival.
-        told: Its peak, durations and so on.
+        pulse: Its peak, durations and so on.
         end: Of the negative phase, since arrival.
     """
 
     pressure: PchipInterpolator
-    told: Told
+    pulse: PulseParameters
     end: float
 
 
@@ -71,7 +71,7 @@ def waveforms(run: March, places: Sequence[float]) -> list[Waveform]:
         duration, end = crossings[:2]
         turns = pressure.derivative().roots(extrapolate=False)
         within = turns[(turns > duration) & (turns < end)]
-        told = (
+        parameters = (
             peak,
             duration,
             pressure.integrate(0.0, duration),
@@ -81,7 +81,7 @@ def waveforms(run: March, places: Sequence[float]) -> list[Waveform]:
         found.append(
             Waveform(
                 pressure=pressure,
-                told=Told(*(jnp.asarray(value) for value in told)),
+                pulse=PulseParameters(*(jnp.asarray(value) for value in parameters)),
                 end=float(end),
             )
         )

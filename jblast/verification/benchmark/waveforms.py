@@ -20,7 +20,12 @@ from jblast.verification.benchmark.chart import (
     BenchmarkPoint,
     register_benchmark,
 )
-from jblast.verification.benchmark.closed_waveforms import POSITIVE, WHOLE, Form, Told
+from jblast.verification.benchmark.closed_waveforms import (
+    POSITIVE,
+    WHOLE,
+    Form,
+    PulseParameters,
+)
 from jblast.verification.benchmark.gauge_waveforms import (
     Waveform,
     gauge_march,
@@ -46,7 +51,7 @@ def form_seconds(form: Form) -> float:
         jnp.asarray(rng.uniform(*ends, (MANY, 1)))
         for ends in ((1e3, 1e5), (1e-3, 1e-1), (0.2, 0.5), (0.05, 0.4), (1.0, 5.0))
     )
-    told = Told(
+    pulse = PulseParameters(
         peak,
         duration,
         impulse=fraction * peak * duration,
@@ -55,18 +60,18 @@ def form_seconds(form: Form) -> float:
     )
     time = jnp.linspace(0.0, 4.0, SAMPLES)[None, :] * duration
     compiled = jax.jit(form)
-    return seconds(lambda: compiled(time, told)) / MANY
+    return seconds(lambda: compiled(time, pulse)) / MANY
 
 
 def form_error(form: Form, true: Waveform, end: float) -> float:
     """Return the rms error of a closed form until a time since arrival."""
     time = np.linspace(0.0, end, SAMPLES)
-    return _rms(np.asarray(form(jnp.asarray(time), true.told)), true, end)
+    return _rms(np.asarray(form(jnp.asarray(time), true.pulse)), true, end)
 
 
 def _rms(pressure: Float[np.ndarray, " sample"], true: Waveform, end: float) -> float:
     off = pressure - true.pressure(np.linspace(0.0, end, SAMPLES))
-    return float(np.sqrt(np.mean(np.square(off)))) / float(true.told.peak)
+    return float(np.sqrt(np.mean(np.square(off)))) / float(true.pulse.peak)
 
 
 def _apart(one: Waveform, true: Waveform, end: float) -> float:
@@ -113,11 +118,11 @@ def waveform_points(
         waves = [runs[number][column] for number in cells]
         true = waves[-1]
         for what, allowed, until in (
-            ("positive phase", POSITIVE, float(true.told.duration)),
+            ("positive phase", POSITIVE, float(true.pulse.duration)),
             ("both phases", WHOLE, true.end),
         ):
             panel = f"{what}, lambda = {place:g}"
-            span = f"{panel}, peak {float(true.told.peak):.2g} ambient pressures"
+            span = f"{panel}, peak {float(true.pulse.peak):.2g} ambient pressures"
             uncertainty = reference_uncertainty(waves[-3], waves[-2], true, until)
             points += [
                 BenchmarkPoint(

@@ -20,7 +20,7 @@ def crossing(
     return float(root_scalar(function, bracket=(low, high), rtol=to).root)
 
 
-def turning(
+def switching_point(
     answer: Callable[[float], bool | np.bool_],
     low: float,
     high: float,

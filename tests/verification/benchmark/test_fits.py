@@ -2,7 +2,13 @@ import numpy as np
 import pytest
 
 from jblast.verification.benchmark.chart import on_pareto_front
-from jblast.verification.benchmark.fits import STOCK, Ends, by_scipy, fit_points, missed
+from jblast.verification.benchmark.fits import (
+    STOCK,
+    FitOutcome,
+    by_scipy,
+    fit_points,
+    missed,
+)
 from jblast.verification.stability.inference.poor_starts import best_known, draw, ours
 from jblast.verification.stability.inference.stock_solvers import stock_fits
 
@@ -18,15 +24,15 @@ def logs():
 def misses(logs):
     """By the name of some ways, the share of the logs that they miss."""
     bfgs = stock_fits("BFGS", logs.blank, logs.readings, logs.starts, "float32")
-    ends = [
-        Ends(name, "", 1.0, np.asarray(z))
+    outcomes = [
+        FitOutcome(name, "", 1.0, np.asarray(z))
         for name, z in (
             ("own", ours(logs).z),
             ("poor", ours(logs, logs.starts).z),
             ("bfgs", bfgs.z),
         )
     ]
-    found = zip(ends, missed(logs, ends), strict=True)
+    found = zip(outcomes, missed(logs, outcomes), strict=True)
     return {way.method: off / len(way.z) for way, off in found}
 
 
@@ -39,9 +45,9 @@ def test_bfgs_in_float32_misses_what_fit_many_finds(misses):
 
 
 def test_scipy_from_poor_starts_ends_mostly_at_the_optimum(logs):
-    ends = Ends("scipy", "", 1.0, np.asarray(by_scipy(logs, LOOPED)))
+    outcomes = FitOutcome("scipy", "", 1.0, np.asarray(by_scipy(logs, LOOPED)))
     # 38 of 500; of 20 hardly ever more than 6
-    assert missed(logs, [ends])[0] / len(ends.z) <= 0.3
+    assert missed(logs, [outcomes])[0] / len(outcomes.z) <= 0.3
 
 
 def test_an_end_off_by_a_standard_deviation_or_by_nan_is_missed(logs):
@@ -50,10 +56,11 @@ def test_an_end_off_by_a_standard_deviation_or_by_nan_is_missed(logs):
     other[1, 0] += 1.0  # a factor e in mass
     other[2] = np.nan
     few = best[:3]
-    ends = [
-        Ends(name, "", 1.0, z) for name, z in (("a", best), ("b", other), ("c", few))
+    outcomes = [
+        FitOutcome(name, "", 1.0, z)
+        for name, z in (("a", best), ("b", other), ("c", few))
     ]
-    assert missed(logs, ends) == [0, 2, 0]
+    assert missed(logs, outcomes) == [0, 2, 0]
 
 
 @pytest.mark.slow

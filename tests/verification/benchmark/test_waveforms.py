@@ -11,7 +11,7 @@ from jblast.verification.benchmark.chart import on_pareto_front
 from jblast.verification.benchmark.closed_waveforms import (
     POSITIVE,
     WHOLE,
-    Told,
+    PulseParameters,
     with_suction,
 )
 from jblast.verification.benchmark.gauge_waveforms import (
@@ -33,7 +33,7 @@ CELLS = 40
 
 def wave_of(decay, suction=0.2, ripple=0.0):
     """Friedlander's pulse of unit peak and duration, then a cubic twice as long."""
-    told = Told(
+    pulse = PulseParameters(
         *(
             jnp.asarray(value)
             for value in (
@@ -46,9 +46,9 @@ def wave_of(decay, suction=0.2, ripple=0.0):
         )
     )
     time = np.linspace(0.0, 3.0, 6001)
-    pressure = np.asarray(with_suction(jnp.asarray(time), told))
+    pressure = np.asarray(with_suction(jnp.asarray(time), pulse))
     pressure = pressure + ripple * np.sin(np.pi * time)
-    return Waveform(PchipInterpolator(time, pressure), told, 3.0)
+    return Waveform(PchipInterpolator(time, pressure), pulse, 3.0)
 
 
 @pytest.fixture(scope="module")
@@ -96,17 +96,17 @@ def test_a_gauge_is_passed_by_the_exact_shock(run):
     (wave,) = waveforms(run, (PLACE,))
     exact = float(jnp.exp(log_overpressure_ratio(jnp.log(PLACE))))
     # 40 cells: 1/4 of the 0.1 % of 100 cells, squared away
-    assert float(wave.told.peak) == pytest.approx(exact, rel=0.01)
-    assert float(wave.pressure(0.0)) == float(wave.told.peak)
-    assert float(wave.pressure(wave.told.duration)) == pytest.approx(0.0, abs=1e-12)
-    assert wave.end > 3.0 * float(wave.told.duration)
-    assert 0.0 < float(wave.told.suction) < float(wave.told.peak)
+    assert float(wave.pulse.peak) == pytest.approx(exact, rel=0.01)
+    assert float(wave.pressure(0.0)) == float(wave.pulse.peak)
+    assert float(wave.pressure(wave.pulse.duration)) == pytest.approx(0.0, abs=1e-12)
+    assert wave.end > 3.0 * float(wave.pulse.duration)
+    assert 0.0 < float(wave.pulse.suction) < float(wave.pulse.peak)
 
 
 def test_a_decay_of_the_impulse_is_nearer_than_a_triangle_and_decay_one(run):
     (wave,) = waveforms(run, (PLACE,))
     errors = {
-        name: form_error(form, wave, float(wave.told.duration))
+        name: form_error(form, wave, float(wave.pulse.duration))
         for name, form in POSITIVE.items()
     }
     fitted = errors.pop("Friedlander, b of impulse")

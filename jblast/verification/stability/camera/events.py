@@ -14,7 +14,7 @@ from jblast.study.event_inversion.fit_events import STAGES
 from jblast.verification.cases.moving_disc import THRESHOLD, film
 from jblast.verification.stability.camera.lenses import lens_failures
 from jblast.verification.stability.failure import FailureMode, verified
-from jblast.verification.stability.threshold import crossing, turning
+from jblast.verification.stability.threshold import crossing, switching_point
 
 BOTH = (THRESHOLD, THRESHOLD)
 RAMPS = 1000
@@ -154,7 +154,7 @@ def pulse_counts(width: float) -> tuple[int, int]:
 
 def _short() -> FailureMode:
     seen = 0.2
-    boundary = turning(lambda w: pulse_counts(w)[0] == 0, 0.05, 0.5, to=1e-3)
+    boundary = switching_point(lambda w: pulse_counts(w)[0] == 0, 0.05, 0.5, to=1e-3)
     frames, ours = pulse_counts(seen)
     return FailureMode(
         area="events",

@@ -33,7 +33,7 @@ Places = tuple[tuple[float, float], ...]
 """East and north of each sensor [m]."""
 
 
-class Told(NamedTuple):
+class SolvedLog(NamedTuple):
     """A log, and what jblast makes of it.
 
     Attributes:
@@ -85,13 +85,13 @@ def scene_with(
 
 
 @functools.cache
-def told(
+def solved_log(
     places: Places,
     mass: float,
     east: float,
     north: float,
     noise: Noise = "gaussian",
-) -> Told:
+) -> SolvedLog:
     """Simulate a log with normal errors, and solve it.
 
     Args:
@@ -104,4 +104,4 @@ def told(
     truth = dict(zip(START, (mass, east, north), strict=True))
     log = simulate(scene_with(places, truth, LAWS), SEED, noise="gaussian")
     asked = freed(scene_with(places, START, LAWS), list(START))
-    return Told(log, asked, solve(log, asked, noise=noise))
+    return SolvedLog(log, asked, solve(log, asked, noise=noise))

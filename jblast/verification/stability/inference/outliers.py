@@ -15,9 +15,9 @@ from jblast.verification.stability.inference.arrival_logs import (
     FITS,
     LAWS,
     SIGMA,
-    Told,
+    SolvedLog,
     ring,
-    told,
+    solved_log,
 )
 
 FAR = 20
@@ -46,7 +46,7 @@ class Moved(NamedTuple):
 
 def moved() -> Moved:
     """Fit the same log with one reading ever further off."""
-    clean = told(ring(), 30.0, 10.0, -5.0, "student")
+    clean = solved_log(ring(), 30.0, 10.0, -5.0, "student")
     posterior, z = clean.solution.posterior, clean.solution.laplace.z
     normal = fit_many(
         clean.uncertain,
@@ -74,7 +74,7 @@ def _off(log: Observations, size: float) -> Observations:
     return replace(log, value=value)
 
 
-def _by_student(clean: Told, log: Observations) -> tuple[float, bool]:
+def _by_student(clean: SolvedLog, log: Observations) -> tuple[float, bool]:
     """Return ln of the mass, and whether the reading is suspected."""
     found = solve(log, clean.uncertain)
     posterior, z = found.posterior, found.laplace.z

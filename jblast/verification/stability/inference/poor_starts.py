@@ -24,7 +24,7 @@ from jblast.verification.stability.inference.arrival_logs import (
     LAWS,
     SIGMA,
     ring,
-    told,
+    solved_log,
 )
 from jblast.verification.stability.inference.stock_solvers import (
     SOLVERS,
@@ -79,7 +79,7 @@ class Off(NamedTuple):
 def draw(count: int = FITS, seed: int = 0) -> Logs:
     """Draw logs and poor starts."""
     rng = np.random.default_rng(seed)
-    known = told(ring(), 30.0, 10.0, -5.0)
+    known = solved_log(ring(), 30.0, 10.0, -5.0)
     blank = known.solution.posterior
     far, way = 20 * np.sqrt(rng.random(count)), 2 * np.pi * rng.random(count)
     mass = rng.uniform(np.log(5), np.log(200), count)

@@ -13,7 +13,7 @@ from jblast.inference.importance.psis import ENDS
 from jblast.inference.importance.whitening import Whitened, root_of, whitened
 from jblast.inference.posterior.estimate import Estimate
 from jblast.verification.stability.failure import FailureMode, verified
-from jblast.verification.stability.inference.arrival_logs import circle, told
+from jblast.verification.stability.inference.arrival_logs import circle, solved_log
 from jblast.verification.stability.inference.plain_emcee import (
     WALKERS,
     BareWalk,
@@ -68,7 +68,7 @@ def null_failure() -> FailureMode:
 @functools.cache
 def endless() -> tuple[Solution, Ensemble]:
     """Walk over the mass of a charge 300 m from a circle of sensors of 10 m."""
-    found = told(circle(NEAR), 30.0, 300.0, 0.0).solution
+    found = solved_log(circle(NEAR), 30.0, 300.0, 0.0).solution
     walk = ensemble(
         found.posterior,
         found.laplace,
@@ -118,7 +118,7 @@ def off_at(radius: float) -> float:
 
 
 def _beside(radius: float) -> Solution:
-    return told(circle(radius), 30.0, 60.0, 0.0).solution
+    return solved_log(circle(radius), 30.0, 60.0, 0.0).solution
 
 
 def bent_failure() -> FailureMode:

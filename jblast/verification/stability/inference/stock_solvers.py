@@ -28,7 +28,7 @@ TOLERANCE = {"float64": 1e-8, "float32": 1e-4}
 """About the square root of what each can resolve, relative and absolute."""
 
 
-class StockEnds(NamedTuple):
+class StockFits(NamedTuple):
     """Where stock solvers ended.
 
     Attributes:
@@ -46,7 +46,7 @@ def stock_fits(
     measured: Float[np.ndarray, "fit row"],
     starts: Float[np.ndarray, "fit free"],
     precision: str = "float64",
-) -> StockEnds:
+) -> StockFits:
     """Fit logs of one layout, each from a start of its own, with normal errors.
 
     Args:
@@ -63,7 +63,7 @@ def stock_fits(
 
         each = _each(name, TOLERANCE[precision])
         z, successful = each(cast(starts), (cast(posterior), cast(measured)))
-        return StockEnds(np.asarray(z, float), np.asarray(successful))
+        return StockFits(np.asarray(z, float), np.asarray(successful))
 
 
 @functools.cache

@@ -14,7 +14,7 @@ from jblast.inference.importance.whitening import whitened
 from jblast.inference.mcmc.independence_move import Mixture, mixture_of
 from jblast.inference.mcmc.run import Sampled, Start, sample
 from jblast.verification.stability.failure import FailureMode, verified
-from jblast.verification.stability.inference.arrival_logs import line, told
+from jblast.verification.stability.inference.arrival_logs import line, solved_log
 from jblast.verification.stability.inference.plain_emcee import (
     WALKERS,
     BareWalk,
@@ -105,7 +105,7 @@ class Mirror(NamedTuple):
 
 def mirror() -> Mirror:
     """Walk about a charge that has a mirror image."""
-    found = told(line(), *MIRRORED).solution
+    found = solved_log(line(), *MIRRORED).solution
     posterior, normal = found.posterior, found.laplace
     density = whitened(posterior, normal, found.identifiability)
     walk = bare_walk(density, unit_normals(FREE), MIRROR_STEPS)

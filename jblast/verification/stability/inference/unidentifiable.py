@@ -15,14 +15,14 @@ from jblast.verification.stability.inference.arrival_logs import (
     FITS,
     SEED,
     SENSORS,
-    Told,
+    SolvedLog,
     line,
     ring,
     scene_with,
-    told,
+    solved_log,
 )
 from jblast.verification.stability.inference.stock_solvers import (
-    StockEnds,
+    StockFits,
     costs,
     stock_fits,
 )
@@ -41,8 +41,8 @@ SPEEDS = {
 }
 
 
-class Ends(NamedTuple):
-    """Where fits of one log from many starts ended.
+class Solutions(NamedTuple):
+    """Solutions of one log from many starts.
 
     Attributes:
         z: Fitted coordinates of those that report success at the least cost.
@@ -53,15 +53,15 @@ class Ends(NamedTuple):
     good: int
 
 
-def by_stock(solution: Solution, starts: np.ndarray) -> Ends:
+def by_stock(solution: Solution, starts: np.ndarray) -> Solutions:
     """Fit one log from many starts; keep what looks as good as it gets."""
     posterior = solution.posterior
     measured = np.tile(np.asarray(posterior.measured), (len(starts), 1))
-    ends: StockEnds = stock_fits(LM, posterior, measured, starts)
-    cost = np.asarray(costs(posterior, jnp.asarray(measured), jnp.asarray(ends.z)))
+    fits: StockFits = stock_fits(LM, posterior, measured, starts)
+    cost = np.asarray(costs(posterior, jnp.asarray(measured), jnp.asarray(fits.z)))
     # 1e-3 of a sd: what is left by the solver's own tolerance
-    best = ends.successful & (cost - np.nanmin(cost) < 1e-6)
-    return Ends(ends.z[best], int(best.sum()))
+    best = fits.successful & (cost - np.nanmin(cost) < 1e-6)
+    return Solutions(fits.z[best], int(best.sum()))
 
 
 def poor_starts(seed: int = 0) -> np.ndarray:
@@ -77,7 +77,7 @@ def mirror_excess(bent: float) -> float:
     Args:
         bent: How far the last sensor stands off the line of the others [m].
     """
-    found = told(line(bent), *MIRRORED).solution.optima
+    found = solved_log(line(bent), *MIRRORED).solution.optima
     z, density = map(np.asarray, found)
     other = np.sign(z[:, 2]) != np.sign(z[0, 2])
     return float(2 * (density[0] - density[other].max()))
@@ -86,9 +86,9 @@ def mirror_excess(bent: float) -> float:
 def collinear_failure() -> FailureMode:
     """Measure how far off the line a sensor has to stand."""
     boundary = crossing(lambda bent: mirror_excess(bent) - NEAR, 0.0, 5.0, to=0.01)
-    at = told(line(), *MIRRORED).solution
-    ends = by_stock(at, poor_starts())
-    wrong = int(np.sum(ends.z[:, 2] < 0))
+    at = solved_log(line(), *MIRRORED).solution
+    fits = by_stock(at, poor_starts())
+    wrong = int(np.sum(fits.z[:, 2] < 0))
     north = abs(float(at.laplace.z[2]))
     return FailureMode(
         area="fits",
@@ -96,22 +96,26 @@ def collinear_failure() -> FailureMode:
         failure="the mirror image of the charge explains the arrivals as well",
         boundary=boundary,
         unit="m that one sensor stands off the line",
-        beyond=f"of {ends.good} fits at the least cost, all reporting success, {wrong} "
-        f"say {north:.0f} m south and {ends.good - wrong} {north:.0f} m north",
+        beyond=f"of {fits.good} fits at the least cost, all reporting success, {wrong} "
+        f"say {north:.0f} m south and {fits.good - wrong} {north:.0f} m north",
         response=verified(
             "marks",
             len(ambiguities(at, True)) == 1
-            and not ambiguities(told(line(2 * boundary), *MIRRORED).solution, True),
+            and not ambiguities(
+                solved_log(line(2 * boundary), *MIRRORED).solution, True
+            ),
             "sensors in a line",
         ),
         message="the other place is named as an ambiguity, with its cure; exit code 4",
     )
 
 
-def at_places(count: int) -> Told:
+def at_places(count: int) -> SolvedLog:
     """Return a log of eight sensors that stand at so many places of a ring."""
     places = ring()
-    return told(tuple(places[i % count] for i in range(SENSORS)), 30.0, 10.0, -5.0)
+    return solved_log(
+        tuple(places[i % count] for i in range(SENSORS)), 30.0, 10.0, -5.0
+    )
 
 
 def is_told(solution: Solution) -> bool:
@@ -123,8 +127,8 @@ def one_place_failure() -> FailureMode:
     """Measure at how many places sensors have to stand."""
     needed = next(n for n in range(1, SENSORS + 1) if is_told(at_places(n).solution))
     one = at_places(1).solution
-    ends = by_stock(one, poor_starts())
-    mass = np.exp(ends.z[:, 0])
+    fits = by_stock(one, poor_starts())
+    mass = np.exp(fits.z[:, 0])
     null = one.identifiability.null
     return FailureMode(
         area="fits",
@@ -132,9 +136,9 @@ def one_place_failure() -> FailureMode:
         failure="mass and place from arrivals at fewer places",
         boundary=float(needed),
         unit="places",
-        beyond=f"eight arrivals at one place: {ends.good} of {FITS} fits report "
+        beyond=f"eight arrivals at one place: {fits.good} of {FITS} fits report "
         f"success at the same cost, with {mass.min():.2g} to {mass.max():.2g} kg up to "
-        f"{_widest(ends.z[:, 1:]):.0f} m apart",
+        f"{_widest(fits.z[:, 1:]):.0f} m apart",
         response=verified("marks", len(null) == 2, "one sensor"),
         message=f"{len(null)} null directions are named; no value and no interval for "
         "any of the three; exit code 4",
@@ -160,8 +164,8 @@ def null_direction_failure() -> FailureMode:
     found = wu_hao_told()
     rng = np.random.default_rng(0)
     low, high = np.log([[0.1, 200.0, 3000.0], [1000.0, 600.0, 8000.0]])
-    ends = by_stock(found, rng.uniform(low, high, (FITS, 3)))
-    values = np.exp(ends.z[np.argsort(ends.z[:, 0])])
+    fits = by_stock(found, rng.uniform(low, high, (FITS, 3)))
+    values = np.exp(fits.z[np.argsort(fits.z[:, 0])])
     least, most = values[0], values[-1]
     (null,) = found.identifiability.null
     along = ", ".join(f"{weight:.3g}" for weight in null)
@@ -171,7 +175,7 @@ def null_direction_failure() -> FailureMode:
         failure="a null direction: masses apart by this factor are reported",
         boundary=float(most[0] / least[0]),
         unit="",
-        beyond=f"{ends.good} of {FITS} fits report success at the same cost, from "
+        beyond=f"{fits.good} of {FITS} fits report success at the same cost, from "
         f"({least[0]:.2g} kg, {least[1]:.0f} m/s) to ({most[0]:.3g} kg, "
         f"{most[1]:.0f} m/s)",
         response=verified(

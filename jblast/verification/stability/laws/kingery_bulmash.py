@@ -8,7 +8,7 @@ import numpy as np
 from jblast.registry import LAWS
 from jblast.scene.charge import Burst
 from jblast.verification.stability.failure import FailureMode, verified
-from jblast.verification.stability.threshold import turning
+from jblast.verification.stability.threshold import switching_point
 from jblast.waves import shock_kinematics_pressure
 from jblast.waves.curves.log_polynomial import BLEND_WIDTH, LogCurve, Segment
 from jblast.waves.laws.kingery_bulmash.table import kingery_bulmash_curve
@@ -96,7 +96,7 @@ def _ends(quantity: str) -> list[FailureMode]:
     def valid(z):
         return bool(law.valid(z, 1.0))
 
-    near, far = turning(valid, NEAR, 1.0), turning(valid, 1.0, FARTHEST)
+    near, far = switching_point(valid, NEAR, 1.0), switching_point(valid, 1.0, FARTHEST)
     high = law.function(jnp.asarray([FAR, FARTHEST]), 1.0)
     goes_on = bool(jnp.all(jnp.isfinite(high) & (high > 0))) and _is_power_law(law, far)
     said = "power law with the end slope, law_valid false"

@@ -10,7 +10,7 @@ from jblast.registry import LAWS
 from jblast.verification.stability.failure import FailureMode, verified
 from jblast.verification.stability.laws.kingery_bulmash import kingery_bulmash_failures
 from jblast.verification.stability.laws.point_sources import point_source_failures
-from jblast.verification.stability.threshold import crossing, turning
+from jblast.verification.stability.threshold import crossing, switching_point
 from jblast.waves import (
     iso_9613_absorption,
     kingery_bulmash_duration,
@@ -63,7 +63,7 @@ def wu_hao_failures() -> list[FailureMode]:
         return 1.0 / float(slowness) / STANDARD_SOUND_SPEED - 1.0
 
     mean, local = (crossing(lead, 1.0, 100.0) for lead in (mean_lead, local_lead))
-    marked = turning(lambda r: bool(wu_hao_air_valid(r, 1.0)), 1.0, 100.0)
+    marked = switching_point(lambda r: bool(wu_hao_air_valid(r, 1.0)), 1.0, 100.0)
     between = np.geomspace(local, mean, 50) * math.sqrt(MASS)
     off = wu_hao_air_arrival_time(
         between, MASS, STANDARD_SOUND_SPEED

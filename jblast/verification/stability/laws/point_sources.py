@@ -9,7 +9,7 @@ from jblast.inference.fitting.warnings import POINT_SOURCES, charge_is_no_point
 from jblast.registry import LAWS
 from jblast.scene import Charge
 from jblast.verification.stability.failure import FailureMode, verified
-from jblast.verification.stability.threshold import crossing, turning
+from jblast.verification.stability.threshold import crossing, switching_point
 from jblast.waves import (
     kingery_bulmash_arrival_time,
     kingery_bulmash_pressure,
@@ -42,7 +42,7 @@ def _weak_shock() -> FailureMode:
 
     z = crossing(lambda z: off(z) + OFF, 0.4, 1.0)
     strength = float(point_source_pressure(z, 1.0)) / STANDARD_PRESSURE
-    marked = turning(_sedov_valid, 0.4, 1.0)
+    marked = switching_point(_sedov_valid, 0.4, 1.0)
     time = float(point_source_arrival_time(marked, 1.0))
     radius = float(sedov_taylor_shock_radius(time, 1.0, DENSITY, GAMMA))
     method = "shock_radius_m by sedov_taylor"
@@ -77,7 +77,7 @@ def _radius_of_tnt() -> FailureMode:
         energy = sedov_taylor_energy(z, time, DENSITY, GAMMA)
         return float(energy) / TNT_SPECIFIC_ENERGY
 
-    end = turning(_sedov_valid, 0.4, 1.0)
+    end = switching_point(_sedov_valid, 0.4, 1.0)
     method = "shock_radius_m by sedov_taylor"
     return FailureMode(
         area="laws",

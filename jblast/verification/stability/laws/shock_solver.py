@@ -10,7 +10,7 @@ import numpy as np
 
 from jblast.errors import InputError
 from jblast.verification.stability.failure import FailureMode, verified
-from jblast.verification.stability.threshold import crossing, turning
+from jblast.verification.stability.threshold import crossing, switching_point
 from jblast.waves.euler import (
     Flow,
     IdealGas,
@@ -96,7 +96,7 @@ def _refused(attempt: Callable[[], object]) -> bool:
 
 
 def _unstable() -> FailureMode:
-    boundary = turning(lambda c: sod_end(c)[0], 0.7, 2.0, to=CLOSE)
+    boundary = switching_point(lambda c: sod_end(c)[0], 0.7, 2.0, to=CLOSE)
     flow, state = start_sod(CELLS)
 
     def attempt(courant):
@@ -172,7 +172,7 @@ def torn(mach: float) -> str:
 
 
 def _torn() -> FailureMode:
-    boundary = turning(lambda m: bool(torn(m)), 0.05, 4.9, to=CLOSE)
+    boundary = switching_point(lambda m: bool(torn(m)), 0.05, 4.9, to=CLOSE)
     said = torn(1.1 * boundary)
     return FailureMode(
         area="solver",

@@ -14,7 +14,7 @@ from jblast.verification.stability.inference import (
     poor_starts,
     unidentifiable,
 )
-from jblast.verification.stability.inference.arrival_logs import line, ring, told
+from jblast.verification.stability.inference.arrival_logs import line, ring, solved_log
 from jblast.verification.stability.inference.stock_solvers import SOLVERS, TOLERANCE
 
 
@@ -83,7 +83,7 @@ def test_fit_many_doubts_the_ends_that_poor_starts_lead_to(logs, best):
 
 @pytest.mark.slow
 def test_a_mirror_image_is_reported_as_often_as_the_charge_and_named_by_jblast():
-    found = told(line(), *unidentifiable.MIRRORED)
+    found = solved_log(line(), *unidentifiable.MIRRORED)
     ends = unidentifiable.by_stock(found.solution, unidentifiable.poor_starts())
     south = np.mean(ends.z[:, 2] < 0)
     assert ends.good > 200
@@ -102,7 +102,7 @@ def test_the_mirror_image_is_told_apart_past_the_boundary_and_not_before():
     mode = unidentifiable.collinear_failure()
     assert mode.unit.startswith("m ")
     for bent, named in ((0.8 * mode.boundary, 1), (1.2 * mode.boundary, 0)):
-        found = told(line(bent), *unidentifiable.MIRRORED).solution
+        found = solved_log(line(bent), *unidentifiable.MIRRORED).solution
         assert len(ambiguities(found, True)) == named
     # a charge at the height of its sensors: -2 ln density grows as the offset squared
     double = unidentifiable.mirror_excess(2 * mode.boundary)
@@ -139,7 +139,7 @@ def test_one_outlier_moves_normal_errors_without_bound_and_student_errors_hardly
 
 @pytest.mark.slow
 def test_an_outlier_is_named_in_the_answer():
-    clean = told(ring(), 30.0, 10.0, -5.0, "student")
+    clean = solved_log(ring(), 30.0, 10.0, -5.0, "student")
     value = clean.log.value.copy()
     value[outliers.WHICH] += outliers.FAR * 1e-4
     answer = fit(dataclasses.replace(clean.log, value=value), clean.uncertain).summary

@@ -10,7 +10,7 @@ from jblast.inference.importance.psis import ENDS
 from jblast.inference.mcmc.convergence import LONG_ENOUGH
 from jblast.verification.stability.areas import AREAS
 from jblast.verification.stability.inference import ridges, two_modes
-from jblast.verification.stability.inference.arrival_logs import circle, told
+from jblast.verification.stability.inference.arrival_logs import circle, solved_log
 from jblast.verification.stability.inference.two_modes import FAR, LESSER, STEPS
 from jblast.verification.stability.inference.unidentifiable import wu_hao_told
 
@@ -93,7 +93,7 @@ def test_the_normal_approximation_says_past_its_boundary_that_it_fails():
     assert ridges.off_at(1.5 * mode.boundary) < ENDS
     assert ridges.off_at(mode.boundary / 1.5) > ENDS
     close, wide = (
-        told(circle(radius), 30.0, 60.0, 0.0) for radius in (ridges.CLOSE, 10.0)
+        solved_log(circle(radius), 30.0, 60.0, 0.0) for radius in (ridges.CLOSE, 10.0)
     )
     answers = [
         fit(asked.log, asked.uncertain, noise="gaussian", posterior=method).summary
