@@ -10,8 +10,9 @@ class ManyFits(eqx.Module):
 
     Attributes:
         names: The free numbers.
-        z: Where the optimum is, in fitted coordinates (ln of positive numbers); NaN
-            for a bad log.
+        z: Where the optimum is, in fitted coordinates: ln of a free positive number;
+            what has a prior counts from its median, in its standard deviations (of ln,
+            for a log-normal). NaN for a bad log.
         values: The numbers by name.
         cost: Minus ln of the joint density at the optimum, up to a constant.
         misfit: What of it the readings and priors add, 0 for a perfect log.
