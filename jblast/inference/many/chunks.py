@@ -9,7 +9,7 @@ import jax.numpy as jnp
 from jax.sharding import AxisType, PartitionSpec
 from jaxtyping import Array, Float
 
-from jblast.inference.many.lane_results import Ends
+from jblast.inference.many.lanes import LaneResults
 from jblast.inference.many.loop import Inputs, Loop
 from jblast.inference.many.residuals.readings import Readings
 
@@ -24,14 +24,14 @@ class Blocks:
 
     def __init__(self, loop: Loop) -> None:
         self.loop = loop
-        self.programs: dict[tuple[int, int], Callable[..., Ends]] = {}
+        self.programs: dict[tuple[int, int], Callable[..., LaneResults]] = {}
 
     def run(
         self,
         y: Float[Array, "unknown lane"] | None,
         readings: Readings,
         stragglers: float,
-    ) -> Ends:
+    ) -> LaneResults:
         """Fit lanes, but for a share of stragglers in each loop.
 
         Args:
@@ -53,7 +53,9 @@ class Blocks:
             return parts[0]
         return jax.tree.map(lambda *x: jnp.concatenate(x, axis=-1)[..., :count], *parts)
 
-    def _program(self, chunks: int, devices: int, each: int) -> Callable[..., Ends]:
+    def _program(
+        self, chunks: int, devices: int, each: int
+    ) -> Callable[..., LaneResults]:
         """Return what runs one block; compiled once."""
         if (chunks, each) not in self.programs:
 
@@ -83,34 +85,36 @@ def _cut(x: Array, begin: int, end: int) -> Array:
     return jnp.pad(x, around, constant_values=1) if short else x
 
 
-def _one_by_one(loop: Loop, chunks: int, stragglers, inputs: Inputs) -> Ends:
+def _one_by_one(loop: Loop, chunks: int, stragglers, inputs: Inputs) -> LaneResults:
     """Go through the chunks of a device one by one."""
     if chunks == 1:
         return loop.fit(stragglers, inputs)
     split = jax.tree.map(
         lambda x: jnp.moveaxis(x.reshape(*x.shape[:-1], chunks, -1), -2, 0), inputs
     )
-    ends = jax.lax.map(lambda x: loop.fit(stragglers, x), split)
+    results = jax.lax.map(lambda x: loop.fit(stragglers, x), split)
     return jax.tree.map(
-        lambda x: jnp.moveaxis(x, 0, -2).reshape(*x.shape[1:-1], -1), ends
+        lambda x: jnp.moveaxis(x, 0, -2).reshape(*x.shape[1:-1], -1), results
     )
 
 
-def _over_devices(here: Callable[..., Ends], devices: int) -> Callable[..., Ends]:
+def _over_devices(
+    here: Callable[..., LaneResults], devices: int
+) -> Callable[..., LaneResults]:
     """Give each device its share of the lanes."""
     mesh = jax.make_mesh((devices,), ("lane",), axis_types=(AxisType.Auto,))
     along: dict[int, Any] = {
         n: PartitionSpec(*[None] * (n - 1), "lane") for n in (1, 2, 3)
     }
     one = along[1]
-    of_ends = Ends(along[2], one, one, along[3], one, one, one, one)
+    along_lanes = LaneResults(along[2], one, one, along[3], one, one, one, one)
 
-    def everywhere(stragglers, inputs: Inputs) -> Ends:
+    def everywhere(stragglers, inputs: Inputs) -> LaneResults:
         return jax.shard_map(
             here,
             mesh=mesh,
             in_specs=(PartitionSpec(), jax.tree.map(lambda x: along[x.ndim], inputs)),
-            out_specs=of_ends,
+            out_specs=along_lanes,
             check_vma=False,
         )(stragglers, inputs)
 

@@ -12,8 +12,15 @@ from jaxtyping import Array, Float
 
 from jblast.errors import InputError
 from jblast.inference.many.chunks import Blocks
-from jblast.inference.many.lane_results import Ends, better, doubtful, told
-from jblast.inference.many.lane_subset import lanes_where, picked, put
+from jblast.inference.many.lanes import (
+    LaneResults,
+    better,
+    doubtful,
+    fitted_values,
+    gather_lanes,
+    lanes_where,
+    scatter_lanes,
+)
 from jblast.inference.many.loop import Loop, with_effects
 from jblast.inference.many.many_fits import ManyFits
 from jblast.inference.many.residuals.readings import Readings, checked, faults_of, read
@@ -22,7 +29,7 @@ from jblast.inference.many.solver.levenberg_marquardt import LaneLevenbergMarqua
 from jblast.inference.many.solver.normal_equations import MOST_UNKNOWNS
 from jblast.inference.many.solver.quadratic_model import half_square
 from jblast.inference.many.starts.multilateration import closed_form
-from jblast.inference.many.starts.nearest_prior_draw import Library, library
+from jblast.inference.many.starts.nearest_prior_draw import ReferenceSet, reference_set
 from jblast.inference.many.starts.tries import Starts, given_starts
 from jblast.inference.posterior.parameters import parameters_of
 from jblast.inference.posterior.posterior import Posterior
@@ -85,9 +92,9 @@ class Engine:
         self.doubtful = jax.jit(
             functools.partial(doubtful, rows.noise, len(rows.layout.quantity))
         )
-        self.told = jax.jit(functools.partial(told, rows))
+        self.fitted_values = jax.jit(functools.partial(fitted_values, rows))
         self.blocks: dict[Any, Blocks] = {}
-        self.libraries: dict[Any, Library] = {}
+        self.reference_sets: dict[Any, ReferenceSet] = {}
 
     def fit(self, values, sigma, *, starts, tries: int, seed: int) -> ManyFits:
         """Fit logs; see `fit_many`."""
@@ -102,13 +109,13 @@ class Engine:
         where = Starts(
             starts,
             self.form is not None and not given,
-            lambda: self._library(sigma, seed),
+            lambda: self._reference_set(sigma, seed),
         )
         z = where.first(readings.measured)
         y = None if z is None else with_effects(rows, z)
         best = self._solve(blocks, y, readings)
         best = self._again(blocks, where, best, readings, range(1, tries), None)
-        z, covariance, numbers, cost, misfit = self.told(best, readings.bad)
+        z, covariance, numbers, cost, misfit = self.fitted_values(best, readings.bad)
         return ManyFits(
             names=rows.parameters.names,
             z=z,
@@ -138,42 +145,44 @@ class Engine:
 
     def _solve(
         self, blocks: Blocks, y: Array | None, readings: Readings, times: int = 3
-    ) -> Ends:
+    ) -> LaneResults:
         """Solve all lanes but for stragglers, then these, and wait for the last."""
-        ends = blocks.run(y, readings, STRAGGLERS if times else 0.0)
-        lanes = lanes_where(~ends.done) if times else np.zeros(0, int)
+        results = blocks.run(y, readings, STRAGGLERS if times else 0.0)
+        lanes = lanes_where(~results.done) if times else np.zeros(0, int)
         if lanes.size == 0:
-            return ends
-        left = picked(ends, lanes)
-        again = self._solve(blocks, left.y, picked(readings, lanes), times - 1)
-        return put(ends, again._replace(steps=again.steps + left.steps), lanes)
+            return results
+        left = gather_lanes(results, lanes)
+        again = self._solve(blocks, left.y, gather_lanes(readings, lanes), times - 1)
+        return scatter_lanes(
+            results, again._replace(steps=again.steps + left.steps), lanes
+        )
 
     def _again(
         self,
         blocks: Blocks,
         where: Starts,
-        best: Ends,
+        best: LaneResults,
         readings: Readings,
         tries: range,
         logs: np.ndarray | None,
-    ) -> Ends:
-        """Start again where an end is doubtful; the lowest end of each log counts."""
+    ) -> LaneResults:
+        """Start again where a result is doubtful; the lowest of each log counts."""
         if not tries:
             return best
         lanes = lanes_where(self.doubtful(best, readings.bad))
         if lanes.size == 0:
             return best
         logs = lanes if logs is None else logs[lanes]
-        few, some = picked(best, lanes), picked(readings, lanes)
+        few, some = gather_lanes(best, lanes), gather_lanes(readings, lanes)
         # a loop over few lanes takes as long as its slowest, however many they are
         now = len(tries) if lanes.size <= TOGETHER else 1
         z = [where.at(which, some.measured, logs) for which in tries[:now]]
         y = with_effects(self.rows, jnp.concatenate(z, axis=1))
-        ends = self._solve(blocks, y, picked(readings, np.tile(lanes, now)))
+        results = self._solve(blocks, y, gather_lanes(readings, np.tile(lanes, now)))
         for one in np.split(np.arange(now * lanes.size), now):
-            few = better(few, picked(ends, one))
+            few = better(few, gather_lanes(results, one))
         few = self._again(blocks, where, few, some, tries[now:], logs)
-        return put(best, few, lanes)
+        return scatter_lanes(best, few, lanes)
 
     def _blocks(self, sigma) -> Blocks:
         """Return what runs lanes with these errors; they are constants of it."""
@@ -183,13 +192,13 @@ class Engine:
             self.blocks[key] = Blocks(Loop(self.rows, self.solver, self.form, fixed))
         return self.blocks[key]
 
-    def _library(self, sigma, seed: int) -> Library:
-        """Return the library, drawn once."""
+    def _reference_set(self, sigma, seed: int) -> ReferenceSet:
+        """Return the reference set, drawn once."""
         typical = np.asarray(sigma)
         if typical.ndim == 2:
             typical = np.nanmedian(np.where(typical >= 0, typical, np.nan), axis=0)
         key = seed, typical.tobytes()
-        if key not in self.libraries:
+        if key not in self.reference_sets:
             layout = self.rows.layout
             blank = Posterior(
                 self.rows.parameters,
@@ -200,5 +209,7 @@ class Engine:
                 self.rows.noise,
             )
             key_of_draws = jax.random.key(seed)
-            self.libraries[key] = library(key_of_draws, blank, self.rows, typical)
-        return self.libraries[key]
+            self.reference_sets[key] = reference_set(
+                key_of_draws, blank, self.rows, typical
+            )
+        return self.reference_sets[key]

@@ -44,12 +44,13 @@ def fit_many(
         laws: Name of the law for each of `layout.quantities()`.
         noise: Distribution of the independent errors.
         starts: Fitted coordinates to start from, (log, free) or (try, log, free);
-            without them in closed form (`many.closed_form`), or where that does not
-            apply, and for tries after the first, the nearest of a library of random
-            places, by the readings (`many.library`).
+            without them in closed form (`many.starts.multilateration`), or where that
+            does not apply, and for tries after the first, the nearest of draws of the
+            prior, by the readings (`many.starts.nearest_prior_draw`).
         tries: How often a log may start again whose end is no optimum, or has a cost
-            that readings would hardly have (`many.ends.HARDLY`); its lowest end counts.
-        seed: Of the library.
+            that readings would hardly have (`many.lanes.COST_Z_MAX`); the lowest cost
+            counts.
+        seed: Of the reference set.
 
     Returns:
         Estimates and standard deviations of each log, whether it converged, and what

@@ -1,4 +1,4 @@
-"""One loop over lanes: Levenberg-Marquardt, and what its ends are worth."""
+"""One loop over lanes: Levenberg-Marquardt, and what its results are worth."""
 
 from dataclasses import dataclass
 
@@ -7,7 +7,7 @@ import numpy as np
 import optimistix as optx
 from jaxtyping import Array, Float
 
-from jblast.inference.many.lane_results import Ends
+from jblast.inference.many.lanes import LaneResults
 from jblast.inference.many.residuals.readings import Readings
 from jblast.inference.many.residuals.rows import Rows
 from jblast.inference.many.solver.levenberg_marquardt import LaneLevenbergMarquardt
@@ -40,7 +40,7 @@ class Loop:
     Attributes:
         rows: The layout.
         solver: With the loss of these rows.
-        form: Where lanes start that are not told where.
+        form: Where lanes start that are given no start.
         sigma: Instrument errors if all logs have the same.
     """
 
@@ -49,7 +49,7 @@ class Loop:
     form: ClosedForm | None
     sigma: Float[np.ndarray, "row 1"] | None
 
-    def fit(self, stragglers: Float[Array, ""], lanes: Inputs) -> Ends:
+    def fit(self, stragglers: Float[Array, ""], lanes: Inputs) -> LaneResults:
         """Fit lanes, but for the share of them that is not waited for."""
         y, (measured, errors, bad) = lanes
         if y is None:
@@ -84,7 +84,7 @@ class Loop:
         factor = cholesky(known)
         columns = inverse_of(factor)
         covariance = jnp.stack([jnp.stack(c[:free]) for c in columns[:free]])
-        return Ends(
+        return LaneResults(
             y=found.value,
             cost=true.f,
             misfit=misfit,
@@ -120,5 +120,5 @@ class Loop:
         miss = rows.miss(y, measured, sigma)
         true = expansion(loss.true, y, *miss, floor)
         misfit = jnp.sum(loss(miss.residual)[0][: rows.scored], axis=0)
-        told = rows.miss(y, measured, sigma, told=True) if rows.varies else miss
-        return true, misfit, triangle(told.columns, loss.information(told.residual))
+        known = rows.miss(y, measured, sigma, sd_known=True) if rows.varies else miss
+        return true, misfit, triangle(known.columns, loss.information(known.residual))

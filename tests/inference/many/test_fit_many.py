@@ -152,7 +152,7 @@ def test_the_closed_form_is_near_the_truth_and_needs_air_and_ground():
 
 
 @pytest.mark.slow
-def test_logs_without_a_closed_form_start_from_the_nearest_of_a_library():
+def test_logs_without_a_closed_form_start_from_the_nearest_of_a_reference_set():
     records = (("air_arrival_s", 1e-4), ("peak_overpressure_pa", 0.02))
     laws = dict.fromkeys(dict(records), "kingery_bulmash")
     uncertain, layout, values, sigma, _ = problem(

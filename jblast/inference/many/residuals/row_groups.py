@@ -13,7 +13,7 @@ from jblast.sensors import Layout
 from jblast.sensors.record import record
 
 
-class Alike(NamedTuple):
+class RowGroup(NamedTuple):
     """Rows that differ by numbers alone, which one program serves.
 
     Attributes:
@@ -52,9 +52,9 @@ class Alike(NamedTuple):
         return columns
 
 
-def alike_rows(
+def grouped_rows(
     parameters: Parameters, layout: Layout, laws: Mapping[str, str]
-) -> tuple[tuple[Alike, ...], int]:
+) -> tuple[tuple[RowGroup, ...], int]:
     """Return the rows in parts, and how many effects they share."""
     free = free_clocks(parameters)
     found: dict[tuple[str, int, str], list[int]] = {}
@@ -63,7 +63,7 @@ def alike_rows(
         key = (quantity, shot, clock if clock in free else "")
         found.setdefault(key, []).append(row)
     effects: dict[tuple, int] = {}
-    alike = []
+    groups = []
     for (quantity, shot, clock), at in found.items():
         rows = np.array(at)
         one = Layout(
@@ -85,8 +85,8 @@ def alike_rows(
             np.array([effects.setdefault(key, len(effects)) for key in of_row])
             for of_row in keys
         )
-        alike.append(Alike(one, rows, slots))
-    return tuple(alike), len(effects)
+        groups.append(RowGroup(one, rows, slots))
+    return tuple(groups), len(effects)
 
 
 def free_clocks(parameters: Parameters) -> list[str]:

@@ -7,7 +7,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from jblast.inference.many.residuals.row_groups import Alike
+from jblast.inference.many.residuals.row_groups import RowGroup
 from jblast.inference.posterior.parameters import Parameters
 from jblast.scene import with_values
 from jblast.sensors import Layout
@@ -18,9 +18,9 @@ from jblast.sensors.record import comparable, missed, record
 def row_program(
     parameters: Parameters,
     laws: tuple[tuple[str, str], ...],
-    part: Alike,
+    part: RowGroup,
     *,
-    told: bool,
+    sd_known: bool,
 ) -> Callable[..., list[Array]]:
     """Return the program that rows of one part share.
 
@@ -33,7 +33,7 @@ def row_program(
         parameters: What is fitted.
         laws: Pairs of quantity and law name.
         part: The rows.
-        told: Take the size of the errors as known.
+        sd_known: Take the size of the errors as known.
     """
     n, slots = len(parameters.names), len(part.slots)
 
@@ -46,7 +46,7 @@ def row_program(
         recording = record(with_values(parameters.scene, numbers), here, dict(laws))
         sd = jnp.hypot(error, recording.record_sd[0])
         shared = loadings(recording, here)[0]
-        if told:
+        if sd_known:
             sd, shared = jax.lax.stop_gradient((sd, shared))
         predicted = comparable(recording.value, here.quantity)
         rest = missed(reading[None], predicted, here.quantity)[0]

@@ -10,7 +10,11 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from jblast.inference.many.residuals.fold import Cell, over_cells
-from jblast.inference.many.residuals.row_groups import Alike, alike_rows, free_clocks
+from jblast.inference.many.residuals.row_groups import (
+    RowGroup,
+    free_clocks,
+    grouped_rows,
+)
 from jblast.inference.many.residuals.row_program import row_program
 from jblast.inference.many.solver.robust_loss import TermLoss
 from jblast.inference.posterior.parameters import Parameters
@@ -48,7 +52,7 @@ class Rows:
         layout: Who recorded what.
         laws: Pairs of quantity and law name.
         noise: Distribution of the independent errors.
-        alike: The rows in parts.
+        groups: The rows in parts.
         effects: How many effects the rows share.
         offsets: What clocks that are known show too much, by row.
     """
@@ -57,7 +61,7 @@ class Rows:
     layout: Layout
     laws: tuple[tuple[str, str], ...]
     noise: Noise
-    alike: tuple[Alike, ...]
+    groups: tuple[RowGroup, ...]
     effects: int
     offsets: np.ndarray
 
@@ -94,7 +98,7 @@ class Rows:
         measured: Float[Array, "row lane"],
         sigma: Float[Array, "row lane"] | np.ndarray,
         *,
-        told: bool = False,
+        sd_known: bool = False,
     ) -> Miss:
         """Return residuals and slopes.
 
@@ -103,17 +107,17 @@ class Rows:
             measured: Readings; in ln unless they are `ADDITIVE`.
             sigma: Their instrument error, same unit; best a NumPy array (row, 1) if
                 all logs have the same.
-            told: Take the size of the errors as known, as Fisher information does.
+            sd_known: Take the size of the errors as known, as Fisher information does.
         """
         lanes, known = y.shape[1], np.zeros((1, 1), y.dtype)
         terms: list[tuple[int, Cell, list[Cell]]] = []
         scales: list[tuple[int, Cell, list[Cell]]] = []
-        for part in self.alike:
+        for part in self.groups:
             u, columns, ln_sd, ln_sd_columns = self._part(
-                part, y, measured, sigma, told=told
+                part, y, measured, sigma, sd_known=sd_known
             )
             terms.append((part.rows.size, u, columns))
-            if self.varies and not told and not all(map(_is_zero, ln_sd_columns)):
+            if self.varies and not sd_known and not all(map(_is_zero, ln_sd_columns)):
                 scales.append((part.rows.size, ln_sd, ln_sd_columns))
         for k in [*range(len(self.parameters.names), self.unknowns), *self.with_prior]:
             unit = [known + (j == k) for j in range(self.unknowns)]
@@ -143,11 +147,11 @@ class Rows:
         value = jax.vmap(lambda r: comparable(r, self.layout.quantity))(readings)
         return (value - late[None, :]).T
 
-    def _part(self, part: Alike, y, measured, sigma, *, told):
+    def _part(self, part: RowGroup, y, measured, sigma, *, sd_known):
         """Run the program of some rows over lanes."""
         n, rows, layout = len(self.parameters.names), part.rows, self.layout
         slots = len(part.slots)
-        program = row_program(self.parameters, self.laws, part, told=told)
+        program = row_program(self.parameters, self.laws, part, sd_known=sd_known)
 
         def column(x):
             return np.asarray(x, y.dtype)[rows][:, None]
@@ -187,7 +191,7 @@ def rows_of(
     parameters: Parameters, layout: Layout, laws: Mapping[str, str], noise: Noise
 ) -> Rows:
     """Sort the rows of a layout into parts that are alike."""
-    alike, effects = alike_rows(parameters, layout, laws)
+    groups, effects = grouped_rows(parameters, layout, laws)
     offsets = np.asarray(clock_offsets(parameters.scene, layout))
     fixed = ~np.isin(layout.clock, free_clocks(parameters))
     return Rows(
@@ -195,7 +199,7 @@ def rows_of(
         layout=layout,
         laws=tuple(sorted(laws.items())),
         noise=noise,
-        alike=alike,
+        groups=groups,
         effects=effects,
         offsets=np.where(fixed, offsets, 0.0),
     )

@@ -1,8 +1,9 @@
-"""Where fits begin for want of better: a library of places, by their readings.
+"""Where fits begin for want of better: the nearest of draws of the prior.
 
-The layout is the same for all logs, so places to start from are too: a library of them
-is drawn (as `inference.starts` draws), what each would read is computed once, and a log
-starts from those whose readings are nearest to its own, in standard deviations. A free
+The layout is the same for all logs, so places to start from are too: a reference set is
+drawn (as `inference.mode.starts` draws), what each would read is computed once, and a
+log starts from those whose readings are nearest to its own, in standard deviations. A
+free
 origin time is left out of the comparison, and set so that the log is late by nothing.
 """
 
@@ -19,13 +20,13 @@ from jblast.inference.posterior.posterior import Posterior
 from jblast.observations import CLOCK_TIMES
 from jblast.scene import Free
 
-LIBRARY = 64
-"""Size of the library."""
+REFERENCE_DRAWS = 64
+"""Size of the reference set."""
 AT_ONCE = 4096
 """Logs compared with it together: what stays in a cache."""
 
 
-class Library(NamedTuple):
+class ReferenceSet(NamedTuple):
     """Places, and what would be read of them.
 
     Attributes:
@@ -62,14 +63,14 @@ class Library(NamedTuple):
         return self.z[best] + self.clock * (self.late @ log - self.late_of_place[best])
 
 
-def library(
+def reference_set(
     key: PRNGKeyArray,
     posterior: Posterior,
     rows: Rows,
     sigma: Float[np.ndarray, " row"],
-    count: int = LIBRARY,
-) -> Library:
-    """Draw a library.
+    count: int = REFERENCE_DRAWS,
+) -> ReferenceSet:
+    """Draw a reference set.
 
     Args:
         key: Random key.
@@ -95,7 +96,7 @@ def library(
     late = late / late.sum() if any(clock) and timed.any() else 0 * late
     weight = (np.eye(scale.size) - timed[:, None] * late[None, :]) / scale[:, None]
     projected = weight @ np.asarray(readings)
-    return Library(
+    return ReferenceSet(
         z,
         *map(
             jnp.asarray,

@@ -1,4 +1,4 @@
-"""Where each try of each log begins: given, in closed form, or by a library."""
+"""Where each try of a log begins: given, in closed form, or near draws of the prior."""
 
 import functools
 from collections.abc import Callable
@@ -10,8 +10,8 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from jblast.errors import InputError
-from jblast.inference.many.lane_subset import picked
-from jblast.inference.many.starts.nearest_prior_draw import Library
+from jblast.inference.many.lanes import gather_lanes
+from jblast.inference.many.starts.nearest_prior_draw import ReferenceSet
 
 Z = Float[Array, "free lane"]
 
@@ -22,12 +22,12 @@ class Starts(NamedTuple):
     Attributes:
         given: Places by try, if the caller gives them.
         in_closed_form: Whether the first try begins where the loop itself does.
-        library: Draws the library, once it is needed.
+        reference_set: Draws it, once it is needed.
     """
 
     given: Float[Array, "try free log"] | None
     in_closed_form: bool
-    library: Callable[[], Library]
+    reference_set: Callable[[], ReferenceSet]
 
     def at(
         self, which: int, measured: Float[Array, "row lane"], lanes: np.ndarray
@@ -40,19 +40,21 @@ class Starts(NamedTuple):
             lanes: Which logs they are.
         """
         if self.given is not None:
-            return picked(self.given[which], lanes)
-        return _nearest(self.library(), measured, which - self.in_closed_form)
+            return gather_lanes(self.given[which], lanes)
+        return _nearest(self.reference_set(), measured, which - self.in_closed_form)
 
     def first(self, measured: Float[Array, "row lane"]) -> Z | None:
         """Return where all logs begin, nothing for the closed form."""
         if self.given is not None:
             return self.given[0]
-        return None if self.in_closed_form else _nearest(self.library(), measured, 0)
+        return (
+            None if self.in_closed_form else _nearest(self.reference_set(), measured, 0)
+        )
 
 
 @functools.partial(jax.jit, static_argnums=2)
-def _nearest(library: Library, measured, skipped: int) -> Z:
-    return library.nearest(measured, skipped)
+def _nearest(references: ReferenceSet, measured, skipped: int) -> Z:
+    return references.nearest(measured, skipped)
 
 
 def given_starts(starts, logs: int, free: int) -> Float[Array, "try free log"]:

@@ -69,7 +69,7 @@ def test_rows_over_lanes_miss_as_the_posterior_does(scatter):
     sigma = np.asarray(posterior.sigma)[:, None]
     at = jax.jit(lambda y: rows.miss(y, measured, sigma))
     miss = at(y)
-    order = np.concatenate([part.rows for part in rows.alike])
+    order = np.concatenate([part.rows for part in rows.groups])
     n = len(order)
     want = posterior.misfit(z)
     # a hundred operations' rounding, of readings of up to 10 in units of 1e-3

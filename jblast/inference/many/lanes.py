@@ -1,0 +1,94 @@
+"""Lanes of a batch: some taken out and put back, and the result of each."""
+
+from typing import NamedTuple, TypeVar
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float, Int
+
+from jblast.inference.many.residuals.rows import Rows
+from jblast.sensors.observe import Noise
+
+LEAST = 16
+"""Fewer lanes are filled up to so many."""
+
+Tree = TypeVar("Tree")
+
+COST = {"gaussian": (0.5, 0.70711), "student": (0.70093, 0.98290)}
+"""Mean and standard deviation of the cost of one reading: for Student-t of nu degrees
+of freedom, with a = (nu + 1)/2, a (psi(a) - psi(nu/2)) and a sqrt(psi'(nu/2) -
+psi'(a)), since 1/(1 + t^2/nu) is a beta variable."""
+COST_Z_MAX = 6.0
+"""A cost above its mean by more standard deviations makes a result doubtful."""
+
+
+def lanes_where(wanted: Bool[Array, " lane"]) -> Int[np.ndarray, " some"]:
+    """Return which lanes; the last again, so that few sizes are ever compiled."""
+    lanes = np.flatnonzero(np.asarray(wanted))
+    if lanes.size == 0:
+        return lanes
+    size = max(LEAST, 1 << (lanes.size - 1).bit_length())
+    return np.pad(lanes, (0, size - lanes.size), mode="edge")
+
+
+@jax.jit
+def gather_lanes(tree: Tree, lanes) -> Tree:
+    """Pick lanes of arrays whose last axis is the lane."""
+    return jax.tree.map(lambda x: x[..., lanes], tree)
+
+
+@jax.jit
+def scatter_lanes(onto: Tree, new: Tree, lanes) -> Tree:
+    """Put lanes in their places."""
+    return jax.tree.map(lambda a, b: a.at[..., lanes].set(b), onto, new)
+
+
+class LaneResults(NamedTuple):
+    """The result of each lane; see `ManyFits`. The lane is the last axis.
+
+    Attributes:
+        done: Whether a lane has ended at all, and was not left on its way.
+    """
+
+    y: Float[Array, "unknown lane"]
+    cost: Float[Array, " lane"]
+    misfit: Float[Array, " lane"]
+    covariance: Float[Array, "free free lane"]
+    converged: Bool[Array, " lane"]
+    tolerance: Float[Array, " lane"]
+    steps: Int[Array, " lane"]
+    done: Bool[Array, " lane"]
+
+
+def doubtful(
+    noise: Noise, rows: int, results: LaneResults, bad: Bool[Array, " lane"]
+) -> Bool[Array, " lane"]:
+    """Return which results may not be the best there are."""
+    mean, sd = COST[noise]
+    likely = results.misfit <= rows * mean + COST_Z_MAX * sd * np.sqrt(rows)
+    return ~(bad | (results.converged & likely))
+
+
+@jax.jit
+def better(a: LaneResults, b: LaneResults) -> LaneResults:
+    """Take the lower cost of each lane; of two as low, the one that converged."""
+    lower = ~(a.cost <= b.cost) & jnp.isfinite(b.cost)
+    # a quarter of a tolerance is the most that rounding adds to the residuals' length
+    rounding = 0.25 * jnp.maximum(a.tolerance, b.tolerance)
+    slack = rounding * (jnp.sqrt(2 * jnp.abs(a.cost)) + rounding)
+    level = (jnp.abs(a.cost - b.cost) <= slack) & (a.converged != b.converged)
+    taken = jnp.where(level, b.converged, lower)
+    return jax.tree.map(lambda x, y: jnp.where(taken, y, x), a, b)
+
+
+def fitted_values(rows: Rows, results: LaneResults, bad: Bool[Array, " lane"]):
+    """Return z, covariance, numbers by name, cost and misfit, NaN for bad logs."""
+    parameters = rows.parameters
+    z = results.y[: len(parameters.names)]
+    z = jnp.where(bad[None, :], jnp.nan, z)
+    beliefs = zip(parameters.names, parameters.beliefs, strict=True)
+    numbers = {name: b.constrain(z[k]) for k, (name, b) in enumerate(beliefs)}
+    covariance = jnp.where(bad[None, None, :], jnp.nan, results.covariance)
+    costs = (jnp.where(bad, jnp.nan, c) for c in (results.cost, results.misfit))
+    return z.T, jnp.moveaxis(covariance, 2, 0), numbers, *costs

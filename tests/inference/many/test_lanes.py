@@ -1,0 +1,76 @@
+import jax.numpy as jnp
+import numpy as np
+
+from jblast.inference.many.lanes import (
+    LEAST,
+    LaneResults,
+    better,
+    doubtful,
+    gather_lanes,
+    lanes_where,
+    scatter_lanes,
+)
+
+
+def test_lanes_are_filled_up_by_the_last_to_a_power_of_two():
+    wanted = np.zeros(100, bool)
+    wanted[[3, 50]] = True
+    found = lanes_where(jnp.asarray(wanted))
+    assert found.size == LEAST
+    np.testing.assert_array_equal(np.unique(found), [3, 50])
+    assert lanes_where(jnp.ones(33, bool)).size == 64
+    assert lanes_where(jnp.zeros(5, bool)).size == 0
+
+
+def test_lanes_put_back_where_they_were_taken_change_nothing_else():
+    tree = {"a": jnp.arange(6.0), "b": jnp.arange(12.0).reshape(2, 6)}
+    lanes = np.array([1, 4, 4])
+    some = gather_lanes(tree, lanes)
+    np.testing.assert_array_equal(some["b"], tree["b"][:, lanes])
+    changed = scatter_lanes(tree, {"a": some["a"] + 10, "b": some["b"]}, lanes)
+    np.testing.assert_array_equal(changed["a"], [0.0, 11.0, 2.0, 3.0, 14.0, 5.0])
+    np.testing.assert_array_equal(changed["b"], tree["b"])
+
+
+def results(cost, converged, place=0.0):
+    """Results of one unknown that differ by what is given."""
+    cost = jnp.asarray(cost)
+    lanes = cost.shape
+    return LaneResults(
+        y=jnp.full((1, *lanes), place),
+        cost=cost,
+        misfit=cost,
+        covariance=jnp.ones((1, 1, *lanes)),
+        converged=jnp.asarray(converged),
+        tolerance=jnp.full(lanes, 1e-8),
+        steps=jnp.ones(lanes, jnp.int32),
+        done=jnp.ones(lanes, bool),
+    )
+
+
+def test_the_lower_end_counts_whatever_it_says_of_itself():
+    a = results([5.0, 5.0], [True, True], place=1.0)
+    b = results([4.0, 6.0], [False, True], place=2.0)
+    np.testing.assert_array_equal(better(a, b).y[0], [2.0, 1.0])
+
+
+def test_of_two_ends_as_low_the_one_that_converged_counts():
+    # 1e-12 of a cost of 5 is rounding, at a tolerance of 1e-8
+    a = results([5.0, 5.0 + 1e-12], [True, False], place=1.0)
+    b = results([5.0 - 1e-12, 5.0 + 2e-12], [False, True], place=2.0)
+    np.testing.assert_array_equal(better(a, b).y[0], [1.0, 2.0])
+
+
+def test_an_end_that_is_not_a_number_never_counts_beside_one_that_is():
+    a = results([np.nan, 5.0], [False, True], place=1.0)
+    b = results([9.0, np.nan], [True, False], place=2.0)
+    np.testing.assert_array_equal(better(a, b).y[0], [2.0, 1.0])
+
+
+def test_an_end_is_doubtful_if_it_did_not_converge_or_readings_hardly_cost_so_much():
+    # 12 normal errors cost 6 at the mean, and 6 standard deviations more are 20.7
+    cost = [6.0, 6.0, 20.6, 20.8, 20.8]
+    found = results(cost, [True, False, True, True, True])
+    bad = jnp.array([False, False, False, False, True])
+    found_doubtful = doubtful("gaussian", 12, found, bad)
+    np.testing.assert_array_equal(found_doubtful, [False, True, False, True, False])
