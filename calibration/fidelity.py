@@ -8,9 +8,7 @@ for quoting. No random numbers but the places that costs are measured at.
 """
 
 import argparse
-import csv
 import datetime
-import io
 import itertools
 import math
 from collections.abc import Iterable, Sequence
@@ -35,6 +33,8 @@ from jblast.fidelity.measured_errors import (
 )
 from jblast.fidelity.reference import REFERENCES
 from jblast.fidelity.timing import machine
+from jblast.files import write_text
+from jblast.report.tables import comma_separated
 from jblast.verification.benchmark.laws import method_seconds
 
 DATA = Path(jblast.fidelity.__file__).parent / "data"
@@ -42,14 +42,9 @@ DATA = Path(jblast.fidelity.__file__).parent / "data"
 
 def write(name: str, what: str, header: Sequence[str], rows: Iterable) -> None:
     """Write a table beneath a head that says of what, when and on what machine."""
-    lines = io.StringIO()
     today = datetime.date.today().isoformat()
-    lines.write(f"# {what}\n")
-    lines.write(f"# Written by calibration/fidelity.py on {today}: {machine()}.\n")
-    table = csv.writer(lines, lineterminator="\n")
-    table.writerow(header)
-    table.writerows(rows)
-    (DATA / f"{name}.csv").write_text(lines.getvalue(), encoding="utf-8")
+    head = f"# {what}\n# Written by calibration/fidelity.py on {today}: {machine()}.\n"
+    write_text(DATA / f"{name}.csv", head + comma_separated([header, *rows]))
     print(f"{name}.csv")
 
 

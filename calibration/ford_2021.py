@@ -44,6 +44,7 @@ from calibration.ford_fit import fit
 from calibration.ford_likelihood import COEFFICIENTS, SCATTERS, Form
 from calibration.ford_records import QUANTITIES, Records, read_records
 from jblast.cli.jax_start import start_jax
+from jblast.files import write_text
 from jblast.waves.laws.ford_2021.curve import FordCurve
 
 OUTPUT = Path(jblast.waves.__path__[0]) / "data" / "ford_2021.json"
@@ -114,7 +115,7 @@ def main() -> None:
             print(f"  {name} = {value:9.4f} +- {sd:.4f}")
         for name, value in zip(SCATTERS, adopted.scatter, strict=True):
             print(f"  {name} scatter {value:.4f}")
-    OUTPUT.write_text(as_json(curves, read_records()), encoding="utf-8")
+    write_text(OUTPUT, as_json(curves, read_records()))
     print(f"wrote {OUTPUT.name}")
 
 

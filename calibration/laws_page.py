@@ -16,6 +16,7 @@ import jblast.waves
 from calibration.laws_curves import drawn_laws, panels
 from calibration.laws_figure import law_figure
 from jblast.cli.jax_start import start_jax
+from jblast.files import write_text
 from jblast.quantity_table import DERIVED_QUANTITIES, QUANTITIES
 from jblast.registry import LAWS, Law
 from jblast.report.calculator.law_curves import NOT_DRAWN
@@ -105,7 +106,7 @@ def main() -> None:
         file = RESULTS / figure_name(quantity)
         _save(law_figure(quantity, panels(quantity)), file)
         print(f"wrote {file.name}, {file.stat().st_size / 1e3:.0f} kB")
-    (RESULTS / "laws.md").write_text(laws_text(), encoding="utf-8")
+    write_text(RESULTS / "laws.md", laws_text())
     print("wrote laws.md")
 
 

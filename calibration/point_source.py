@@ -23,6 +23,7 @@ import numpy as np
 
 from calibration.point_source_references import END, hancock, law_over, sound_fraction
 from jblast.cli.jax_start import start_jax
+from jblast.files import write_text
 from jblast.waves.euler import Decay, decay_at, extrapolated, point_source_march
 from jblast.waves.euler.march import March
 from jblast.waves.laws.point_source.front import (
@@ -212,7 +213,7 @@ def main() -> None:
     if asked.table:  # first: the text reads the packaged one
         last = decay_at(NODES, marches[-1]).overpressure_ratio
         apart = float(np.max(np.abs(last / limit.overpressure_ratio - 1.0)))
-        asked.table.write_text(table(limit, apart))
+        write_text(asked.table, table(limit, apart))
     print(text(marches))
     if asked.figure:
         from calibration.point_source_figure import point_source_figure

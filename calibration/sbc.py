@@ -12,7 +12,6 @@ correction over all. "inside" is the share of truths inside the 90 % interval. W
 calibration/results/sbc.png and sbc.csv (every rank).
 """
 
-import csv
 import sys
 from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import get_context
@@ -26,6 +25,8 @@ from scipy.stats import chisquare
 from calibration.sbc_figure import figure
 from calibration.sbc_logs import DRAWS, Ranked, rank_truths
 from jblast.cli.jax_start import start_jax
+from jblast.files import write_text
+from jblast.report.tables import comma_separated
 
 CASES = (
     "arrivals",
@@ -128,22 +129,14 @@ def table(ranked: dict[str, Ranked]) -> str:
 
 def keep(ranked: dict[str, Ranked]) -> None:
     """Write every rank to a file."""
-    with (RESULTS / "sbc.csv").open("w", newline="", encoding="utf-8") as file:
-        write = csv.writer(file, lineterminator="\n").writerow
-        write(("case", "log", "unknown", "emcee", "laplace", "laplace_holds"))
-        for case, r in ranked.items():
-            for log, holds in enumerate(r.holds):
-                for i, name in enumerate(r.names):
-                    write(
-                        (
-                            case,
-                            log,
-                            name,
-                            r.emcee[log, i],
-                            r.laplace[log, i],
-                            int(holds),
-                        )
-                    )
+    columns = ("case", "log", "unknown", "emcee", "laplace", "laplace_holds")
+    rows = (
+        (case, log, name, r.emcee[log, i], r.laplace[log, i], int(holds))
+        for case, r in ranked.items()
+        for log, holds in enumerate(r.holds)
+        for i, name in enumerate(r.names)
+    )
+    write_text(RESULTS / "sbc.csv", comma_separated([columns, *rows]))
 
 
 def main(logs: int = LOGS) -> None:
