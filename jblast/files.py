@@ -27,9 +27,9 @@ def replacing(path: str | os.PathLike[str], *, durable: bool = True) -> Iterator
     Args:
         path: What to write. Its folder has to be there.
         durable: Whether to wait until the content is on the disk before it takes the
-            name, so that a loss of power loses neither old nor new. It takes
-            milliseconds a file: not for what comes by the hundred and can be made
-            again.
+            name, so that a loss of power, too, leaves the old content or the new one.
+            It takes milliseconds a file: not for what comes by the hundred and can be
+            made again.
 
     Raises:
         OSError: It cannot be written; what was there before is as it was, unless it
