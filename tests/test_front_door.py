@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 
 import jblast
+from jblast.errors import InputError
 from jblast.inference import batch_of
 from jblast.observations import write
-from jblast.scene import Sensor
+from jblast.scene import Sensor, default_scene
 from jblast.sensors import planned_layout
 from jblast.study.flights.fly import Options
 
@@ -147,7 +148,13 @@ def test_a_fireball_is_seen_and_sends_events(known):
     assert int(jblast.events(scene, scene.camera, times, capacity=1000).count) > 0
 
 
+def test_where_nothing_flies_that_is_said():
+    with pytest.raises(InputError, match=r"\[vehicle\].*got none"):
+        jblast.fly(default_scene())
+
+
+@pytest.mark.slow
 def test_a_vehicle_flies(known):
-    flights = jblast.fly(known, Options(seconds=0.5, step_s=1e-3))
+    flights = jblast.fly(known, Options(seconds=0.1, step_s=1e-3))
     assert set(flights.holds) == {"with_integral", "without_integral"}
     assert jax.tree.leaves(flights.holds)
