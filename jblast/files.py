@@ -5,7 +5,6 @@ when it is complete: who reads, and who comes after a crash, finds the old conte
 the new one, never a part. Everything jblast writes goes through here.
 """
 
-import errno
 import os
 import stat
 from collections.abc import Iterator
@@ -36,11 +35,9 @@ def replacing(path: str | os.PathLike[str], *, durable: bool = True) -> Iterator
             is written in place.
     """
     target = Path(os.path.realpath(path))
-    if target.is_symlink():
-        raise OSError(errno.ELOOP, os.strerror(errno.ELOOP), str(path))
-    mode = _mode(target)
+    mode = _mode(Path(path))
     if mode is not None and not _is_replaceable(target, mode):
-        yield target
+        yield Path(path)  # as it is called: what a pipe's link names is no path
         return
     temporary = _created(target)
     try:
@@ -67,10 +64,14 @@ def write_text(path: str | os.PathLike[str], text: str) -> None:
     write_bytes(path, text.encode())
 
 
-def _mode(target: Path) -> int | None:
-    """Return type and permissions of a file; None if there is none."""
+def _mode(path: Path) -> int | None:
+    """Return type and permissions of a file; None if there is none.
+
+    Raises:
+        OSError: Links go in a circle, or what should be a folder is none.
+    """
     try:
-        return target.stat().st_mode
+        return path.stat().st_mode
     except FileNotFoundError:
         return None
 

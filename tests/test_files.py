@@ -154,6 +154,20 @@ def test_what_cannot_be_replaced_is_written_in_place(tmp_path):
     assert stat.S_ISFIFO(pipe.stat().st_mode)
 
 
+TO_STDOUT = """
+from jblast.files import write_text
+write_text("/dev/stdout", "one\\n")
+print("two", flush=True)
+"""
+
+
+def test_standard_output_is_written_to_through_a_pipe():
+    environment = {**os.environ, "PYTHONPATH": str(PACKAGE.parent)}
+    command = [sys.executable, "-c", TO_STDOUT]
+    child = subprocess.run(command, capture_output=True, env=environment, check=True)
+    assert child.stdout == b"one\ntwo\n"
+
+
 def looped(folder):
     (folder / "loop").symlink_to("loop")
     return folder / "loop"
