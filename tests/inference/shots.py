@@ -18,15 +18,7 @@ from jblast.scene import Scene, Sensor, UncertainScene, freed, with_values
 from jblast.sensors import observe, planned_layout
 from jblast.sensors.observe import Noise
 from jblast.sensors.record import comparable
-
-TRUTH = {
-    "charge_mass_kg": 30.0,
-    "charge_east_m": 10.0,
-    "charge_north_m": -5.0,
-    "origin_time_s": 1.5,
-}
-AROUND = ((60.0, 0.0), (-70.0, 30.0), (0.0, 90.0), (20.0, -80.0), (120.0, 100.0))
-BOTH = (("air_arrival_s", 1e-4), ("peak_overpressure_pa", 0.02))
+from tests.catalogue import AROUND, BOTH, TRUTH
 
 
 def shot(places, records, free=tuple(TRUTH), truth=None, noise: Noise = "student"):

@@ -9,7 +9,7 @@ import pytest
 from scipy.stats import multivariate_normal, multivariate_t
 
 import jblast.inference.fitting.uncertainty
-from jblast.inference import fit, solve
+from jblast.inference import fit
 from jblast.inference.fitting.uncertainty import how_sure
 from jblast.inference.importance.interval_check import (
     FREEDOM,
@@ -18,38 +18,34 @@ from jblast.inference.importance.interval_check import (
     reaching,
 )
 from jblast.inference.importance.psis import ENDS
-from jblast.scene import Free, Scene, UncertainScene, freed
-from jblast.waves import kingery_bulmash_pressure, wu_hao_air_arrival_time
+from jblast.scene import Scene, UncertainScene, freed
+from jblast.waves import wu_hao_air_arrival_time
+from tests.catalogue import (
+    MASS_FREE,
+    disagreeing,
+    disagreeing_solved,
+    pressures,
+)
 from tests.inference.logs import log
-
-SCENE = Scene(scatter=False)
-MASS_FREE = UncertainScene(SCENE, {"charge_mass_kg": Free(positive=True)})
-
-
-def pressures(sigma: float):
-    return log(
-        *(
-            (f"s{i}", "peak_overpressure_pa", p, sigma * p, r)
-            for i, r in enumerate((10.0, 20.0, 40.0))
-            for p in [float(kingery_bulmash_pressure(r, 15.0))]
-        ),
-        at_range=True,
-    )
 
 
 def test_a_narrow_answer_is_left_to_the_normal_approximation():
-    result = fit(pressures(0.01), MASS_FREE, noise="gaussian", posterior="auto")
+    result = fit(
+        pressures(15.0, sigma=0.01), MASS_FREE, noise="gaussian", posterior="auto"
+    )
     assert result.summary.posterior == "laplace"
     assert "k-hat" in result.posterior_reason
     assert result.summary.warnings == ()
 
 
 def test_a_wide_answer_gets_walkers_and_they_agree_where_it_is_normal():
-    wide = fit(pressures(0.3), MASS_FREE, noise="gaussian", posterior="auto")
+    wide = fit(
+        pressures(15.0, sigma=0.3), MASS_FREE, noise="gaussian", posterior="auto"
+    )
     assert wide.summary.posterior == "emcee"
     assert wide.summary.converged
     assert any("k-hat" in said for said in wide.summary.warnings)
-    normal = fit(pressures(0.3), MASS_FREE, noise="gaussian").summary
+    normal = fit(pressures(15.0, sigma=0.3), MASS_FREE, noise="gaussian").summary
     by_walk = wide.summary.estimates["charge_mass_kg"]
     by_normal = normal.estimates["charge_mass_kg"]
     assert by_walk.value == by_normal.value
@@ -70,20 +66,6 @@ def test_what_no_log_can_tell_is_not_walked_over():
     assert result.summary.posterior == "laplace"
     assert "untold" in result.posterior_reason
     assert not result.summary.identifiable
-
-
-def disagreeing(apart: float):
-    """Record three pressures of a mass, and two of one so much larger in ln."""
-    return log(
-        *(
-            (f"s{i}", "peak_overpressure_pa", p, 0.3 * p, r)
-            for i, (r, more) in enumerate(
-                ((10.0, 0), (20.0, 0), (40.0, 0), (15.0, apart), (30.0, apart))
-            )
-            for p in [float(kingery_bulmash_pressure(r, 15.0 * np.exp(more)))]
-        ),
-        at_range=True,
-    )
 
 
 def ends_by_grid(solution):
@@ -116,7 +98,7 @@ def test_draws_that_reach_further_come_with_their_density(free):
 @pytest.mark.parametrize("apart", [0.0, 2.5, 4.0])
 def test_ends_are_off_by_what_integration_says_and_the_answer_warns(apart):
     made = disagreeing(apart)
-    solution = solve(made, MASS_FREE)
+    solution = disagreeing_solved(apart)
     by = np.abs(ends_by_grid(solution) - (-1.645, 1.645)).max()
     found = ends_judged(solution.posterior, solution.laplace)
     assert found.off == pytest.approx(by, abs=3 * found.error + 0.01)
@@ -132,7 +114,7 @@ def test_ends_are_off_by_what_integration_says_and_the_answer_warns(apart):
 @pytest.mark.parametrize("apart", [0.0, 4.0])
 def test_weighted_intervals_end_where_integration_says(apart):
     made = disagreeing(apart)
-    solution = solve(made, MASS_FREE)
+    solution = disagreeing_solved(apart)
     weighted = fit(made, MASS_FREE)
     assert weighted.weighted
     mass = weighted.summary.estimates["charge_mass_kg"]
@@ -149,7 +131,7 @@ def test_weighted_intervals_end_where_integration_says(apart):
 
 
 def test_where_importance_sampling_cannot_tell_the_approximation_stands_alone():
-    solution = solve(disagreeing(0.0), MASS_FREE)
+    solution = disagreeing_solved(0.0)
     normal = solution.laplace
     # a normal a hundredth as wide as the posterior: weights of a heavy tail
     thin = replace(normal, covariance=1e-4 * normal.covariance)
@@ -160,7 +142,7 @@ def test_where_importance_sampling_cannot_tell_the_approximation_stands_alone():
 
 
 def test_where_few_draws_count_the_answer_says_so(monkeypatch):
-    solution = solve(disagreeing(0.0), MASS_FREE)
+    solution = disagreeing_solved(0.0)
     judged = ends_judged(solution.posterior, solution.laplace)
     assert judged.drawn is not None
     few = replace(judged, off=0.0, share=50.4 / len(judged.drawn.z), k_hat=0.4)

@@ -5,32 +5,22 @@ import pytest
 
 from jblast.inference import fit
 from jblast.report import summary
-from jblast.scene import Air, Charge, LogNormal, Scene, UncertainScene, freed
+from jblast.scene import LogNormal, UncertainScene, freed
 from jblast.waves import kingery_bulmash_pressure, shock_kinematics_arrival_time
+from tests.catalogue import (
+    AROUND,
+    KNOWN_MASS as MASS,
+    PLACE,
+    SOUND_SPEED as C,
+    TIMED as SCENE,
+    arrivals,
+    travel_time as travel,
+)
 from tests.inference.logs import log
 
 pytestmark = pytest.mark.slow  # each log compiles its own search
 
-C, MASS = 340.0, 10.0
-LAW = (("air_arrival_s", "shock_kinematics"),)
-SCENE = Scene(charge=Charge(mass=MASS), air=Air(sound_speed=C), law=LAW, scatter=False)
-PLACE = ["charge_east_m", "charge_north_m"]
-RING = [(60.0, 0.0), (-70.0, 30.0), (0.0, 90.0), (20.0, -80.0)]
-
-
-def travel(distance):
-    return float(shock_kinematics_arrival_time(distance, MASS, 101325.0, C))
-
-
-def arrivals(places, east, north, time=0.0):
-    """Arrivals without error of a charge at a place."""
-    return log(
-        *(
-            ("abcd"[i], "air_arrival_s", time + t, 1e-4, (*place, 0.0))
-            for i, place in enumerate(places)
-            for t in [travel(float(np.hypot(place[0] - east, place[1] - north)))]
-        )
-    )
+RING = AROUND[:4]
 
 
 def told(made, free, **beliefs):

@@ -9,7 +9,8 @@ from jblast.errors import InputError
 from jblast.inference.importance.marginals import marginals_of_draws
 from jblast.inference.importance.psis import importance
 from jblast.inference.mcmc.ensemble import ensemble
-from tests.inference.shots import BOTH, five_solved, place_of, shot, solved
+from tests.catalogue import BOTH
+from tests.inference.shots import five_solved, place_of, shot, solved
 
 pytestmark = pytest.mark.slow  # each layout compiles its own search
 

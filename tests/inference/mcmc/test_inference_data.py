@@ -6,8 +6,9 @@ import pytest
 from jblast.errors import InputError
 from jblast.inference.mcmc.ensemble import ensemble
 from jblast.inference.mcmc.inference_data import inference_data, write_inference_data
+from tests.catalogue import AROUND
 from tests.inference.logs import log
-from tests.inference.shots import AROUND, five_solved
+from tests.inference.shots import five_solved
 
 
 @pytest.fixture(scope="module")

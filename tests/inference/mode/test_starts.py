@@ -11,7 +11,8 @@ from jblast.constants import STANDARD_SOUND_SPEED
 from jblast.inference.mode.starts import layout_size, start_sd, starts, typical_step
 from jblast.parameter_table import PARAMETERS
 from jblast.scene import LogNormal
-from tests.inference.shots import AROUND, BOTH, TRUTH, shot
+from tests.catalogue import AROUND, BOTH, TRUTH
+from tests.inference.shots import shot
 
 KEY = jax.random.key(5)
 COUNT = 4000

@@ -12,7 +12,8 @@ import pytest
 import jblast.inference
 from jblast.inference.mode.search import optima
 from jblast.inference.posterior.fisher_information import information
-from tests.inference.shots import AROUND, BOTH, five_solved, shot
+from tests.catalogue import AROUND, BOTH
+from tests.inference.shots import five_solved, shot
 
 
 def nudged(posterior, by):
