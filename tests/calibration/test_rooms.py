@@ -16,7 +16,7 @@ def between():
 
 def test_nothing_stands_above_the_diagonal(between):
     order = {room: place for place, room in enumerate(("", *ROOMS))}
-    assert all(order[a] >= order[b] for a, b in between)
+    assert all(order[a] >= order[b] for a, b in between if a)  # the front door may
     assert between["inference", "sensors"] > 10
 
 
