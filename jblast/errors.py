@@ -2,16 +2,33 @@
 
 import difflib
 import os
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
 
+MARK = "\0"
+"""Stands on both sides of an argument's name; no text that is read may hold it."""
+
 
 class InputError(ValueError):
-    """What a user gave cannot be used; the message is one line and stands alone."""
+    """What a user gave cannot be used; the message is one line and stands alone.
+
+    Arguments stand in it as Python knows them (see `argument`).
+    """
 
     def __init__(self, message: str):
-        super().__init__(" ".join(message.split()))
+        self._marked = " ".join(message.split())
+        super().__init__(self._marked.replace(MARK, ""))
+
+    def worded(self, option: Callable[[str], str]) -> str:
+        """Return the message with what each argument is called elsewhere."""
+        parts = self._marked.split(MARK)
+        return "".join(option(p) if i % 2 else p for i, p in enumerate(parts))
+
+
+def argument(name: str) -> str:
+    """Name an argument in a message: a command line has another name for it."""
+    return f"{MARK}{name}{MARK}"
 
 
 def shown(value: Any, width: int = 60) -> str:

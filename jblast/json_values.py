@@ -10,6 +10,8 @@ import numpy as np
 
 def plain(value: Any) -> Any:
     """Return what JSON can hold: arrays as lists, NaN and infinities as None."""
+    if hasattr(value, "to_dict"):
+        return plain(value.to_dict())
     if is_dataclass(value) and not isinstance(value, type):
         return {f.name: plain(getattr(value, f.name)) for f in fields(value)}
     if isinstance(value, Mapping):

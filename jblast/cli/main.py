@@ -12,6 +12,7 @@ import traceback
 import warnings
 from collections.abc import Sequence
 
+from jblast.cli.arguments.options import option_for
 from jblast.cli.parsers import parsed, root_parser
 from jblast.cli.progress_line import progress_told
 from jblast.errors import InputError
@@ -52,7 +53,7 @@ def main(arguments: Sequence[str] | None = None, *, progress: bool = True) -> in
     except InputError as error:
         if debug:
             traceback.print_exc()
-        sys.stderr.write(f"jblast: {error}\n")
+        sys.stderr.write(f"jblast: {error.worded(option_for)}\n")
         return 2
     except OSError as error:
         if debug:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Int
 
-from jblast.errors import InputError, shown
+from jblast.errors import InputError, argument, shown
 from jblast.observations.table import Observations
 
 PER_ROW = tuple(
@@ -40,21 +40,22 @@ def one_event(logs: Sequence[Observations]) -> tuple[Observations, tuple[str, ..
         InputError: Two files have the same name, one names clocks of its own, or the
             logs tell shots apart.
     """
+    event = argument("one_event")
     names = [Path(log.source).stem or f"recorder {i}" for i, log in enumerate(logs, 1)]
     for log, name in zip(logs, names, strict=True):
         if names.count(name) > 1:
             raise InputError(
-                f"{log.source}: --one-event names clocks after the files; expected "
+                f"{log.source}: {event} names clocks after the files; expected "
                 f"each name once, got {shown(name)} twice"
             )
         if any(log.clock):
             raise InputError(
-                f"{log.source}: column clock: --one-event makes the file the clock; "
+                f"{log.source}: column clock: {event} makes the file the clock; "
                 "expected no such column"
             )
         if len(set(log.shot)) > 1:
             raise InputError(
-                f"{log.source}: column shot: --one-event is of one shot; expected one "
+                f"{log.source}: column shot: {event} is of one shot; expected one "
                 f"name, got {', '.join(map(shown, dict.fromkeys(log.shot)))}"
             )
     clocked = [

@@ -13,12 +13,16 @@ _SEEN_AND_HEARD = {"flash_time_s", "air_arrival_s", "bearing_rad"}
 _OF_GROUND = set(made_with("ground_arrival_s"))
 
 
-def starter_scene(observations: Observations) -> str:
+def starter_scene(observations: Observations, freeing: str = "freed") -> str:
     """Return a commented scene file for a log.
 
     The mass is free. The place is free too if at least three sensors that do not stand
     in a line, and four rows, can tell it, or a bearing, a flash and an arrival; the
     origin time then if three rows are clock readings, and always if a flash was seen.
+
+    Args:
+        observations: The log.
+        freeing: What the reader frees numbers by, which a scene cannot say of clocks.
     """
     rows: dict[str, list[int]] = {}
     for row, name in enumerate(observations.sensor):
@@ -32,7 +36,7 @@ def starter_scene(observations: Observations) -> str:
         *([_CAMERA] if set(BY_CAMERA) & set(observations.quantity) else []),
         *([_GROUND] if set(observations.quantity) & _OF_GROUND else []),
         *(_sensor(log) for log in logs),
-        *_clocks(observations),
+        *_clocks(observations, freeing),
         _LAW,
     ]
     return "\n".join(parts)
@@ -119,7 +123,7 @@ def _charge(observations: Observations, logs: list[_Log], shot: str) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _clocks(observations: Observations) -> list[str]:
+def _clocks(observations: Observations, freeing: str) -> list[str]:
     """Say how the clocks of several recorders are fitted: a scene cannot."""
     named = list(dict.fromkeys(clock for clock in observations.clock if clock))
     if len(named) < 2:
@@ -127,7 +131,7 @@ def _clocks(observations: Observations) -> list[str]:
     free = ",".join(f"clock_offset_s.{clock}" for clock in named[1:])
     return [
         f"# The clocks {', '.join(named)} are taken to agree; if they do not, "
-        f"fit with\n# --free {free}\n"
+        f"fit with\n# {freeing} {free}\n"
     ]
 
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 import jax
 from jaxtyping import PRNGKeyArray
 
-from jblast.errors import InputError, nearest
+from jblast.errors import InputError, argument, nearest
 from jblast.parameter_table import CLOCK_OFFSET, PARAMETERS
 from jblast.scene.clock import Clock
 from jblast.scene.parameters import (
@@ -87,7 +87,7 @@ def freed(uncertain: UncertainScene, names: Sequence[str]) -> UncertainScene:
     for name in names:
         if name not in known:
             raise InputError(
-                f"--free {name}: expected one of {', '.join(known)} or "
+                f"{argument('freed')} {name}: expected one of {', '.join(known)} or "
                 f"{CLOCK_OFFSET}.NAME; got {name!r}{nearest(name, known)}"
             )
         _refuse_unused(name, uncertain, names)
@@ -119,8 +119,8 @@ def _refuse_unused(name: str, uncertain: UncertainScene, names: Sequence[str]) -
             rivals = [one]
         if rivals:
             raise InputError(
-                f"--free {name}: expected {one} alone or {' and '.join(others)}, got "
-                f"{name} beside {' and '.join(rivals)}"
+                f"{argument('freed')} {name}: expected {one} alone or "
+                f"{' and '.join(others)}, got {name} beside {' and '.join(rivals)}"
             )
 
 

@@ -6,13 +6,15 @@ from dataclasses import replace
 import jax.numpy as jnp
 import numpy as np
 
-from jblast.inference.fitting.findings import SuspectedOutlier
+from jblast.inference.fitting.findings import PoorFit, SuspectedOutlier
 from jblast.inference.fitting.result import Band, Fit
 from jblast.inference.fitting.summary import Summary
 from jblast.inference.identifiability.findings import (
+    Cure,
     EstimableCombination,
     NullDirection,
     OtherMode,
+    ResolvingDatum,
 )
 from jblast.inference.posterior.estimate import Estimate
 from jblast.observations import Observations
@@ -196,7 +198,7 @@ def one_parameter() -> Fit:
             chi2=41.0,
             dof=4,
             n_observations=5,
-            warnings=("poor fit without a scene: try `jblast scene quarry.csv`",),
+            warnings=(PoorFit(41.0, 4, 2.7e-8, "quarry.csv"),),
         ),
         scene=Scene(charge=Charge(mass=1000.0)),
         draws={"charge_mass_kg": 1000.0 * np.exp(0.62 * rng.standard_normal(1500))},
@@ -227,7 +229,10 @@ def not_identifiable() -> Fit:
                 NullDirection(
                     {"charge_mass_kg": 1.0, "air_sound_speed_m_s": -0.2},
                     "ln",
-                    "measure the air temperature, or record one overpressure",
+                    Cure(
+                        ("charge_mass_kg", "air_sound_speed_m_s"),
+                        (ResolvingDatum("peak_overpressure_pa", "range"),),
+                    ),
                 ),
             ),
             determined=(
@@ -298,8 +303,9 @@ def with_outliers() -> Fit:
             ambiguities=(
                 OtherMode(
                     other,
-                    "mirror image behind a line of sensors",
-                    "one sensor off the line",
+                    ("charge_mass_kg", "origin_time_s"),
+                    0.2,
+                    ResolvingDatum("air_arrival_s", "aside"),
                 ),
             ),
             identifiable=False,

@@ -41,3 +41,17 @@ def add_noise(verb: argparse.ArgumentParser) -> None:
         default="student",
         help="distribution of the independent errors (default: student)",
     )
+
+
+OTHERWISE = {
+    "freed": "--free",
+    "states": "--state",
+    "inputs": "--input",
+    "moment_point_m": "moment_point_m (--profile-moments-about X,Y,Z)",
+}
+"""Arguments of Python whose options have another name."""
+
+
+def option_for(argument: str) -> str:
+    """Return how the command line calls an argument that a message names."""
+    return OTHERWISE.get(argument, f"--{argument.replace('_', '-')}")

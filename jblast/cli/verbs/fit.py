@@ -5,7 +5,13 @@ import os
 import sys
 from collections.abc import Sequence
 
-from jblast.cli.arguments.options import add_free, add_law, add_noise, names_to_free
+from jblast.cli.arguments.options import (
+    add_free,
+    add_law,
+    add_noise,
+    names_to_free,
+    option_for,
+)
 from jblast.cli.arguments.paths import path, writing
 
 SMALL = 100_000
@@ -98,7 +104,7 @@ def run(asked: argparse.Namespace) -> int:
         fitted = fit_each(
             readable, uncertain, noise=asked.noise, posterior=asked.posterior
         )
-        answers = {name: fitted.get(name, logs[name]) for name in logs}
+        answers = {name: _worded(fitted.get(name, logs[name])) for name in logs}
         return _many(answers, out, asked)
     (observations,) = readable.values()
     answer = fit(
@@ -122,6 +128,15 @@ def run(asked: argparse.Namespace) -> int:
 def _is_small(files: Sequence[str]) -> bool:
     """Return whether logs are so short that a fit compiles for longer than it runs."""
     return sum(os.path.getsize(file) for file in files if os.path.isfile(file)) < SMALL
+
+
+def _worded(answer):
+    """Return an answer, or an error in the words of the command line."""
+    from jblast.errors import InputError
+
+    if isinstance(answer, InputError):
+        return InputError(answer.worded(option_for))
+    return answer
 
 
 def _many(answers, out, asked: argparse.Namespace) -> int:

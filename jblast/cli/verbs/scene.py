@@ -35,7 +35,7 @@ def run(asked: argparse.Namespace) -> int:
 
     if asked.out:
         refuse_existing(asked.out, force=asked.force)
-    text = starter_scene(read(asked.observations))
+    text = starter_scene(read(asked.observations), freeing="--free")
     if asked.out:
         save_text(text, asked.out)
         sys.stdout.write(

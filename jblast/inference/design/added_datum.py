@@ -11,14 +11,13 @@ from jblast.inference.design.covariance import spread_left, worst
 from jblast.inference.design.planned_log import Planned
 from jblast.inference.design.summary import AddedDatum
 from jblast.inference.identifiability.resolving_data import (
-    CANDIDATES,
     aside,
     laws_beside,
 )
 from jblast.inference.posterior.fisher_information import whitened
 from jblast.inference.posterior.posterior import Posterior
 from jblast.kept_programs import kept
-from jblast.quantities import TIMES
+from jblast.quantities import ADDABLE, TIMES
 from jblast.sensors import Layout
 
 DEFAULT_SIGMA = {"time": 1e-3, "relative": 0.05}
@@ -124,7 +123,7 @@ def candidates(plan: Planned) -> list[Datum]:
             places.append(
                 (aside(posterior, reach), "", max(layout.group) + 1 + shot, "")
             )
-        for quantity in CANDIDATES:
+        for quantity in ADDABLE:
             timed = "time" if quantity in TIMES else "relative"
             sigma = float(sigmas.get(quantity, DEFAULT_SIGMA[timed]))
             answer += [

@@ -31,6 +31,7 @@ from jblast.inference.identifiability.null_space import identifiability
 from jblast.inference.mode.laplace import Laplace, density_and_slope, marginals
 from jblast.inference.mode.search import optima
 from jblast.inference.posterior.estimate import Spread
+from jblast.inference.posterior.finding import Finding
 from jblast.inference.posterior.fisher_information import (
     information,
     information_of_row,
@@ -197,8 +198,8 @@ def _parameters(solution: Solution) -> dict[str, Spread]:
     return answer
 
 
-def _warnings(plan: Planned, solution: Solution, valid) -> list[str]:
-    told = [] if valid.all() else [outside(plan.log, solution, valid)]
+def _warnings(plan: Planned, solution: Solution, valid) -> list[Finding]:
+    told: list[Finding] = [] if valid.all() else [outside(plan.log, solution, valid)]
     scene = solution.posterior.parameters.scene_at(jnp.asarray(plan.z))
     for charge in scene.charges:
         told += height_beside_the_curves(solution, charge)

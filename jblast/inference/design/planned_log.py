@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from jblast.errors import InputError, nearest
+from jblast.errors import InputError, argument, nearest
 from jblast.inference.posterior.fireball_growth import GROWTH, as_seen, own_growth
 from jblast.inference.posterior.parameters import parameters_of
 from jblast.inference.posterior.posterior import Posterior, posterior_of
@@ -147,23 +147,25 @@ def values_at(uncertain: UncertainScene, at: Mapping[str, float]) -> dict[str, f
     if not beliefs:
         raise InputError(
             f"{source}: nothing to bound: every number of the scene is fixed; expected "
-            'at least one that is "free", has a prior, or is named by --free'
+            'at least one that is "free", has a prior, or is named by '
+            + argument("freed")
         )
     for name in at:
         if name not in beliefs:
             fixed = name in names_in(uncertain.scene)
+            what = "fixed" if fixed else "no number"
             raise InputError(
-                f"--at {name}: {name} is {'fixed' if fixed else 'no number'} in the "
-                f"scene; expected one of {', '.join(beliefs)}{nearest(name, beliefs)}"
-                + (f", or --free {name} beside it" if fixed else "")
+                f"{argument('at')} {name}: {name} is {what} in the scene; "
+                f"expected one of {', '.join(beliefs)}{nearest(name, beliefs)}"
+                + (f", or {argument('freed')} {name} beside it" if fixed else "")
             )
     at = {**_shown_by_clocks(uncertain), **at}
     open_ = [n for n, b in beliefs.items() if isinstance(b, Free) and n not in at]
     if open_:
+        expected = " ".join(f"{argument('at')} {name}=VALUE" for name in open_)
         raise InputError(
             f"{source}: {', '.join(open_)}: free and without a prior, so expected "
-            f"{' '.join(f'--at {name}=VALUE' for name in open_)}; what a layout tells "
-            "depends on it"
+            f"{expected}; what a layout tells depends on it"
         )
     return {
         name: _checked(name, float(at[name]), belief, uncertain.scene)
@@ -194,17 +196,15 @@ def _shown_by_clocks(uncertain: UncertainScene) -> dict[str, float]:
 
 def _checked(name: str, value: float, belief: Belief, scene: Scene) -> float:
     """Return a number if the scene file, and its prior, would allow it."""
-    bounds = place_of(name).bounds
+    bounds, where = place_of(name).bounds, f"{argument('at')} {name}"
     if not bounds.allows(value):
         raise InputError(
-            f"--at {name}: expected a number that is {bounds.words()}, got {value:g}"
+            f"{where}: expected a number that is {bounds.words()}, got {value:g}"
         )
     if not math.isfinite(value):
-        raise InputError(f"--at {name}: expected a finite number, got {value:g}")
+        raise InputError(f"{where}: expected a finite number, got {value:g}")
     if not math.isfinite(float(belief.unconstrain(jnp.asarray(value)))):
-        raise InputError(
-            f"--at {name}: expected a number within its prior, got {value:g}"
-        )
+        raise InputError(f"{where}: expected a number within its prior, got {value:g}")
     return value
 
 

@@ -1,7 +1,7 @@
 """What a planned layout could tell, as values."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
@@ -13,6 +13,7 @@ from jblast.inference.identifiability.findings import (
     OtherMode,
 )
 from jblast.inference.posterior.estimate import Spread
+from jblast.inference.posterior.finding import Finding
 from jblast.json_values import plain
 
 
@@ -101,7 +102,7 @@ class BoundSummary:
     help: tuple[AddedDatum, ...]
     leans_on: tuple[Sensitivity, ...]
     mass_exponents: Mapping[str, tuple[float, float]]
-    warnings: tuple[str, ...]
+    warnings: tuple[Finding, ...]
 
     @property
     def unidentified(self) -> tuple[str, ...]:
@@ -110,4 +111,4 @@ class BoundSummary:
 
     def to_dict(self) -> dict[str, Any]:
         """Return it as JSON can hold it; null is what is not a finite number."""
-        return plain(self)
+        return {f.name: plain(getattr(self, f.name)) for f in fields(self)}

@@ -1,9 +1,10 @@
-"""What a fit found fault with: readings, and whole sensors or clocks."""
+"""What a fit found fault with: readings, sensors, clocks, laws, priors, itself."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
 
 from jblast.inference.posterior.estimate import Estimate
+from jblast.inference.posterior.finding import Finding
 
 
 @dataclass(frozen=True)
@@ -22,7 +23,7 @@ class SuspectedOutlier:
 
 
 @dataclass(frozen=True)
-class WrongSensor:
+class WrongSensor(Finding):
     """A sensor without which a log fits.
 
     Attributes:
@@ -55,3 +56,152 @@ class WrongClock(WrongSensor):
     offset_s: float
     offset_sd: float
     parameter: str | None
+
+
+@dataclass(frozen=True)
+class AsAsked(Finding):
+    """A method was used because it was named."""
+
+
+@dataclass(frozen=True)
+class DirectionUnidentified(Finding):
+    """The normal approximation is all there is where a direction is not identified."""
+
+
+@dataclass(frozen=True)
+class NotAtOptimum(Finding):
+    """The search did not arrive at an optimum: the answer is where it ended."""
+
+
+@dataclass(frozen=True)
+class PoorFit(Finding):
+    """The log disagrees with its laws by more than its errors allow.
+
+    Attributes:
+        chi2: Chi squared.
+        dof: Its degrees of freedom.
+        p_value: Chance of a larger one.
+        log: Name of the log if no scene was given: one might help; else "".
+    """
+
+    chi2: float
+    dof: int
+    p_value: float
+    log: str = ""
+
+
+@dataclass(frozen=True)
+class PriorConflict(Finding):
+    """Without priors the log fits well, where a prior rules it out.
+
+    Attributes:
+        values: The numbers there that contradict their priors.
+    """
+
+    values: Mapping[str, float]
+
+
+@dataclass(frozen=True)
+class LawOutOfRange(Finding):
+    """Rows lie where their laws do not hold.
+
+    Attributes:
+        rows: How many.
+        of: Among so many.
+        quantities: Of what.
+        ranges: Each law, and where it holds.
+        is_deeper: Whether it is by the depth that the 90 % interval reaches.
+    """
+
+    rows: int
+    of: int
+    quantities: tuple[str, ...]
+    ranges: tuple[tuple[str, str], ...]
+    is_deeper: bool
+
+
+@dataclass(frozen=True)
+class LawsUnsettled(Finding):
+    """At the answer other laws would be chosen than it was fitted with."""
+
+
+@dataclass(frozen=True)
+class BurstsUnsettled(Finding):
+    """At the answer the height leaves other curve sets than it was fitted with."""
+
+
+@dataclass(frozen=True)
+class NoScene(Finding):
+    """No scene was given, so the default one was taken."""
+
+
+@dataclass(frozen=True)
+class NothingLearned(Finding):
+    """The log tells nothing of numbers beyond their priors.
+
+    Attributes:
+        parameters: Which.
+    """
+
+    parameters: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class FarFromItsLaw(Finding):
+    """The whole shot, or a path, departs from its law by more than expected.
+
+    Attributes:
+        times: So many times the scatter expected of it.
+    """
+
+    times: float
+
+
+@dataclass(frozen=True)
+class HeightOfBurst(Finding):
+    """By which curves a charge above the ground was taken, and what they miss.
+
+    Attributes:
+        note: As the sensors that read the curves say it.
+    """
+
+    note: str
+
+
+@dataclass(frozen=True)
+class DeepCharge(Finding):
+    """The charge lay deep, of which the laws know nothing but the longer way.
+
+    Attributes:
+        charge: Its name, or "".
+        scaled_depth: How deep [m/kg^(1/3)].
+    """
+
+    charge: str
+    scaled_depth: float
+
+
+@dataclass(frozen=True)
+class NoPointSource(Finding):
+    """The law of a point source read a chemical charge.
+
+    Attributes:
+        laws: Which.
+        explosive: What the charge is of.
+    """
+
+    laws: tuple[str, ...]
+    explosive: str
+
+
+@dataclass(frozen=True)
+class ClocksTakenToAgree(Finding):
+    """Clocks were taken to agree that nobody left open.
+
+    Attributes:
+        clocks: All of the log.
+        parameters: What could be fitted instead.
+    """
+
+    clocks: tuple[str, ...]
+    parameters: tuple[str, ...]

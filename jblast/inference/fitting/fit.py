@@ -8,7 +8,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jblast.errors import InputError
+from jblast.errors import InputError, argument
 from jblast.inference.fitting.burial import valid_at_depth
 from jblast.inference.fitting.goodness_of_fit import left_of
 from jblast.inference.fitting.predictive_bands import bands
@@ -155,7 +155,7 @@ def solve(
     if not parameters_of(uncertain).names:
         raise InputError(
             "nothing to fit: every number of the scene is fixed; expected at least one "
-            'that is "free", has a prior, or is named by --free'
+            'that is "free", has a prior, or is named by ' + argument("freed")
         )
     begin = stages(STAGES)
     begin("choosing laws")

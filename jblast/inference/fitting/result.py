@@ -9,6 +9,7 @@ from jaxtyping import Bool, Float
 
 from jblast.inference.fitting.goodness_of_fit import POOR, chance
 from jblast.inference.fitting.summary import Summary
+from jblast.inference.posterior.finding import Finding
 from jblast.observations import Observations
 from jblast.scene import Scene
 
@@ -75,7 +76,7 @@ class Fit:
     shot: tuple[int, ...]
     draws: Mapping[str, Float[np.ndarray, " draw"]] = field(default_factory=dict)
     bands: tuple[Band, ...] = ()
-    posterior_reason: str = ""
+    posterior_reason: Finding | None = None
     weighted: bool = False
     ensemble: Any = None
     density: Any = None

@@ -11,6 +11,9 @@ matrix, by its Schur complement). It is linearised about the answer; nothing is 
 again, and differences of what was compiled already give the slopes.
 """
 
+from collections.abc import Mapping
+from dataclasses import dataclass
+
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
@@ -18,6 +21,7 @@ from jaxtyping import Float
 
 from jblast.inference.fitting.solution import Solution
 from jblast.inference.mode.starts import typical_step
+from jblast.inference.posterior.finding import Finding
 from jblast.inference.posterior.fisher_information import information_of_row
 from jblast.inference.posterior.posterior import Misfit, Posterior
 from jblast.parameter_table import PARAMETERS
@@ -36,41 +40,57 @@ MOST = 3
 """So many numbers are named, those that widen most first."""
 
 
-def still_air(solution: Solution) -> str:
-    """Say what still air did to an answer; "" where it was not taken, or not felt."""
+@dataclass(frozen=True)
+class WindPassesForSoundSpeed(Finding):
+    """Still air was taken, and a wind along the ranges would not be noticed.
+
+    Attributes:
+        parameter: What stands for it.
+        is_fitted: Whether that is fitted; else a prior on it would do.
+    """
+
+    parameter: str
+    is_fitted: bool
+
+
+@dataclass(frozen=True)
+class StillAir(Finding):
+    """Still air was taken.
+
+    Attributes:
+        wind_sd: Of a wind towards east and north, were it unknown [m/s].
+        wider: How many times wider the 90 % intervals would be then, those that widen
+            most; empty where none would by much, None where that cannot be computed.
+    """
+
+    wind_sd: float
+    wider: Mapping[str, float] | None
+
+
+def still_air(solution: Solution) -> Finding | None:
+    """Return what still air did to an answer; None where not taken, or not felt."""
     posterior = solution.posterior
     air = posterior.parameters.scene.air
     told = any(name.startswith("wind_") for name in posterior.parameters.names)
     if told or float(air.wind_east) or float(air.wind_north):
-        return ""
+        return None
     arrivals = bool(set(BY_AIR) & set(posterior.layout.quantities()))
     factors = wider_with_wind(solution)
     if factors is None:
         decides = SPEEDS if air.sound_speed is None else SPEEDS[:1]
         fitted = [name for name in decides if name in posterior.parameters.names]
-        stands = (
-            f"{fitted[0]}, which is fitted, stands for it"
-            if fitted
-            else f"a prior on {SPEEDS[0]} stands for it"
-        )
-        return (
-            "still air was taken, and a wind along the ranges would pass for another "
-            f"sound speed: {stands}"
-            if arrivals
-            else ""
-        )
+        if not arrivals:
+            return None
+        return WindPassesForSoundSpeed((fitted or SPEEDS)[0], bool(fitted))
     worst = sorted(
         (name for name, factor in factors.items() if factor >= WIDER),
         key=lambda name: -factors[name],
     )
-    said = "still air was taken: were the wind unknown, "
-    said += f"0 +- {WIND:g} m/s (1 sd) towards east and north, "
     if worst:
-        wide = ", ".join(f"{name} {factors[name]:.2g} times" for name in worst[:MOST])
-        return f"{said}90 % intervals would be wider: {wide}"
+        return StillAir(WIND, {name: factors[name] for name in worst[:MOST]})
     if not np.isfinite(list(factors.values())).all():
-        return f"{said}by how much intervals would widen cannot be told"
-    return f"{said}no 90 % interval would widen by 5 %" if arrivals else ""
+        return StillAir(WIND, None)
+    return StillAir(WIND, {}) if arrivals else None
 
 
 def wider_with_wind(solution: Solution, sd: float = WIND) -> dict[str, float] | None:

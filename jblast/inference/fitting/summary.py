@@ -1,7 +1,7 @@
 """What a fit found, as values: numbers, what they leave open, what is doubtful."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any
 
 import jax.numpy as jnp
@@ -26,13 +26,14 @@ from jblast.inference.fitting.unidentified import (
     determined,
     null_directions,
 )
-from jblast.inference.fitting.warnings import cautions_of
+from jblast.inference.fitting.warnings import warnings_of
 from jblast.inference.identifiability.findings import (
     EstimableCombination,
     NullDirection,
     OtherMode,
 )
 from jblast.inference.posterior.estimate import Estimate
+from jblast.inference.posterior.finding import Finding
 from jblast.json_values import plain
 from jblast.observations import Observations
 from jblast.scene import UncertainScene
@@ -89,7 +90,7 @@ class Summary:
     n_observations: int
     suspected_outliers: tuple[SuspectedOutlier, ...]
     explained_by: tuple[WrongSensor, ...]
-    warnings: tuple[str, ...]
+    warnings: tuple[Finding, ...]
 
     @property
     def unidentified(self) -> tuple[str, ...]:
@@ -98,7 +99,7 @@ class Summary:
 
     def to_dict(self) -> dict[str, Any]:
         """Return it as JSON can hold it; null is what is not a finite number."""
-        return plain(self)
+        return {f.name: plain(getattr(self, f.name)) for f in fields(self)}
 
 
 def summary_of(
@@ -161,10 +162,10 @@ def summary_of(
         ),
         explained_by=wrong,
         warnings=(
-            *cautions_of(
+            *warnings_of(
                 observations, uncertain, solution, valid & deep, chi2, dof, effects
             ),
-            *sure.why,
+            *sure.findings,
         ),
     )
 

@@ -9,7 +9,19 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
+from jblast.inference.fitting.findings import (
+    AsAsked,
+    DirectionUnidentified,
+    NotAtOptimum,
+)
 from jblast.inference.fitting.solution import Solution
+from jblast.inference.importance.findings import (
+    DrawsWeighted,
+    FewEffectiveDraws,
+    ImportanceCannotTell,
+    NormalIntervals,
+    NormalJudged,
+)
 from jblast.inference.importance.interval_check import ends_judged
 from jblast.inference.importance.marginals import marginals_of_draws
 from jblast.inference.importance.psis import (
@@ -25,11 +37,10 @@ from jblast.inference.mcmc.ensemble import Ensemble, ensemble
 from jblast.inference.mcmc.run import WALKERS
 from jblast.inference.mode.laplace import marginals
 from jblast.inference.posterior.estimate import Estimate
+from jblast.inference.posterior.finding import Finding
 
 Method = Literal["weighted", "laplace", "emcee", "auto"]
 DRAWS = 8000
-AS_ASKED = "as asked for"
-"""Why a method was used that was named."""
 FEW = 100
 """So many effective draws an interval takes at least."""
 
@@ -46,16 +57,16 @@ class HowSure:
         z: Draws of the coordinates.
         marginals: What is known of each number, its value the most probable.
         converged: Whether the method reached what it should.
-        why: Sentences about what draws showed: modes, a ridge, intervals that are off.
+        findings: What draws showed: modes, a ridge, intervals that are off.
         ensemble: The walk, where there was one.
     """
 
     method: str
-    reason: str
+    reason: Finding
     z: Float[np.ndarray, "draw free"]
     marginals: dict[str, Estimate]
     converged: bool
-    why: tuple[str, ...] = ()
+    findings: tuple[Finding, ...] = ()
     ensemble: Ensemble | None = None
     weighted: bool = False
 
@@ -83,26 +94,28 @@ def how_sure(
     """
     normal = solution.laplace
     if len(solution.identifiability.null):
-        reason = "nothing else can be said of a log that leaves a direction untold"
-        return _by_normal(solution, reason, seed)
+        return _by_normal(solution, DirectionUnidentified(), seed)
     if method == "auto":
         weighted = importance(solution.posterior, normal, seed=seed)
         k_hat, off = weighted.k_hat, ends_off(weighted, normal)
         log_sd = largest_log_sd(solution.posterior, normal)
-        said = (
-            f"importance sampling k-hat {k_hat:.2f}, largest sd in ln {log_sd:.2g}, "
-            f"ends of intervals off by {off:.2f} sd"
+        reason = NormalJudged(
+            holds=laplace_holds(k_hat, log_sd, off),
+            k_hat=k_hat,
+            log_sd=log_sd,
+            off=off,
+            most_k_hat=GOOD_SHAPE,
+            most_log_sd=NARROW,
+            most_off=ENDS,
         )
-        limits = f"the limits are {GOOD_SHAPE:g}, {NARROW:g} and {ENDS:g}"
-        if laplace_holds(k_hat, log_sd, off):
-            return _by_normal(solution, f"{said}: {limits}", seed)
-        reason = f"the normal approximation does not do ({said}; {limits})"
+        if reason.holds:
+            return _by_normal(solution, reason, seed)
     elif method == "weighted":
         return _weighted(solution, seed)
     elif method == "laplace":
-        return _by_normal(solution, AS_ASKED, seed, _doubts(solution, seed))
+        return _by_normal(solution, AsAsked(), seed, _checked(solution, seed))
     else:
-        reason = AS_ASKED
+        reason = AsAsked()
 
     walk = ensemble(
         solution.posterior,
@@ -123,7 +136,7 @@ def how_sure(
         z=walk.draws(DRAWS),
         marginals={n: replace(told[n], value=float(best[n])) for n in told},
         converged=walk.converged,
-        why=(reason, *walk.why) if method == "auto" else walk.why,
+        findings=(reason, *walk.findings) if method == "auto" else walk.findings,
         ensemble=walk,
     )
 
@@ -132,21 +145,18 @@ def _weighted(solution: Solution, seed: int) -> HowSure:
     """Weight draws of the normal approximation; without them where they cannot tell."""
     normal, parameters = solution.laplace, solution.posterior.parameters
     if not normal.converged:
-        return _by_normal(solution, "the search did not arrive at an optimum", seed)
+        return _by_normal(solution, NotAtOptimum(), seed)
     found = ends_judged(solution.posterior, normal, seed=seed)
     drawn = found.drawn
     effective = 0.0 if drawn is None else found.share * len(drawn.z)
     if drawn is None or not found.believed or effective < FEW:
-        reason = f"importance sampling cannot tell (k-hat {found.k_hat:.2f})"
-        doubt = found.doubt()
-        if drawn is not None and found.believed:
-            left = f"{effective:.0f} draws' worth, of {FEW} that intervals take"
-            reason = f"importance sampling is left with {left}"
-            doubt = doubt or (
-                "the 90 % intervals are those of a normal approximation, as "
-                f"{reason}: --posterior emcee walks"
-            )
-        return _by_normal(solution, reason, seed, (doubt,) if doubt else ())
+        finding = found.finding()
+        if drawn is None or not found.believed:
+            reason = ImportanceCannotTell(found.k_hat)
+        else:
+            reason = FewEffectiveDraws(effective, FEW)
+            finding = finding or NormalIntervals(reason)
+        return _by_normal(solution, reason, seed, (finding,) if finding else ())
     told = marginals_of_draws(parameters, drawn.z, drawn.weights, drawn.quantiles)
     alone = marginals_of_draws(parameters, drawn.straight, drawn.of_normal)
     exact = marginals(parameters, normal)
@@ -161,8 +171,7 @@ def _weighted(solution: Solution, seed: int) -> HowSure:
     picked = np.random.default_rng(seed).choice(len(drawn.z), DRAWS, p=drawn.weights)
     return HowSure(
         method="laplace",
-        reason="draws of the normal approximation, weighted by the posterior "
-        f"(importance sampling, k-hat {found.k_hat:.2f}, {effective:.0f} draws' worth)",
+        reason=DrawsWeighted(found.k_hat, effective),
         z=drawn.z[picked],
         marginals={n: replace(told[n], value=float(best[n])) for n in told},
         converged=True,
@@ -176,16 +185,16 @@ def _less_chance(sd: float, by_draws: float, exact: float) -> float:
     return sd * exact / by_draws if known else sd
 
 
-def _doubts(solution: Solution, seed: int) -> tuple[str, ...]:
-    """Say where the normal approximation's intervals are off, of an optimum."""
+def _checked(solution: Solution, seed: int) -> tuple[Finding, ...]:
+    """Return where the normal approximation's intervals are off, of an optimum."""
     if not solution.laplace.converged:
         return ()
-    doubt = ends_judged(solution.posterior, solution.laplace, seed=seed).doubt()
-    return (doubt,) if doubt else ()
+    found = ends_judged(solution.posterior, solution.laplace, seed=seed).finding()
+    return (found,) if found else ()
 
 
 def _by_normal(
-    solution: Solution, reason: str, seed: int, why: tuple[str, ...] = ()
+    solution: Solution, reason: Finding, seed: int, findings: tuple[Finding, ...] = ()
 ) -> HowSure:
     normal = solution.laplace
     return HowSure(
@@ -194,5 +203,5 @@ def _by_normal(
         z=normal.draws(DRAWS, np.random.default_rng(seed)),
         marginals=marginals(solution.posterior.parameters, normal),
         converged=normal.converged,
-        why=why,
+        findings=findings,
     )

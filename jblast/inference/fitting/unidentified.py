@@ -18,7 +18,6 @@ from jblast.inference.identifiability.resolving_data import (
 from jblast.inference.mode.laplace import laplace
 from jblast.inference.mode.search import SEPARATE
 from jblast.inference.posterior.fisher_information import information
-from jblast.parameter_table import CHARGE_POSITION
 
 NEAR = 6.0
 """Another optimum within this of the best, in -2 ln density, is an ambiguity."""
@@ -94,7 +93,8 @@ def ambiguities(solution: Solution, valid: bool) -> tuple[OtherMode, ...]:
         answer.append(
             OtherMode(
                 parameters={name: float(value) for name, value in values.items()},
-                reason=_reason(differ, 2 * float(found.log_density[0] - density)),
+                differ=tuple(differ),
+                delta_chi2=2 * float(found.log_density[0] - density),
                 cure=cure_of_ambiguity(posterior, best, z),
             )
         )
@@ -110,12 +110,3 @@ def _apart(solution: Solution, one, other) -> float:
         return float(np.max(np.abs(away) / sds, initial=0.0))
     metric = np.asarray(information(solution.posterior, jnp.asarray(one)))
     return float(np.sqrt(away @ metric @ away))
-
-
-def _reason(differ: list[str], cost: float) -> str:
-    places = set(CHARGE_POSITION) & set(differ)
-    what = "another place" if places else "another solution"
-    return (
-        f"{what} of {', '.join(sorted(differ)) or 'all'} explains the log nearly as "
-        f"well (chi squared differs by {cost:.2g})"
-    )

@@ -1,4 +1,4 @@
-"""What the reader of an answer has to be told beside the numbers."""
+"""What is to be told beside the numbers of an answer."""
 
 import inspect
 from collections.abc import Collection, Mapping
@@ -7,10 +7,26 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Bool, Float
 
+from jblast.inference.fitting.findings import (
+    BurstsUnsettled,
+    ClocksTakenToAgree,
+    DeepCharge,
+    FarFromItsLaw,
+    HeightOfBurst,
+    LawOutOfRange,
+    LawsUnsettled,
+    NoPointSource,
+    NoScene,
+    NotAtOptimum,
+    NothingLearned,
+    PoorFit,
+    PriorConflict,
+)
 from jblast.inference.fitting.goodness_of_fit import POOR, chance
 from jblast.inference.fitting.prior_conflict import against_priors
 from jblast.inference.fitting.solution import Solution
 from jblast.inference.fitting.still_air import still_air
+from jblast.inference.posterior.finding import Finding
 from jblast.observations import Observations
 from jblast.parameter_table import CLOCK_OFFSET
 from jblast.registry import law_for
@@ -30,7 +46,7 @@ POINT_SOURCES = ("sedov_taylor", "point_source")
 them: of TNT radius and time give 5 % of the energy at Z = 0.2, the peak 37 % at 0.3."""
 
 
-def cautions_of(
+def warnings_of(
     observations: Observations,
     uncertain: UncertainScene,
     solution: Solution,
@@ -38,48 +54,31 @@ def cautions_of(
     chi2: float,
     dof: int,
     effects: Float[np.ndarray, " effect"],
-) -> list[str]:
+) -> list[Finding]:
     """Collect the warnings of an answer, the gravest first."""
-    told = []
+    told: list[Finding] = []
     against: Mapping[str, float] = {}
+    blind = uncertain.source == NO_SCENE
     p = chance(chi2, dof)
     if p is not None and p < POOR:
-        told.append(_poor_fit(observations, uncertain, chi2, dof, p))
+        log = (observations.source or "OBSERVATIONS.csv") if blind else ""
+        told.append(PoorFit(chi2, dof, p, log))
         against = against_priors(solution)
     if against:
-        at = ", ".join(f"{name} = {value:.4g}" for name, value in against.items())
-        told.append(
-            f"without priors the log fits well, at {at}: a prior rules that out; widen "
-            "or correct it, or the readings"
-        )
+        told.append(PriorConflict(against))
     if not valid.all():
         told.append(outside(observations, solution, valid))
     if not solution.laplace.converged:
-        told.append(
-            "the search did not arrive at an optimum: the answer is where it ended"
-        )
+        told.append(NotAtOptimum())
     if not solution.laws_settled:
-        told.append(
-            "the automatic choice of law at the answer differs from the one it was "
-            "fitted with; name one with --law"
-        )
+        told.append(LawsUnsettled())
     if not solution.bursts_settled:
-        told.append(
-            "the curve sets that the height leaves at the answer differ from those it "
-            'was fitted with; say burst = "surface" or "free-air" of the charge'
-        )
-    if uncertain.source == NO_SCENE:
-        told.append(
-            "no scene was given: a surface charge of TNT at the origin at time 0, in "
-            "sea-level air"
-        )
+        told.append(BurstsUnsettled())
+    if blind:
+        told.append(NoScene())
     told += _unlearned(solution, against)
     if np.abs(effects).max(initial=0.0) > FAR:
-        told.append(
-            f"the whole shot, or a path, departs from its law by "
-            f"{np.abs(effects).max():.1f} times the scatter expected of it: the law "
-            "may not suit this setting"
-        )
+        told.append(FarFromItsLaw(float(np.abs(effects).max())))
     scene = solution.posterior.parameters.scene_at(jnp.asarray(solution.laplace.z))
     for charge in scene.charges:
         told += height_beside_the_curves(solution, charge)
@@ -90,56 +89,43 @@ def cautions_of(
     return told
 
 
-def _poor_fit(observations, uncertain, chi2, dof, p) -> str:
-    text = (
-        f"poor fit: chi squared {chi2:.1f} with {dof} degrees of freedom has a chance "
-        f"of {p:.1g}"
-    )
-    if uncertain.source != NO_SCENE:
-        return text
-    log = observations.source or "OBSERVATIONS.csv"
-    return (
-        f"{text}; `jblast scene {log}` writes a scene that says more about the setting"
-    )
-
-
-def outside(observations, solution: Solution, valid) -> str:
-    """Say how many rows lie where their laws do not hold, and where these do."""
+def outside(observations, solution: Solution, valid) -> LawOutOfRange:
+    """Return how many rows lie where their laws do not hold, and where these do."""
     rows = np.flatnonzero(~valid)
     quantities = dict.fromkeys(observations.quantity[row] for row in rows)
-    limits = [
-        f"{solution.laws[part][0]} holds for "
-        f"{law_for(part, solution.laws[part][0]).range}"
+    ranges = {
+        (law, law_for(part, law).range): None
         for quantity in quantities
         for part, _ in components(quantity)
-    ]
+        for law in (solution.laws[part][0],)
+    }
     posterior = solution.posterior
     at = np.asarray(posterior.misfit(jnp.asarray(solution.laplace.z)).valid)
-    deeper = " as deep as the 90 % interval reaches" if at[rows].any() else ""
-    return (
-        f"{len(rows)} of {len(valid)} rows lie outside their law's range{deeper} "
-        f"({', '.join(quantities)}); {'; '.join(dict.fromkeys(limits))}"
+    return LawOutOfRange(
+        rows=len(rows),
+        of=len(valid),
+        quantities=tuple(quantities),
+        ranges=tuple(ranges),
+        is_deeper=bool(at[rows].any()),
     )
 
 
-def _unlearned(solution: Solution, against: Collection[str]) -> list[str]:
-    """Name the numbers that are as uncertain as their priors, log or no log."""
+def _unlearned(solution: Solution, against: Collection[str]) -> list[Finding]:
+    """Return the numbers that are as uncertain as their priors, log or no log."""
     parameters = solution.posterior.parameters
     sds = np.sqrt(np.diag(solution.laplace.covariance))
-    same = [
+    same = tuple(
         name
         for name, prior, sd in zip(
             parameters.names, np.asarray(parameters.has_prior()), sds, strict=True
         )
         if prior and sd > UNLEARNED and name not in against
-    ]
-    if not same:
-        return []
-    return [f"the log tells nothing of {', '.join(same)} beyond the prior"]
+    )
+    return [NothingLearned(same)] if same else []
 
 
-def height_beside_the_curves(solution: Solution, charge: Charge) -> list[str]:
-    """Say by which curves a charge off the ground is taken, and what they leave out."""
+def height_beside_the_curves(solution: Solution, charge: Charge) -> list[Finding]:
+    """Return by which curves a charge off the ground is read, and what they miss."""
     laws = [law_for(quantity, name) for quantity, (name, _) in solution.laws.items()]
     asks = any("burst" in law.arguments() for law in laws)
     if not charge.by_height:  # one law, of one set, holds or not as the user said
@@ -148,40 +134,30 @@ def height_beside_the_curves(solution: Solution, charge: Charge) -> list[str]:
         return []
     scene = solution.posterior.parameters.scene_at(jnp.asarray(solution.laplace.z))
     shot = [each.name for each in scene.charges].index(charge.name)
-    told = height_notes(scene, solution.posterior.layout, shot)
+    notes = height_notes(scene, solution.posterior.layout, shot)
+    told: list[Finding] = [HeightOfBurst(note) for note in notes]
     height = float(scaled_height(scene, charge))
     if height < 0:
-        which = f"the charge {charge.name}" if charge.name else "the charge"
-        told.append(
-            f"{which} lay {-height:.2g} m/kg^(1/3) deep, of which the laws used "
-            "know nothing but the longer way"
-        )
+        told.append(DeepCharge(charge.name, -height))
     return told
 
 
-def charge_is_no_point(laws: Collection[str], charge: Charge) -> list[str]:
-    """Say that a law of a point source weighed a chemical charge."""
-    used = [name for name in POINT_SOURCES if name in laws]
+def charge_is_no_point(laws: Collection[str], charge: Charge) -> list[Finding]:
+    """Return whether a law of a point source weighed a chemical charge."""
+    used = tuple(name for name in POINT_SOURCES if name in laws)
     if not used or charge.explosive == "nuclear":
         return []
-    return [
-        f"{' and '.join(used)} is the law of a point source, which a charge of "
-        f"{charge.explosive} is not: near it the mass can come out many times too "
-        'small; a nuclear burst is explosive = "nuclear"'
-    ]
+    return [NoPointSource(used, charge.explosive)]
 
 
 def _clocks_taken_as_right(
     observations: Observations, uncertain: UncertainScene
-) -> list[str]:
-    """Name the recorders of a log whose clocks nobody left open."""
+) -> list[Finding]:
+    """Return the recorders of a log whose clocks nobody left open."""
     clocks = list(dict.fromkeys(clock for clock in observations.clock if clock))
     known = uncertain.scene.clock_offsets()
     unsaid = [clock for clock in clocks[1:] if clock not in known]
     if not unsaid:
         return []
-    free = ",".join(f"{CLOCK_OFFSET}.{clock}" for clock in unsaid)
-    return [
-        f"the clocks {', '.join(clocks)} were taken to agree; "
-        f"--free {free} fits what they differ by"
-    ]
+    free = tuple(f"{CLOCK_OFFSET}.{clock}" for clock in unsaid)
+    return [ClocksTakenToAgree(tuple(clocks), free)]

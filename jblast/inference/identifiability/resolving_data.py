@@ -1,6 +1,7 @@
 """Which added datum would tell what a log cannot."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import jax
 import jax.numpy as jnp
@@ -8,6 +9,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from jblast.constants import STANDARD_SOUND_SPEED
+from jblast.inference.identifiability.findings import Cure, ResolvingDatum, Where
 from jblast.inference.mode.starts import layout_size, typical_step
 from jblast.inference.posterior.fireball_growth import GROWTH
 from jblast.inference.posterior.posterior import Posterior
@@ -15,24 +17,20 @@ from jblast.kept_programs import kept
 from jblast.observations import CLOCK_TIMES, TIMES
 from jblast.parameter_table import CLOCK_OFFSET
 from jblast.quantities import ADDABLE, BY_CAMERA
-from jblast.quantity_table import QUANTITIES
 from jblast.scene import Scene
 from jblast.sensors import Layout, record, resolve_laws
 from jblast.sensors.law_choice import law_names
 from jblast.sensors.record import comparable
 
-CANDIDATES = {name: QUANTITIES[name].with_article() for name in ADDABLE}
-"""What data that could be added are called."""
-BANG = CANDIDATES["air_arrival_s"]
-RANGING = "its range is the sound speed times what it comes after the flash"
+BANG = "air_arrival_s"
 SEEN = 0.03
 """A datum is a cure if a typical step along the direction moves it by 3 %."""
 
 
 def candidates(
     posterior: Posterior, z: Float[np.ndarray, " free"]
-) -> tuple[Layout, list[str]]:
-    """Return rows that could be added to a log, and what each is called.
+) -> tuple[Layout, list[ResolvingDatum]]:
+    """Return rows that could be added to a log, and what each is.
 
     Each quantity at a sensor of the log, and at a place off the sensors' line, no
     nearer to them than the nearest is to the charge.
@@ -40,16 +38,16 @@ def candidates(
     layout = posterior.layout
     position = np.asarray(layout.position)
     given = np.asarray(layout.slant_range)
-    places = [(position[0], given[0], "at a sensor of the log")]
+    places: list[tuple[np.ndarray, float, Where]] = [(position[0], given[0], "sensor")]
     if np.isnan(given).all():
         reach = float(np.min(posterior.misfit(jnp.asarray(z)).slant_range))
         apart = float(np.max(np.ptp(position, axis=0))) > 0
-        where = "at a new place" + (" off the sensors' line" if apart else "")
-        places.append((aside(posterior, reach), np.nan, where))
+        new = aside(posterior, reach)
+        places.append((new, np.nan, "aside" if apart else "place"))
     else:
-        places.append((position[0], 2 * np.nanmax(given), "at a new range"))
-    rows = [(q, *place) for q in CANDIDATES for place in places]
-    names = [f"{CANDIDATES[q]} {where}" for q, _, _, where in rows]
+        places.append((position[0], 2 * np.nanmax(given), "range"))
+    rows = [(q, *place) for q in ADDABLE for place in places]
+    data = [ResolvingDatum(q, where) for q, _, _, where in rows]
     return Layout(
         quantity=tuple(q for q, *_ in rows),
         position=jnp.asarray(np.array([p for _, p, _, _ in rows])),
@@ -58,7 +56,7 @@ def candidates(
         group=tuple(range(len(rows))),
         shot=(0,) * len(rows),
         clock=("",) * len(rows),
-    ), names
+    ), data
 
 
 def aside(posterior: Posterior, reach: float = 0.0) -> Float[np.ndarray, "3"]:
@@ -78,9 +76,9 @@ def cure_of_null(
     posterior: Posterior,
     z: Float[np.ndarray, " free"],
     direction: Float[np.ndarray, " free"],
-) -> str:
-    """Say which data, or which prior, would end a null direction."""
-    layout, names = candidates(posterior, z)
+) -> Cure:
+    """Return which data, or which priors, would end a null direction."""
+    layout, possible = candidates(posterior, z)
     scene = posterior.parameters.scene_at(jnp.asarray(z))
     laws = laws_beside(posterior, scene, layout)
 
@@ -91,29 +89,28 @@ def cure_of_null(
         (jnp.asarray(direction / np.max(np.abs(direction) / scale)),),
     )
     data = [
-        name for name, seen in zip(names, np.abs(moved) > SEEN, strict=True) if seen
+        datum
+        for datum, seen in zip(possible, np.abs(moved) > SEEN, strict=True)
+        if seen
     ]
-    taking_part = [
+    taking_part = tuple(
         name
         for name, weight in zip(posterior.parameters.names, direction, strict=True)
         if weight != 0
-    ]
-    known = " or ".join(taking_part)
-    if any(name.startswith(f"{CLOCK_OFFSET}.") for name in taking_part):
-        timed = tuple(CANDIDATES[quantity] for quantity in CLOCK_TIMES)
-        data = [
-            f"{name}, on a clock that is right" if name.startswith(timed) else name
-            for name in data
-        ]
-    data = _shortened(data)
-    if set(BY_CAMERA) & set(posterior.layout.quantity):
-        data = [d.replace(BANG, f"{BANG} (the bang: {RANGING})") for d in data]
-    if GROWTH in taking_part:
-        data.append("a fireball radius at a later time")
-    added = "; ".join(data)
-    return f"a prior on, or a measurement of, {known}" + (
-        f"; or {added}" if added else ""
     )
+    clocks = any(name.startswith(f"{CLOCK_OFFSET}.") for name in taking_part)
+    is_filmed = bool(set(BY_CAMERA) & set(posterior.layout.quantity))
+    data = [
+        replace(
+            datum,
+            on_right_clock=clocks and datum.quantity in CLOCK_TIMES,
+            is_bang=is_filmed and datum.quantity == BANG,
+        )
+        for datum in _without_repeats(data)
+    ]
+    if GROWTH in taking_part:
+        data.append(ResolvingDatum("fireball_radius_m", "later"))
+    return Cure(taking_part, tuple(data))
 
 
 def laws_beside(posterior: Posterior, scene: Scene, layout: Layout) -> dict[str, str]:
@@ -133,13 +130,13 @@ def log_reading(posterior, layout, laws, z) -> Float[Array, " row"]:
     return comparable(jnp.where(timed, value / typical, value), layout.quantity)
 
 
-def _shortened(data: Sequence[str]) -> list[str]:
+def _without_repeats(data: Sequence[ResolvingDatum]) -> list[ResolvingDatum]:
     """Leave out a new place where a sensor of the log would do."""
-    at_sensor = {name.split(" at ")[0] for name in data if "of the log" in name}
+    at_sensor = {datum.quantity for datum in data if datum.where == "sensor"}
     return [
-        name
-        for name in data
-        if "of the log" in name or name.split(" at ")[0] not in at_sensor
+        datum
+        for datum in data
+        if datum.where == "sensor" or datum.quantity not in at_sensor
     ]
 
 
@@ -147,13 +144,13 @@ def cure_of_ambiguity(
     posterior: Posterior,
     here: Float[np.ndarray, " free"],
     there: Float[np.ndarray, " free"],
-) -> str:
-    """Say which datum differs most between two solutions."""
-    layout, names = candidates(posterior, here)
+) -> ResolvingDatum:
+    """Return which datum differs most between two solutions."""
+    layout, possible = candidates(posterior, here)
     scene = posterior.parameters.scene_at(jnp.asarray(here))
     laws = laws_beside(posterior, scene, layout)
     apart = np.abs(
         log_reading(posterior, layout, laws, jnp.asarray(here))
         - log_reading(posterior, layout, laws, jnp.asarray(there))
     )
-    return names[int(np.nanargmax(apart))]
+    return possible[int(np.nanargmax(apart))]

@@ -12,13 +12,14 @@ ends: what chance does to one it does to the other.
 
 import itertools
 from dataclasses import dataclass
-from math import lgamma
+from math import lgamma, nan
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
+from jblast.inference.importance.findings import IntervalsOff
 from jblast.inference.importance.marginals import weighted_quantiles
 from jblast.inference.importance.psis import ENDS, HELD, pareto_smoothed
 from jblast.inference.importance.ridge_proposal import bent
@@ -31,7 +32,7 @@ DRAWS = (1000, 4000, 16000)
 FEWEST = 200
 WORK = 400_000_000
 """Numbers that all draws may need before there are fewer of them: a tenth of what
-`--posterior auto` takes."""
+`posterior="auto"` takes."""
 FREEDOM = 3
 """Of the Student-t half: tails heavier than those of one reading."""
 RELIABLE = 0.7
@@ -94,24 +95,16 @@ class EndsOff:
         """Whether importance sampling can tell."""
         return self.k_hat <= RELIABLE or self.share >= SHARED
 
-    def doubt(self) -> str:
-        """Say what is wrong with the intervals; "" if nothing is."""
-        told, surely = [], self.off - SURE * self.error > ENDS
-        if surely:
-            told.append(
-                f", off by up to {self.off:.1f} of a standard deviation at {self.name}"
-            )
-        if not self.believed:
-            told.append(
-                f", as far as importance sampling can tell (k-hat {self.k_hat:.2f})"
-                if surely
-                else f"; how far they are off, importance sampling cannot tell (k-hat "
-                f"{self.k_hat:.2f})"
-            )
-        if not told:
-            return ""
-        what = "the 90 % intervals are those of a normal approximation"
-        return f"{what}{''.join(told)}: --posterior emcee walks"
+    def finding(self) -> IntervalsOff | None:
+        """Return what is wrong with the intervals; None if nothing is."""
+        surely = self.off - SURE * self.error > ENDS
+        if self.believed and not surely:
+            return None
+        return IntervalsOff(
+            parameter=self.name,
+            off=self.off if surely else nan,
+            k_hat=nan if self.believed else self.k_hat,
+        )
 
 
 def ends_judged(posterior: Posterior, normal: Laplace, *, seed: int = 0) -> EndsOff:

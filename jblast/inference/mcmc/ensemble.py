@@ -24,6 +24,12 @@ from jblast.inference.importance.whitening import (
 )
 from jblast.inference.mcmc.checkpoint import Store
 from jblast.inference.mcmc.convergence import Convergence
+from jblast.inference.mcmc.findings import (
+    Interrupted,
+    long_ridge,
+    several_modes,
+    shortfalls,
+)
 from jblast.inference.mcmc.modes import Mode, Ridge, modes, ridge
 from jblast.inference.mcmc.progress import Report, told
 from jblast.inference.mcmc.run import (
@@ -34,9 +40,9 @@ from jblast.inference.mcmc.run import (
     Start,
     sample,
 )
-from jblast.inference.mcmc.warnings import about_modes, about_ridge, doubts
 from jblast.inference.mode.laplace import Laplace, laplace
 from jblast.inference.mode.search import SEPARATE, Optima
+from jblast.inference.posterior.finding import Finding
 from jblast.inference.posterior.posterior import Posterior
 
 UNLIKELY = 1e-3
@@ -59,7 +65,7 @@ class Ensemble:
         modes: Peaks in the fitted coordinates, mostly one; that of most draws first,
             and it alone on a ridge without end.
         ridge: A direction far longer than the normal approximation, if there is one.
-        why: Sentences about doubts, modes and ridge; empty if there is nothing to say.
+        findings: Where the walk falls short, modes and ridge.
         sampler: "emcee" or "scan".
         resumed: Steps that were kept from an earlier run.
         seconds: Taken by this one.
@@ -74,7 +80,7 @@ class Ensemble:
     interrupted: bool
     modes: tuple[Mode, ...]
     ridge: Ridge | None
-    why: tuple[str, ...]
+    findings: tuple[Finding, ...]
     sampler: str
     resumed: int
     seconds: float
@@ -155,11 +161,13 @@ def ensemble(
         valley = None
     told_modes = tuple(_mode_about(normal.z, mode) for mode in peaks)
     told_ridge = valley and replace(valley, ends=normal.z + valley.ends @ axes.T)
-    why = [] if found.reached else doubts(found.convergence, names, precision)
+    findings: list[Finding] = []
     if found.interrupted:
-        why.insert(0, f"stopped by Ctrl-C after {len(found.chain)} steps")
-    why += about_modes(told_modes, posterior.parameters)
-    why += about_ridge(told_ridge, posterior.parameters)
+        findings.append(Interrupted(len(found.chain)))
+    if not found.reached:
+        findings += shortfalls(found.convergence, names, precision)
+    findings += several_modes(told_modes, posterior.parameters)
+    findings += long_ridge(told_ridge, posterior.parameters)
     return Ensemble(
         names=names,
         z=(normal.z + chain @ axes.T).transpose(1, 0, 2),
@@ -172,7 +180,7 @@ def ensemble(
         interrupted=found.interrupted,
         modes=told_modes,
         ridge=told_ridge,
-        why=tuple(why),
+        findings=tuple(findings),
         sampler=sampler,
         resumed=found.resumed,
         seconds=found.seconds,

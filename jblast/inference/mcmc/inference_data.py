@@ -7,6 +7,7 @@ returns xarray's DataTree. Here both give a DataTree.
 
 import os
 import warnings
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import jax.numpy as jnp
@@ -27,12 +28,21 @@ MOST_DRAWS = 200_000
 
 
 def inference_data(
-    ensemble: Ensemble, posterior: Posterior, observations: Observations
+    ensemble: Ensemble,
+    posterior: Posterior,
+    observations: Observations,
+    notes: Sequence[str] = (),
 ) -> "xarray.DataTree":
     """Return an ensemble as ArviZ knows it, each walker a chain.
 
     Groups: `posterior` (every number, in the units of its name), `sample_stats` (`lp`,
     ln of the density per unit of the fitted coordinates), `observed_data`.
+
+    Args:
+        ensemble: The walk.
+        posterior: What was walked.
+        observations: The log.
+        notes: What to say beside the draws.
 
     Raises:
         InputError: ArviZ is not installed.
@@ -57,7 +67,7 @@ def inference_data(
         "observed_data": {"reading": np.asarray(observations.value)},
     }
     tree = _tree(groups, {"row": rows}, {"reading": ["row"]})
-    tree["posterior"].attrs.update(_about(ensemble, stride))
+    tree["posterior"].attrs.update(_about(ensemble, stride, notes))
     return tree
 
 
@@ -89,7 +99,7 @@ def _tree(groups, coords, dims) -> "xarray.DataTree":
     return from_dict(groups, coords=coords, dims=dims)
 
 
-def _about(ensemble: Ensemble, stride: int) -> dict[str, Any]:
+def _about(ensemble: Ensemble, stride: int, notes: Sequence[str]) -> dict[str, Any]:
     """What NetCDF keeps beside the draws: numbers and text only."""
     judged = ensemble.convergence
     return {
@@ -101,5 +111,5 @@ def _about(ensemble: Ensemble, stride: int) -> dict[str, Any]:
         "autocorrelation_time": judged.tau,
         "effective_sample_size": judged.ess,
         "r_hat": judged.r_hat,
-        "why": "; ".join(ensemble.why),
+        "why": "; ".join(notes),
     }

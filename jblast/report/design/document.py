@@ -11,6 +11,7 @@ from jblast.report.fit.document import (
     determined_entries,
     null_direction_entries,
 )
+from jblast.report.fit.findings import all_words
 
 
 def bound_document(bound: Bound) -> dict[str, Any]:
@@ -34,7 +35,7 @@ def bound_document(bound: Bound) -> dict[str, Any]:
             "help": [_added(datum) for datum in found.help],
             "leans_on": [_sensitivity(entry) for entry in found.leans_on],
             "mass_exponents": found.mass_exponents,
-            "warnings": found.warnings,
+            "warnings": all_words(found.warnings),
         }
     )
 

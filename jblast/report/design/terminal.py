@@ -12,6 +12,7 @@ from jblast.inference.posterior.estimate import Estimate
 from jblast.registry import LAWS
 from jblast.report.design.added_datum import NOT, data_lines, shown_sd
 from jblast.report.estimates import printed_estimate
+from jblast.report.fit.findings import all_words
 from jblast.report.fit.identifiability import determined_lines
 from jblast.report.fit.terminal import cannot_tell, hanging, section
 from jblast.report.numbers import printed_number
@@ -37,7 +38,7 @@ def bound_text(bound: Bound, plot: str | Path | None = None) -> str:
     lines += section("What they do tell", determined_lines(found.determined))
     lines += section("What it leans on", _leans(found))
     lines += data_lines(found.help, found.parameters)
-    lines += section("Warnings", found.warnings)
+    lines += section("Warnings", all_words(found.warnings))
     if plot is not None:
         lines += ["", f"Map: {plot}"]
     return "\n".join(line.rstrip() for line in lines) + "\n"

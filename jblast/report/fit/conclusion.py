@@ -8,6 +8,7 @@ from jblast.inference.posterior.estimate import Estimate
 from jblast.parameter_table import CHARGE_POSITION, PARAMETERS, described
 from jblast.registry import law_for
 from jblast.report.estimates import printed_estimate
+from jblast.report.fit.findings import reason_words
 from jblast.report.fit.goodness import goodness_sentence
 from jblast.report.fit.headline import headline
 from jblast.report.fit.identifiability import (
@@ -72,7 +73,8 @@ def limits(fit: Fit) -> list[str]:
     }
     lines = [given_sentence(fit)]
     if posterior := "weighted" if fit.weighted else fit.summary.posterior:
-        why = f" Why: {fit.posterior_reason}." if fit.posterior_reason else ""
+        reason = reason_words(fit.posterior_reason)
+        why = f" Why: {reason}." if reason else ""
         lines.append(how.get(posterior, f"Intervals come from: {posterior}.") + why)
     if fit.summary.estimates:
         lines.append(

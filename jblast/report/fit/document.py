@@ -14,6 +14,8 @@ from jblast.inference.identifiability.findings import (
 )
 from jblast.inference.posterior.estimate import Estimate
 from jblast.json_values import plain
+from jblast.report.fit.cures import cure_words, datum_words, reason_words
+from jblast.report.fit.findings import all_words
 
 
 def fit_document(fit: Fit) -> dict[str, Any]:
@@ -40,7 +42,7 @@ def fit_document(fit: Fit) -> dict[str, Any]:
             "n_observations": found.n_observations,
             "suspected_outliers": [asdict(o) for o in found.suspected_outliers],
             "explained_by": [_explanation(wrong) for wrong in found.explained_by],
-            "warnings": found.warnings,
+            "warnings": all_words(found.warnings),
         }
     )
 
@@ -59,7 +61,7 @@ def estimate_entries(estimates: Mapping[str, Estimate]) -> dict[str, Any]:
 def null_direction_entries(found: Sequence[NullDirection]) -> list[dict[str, Any]]:
     """Return an entry for each direction in which no datum moves."""
     return [
-        {"parameters": of.parameters, "space": of.space, "cure": of.cure}
+        {"parameters": of.parameters, "space": of.space, "cure": cure_words(of.cure)}
         for of in found
     ]
 
@@ -67,7 +69,11 @@ def null_direction_entries(found: Sequence[NullDirection]) -> list[dict[str, Any
 def ambiguity_entries(found: Sequence[OtherMode]) -> list[dict[str, Any]]:
     """Return an entry for each other optimum."""
     return [
-        {"parameters": of.parameters, "reason": of.reason, "cure": of.cure}
+        {
+            "parameters": of.parameters,
+            "reason": reason_words(of),
+            "cure": datum_words(of.cure),
+        }
         for of in found
     ]
 

@@ -10,6 +10,7 @@ from jblast.errors import InputError
 from jblast.files import write_bytes, write_text
 from jblast.inference.fitting.result import Fit
 from jblast.report.fit.document import answer_json
+from jblast.report.fit.findings import all_words
 from jblast.report.fit.reference_values import Accepted
 
 if TYPE_CHECKING:
@@ -100,7 +101,9 @@ def _write_draws(fit: Fit, path: Path) -> Path:
         write_inference_data,
     )
 
-    tree = inference_data(fit.ensemble, fit.density, fit.observations)
+    tree = inference_data(
+        fit.ensemble, fit.density, fit.observations, all_words(fit.ensemble.findings)
+    )
     write_inference_data(tree, path)
     return path
 

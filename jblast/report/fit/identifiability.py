@@ -10,6 +10,7 @@ from jblast.inference.identifiability.findings import (
     OtherMode,
 )
 from jblast.inference.posterior.estimate import Estimate
+from jblast.report.fit.cures import cure_words, datum_words, reason_words
 from jblast.report.fit.document import NEAR_ALONE
 from jblast.report.numbers import finite, printed_number, rounded, significant
 from jblast.report.words import capitalised, joined, parameter_words, quantity_words
@@ -69,14 +70,15 @@ def ambiguity_sentence(other: OtherMode) -> str:
             if finite(value) is not None
         ]
     )
-    reason = capitalised(other.reason)
-    said = f"Another solution fits nearly as well: {values}."
-    return f"{said} {reason}." if reason else said
+    reason = capitalised(reason_words(other))
+    return f"Another solution fits nearly as well: {values}. {reason}."
 
 
 def cure_sentence(entry: NullDirection | OtherMode) -> str:
-    """Return what would cure a null direction or an ambiguity, or ""."""
-    return f"Cure: {entry.cure}." if entry.cure else ""
+    """Return what would cure a null direction or an ambiguity."""
+    is_null = isinstance(entry, NullDirection)
+    cure = cure_words(entry.cure) if is_null else datum_words(entry.cure)
+    return f"Cure: {cure}."
 
 
 def determined_lines(determined: Sequence[EstimableCombination]) -> list[str]:

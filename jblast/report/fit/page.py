@@ -16,6 +16,7 @@ from jblast.report.estimates import printed_estimate
 from jblast.report.figure_files import image_bytes
 from jblast.report.fit.conclusion import SAFETY, accepted_not_fitted, conclusion, limits
 from jblast.report.fit.figures.corner_plot import absent_note
+from jblast.report.fit.findings import all_words
 from jblast.report.fit.goodness import (
     POOR,
     goodness_numbers,
@@ -102,7 +103,7 @@ def _subtitle(fit: Fit) -> str:
 def _warnings(fit: Fit) -> list[str]:
     """Return the answer's warnings, the log by its name: others will read the page."""
     source = fit.observations.source
-    texts = fit.summary.warnings
+    texts = all_words(fit.summary.warnings)
     return [t.replace(source, log_name(fit)) if source else t for t in texts]
 
 

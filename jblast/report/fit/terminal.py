@@ -5,12 +5,13 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from jblast.inference.design.summary import BoundSummary
+from jblast.inference.fitting.findings import AsAsked
 from jblast.inference.fitting.result import Fit
 from jblast.inference.fitting.summary import Summary
-from jblast.inference.fitting.uncertainty import AS_ASKED
 from jblast.inference.posterior.estimate import Estimate
 from jblast.report.estimates import printed_estimate
 from jblast.report.fit.conclusion import accepted_not_fitted
+from jblast.report.fit.findings import all_words, reason_words
 from jblast.report.fit.goodness import goodness_numbers, goodness_sentence
 from jblast.report.fit.headline import headline
 from jblast.report.fit.identifiability import (
@@ -68,7 +69,7 @@ def summary(
     lines += section("What the recordings cannot tell", untold)
     lines += section("What they do tell", determined_lines(found.determined))
     lines += section("Suspected outliers", outlier_lines(found.suspected_outliers))
-    lines += section("Warnings", found.warnings)
+    lines += section("Warnings", all_words(found.warnings))
     if out is not None:
         lines += ["", f"Report and figures: {out}"]
     return "\n".join(line.rstrip() for line in lines) + "\n"
@@ -83,14 +84,16 @@ def _how_intervals_held(fit: Fit) -> list[str]:
         return []
     how = "weighted by the posterior" if fit.weighted else "alone"
     said = f"90 % intervals by a normal approximation, {how}"
-    if fit.exit_code == 0 and (fit.weighted or fit.posterior_reason == AS_ASKED):
+    if fit.exit_code == 0 and (
+        fit.weighted or isinstance(fit.posterior_reason, AsAsked)
+    ):
         least, most = HELD[fit.weighted]
         said += f": in {HELD_IN}, they held the truth in {least} to {most} of 100"
     return hanging(said, indent=0)
 
 
 def _intervals(fit: Fit) -> list[str]:
-    reason = fit.posterior_reason
+    reason = reason_words(fit.posterior_reason)
     return [f"{fit.summary.posterior}: {reason}"] if reason else []
 
 

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from jblast.errors import InputError, nearest, read_text, shown
+from jblast.errors import InputError, argument, nearest, read_text, shown
 
 TIME = "time_s"
 LARGEST = 1e100
@@ -87,7 +87,8 @@ def read_trajectory(
         if np.ptp(values[:, place]) == 0.0:
             raise InputError(
                 f"{path}: column {name}: expected values that change, got "
-                f"{values[0, place]:g} in every row; leave it out by --state or --input"
+                f"{values[0, place]:g} in every row; leave it out by "
+                f"{argument('states')} or {argument('inputs')}"
             )
     split = 1 + len(chosen[0])
     names = (*chosen[0], *chosen[1])
@@ -118,7 +119,10 @@ def _chosen(
     where: str, header: Sequence[str], states: Sequence[str], inputs: Sequence[str]
 ) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """Return the states and the inputs."""
-    for option, names in (("--state", states), ("--input", inputs)):
+    for option, names in (
+        (argument("states"), states),
+        (argument("inputs"), inputs),
+    ):
         for name in names:
             if name == TIME:
                 raise InputError(f"{option}: expected another column than {TIME}")

@@ -125,7 +125,7 @@ def test_a_height_told_by_symmetry_alone_has_its_measured_width():
 @pytest.mark.parametrize(
     ("at", "beliefs", "places", "words"),
     [
-        ({}, MASS, RING, "--at charge_mass_kg=VALUE"),
+        ({}, MASS, RING, "at charge_mass_kg=VALUE"),
         ({"charge_mas_kg": 1.0}, MASS, RING, "did you mean charge_mass_kg"),
         ({"charge_up_m": 1.0}, MASS, RING, "charge_up_m is fixed"),
         ({"charge_mass_kg": -1.0}, MASS, RING, "positive"),
@@ -159,7 +159,7 @@ def test_what_only_shifts_clocks_needs_no_value():
     values = values_at(scene, {"charge_mass_kg": 10.0, "clock_offset_s.b": 0.5})
     assert values["origin_time_s"] == 0.0
     assert values["clock_offset_s.b"] == 0.5
-    with pytest.raises(InputError, match="--at charge_mass_kg=VALUE; what"):
+    with pytest.raises(InputError, match="at charge_mass_kg=VALUE; what"):
         values_at(scene, {})
 
 

@@ -11,12 +11,13 @@ from jblast.inference import Posterior
 from jblast.inference.fitting.burial import valid_at_depth
 from jblast.inference.fitting.solution import Solution
 from jblast.inference.fitting.warnings import (
-    cautions_of,
     height_beside_the_curves,
     outside,
+    warnings_of,
 )
 from jblast.inference.mode.laplace import Laplace
 from jblast.inference.posterior.parameters import parameters_of
+from jblast.report.fit.findings import all_words
 from jblast.scene import Scene, Sensor, UncertainScene, freed, with_values
 from jblast.sensors import planned_layout
 from tests.inference.logs import log
@@ -58,7 +59,7 @@ def test_an_answer_carried_into_range_by_its_own_estimate_is_marked(sd, holds):
         log = dataclasses.make_dataclass("Log", ["quantity"])(
             ("positive_impulse_pa_s",) * 2
         )
-        assert "as deep as the 90 % interval reaches" in outside(log, solution, valid)
+        assert outside(log, solution, valid).is_deeper
 
 
 def test_what_else_a_draw_says_does_not_count():
@@ -104,7 +105,7 @@ def test_a_burst_against_the_height_is_marked_where_a_law_asks_for_it(
     )
     solution = solution._replace(posterior=posterior)
     told = height_beside_the_curves(solution, posterior.parameters.scene.charge)
-    assert any("contradicts the height" in said for said in told) == asks
+    assert any("contradicts the height" in said for said in all_words(told)) == asks
 
 
 def test_what_changed_at_the_answer_is_told_by_its_own_sentence():
@@ -114,8 +115,10 @@ def test_what_changed_at_the_answer_is_told_by_its_own_sentence():
     scene = UncertainScene(solution.posterior.parameters.scene)
 
     def said(**flags):
-        told = cautions_of(made, scene, solution._replace(**flags), *nothing)
-        return [cure for cure in ("--law", "burst =") if cure in " ".join(told)]
+        told = warnings_of(made, scene, solution._replace(**flags), *nothing)
+        return [
+            cure for cure in ("--law", "burst =") if cure in " ".join(all_words(told))
+        ]
 
     assert said() == []
     assert said(laws_settled=False) == ["--law"]

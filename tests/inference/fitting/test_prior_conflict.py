@@ -1,6 +1,8 @@
 """A prior that excludes the data is told, and is not blamed for bad data."""
 
 from jblast.inference import fit
+from jblast.inference.fitting.findings import PoorFit
+from jblast.report.fit.findings import words
 from jblast.scene import Air, LogNormal, Scene, UncertainScene
 from jblast.waves import kingery_bulmash_pressure
 from tests.inference.logs import log
@@ -18,8 +20,8 @@ def warnings(belief, *factors):
     ]
     uncertain = UncertainScene(SCENE, {"charge_mass_kg": belief}, "scene.toml")
     answer = fit(log(*rows, at_range=True), uncertain, noise="gaussian").summary
-    assert any("poor fit" in said for said in answer.warnings)
-    return [said for said in answer.warnings if "poor fit" not in said]
+    assert any(isinstance(w, PoorFit) for w in answer.warnings)
+    return [words(w) for w in answer.warnings if not isinstance(w, PoorFit)]
 
 
 def test_a_prior_that_excludes_the_data_is_named_with_what_they_say():

@@ -7,6 +7,8 @@ import numpy as np
 import pytest
 
 from jblast.inference import fit
+from jblast.inference.fitting.findings import ClocksTakenToAgree
+from jblast.report.fit.findings import words
 from jblast.scene import (
     Air,
     Charge,
@@ -111,9 +113,11 @@ def test_a_recorder_that_runs_late_is_found_and_the_blast_with_it():
     estimates = answer.estimates
     assert estimates["clock_offset_s.y"].value == pytest.approx(late, abs=1e-5)
     assert estimates["charge_east_m"].value == pytest.approx(2.0, abs=1e-3)
-    assert not any("taken to agree" in warning for warning in answer.warnings)
+    assert not any(isinstance(w, ClocksTakenToAgree) for w in answer.warnings)
     agreeing = fit(made, freed(UncertainScene(scene), where)).summary
-    assert any("--free clock_offset_s.y" in said for said in agreeing.warnings)
+    (found,) = (w for w in agreeing.warnings if isinstance(w, ClocksTakenToAgree))
+    assert found.parameters == ("clock_offset_s.y",)
+    assert "--free clock_offset_s.y fits" in words(found)
 
 
 def test_a_clock_free_beside_the_origin_time_alone_is_a_null_direction():

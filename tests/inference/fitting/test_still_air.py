@@ -12,6 +12,7 @@ from jblast.inference.fitting.still_air import still_air, wider_with_wind
 from jblast.inference.identifiability.null_space import identifiability
 from jblast.inference.mode.laplace import laplace
 from jblast.inference.posterior.parameters import parameters_of
+from jblast.report.fit.findings import words
 from jblast.scene import Scene, Sensor, UncertainScene, freed, with_values
 from jblast.sensors import planned_layout, record
 
@@ -80,14 +81,21 @@ def test_intervals_widen_as_with_the_wind_among_the_unknowns(scatter):
     )
 
 
+def words_of(solution):
+    """Say what still air did to an answer."""
+    finding = still_air(solution)
+    assert finding is not None
+    return words(finding)
+
+
 def test_still_air_is_told_where_it_was_taken_and_only_there():
     factor = by_hand(False, 5.0)
-    said = still_air(solved())
+    said = words_of(solved())
     assert said.startswith("still air was taken: were the wind unknown, 0 +- 5 m/s")
     assert f"charge_east_m {factor[0]:.2g} times" in said
-    assert still_air(solved(wind=3.0)) == ""
+    assert still_air(solved(wind=3.0)) is None
     open_wind = solved(free=("charge_east_m", "wind_east_m_s"))
-    assert still_air(open_wind) == ""
+    assert still_air(open_wind) is None
 
 
 def test_along_a_range_alone_a_wind_is_another_sound_speed():
@@ -95,14 +103,14 @@ def test_along_a_range_alone_a_wind_is_another_sound_speed():
     layout = found.posterior.layout
     at_range = dataclasses.replace(layout, slant_range=jnp.full(4, 700.0))
     posterior = dataclasses.replace(found.posterior, layout=at_range)
-    said = still_air(found._replace(posterior=posterior))
+    said = words_of(found._replace(posterior=posterior))
     assert "a prior on air_sound_speed_m_s" in said
     free = parameters_of(
         freed(UncertainScene(posterior.parameters.scene), ["air_sound_speed_m_s"])
     )
     fitted = dataclasses.replace(posterior, parameters=free)
     normal = dataclasses.replace(found.laplace, z=np.log([SOUND]))
-    said = still_air(found._replace(posterior=fitted, laplace=normal))
+    said = words_of(found._replace(posterior=fitted, laplace=normal))
     assert "prior" not in said  # it is fitted already
     assert "air_sound_speed_m_s, which is fitted, stands for it" in said
 
@@ -115,6 +123,6 @@ def test_where_a_prediction_has_no_slope_nobody_says_that_intervals_would_not_wi
     factors = wider_with_wind(broken)
     assert factors is not None
     assert np.isnan(list(factors.values())).all()
-    said = still_air(broken)
+    said = words_of(broken)
     assert "cannot be told" in said
     assert "no 90 %" not in said

@@ -10,6 +10,7 @@ from scipy.stats import multivariate_normal, multivariate_t
 
 import jblast.inference.fitting.uncertainty
 from jblast.inference import fit
+from jblast.inference.fitting.findings import DirectionUnidentified
 from jblast.inference.fitting.uncertainty import how_sure
 from jblast.inference.importance.interval_check import (
     FREEDOM,
@@ -18,6 +19,7 @@ from jblast.inference.importance.interval_check import (
     reaching,
 )
 from jblast.inference.importance.psis import ENDS
+from jblast.report.fit.findings import all_words, reason_words, words
 from jblast.scene import Scene, UncertainScene, freed
 from jblast.waves import wu_hao_air_arrival_time
 from tests.catalogue import (
@@ -34,7 +36,7 @@ def test_a_narrow_answer_is_left_to_the_normal_approximation():
         pressures(15.0, sigma=0.01), MASS_FREE, noise="gaussian", posterior="auto"
     )
     assert result.summary.posterior == "laplace"
-    assert "k-hat" in result.posterior_reason
+    assert "k-hat" in reason_words(result.posterior_reason)
     assert result.summary.warnings == ()
 
 
@@ -44,7 +46,7 @@ def test_a_wide_answer_gets_walkers_and_they_agree_where_it_is_normal():
     )
     assert wide.summary.posterior == "emcee"
     assert wide.summary.converged
-    assert any("k-hat" in said for said in wide.summary.warnings)
+    assert any("k-hat" in said for said in all_words(wide.summary.warnings))
     normal = fit(pressures(15.0, sigma=0.3), MASS_FREE, noise="gaussian").summary
     by_walk = wide.summary.estimates["charge_mass_kg"]
     by_normal = normal.estimates["charge_mass_kg"]
@@ -64,7 +66,7 @@ def test_what_no_log_can_tell_is_not_walked_over():
     uncertain = freed(UncertainScene(scene), ["charge_mass_kg", "air_sound_speed_m_s"])
     result = fit(made, uncertain, posterior="emcee")
     assert result.summary.posterior == "laplace"
-    assert "untold" in result.posterior_reason
+    assert result.posterior_reason == DirectionUnidentified()
     assert not result.summary.identifiable
 
 
@@ -104,7 +106,7 @@ def test_ends_are_off_by_what_integration_says_and_the_answer_warns(apart):
     assert found.off == pytest.approx(by, abs=3 * found.error + 0.01)
     assert found.believed
     alone = fit(made, MASS_FREE, posterior="laplace").summary
-    said = [w for w in alone.warnings if "90 %" in w]
+    said = [w for w in all_words(alone.warnings) if "90 %" in w]
     warned = f"off by up to {found.off:.1f} of a standard deviation at charge_mass_kg"
     assert [warned in w and "--posterior emcee walks" in w for w in said] == (
         [True] if by > ENDS else []
@@ -127,7 +129,7 @@ def test_weighted_intervals_end_where_integration_says(apart):
     assert np.abs(ends[0]).max() == pytest.approx(
         np.abs(expected).max(), abs=3 * max(found.error, 0.03)
     )
-    assert not any("90 %" in said for said in weighted.summary.warnings)
+    assert not any("90 %" in said for said in all_words(weighted.summary.warnings))
 
 
 def test_where_importance_sampling_cannot_tell_the_approximation_stands_alone():
@@ -137,8 +139,8 @@ def test_where_importance_sampling_cannot_tell_the_approximation_stands_alone():
     thin = replace(normal, covariance=1e-4 * normal.covariance)
     sure = how_sure(solution._replace(laplace=thin), "weighted")
     assert not sure.weighted
-    assert "cannot tell" in sure.reason
-    assert any("of a normal approximation" in why for why in sure.why)
+    assert "cannot tell" in words(sure.reason)
+    assert any("of a normal approximation" in why for why in all_words(sure.findings))
 
 
 def test_where_few_draws_count_the_answer_says_so(monkeypatch):
@@ -152,24 +154,31 @@ def test_where_few_draws_count_the_answer_says_so(monkeypatch):
     )
     sure = how_sure(solution, "weighted")
     assert not sure.weighted
-    assert "k-hat" not in sure.reason
-    (why,) = sure.why
-    for said in (sure.reason, why):
+    assert "k-hat" not in words(sure.reason)
+    (why,) = all_words(sure.findings)
+    for said in (words(sure.reason), why):
         assert "50 draws' worth" in said
     assert "--posterior emcee walks" in why
 
 
+def doubt(judged):
+    """Say what is wrong with intervals that were judged."""
+    finding = judged.finding()
+    assert finding is not None
+    return words(finding)
+
+
 def test_a_doubt_is_told_where_chance_cannot_be_the_cause():
     within = EndsOff("charge_mass_kg", off=0.35, error=0.05, k_hat=0.2, share=0.9)
-    assert within.doubt() == ""
-    assert replace(within, off=0.61).doubt() == (
+    assert within.finding() is None
+    assert doubt(replace(within, off=0.61)) == (
         "the 90 % intervals are those of a normal approximation, off by up to 0.6 of a "
         "standard deviation at charge_mass_kg: --posterior emcee walks"
     )
     # one weight is nearly all: k-hat decides, also where no end looks off
     heavy = replace(within, off=0.1, share=0.02, k_hat=1.2)
-    assert "importance sampling cannot tell (k-hat 1.20)" in heavy.doubt()
+    assert "importance sampling cannot tell (k-hat 1.20)" in doubt(heavy)
     assert "0.6 of a standard deviation at charge_mass_kg, as far as importance" in (
-        replace(heavy, off=0.61).doubt()
+        doubt(replace(heavy, off=0.61))
     )
-    assert replace(within, k_hat=1.2).doubt() == ""
+    assert replace(within, k_hat=1.2).finding() is None

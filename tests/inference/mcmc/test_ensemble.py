@@ -9,6 +9,8 @@ from jblast.errors import InputError
 from jblast.inference.importance.marginals import marginals_of_draws
 from jblast.inference.importance.psis import importance
 from jblast.inference.mcmc.ensemble import ensemble
+from jblast.inference.mcmc.findings import ChainTooShort
+from jblast.report.fit.findings import all_words
 from tests.catalogue import BOTH
 from tests.inference.shots import five_solved, place_of, shot, solved
 
@@ -20,7 +22,7 @@ def test_a_normal_posterior_is_met_and_both_samplers_agree():
     for sampler in ("emcee", "scan"):
         walked = ensemble(posterior, normal, told, found, sampler=sampler)
         assert walked.converged
-        assert walked.why == ()
+        assert walked.findings == ()
         assert len(walked.modes) == 1
         assert walked.ridge is None
         assert 0.2 < walked.acceptance < 0.5
@@ -58,7 +60,7 @@ def test_the_mirror_image_of_a_charge_beside_a_line_is_a_mode():
     # three thousand effective draws or more: four standard errors
     assert [mode.share for mode in walked.modes] == pytest.approx([0.5, 0.5], abs=0.04)
     assert sorted(np.round(mode.peak[2]) for mode in walked.modes) == [-20.0, 20.0]
-    why = walked.why[-1]
+    why = all_words(walked.findings)[-1]
     assert "the posterior has 2 modes: " in why
     assert "charge_north_m -" in why
     assert "charge_mass_kg" not in why  # the same in both
@@ -73,8 +75,10 @@ def test_a_mass_that_arrivals_far_away_hardly_tell_is_a_ridge_without_end():
     walked = ensemble(posterior, normal, told, found, most_steps=1500)
     assert not walked.converged
     assert walked.ridge is not None
-    assert any("is a ridge" in why and "charge_mass_kg" in why for why in walked.why)
-    assert any("does not fall beyond it" in why for why in walked.why)
+    assert any(
+        "is a ridge" in s and "charge_mass_kg" in s for s in all_words(walked.findings)
+    )
+    assert any("does not fall beyond it" in s for s in all_words(walked.findings))
 
 
 def test_a_null_direction_is_refused_by_name():
@@ -104,7 +108,7 @@ def test_a_walk_cut_short_says_what_is_missing_and_goes_on(tmp_path):
     posterior, normal, told, _ = five_solved()
     short = ensemble(posterior, normal, told, most_steps=150, store=tmp_path / "chain")
     assert not short.converged
-    assert any("autocorrelation times" in why for why in short.why)
+    assert any(isinstance(finding, ChainTooShort) for finding in short.findings)
     whole = ensemble(posterior, normal, told)
     rest = ensemble(posterior, normal, told, store=tmp_path / "chain")
     assert rest.resumed == 150

@@ -6,6 +6,7 @@ import pytest
 from jblast.errors import InputError
 from jblast.inference.mcmc.ensemble import ensemble
 from jblast.inference.mcmc.inference_data import inference_data, write_inference_data
+from jblast.report.fit.findings import all_words
 from tests.catalogue import AROUND
 from tests.inference.logs import log
 from tests.inference.shots import five_solved
@@ -39,7 +40,7 @@ def test_draws_come_back_from_the_file(walked, tmp_path):
     xarray = pytest.importorskip("xarray")
     pytest.importorskip("h5py")
     posterior, found = walked
-    tree = inference_data(found, posterior, made())
+    tree = inference_data(found, posterior, made(), all_words(found.findings))
     write_inference_data(tree, tmp_path / "posterior.nc")
     with xarray.open_datatree(tmp_path / "posterior.nc", engine="h5netcdf") as back:
         mass = back["posterior"]["charge_mass_kg"]

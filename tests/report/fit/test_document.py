@@ -31,7 +31,8 @@ def test_what_is_not_identified_is_null_and_every_key_is_there():
                 {
                     "parameters": {"charge_mass_kg": 1.0, "air_sound_speed_m_s": -0.2},
                     "space": "ln",
-                    "cure": "measure the air temperature, or record one overpressure",
+                    "cure": "a prior on, or a measurement of, charge_mass_kg or "
+                    "air_sound_speed_m_s; or a peak overpressure at a new range",
                 }
             ],
         ),

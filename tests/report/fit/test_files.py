@@ -7,6 +7,7 @@ import pytest
 
 import jblast
 from jblast.errors import InputError
+from jblast.inference.fitting.findings import PoorFit
 from jblast.json_values import plain
 from jblast.report import write_report
 from jblast.report.fit.document import fit_document
@@ -109,7 +110,7 @@ def test_the_page_says_what_the_text_says(pages):
         assert words in page
     page = (root / "not_identifiable" / "report.html").read_text("utf-8")
     assert "Combinations that are determined" in page
-    assert "measure the air temperature" in page
+    assert "or a peak overpressure at a new range" in page
     page = (root / "no_draws" / "report.html").read_text("utf-8")
     assert "No posterior plot." in page
 
@@ -123,11 +124,11 @@ def test_what_a_user_wrote_is_escaped(pages):
 
 def test_a_warning_names_the_log_without_its_folder(tmp_path):
     fit = example.one_parameter()
-    warnings = (*fit.summary.warnings, f"poor: {fit.observations.source}")
+    warnings = (PoorFit(41.0, 4, 2.7e-8, fit.observations.source),)
     fit = replace(fit, summary=replace(fit.summary, warnings=warnings))
     write_report(fit, tmp_path)
     page = (tmp_path / "report.html").read_text("utf-8")
-    assert "poor: quarry.csv" in page
+    assert "jblast scene quarry.csv" in page
 
 
 def test_a_directory_with_files_is_refused_and_left_as_it_was(tmp_path):

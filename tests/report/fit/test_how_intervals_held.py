@@ -6,7 +6,8 @@ from pathlib import Path
 import pytest
 
 import jblast
-from jblast.inference.fitting.uncertainty import AS_ASKED
+from jblast.inference.fitting.findings import AsAsked
+from jblast.inference.importance.findings import ImportanceCannotTell
 from jblast.report import summary
 from jblast.report.fit.terminal import HELD
 from tests.report import example
@@ -37,7 +38,7 @@ def test_the_share_names_the_logs_it_was_counted_in():
     said = said_of(replace(plain, weighted=True))
     assert "weighted by the posterior: in 400 simulated logs of seven mic" in said
     assert "four unknowns, they held the truth in 86 to 89 of 100" in said
-    said = said_of(replace(plain, posterior_reason=AS_ASKED))
+    said = said_of(replace(plain, posterior_reason=AsAsked()))
     assert "alone: in 400 simulated logs" in said
     assert "85 to 88 of 100" in said
 
@@ -57,7 +58,7 @@ def test_no_share_stands_beside_an_answer_that_those_logs_were_not_like(changes)
         plain,
         summary=replace(plain.summary, **changes),
         weighted=bool(changes),
-        posterior_reason="importance sampling cannot tell (k-hat 0.90)",
+        posterior_reason=ImportanceCannotTell(0.90),
     )
     said = said_of(fit)
     assert "90 % intervals by a normal approximation" in said

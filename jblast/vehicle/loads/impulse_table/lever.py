@@ -3,7 +3,7 @@
 import numpy as np
 from jaxtyping import Float
 
-from jblast.errors import InputError
+from jblast.errors import InputError, argument
 from jblast.vehicle.quadrotor.parameters import Vehicle
 
 SIZES = 3.0
@@ -36,6 +36,6 @@ def check_levers(cases: Float[np.ndarray, "case 10"], vehicle: Vehicle) -> None:
         f"N m s with an impulse of {push[worst]:.3g} N s, a lever of "
         f"{levers[worst]:.3g} m; expected at most {SIZES * size:.2g} m, {SIZES:g} "
         "times from the vehicle's centre to its rotors. Moments about another point "
-        "need moment_point_m (--profile-moments-about X,Y,Z): from that point to the "
+        f"need {argument('moment_point_m')}: from that point to the "
         "centre of mass, body axes; 0,0,0 where they are about that after all"
     )

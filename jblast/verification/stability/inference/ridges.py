@@ -8,9 +8,11 @@ import numpy as np
 from jblast.errors import InputError
 from jblast.inference import Ensemble, Solution, ensemble
 from jblast.inference.fitting.uncertainty import how_sure
+from jblast.inference.importance.findings import IntervalsOff
 from jblast.inference.importance.interval_check import ends_judged
 from jblast.inference.importance.psis import ENDS
 from jblast.inference.importance.whitening import Whitened, root_of, whitened
+from jblast.inference.mcmc.findings import LongRidge
 from jblast.inference.posterior.estimate import Estimate
 from jblast.verification.stability.failure import FailureMode, verified
 from jblast.verification.stability.inference.arrival_logs import circle, solved_log
@@ -87,7 +89,7 @@ def endless_failure() -> FailureMode:
     walks = [bare_walk(density, start, steps) for steps in (SHORT, LONG)]
     low = [np.quantile(_masses(found, walk), 0.05) for walk in walks]
     tau = float(walks[-1].judged.tau.max())
-    improper = any("so the posterior is improper" in why for why in ours.why)
+    improper = any(isinstance(f, LongRidge) and f.is_endless for f in ours.findings)
     return FailureMode(
         area="walks",
         method="emcee, arrivals from afar",
@@ -128,7 +130,10 @@ def bent_failure() -> FailureMode:
     name = found.posterior.parameters.names[0]
     asked, sure = how_sure(found, "laplace"), how_sure(found, "auto")
     normal, walked = asked.marginals[name], sure.marginals[name]
-    told_of = any("off by up to" in why and name in why for why in asked.why)
+    told_of = any(
+        isinstance(f, IntervalsOff) and f.parameter == name and not np.isnan(f.off)
+        for f in asked.findings
+    )
     return FailureMode(
         area="walks",
         method="normal approximation (Laplace)",

@@ -1,0 +1,90 @@
+"""Every finding has words, and numbers that JSON can hold."""
+
+import json
+from dataclasses import fields, replace
+from typing import Any, get_type_hints
+
+import pytest
+
+from jblast.inference.fitting import findings as fitting, still_air
+from jblast.inference.importance import findings as importance
+from jblast.inference.mcmc import findings as mcmc
+from jblast.inference.posterior.finding import Finding
+from jblast.report.fit.findings import words
+from tests.report import example
+
+MADE: dict[Any, Any] = {
+    int: 3,
+    float: 0.25,
+    str: "wu_hao",
+    bool: True,
+    importance.FewEffectiveDraws: importance.FewEffectiveDraws(50.4, 100),
+}
+ACCUSED = (fitting.WrongSensor, fitting.WrongClock)  # `headline` has their words
+
+
+def kinds():
+    """Return every class of findings."""
+    for room in (fitting, still_air, importance, mcmc):
+        for kind in vars(room).values():
+            is_one = isinstance(kind, type) and issubclass(kind, Finding)
+            if is_one and kind not in (Finding, *ACCUSED):
+                yield kind
+
+
+def made(kind: type[Finding]) -> Finding:
+    """Make one of a kind."""
+    values: dict[str, Any] = {}
+    for name, hint in get_type_hints(kind).items():
+        if name in {field.name for field in fields(kind)}:
+            text = str(hint)
+            if hint in MADE:
+                values[name] = MADE[hint]
+            elif "Mapping" in text:
+                one = {"charge_mass_kg": 15.0}
+                values[name] = (one, one) if "tuple" in text else one
+            elif "tuple[tuple" in text:
+                values[name] = (("wu_hao", "everywhere"),)
+            elif "float" in text:
+                values[name] = (0.5, 0.5)
+            else:
+                values[name] = ("x", "y")
+    return kind(**values)
+
+
+@pytest.mark.parametrize("kind", dict.fromkeys(kinds()))
+def test_a_finding_has_words_a_code_and_numbers(kind):
+    finding = made(kind)
+    said = words(finding)
+    assert said
+    assert said == said.strip().rstrip(".")
+    document = json.loads(json.dumps(finding.to_dict(), default=lambda f: f.to_dict()))
+    assert document.pop("code") == finding.code
+    assert list(document) == [field.name for field in fields(finding)]
+
+
+def test_a_code_is_the_name_of_the_finding():
+    assert fitting.LawsUnsettled().code == "laws_unsettled"
+
+
+def test_what_was_found_is_json_for_a_user_of_python():
+    found = replace(
+        example.one_parameter().summary,
+        warnings=(fitting.NoScene(), importance.NormalIntervals(MADE[FEW])),
+    )
+    document = json.loads(json.dumps(found.to_dict(), allow_nan=False))
+    assert document["estimates"]["charge_mass_kg"]["value"] == 1000.0
+    assert document["warnings"] == [
+        {"code": "no_scene"},
+        {
+            "code": "normal_intervals",
+            "because": {
+                "code": "few_effective_draws",
+                "effective": 50.4,
+                "wanted": 100,
+            },
+        },
+    ]
+
+
+FEW = importance.FewEffectiveDraws
