@@ -93,8 +93,8 @@ def flights(
 ) -> Callable[..., Trajectory]:
     """Return what flies a batch."""
     random = np.random.default_rng(0)
-    craft = named("crazyflie")
-    hover = jnp.sqrt(craft.mass_kg * 9.81 / 4 / craft.thrust_coefficient)
+    vehicle = named("crazyflie")
+    hover = jnp.sqrt(vehicle.mass_kg * 9.81 / 4 / vehicle.thrust_coefficient)
     place = random.uniform([4.0, -1.0, 1.0], [6.0, 1.0, 3.0], (count, 3))
     mass = jnp.asarray(random.uniform(0.5, 2.0, count), dtype)
 
@@ -115,7 +115,7 @@ def flights(
 
     def fly(store_every: int = 10**9) -> Trajectory:
         return simulate(
-            all_alike(craft) if own else craft,
+            all_alike(vehicle) if own else vehicle,
             state,
             duration_s=SECONDS,
             step_s=step_s,

@@ -63,9 +63,9 @@ def held(
     name: str, distances_m: np.ndarray, *, integral: bool, wind_m_s: float, **parts: Any
 ) -> tuple[Trajectory, Row]:
     """Fly vehicles of a name, one at each distance, through the blast."""
-    craft, count = named(name), len(distances_m)
+    vehicle, count = named(name), len(distances_m)
     place = np.stack([distances_m, np.zeros(count), np.full(count, HEIGHT_M)], axis=-1)
-    hover = float(np.sqrt(craft.mass_kg * 9.81 / 4 / craft.thrust_coefficient))
+    hover = float(np.sqrt(vehicle.mass_kg * 9.81 / 4 / vehicle.thrust_coefficient))
     still, level = np.zeros((count, 3)), np.tile([0.0, 0.0, 0.0, 1.0], (count, 1))
     state = State(place, still, level, still, np.full((count, 4), hover))
     gains = jax.tree.map(
@@ -75,7 +75,7 @@ def held(
     charge = Charge(mass=MASS_KG, time=BLAST_S)
     load = blast_load(Scene(charge=charge, air=Air(wind_north=wind_m_s)), **parts)
     flown = simulate(
-        craft,
+        vehicle,
         state,
         duration_s=SECONDS,
         step_s=STEP_S,

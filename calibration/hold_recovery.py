@@ -88,13 +88,13 @@ class BareHold(eqx.Module):
 
 def outcomes(name: str, *, bare: bool) -> np.ndarray:
     """Return what becomes of a vehicle: by way, speed upwards, the other axis."""
-    craft = dataclasses.replace(named(name), name="", body=None)
+    vehicle = dataclasses.replace(named(name), name="", body=None)
     gains = named_gains(name, integral=True)
     up, other = (x.ravel() for x in np.meshgrid(LEVELS, LEVELS, indexing="ij"))
     velocity = [np.outer(other, v) + np.outer(up, [0, 0, 1]) for v, _ in WAYS.values()]
     rate = [np.outer(other, w) for _, w in WAYS.values()]
     count = len(WAYS) * up.size
-    hover = float(np.sqrt(craft.mass_kg * 9.81 / 4 / craft.thrust_coefficient))
+    hover = float(np.sqrt(vehicle.mass_kg * 9.81 / 4 / vehicle.thrust_coefficient))
     start = State(
         np.tile(HOME, (count, 1)),
         np.concatenate(velocity),
@@ -105,7 +105,7 @@ def outcomes(name: str, *, bare: bool) -> np.ndarray:
     hold = (BareHold if bare else PositionHold)(jnp.asarray(HOME), gains)
     many = jax.tree.map(lambda x: jnp.broadcast_to(x, (count, *x.shape)), hold)
     flown = simulate(
-        craft,
+        vehicle,
         start,
         duration_s=SECONDS,
         step_s=STEP_S,

@@ -108,10 +108,10 @@ def _shares(
 def _vehicles(axes: Axes, flights: Flights, name: str, size: float) -> None:
     """Draw deviation against the first blast's scaled distance, or its distance."""
     flown = flights.holds[name]
-    first = np.argmin(flown.meeting.arrival_s, axis=-1)[:, None]
+    first = np.argmin(flown.encounter.arrival_s, axis=-1)[:, None]
     scaled = flights.options.profile is None
     where = np.asarray(
-        flown.meeting.scaled_distance if scaled else flown.meeting.distance_m
+        flown.encounter.scaled_distance if scaled else flown.encounter.distance_m
     )
     x = np.take_along_axis(where, first, axis=-1)[:MOST_POINTS, 0]
     y = metric(flown, "peak_deviation_m")[:MOST_POINTS] / size

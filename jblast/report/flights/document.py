@@ -75,7 +75,7 @@ def flights_csv(flights: Flights) -> str:
     for hold, flown in flights.holds.items():
         columns: list[Any] = list(flights.drawn.values())
         for n in range(len(blasts)):
-            columns += [getattr(flown.meeting, name)[:, n] for name in met]
+            columns += [getattr(flown.encounter, name)[:, n] for name in met]
         columns += [metric(flown, name) for name in (*METRICS, *EXPOSURES)]
         columns += [flown.metrics.settled, flown.metrics.crashed, flown.lost]
         rows = zip(*map(np.asarray, columns), strict=True)
@@ -128,12 +128,12 @@ def _several(model: str, flown: Flown) -> dict[str, Any]:
 
 
 def _blast(flights: Flights, flown: Flown, n: int, several: bool) -> dict[str, Any]:
-    meeting = flown.meeting
+    encounter = flown.encounter
     told: dict[str, Any] = {"charge": flights.blasts[n]}
     for name in ("arrival_s", "distance_m", "scaled_distance", "overpressure_pa"):
-        values = getattr(meeting, name)[..., n]
+        values = getattr(encounter, name)[..., n]
         told[name] = _spread(values) if several else values
-    inside = meeting.in_range[..., n]
+    inside = encounter.in_range[..., n]
     return told | (
         {"in_range_share": _share(inside)} if several else {"in_range": inside}
     )

@@ -31,7 +31,7 @@ def loads_figure(flights: Flights) -> Figure:
     name = next(iter(flights.holds))
     trajectory = trajectory_of(flights, name)
     time = np.asarray(trajectory.time_s)
-    arrivals = np.asarray(flights.holds[name].meeting.arrival_s)
+    arrivals = np.asarray(flights.holds[name].encounter.arrival_s)
     first = float(arrivals.min())
     figure = new_figure(11.0, 6.4)
     grid = figure.subplots(2, 2, width_ratios=[1.5, 1.0])
@@ -98,10 +98,10 @@ def error_figure(flights: Flights) -> Figure:
         )
         recovery = float(flown.metrics.recovery_time_s)
         if 0 < recovery < np.inf:
-            at = float(flown.meeting.arrival_s.min()) + recovery
+            at = float(flown.encounter.arrival_s.min()) + recovery
             axes.plot(at, tolerance / unit.size, "o", color=colour, markersize=7)
     first = next(iter(flights.holds.values()))
-    _arrival_lines(axes, np.asarray(first.meeting.arrival_s))
+    _arrival_lines(axes, np.asarray(first.encounter.arrival_s))
     axes.set_xlim(0.0, flights.seconds)
     axes.set_ylim(0.0, 1.25 * max(most, tolerance) / unit.size)
     axes.set_xlabel("time [s]; dashed: a blast arrives")

@@ -82,20 +82,20 @@ def _drawn(flights: Flights) -> list[tuple[str, ...]]:
 
 def _blasts(flights: Flights) -> list[tuple[str, ...]]:
     """Return a row for each blast."""
-    meeting = next(iter(flights.holds.values())).meeting
+    encounter = next(iter(flights.holds.values())).encounter
     by_law = flights.options.profile is None
     rows = [("blast", "arrives", "distance", "scaled [m/kg^(1/3)]", "peak", "in range")]
     if flights.count > 1:
         rows[0] = (*rows[0][:-1], "in range of its laws" if by_law else "in its cases")
     for n, name in enumerate(flights.blasts):
-        inside = meeting.in_range[..., n]
+        inside = encounter.in_range[..., n]
         rows.append(
             (
                 name or "the charge",
-                _number("arrival_s", meeting.arrival_s[..., n]),
-                _number("distance_m", meeting.distance_m[..., n]),
-                _number("", meeting.scaled_distance[..., n]),
-                _number("overpressure_pa", meeting.overpressure_pa[..., n]),
+                _number("arrival_s", encounter.arrival_s[..., n]),
+                _number("distance_m", encounter.distance_m[..., n]),
+                _number("", encounter.scaled_distance[..., n]),
+                _number("overpressure_pa", encounter.overpressure_pa[..., n]),
                 _yes(bool(inside))
                 if flights.count == 1
                 else f"{100 * np.mean(inside):.3g} %",

@@ -9,7 +9,7 @@ import numpy as np
 
 from jblast.errors import InputError
 from jblast.scene import Scene, VehicleSpec
-from jblast.study.flights.encounter import load_of, meeting_at
+from jblast.study.flights.encounter import encounter_at, load_of
 from jblast.study.flights.records import Options
 from jblast.vehicle import hold_of, start_of
 
@@ -55,7 +55,9 @@ def flight_seconds(
 
     def arrivals(scene: Scene):
         load = load_of(scene, options.profile)
-        return jax.vmap(lambda place: meeting_at(load, place, turned).arrival_s)(places)
+        return jax.vmap(lambda place: encounter_at(load, place, turned).arrival_s)(
+            places
+        )
 
     batch = scenes.air.wind_east.ndim > 0
     came = np.asarray((eqx.filter_vmap(arrivals) if batch else arrivals)(scenes))

@@ -31,7 +31,7 @@ class Profile(NamedTuple):
     moment_point_m: Sequence[float] | None = None
 
 
-class Meeting(NamedTuple):
+class Encounter(NamedTuple):
     """Blasts as they come to a vehicle; one in each place of the last axis.
 
     Attributes:
@@ -70,16 +70,16 @@ def load_of(scene: Scene, profile: Profile | None) -> FlightLoad:
     )
 
 
-def meeting_at(
+def encounter_at(
     load: FlightLoad, position_m: Float[Array, "3"], quaternion: Float[Array, "4"]
-) -> Meeting:
+) -> Encounter:
     """Return how the blasts come to a place."""
     if isinstance(load, CustomProfile):
         delay = load.impulse_at(position_m, quaternion)[2]
         never = jnp.isposinf(load.time_s)
         distance = slant_range(load.charge_m, position_m)
         unknown = jnp.full((1,), jnp.nan)
-        return Meeting(
+        return Encounter(
             (load.time_s + delay)[None],
             distance[None],
             unknown,
@@ -95,7 +95,7 @@ def meeting_at(
         for distance, blast in zip(distances, load.blasts, strict=True)
     ]
     peaks = [load.wave(n, position_m).peak for n in range(len(load.blasts))]
-    return Meeting(
+    return Encounter(
         load.arrival_time_s(position_m),
         distances,
         jnp.stack(scaled),
@@ -105,18 +105,18 @@ def meeting_at(
     )
 
 
-def met(
+def encounter_of(
     load: FlightLoad,
     time_s: Float[Array, " time"],
     position_m: Float[Array, "time 3"],
     quaternion: Float[Array, "time 4"],
-) -> Meeting:
+) -> Encounter:
     """Return how the blasts come to a flight: to its last row before each.
 
     A blast that the flight does not live to see is that of its last row.
     """
-    rows = jax.vmap(meeting_at, (None, 0, 0))(load, position_m, quaternion)
+    rows = jax.vmap(encounter_at, (None, 0, 0))(load, position_m, quaternion)
     ahead = jnp.cumprod(time_s[:, None] < rows.arrival_s, axis=0)
     last = jnp.maximum(jnp.sum(ahead, axis=0) - 1, 0)
     blasts = jnp.arange(last.size)
-    return Meeting(*(values[last, blasts] for values in rows))
+    return Encounter(*(values[last, blasts] for values in rows))

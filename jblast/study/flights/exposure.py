@@ -9,7 +9,7 @@ from jaxtyping import Array, Float
 
 from jblast.scene import Scene
 from jblast.sensors.camera.rendering.fireball_image import cloud
-from jblast.study.flights.encounter import FlightLoad, Meeting
+from jblast.study.flights.encounter import Encounter, FlightLoad
 from jblast.vehicle import BlastLoad, State, Vehicle
 from jblast.waves.fireball import fireball_duration
 
@@ -38,7 +38,7 @@ def exposed(
     scene: Scene,
     load: FlightLoad,
     vehicle: Vehicle,
-    meeting: Meeting,
+    encounter: Encounter,
     time_s: Float[Array, " time"],
     states: State,
 ) -> Exposure:
@@ -50,12 +50,12 @@ def exposed(
         scene: Whose fireballs these are, as its camera sees them.
         load: Of the blasts.
         vehicle: The vehicle.
-        meeting: As `fly_meeting.met` returns it.
+        encounter: As `encounter_of` returns it.
         time_s: Of the stored rows.
         states: At these times.
     """
-    felt = meeting.arrival_s <= time_s[-1]
-    arrival = jnp.where(felt, meeting.arrival_s, 0.0)
+    felt = encounter.arrival_s <= time_s[-1]
+    arrival = jnp.where(felt, encounter.arrival_s, 0.0)
 
     def accelerations(came: Float[Array, ""]) -> Float[Array, " window"]:
         last = jnp.maximum(jnp.sum(time_s < came) - 1, 0)
@@ -69,7 +69,7 @@ def exposed(
 
     greatest = jnp.max(jax.vmap(accelerations)(arrival), axis=-1)
     return Exposure(
-        jnp.max(jnp.where(felt, meeting.overpressure_pa, 0.0)),
+        jnp.max(jnp.where(felt, encounter.overpressure_pa, 0.0)),
         jnp.max(jnp.where(felt, greatest, 0.0)),
         _in_fire(scene, load, time_s, states.position_m),
     )

@@ -19,7 +19,7 @@ from jblast.scene import Scene, UncertainScene, VehicleSpec
 from jblast.study.flights.bursts import with_bursts_at_start
 from jblast.study.flights.draws import checked_scene, drawn_scenes, drawn_values
 from jblast.study.flights.duration import BATCH_ROWS, flight_seconds, rows_stored
-from jblast.study.flights.encounter import FlightLoad, Profile, load_of, met
+from jblast.study.flights.encounter import FlightLoad, Profile, encounter_of, load_of
 from jblast.study.flights.exposure import exposed
 from jblast.study.flights.records import Flights, Flown, Options
 from jblast.vehicle import (
@@ -148,8 +148,10 @@ def _flown(
     )
     trajectory = in_precision(trajectory, jnp.zeros(()).dtype)
     places = trajectory.position_m, trajectory.quaternion
-    meeting = (_met if single else _met_each)(load, trajectory.time_s, *places)
-    first = meeting.arrival_s.min(axis=-1)
+    encounter = (_encounter if single else _encounter_each)(
+        load, trajectory.time_s, *places
+    )
+    first = encounter.arrival_s.min(axis=-1)
     metrics = flight_metrics(
         trajectory,
         control.target_m,
@@ -165,7 +167,7 @@ def _flown(
         scenes,
         load,
         vehicle_of(spec),
-        meeting,
+        encounter,
         trajectory.time_s,
         State(
             trajectory.position_m,
@@ -177,7 +179,7 @@ def _flown(
     )
     return Flown(
         metrics,
-        meeting,
+        encounter,
         exposure,
         before,
         trajectory.lost,
@@ -185,8 +187,8 @@ def _flown(
     )
 
 
-_met = kept(met)
-_met_each = eqx.filter_jit(jax.vmap(met, (0, None, 0, 0)))
+_encounter = kept(encounter_of)
+_encounter_each = eqx.filter_jit(jax.vmap(encounter_of, (0, None, 0, 0)))
 _exposed = kept(exposed)
 _exposed_each = eqx.filter_jit(
     eqx.filter_vmap(exposed, in_axes=(0, 0, None, 0, None, 0))
@@ -218,7 +220,7 @@ def _joined(parts: list[Flown], vehicles: int) -> Flown:
 
     return Flown(
         jax.tree.map(whole, *(part.metrics for part in parts)),
-        jax.tree.map(whole, *(part.meeting for part in parts)),
+        jax.tree.map(whole, *(part.encounter for part in parts)),
         jax.tree.map(whole, *(part.exposure for part in parts)),
         whole(*(part.error_at_blast_m for part in parts)),
         whole(*(part.lost for part in parts)),

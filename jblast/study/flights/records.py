@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from jblast.scene import VehicleSpec
-from jblast.study.flights.encounter import Meeting, Profile
+from jblast.study.flights.encounter import Encounter, Profile
 from jblast.study.flights.exposure import Exposure
 from jblast.vehicle import STEP_S, FlightMetrics, Trajectory
 
@@ -40,7 +40,7 @@ class Flown:
 
     Attributes:
         metrics: From the first blast's arrival on.
-        meeting: How each blast came to it.
+        encounter: How each blast came to it.
         exposure: What they did to it beside moving it.
         error_at_blast_m: Path error as the first blast comes.
         lost: Whether a vehicle diverged.
@@ -48,7 +48,7 @@ class Flown:
     """
 
     metrics: FlightMetrics
-    meeting: Meeting
+    encounter: Encounter
     exposure: Exposure
     error_at_blast_m: Float[Array, "*batch"]
     lost: Bool[Array, "*batch"]

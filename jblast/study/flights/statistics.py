@@ -71,8 +71,8 @@ def share_interval(flags: Bool[np.ndarray, " vehicle"]) -> tuple[float, float]:
 def warnings_of(flights: Flights) -> list[str]:
     """Return sentences on what the numbers do not tell by themselves."""
     said = list(flights.notes)
-    meeting = next(iter(flights.holds.values())).meeting
-    outside = np.mean(~meeting.in_range.all(axis=-1))
+    encounter = next(iter(flights.holds.values())).encounter
+    outside = np.mean(~encounter.in_range.all(axis=-1))
     if outside:
         whose = (
             "" if flights.count == 1 else f" of {100 * outside:.3g} % of the flights"
@@ -81,7 +81,7 @@ def warnings_of(flights: Flights) -> list[str]:
         said.append(
             f"a blast{whose} comes from where no {known}: its load is finite, no more"
         )
-    arrival = np.asarray(meeting.arrival_s)
+    arrival = np.asarray(encounter.arrival_s)
     never = np.isposinf(arrival).any(axis=-1)
     if never.any():
         said.append("a blast never happens: the time of its charge is infinite")

@@ -17,7 +17,7 @@ Four = tuple[Number, Number, Number, Number]
 Rows = tuple[Vector, Vector, Vector]
 
 
-class Motion(NamedTuple):
+class StateComponents(NamedTuple):
     """The parts of a `State`, or their rates, or of a row of a trajectory."""
 
     position: Vector
@@ -45,9 +45,9 @@ def rows(matrix: Float[Array, "3 3"]) -> Rows:
     return three(x), three(y), three(z)
 
 
-def components(state: State) -> Motion:
+def components(state: State) -> StateComponents:
     """Take a state apart."""
-    return Motion(
+    return StateComponents(
         three(state.position_m),
         three(state.velocity_m_s),
         four(state.quaternion),
@@ -56,7 +56,7 @@ def components(state: State) -> Motion:
     )
 
 
-def joined(motion: Motion) -> State:
+def joined(motion: StateComponents) -> State:
     """Put a state together."""
     return State(*(jnp.stack(part) for part in motion))
 

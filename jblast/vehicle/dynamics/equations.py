@@ -22,8 +22,8 @@ import jax.numpy as jnp
 from jblast.constants import FLIGHT_GRAVITY
 from jblast.vehicle.dynamics.components import (
     Four,
-    Motion,
     Number,
+    StateComponents,
     Vector,
     add,
     cross,
@@ -42,7 +42,7 @@ Wrench = tuple[Vector, Vector]
 """A force, world axes [N], and a moment about the centre of mass, body axes [N m]."""
 
 
-def air_wrench(vehicle: Vehicle, motion: Motion, wind: Vector) -> Wrench:
+def air_wrench(vehicle: Vehicle, motion: StateComponents, wind: Vector) -> Wrench:
     """Force and moment of rotors and frame in moving air, both along body axes.
 
     The rotors' sums are taken apart into those of speeds and places, the same for
@@ -121,11 +121,11 @@ def _thrusts(
 
 def rates(
     vehicle: Vehicle,
-    motion: Motion,
+    motion: StateComponents,
     command: Four,
     wind: Vector,
     load: Wrench,
-) -> Motion:
+) -> StateComponents:
     """Rates of a vehicle's state.
 
     Args:
@@ -155,7 +155,7 @@ def rates(
     low, high = vehicle.rotor_speed_min_rad_s, vehicle.rotor_speed_max_rad_s
     a, b, c, d = (jnp.clip(asked, low, high) for asked in command)
     speeds, lag = motion.rotor_speed, vehicle.motor_lag_s
-    return Motion(
+    return StateComponents(
         position=motion.velocity,
         velocity=(
             x + load[0][0] / m,
@@ -173,7 +173,9 @@ def rates(
     )
 
 
-def net_wrench(vehicle: Vehicle, motion: Motion, rate: Motion) -> Wrench:
+def net_wrench(
+    vehicle: Vehicle, motion: StateComponents, rate: StateComponents
+) -> Wrench:
     """Force [N], world, and moment [N m], body, that make these rates of a state."""
     m, (x, y, z) = vehicle.mass_kg, rate.velocity
     inertia = rows(vehicle.inertia_kg_m2)

@@ -13,13 +13,15 @@ from collections.abc import Callable
 import jax
 from jaxtyping import Array, Float
 
-from jblast.vehicle.dynamics.components import Motion, turning, unit
+from jblast.vehicle.dynamics.components import StateComponents, turning, unit
 
-Rates = Callable[[int, Motion], Motion]
+Rates = Callable[[int, StateComponents], StateComponents]
 """Rates at the beginning (0), in the middle (1) or at the end (2) of a step."""
 
 
-def rk4_step(rates: Rates, motion: Motion, step: Float[Array, ""]) -> Motion:
+def rk4_step(
+    rates: Rates, motion: StateComponents, step: Float[Array, ""]
+) -> StateComponents:
     """Return what a step of the classical Runge-Kutta method of fourth order adds.
 
     Args:
@@ -41,7 +43,9 @@ def rk4_step(rates: Rates, motion: Motion, step: Float[Array, ""]) -> Motion:
     )
 
 
-def euler_step(rates: Rates, motion: Motion, step: Float[Array, ""]) -> Motion:
+def euler_step(
+    rates: Rates, motion: StateComponents, step: Float[Array, ""]
+) -> StateComponents:
     """Return what a step of the semi-implicit Euler method, of first order, adds.
 
     Args:
@@ -60,10 +64,12 @@ def euler_step(rates: Rates, motion: Motion, step: Float[Array, ""]) -> Motion:
 INTEGRATORS = {"rk4": rk4_step, "euler": euler_step}
 
 
-def normal(motion: Motion) -> Motion:
+def normal(motion: StateComponents) -> StateComponents:
     """Scale the quaternion to length 1."""
     return motion._replace(quaternion=unit(motion.quaternion))
 
 
-def _moved(motion: Motion, step: Float[Array, ""], rate: Motion) -> Motion:
+def _moved(
+    motion: StateComponents, step: Float[Array, ""], rate: StateComponents
+) -> StateComponents:
     return jax.tree.map(lambda x, dx: x + step * dx, motion, rate)

@@ -13,8 +13,8 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from jblast.vehicle.dynamics.components import (
-    Motion,
     Number,
+    StateComponents,
     Vector,
     add,
     joined,
@@ -78,9 +78,9 @@ def pulse_wrench(
     pulses: Sequence[Pulse],
     start_s: Number,
     step_s: Number,
-    motion: Motion,
+    motion: StateComponents,
     vehicle: Vehicle,
-    quiet_s: tuple[Number, ...],
+    inactive_until_s: tuple[Number, ...],
     axis: str | None,
 ) -> tuple[Wrench, tuple[Number, ...]]:
     """Mean over a step of the pulses, from the state at its beginning.
@@ -91,7 +91,7 @@ def pulse_wrench(
         step_s: Its length.
         motion: State then.
         vehicle: The vehicle.
-        quiet_s: Until when each of them gives nothing.
+        inactive_until_s: Until when each of them gives nothing.
         axis: Of vehicles that are calculated together; None: there is one.
 
     Returns:
@@ -99,8 +99,8 @@ def pulse_wrench(
     """
     zero = (0 * step_s, 0 * step_s, 0 * step_s)
     total: Wrench = (zero, zero)
-    end_s, quiet = start_s + step_s, []
-    for load, until in zip(pulses, quiet_s, strict=True):
+    end_s, inactive_until = start_s + step_s, []
+    for load, until in zip(pulses, inactive_until_s, strict=True):
 
         def mean(load: Any = load) -> Wrench:
             given = load.impulse(start_s, end_s, joined(motion), vehicle)
@@ -129,8 +129,8 @@ def pulse_wrench(
         else:
             given = mean()
         total = (add(total[0], given[0]), add(total[1], given[1]))
-        quiet.append(until)
-    return total, tuple(quiet)
+        inactive_until.append(until)
+    return total, tuple(inactive_until)
 
 
 def _plus(

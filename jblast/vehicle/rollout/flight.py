@@ -6,7 +6,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from jblast.errors import InputError
-from jblast.vehicle.dynamics.components import Motion, Number, Vector, three
+from jblast.vehicle.dynamics.components import Number, StateComponents, Vector, three
 from jblast.vehicle.dynamics.equations import Wrench
 from jblast.vehicle.dynamics.state import State
 from jblast.vehicle.quadrotor.parameters import Vehicle
@@ -38,12 +38,12 @@ class Flight(NamedTuple):
 class Rows(NamedTuple):
     """Stored rows, each part a tuple of components."""
 
-    motion: Motion
+    motion: StateComponents
     wrench: Wrench
     alive: Bool[Array, "..."]
 
 
-def wind_at(flight: Flight, time: Number, motion: Motion) -> Vector:
+def wind_at(flight: Flight, time: Number, motion: StateComponents) -> Vector:
     """Return the velocity of the air at a vehicle [m/s].
 
     Raises:

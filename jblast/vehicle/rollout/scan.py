@@ -7,7 +7,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from jblast.vehicle.dynamics.components import Motion, Number
+from jblast.vehicle.dynamics.components import Number, StateComponents
 from jblast.vehicle.dynamics.equations import Wrench, net_wrench
 from jblast.vehicle.rollout.flight import Flight, Rows
 from jblast.vehicle.rollout.step import Now, OneStep
@@ -46,20 +46,20 @@ def fly(
         flight = flight._replace(control=flight.control.ready(flight.vehicle))
     one = OneStep(flight, period_s, integrator, control_held, axis)
     now = one.start()
-    first = (now.motion, now.push)
+    first = (now.motion, now.impulse_wrench)
 
-    def stretch(now: Now, part: Ticks) -> tuple[Now, tuple[Motion, Wrench]]:
+    def stretch(now: Now, part: Ticks) -> tuple[Now, tuple[StateComponents, Wrench]]:
         size = part.step.size
         block = max(n for n in range(1, BLOCK + 1) if size % n == 0)
         blocks = jax.tree.map(lambda x: x.reshape(-1, block, *x.shape[1:]), part)
         now, _ = jax.lax.scan(
             lambda now, part: (_few(one, now, part), None), now, blocks
         )
-        return now, (now.motion, now.push)
+        return now, (now.motion, now.impulse_wrench)
 
-    def wrench(row: tuple[Motion, Wrench], time: Number) -> Wrench:
-        motion, push = row
-        rate = one.rates(push, time, motion.rotor_speed, motion)
+    def wrench(row: tuple[StateComponents, Wrench], time: Number) -> Wrench:
+        motion, impulse_wrench = row
+        rate = one.rates(impulse_wrench, time, motion.rotor_speed, motion)
         return net_wrench(flight.vehicle, motion, rate)
 
     count = ticks.step.size // store_every
@@ -85,15 +85,15 @@ def fly(
 
 def _few(one: OneStep, now: Now, part: Ticks) -> Now:
     """Take a block of steps."""
-    if not now.quiet_s:
+    if not now.inactive_until_s:
         return _steps(one.advance, now, part)
     end_s = part.start[-1] + part.step[-1]
-    loud = end_s > functools.reduce(jnp.minimum, now.quiet_s)
-    none = jax.tree.map(jnp.zeros_like, now.push)
+    active = end_s > functools.reduce(jnp.minimum, now.inactive_until_s)
+    none = jax.tree.map(jnp.zeros_like, now.impulse_wrench)
     return jax.lax.cond(
-        loud,
+        active,
         lambda now: _steps(one.advance_pushed, now, part),
-        lambda now: _steps(one.advance, now._replace(push=none), part),
+        lambda now: _steps(one.advance, now._replace(impulse_wrench=none), part),
         now,
     )
 

@@ -9,8 +9,8 @@ from jaxtyping import Array, Float, PyTree
 
 from jblast.vehicle.dynamics.components import (
     Four,
-    Motion,
     Number,
+    StateComponents,
     Vector,
     components,
     four,
@@ -32,16 +32,16 @@ class Now(NamedTuple):
             rounded; None in float64.
         command: Rotor speeds asked for [rad/s].
         memory: The controller's.
-        push: Mean of the pulses over the step.
-        quiet_s: Until when each pulse gives nothing.
+        impulse_wrench: Mean of the pulses over the step.
+        inactive_until_s: Until when each pulse gives nothing.
     """
 
-    motion: Motion
+    motion: StateComponents
     excess: Four | None
     command: Four
     memory: PyTree[Array]
-    push: Wrench
-    quiet_s: tuple[Number, ...]
+    impulse_wrench: Wrench
+    inactive_until_s: tuple[Number, ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,11 +78,15 @@ class OneStep:
         )
 
     def rates(
-        self, push: Wrench, time: Number, command: Four, motion: Motion
-    ) -> Motion:
+        self,
+        impulse_wrench: Wrench,
+        time: Number,
+        command: Four,
+        motion: StateComponents,
+    ) -> StateComponents:
         """Return the rates of a state at a time."""
         flight = self.flight
-        wind, load = wind_at(flight, time, motion), push
+        wind, load = wind_at(flight, time, motion), impulse_wrench
         if flight.loads:
             load = load_wrench(flight.loads, time, joined(motion), flight.vehicle, load)
         return rates(flight.vehicle, motion, command, wind, load)
@@ -97,16 +101,19 @@ class OneStep:
 
     def advance_pushed(self, now: Now, tick: Ticks) -> Now:
         """Take a step in which a pulse may come."""
-        push, quiet_s = pulse_wrench(
+        impulse_wrench, inactive_until_s = pulse_wrench(
             self._pulses(),
             tick.start,
             tick.step,
             now.motion,
             self.flight.vehicle,
-            now.quiet_s,
+            now.inactive_until_s,
             self.axis,
         )
-        return self.advance(now._replace(push=push, quiet_s=quiet_s), tick)
+        now = now._replace(
+            impulse_wrench=impulse_wrench, inactive_until_s=inactive_until_s
+        )
+        return self.advance(now, tick)
 
     def _pulses(self) -> list[Pulse]:
         return [load for load in self.flight.loads if isinstance(load, Pulse)]
@@ -136,11 +143,11 @@ class OneStep:
     def _moved(self, now: Now, tick: Ticks) -> Now:
         flight = self.flight
 
-        def stage_rates(stage: int, motion: Motion) -> Motion:
+        def stage_rates(stage: int, motion: StateComponents) -> StateComponents:
             command = now.command
             if flight.commands is not None:
                 command = four(flight.commands[tick.command[stage]])
-            return self.rates(now.push, tick.stages[stage], command, motion)
+            return self.rates(now.impulse_wrench, tick.stages[stage], command, motion)
 
         gain = INTEGRATORS[self.integrator](stage_rates, now.motion, tick.step)
         motion, excess = _sum(now.motion, now.excess, gain)
@@ -149,8 +156,8 @@ class OneStep:
 
 
 def _sum(
-    motion: Motion, excess: Four | None, gain: Motion
-) -> tuple[Motion, Four | None]:
+    motion: StateComponents, excess: Four | None, gain: StateComponents
+) -> tuple[StateComponents, Four | None]:
     """Add what a step gives; to the rotors by Kahan's sum.
 
     Of all numbers theirs grow the least in a step for their size: at steps of 0.1 ms
@@ -172,7 +179,7 @@ def _sum(
 
 
 def _numbers(array: Array) -> tuple[Array, ...]:
-    """Take a small array apart, as `Motion` is."""
+    """Take a small array apart, as `StateComponents` is."""
     return tuple(jnp.ravel(array))
 
 
@@ -181,7 +188,9 @@ def _whole(numbers: tuple[Array, ...], like: Array) -> Array:
     return jnp.stack(numbers).reshape(like.shape)
 
 
-def _grounded(ground: Float[Array, ""] | None, motion: Motion) -> Motion:
+def _grounded(
+    ground: Float[Array, ""] | None, motion: StateComponents
+) -> StateComponents:
     """Stop a vehicle that goes into the ground: it lies where it fell."""
     if ground is None:
         return motion

@@ -51,14 +51,14 @@ class Sender:
         """Return (..., k) as (k, vehicles)."""
         return self.array(jnp.asarray(value).reshape(-1, value.shape[-1]).T)
 
-    def crafts(self, Craft: Any, vehicle: Vehicle | Each) -> Any:
+    def vehicles(self, struct: Any, vehicle: Vehicle | Each) -> Any:
         """Return the numbers of each vehicle, or of the one that all are."""
         each = isinstance(vehicle, Each)
         fields = _craft_fields(own(vehicle), self.axes if each else 0)
-        table: Any = np.zeros(len(fields["mass"]), Craft.numpy_dtype())
+        table: Any = np.zeros(len(fields["mass"]), struct.numpy_dtype())
         for name, value in fields.items():
             table[name] = value
-        return wp.array(table, dtype=Craft, device=self.device)
+        return wp.array(table, dtype=struct, device=self.device)
 
     def clock(self, Clock: Any, ticks: Ticks, store_every: int) -> Any:
         """Return the steps."""

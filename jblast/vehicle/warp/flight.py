@@ -68,7 +68,7 @@ class KernelFlight:
         self.time_s, self.batch, self.device = time_s, batch, place
         self.kernel = kernel.kernel
         self.inputs = [
-            send.crafts(kernel.Craft, flight.vehicle),
+            send.vehicles(kernel.Vehicle, flight.vehicle),
             send.air(kernel.Air, flight),
             send.clock(kernel.Clock, ticks, store_every),
             send.pilot(kernel.Pilot, flight, period_s),

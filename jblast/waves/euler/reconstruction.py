@@ -14,7 +14,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from jblast.waves.euler.state import Primitives
-from jblast.waves.euler.xla_layout import laid_out
+from jblast.waves.euler.xla_layout import materialized
 
 KAPPA = 1.0 / 3.0
 TINY = 1e-30
@@ -35,7 +35,7 @@ def face_values(
         outer: What stands for a cell beyond the last.
         limited: Whether slopes are limited.
     """
-    around = laid_out(jnp.concatenate([inner[None], means, outer[None]]))
+    around = materialized(jnp.concatenate([inner[None], means, outer[None]]))
     a, b = means - around[:-2], around[2:] - means
     if limited:
         s = 2.0 * jnp.maximum(a * b, 0.0) / (a * a + b * b + TINY)

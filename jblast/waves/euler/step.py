@@ -28,7 +28,7 @@ from jblast.waves.euler.reconstruction import reconstruct
 from jblast.waves.euler.riemann import face_flux, wave_mass_flux
 from jblast.waves.euler.shock_fitting import Front, fitted_front
 from jblast.waves.euler.state import Flow, Primitives, State, primitives
-from jblast.waves.euler.xla_layout import laid_out, worked_out_faces
+from jblast.waves.euler.xla_layout import materialized, worked_out_faces
 
 
 class Rates(NamedTuple):
@@ -79,10 +79,10 @@ def step(
     clock = state.clock + advance
     overtaken = flow.mesh.swept(state.clock, advance)
     first = _rates(state, flow, cells, front, overtaken, advance)
-    middle = laid_out(_moved(state, first, clock, flow))
+    middle = materialized(_moved(state, first, clock, flow))
     cells = primitives(middle, flow.gas)
     second = _rates(middle, flow, cells, _front(cells, flow), overtaken, advance)
-    both = laid_out(jax.tree.map(lambda a, b: 0.5 * (a + b), first, second))
+    both = materialized(jax.tree.map(lambda a, b: 0.5 * (a + b), first, second))
     moved = _moved(state, both, clock, flow)
     new = jax.tree.map(lambda a, b: jnp.where(alive, a, b), moved, state)
     return eqx.tree_at(lambda s: s.alive, new, alive), front
@@ -135,8 +135,8 @@ def _rates(
     advance: Float[Array, "..."],
 ) -> Rates:
     """Return what a step adds if the flow stays what it is."""
-    cells = laid_out(cells)
-    left, right = laid_out(
+    cells = materialized(cells)
+    left, right = materialized(
         reconstruct(cells, fitted=flow.ambient is not None, limited=flow.limited)
     )
     time = advance / front.speed
@@ -153,7 +153,7 @@ def _rates(
     )
     within = slice(None) if at.start else slice(1, -1)
     ends = _ends(left, right, flow, overtaken, impulse)
-    swept, momentum, energy = laid_out(
+    swept, momentum, energy = materialized(
         tuple(
             jnp.concatenate([first[None], faces[within], last[None]])
             for (first, last), faces in zip(ends, flux, strict=True)

@@ -17,7 +17,7 @@ from jaxtyping import Array
 T = TypeVar("T")
 
 
-def laid_out(values: T) -> T:
+def materialized(values: T) -> T:
     """Return the values, put into memory; on other machines than a CPU, backward only.
 
     Args:

@@ -6,7 +6,7 @@ import pytest
 
 from jblast.report.flights.distribution_figure import distribution_figure
 from jblast.scene import VehicleSpec
-from jblast.study.flights.encounter import Meeting
+from jblast.study.flights.encounter import Encounter
 from jblast.study.flights.exposure import Exposure
 from jblast.study.flights.records import Flights, Flown, Options
 from jblast.vehicle import FlightMetrics
@@ -19,8 +19,8 @@ def flown(deviation: np.ndarray) -> Flown:
     zero, no = jnp.zeros(COUNT), jnp.zeros(COUNT, bool)
     metrics = FlightMetrics(zero, zero, jnp.asarray(deviation), zero, zero, ~no, no)
     each = jnp.linspace(2.0, 8.0, COUNT)[:, None]
-    meeting = Meeting(each, each, each, each, ~no[:, None])
-    return Flown(metrics, meeting, Exposure(zero, zero, zero), zero, no, None)
+    encounter = Encounter(each, each, each, each, ~no[:, None])
+    return Flown(metrics, encounter, Exposure(zero, zero, zero), zero, no, None)
 
 
 @pytest.mark.parametrize("bend", [0.2, 1.0, 5.0])

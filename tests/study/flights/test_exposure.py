@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from jblast.scene import Charge, Scene
-from jblast.study.flights.encounter import Profile, load_of, meeting_at
+from jblast.study.flights.encounter import Profile, encounter_at, load_of
 from jblast.study.flights.exposure import Exposure, exposed
 from jblast.vehicle import State, blast_load, named
 from jblast.vehicle.quadrotor.models import PARAMETERS
@@ -27,8 +27,10 @@ def standing(place) -> State:
 
 @eqx.filter_jit
 def exposure(scene, load, place):
-    meeting = meeting_at(load, jnp.asarray(place), LEVEL)
-    return exposed(scene, load, CRAZYFLIE, meeting, jnp.asarray(TIME), standing(place))
+    encounter = encounter_at(load, jnp.asarray(place), LEVEL)
+    return exposed(
+        scene, load, CRAZYFLIE, encounter, jnp.asarray(TIME), standing(place)
+    )
 
 
 def test_a_pulse_of_a_millisecond_accelerates_by_its_impulse():
@@ -51,7 +53,7 @@ def test_a_place_in_a_fireball_is_in_it_from_when_it_comes_to_when_it_fades():
     assert float(found.fireball_time_s) == pytest.approx(0.258 - reached, abs=2e-3)
     far = exposure(scene, load, jnp.array([3.0, 0.0, 0.0]))
     assert far.fireball_time_s == 0
-    peak = meeting_at(load, jnp.array([3.0, 0.0, 0.0]), LEVEL).overpressure_pa[0]
+    peak = encounter_at(load, jnp.array([3.0, 0.0, 0.0]), LEVEL).overpressure_pa[0]
     np.testing.assert_allclose(far.peak_overpressure_pa, peak)
     # the drag of the wind alone: q of the shock, gamma 1.4, on its side
     pressure = float(peak) / 101325

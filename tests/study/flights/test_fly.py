@@ -25,7 +25,7 @@ from jblast.scene import (
     with_values,
 )
 from jblast.study.flights import fly as fly_module
-from jblast.study.flights.encounter import Profile, load_of, meeting_at
+from jblast.study.flights.encounter import Profile, encounter_at, load_of
 from jblast.study.flights.fly import Options, fly
 from jblast.study.flights.statistics import quantiles, share_interval, warnings_of
 from jblast.vehicle import blast_load, flight_metrics
@@ -52,16 +52,18 @@ def test_the_blast_comes_when_the_load_says(flights):
     load = blast_load(scene().scene)
     for flown in flights.holds.values():
         expected = load.arrival_time_s(PLACE)
-        np.testing.assert_allclose(flown.meeting.arrival_s, expected, rtol=1e-9)
+        np.testing.assert_allclose(flown.encounter.arrival_s, expected, rtol=1e-9)
         # 1 kg at standard pressure: metres are scaled metres
-        np.testing.assert_allclose(flown.meeting.scaled_distance, [29**0.5], rtol=1e-6)
-        assert flown.meeting.in_range.tolist() == [True]
+        np.testing.assert_allclose(
+            flown.encounter.scaled_distance, [29**0.5], rtol=1e-6
+        )
+        assert flown.encounter.in_range.tolist() == [True]
 
 
 def test_metrics_are_those_of_the_trajectory(flights):
     for flown in flights.holds.values():
         expected = flight_metrics(
-            flown.trajectory, PLACE, flown.meeting.arrival_s[0], ground_up_m=0.0
+            flown.trajectory, PLACE, flown.encounter.arrival_s[0], ground_up_m=0.0
         )
         np.testing.assert_array_equal(
             flown.metrics.peak_deviation_m, expected.peak_deviation_m
@@ -117,8 +119,8 @@ def test_a_charge_that_never_happens_changes_nothing(flights):
             *map(jax.tree.leaves, (flown.metrics, expected.metrics)), strict=True
         ):
             np.testing.assert_allclose(here, there, rtol=1e-9)
-        meeting = flown.meeting
-        assert (float(meeting.arrival_s[1]), float(meeting.overpressure_pa[1])) == (
+        encounter = flown.encounter
+        assert (float(encounter.arrival_s[1]), float(encounter.overpressure_pa[1])) == (
             np.inf,
             0.0,
         )
@@ -246,11 +248,11 @@ def test_a_custom_profile_takes_the_place_of_the_charge():
     made = Scene(charge=Charge(mass=1.0, east=-3.0, up=2.0, time=0.3))
     load = load_of(made, Profile(case[None]))
     level = jnp.array([0.0, 0.0, 0.0, 1.0])
-    meeting = meeting_at(load, PLACE, level)
-    assert float(meeting.arrival_s[0]) == pytest.approx(0.31)
-    assert float(meeting.distance_m[0]) == pytest.approx(8.0)
-    assert meeting.in_range.tolist() == [True]
-    assert np.isnan(meeting.scaled_distance[0])
+    encounter = encounter_at(load, PLACE, level)
+    assert float(encounter.arrival_s[0]) == pytest.approx(0.31)
+    assert float(encounter.distance_m[0]) == pytest.approx(8.0)
+    assert encounter.in_range.tolist() == [True]
+    assert np.isnan(encounter.scaled_distance[0])
 
 
 def test_a_profile_whose_moments_are_about_another_place_is_not_flown():
@@ -285,8 +287,8 @@ def test_a_batch_flies_as_its_vehicles_alone(monkeypatch):
         single = fly(alone, options)
         for name, flown in flights.holds.items():
             own = single.holds[name]
-            found = flown.metrics, flown.meeting, flown.error_at_blast_m
-            expected = own.metrics, own.meeting, own.error_at_blast_m
+            found = flown.metrics, flown.encounter, flown.error_at_blast_m
+            expected = own.metrics, own.encounter, own.error_at_blast_m
             for many, one in zip(
                 jax.tree.leaves(found), jax.tree.leaves(expected), strict=True
             ):

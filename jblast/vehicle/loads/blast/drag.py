@@ -23,9 +23,9 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from jblast.vehicle.dynamics.components import (
-    Motion,
     Number,
     Rows,
+    StateComponents,
     Vector,
     add,
     dot,
@@ -179,7 +179,7 @@ def drag_force(body: Body, attitude: Rows, density: Number, past: Vector) -> Vec
 
 
 def rotors_in_wind(
-    vehicle: Vehicle, motion: Motion, air: Vector, passage: Passage
+    vehicle: Vehicle, motion: StateComponents, air: Vector, passage: Passage
 ) -> tuple[RotorForce, RotorForce]:
     """Return what the rotors feel of a wind: force, world, and moment, body.
 

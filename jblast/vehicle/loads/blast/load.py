@@ -103,7 +103,7 @@ class BlastLoad(eqx.Module):
         acceleration = flies / vehicle.mass_kg - FLIGHT_GRAVITY * _UP.astype(
             flies.dtype
         )
-        push = turn = three(jnp.zeros_like(state.position_m))
+        impulse = angular_impulse = three(jnp.zeros_like(state.position_m))
         for blast in self.blasts:
             # one that never happens has not come by the step's end, and gives nothing
             happens = ~blast.never
@@ -125,14 +125,14 @@ class BlastLoad(eqx.Module):
                 front=self.front,
             )
             arm = three(body.pressure_centre_m)
-            pushed = given.body
+            gained = given.body
             turned_by = cross(arm, times_transposed(attitude, given.body))
             if force is not None and moment is not None:
-                pushed = add(pushed, polynomial(force, given))
+                gained = add(gained, polynomial(force, given))
                 turned_by = add(turned_by, polynomial(moment, given))
-            push = add(push, _only(happens, pushed))
-            turn = add(turn, _only(happens, turned_by))
-        return jnp.stack(push), jnp.stack(turn)
+            impulse = add(impulse, _only(happens, gained))
+            angular_impulse = add(angular_impulse, _only(happens, turned_by))
+        return jnp.stack(impulse), jnp.stack(angular_impulse)
 
     def quiet_until(
         self, start_s: Float[Array, ""], state: State, vehicle: Vehicle
@@ -150,7 +150,7 @@ class BlastLoad(eqx.Module):
         # of a wind across the way too
         sound = jnp.maximum(self.sound_speed_m_s - 2 * blow, 0.0)
         speed, most = _length(state.velocity_m_s), MOST_ACCELERATION_M_S2
-        quiet = jnp.asarray(jnp.inf, start_s.dtype)
+        inactive_until = jnp.asarray(jnp.inf, start_s.dtype)
         for n, blast in enumerate(self.blasts):
             wave, happens = self.wave(n, state.position_m), ~blast.never
             blast = blast.by(start_s)
@@ -161,8 +161,10 @@ class BlastLoad(eqx.Module):
             over = start_s - came - crossing > 1.05 * (wave.duration_s + wave.suction_s)
             slow = jnp.maximum(sound / 5 - speed, 0) / most
             until = start_s + jnp.where(over, slow, wait)
-            quiet = jnp.minimum(quiet, jnp.where(happens, until, jnp.inf))
-        return quiet
+            inactive_until = jnp.minimum(
+                inactive_until, jnp.where(happens, until, jnp.inf)
+            )
+        return inactive_until
 
     def arrival_time_s(
         self, position_m: Float[Array, "... 3"]

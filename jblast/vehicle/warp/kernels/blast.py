@@ -22,7 +22,7 @@ def blast_functions(real: type) -> SimpleNamespace:
     """
     body, wave, drag = body_functions(real), wave_functions(real), drag_functions(real)
     vec3, mat33, Blasts = body.vec3, body.mat33, wave.Blasts
-    Craft, Motion, Wrench = body.Craft, body.Motion, body.Wrench
+    Vehicle, StateComponents, Wrench = body.Vehicle, body.StateComponents, body.Wrench
     one, half = wp.constant(real(1.0)), wp.constant(real(0.5))
     gravity = wp.constant(real(FLIGHT_GRAVITY))
     # a quotient of literals within a kernel would be of single precision
@@ -38,23 +38,25 @@ def blast_functions(real: type) -> SimpleNamespace:
     Push = wp.struct(Push)
 
     @wp.func
-    def blown(craft: Craft, motion: Motion, air: vec3, attitude: mat33) -> Wrench:
+    def blown(
+        vehicle: Vehicle, motion: StateComponents, air: vec3, attitude: mat33
+    ) -> Wrench:
         """Wrench of the rotors alone; air: past the vehicle; force along world axes."""
         u = wp.transpose(attitude) @ (-air)
-        frame = -wp.length(u) * wp.cw_mul(craft.frame_drag, u)
-        wrench = body.air_wrench(craft, motion.rotor_speed, u, motion.body_rate)
+        frame = -wp.length(u) * wp.cw_mul(vehicle.frame_drag, u)
+        wrench = body.air_wrench(vehicle, motion.rotor_speed, u, motion.body_rate)
         wrench.force = attitude @ (wrench.force - frame)
         return wrench
 
     @wp.func
     def blast_impulse(
-        craft: Craft,
+        vehicle: Vehicle,
         blasts: Blasts,
         b: int,
         lane: int,
         start: real,
         end: real,
-        motion: Motion,
+        motion: StateComponents,
     ) -> Push:
         """As `BlastLoad.impulse`, of one blast."""
         n = wave.lane_of(blasts, lane)
@@ -67,7 +69,7 @@ def blast_functions(real: type) -> SimpleNamespace:
             total.over = True
             return total
         # by the step's end its first half may cross, as the vehicle flies to meet it
-        nearer = wp.length(motion.velocity) * real(2.0) * step + drag.width(craft)
+        nearer = wp.length(motion.velocity) * real(2.0) * step + drag.width(vehicle)
         if first + step + nearer / near.speed < real(0.0):
             return total
         passage = drag.Passage()
@@ -76,11 +78,11 @@ def blast_functions(real: type) -> SimpleNamespace:
             blasts.rows[b, 9, n], blasts.rows[b, 10, n], blasts.rows[b, 11, n]
         )
         passage.air = ambient - motion.velocity
-        still = blown(craft, motion, passage.air, passage.attitude)
+        still = blown(vehicle, motion, passage.air, passage.attitude)
         u = wp.transpose(passage.attitude) @ (-passage.air)
-        frame = -wp.length(u) * wp.cw_mul(craft.frame_drag, u)
+        frame = -wp.length(u) * wp.cw_mul(vehicle.frame_drag, u)
         flies = still.force + passage.attitude @ frame
-        passage.acceleration = flies / craft.mass
+        passage.acceleration = flies / vehicle.mass
         passage.acceleration[2] = passage.acceleration[2] - gravity
         way = (motion.velocity + passage.acceleration * (half * step)) * step
         passage.start = first
@@ -104,8 +106,8 @@ def blast_functions(real: type) -> SimpleNamespace:
         if (parts & ROTORS) != 0:
             probe = passage.wave.sound_speed / real(10.0)
             wind = probe * passage.away
-            ahead = blown(craft, motion, passage.air + wind, passage.attitude)
-            back = blown(craft, motion, passage.air - wind, passage.attitude)
+            ahead = blown(vehicle, motion, passage.air + wind, passage.attitude)
+            back = blown(vehicle, motion, passage.air - wind, passage.attitude)
             by = one / (real(2.0) * probe)
             curved = by / probe
             passage.linear = (ahead.force - back.force) * by
@@ -115,16 +117,18 @@ def blast_functions(real: type) -> SimpleNamespace:
             ) * curved
             moment_square = ahead.moment + back.moment - real(2.0) * still.moment
             moment_square = moment_square * curved
-        guess = drag.run(craft, passage, parts, blasts.gauss, passage.end, drag.mat_n())
+        guess = drag.run(
+            vehicle, passage, parts, blasts.gauss, passage.end, drag.mat_n()
+        )
         pushed = guess.body + guess.way * passage.linear + guess.square * passage.square
-        later_s = wp.dot(passage.away, pushed) / craft.mass * step * half
+        later_s = wp.dot(passage.away, pushed) / vehicle.mass * step * half
         over = middle.speed * fast
         end_s = wp.max(passage.end - later_s / over, passage.start)
-        given = drag.run(craft, passage, parts, blasts.gauss, end_s, guess.gained)
+        given = drag.run(vehicle, passage, parts, blasts.gauss, end_s, guess.gained)
         total.impulse = given.body + given.way * passage.linear
         total.impulse += given.square * passage.square
         on_body = wp.transpose(passage.attitude) @ given.body
-        total.turn = wp.cross(craft.pressure_centre, on_body)
+        total.turn = wp.cross(vehicle.pressure_centre, on_body)
         total.turn += given.way * moment_linear + given.square * moment_square
         gone = passage.wave.duration + passage.wave.suction_time
         total.over = first > real(2.0) * gone  # the vehicle may still move after it

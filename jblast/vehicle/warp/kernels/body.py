@@ -22,7 +22,7 @@ def body_functions(real: type) -> SimpleNamespace:
     mat43 = wp.types.matrix((4, 3), real)
     gravity = wp.constant(real(FLIGHT_GRAVITY))
 
-    class Craft:
+    class Vehicle:
         """What `Vehicle` and `Body` tell, and three inverses."""
 
         mass: real
@@ -45,7 +45,7 @@ def body_functions(real: type) -> SimpleNamespace:
         added_mass: real
         pressure_centre: vec3
 
-    class Motion:
+    class StateComponents:
         """A state, or its rates."""
 
         position: vec3
@@ -60,11 +60,15 @@ def body_functions(real: type) -> SimpleNamespace:
         force: vec3
         moment: vec3
 
-    Craft, Motion, Wrench = wp.struct(Craft), wp.struct(Motion), wp.struct(Wrench)
+    Vehicle, StateComponents, Wrench = (
+        wp.struct(Vehicle),
+        wp.struct(StateComponents),
+        wp.struct(Wrench),
+    )
 
     @wp.func
     def rotation(q: vec4) -> mat33:
-        """As `motion.rotation`: of any length but zero."""
+        """As `components.rotation`: of any length but zero."""
         s = real(2.0) / wp.dot(q, q)
         i = q[0] * s
         j = q[1] * s
@@ -83,56 +87,64 @@ def body_functions(real: type) -> SimpleNamespace:
 
     @wp.func
     def turning(q: vec4, w: vec3) -> vec4:
-        """As `motion.turning`."""
+        """As `components.turning`."""
         v = vec3(q[0], q[1], q[2])
         a = real(0.5) * (q[3] * w + wp.cross(v, w))
         return vec4(a[0], a[1], a[2], real(-0.5) * wp.dot(v, w))
 
     @wp.func
-    def air_wrench(craft: Craft, speed: vec4, u: vec3, w: vec3) -> Wrench:
-        """As `dynamics.air_wrench`, along body axes; u: velocity through the air."""
+    def air_wrench(vehicle: Vehicle, speed: vec4, u: vec3, w: vec3) -> Wrench:
+        """As `equations.air_wrench`, along body axes; u: velocity through the air."""
         total = Wrench()
-        total.force = -wp.length(u) * wp.cw_mul(craft.frame_drag, u)
+        total.force = -wp.length(u) * wp.cw_mul(vehicle.frame_drag, u)
         total.moment = vec3(real(0.0))
         for i in range(4):
-            arm = craft.rotor_position[i]
+            arm = vehicle.rotor_position[i]
             at = u + wp.cross(w, arm)
             square = speed[i] * speed[i]
-            thrust = craft.thrust_coefficient * square
-            thrust += craft.translational_lift * (at[0] * at[0] + at[1] * at[1])
-            pull = -speed[i] * wp.cw_mul(craft.rotor_drag, at)
+            thrust = vehicle.thrust_coefficient * square
+            thrust += vehicle.translational_lift * (at[0] * at[0] + at[1] * at[1])
+            pull = -speed[i] * wp.cw_mul(vehicle.rotor_drag, at)
             pull[2] = pull[2] + thrust
             total.force += pull
             total.moment += wp.cross(arm, pull)
-            spin = craft.rotor_direction[i] * craft.moment_coefficient * square
+            spin = vehicle.rotor_direction[i] * vehicle.moment_coefficient * square
             total.moment[2] = total.moment[2] + spin
         return total
 
     @wp.func
     def rates(
-        craft: Craft, motion: Motion, command: vec4, wind: vec3, push: Wrench
-    ) -> Motion:
-        """As `dynamics.rates`."""
+        vehicle: Vehicle,
+        motion: StateComponents,
+        command: vec4,
+        wind: vec3,
+        impulse_wrench: Wrench,
+    ) -> StateComponents:
+        """As `equations.rates`."""
         attitude = rotation(motion.quaternion)
         w = motion.body_rate
         u = wp.transpose(attitude) @ (motion.velocity - wind)
-        air = air_wrench(craft, motion.rotor_speed, u, w)
-        spin = wp.cross(w, craft.inertia @ w)
-        rate = Motion()
+        air = air_wrench(vehicle, motion.rotor_speed, u, w)
+        spin = wp.cross(w, vehicle.inertia @ w)
+        rate = StateComponents()
         rate.position = motion.velocity
-        rate.velocity = (attitude @ air.force + push.force) / craft.mass
+        rate.velocity = (attitude @ air.force + impulse_wrench.force) / vehicle.mass
         rate.velocity[2] = rate.velocity[2] - gravity
         rate.quaternion = turning(motion.quaternion, w)
-        rate.body_rate = craft.inverse_inertia @ (air.moment + push.moment - spin)
+        rate.body_rate = vehicle.inverse_inertia @ (
+            air.moment + impulse_wrench.moment - spin
+        )
         for i in range(4):
-            asked = wp.clamp(command[i], craft.speed_min, craft.speed_max)
-            rate.rotor_speed[i] = (asked - motion.rotor_speed[i]) * craft.motor_rate
+            asked = wp.clamp(command[i], vehicle.speed_min, vehicle.speed_max)
+            rate.rotor_speed[i] = (asked - motion.rotor_speed[i]) * vehicle.motor_rate
         return rate
 
     @wp.func
-    def moved(motion: Motion, step: real, rate: Motion) -> Motion:
+    def moved(
+        motion: StateComponents, step: real, rate: StateComponents
+    ) -> StateComponents:
         """Return the state on the straight line of some rates."""
-        now = Motion()
+        now = StateComponents()
         now.position = motion.position + step * rate.position
         now.velocity = motion.velocity + step * rate.velocity
         now.quaternion = motion.quaternion + step * rate.quaternion
@@ -144,8 +156,8 @@ def body_functions(real: type) -> SimpleNamespace:
         vec3=vec3,
         vec4=vec4,
         mat33=mat33,
-        Craft=Craft,
-        Motion=Motion,
+        Vehicle=Vehicle,
+        StateComponents=StateComponents,
         Wrench=Wrench,
         rotation=rotation,
         turning=turning,

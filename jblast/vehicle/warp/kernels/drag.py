@@ -27,7 +27,7 @@ def drag_functions(real: type) -> SimpleNamespace:
         real: `wp.float32` or `wp.float64`.
     """
     body, wave = body_functions(real), wave_functions(real)
-    vec3, mat33, Craft, Wave = body.vec3, body.mat33, body.Craft, wave.Wave
+    vec3, mat33, Vehicle, Wave = body.vec3, body.mat33, body.Vehicle, wave.Wave
     mat_n = wp.types.matrix((2 * NODES, 3), real)
     vec_n = wp.types.vector(2 * NODES, real)
     one, half = wp.constant(real(1.0)), wp.constant(real(0.5))
@@ -35,7 +35,7 @@ def drag_functions(real: type) -> SimpleNamespace:
     sphere = wp.constant(real(4.0 / np.pi))
 
     class Passage:
-        """As `blast_drag.Passage`, with what does not change within a step."""
+        """As `passage.Passage`, with what does not change within a step."""
 
         wave: Wave
         away: vec3
@@ -51,7 +51,7 @@ def drag_functions(real: type) -> SimpleNamespace:
         square: vec3
 
     class Given:
-        """As `blast_drag.WindImpulse`, and the velocity gained until each node."""
+        """As `drag.WindImpulse`, and the velocity gained until each node."""
 
         body: vec3
         way: real
@@ -61,38 +61,40 @@ def drag_functions(real: type) -> SimpleNamespace:
     Passage, Given = wp.struct(Passage), wp.struct(Given)
 
     @wp.func
-    def drag_force(craft: Craft, attitude: mat33, density: real, past: vec3) -> vec3:
-        """As `blast_drag.drag_force`."""
-        on = wp.cw_mul(craft.area, wp.transpose(attitude) @ past)
-        return half * density * craft.drag_coefficient * wp.length(on) * past
+    def drag_force(
+        vehicle: Vehicle, attitude: mat33, density: real, past: vec3
+    ) -> vec3:
+        """As `drag.drag_force`."""
+        on = wp.cw_mul(vehicle.area, wp.transpose(attitude) @ past)
+        return half * density * vehicle.drag_coefficient * wp.length(on) * past
 
     @wp.func
-    def width(craft: Craft) -> real:
+    def width(vehicle: Vehicle) -> real:
         """Diameter of the sphere of the mean area; a millimetre where there is none."""
-        area = (craft.area[0] + craft.area[1] + craft.area[2]) / real(3.0)
+        area = (vehicle.area[0] + vehicle.area[1] + vehicle.area[2]) / real(3.0)
         if area > real(0.0):
             return wp.sqrt(sphere * area)
         return real(1e-3)
 
     @wp.func
-    def front_impulse(craft: Craft, passage: Passage, since: real, u: real) -> real:
-        """As `blast_drag.front_impulse`; u: the wind's speed then, or at the front."""
-        across = since * passage.front_speed / width(craft)
+    def front_impulse(vehicle: Vehicle, passage: Passage, since: real, u: real) -> real:
+        """As `passage.front_impulse`; u: the wind's speed then, or at the front."""
+        across = since * passage.front_speed / width(vehicle)
         crossed = wp.clamp(across + half, real(0.0), one)
-        mass = passage.density * craft.volume * (one + craft.added_mass)
+        mass = passage.density * vehicle.volume * (one + vehicle.added_mass)
         return mass * crossed * u
 
     @wp.func
-    def front_until(craft: Craft, passage: Passage, since: real) -> real:
+    def front_until(vehicle: Vehicle, passage: Passage, since: real) -> real:
         """Return what the front has given until then."""
         inside = wp.max(since, real(0.0))
         p = wave.overpressure(passage.wave, inside)
         u = wave.wind_speed(passage.wave, inside, p)
-        return front_impulse(craft, passage, since, u)
+        return front_impulse(vehicle, passage, since, u)
 
     @wp.func
     def run(
-        craft: Craft,
+        vehicle: Vehicle,
         passage: Passage,
         parts: int,
         gauss: wp.array2d[real],
@@ -106,7 +108,7 @@ def drag_functions(real: type) -> SimpleNamespace:
         given.square = real(0.0)
         forces = mat_n()
         speeds = vec_n()
-        before = front_until(craft, passage, passage.start)
+        before = front_until(vehicle, passage, passage.start)
         until = vec3(real(0.0))
         for phase in range(2):
             low = real(0.0)
@@ -134,8 +136,10 @@ def drag_functions(real: type) -> SimpleNamespace:
                 if (parts & DRAG) != 0:
                     past = speed * passage.away + gone
                     dense = passage.density * ratio
-                    force = drag_force(craft, passage.attitude, dense, past)
-                    force -= drag_force(craft, passage.attitude, passage.density, gone)
+                    force = drag_force(vehicle, passage.attitude, dense, past)
+                    force -= drag_force(
+                        vehicle, passage.attitude, passage.density, gone
+                    )
                 given.body += share * force
                 given.way += share * speed
                 given.square += share * square
@@ -152,12 +156,12 @@ def drag_functions(real: type) -> SimpleNamespace:
                 part = until + width * part
                 if (parts & FRONT) != 0:
                     since = low + (high - low) * gauss[j, 0]
-                    leap = front_impulse(craft, passage, since, speeds[row]) - before
+                    leap = front_impulse(vehicle, passage, since, speeds[row]) - before
                     part += leap * passage.away
-                given.gained[row] = part / craft.mass
+                given.gained[row] = part / vehicle.mass
             until += total
         if (parts & FRONT) != 0:
-            leap = front_until(craft, passage, end) - before
+            leap = front_until(vehicle, passage, end) - before
             given.body += leap * passage.away
         return given
 

@@ -22,7 +22,7 @@ def hold_functions(real: type) -> SimpleNamespace:
     """
     body = body_functions(real)
     vec3, vec4, mat33 = body.vec3, body.vec4, body.mat33
-    Craft, Motion = body.Craft, body.Motion
+    Vehicle, StateComponents = body.Vehicle, body.StateComponents
     gravity = wp.constant(real(FLIGHT_GRAVITY))
     floor = wp.constant(real(THRUST_FLOOR * FLIGHT_GRAVITY))
     descent, slope = wp.constant(real(DESCENT_M_S)), wp.constant(real(TILT_SLOPE))
@@ -103,12 +103,12 @@ def hold_functions(real: type) -> SimpleNamespace:
         return share
 
     @wp.func
-    def speeds_within(craft: Craft, asked: real, moment: vec3) -> vec4:
+    def speeds_within(vehicle: Vehicle, asked: real, moment: vec3) -> vec4:
         """As `allocation.speeds_within`."""
-        b = craft.inverse_allocation
-        k = craft.thrust_coefficient
-        least = k * craft.speed_min * craft.speed_min
-        most = k * craft.speed_max * craft.speed_max
+        b = vehicle.inverse_allocation
+        k = vehicle.thrust_coefficient
+        least = k * vehicle.speed_min * vehicle.speed_min
+        most = k * vehicle.speed_max * vehicle.speed_max
         low, high, tilt, turn = vec4(), vec4(), vec4(), vec4()
         for i in range(4):
             low[i] = least / b[i, 0]
@@ -123,7 +123,7 @@ def hold_functions(real: type) -> SimpleNamespace:
             level = tilt[i] + thrust
             space = wp.where(turn[i] > real(0.0), high[i] - level, level - low[i])
             share = wp.min(share, kept(space, wp.abs(turn[i])))
-        standing = slowest * slowest * craft.speed_max * craft.speed_max
+        standing = slowest * slowest * vehicle.speed_max * vehicle.speed_max
         speeds = vec4(real(0.0))
         for i in range(4):
             square = b[i, 0] * (tilt[i] + thrust + share * turn[i]) / k
@@ -133,9 +133,9 @@ def hold_functions(real: type) -> SimpleNamespace:
 
     @wp.func
     def hold(
-        craft: Craft,
+        vehicle: Vehicle,
         order: Order,
-        motion: Motion,
+        motion: StateComponents,
         so_far: vec3,
         period: real,
     ) -> Answer:
@@ -151,8 +151,8 @@ def hold_functions(real: type) -> SimpleNamespace:
         pull[0] = pull[0] - order.position[0] * away[0]
         pull[1] = pull[1] - order.position[1] * away[1]
         up = pull[2] + wp.max(back, dive) + gravity
-        speed = craft.speed_max
-        most = real(4.0) * craft.thrust_coefficient * speed * speed / craft.mass
+        speed = vehicle.speed_max
+        most = real(4.0) * vehicle.thrust_coefficient * speed * speed / vehicle.mass
         held = wp.min(wp.max(up, floor), most)
         if ((back < dive or up < floor) and gained[2] < real(0.0)) or (
             up > most and gained[2] > real(0.0)
@@ -168,13 +168,13 @@ def hold_functions(real: type) -> SimpleNamespace:
                 pull[i] = share * pull[i]
         pull[2] = held
         attitude = body.rotation(motion.quaternion)
-        thrust = craft.mass * wp.max(wp.dot(pull, column(attitude, 2)), floor)
+        thrust = vehicle.mass * wp.max(wp.dot(pull, column(attitude, 2)), floor)
         w = motion.body_rate
         error = attitude_error(pull, order.heading, attitude)
         turn = -order.attitude * error - order.body_rate * w
-        moment = craft.inertia @ turn + wp.cross(w, craft.inertia @ w)
+        moment = vehicle.inertia @ turn + wp.cross(w, vehicle.inertia @ w)
         answer = Answer()
-        answer.command = speeds_within(craft, thrust, moment)
+        answer.command = speeds_within(vehicle, thrust, moment)
         answer.integral = sums
         return answer
 

@@ -37,13 +37,18 @@ def rollout_kernel(real: type, integrator: str) -> SimpleNamespace:
     """
     body, hold, steps = body_functions(real), hold_functions(real), step_functions(real)
     gust, blast, sums = gust_functions(real), blast_functions(real), sum_functions(real)
-    vec3, Craft, Motion, Wrench = body.vec3, body.Craft, body.Motion, body.Wrench
+    vec3, Vehicle, StateComponents, Wrench = (
+        body.vec3,
+        body.Vehicle,
+        body.StateComponents,
+        body.Wrench,
+    )
     Air, Clock, Pilot = steps.Air, steps.Clock, steps.Pilot
 
     @wp.func
-    def begun(start: wp.array2d[real], lane: int) -> Motion:
+    def begun(start: wp.array2d[real], lane: int) -> StateComponents:
         """Return the state at the start."""
-        now = Motion()
+        now = StateComponents()
         for i in range(3):
             now.position[i] = start[i, lane]
             now.velocity[i] = start[3 + i, lane]
@@ -56,7 +61,7 @@ def rollout_kernel(real: type, integrator: str) -> SimpleNamespace:
 
     @wp.func
     def store(
-        rows: wp.array3d[real], k: int, lane: int, motion: Motion, net: Wrench
+        rows: wp.array3d[real], k: int, lane: int, motion: StateComponents, net: Wrench
     ) -> bool:
         """Write a row; return whether its numbers are finite."""
         total = real(0.0)
@@ -75,19 +80,21 @@ def rollout_kernel(real: type, integrator: str) -> SimpleNamespace:
         return wp.isfinite(total)
 
     @wp.func
-    def net_wrench(craft: Craft, motion: Motion, rate: Motion) -> Wrench:
-        """As `dynamics.net_wrench`."""
+    def net_wrench(
+        vehicle: Vehicle, motion: StateComponents, rate: StateComponents
+    ) -> Wrench:
+        """As `equations.net_wrench`."""
         net = Wrench()
-        net.force = craft.mass * rate.velocity
+        net.force = vehicle.mass * rate.velocity
         w = motion.body_rate
-        net.moment = craft.inertia @ rate.body_rate + wp.cross(w, craft.inertia @ w)
+        net.moment = vehicle.inertia @ rate.body_rate + wp.cross(w, vehicle.inertia @ w)
         return net
 
     advance = {"rk4": steps.rk4, "euler": steps.euler}[integrator]
 
     @wp.kernel(module="unique", enable_backward=False, module_options=OPTIONS)
     def rollout(
-        crafts: wp.array[Craft],
+        vehicles: wp.array[Vehicle],
         air: Air,
         clock: Clock,
         pilot: Pilot,
@@ -97,17 +104,21 @@ def rollout_kernel(real: type, integrator: str) -> SimpleNamespace:
         lost: wp.array[int],
     ):
         lane = wp.tid()
-        craft = crafts[wp.min(lane, crafts.shape[0] - 1)]
+        vehicle = vehicles[wp.min(lane, vehicles.shape[0] - 1)]
         now = begun(start, lane)
         total = sums.Sum()
         total.motion = now
         command = now.rotor_speed
         memory = vec3(real(0.0))
-        push = Wrench()
+        impulse_wrench = Wrench()
         rate = body.rates(
-            craft, now, command, gust.wind_at(air.wind, lane, clock.stages[0, 0]), push
+            vehicle,
+            now,
+            command,
+            gust.wind_at(air.wind, lane, clock.stages[0, 0]),
+            impulse_wrench,
         )
-        alive = store(rows, 0, lane, now, net_wrench(craft, now, rate))
+        alive = store(rows, 0, lane, now, net_wrench(vehicle, now, rate))
         row = wp.int32(1)
         passed = wp.int32(0)  # a bit for each blast whose wave has gone by
         count = clock.step.shape[0]
@@ -118,22 +129,24 @@ def rollout_kernel(real: type, integrator: str) -> SimpleNamespace:
             began = clock.start[n]
             if pilot.kind == 2 and clock.sample[n] != 0:
                 order = hold.order_of(pilot.orders, lane)
-                answer = hold.hold(craft, order, now, memory, pilot.period)
+                answer = hold.hold(vehicle, order, now, memory, pilot.period)
                 command = answer.command
                 memory = answer.integral
-            push = Wrench()
+            impulse_wrench = Wrench()
             for b in range(air.blasts.count):
                 bit = wp.where(b < 31, 1 << b, 0)
                 if (passed & bit) == 0:
                     ended = began + clock.step[n]
                     given = blast.blast_impulse(
-                        craft, air.blasts, b, lane, began, ended, now
+                        vehicle, air.blasts, b, lane, began, ended, now
                     )
-                    push.force += given.impulse / clock.step[n]
-                    push.moment += given.turn / clock.step[n]
+                    impulse_wrench.force += given.impulse / clock.step[n]
+                    impulse_wrench.moment += given.turn / clock.step[n]
                     if given.over:
                         passed = passed | bit
-            gain = advance(craft, air, clock, pilot, lane, n, now, command, push)
+            gain = advance(
+                vehicle, air, clock, pilot, lane, n, now, command, impulse_wrench
+            )
             total = sums.add(total, gain)
             now = total.motion
             if now.position[2] < ground:
@@ -144,8 +157,8 @@ def rollout_kernel(real: type, integrator: str) -> SimpleNamespace:
                 total.motion = now
             if (n + 1) % clock.store_every == 0 or n + 1 == count:
                 wind = gust.wind_at(air.wind, lane, clock.stages[n, 2])
-                rate = body.rates(craft, now, now.rotor_speed, wind, push)
-                alive = store(rows, row, lane, now, net_wrench(craft, now, rate))
+                rate = body.rates(vehicle, now, now.rotor_speed, wind, impulse_wrench)
+                alive = store(rows, row, lane, now, net_wrench(vehicle, now, rate))
                 if not alive:
                     break
                 row += 1
@@ -158,7 +171,7 @@ def rollout_kernel(real: type, integrator: str) -> SimpleNamespace:
 
     return SimpleNamespace(
         kernel=rollout,
-        Craft=Craft,
+        Vehicle=Vehicle,
         Air=Air,
         Clock=Clock,
         Pilot=Pilot,

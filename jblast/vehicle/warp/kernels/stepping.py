@@ -20,7 +20,12 @@ def step_functions(real: type) -> SimpleNamespace:
         real: `wp.float32` or `wp.float64`.
     """
     body, gust, wave = body_functions(real), gust_functions(real), wave_functions(real)
-    vec4, Craft, Motion, Wrench = body.vec4, body.Craft, body.Motion, body.Wrench
+    vec4, Vehicle, StateComponents, Wrench = (
+        body.vec4,
+        body.Vehicle,
+        body.StateComponents,
+        body.Wrench,
+    )
     half, third = wp.constant(real(0.5)), wp.constant(real(1.0 / 3.0))
 
     class Air:
@@ -60,20 +65,20 @@ def step_functions(real: type) -> SimpleNamespace:
 
     @wp.func
     def rk4(
-        craft: Craft,
+        vehicle: Vehicle,
         air: Air,
         clock: Clock,
         pilot: Pilot,
         lane: int,
         n: int,
-        motion: Motion,
+        motion: StateComponents,
         held: vec4,
-        push: Wrench,
-    ) -> Motion:
+        impulse_wrench: Wrench,
+    ) -> StateComponents:
         """What `integrators.rk4_step` adds to a state."""
         step = clock.step[n]
-        gain = Motion()
-        rate = Motion()
+        gain = StateComponents()
+        rate = StateComponents()
         for stage in range(4):
             place = (stage + 1) / 2
             reach = wp.where(stage == 3, step, half * step)
@@ -87,30 +92,30 @@ def step_functions(real: type) -> SimpleNamespace:
                 command = asked(pilot, lane, clock.row[n, place])
             wind = gust.wind_at(air.wind, lane, clock.stages[n, place])
             there = body.moved(motion, reach, rate)
-            rate = body.rates(craft, there, command, wind, push)
+            rate = body.rates(vehicle, there, command, wind, impulse_wrench)
             gain = body.moved(gain, share, rate)
         return gain
 
     @wp.func
     def euler(
-        craft: Craft,
+        vehicle: Vehicle,
         air: Air,
         clock: Clock,
         pilot: Pilot,
         lane: int,
         n: int,
-        motion: Motion,
+        motion: StateComponents,
         held: vec4,
-        push: Wrench,
-    ) -> Motion:
+        impulse_wrench: Wrench,
+    ) -> StateComponents:
         """What `integrators.euler_step` adds to a state."""
         step = clock.step[n]
         command = held
         if pilot.kind == 1:
             command = asked(pilot, lane, clock.row[n, 1])
         wind = gust.wind_at(air.wind, lane, clock.stages[n, 1])
-        rate = body.rates(craft, motion, command, wind, push)
-        gain = body.moved(Motion(), step, rate)
+        rate = body.rates(vehicle, motion, command, wind, impulse_wrench)
+        gain = body.moved(StateComponents(), step, rate)
         gain.position = step * (motion.velocity + gain.velocity)
         w = motion.body_rate + gain.body_rate
         gain.quaternion = step * body.turning(motion.quaternion, w)

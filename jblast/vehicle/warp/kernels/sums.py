@@ -22,14 +22,14 @@ def sum_functions(real: type) -> SimpleNamespace:
         real: `wp.float32` or `wp.float64`, which needs nothing kept.
     """
     body = body_functions(real)
-    Motion, vec4 = body.Motion, body.vec4
+    StateComponents, vec4 = body.StateComponents, body.vec4
     one, half = wp.constant(real(1.0)), wp.constant(real(0.5))
 
     class Sum:
         """A state, and what is left over."""
 
-        motion: Motion
-        left: Motion
+        motion: StateComponents
+        left: StateComponents
 
     Sum = wp.struct(Sum)
 
@@ -40,7 +40,7 @@ def sum_functions(real: type) -> SimpleNamespace:
         return gain + half * (one - wp.dot(end, end)) * end
 
     @wp.func
-    def plain(before: Sum, gain: Motion) -> Sum:
+    def plain(before: Sum, gain: StateComponents) -> Sum:
         """Return the sum as it is rounded."""
         after = Sum()
         gain.quaternion = lengthened(before.motion.quaternion, gain.quaternion)
@@ -48,7 +48,7 @@ def sum_functions(real: type) -> SimpleNamespace:
         return after
 
     @wp.func
-    def compensated(before: Sum, gain: Motion) -> Sum:
+    def compensated(before: Sum, gain: StateComponents) -> Sum:
         """Return the sum, with what was left over before."""
         gain.quaternion = lengthened(before.motion.quaternion, gain.quaternion)
         more = body.moved(gain, one, before.left)

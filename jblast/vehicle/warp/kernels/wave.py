@@ -73,7 +73,7 @@ def wave_functions(real: type) -> SimpleNamespace:
         speed: real
 
     class Wave:
-        """As `blast_wave.Wave`."""
+        """As `loads.blast.wave.Wave`."""
 
         peak: real
         duration: real
@@ -124,7 +124,7 @@ def wave_functions(real: type) -> SimpleNamespace:
 
     @wp.func
     def pulse_impulse(x: real, peak: real, duration: real, decay: real) -> real:
-        """As `blast_wave._pulse_impulse`."""
+        """As `loads.blast.wave._pulse_impulse`."""
         left = wp.exp(-decay * x)
         gone = real(1.0) - left
         part = ((decay - real(1.0)) * gone + decay * x * left) / (decay * decay)
@@ -132,7 +132,7 @@ def wave_functions(real: type) -> SimpleNamespace:
 
     @wp.func
     def wave_at(blasts: Blasts, b: int, n: int, distance: real) -> Wave:
-        """As `blast_wave.wave_at`."""
+        """As `loads.blast.wave.wave_at`."""
         log_r = wp.log(distance)
         log_z = log_r - blasts.rows[b, 5, n]
         row = blasts.burst[b] * own
@@ -152,7 +152,7 @@ def wave_functions(real: type) -> SimpleNamespace:
 
     @wp.func
     def overpressure(wave: Wave, since: real) -> real:
-        """As `blast_wave.overpressure`."""
+        """As `loads.blast.wave.overpressure`."""
         if since < real(0.0):
             return real(0.0)
         x = wp.clamp(since / wave.duration, real(0.0), real(1.0))
@@ -164,7 +164,7 @@ def wave_functions(real: type) -> SimpleNamespace:
 
     @wp.func
     def wind_speed(wave: Wave, since: real, p: real) -> real:
-        """As `blast_wave.wind_speed`; p: the overpressure then."""
+        """As `loads.blast.wave.wind_speed`; p: the overpressure then."""
         x = wp.clamp(since / wave.duration, real(0.0), real(1.0))
         later = (since - wave.duration) / wave.suction_time
         s = wp.clamp(later, real(0.0), real(1.0))

@@ -51,13 +51,13 @@ def adjoint_failure() -> FailureMode:
 
 def _refusal() -> str:
     """Return what is said of a derivative through the kernel."""
-    craft = named("crazyflie")
-    level = hovering(craft)
+    vehicle = named("crazyflie")
+    level = hovering(vehicle)
 
     def end(speed):
         start = dataclasses.replace(level, velocity_m_s=speed * jnp.ones(3))
         return simulate(
-            craft, start, duration_s=1e-3, backend="warp:cpu"
+            vehicle, start, duration_s=1e-3, backend="warp:cpu"
         ).position_m.sum()
 
     try:
@@ -73,12 +73,12 @@ def falls() -> tuple[Float[np.ndarray, " step"], Float[np.ndarray, " step"]]:
     First by plain sums of semi-implicit Euler's exact gain in place, then by the
     kernel, rotors at rest and no drag.
     """
-    craft = eqx.tree_at(
+    vehicle = eqx.tree_at(
         lambda v: (v.frame_drag, v.translational_lift),
         named("hummingbird"),
         (jnp.zeros(3), jnp.zeros(())),
     )
-    level = hovering(craft)
+    level = hovering(vehicle)
     start = dataclasses.replace(
         level,
         position_m=level.position_m.astype(jnp.float32),
@@ -93,7 +93,7 @@ def falls() -> tuple[Float[np.ndarray, " step"], Float[np.ndarray, " step"]]:
     for step in STEPS:
         plain.append(abs(_plain_fall(up, float(step)) - exact))
         flown = simulate(
-            craft,
+            vehicle,
             start,
             duration_s=FALL_S,
             step_s=float(step),
