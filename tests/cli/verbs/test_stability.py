@@ -1,7 +1,5 @@
 import csv
 import json
-import subprocess
-import sys
 
 import pytest
 
@@ -9,6 +7,7 @@ from jblast.cli.verbs import stability
 from jblast.report.stability.text import stability_markdown, stability_text
 from jblast.verification.stability.areas import AREAS
 from jblast.verification.stability.failure import FailureMode, verified
+from tests.cli.child import told
 
 
 def test_the_table_goes_to_stdout_and_fits_the_terminal(jblast):
@@ -74,16 +73,11 @@ def test_the_whole_map_is_measured_and_drawn(jblast):
 
 
 def test_help_names_every_area_and_does_not_wait_for_jax():
-    code = (
-        "import sys\nfrom jblast.cli.main import main\n"
-        "try:\n    main(['stability', '--help'])\nexcept SystemExit:\n    pass\n"
-        "sys.exit('jax' in sys.modules)"
-    )
-    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
-    assert run.returncode == 0, run.stderr
+    said = told()["stability", "--help"]
+    assert "jax" not in said.modules
     for area in AREAS:
-        assert area.replace(" ", "-") in run.stdout
-    assert set(stability.FILES) <= set(run.stdout.replace(",", " ").split())
+        assert area.replace(" ", "-") in said.out
+    assert set(stability.FILES) <= set(said.out.replace(",", " ").split())
 
 
 MODE = FailureMode("clocks", "a | b", "breaks", 3.0, "of 200", "far off", "marks", "so")

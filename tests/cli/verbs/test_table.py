@@ -1,27 +1,12 @@
 """What is said of verbs and options, and what is imported to say it."""
 
-import subprocess
-import sys
-
 import pytest
 
 from jblast.cli.parsers import verb_parser
 from jblast.cli.verbs.table import GROUPS, VERBS
+from tests.cli.child import told
 
 NAMES = [verb.name for verb in VERBS]
-
-
-def loaded_by(*words: str) -> set[str]:
-    """Modules of ours that a command loads, in a process of its own."""
-    code = (
-        "import sys\nfrom jblast.cli.main import main\n"
-        f"try:\n    main({list(words)!r})\nexcept SystemExit:\n    pass\n"
-        "sys.stderr.write(' '.join(sys.modules))"
-    )
-    run = subprocess.run(
-        [sys.executable, "-c", code], check=True, capture_output=True, text=True
-    )
-    return set(run.stderr.split())
 
 
 def test_help_lists_every_verb_once_under_its_group(jblast):
@@ -44,7 +29,7 @@ def test_every_verb_has_a_group_a_description_and_a_module_that_runs_it(verb):
 
 @pytest.mark.parametrize("words", [("--help",), ("choose", "--help"), ("clac",)])
 def test_no_other_verb_is_imported_and_nothing_heavy(words):
-    loaded = loaded_by(*words)
+    loaded = told()[words].modules
     own = {"clac": "calc"}.get(words[0], words[0])
     others = {f"jblast.cli.verbs.{name}" for name in NAMES if name != own}
     assert loaded.isdisjoint(others | {"jax", "numpy"})

@@ -9,6 +9,9 @@ import pytest
 
 from jblast.waves import kingery_bulmash_pressure
 
+FIVE = "1:1000:4,7"
+"""1, 10, 100, 1000 and 7 m: always five, since another number compiles again."""
+
 
 def test_the_thesis_case_comes_out_as_printed(numbers):
     # table 4.1: 3.14 ms by 6000 m/s, 38.57 ms by 340 m/s, at 20 m from 15 kg
@@ -66,7 +69,7 @@ def test_a_number_outside_its_range_is_marked_in_text(calc):
 def test_lines_are_not_wider_than_96_columns(calc):
     for words in (
         "--mass 15 --range 20 --height 1",
-        "--mass 15 1000 --range 1:1000:5 --explosive C4",
+        f"--mass 15 1000 --range {FIVE} --explosive C4",
         "--mass 15 --overpressure 2e4",
     ):
         assert max(len(line) for line in calc(words).splitlines()) <= 96
@@ -93,9 +96,10 @@ def test_an_explosive_is_worth_its_tnt(numbers):
 
 
 def test_several_values_make_all_combinations(numbers, calc):
-    found = numbers("--mass 1 8 --range 1:100:3,7")
-    assert found["inputs"]["range_m"] == pytest.approx(2 * [1.0, 10.0, 100.0, 7.0])
-    assert found["inputs"]["mass_kg"] == 4 * [1.0] + 4 * [8.0]
+    words = f"--mass 1 8 --range {FIVE}"
+    found = numbers(words)
+    assert found["inputs"]["range_m"] == pytest.approx(2 * [1, 10, 100, 1000, 7])
+    assert found["inputs"]["mass_kg"] == 5 * [1.0] + 5 * [8.0]
     pressure = found["quantities"]["peak_overpressure_pa"]["kingery_bulmash"]
     ranges, masses = found["inputs"]["range_m"], found["inputs"]["mass_kg"]
     expected = kingery_bulmash_pressure(np.array(ranges), np.array(masses))
@@ -103,22 +107,27 @@ def test_several_values_make_all_combinations(numbers, calc):
     within = np.array(ranges) / np.cbrt(masses) <= 40.0
     assert pressure["valid"] == within.tolist()
     assert set(pressure["valid"]) == {True, False}
-    table = calc("--mass 1 8 --range 1:100:3,7")
+    table = calc(words)
     assert "10 m" in table
     assert "*" in table
 
 
 def test_csv_is_one_value_a_line_beneath_comments(calc, numbers):
-    text = calc("--mass 15 --range 5 50 --csv")
+    words = f"--mass 15 8 --range {FIVE}"
+    text = calc(f"{words} --csv")
     comments = [line for line in text.splitlines() if line.startswith("#")]
     assert any("surface (default)" in line for line in comments)
     rows = list(csv.DictReader(io.StringIO(text.split("\n", len(comments))[-1])))
     assert [*rows[0]] == ["range_m", "mass_kg", "quantity", "law", "value", "valid"]
-    found = numbers("--mass 15 --range 5 50")["quantities"]
-    assert len(rows) == 2 * sum(len(by_law) for by_law in found.values())
+    found = numbers(words)
+    cases = list(
+        zip(found["inputs"]["range_m"], found["inputs"]["mass_kg"], strict=True)
+    )
+    found = found["quantities"]
+    assert len(rows) == 10 * sum(len(by_law) for by_law in found.values())
     for row in rows:
         entry = found[row["quantity"]][row["law"]]
-        i = [5.0, 50.0].index(float(row["range_m"]))
+        i = cases.index((float(row["range_m"]), float(row["mass_kg"])))
         assert float(row["value"]) == entry["value"][i]
         assert (row["valid"] == "true") == entry["valid"][i]
 
