@@ -1,4 +1,4 @@
-"""The measured tables in `data/`: CSV beneath a head of comments that says of when.
+"""The measured tables in `data/`: CSV with a commented header that dates it.
 
 `calibration/fidelity.py` writes them, here they are read.
 """

@@ -14,10 +14,10 @@ from jblast.kept_programs import kept
 from jblast.quantities import ADDITIVE, TIMES
 from jblast.sensors.record import clock_offsets
 
-GAINED = 1.5
-"""A number is leant on if the sd would be smaller by this factor were it known,"""
-LOST = 1.2
-"""or larger by this one were its prior not believed."""
+KNOWN_GAIN = 1.5
+"""An sd is sensitive to a number that, once known, makes it smaller by this factor."""
+PRIOR_LOSS = 1.2
+"""It is sensitive to a prior that, once dropped, makes it larger by this factor."""
 
 
 def leans_on(plan: Planned, target: int) -> tuple[Sensitivity, ...]:
@@ -44,7 +44,7 @@ def leans_on(plan: Planned, target: int) -> tuple[Sensitivity, ...]:
             without = spread_left(posterior, z, matrix, target, unbelieved=i)
         gain = _ratio(now, known.width)
         loss = 1.0 if without is None else _ratio(without.width, now)
-        if gain < GAINED and loss < LOST:
+        if gain < KNOWN_GAIN and loss < PRIOR_LOSS:
             continue
         entry = Sensitivity(posterior.parameters.names[target], name, known, without)
         answer.append((max(gain, loss), entry))

@@ -113,7 +113,7 @@ def encounter_of(
 ) -> Encounter:
     """Return how the blasts come to a flight: to its last row before each.
 
-    A blast that the flight does not live to see is that of its last row.
+    A blast after the end of the flight is evaluated at its last row.
     """
     rows = jax.vmap(encounter_at, (None, 0, 0))(load, position_m, quaternion)
     ahead = jnp.cumprod(time_s[:, None] < rows.arrival_s, axis=0)

@@ -18,7 +18,7 @@ class Options:
     """How to fly.
 
     Attributes:
-        seconds: Duration; None: as `fly_times` has it.
+        seconds: Duration; None: from the blasts and the vehicle (`duration.py`).
         step_s: Of the integrator.
         integrator: "rk4" or "euler".
         backend: As `vehicle.simulate` takes it.

@@ -1,4 +1,4 @@
-"""Where the compiler has to put what it computed into memory, and not do it anew.
+"""Materialise intermediates, so that XLA does not recompute them.
 
 XLA fuses what it can, and what is shifted by a cell afterwards it works out again for
 each neighbour that asks. On a CPU that is several times slower where fluxes become
