@@ -7,6 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+import jblast.waves  # noqa: F401 - registers them
 from jblast.constants import STANDARD_PRESSURE, TNT_SPECIFIC_ENERGY
 from jblast.registry import LAWS, Law
 
