@@ -11,6 +11,7 @@ from jblast.report.fit.figures.residuals import residuals_figure
 from jblast.report.fit.rows import MOST_ROWS, outlier_rows, residual_rows
 from jblast.scene import with_values
 from tests.report import example
+from tests.report.made_up import PLAIN, fit_of, log
 
 
 def _finite(figure):
@@ -118,9 +119,7 @@ def test_the_residual_table_marks_outliers_and_keeps_to_its_length():
     assert rows[0].line == "3"
     assert rows[6].measured.endswith("kPa")
     r = np.geomspace(5.0, 500.0, 300)
-    long = example.fit_of(
-        example.log(["peak_overpressure_pa"], r), summary=example.PLAIN
-    )
+    long = fit_of(log(["peak_overpressure_pa"], r), summary=PLAIN)
     rows = residual_rows(long)
     assert len(rows) == MOST_ROWS
     kept = min(abs(float(row.residual)) for row in rows)

@@ -8,6 +8,7 @@ from jblast.report import summary
 from jblast.report.fit.conclusion import conclusion, limits
 from jblast.report.fit.goodness import goodness_p, goodness_sentence
 from tests.report import example
+from tests.report.made_up import PLAIN
 
 
 def test_each_estimate_is_printed_with_its_interval_and_its_unit():
@@ -122,10 +123,10 @@ def test_what_was_taken_as_known_is_listed():
 
 def test_p_is_the_survival_of_chi_squared():
     for chi2, dof in [(9.1, 9), (41.0, 4), (0.3, 30)]:
-        ours = goodness_p(replace(example.PLAIN, chi2=chi2, dof=dof))
+        ours = goodness_p(replace(PLAIN, chi2=chi2, dof=dof))
         assert ours == pytest.approx(scipy.stats.chi2.sf(chi2, dof), rel=1e-10)
-    assert goodness_p(replace(example.PLAIN, chi2=1.0, dof=0)) is None
-    assert goodness_p(replace(example.PLAIN, chi2=np.nan, dof=3)) is None
+    assert goodness_p(replace(PLAIN, chi2=1.0, dof=0)) is None
+    assert goodness_p(replace(PLAIN, chi2=np.nan, dof=3)) is None
 
 
 def test_what_is_not_identified_is_the_first_thing_concluded():
@@ -145,4 +146,4 @@ def test_what_is_not_identified_is_the_first_thing_concluded():
     ],
 )
 def test_goodness_is_told_in_words(chi2, words):
-    assert words in goodness_sentence(replace(example.PLAIN, chi2=chi2, dof=9))
+    assert words in goodness_sentence(replace(PLAIN, chi2=chi2, dof=9))

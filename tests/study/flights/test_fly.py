@@ -1,4 +1,4 @@
-"""Flights through a scene's blasts: what is asked of a scene, and what comes out."""
+"""Flights through a scene's blasts: when it comes, and what is measured of it."""
 
 import dataclasses
 
@@ -16,12 +16,10 @@ from jblast.report.flights.text import flights_text
 from jblast.scene import (
     Air,
     Charge,
-    Free,
     LogNormal,
     Normal,
     Scene,
     UncertainScene,
-    VehicleSpec,
     with_values,
 )
 from jblast.study.flights import fly as fly_module
@@ -29,17 +27,7 @@ from jblast.study.flights.encounter import Profile, encounter_at, load_of
 from jblast.study.flights.fly import Options, fly
 from jblast.study.flights.statistics import quantiles, share_interval, warnings_of
 from jblast.vehicle import blast_load, flight_metrics
-
-PLACE = jnp.array([5.0, 0.0, 2.0])
-SPEC = VehicleSpec("crazyflie", PLACE)
-SHORT = Options(seconds=0.6, step_s=2e-3)
-
-
-def scene(spec: VehicleSpec | None = SPEC, **parts) -> UncertainScene:
-    charge = parts.pop("charge", Charge(mass=1.0))
-    beliefs = parts.pop("beliefs", {})
-    made = Scene(charge=charge, vehicle=spec, **parts)
-    return UncertainScene(made, beliefs, "scene.toml")
+from tests.study.flights.scenes import PLACE, SHORT, SPEC, scene
 
 
 @pytest.fixture(scope="module")
@@ -140,76 +128,6 @@ def test_a_charge_that_never_happens_changes_nothing(flights):
     assert seconds[0] == seconds[1]
 
 
-REFUSED = {
-    "charges that never happen": (
-        lambda: scene(charge=Charge(mass=1.0, time=np.inf)),
-        {},
-        ["scene.toml: [charge] time_s: expected a blast that comes", "never"],
-    ),
-    "no vehicle": (lambda: scene(None), {}, ["[vehicle]", "got none"]),
-    "a charge without a place": (
-        lambda: scene(charge=Charge(mass=1.0, range=10.0)),
-        {},
-        ["[charge] range_m", "expected position_m"],
-    ),
-    "below ground": (
-        lambda: scene(VehicleSpec("iris", jnp.array([5.0, 0.0, -1.0]))),
-        {},
-        ["[vehicle] position_m", "above the ground", "-1 m"],
-    ),
-    "a target below ground": (
-        lambda: scene(dataclasses.replace(SPEC, target=jnp.array([5.0, 0.0, -2.0]))),
-        {},
-        ["control target_m", "-2 m"],
-    ),
-    "a free mass": (
-        lambda: scene(beliefs={"charge_mass_kg": Free(positive=True)}),
-        {},
-        ["charge_mass_kg is free and cannot be drawn"],
-    ),
-    "several alike": (scene, {"vehicles": 3}, ["with a prior", "all vehicles"]),
-    "none": (scene, {"vehicles": 0}, ["vehicles", "got 0"]),
-    "a blast that is over": (
-        lambda: scene(charge=Charge(mass=1.0, time=-1.0)),
-        {},
-        ["[charge] time_s", "after its flight begins", "-0.9908 s"],
-    ),
-    "too short": (
-        scene,
-        {"options": Options(seconds=0.005)},
-        ["seconds: expected more than 0.0092 s", "got 0.005 s"],
-    ),
-    "too long": (scene, {"options": Options(seconds=1e6)}, ["seconds", "at most"]),
-    "a step too large": (
-        scene,
-        {"options": Options(seconds=2.0, step_s=0.3)},
-        ["step_s: rk4 is stable up to"],
-    ),
-    "a negative tolerance": (
-        scene,
-        {"options": Options(tolerance_m=-1.0)},
-        ["tolerance: expected a positive number"],
-    ),
-}
-
-
-@pytest.mark.parametrize(("make", "options", "said"), REFUSED.values(), ids=REFUSED)
-def test_what_cannot_be_flown_is_refused(make, options, said):
-    with pytest.raises(InputError) as caught:
-        fly(make(), **options)
-    for words in said:
-        assert words in str(caught.value), caught.value
-
-
-def test_draws_that_cannot_be_are_refused():
-    """A normal mass with 3 sd to zero is negative in one of 741 draws."""
-    uncertain = scene(beliefs={"charge_mass_kg": Normal(3.0, 1.0)})
-    with pytest.raises(
-        InputError, match=r"draws charge_mass_kg -.* of 10000; expected"
-    ):
-        fly(uncertain, SHORT, vehicles=10_000)
-
-
 def test_a_long_flight_has_as_fine_rows_as_a_short_one(monkeypatch):
     """Else its peak falls between two of them; then fewer vehicles fit in memory."""
     assert fly_module.rows_stored(6.0, 10) == 500
@@ -253,13 +171,6 @@ def test_a_custom_profile_takes_the_place_of_the_charge():
     assert float(encounter.distance_m[0]) == pytest.approx(8.0)
     assert encounter.in_range.tolist() == [True]
     assert np.isnan(encounter.scaled_distance[0])
-
-
-def test_a_profile_whose_moments_are_about_another_place_is_not_flown():
-    case = np.array([0.01, 8.0, np.pi / 2, np.pi, 1e-3, 0.0, 0.0, 0.0, 0.1, 0.0])
-    asked = dataclasses.replace(SHORT, profile=Profile(case[None]))
-    with pytest.raises(InputError, match=r"a lever of 100 m; expected at most 0\.13 m"):
-        fly(scene(), asked)
 
 
 @pytest.mark.slow

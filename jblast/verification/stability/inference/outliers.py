@@ -1,5 +1,6 @@
 """One reading far off: how far normal errors, and Student-t errors, move the mass."""
 
+import functools
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -44,6 +45,7 @@ class Moved(NamedTuple):
     named: Bool[np.ndarray, " size"]
 
 
+@functools.cache
 def moved() -> Moved:
     """Fit the same log with one reading ever further off."""
     clean = solved_log(ring(), 30.0, 10.0, -5.0, "student")

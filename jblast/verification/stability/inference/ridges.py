@@ -33,6 +33,7 @@ CLOSE = 6.0
 """Of the one that a bent ridge is told of [m]."""
 
 
+@functools.cache
 def along_the_null(steps: int) -> BareWalk:
     """Walk over mass and both speeds by Wu-Hao's laws, from about the optimum."""
     found = wu_hao_told()

@@ -5,6 +5,7 @@ holds twice as much as the other. Then a charge beside a line of sensors, and it
 image, which hold one half each.
 """
 
+import functools
 from typing import NamedTuple
 
 import numpy as np
@@ -40,11 +41,13 @@ def two_normals(apart: float) -> Mixture:
     return mixture_of(center, np.tile(np.eye(FREE), (2, 1, 1)), np.array([2.0, 1.0]))
 
 
+@functools.cache
 def from_one(apart: float) -> BareWalk:
     """Walk by the stretch move alone, all walkers in the greater mode."""
     return bare_walk(two_normals(apart), unit_normals(FREE), STEPS)
 
 
+@functools.cache
 def from_both(apart: float) -> BareWalk:
     """Walk by the stretch move alone, half of the walkers in each mode."""
     start = unit_normals(FREE)
@@ -52,6 +55,7 @@ def from_both(apart: float) -> BareWalk:
     return bare_walk(two_normals(apart), start, STEPS)
 
 
+@functools.cache
 def by_jblast(apart: float) -> Sampled:
     """Walk as jblast does, half of the walkers in each mode."""
     center = np.asarray(two_normals(apart).center)
@@ -103,6 +107,7 @@ class Mirror(NamedTuple):
     ours: Ensemble
 
 
+@functools.cache
 def mirror() -> Mirror:
     """Walk about a charge that has a mirror image."""
     found = solved_log(line(), *MIRRORED).solution

@@ -1,0 +1,22 @@
+"""A charge and a Crazyflie beside it, flown for a short while."""
+
+import jax.numpy as jnp
+
+from jblast.scene import (
+    Charge,
+    Scene,
+    UncertainScene,
+    VehicleSpec,
+)
+from jblast.study.flights.fly import Options
+
+PLACE = jnp.array([5.0, 0.0, 2.0])
+SPEC = VehicleSpec("crazyflie", PLACE)
+SHORT = Options(seconds=0.6, step_s=2e-3)
+
+
+def scene(spec: VehicleSpec | None = SPEC, **parts) -> UncertainScene:
+    charge = parts.pop("charge", Charge(mass=1.0))
+    beliefs = parts.pop("beliefs", {})
+    made = Scene(charge=charge, vehicle=spec, **parts)
+    return UncertainScene(made, beliefs, "scene.toml")

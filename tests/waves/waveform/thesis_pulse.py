@@ -1,0 +1,3 @@
+"""The pulse of the thesis."""
+
+PEAK, DURATION = 2e5, 4e-3
