@@ -107,15 +107,22 @@ def drawn(kind: Kind, rng: np.random.Generator) -> tuple[Observations, Uncertain
     return observed, asked
 
 
-def logs(count: int, kinds: int, seed: int) -> Iterator[tuple[Kind, Fit | Exception]]:
-    """Fit so many logs of the first kinds, in turn; yield what ended otherwise too."""
+def logs(
+    count: int, kinds: int, seed: int
+) -> Iterator[tuple[Kind, tuple[Observations, UncertainScene]]]:
+    """Draw so many logs of the first kinds, in turn."""
     rng = np.random.default_rng(seed)
     for i in range(count):
         kind = KINDS[i % kinds]
-        try:
-            yield kind, fit(*drawn(kind, rng))
-        except Exception as error:  # what must not be is counted
-            yield kind, error
+        yield kind, drawn(kind, rng)
+
+
+def ended(made: tuple[Observations, UncertainScene]) -> Fit | Exception:
+    """Fit a log; return what ended otherwise too."""
+    try:
+        return fit(*made)
+    except Exception as error:  # what must not be is counted
+        return error
 
 
 def fault(found: Fit | Exception) -> str:
@@ -138,8 +145,8 @@ def main() -> None:
     start_jax(quick=True)
     count, seed = map(int, [*sys.argv[1:], *("1000", "0")[len(sys.argv) - 1 :]])
     wrong = 0
-    for i, (kind, found) in enumerate(logs(count, len(KINDS), seed), start=1):
-        if said := fault(found):
+    for i, (kind, made) in enumerate(logs(count, len(KINDS), seed), start=1):
+        if said := fault(ended(made)):
             wrong += 1
             sys.stdout.write(f"{i}: {kind}: {said}\n")
         if i % 50 == 0:
