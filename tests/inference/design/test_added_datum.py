@@ -1,6 +1,7 @@
 """What one more datum, or one more sensor anywhere, leaves of a bound."""
 
 import dataclasses
+import functools
 
 import jax.numpy as jnp
 import numpy as np
@@ -11,11 +12,49 @@ from jblast.inference.design.summary import AddedDatum
 from jblast.inference.posterior.estimate import Spread
 from jblast.quantities import QUANTITIES
 from jblast.report.design.added_datum import data_lines
-from jblast.scene import (
-    LogNormal,
-    Sensor,
-)
+from jblast.scene import LogNormal, Sensor
+from jblast.waves import kingery_bulmash_pressure
 from tests.inference.design.plans import MASS, PLAN, PRESSURE, RING, TRUE, scene_of
+
+FOUR = scene_of(MASS, {name: (10.0, 0.0) for name in "abcd"}, PRESSURE)
+
+
+@functools.cache
+def four_bound():
+    # of 1 kg, whose logarithm is 0
+    return bound(FOUR, {"charge_mass_kg": 1.0}, noise="gaussian")
+
+
+def with_one_at(distance: float) -> float:
+    """Give sd(ln W) of the four pressures and one at another range, by exact laws."""
+    known = 0.0
+    for r, count in ((10.0, 4), (distance, 1)):
+        up, down = (
+            float(kingery_bulmash_pressure(r * np.exp(step), 1.0))
+            for step in (1e-4, -1e-4)
+        )
+        # ln p falls as s ln R, and so grows as s/3 ln W
+        known += count * (np.log(up / down) / 2e-4 / 3 / 0.05) ** 2
+    return 1 / np.sqrt(known)
+
+
+def test_a_pressure_at_a_new_place_leaves_what_the_slope_there_says():
+    (entry,) = (
+        e
+        for e in four_bound().summary.help
+        if (e.quantity, e.sensor) == ("peak_overpressure_pa", "")
+    )
+    assert entry.position is not None
+    expected = with_one_at(float(np.linalg.norm(entry.position)))
+    # finite differences of the slope are good to 1e-6
+    assert entry.left.log_sd == pytest.approx(expected, rel=1e-4)
+
+
+def test_a_map_of_pressures_is_what_the_slopes_at_its_places_say():
+    drawn = bound_map(four_bound(), points=3)
+    assert drawn.log_sd_mass is not None
+    expected = [[with_one_at(np.hypot(e, n)) for e in drawn.east] for n in drawn.north]
+    np.testing.assert_allclose(drawn.log_sd_mass, expected, rtol=1e-4)
 
 
 @pytest.mark.slow
