@@ -25,7 +25,7 @@ from jblast.inference.importance.whitening import densities
 from jblast.inference.mcmc.convergence import convergence
 from jblast.inference.mcmc.emcee_engine import Emcee, moves, of_emcee
 from jblast.inference.mcmc.scan_engine import Scan
-from jblast.inference.mcmc.state import Stretch
+from jblast.inference.mcmc.state import Segment
 from jblast.inference.mode.laplace import NORMAL_Q95
 from jblast.verification.benchmark.samplers import REFERENCE_SEED, known, weighted_ends
 from jblast.verification.cases.five_microphones import RECORDS
@@ -148,7 +148,7 @@ class Alone:
         """Return what the random numbers start from, as ours do."""
         return Emcee().first_random(seed)
 
-    def walk(self, density, mixture, state, steps, tick) -> Stretch:
+    def walk(self, density, mixture, state, steps, tick) -> Segment:
         """Walk as `run_mcmc` does."""
         count, free = state.walkers.shape
         sampler = emcee.EnsembleSampler(
@@ -161,4 +161,4 @@ class Alone:
         )
         sampler.run_mcmc(start, steps)
         chain, value = sampler.get_chain(), sampler.get_log_prob()
-        return Stretch(np.asarray(chain), np.asarray(value), state.random)
+        return Segment(np.asarray(chain), np.asarray(value), state.random)

@@ -27,7 +27,7 @@ from jaxtyping import Float
 from jblast.cli.jax_start import start_jax
 from jblast.inference import Posterior
 from jblast.inference.fitting.solution import Solution
-from jblast.inference.fitting.uncertainty import how_sure
+from jblast.inference.fitting.uncertainty import uncertainty
 from jblast.inference.identifiability.null_space import identifiability
 from jblast.inference.mode.laplace import laplace, marginals
 from jblast.inference.mode.search import optima
@@ -72,10 +72,10 @@ def main(count: int = LOGS) -> None:
         posterior = eqx.tree_at(lambda p: p.measured, blank, measured)
         found = optima(jax.random.key(0), posterior)
         z = np.asarray(found.z[0])
-        told = identifiability(posterior, z)
-        normal = laplace(posterior, z, told.told)
-        solution = Solution(posterior, {}, True, found, told, normal)
-        sure = how_sure(solution, "weighted")
+        identified = identifiability(posterior, z)
+        normal = laplace(posterior, z, identified.identified_basis)
+        solution = Solution(posterior, {}, True, found, identified, normal)
+        sure = uncertainty(solution, "weighted")
         weighted += sure.weighted
         for how, intervals in (
             ("weighted", sure.marginals),

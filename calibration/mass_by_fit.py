@@ -22,7 +22,7 @@ from calibration import ford_logs
 from calibration.mass_posterior import MassEstimate
 from jblast.inference.fitting.fit import solve
 from jblast.inference.fitting.solution import Solution
-from jblast.inference.fitting.uncertainty import HowSure, how_sure
+from jblast.inference.fitting.uncertainty import Uncertainty, uncertainty
 from jblast.observations import Observations, read, resolve_positions
 from jblast.registry import Law
 from jblast.scene import UncertainScene, read_scene, with_laws
@@ -60,11 +60,11 @@ def weigh(shot: str, laws: list[Law]) -> Weighed:
     mode = float(solution.laplace.z[0])
     truth = float(np.log(float(ford_logs.rows_of(shot)[0]["yield_kg"])))
 
-    sd, q05, q95 = _told(shot, solution, how_sure(solution, "laplace"))
+    sd, q05, q95 = _told(shot, solution, uncertainty(solution, "laplace"))
     score = float(norm.logpdf(truth, mode, sd))
     by_laplace = MassEstimate(mode, sd, q05, q95, score)
 
-    walked = how_sure(solution, "emcee")
+    walked = uncertainty(solution, "emcee")
     walk = walked.ensemble
     if walk is None:
         raise RuntimeError(f"the mass of {shot} was not walked")
@@ -77,7 +77,9 @@ def weigh(shot: str, laws: list[Law]) -> Weighed:
     return Weighed(by_laplace, by_emcee, bool(misfit.valid.all()))
 
 
-def _told(shot: str, solution: Solution, sure: HowSure) -> tuple[float, float, float]:
+def _told(
+    shot: str, solution: Solution, sure: Uncertainty
+) -> tuple[float, float, float]:
     """Return the sd and the 90 % interval of ln W."""
     if not (solution.laplace.converged and sure.converged):
         raise RuntimeError(f"the fit of {shot} by {sure.method} did not converge")

@@ -20,10 +20,10 @@ from jaxtyping import Bool, Float, Int
 from jblast.inference import Posterior
 from jblast.inference.identifiability.null_space import identifiability
 from jblast.inference.importance.psis import (
-    ends_off,
     importance,
     laplace_holds,
     largest_log_sd,
+    largest_quantile_error,
 )
 from jblast.inference.mcmc.ensemble import ensemble
 from jblast.inference.mode.laplace import laplace
@@ -96,13 +96,15 @@ def _ranks(posterior: Posterior, truth: Float[np.ndarray, " free"], seed: int):
     """Return one row of `Ranked`."""
     found = optima(jax.random.key(seed), posterior)
     z = np.asarray(found.z[0])
-    told = identifiability(posterior, z)
-    normal = laplace(posterior, z, told.told)
+    identified = identifiability(posterior, z)
+    normal = laplace(posterior, z, identified.identified_basis)
     weighted = importance(posterior, normal, seed=seed)
     holds = laplace_holds(
-        weighted.k_hat, largest_log_sd(posterior, normal), ends_off(weighted, normal)
+        weighted.k_hat,
+        largest_log_sd(posterior, normal),
+        largest_quantile_error(weighted, normal),
     )
-    walk = ensemble(posterior, normal, told, found, seed=seed)
+    walk = ensemble(posterior, normal, identified, found, seed=seed)
     by_normal = normal.draws(DRAWS, np.random.default_rng(seed))
     return (
         np.sum(walk.draws(DRAWS) < truth, axis=0),

@@ -78,6 +78,11 @@ def solved(posterior, *starts):
     ends = np.array([climbed(posterior, z) for z in starts or [place_of(posterior)]])
     density = np.array([float(posterior.log_density(jnp.asarray(z))) for z in ends])
     ends, density = ends[np.argsort(-density)], np.sort(density)[::-1]
-    told = identifiability(posterior, ends[0])
+    identified = identifiability(posterior, ends[0])
     found = Optima(jnp.asarray(ends), jnp.asarray(density))
-    return posterior, laplace(posterior, ends[0], told.told), told, found
+    return (
+        posterior,
+        laplace(posterior, ends[0], identified.identified_basis),
+        identified,
+        found,
+    )

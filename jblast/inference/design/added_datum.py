@@ -14,7 +14,7 @@ from jblast.inference.identifiability.resolving_data import (
     aside,
     laws_beside,
 )
-from jblast.inference.posterior.fisher_information import whitened
+from jblast.inference.posterior.fisher_information import whitened_rows
 from jblast.inference.posterior.posterior import Posterior
 from jblast.kept_programs import kept
 from jblast.quantities import ADDABLE, TIMES
@@ -148,7 +148,7 @@ def _with_each(
     def with_row(row: Array) -> Float[Array, "free free"]:
         rows = jnp.append(jnp.arange(planned), row)
         of_rows = jax.tree.map(lambda x: x[rows], misfit)
-        told = whitened(posterior, of_rows, jacobian[rows])
+        told = whitened_rows(posterior, of_rows, jacobian[rows])
         return told.T @ told + prior
 
     rows = jnp.arange(planned, len(jacobian))

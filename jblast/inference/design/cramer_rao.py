@@ -22,9 +22,9 @@ from jblast.inference.design.sensitivity import leans_on, mass_exponents
 from jblast.inference.design.summary import BoundSummary
 from jblast.inference.fitting.solution import Solution
 from jblast.inference.fitting.unidentified import (
-    ambiguities,
-    determined,
+    estimable_combinations,
     null_directions,
+    other_modes,
 )
 from jblast.inference.fitting.warnings import height_beside_the_curves, outside
 from jblast.inference.identifiability.null_space import identifiability
@@ -121,11 +121,11 @@ def bound(
             f"{', '.join(f'{n} = {v:g}' for n, v in plan.values.items())}; expected "
             "values within reach of the laws"
         )
-    told = identifiability(posterior, z)
-    normal = cramer_rao(posterior, z, told.told, known)
+    identified = identifiability(posterior, z)
+    normal = cramer_rao(posterior, z, identified.identified_basis, known)
     begin("searching for a second answer")
     found = optima(jax.random.key(seed), posterior)
-    solution = Solution(posterior, plan.laws, True, found, told, normal)
+    solution = Solution(posterior, plan.laws, True, found, identified, normal)
     begin("what more data would tell")
     return Bound(
         summary=_summary(plan, solution),
@@ -145,7 +145,7 @@ def _summary(plan: Planned, solution: Solution) -> BoundSummary:
     # the search's own optimum about the numbers taken for true: it lies a little off,
     # for a law's scatter in seconds grows with the travel time
     home = _climbed(posterior, plan.z, normal)
-    doubles = ambiguities(solution._replace(laplace=home), bool(valid.all()))
+    doubles = other_modes(solution._replace(laplace=home), bool(valid.all()))
     help_, target = added_data(plan)
     return BoundSummary(
         at=dict(plan.values),
@@ -157,7 +157,7 @@ def _summary(plan: Planned, solution: Solution) -> BoundSummary:
         identifiable=not null and not doubles,
         null_directions=null,
         ambiguities=doubles,
-        determined=determined(solution),
+        determined=estimable_combinations(solution),
         noise=posterior.noise,
         n_observations=len(plan.log),
         help=help_,

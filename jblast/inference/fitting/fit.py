@@ -7,28 +7,33 @@ from dataclasses import replace
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import PRNGKeyArray
 
 from jblast.errors import InputError, argument
 from jblast.inference.fitting.burial import valid_at_depth
-from jblast.inference.fitting.goodness_of_fit import left_of
+from jblast.inference.fitting.goodness_of_fit import standardised_residuals
 from jblast.inference.fitting.predictive_bands import bands
 from jblast.inference.fitting.result import Fit
-from jblast.inference.fitting.solution import Solution
+from jblast.inference.fitting.solution import (
+    Choices,
+    Solution,
+    choices_for,
+    settle_laws,
+)
 from jblast.inference.fitting.summary import summary_of
-from jblast.inference.fitting.uncertainty import Method, how_sure
+from jblast.inference.fitting.uncertainty import Method, uncertainty
 from jblast.inference.identifiability.null_space import identifiability
 from jblast.inference.importance.whitening import non_finite_rows
 from jblast.inference.mode.laplace import laplace
-from jblast.inference.mode.search import likeliest_start, optima
+from jblast.inference.mode.search import Optima, likeliest_start, optima
 from jblast.inference.mode.starts import starts
 from jblast.inference.posterior.fireball_growth import as_seen
 from jblast.inference.posterior.parameters import parameters_of
-from jblast.inference.posterior.posterior import posterior_of
+from jblast.inference.posterior.posterior import Posterior, posterior_of
 from jblast.observations import Observations, resolve_positions
 from jblast.progress import stages
 from jblast.scene import UncertainScene, default_scene
-from jblast.sensors import layout_of, resolve_laws
-from jblast.sensors.bursts import settled, with_bursts
+from jblast.sensors import layout_of
 from jblast.sensors.law_choice import law_names
 from jblast.sensors.observe import Noise
 
@@ -84,7 +89,7 @@ def fit(
     begin("how sure")
     density, z = solution.posterior, solution.laplace.z
     misfit = density.misfit(jnp.asarray(z))
-    left = left_of(density, z)
+    left = standardised_residuals(density, z)
     parameters = density.parameters
     names = [
         f"{sensor}, {quantity}"
@@ -92,7 +97,7 @@ def fit(
             observations.sensor, observations.quantity, strict=True
         )
     ]
-    sure = how_sure(solution, posterior, seed=seed, rows=names, store=store)
+    sure = uncertainty(solution, posterior, seed=seed, rows=names, store=store)
     begin("the answer")
     draws = sure.z
     values = parameters.values_of_each(jnp.asarray(draws))
@@ -161,54 +166,61 @@ def solve(
     begin("choosing laws")
     rows = layout_of(observations, uncertain.scene)
     sigma = observations.error_scale()
-    scene, layout = settled(uncertain.scene, rows)
-    parameters = parameters_of(replace(uncertain, scene=scene))
-    laws = resolve_laws(scene, layout, sigma)
     key = jax.random.key(seed)
-    said = dict(uncertain.scene.law)
-    lifted = any(charge.by_height and charge.up > 0.0 for charge in scene.charges)
-    if lifted or any(said.get(q, "auto") == "auto" for q in layout.quantities()):
-        first = posterior_of(parameters, layout, observations, law_names(laws), noise)
-        near = parameters.scene_at(likeliest_start(key, first))
-        near, layout = settled(near, rows)
-        laws = resolve_laws(near, layout, sigma)
-        scene = with_bursts(scene, near)
-        parameters = parameters_of(replace(uncertain, scene=scene))
-    for last in (False, True):
-        posterior = posterior_of(
-            parameters, layout, observations, law_names(laws), noise
-        )
+
+    def posterior_by(choices: Choices) -> Posterior:
+        parameters = parameters_of(replace(uncertain, scene=choices.scene))
+        names = law_names(choices.laws)
+        return posterior_of(parameters, choices.layout, observations, names, noise)
+
+    def search(choices: Choices) -> tuple[Posterior, Optima, Choices]:
+        posterior = posterior_by(choices)
         begin("searching")
         found = optima(key, posterior)
-        if not np.isfinite(found.log_density[0]):
-            start = np.asarray(starts(key, posterior, 1)[0])
-            wrong = non_finite_rows(posterior, start)
-            where = [observations.where(row) for row in wrong]
-            raise InputError(
-                f"{observations.source or 'observations'}: no value of "
-                f"{', '.join(parameters.names)} gives the log a probability; expected "
-                "readings, sigmas and a scene that one charge could explain"
-                + (f", got no number for {_shortly(where)}" if where else "")
-            )
-        end, layout_there = settled(parameters.scene_at(found.z[0]), rows)
-        there = resolve_laws(end, layout_there, sigma)
-        same_laws = law_names(there) == law_names(laws)
-        bursts = [charge.burst for charge in scene.charges]
-        same_bursts = [charge.burst for charge in end.charges] == bursts
-        same_bursts &= layout_there.free_air == layout.free_air
-        if (same_laws and same_bursts) or last:
-            break
-        laws, layout, scene = there, layout_there, with_bursts(scene, end)
-        parameters = parameters_of(replace(uncertain, scene=scene))
+        _refuse_without_density(key, posterior, found, observations)
+        answer = posterior.parameters.scene_at(found.z[0])
+        return posterior, found, choices_for(answer, rows, sigma)
+
+    choices = choices_for(uncertain.scene, rows, sigma)
+    said = dict(uncertain.scene.law)
+    charges, quantities = choices.scene.charges, choices.layout.quantities()
+    lifted = any(charge.by_height and charge.up > 0.0 for charge in charges)
+    if lifted or any(said.get(q, "auto") == "auto" for q in quantities):
+        first = posterior_by(choices)
+        near = first.parameters.scene_at(likeliest_start(key, first))
+        choices = choices.as_for(choices_for(near, rows, sigma))
+    (posterior, found, there), choices = settle_laws(choices, search)
     z = np.asarray(found.z[0])
     begin("what can be told")
-    told = identifiability(posterior, z)
-    normal = laplace(posterior, z, told.told)
-    laws = {
-        quantity: (name, of_answer(name, *there[quantity]))
-        for quantity, (name, _) in laws.items()
-    }
-    return Solution(posterior, laws, same_laws, found, told, normal, same_bursts)
+    identified = identifiability(posterior, z)
+    return Solution(
+        posterior=posterior,
+        laws={
+            quantity: (name, of_answer(name, *there.laws[quantity]))
+            for quantity, (name, _) in choices.laws.items()
+        },
+        laws_settled=choices.has_laws_of(there),
+        optima=found,
+        identifiability=identified,
+        laplace=laplace(posterior, z, identified.identified_basis),
+        bursts_settled=choices.has_bursts_of(there),
+    )
+
+
+def _refuse_without_density(
+    key: PRNGKeyArray, posterior: Posterior, found: Optima, observations: Observations
+) -> None:
+    """Refuse a log to which nothing gives a probability, and name its rows."""
+    if np.isfinite(found.log_density[0]):
+        return
+    start = np.asarray(starts(key, posterior, 1)[0])
+    where = [observations.where(row) for row in non_finite_rows(posterior, start)]
+    raise InputError(
+        f"{observations.source or 'observations'}: no value of "
+        f"{', '.join(posterior.parameters.names)} gives the log a probability; "
+        "expected readings, sigmas and a scene that one charge could explain"
+        + (f", got no number for {_shortly(where)}" if where else "")
+    )
 
 
 def of_answer(used: str, chosen: str, reason: str) -> str:

@@ -22,7 +22,7 @@ FITS = 0.01
 """With no smaller chance than this a log and a scene agree."""
 
 
-class Left(NamedTuple):
+class ResidualSummary(NamedTuple):
     """What a scene leaves of a log.
 
     Attributes:
@@ -36,13 +36,15 @@ class Left(NamedTuple):
     residual: Float[np.ndarray, " row"]
 
 
-def left_of(posterior: Posterior, z: Float[np.ndarray, " free"]) -> Left:
+def standardised_residuals(
+    posterior: Posterior, z: Float[np.ndarray, " free"]
+) -> ResidualSummary:
     """Return what the scene at a place leaves of its log."""
     misfit = posterior.misfit(jnp.asarray(z))
     effects = np.asarray(posterior.effects(jnp.asarray(z)))
     shared = np.asarray(misfit.loading) @ effects
     residual = (np.asarray(misfit.residual) - shared) / np.asarray(misfit.sd)
-    return Left(effects, shared, residual)
+    return ResidualSummary(effects, shared, residual)
 
 
 def chi_squared(
@@ -65,7 +67,7 @@ def chi_squared(
     return chi2, len(residual) + int(priors.sum()) - told
 
 
-def beyond(residual: Float[np.ndarray, " row"], noise: Noise) -> np.ndarray:
+def tail_probability(residual: Float[np.ndarray, " row"], noise: Noise) -> np.ndarray:
     """Return the chance of an error at least so far from zero, on either side."""
     square = np.square(np.asarray(residual, float))
     if noise == "gaussian":
@@ -76,10 +78,10 @@ def beyond(residual: Float[np.ndarray, " row"], noise: Noise) -> np.ndarray:
 
 def normal_scores(residual: Float[np.ndarray, " row"], noise: Noise) -> np.ndarray:
     """Return the sizes of normal errors as rare as these."""
-    return -ndtri(beyond(residual, noise) / 2)
+    return -ndtri(tail_probability(residual, noise) / 2)
 
 
-def chance(chi2: float, dof: int) -> float | None:
+def p_value(chi2: float, dof: int) -> float | None:
     """Return the chance of a larger chi squared; None without degrees of freedom."""
     return float(gammaincc(dof / 2, chi2 / 2)) if dof > 0 else None
 
@@ -92,7 +94,7 @@ def suspected_outliers(
     One log in twenty without a wild reading has one named. Where more than a third of
     all readings are so far off, it is the law or the scene that is wrong, and none is.
     """
-    wild = beyond(residual, noise) * len(residual) < WILD
+    wild = tail_probability(residual, noise) * len(residual) < WILD
     if wild.sum() > len(residual) / 3:
         return ()
     return tuple(

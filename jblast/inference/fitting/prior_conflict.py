@@ -6,7 +6,12 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jblast.inference.fitting.goodness_of_fit import POOR, chance, chi_squared, left_of
+from jblast.inference.fitting.goodness_of_fit import (
+    POOR,
+    chi_squared,
+    p_value,
+    standardised_residuals,
+)
 from jblast.inference.fitting.solution import Solution
 from jblast.inference.identifiability.null_space import identifiability
 from jblast.inference.mode.search import optima
@@ -34,17 +39,23 @@ def against_priors(solution: Solution) -> dict[str, float]:
     )
     posterior = replace(solution.posterior, parameters=free)
     z = np.asarray(optima(jax.random.key(0), posterior).z[0])
-    told = identifiability(posterior, z)
-    left = left_of(posterior, z)
-    p = chance(
-        *chi_squared(posterior, z, left.residual, left.effects, told.told.shape[1])
+    identified = identifiability(posterior, z)
+    left = standardised_residuals(posterior, z)
+    p = p_value(
+        *chi_squared(
+            posterior,
+            z,
+            left.residual,
+            left.effects,
+            identified.identified_basis.shape[1],
+        )
     )
     if p is not None and p < POOR:
         return {}
     values = free.values(jnp.asarray(z))
     against = {}
     for name, belief, is_told in zip(
-        parameters.names, parameters.beliefs, told.determined, strict=True
+        parameters.names, parameters.beliefs, identified.determined, strict=True
     ):
         away = float(belief.unconstrain(values[name]))
         if is_told and not isinstance(belief, Free) and not abs(away) < FAR:

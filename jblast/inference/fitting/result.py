@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Bool, Float
 
-from jblast.inference.fitting.goodness_of_fit import POOR, chance
+from jblast.inference.fitting.goodness_of_fit import POOR, p_value
 from jblast.inference.fitting.summary import Summary
 from jblast.inference.posterior.finding import Finding
 from jblast.observations import Observations
@@ -97,7 +97,7 @@ class Fit:
     @property
     def is_poor(self) -> bool:
         """Whether the log disagrees with its laws by more than its errors allow."""
-        p = chance(self.summary.chi2, self.summary.dof)
+        p = p_value(self.summary.chi2, self.summary.dof)
         return p is not None and p < POOR
 
     @property

@@ -1,12 +1,19 @@
 """What inference found, before it is put in words."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float
 
 from jblast.inference.identifiability.null_space import Identifiability
 from jblast.inference.mode.laplace import Laplace
 from jblast.inference.mode.search import Optima
 from jblast.inference.posterior.posterior import Posterior
+from jblast.scene import Scene
+from jblast.sensors import Layout, resolve_laws
+from jblast.sensors.bursts import settled, with_bursts
+from jblast.sensors.law_choice import law_names
 
 
 class Solution(NamedTuple):
@@ -30,3 +37,56 @@ class Solution(NamedTuple):
     identifiability: Identifiability
     laplace: Laplace
     bursts_settled: bool = True
+
+
+class Choices(NamedTuple):
+    """What is left to us before a search, and depends on where the answer lies.
+
+    Attributes:
+        scene: Its charges have the curve sets that their heights leave.
+        layout: Says it row by row where a charge has both.
+        laws: Name and reason of the law for each quantity.
+    """
+
+    scene: Scene
+    layout: Layout
+    laws: Mapping[str, tuple[str, str]]
+
+    def as_for(self, there: "Choices") -> "Choices":
+        """Return what another scene leaves, for the numbers of this one."""
+        return there._replace(scene=with_bursts(self.scene, there.scene))
+
+    def has_laws_of(self, there: "Choices") -> bool:
+        """Return whether the laws are the same."""
+        return law_names(self.laws) == law_names(there.laws)
+
+    def has_bursts_of(self, there: "Choices") -> bool:
+        """Return whether the curve sets are the same."""
+        mine, others = (
+            [charge.burst for charge in of.scene.charges] for of in (self, there)
+        )
+        return mine == others and self.layout.free_air == there.layout.free_air
+
+
+def choices_for(
+    scene: Scene, rows: Layout, sigma: Float[np.ndarray, " row"]
+) -> Choices:
+    """Choose laws and curve sets for a scene, and the rows and errors of a log."""
+    scene, layout = settled(scene, rows)
+    return Choices(scene, layout, resolve_laws(scene, layout, sigma))
+
+
+def settle_laws(
+    choices: Choices,
+    search: Callable[[Choices], tuple[Posterior, Optima, Choices]],
+) -> tuple[tuple[Posterior, Optima, Choices], Choices]:
+    """Search with what was chosen, and once more where the answer would choose else.
+
+    Returns:
+        What the last search found, and the choices it was made with.
+    """
+    *_, there = found = search(choices)
+    if not (choices.has_laws_of(there) and choices.has_bursts_of(there)):
+        choices = choices.as_for(there)
+        found = search(choices)
+    return found, choices

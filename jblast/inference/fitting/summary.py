@@ -14,17 +14,17 @@ from jblast.inference.fitting.goodness_of_fit import (
     FITS,
     POOR,
     SuspectedOutlier,
-    chance,
     chi_squared,
+    p_value,
     suspected_outliers,
 )
 from jblast.inference.fitting.solution import Solution
 from jblast.inference.fitting.suspects import explained_by, lies_far
-from jblast.inference.fitting.uncertainty import HowSure
+from jblast.inference.fitting.uncertainty import Uncertainty
 from jblast.inference.fitting.unidentified import (
-    ambiguities,
-    determined,
+    estimable_combinations,
     null_directions,
+    other_modes,
 )
 from jblast.inference.fitting.warnings import warnings_of
 from jblast.inference.identifiability.findings import (
@@ -106,7 +106,7 @@ def summary_of(
     observations: Observations,
     uncertain: UncertainScene,
     solution: Solution,
-    sure: HowSure,
+    sure: Uncertainty,
     valid: Bool[np.ndarray, " row"],
     deep: Bool[np.ndarray, " row"],
     residual: Float[np.ndarray, " row"],
@@ -129,11 +129,15 @@ def summary_of(
     z = solution.laplace.z
     estimates = _estimates(solution, sure)
     null = null_directions(solution)
-    doubles = ambiguities(solution, bool(valid.all()))
+    doubles = other_modes(solution, bool(valid.all()))
     chi2, dof = chi_squared(
-        solution.posterior, z, residual, effects, solution.identifiability.told.shape[1]
+        solution.posterior,
+        z,
+        residual,
+        effects,
+        solution.identifiability.identified_basis.shape[1],
     )
-    p = chance(chi2, dof)
+    p = p_value(chi2, dof)
     converged = solution.laplace.converged and sure.converged
     poor = p is not None and p < POOR
     answered = converged and not null and bool(valid.any()) and not poor
@@ -151,7 +155,7 @@ def summary_of(
         identifiable=not null and not doubles,
         null_directions=null,
         ambiguities=doubles,
-        determined=determined(solution),
+        determined=estimable_combinations(solution),
         posterior=sure.method,
         converged=converged,
         chi2=chi2,
@@ -170,7 +174,7 @@ def summary_of(
     )
 
 
-def _estimates(solution: Solution, sure: HowSure) -> dict[str, Estimate]:
+def _estimates(solution: Solution, sure: Uncertainty) -> dict[str, Estimate]:
     """Summarise every free number; one in a null direction has nothing to say."""
     names = solution.posterior.parameters.names
     return {

@@ -19,16 +19,19 @@ from jblast.inference.fitting.findings import WrongClock, WrongSensor
 from jblast.inference.fitting.goodness_of_fit import (
     FITS,
     POOR,
-    beyond,
-    chance,
     chi_squared,
-    left_of,
+    p_value,
+    standardised_residuals,
+    tail_probability,
 )
 from jblast.inference.fitting.solution import Solution
 from jblast.inference.mode.laplace import marginals
 from jblast.inference.mode.row_subset import is_long
 from jblast.inference.mode.starts import layout_size
-from jblast.inference.posterior.fisher_information import whitened, whitened_jacobian
+from jblast.inference.posterior.fisher_information import (
+    whitened_jacobian,
+    whitened_rows,
+)
 from jblast.inference.posterior.likelihood import log_noise
 from jblast.inference.posterior.posterior import Posterior
 from jblast.observations import CLOCK_TIMES, Observations
@@ -147,7 +150,7 @@ def _likeliest(solution: Solution, possible: Sequence[Suspect]) -> list[Suspect]
     """Order suspects by how much chi squared would fall without each, laws linear."""
     posterior, z = solution.posterior, jnp.asarray(solution.laplace.z)
     misfit = posterior.misfit(z)
-    told = whitened(posterior, misfit, misfit.residual[:, None])[:, 0]
+    told = whitened_rows(posterior, misfit, misfit.residual[:, None])[:, 0]
     slopes = whitened_jacobian(posterior, z)[: len(told)]
     told, slopes = np.asarray(told), np.asarray(slopes)
     if not (np.isfinite(told).all() and np.isfinite(slopes).all()):
@@ -170,10 +173,10 @@ def _judged(
     if not (normal.converged and all(told.determined)):
         return None
     posterior, z = rest.posterior, normal.z
-    left = left_of(posterior, z)
+    left = standardised_residuals(posterior, z)
     chi2, dof = chi_squared(posterior, z, left.residual, left.effects, z.size)
     dof -= len(suspect.rows)
-    p = chance(chi2, dof)
+    p = p_value(chi2, dof)
     if p is None or p < FITS:
         return None
     valid = np.delete(np.asarray(posterior.misfit(jnp.asarray(z)).valid), suspect.rows)
@@ -186,19 +189,19 @@ def _judged(
         offset = float(weights @ missed / weights.sum())
         sd = float(weights.sum() ** -0.5)
         apart = missed - offset
-        alike = chance(
+        alike = p_value(
             float(apart @ np.linalg.solve(covariance, apart)), len(missed) - 1
         )
         if alike is not None and alike < FITS:
             return None
-        rarity = float(beyond(np.array([offset / sd]), posterior.noise)[0])
+        rarity = float(tail_probability(np.array([offset / sd]), posterior.noise)[0])
         first = next((clock for clock in observations.clock if clock), "")
         is_set = bool(first) and suspect.name == first
         parameter = None if is_set else f"{CLOCK_OFFSET}.{suspect.name}"
         clock = {"offset_s": offset, "offset_sd": sd, "parameter": parameter}
     else:
         far = missed / np.sqrt(np.diag(covariance))
-        rarity = float(beyond(far, posterior.noise).min()) * len(missed)
+        rarity = float(tail_probability(far, posterior.noise).min()) * len(missed)
     if rarity * among > POOR:
         return None
     return (WrongClock if clock else WrongSensor)(

@@ -22,16 +22,16 @@ from jblast.inference.importance.findings import (
     NormalIntervals,
     NormalJudged,
 )
-from jblast.inference.importance.interval_check import ends_judged
+from jblast.inference.importance.interval_check import check_intervals
 from jblast.inference.importance.marginals import marginals_of_draws
 from jblast.inference.importance.psis import (
-    ENDS,
     GOOD_SHAPE,
+    MAX_QUANTILE_ERROR,
     NARROW,
-    ends_off,
     importance,
     laplace_holds,
     largest_log_sd,
+    largest_quantile_error,
 )
 from jblast.inference.mcmc.ensemble import Ensemble, ensemble
 from jblast.inference.mcmc.run import WALKERS
@@ -46,7 +46,7 @@ FEW = 100
 
 
 @dataclass(frozen=True)
-class HowSure:
+class Uncertainty:
     """What is known of every number, and by which method.
 
     Attributes:
@@ -71,14 +71,14 @@ class HowSure:
     weighted: bool = False
 
 
-def how_sure(
+def uncertainty(
     solution: Solution,
     method: Method,
     *,
     seed: int = 0,
     rows: Sequence[str] = (),
     store: str | os.PathLike[str] | None = None,
-) -> HowSure:
+) -> Uncertainty:
     """Draw from the posterior by the method wanted.
 
     Args:
@@ -97,7 +97,7 @@ def how_sure(
         return _by_normal(solution, DirectionUnidentified(), seed)
     if method == "auto":
         weighted = importance(solution.posterior, normal, seed=seed)
-        k_hat, off = weighted.k_hat, ends_off(weighted, normal)
+        k_hat, off = weighted.k_hat, largest_quantile_error(weighted, normal)
         log_sd = largest_log_sd(solution.posterior, normal)
         reason = NormalJudged(
             holds=laplace_holds(k_hat, log_sd, off),
@@ -106,7 +106,7 @@ def how_sure(
             off=off,
             most_k_hat=GOOD_SHAPE,
             most_log_sd=NARROW,
-            most_off=ENDS,
+            most_off=MAX_QUANTILE_ERROR,
         )
         if reason.holds:
             return _by_normal(solution, reason, seed)
@@ -130,7 +130,7 @@ def how_sure(
     parameters = solution.posterior.parameters
     told = marginals_of_draws(parameters, walk.draws())
     best = parameters.values(jnp.asarray(normal.z))
-    return HowSure(
+    return Uncertainty(
         method="emcee",
         reason=reason,
         z=walk.draws(DRAWS),
@@ -141,12 +141,12 @@ def how_sure(
     )
 
 
-def _weighted(solution: Solution, seed: int) -> HowSure:
+def _weighted(solution: Solution, seed: int) -> Uncertainty:
     """Weight draws of the normal approximation; without them where they cannot tell."""
     normal, parameters = solution.laplace, solution.posterior.parameters
     if not normal.converged:
         return _by_normal(solution, NotAtOptimum(), seed)
-    found = ends_judged(solution.posterior, normal, seed=seed)
+    found = check_intervals(solution.posterior, normal, seed=seed)
     drawn = found.drawn
     effective = 0.0 if drawn is None else found.share * len(drawn.z)
     if drawn is None or not found.believed or effective < FEW:
@@ -169,7 +169,7 @@ def _weighted(solution: Solution, seed: int) -> HowSure:
         )
     best = parameters.values(jnp.asarray(normal.z))
     picked = np.random.default_rng(seed).choice(len(drawn.z), DRAWS, p=drawn.weights)
-    return HowSure(
+    return Uncertainty(
         method="laplace",
         reason=DrawsWeighted(found.k_hat, effective),
         z=drawn.z[picked],
@@ -189,15 +189,15 @@ def _checked(solution: Solution, seed: int) -> tuple[Finding, ...]:
     """Return where the normal approximation's intervals are off, of an optimum."""
     if not solution.laplace.converged:
         return ()
-    found = ends_judged(solution.posterior, solution.laplace, seed=seed).finding()
+    found = check_intervals(solution.posterior, solution.laplace, seed=seed).finding()
     return (found,) if found else ()
 
 
 def _by_normal(
     solution: Solution, reason: Finding, seed: int, findings: tuple[Finding, ...] = ()
-) -> HowSure:
+) -> Uncertainty:
     normal = solution.laplace
-    return HowSure(
+    return Uncertainty(
         method="laplace",
         reason=reason,
         z=normal.draws(DRAWS, np.random.default_rng(seed)),

@@ -10,7 +10,7 @@ from jblast.inference.identifiability.findings import (
     NullDirection,
     OtherMode,
 )
-from jblast.inference.identifiability.null_space import told_combinations
+from jblast.inference.identifiability.null_space import estimable_forms
 from jblast.inference.identifiability.resolving_data import (
     cure_of_ambiguity,
     cure_of_null,
@@ -40,11 +40,11 @@ def null_directions(solution: Solution) -> tuple[NullDirection, ...]:
     )
 
 
-def determined(solution: Solution) -> tuple[EstimableCombination, ...]:
+def estimable_combinations(solution: Solution) -> tuple[EstimableCombination, ...]:
     """Name the combinations of undetermined numbers that the data do tell."""
     parameters, normal = solution.posterior.parameters, solution.laplace
     answer = []
-    for form in told_combinations(solution.identifiability):
+    for form in estimable_forms(solution.identifiability):
         text, is_product = combination(parameters.names, parameters.space(), form)
         value = float(form @ normal.z)
         sd = float(np.sqrt(form @ normal.covariance @ form))
@@ -60,7 +60,7 @@ def determined(solution: Solution) -> tuple[EstimableCombination, ...]:
     return tuple(answer)
 
 
-def ambiguities(solution: Solution, valid: bool) -> tuple[OtherMode, ...]:
+def other_modes(solution: Solution, valid: bool) -> tuple[OtherMode, ...]:
     """Name every other optimum that the data cannot rule out.
 
     One that differs in numbers the data do not determine anyway is none, nor is one
@@ -78,7 +78,9 @@ def ambiguities(solution: Solution, valid: bool) -> tuple[OtherMode, ...]:
             continue
         if valid and not np.asarray(posterior.misfit(jnp.asarray(z)).valid).all():
             continue
-        if not laplace(posterior, z, solution.identifiability.told).converged:
+        if not laplace(
+            posterior, z, solution.identifiability.identified_basis
+        ).converged:
             continue
         told.append(z)
         values = posterior.parameters.values(jnp.asarray(z))

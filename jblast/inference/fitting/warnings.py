@@ -22,7 +22,7 @@ from jblast.inference.fitting.findings import (
     PoorFit,
     PriorConflict,
 )
-from jblast.inference.fitting.goodness_of_fit import POOR, chance
+from jblast.inference.fitting.goodness_of_fit import POOR, p_value
 from jblast.inference.fitting.prior_conflict import against_priors
 from jblast.inference.fitting.solution import Solution
 from jblast.inference.fitting.still_air import still_air
@@ -59,7 +59,7 @@ def warnings_of(
     told: list[Finding] = []
     against: Mapping[str, float] = {}
     blind = uncertain.source == NO_SCENE
-    p = chance(chi2, dof)
+    p = p_value(chi2, dof)
     if p is not None and p < POOR:
         log = (observations.source or "OBSERVATIONS.csv") if blind else ""
         told.append(PoorFit(chi2, dof, p, log))

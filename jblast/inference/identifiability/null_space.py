@@ -11,14 +11,14 @@ from jblast.inference.posterior.fisher_information import (
     NULL,
     information,
     unit_diagonal,
-    whitened,
     whitened_jacobian,
+    whitened_rows,
 )
 from jblast.inference.posterior.posterior import Posterior
 
 STEP = 1.0
 """How far a null direction is followed to confirm it, in typical steps."""
-UNSEEN = 1e-4
+NULL_TOLERANCE = 1e-4
 """Data that move by less than this many standard deviations along it have not moved."""
 ROUNDS = 20
 """Steps back onto the curve of a null direction, at most."""
@@ -36,13 +36,13 @@ class Identifiability:
 
     Attributes:
         null: One row for each direction along which no datum moves, in coordinates.
-        told: Basis of the rest, one column each.
+        identified_basis: Basis of the rest, one column each.
         determined: Whether each parameter is out of every null direction.
         followed: Where following each null direction for a finite step led.
     """
 
     null: Float[np.ndarray, "null free"]
-    told: Float[np.ndarray, "free told"]
+    identified_basis: Float[np.ndarray, "free identified"]
     determined: tuple[bool, ...]
     followed: Float[np.ndarray, "null free"]
 
@@ -72,7 +72,7 @@ def identifiability(
     null = echelon(vectors[:, is_null].T)
     return Identifiability(
         null=_led_by_one(null / size),
-        told=vectors[:, ~is_null] / size[:, None],
+        identified_basis=vectors[:, ~is_null] / size[:, None],
         determined=tuple(bool((column == 0).all()) for column in null.T),
         followed=np.array([t for t in followed if t is not None]).reshape(null.shape),
     )
@@ -94,7 +94,7 @@ def _followed(posterior, z, direction, size) -> np.ndarray | None:
     there = z + step
     miss = _whitened_prediction(posterior, there, z) - started
     for _ in range(ROUNDS):
-        if np.linalg.norm(miss) < UNSEEN:
+        if np.linalg.norm(miss) < NULL_TOLERANCE:
             away = np.linalg.norm((there - z) * size)
             return there if away > 0.5 * np.linalg.norm(step * size) else None
         jacobian = np.asarray(whitened_jacobian(posterior, jnp.asarray(there)))
@@ -116,7 +116,7 @@ def _followed(posterior, z, direction, size) -> np.ndarray | None:
 def _whitened_prediction(posterior, z, where):
     """Predictions and prior terms at z, in the standard deviations of elsewhere."""
     at, here = posterior.misfit(jnp.asarray(where)), posterior.misfit(jnp.asarray(z))
-    data = whitened(posterior, at, -here.residual[:, None])[:, 0]
+    data = whitened_rows(posterior, at, -here.residual[:, None])[:, 0]
     return np.concatenate([data, posterior.parameters.has_prior() * z])
 
 
@@ -151,7 +151,7 @@ def _led_by_one(rows: Float[np.ndarray, "row free"]) -> Float[np.ndarray, "row f
     )
 
 
-def told_combinations(found: Identifiability) -> Float[np.ndarray, "told free"]:
+def estimable_forms(found: Identifiability) -> Float[np.ndarray, "told free"]:
     """Return the combinations of undetermined parameters that the data do tell.
 
     Each row is a linear form in the coordinates that vanishes along every null

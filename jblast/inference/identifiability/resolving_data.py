@@ -23,7 +23,7 @@ from jblast.sensors.law_choice import law_names
 from jblast.sensors.record import comparable
 
 BANG = "air_arrival_s"
-SEEN = 0.03
+RESOLVED_CHANGE = 0.03
 """A datum is a cure if a typical step along the direction moves it by 3 %."""
 
 
@@ -90,7 +90,7 @@ def cure_of_null(
     )
     data = [
         datum
-        for datum, seen in zip(possible, np.abs(moved) > SEEN, strict=True)
+        for datum, seen in zip(possible, np.abs(moved) > RESOLVED_CHANGE, strict=True)
         if seen
     ]
     taking_part = tuple(

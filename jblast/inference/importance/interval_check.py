@@ -4,7 +4,7 @@ Importance sampling tells (see `importance`), with draws that reach further than
 normal's: half of them are Student-t. Draws of the normal alone, which miss the tails of
 Student-t errors, put the ends of one of twelve simulated logs of four microphones off
 by 0.6 sd that were off by 0.1. Where few of the draws have all the weight, they are
-drawn anew along the ridge that the readings allow (see `bent`).
+drawn anew along the ridge that the readings allow (see `rto_proposal`).
 
 The same draws, weighted once for the posterior and once for the normal, give both their
 ends: what chance does to one it does to the other.
@@ -21,8 +21,8 @@ from jaxtyping import Float
 
 from jblast.inference.importance.findings import IntervalsOff
 from jblast.inference.importance.marginals import weighted_quantiles
-from jblast.inference.importance.psis import ENDS, HELD, pareto_smoothed
-from jblast.inference.importance.ridge_proposal import bent
+from jblast.inference.importance.psis import HELD, MAX_QUANTILE_ERROR, pareto_smoothed
+from jblast.inference.importance.ridge_proposal import rto_proposal
 from jblast.inference.importance.whitening import Whitened, densities, root_of
 from jblast.inference.mode.laplace import NORMAL_Q95, Laplace
 from jblast.inference.posterior.posterior import Posterior
@@ -45,7 +45,7 @@ BLOCKS = 8
 PRECISE = 0.1
 """Standard deviations to which an end that is off is told."""
 SURE = 2.0
-"""Standard errors by which an end has to be further off than `ENDS`."""
+"""Standard errors by which an end has to be further off than `MAX_QUANTILE_ERROR`."""
 
 
 @dataclass(frozen=True)
@@ -69,7 +69,7 @@ class Drawn:
 
 
 @dataclass(frozen=True)
-class EndsOff:
+class IntervalError:
     """The end that is surely off by most.
 
     Attributes:
@@ -97,7 +97,7 @@ class EndsOff:
 
     def finding(self) -> IntervalsOff | None:
         """Return what is wrong with the intervals; None if nothing is."""
-        surely = self.off - SURE * self.error > ENDS
+        surely = self.off - SURE * self.error > MAX_QUANTILE_ERROR
         if self.believed and not surely:
             return None
         return IntervalsOff(
@@ -107,7 +107,9 @@ class EndsOff:
         )
 
 
-def ends_judged(posterior: Posterior, normal: Laplace, *, seed: int = 0) -> EndsOff:
+def check_intervals(
+    posterior: Posterior, normal: Laplace, *, seed: int = 0
+) -> IntervalError:
     """Judge the normal approximation of a proper posterior by its intervals' ends.
 
     Args:
@@ -119,7 +121,7 @@ def ends_judged(posterior: Posterior, normal: Laplace, *, seed: int = 0) -> Ends
     return found if found.share >= SHARED else _judged(posterior, normal, seed, True)
 
 
-def _judged(posterior, normal, seed: int, along: bool) -> EndsOff:
+def _judged(posterior, normal, seed: int, along: bool) -> IntervalError:
     """Draw until it is clear; along the ridge or not."""
     at = jnp.asarray(normal.z)
     misfit = jax.eval_shape(posterior.misfit, at)
@@ -136,7 +138,9 @@ def _judged(posterior, normal, seed: int, along: bool) -> EndsOff:
     return _by_draws(posterior, normal, seed, last, part, along)
 
 
-def _by_draws(posterior, normal, seed, parts: int, part: int, along: bool) -> EndsOff:
+def _by_draws(
+    posterior, normal, seed, parts: int, part: int, along: bool
+) -> IntervalError:
     """Judge by so many parts of so many draws."""
     root = root_of(normal)
     w, log_drawn, log_normal = reaching(
@@ -146,7 +150,8 @@ def _by_draws(posterior, normal, seed, parts: int, part: int, along: bool) -> En
     center, axes = jnp.asarray(normal.z), jnp.asarray(root)
     if along:
         placed = [
-            bent(posterior, center, axes, jnp.asarray(x)) for x in np.split(w, parts)
+            rto_proposal(posterior, center, axes, jnp.asarray(x))
+            for x in np.split(w, parts)
         ]
         z = np.concatenate([np.asarray(p.z) for p in placed])
         value = np.concatenate([np.asarray(p.log_ratio) for p in placed])
@@ -172,9 +177,12 @@ def _by_draws(posterior, normal, seed, parts: int, part: int, along: bool) -> En
     error = np.std(blocks, axis=0, ddof=1) / np.sqrt(BLOCKS)
     by = np.abs(off(slice(None)))
     worst = np.unravel_index(np.argmax(by - SURE * error), by.shape)
-    quiet = np.all(by + SURE * error < ENDS)
-    loud = by[worst] - 2 * SURE * error[worst] > ENDS and error[worst] < PRECISE
-    return EndsOff(
+    quiet = np.all(by + SURE * error < MAX_QUANTILE_ERROR)
+    loud = (
+        by[worst] - 2 * SURE * error[worst] > MAX_QUANTILE_ERROR
+        and error[worst] < PRECISE
+    )
+    return IntervalError(
         name=posterior.parameters.names[worst[1]],
         off=float(by[worst]),
         error=float(error[worst]),

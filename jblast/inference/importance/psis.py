@@ -30,7 +30,7 @@ GOOD_SHAPE = 0.5
 """Below this k-hat the normal is close enough to be taken for the posterior."""
 NARROW = 0.1
 """Below this sd in ln a posterior has little room to be other than normal."""
-ENDS = 0.3
+MAX_QUANTILE_ERROR = 0.3
 """Ends of 90 % intervals that are off by less, in standard deviations, will do: of 327
 simulated logs that passed, 89 % of the intervals held the truth, and of 394 logs judged
 by the other two limits alone 86 % (`calibration/scenes/pressure.toml`)."""
@@ -88,12 +88,12 @@ def laplace_holds(k_hat: float, log_sd: float, off: float) -> bool:
     Args:
         k_hat: Shape of the tail of the importance weights.
         log_sd: The largest sd in ln of any number (see `largest_log_sd`).
-        off: By how much its intervals are off (see `ends_off`).
+        off: By how much its intervals are off (see `largest_quantile_error`).
     """
-    return k_hat < GOOD_SHAPE and log_sd < NARROW and off < ENDS
+    return k_hat < GOOD_SHAPE and log_sd < NARROW and off < MAX_QUANTILE_ERROR
 
 
-def ends_off(found: Importance, normal: Laplace) -> float:
+def largest_quantile_error(found: Importance, normal: Laplace) -> float:
     """Return by how much an end of a 90 % interval is off at most, in sds.
 
     The ends of the normal approximation, beside those of its weighted draws.

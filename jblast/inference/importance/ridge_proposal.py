@@ -14,7 +14,10 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from jblast.inference.posterior.fisher_information import whitened, whitened_jacobian
+from jblast.inference.posterior.fisher_information import (
+    whitened_jacobian,
+    whitened_rows,
+)
 from jblast.inference.posterior.posterior import Posterior
 from jblast.kept_programs import kept
 
@@ -24,7 +27,7 @@ ARRIVED = 1e-4
 """Coordinates that are met to this many standard deviations are met."""
 
 
-class Placed(NamedTuple):
+class RtoDraws(NamedTuple):
     r"""Where some coordinates are.
 
     Attributes:
@@ -37,12 +40,12 @@ class Placed(NamedTuple):
 
 
 @kept
-def bent(
+def rto_proposal(
     posterior: Posterior,
     center: Float[Array, " free"],
     root: Float[Array, "free free"],
     w: Float[Array, "place free"],
-) -> Placed:
+) -> RtoDraws:
     """Find the places that have some coordinates.
 
     Args:
@@ -56,7 +59,7 @@ def bent(
 
     def coordinates(z):
         moved = (here.residual - posterior.misfit(z).residual)[:, None]
-        data = whitened(posterior, here, moved)[:, 0]
+        data = whitened_rows(posterior, here, moved)[:, 0]
         return root.T @ (slopes.T @ jnp.concatenate([data, has_prior * (z - center)]))
 
     jacobian = jax.jacfwd(coordinates)
@@ -69,6 +72,6 @@ def bent(
         missed = jnp.max(jnp.abs(coordinates(z) - w))
         ratio = posterior.log_density(z) - jnp.linalg.slogdet(jacobian(z))[1]
         met = (missed < ARRIVED) & jnp.isfinite(ratio)
-        return Placed(jnp.where(met, z, center), jnp.where(met, ratio, -jnp.inf))
+        return RtoDraws(jnp.where(met, z, center), jnp.where(met, ratio, -jnp.inf))
 
     return jax.vmap(place)(w)

@@ -53,7 +53,7 @@ def densities(density: Density, w: Float[Array, "place free"]):
     return jnp.where(jnp.isfinite(value), value, -jnp.inf)
 
 
-def whitened(
+def whitened_density(
     posterior: Posterior, normal: Laplace, identifiability: Identifiability
 ) -> Whitened:
     """Put a posterior into coordinates in which it is round.

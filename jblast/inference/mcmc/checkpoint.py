@@ -13,7 +13,7 @@ import numpy as np
 
 from jblast.errors import InputError
 from jblast.files import replacing
-from jblast.inference.mcmc.state import Stretch
+from jblast.inference.mcmc.state import Segment
 
 RANDOM = "random_"
 
@@ -48,7 +48,7 @@ class Store:
         path = self.folder / "about.npz"
         return _read(path) if path.exists() else None
 
-    def keep(self, first: int, stretch: Stretch) -> None:
+    def keep(self, first: int, stretch: Segment) -> None:
         """Keep a stretch that begins after so many steps."""
         if len(stretch.chain):
             random = {RANDOM + name: array for name, array in stretch.random.items()}
@@ -61,7 +61,7 @@ class Store:
                 },
             )
 
-    def stretches(self) -> list[Stretch]:
+    def stretches(self) -> list[Segment]:
         """Return all that was kept, in order.
 
         Raises:
@@ -84,7 +84,7 @@ class Store:
                 for name, array in arrays.items()
                 if name.startswith(RANDOM)
             }
-            found.append(Stretch(arrays["chain"], arrays["log_density"], random))
+            found.append(Segment(arrays["chain"], arrays["log_density"], random))
             steps += len(arrays["chain"])
         return found
 

@@ -6,24 +6,24 @@ import jax.numpy as jnp
 import numpy as np
 
 from jblast.inference.importance.whitening import Density, densities
-from jblast.inference.mcmc.independence_move import Mixture, anew
-from jblast.inference.mcmc.state import SHARES, State, Stretch
+from jblast.inference.mcmc.independence_move import Mixture, independence_move
+from jblast.inference.mcmc.state import SHARES, Segment, State
 
 
 def moves(mixture: Mixture) -> list:
     """Return emcee's moves, each with its share."""
     from emcee.moves import DEMove, MHMove, StretchMove
 
-    def draw_anew(w, random):
+    def draw_independent(w, random):
         rank, unit = random.uniform(size=len(w)), random.standard_normal(w.shape)
-        there, factor = anew(mixture, *map(jnp.asarray, (w, rank, unit)))
+        there, factor = independence_move(mixture, *map(jnp.asarray, (w, rank, unit)))
         return np.asarray(there, float), np.asarray(factor, float)
 
     return [
         (DEMove(), SHARES["near"]),
         (DEMove(gamma0=1.0), SHARES["jump"]),
         (StretchMove(), SHARES["stretch"]),
-        (MHMove(draw_anew), SHARES["anew"]),
+        (MHMove(draw_independent), SHARES["independence"]),
     ]
 
 
@@ -48,7 +48,7 @@ class Emcee:
         state: State,
         steps: int,
         tick: Callable[[], None],
-    ) -> Stretch:
+    ) -> Segment:
         """Walk on; Ctrl-C ends the stretch after the last whole step."""
         import emcee
 
@@ -76,7 +76,7 @@ class Emcee:
                 tick()
         except KeyboardInterrupt:
             interrupted = True
-        return Stretch(
+        return Segment(
             np.array([coords for coords, *_ in done]).reshape(-1, walkers, free),
             np.array([value for _, value, _ in done]).reshape(-1, walkers),
             _arrays(done[-1][2]) if done else state.random,

@@ -20,7 +20,7 @@ from jblast.inference.importance.whitening import (
     Whitened,
     non_finite_rows,
     root_of,
-    whitened,
+    whitened_density,
 )
 from jblast.inference.mcmc.checkpoint import Store
 from jblast.inference.mcmc.convergence import Convergence
@@ -131,7 +131,7 @@ def ensemble(
         InputError: The posterior is improper or no number at its optimum, the walkers
             are too few, or what is kept in `store` is of another posterior.
     """
-    density = whitened(posterior, normal, identifiability)
+    density = whitened_density(posterior, normal, identifiability)
     _refuse_non_finite(posterior, normal.z, rows)
     starts = [Start(np.zeros(normal.z.size), np.eye(normal.z.size), 1.0)]
     if optima is not None:
@@ -220,7 +220,7 @@ def _others(density: Whitened, normal, identifiability, optima: Optima) -> list[
             continue
         if any(np.linalg.norm(np.linalg.solve(r, z - y)) < SEPARATE for y, r in kept):
             continue
-        other = laplace(density.posterior, z, identifiability.told)
+        other = laplace(density.posterior, z, identifiability.identified_basis)
         if not other.converged:
             continue
         there = root_of(other)

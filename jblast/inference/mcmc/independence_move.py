@@ -49,7 +49,7 @@ def mixture_of(
 
 
 @jax.jit
-def anew(
+def independence_move(
     mixture: Mixture,
     w: Float[Array, "walker free"],
     rank: Float[Array, " walker"],

@@ -17,7 +17,7 @@ from jblast.inference.mcmc.independence_move import Mixture, mixture_of
 from jblast.inference.mcmc.interrupt import interrupts
 from jblast.inference.mcmc.progress import Pace, Report, nothing
 from jblast.inference.mcmc.scan_engine import Scan
-from jblast.inference.mcmc.state import Engine, State, Stretch
+from jblast.inference.mcmc.state import Engine, Segment, State
 
 Sampler = Literal["emcee", "scan"]
 ENGINES: dict[str, Engine] = {"emcee": Emcee(), "scan": Scan()}
@@ -175,7 +175,7 @@ def _checks(most_steps: int) -> list[int]:
     return sorted(checks)
 
 
-def _judged(done: Sequence[Stretch], axes) -> Convergence:
+def _judged(done: Sequence[Segment], axes) -> Convergence:
     return convergence(np.concatenate([stretch.chain for stretch in done]) @ axes.T)
 
 
@@ -204,7 +204,7 @@ def _first(density, starts: Sequence[Start], seed, walkers, sampler) -> State:
     )
 
 
-def _kept(store: Store, density, sampler, walkers, axes) -> list[Stretch]:
+def _kept(store: Store, density, sampler, walkers, axes) -> list[Segment]:
     """Return the walk kept in a folder, if it is of this density."""
     about = {
         "sampler": np.array(sampler),

@@ -13,8 +13,8 @@ from jax import lax
 from jaxtyping import Array, Float, PRNGKeyArray
 
 from jblast.inference.importance.whitening import Density, densities
-from jblast.inference.mcmc.independence_move import Mixture, anew
-from jblast.inference.mcmc.state import SHARES, State, Stretch
+from jblast.inference.mcmc.independence_move import Mixture, independence_move
+from jblast.inference.mcmc.state import SHARES, Segment, State
 
 A = 2.0
 """Longest stretch; the shortest is its inverse."""
@@ -40,7 +40,7 @@ class Scan:
         state: State,
         steps: int,
         tick: Callable[[], None],
-    ) -> Stretch:
+    ) -> Segment:
         """Walk on; Ctrl-C loses the block it falls into."""
         w, value = jnp.asarray(state.walkers), jnp.asarray(state.log_density)
         key = jax.random.key(int(state.random["seed"]))
@@ -60,7 +60,7 @@ class Scan:
             interrupted = True
         done = min(len(log_density) * BLOCK, steps)
         shape = state.walkers.shape
-        return Stretch(
+        return Segment(
             np.concatenate([np.zeros((0, *shape)), *chain])[:done],
             np.concatenate([np.zeros((0, shape[0])), *log_density])[:done],
             {**state.random, "step": np.array(first + done)},
@@ -110,13 +110,15 @@ def _proposal(key: PRNGKeyArray, mixture, mine, others):
     u = jax.random.uniform(kind, (count, 1), mine.dtype)
     is_stretch = u < SHARES["stretch"]
     is_jump = u < SHARES["stretch"] + SHARES["jump"]
-    is_anew = u > 1 - SHARES["anew"]
+    is_independent = u > 1 - SHARES["independence"]
     length = jnp.where(is_jump, 1.0, 2.38 / (2 * free) ** 0.5) * jitter[:, None]
     by_difference = mine + length * (others[first] - others[second])
     by_stretch = others[first] + stretch * (mine - others[first])
     rank = jax.random.uniform(which, (count,), mine.dtype)
     unit = jax.random.normal(where, mine.shape, mine.dtype)
-    there, of_mixture = anew(mixture, mine, rank, unit)
-    there = jnp.where(is_anew, there, jnp.where(is_stretch, by_stretch, by_difference))
+    there, of_mixture = independence_move(mixture, mine, rank, unit)
+    there = jnp.where(
+        is_independent, there, jnp.where(is_stretch, by_stretch, by_difference)
+    )
     of_stretch = jnp.where(is_stretch, (free - 1) * jnp.log(stretch), 0.0)[:, 0]
-    return there, jnp.where(is_anew[:, 0], of_mixture, of_stretch)
+    return there, jnp.where(is_independent[:, 0], of_mixture, of_stretch)

@@ -24,7 +24,7 @@ class State(NamedTuple):
     random: Mapping[str, np.ndarray]
 
 
-class Stretch(NamedTuple):
+class Segment(NamedTuple):
     """Steps in a row.
 
     Attributes:
@@ -65,7 +65,7 @@ class Engine(Protocol):
         state: State,
         steps: int,
         tick: Callable[[], None],
-    ) -> Stretch:
+    ) -> Segment:
         """Walk on; Ctrl-C ends the stretch early.
 
         Args:
@@ -78,14 +78,14 @@ class Engine(Protocol):
         ...
 
 
-SHARES = {"near": 0.7, "jump": 0.1, "stretch": 0.1, "anew": 0.1}
+SHARES = {"near": 0.7, "jump": 0.1, "stretch": 0.1, "independence": 0.1}
 r"""How often a step is of each kind.
 
 near: along the difference of two other walkers, $2.38/\sqrt{2 d}$ of it long (ter Braak
 2006, Stat. Comput. 16:239). jump: the whole of it, which leads from mode to mode.
 stretch: towards or away from another walker (Goodman & Weare 2010), for long tails.
-anew: to a place drawn from the normals about the known optima (see `mixture`).
-Five microphones, four unknowns, 64 walkers: autocorrelation time 11 steps, without anew
+independence: to a place drawn from the normals about the known optima (see `mixture`).
+Five microphones, four unknowns, 64 walkers: autocorrelation time 11 steps, without that
 17, with the stretch move alone 59; for a normal of 12 unknowns 13, 45 and 184. A charge
-beside a line of microphones and its mirror image: 36, without anew some 460.
+beside a line of microphones and its mirror image: 36, without that some 460.
 """

@@ -22,8 +22,8 @@ from jblast.inference.posterior.estimate import Estimate
 from jblast.inference.posterior.fisher_information import (
     NULL,
     information,
-    whitened,
     whitened_jacobian,
+    whitened_rows,
 )
 from jblast.inference.posterior.parameters import Parameters
 from jblast.inference.posterior.posterior import Posterior
@@ -130,7 +130,9 @@ def _fall_of_crest(posterior, z, axis, others, top) -> float:
 def _bend(posterior: Posterior, z, there, step):
     """Return how far readings moved beyond a straight step, as slopes."""
     here, moved = posterior.misfit(z), posterior.misfit(there)
-    data = whitened(posterior, here, (here.residual - moved.residual)[:, None])[:, 0]
+    data = whitened_rows(posterior, here, (here.residual - moved.residual)[:, None])[
+        :, 0
+    ]
     data = jnp.concatenate([data, posterior.parameters.has_prior() * (there - z)])
     jacobian = whitened_jacobian(posterior, z)
     return jacobian.T @ (data - jacobian @ step)

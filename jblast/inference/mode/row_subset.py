@@ -29,7 +29,7 @@ def is_long(posterior: Posterior) -> bool:
     return len(set(layout.group)) > MOST_PATHS and _has_path_effects(posterior)
 
 
-def thinned(posterior: Posterior) -> Posterior:
+def row_subset(posterior: Posterior) -> Posterior:
     """Keep some rows of every kind: of each quantity, charge and clock that is free."""
     paths = MOST_PATHS if _has_path_effects(posterior) else None
     free = [

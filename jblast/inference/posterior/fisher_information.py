@@ -20,7 +20,7 @@ TAKES_PART = 1e-5
 """A smaller part of a null direction, in standard deviations, is rounding."""
 
 
-def whitened(
+def whitened_rows(
     posterior: Posterior, misfit: Misfit, columns: Float[Array, "row column"]
 ) -> Float[Array, "datum column"]:
     r"""Measure columns in standard deviations, what shared effects hide left out.
@@ -45,11 +45,11 @@ def whitened_jacobian(
 ) -> Float[Array, "datum free"]:
     """Return the sensitivity of the data in standard deviations.
 
-    What the log tells comes first (see `whitened`); then one row for each parameter,
-    which counts where it has a prior.
+    What the log tells comes first (see `whitened_rows`); then one row for each
+    parameter, which counts where it has a prior.
     """
     jacobian = -jax.jacfwd(lambda z: posterior.misfit(z).residual)(z)
-    told = whitened(posterior, posterior.misfit(z), jacobian)
+    told = whitened_rows(posterior, posterior.misfit(z), jacobian)
     return jnp.concatenate([told, jnp.diag(posterior.parameters.has_prior())])
 
 

@@ -1,6 +1,6 @@
 """Does the law agree with the recordings, within their errors?"""
 
-from jblast.inference.fitting.goodness_of_fit import POOR, chance
+from jblast.inference.fitting.goodness_of_fit import POOR, p_value
 from jblast.inference.fitting.summary import Summary
 from jblast.report.numbers import finite
 
@@ -10,7 +10,7 @@ MARGINAL = 0.01
 def goodness_p(found: Summary) -> float | None:
     """Return the chance of a worse chi2 than this by luck; None without freedom."""
     chi2 = finite(found.chi2)
-    return None if chi2 is None else chance(chi2, found.dof)
+    return None if chi2 is None else p_value(chi2, found.dof)
 
 
 def goodness_sentence(found: Summary) -> str:

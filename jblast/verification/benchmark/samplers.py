@@ -16,7 +16,7 @@ from jblast.inference import Posterior
 from jblast.inference.identifiability.null_space import Identifiability, identifiability
 from jblast.inference.importance.marginals import weighted_quantiles
 from jblast.inference.importance.psis import Importance, importance
-from jblast.inference.importance.whitening import Whitened, whitened
+from jblast.inference.importance.whitening import Whitened, whitened_density
 from jblast.inference.mcmc.emcee_engine import Emcee
 from jblast.inference.mcmc.scan_engine import Scan
 from jblast.inference.mode.laplace import NORMAL_Q95, Laplace, laplace
@@ -54,14 +54,14 @@ class Known(NamedTuple):
 
     Attributes:
         posterior: It.
-        told: What its log tells.
+        identified: What its log tells.
         normal: Its normal approximation.
         seconds: What that takes, with the optimum known.
         density: The posterior in coordinates in which it is round.
     """
 
     posterior: Posterior
-    told: Identifiability
+    identified: Identifiability
     normal: Laplace
     seconds: float
     density: Whitened
@@ -71,10 +71,12 @@ def known() -> Known:
     """Find the optimum and the normal approximation."""
     posterior = one_posterior()
     z = np.asarray(optima(jax.random.key(0), posterior).z[0])
-    told = identifiability(posterior, z)
-    seconds, normal = best_of(lambda: laplace(posterior, z, told.told))
-    density = whitened(posterior, normal, told)
-    return Known(posterior, told, normal, seconds, density)
+    identified = identifiability(posterior, z)
+    seconds, normal = best_of(
+        lambda: laplace(posterior, z, identified.identified_basis)
+    )
+    density = whitened_density(posterior, normal, identified)
+    return Known(posterior, identified, normal, seconds, density)
 
 
 def weighted_ends(found: Importance, normal: Laplace) -> Interval:

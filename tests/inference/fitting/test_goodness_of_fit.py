@@ -3,10 +3,10 @@ import pytest
 from scipy import stats
 
 from jblast.inference.fitting.goodness_of_fit import (
-    beyond,
-    chance,
     normal_scores,
+    p_value,
     suspected_outliers,
+    tail_probability,
 )
 from tests.inference.logs import log
 
@@ -17,7 +17,7 @@ from tests.inference.logs import log
 def test_the_chance_beyond_a_residual_is_that_of_scipy(noise, reference):
     u = np.array([0.0, 0.3, -1.0, 4.0, -25.0])
     np.testing.assert_allclose(
-        beyond(u, noise), 2 * reference.sf(np.abs(u)), rtol=1e-10
+        tail_probability(u, noise), 2 * reference.sf(np.abs(u)), rtol=1e-10
     )
 
 
@@ -30,14 +30,14 @@ def test_honest_errors_of_either_kind_seldom_look_poor(noise):
     chi2 = np.sum(
         normal_scores(draw((4000, 20)).ravel(), noise).reshape(4000, 20) ** 2, 1
     )
-    poor = np.mean([(chance(c, 20) or 0.0) < 0.05 for c in chi2])
+    poor = np.mean([(p_value(c, 20) or 0.0) < 0.05 for c in chi2])
     # a share of 0.05 in 4000 has a standard error of 0.0035
     assert poor == pytest.approx(0.05, abs=0.012)
 
 
 def test_chance_is_the_survival_of_chi_squared():
-    assert chance(9.1, 9) == pytest.approx(stats.chi2.sf(9.1, 9), rel=1e-10)
-    assert chance(1.0, 0) is None
+    assert p_value(9.1, 9) == pytest.approx(stats.chi2.sf(9.1, 9), rel=1e-10)
+    assert p_value(1.0, 0) is None
 
 
 def named(residual):

@@ -43,11 +43,11 @@ def solved(scatter=False, wind=0.0, free=FREE):
         "gaussian",
     )
     z = np.zeros(len(free))
-    told = identifiability(posterior, z)
+    identified = identifiability(posterior, z)
     optima = None
     laws = {q: (name, "") for q, name in LAWS.items()}
-    normal = laplace(posterior, z, told.told)
-    return Solution(posterior, laws, True, optima, told, normal)  # pyright: ignore[reportArgumentType]  nobody asks for the search's ends
+    normal = laplace(posterior, z, identified.identified_basis)
+    return Solution(posterior, laws, True, optima, identified, normal)  # pyright: ignore[reportArgumentType]  nobody asks for the search's ends
 
 
 def by_hand(scatter: bool, sd_of_wind: float) -> np.ndarray:

@@ -11,14 +11,14 @@ from scipy.stats import multivariate_normal, multivariate_t
 import jblast.inference.fitting.uncertainty
 from jblast.inference import fit
 from jblast.inference.fitting.findings import DirectionUnidentified
-from jblast.inference.fitting.uncertainty import how_sure
+from jblast.inference.fitting.uncertainty import uncertainty
 from jblast.inference.importance.interval_check import (
     FREEDOM,
-    EndsOff,
-    ends_judged,
+    IntervalError,
+    check_intervals,
     reaching,
 )
-from jblast.inference.importance.psis import ENDS
+from jblast.inference.importance.psis import MAX_QUANTILE_ERROR
 from jblast.report.fit.findings import all_words, reason_words, words
 from jblast.scene import Scene, UncertainScene, freed
 from jblast.waves import wu_hao_air_arrival_time
@@ -102,14 +102,14 @@ def test_ends_are_off_by_what_integration_says_and_the_answer_warns(apart):
     made = disagreeing(apart)
     solution = disagreeing_solved(apart)
     by = np.abs(ends_by_grid(solution) - (-1.645, 1.645)).max()
-    found = ends_judged(solution.posterior, solution.laplace)
+    found = check_intervals(solution.posterior, solution.laplace)
     assert found.off == pytest.approx(by, abs=3 * found.error + 0.01)
     assert found.believed
     alone = fit(made, MASS_FREE, posterior="laplace").summary
     said = [w for w in all_words(alone.warnings) if "90 %" in w]
     warned = f"off by up to {found.off:.1f} of a standard deviation at charge_mass_kg"
     assert [warned in w and "--posterior emcee walks" in w for w in said] == (
-        [True] if by > ENDS else []
+        [True] if by > MAX_QUANTILE_ERROR else []
     )
 
 
@@ -122,7 +122,7 @@ def test_weighted_intervals_end_where_integration_says(apart):
     mass = weighted.summary.estimates["charge_mass_kg"]
     normal = solution.laplace
     ends = (np.log([mass.q05, mass.q95]) - normal.z) / np.sqrt(normal.covariance)
-    found = ends_judged(solution.posterior, normal)
+    found = check_intervals(solution.posterior, normal)
     # chance moves an end by its standard error, told of the worst one alone
     expected = ends_by_grid(solution)
     np.testing.assert_allclose(ends[0], expected, atol=3 * max(found.error, 0.03))
@@ -137,7 +137,7 @@ def test_where_importance_sampling_cannot_tell_the_approximation_stands_alone():
     normal = solution.laplace
     # a normal a hundredth as wide as the posterior: weights of a heavy tail
     thin = replace(normal, covariance=1e-4 * normal.covariance)
-    sure = how_sure(solution._replace(laplace=thin), "weighted")
+    sure = uncertainty(solution._replace(laplace=thin), "weighted")
     assert not sure.weighted
     assert "cannot tell" in words(sure.reason)
     assert any("of a normal approximation" in why for why in all_words(sure.findings))
@@ -145,14 +145,14 @@ def test_where_importance_sampling_cannot_tell_the_approximation_stands_alone():
 
 def test_where_few_draws_count_the_answer_says_so(monkeypatch):
     solution = disagreeing_solved(0.0)
-    judged = ends_judged(solution.posterior, solution.laplace)
+    judged = check_intervals(solution.posterior, solution.laplace)
     assert judged.drawn is not None
     few = replace(judged, off=0.0, share=50.4 / len(judged.drawn.z), k_hat=0.4)
     assert few.believed
     monkeypatch.setattr(
-        jblast.inference.fitting.uncertainty, "ends_judged", lambda *_, **__: few
+        jblast.inference.fitting.uncertainty, "check_intervals", lambda *_, **__: few
     )
-    sure = how_sure(solution, "weighted")
+    sure = uncertainty(solution, "weighted")
     assert not sure.weighted
     assert "k-hat" not in words(sure.reason)
     (why,) = all_words(sure.findings)
@@ -169,7 +169,7 @@ def doubt(judged):
 
 
 def test_a_doubt_is_told_where_chance_cannot_be_the_cause():
-    within = EndsOff("charge_mass_kg", off=0.35, error=0.05, k_hat=0.2, share=0.9)
+    within = IntervalError("charge_mass_kg", off=0.35, error=0.05, k_hat=0.2, share=0.9)
     assert within.finding() is None
     assert doubt(replace(within, off=0.61)) == (
         "the 90 % intervals are those of a normal approximation, off by up to 0.6 of a "

@@ -5,11 +5,11 @@ import numpy as np
 import pytest
 
 from jblast.inference.importance.psis import (
-    ends_off,
     generalised_pareto,
     importance,
     laplace_holds,
     largest_log_sd,
+    largest_quantile_error,
     pareto_smoothed,
 )
 from tests.inference.shots import five_solved
@@ -84,7 +84,7 @@ def test_the_ends_of_a_normal_too_wide_are_off_by_what_it_is_too_wide(wider):
     wide = dataclasses.replace(normal, covariance=wider**2 * normal.covariance)
     # 1.645 of its sds instead of 1.645/wider; the end is known to 2.1/sqrt(4000) = 0.03
     # sd, and here the posterior bends by as much
-    off = ends_off(importance(posterior, wide), wide)
+    off = largest_quantile_error(importance(posterior, wide), wide)
     assert off == pytest.approx(1.645 * (1 - 1 / wider), abs=0.12)
 
 

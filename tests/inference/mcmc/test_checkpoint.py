@@ -5,12 +5,12 @@ import pytest
 
 from jblast.errors import InputError
 from jblast.inference.mcmc.checkpoint import Store
-from jblast.inference.mcmc.state import Stretch
+from jblast.inference.mcmc.state import Segment
 
 
 def stretch(steps, value=0.0):
     random = {"key": np.arange(4, dtype=np.uint32)}
-    return Stretch(np.full((steps, 3, 2), value), np.full((steps, 3), -value), random)
+    return Segment(np.full((steps, 3, 2), value), np.full((steps, 3), -value), random)
 
 
 @pytest.fixture

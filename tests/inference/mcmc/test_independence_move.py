@@ -3,7 +3,7 @@ import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
 
-from jblast.inference.mcmc.independence_move import anew, mixture_of
+from jblast.inference.mcmc.independence_move import independence_move, mixture_of
 
 CENTER = np.array([[0.0, 0.0], [3.0, -4.0]])
 ROOT = np.array([[[1.0, 0.0], [0.0, 1.0]], [[0.5, 0.2], [-0.1, 2.0]]])
@@ -23,7 +23,9 @@ def log_density(w):
 def drawn(count):
     rng = np.random.default_rng(0)
     w = np.zeros((count, 2))
-    return anew(MIXTURE, w, rng.uniform(size=count), rng.standard_normal(w.shape))
+    return independence_move(
+        MIXTURE, w, rng.uniform(size=count), rng.standard_normal(w.shape)
+    )
 
 
 def test_density_is_that_of_the_sum_up_to_a_constant():

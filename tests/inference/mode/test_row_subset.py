@@ -11,7 +11,7 @@ import pytest
 from jblast.errors import InputError
 from jblast.inference import information_of_layout, posterior_of
 from jblast.inference.mode.laplace import density_and_slope
-from jblast.inference.mode.row_subset import MOST_ROWS, is_long, spread_rows, thinned
+from jblast.inference.mode.row_subset import MOST_ROWS, is_long, row_subset, spread_rows
 from jblast.inference.mode.search import optima
 from jblast.inference.posterior.fisher_information import information
 from jblast.inference.posterior.parameters import parameters_of
@@ -61,7 +61,7 @@ def test_the_optimum_of_a_long_log_is_that_of_all_its_rows():
     truth = np.array([np.log(20.0), 8.0, -5.0])
     np.testing.assert_array_less(np.abs(z - truth), 4 * sds)
     # by the rows that were searched it lies elsewhere, within their errors
-    few = thinned(posterior)
+    few = row_subset(posterior)
     assert len(few.measured) == MOST_ROWS
     _, slope = density_and_slope(few, z)
     assert 1e-3 < 0.5 * slope @ np.linalg.solve(known, slope) < 10

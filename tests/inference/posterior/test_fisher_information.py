@@ -7,7 +7,7 @@ from jblast.inference import posterior_of
 from jblast.inference.identifiability.null_space import (
     Identifiability,
     echelon,
-    told_combinations,
+    estimable_forms,
 )
 from jblast.inference.posterior.fisher_information import information, unit_diagonal
 from jblast.inference.posterior.parameters import parameters_of
@@ -95,7 +95,7 @@ def test_echelon_rows_lead_with_a_one_of_their_own():
 def test_told_combinations_stand_still_along_null_directions():
     null = np.array([[1.0, -0.2, 0.0, -0.02]])
     found = Identifiability(null, np.zeros((4, 3)), (False, False, True, False), null)
-    told = told_combinations(found)
+    told = estimable_forms(found)
     assert told.shape == (2, 4)
     np.testing.assert_allclose(told @ null.T, 0, atol=1e-12)
     np.testing.assert_allclose(told[:, 2], 0)

@@ -8,7 +8,10 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from jblast.inference import fit_many, solve
-from jblast.inference.fitting.goodness_of_fit import left_of, suspected_outliers
+from jblast.inference.fitting.goodness_of_fit import (
+    standardised_residuals,
+    suspected_outliers,
+)
 from jblast.inference.mode.laplace import NORMAL_Q95
 from jblast.observations import Observations
 from jblast.verification.stability.failure import FailureMode, verified
@@ -80,7 +83,9 @@ def _by_student(clean: SolvedLog, log: Observations) -> tuple[float, bool]:
     """Return ln of the mass, and whether the reading is suspected."""
     found = solve(log, clean.uncertain)
     posterior, z = found.posterior, found.laplace.z
-    named = suspected_outliers(log, left_of(posterior, z).residual, posterior.noise)
+    named = suspected_outliers(
+        log, standardised_residuals(posterior, z).residual, posterior.noise
+    )
     return float(z[0]), any(o.sensor == log.sensor[WHICH] for o in named)
 
 

@@ -7,11 +7,11 @@ import numpy as np
 
 from jblast.errors import InputError
 from jblast.inference import Ensemble, Solution, ensemble
-from jblast.inference.fitting.uncertainty import how_sure
+from jblast.inference.fitting.uncertainty import uncertainty
 from jblast.inference.importance.findings import IntervalsOff
-from jblast.inference.importance.interval_check import ends_judged
-from jblast.inference.importance.psis import ENDS
-from jblast.inference.importance.whitening import Whitened, root_of, whitened
+from jblast.inference.importance.interval_check import check_intervals
+from jblast.inference.importance.psis import MAX_QUANTILE_ERROR
+from jblast.inference.importance.whitening import Whitened, root_of, whitened_density
 from jblast.inference.mcmc.findings import LongRidge
 from jblast.inference.posterior.estimate import Estimate
 from jblast.verification.stability.failure import FailureMode, verified
@@ -85,7 +85,7 @@ def endless() -> tuple[Solution, Ensemble]:
 def endless_failure() -> FailureMode:
     """Measure how a walk runs down a ridge that does not end."""
     found, ours = endless()
-    density = whitened(found.posterior, found.laplace, found.identifiability)
+    density = whitened_density(found.posterior, found.laplace, found.identifiability)
     start = np.random.default_rng(0).standard_normal((WALKERS, found.laplace.z.size))
     walks = [bare_walk(density, start, steps) for steps in (SHORT, LONG)]
     low = [np.quantile(_masses(found, walk), 0.05) for walk in walks]
@@ -117,7 +117,7 @@ def off_at(radius: float) -> float:
         radius: Of the circle [m]; the charge is 60 m from its middle.
     """
     found = _beside(radius)
-    return ends_judged(found.posterior, found.laplace).off
+    return check_intervals(found.posterior, found.laplace).off
 
 
 def _beside(radius: float) -> Solution:
@@ -126,10 +126,10 @@ def _beside(radius: float) -> Solution:
 
 def bent_failure() -> FailureMode:
     """Measure from which aperture on the normal approximation does not do."""
-    boundary = crossing(lambda r: off_at(r) - ENDS, CLOSE, 40.0, to=0.01)
+    boundary = crossing(lambda r: off_at(r) - MAX_QUANTILE_ERROR, CLOSE, 40.0, to=0.01)
     found = _beside(CLOSE)
     name = found.posterior.parameters.names[0]
-    asked, sure = how_sure(found, "laplace"), how_sure(found, "auto")
+    asked, sure = uncertainty(found, "laplace"), uncertainty(found, "auto")
     normal, walked = asked.marginals[name], sure.marginals[name]
     told_of = any(
         isinstance(f, IntervalsOff) and f.parameter == name and not np.isnan(f.off)
@@ -141,9 +141,9 @@ def bent_failure() -> FailureMode:
         failure="a ridge of mass and range that bends",
         boundary=boundary,
         unit="m radius of eight sensors 60 m away",
-        beyond=f"ends of 90 % intervals are off by more than {ENDS:g} sd; at {CLOSE:g} "
-        f"m by {off_at(CLOSE):.1f}: the mass is {_interval(normal)} instead of "
-        f"{_interval(walked)}",
+        beyond=f"ends of 90 % intervals are off by more than {MAX_QUANTILE_ERROR:g} "
+        f"sd; at {CLOSE:g} m by {off_at(CLOSE):.1f}: the mass is "
+        f"{_interval(normal)} instead of {_interval(walked)}",
         response=verified(
             "marks",
             told_of and sure.method == "emcee" and sure.converged,

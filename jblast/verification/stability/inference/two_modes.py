@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from jblast.inference import Ensemble, ensemble
-from jblast.inference.importance.whitening import whitened
+from jblast.inference.importance.whitening import whitened_density
 from jblast.inference.mcmc.independence_move import Mixture, mixture_of
 from jblast.inference.mcmc.run import Sampled, Start, sample
 from jblast.verification.stability.failure import FailureMode, verified
@@ -112,7 +112,7 @@ def mirror() -> Mirror:
     """Walk about a charge that has a mirror image."""
     found = solved_log(line(), *MIRRORED).solution
     posterior, normal = found.posterior, found.laplace
-    density = whitened(posterior, normal, found.identifiability)
+    density = whitened_density(posterior, normal, found.identifiability)
     walk = bare_walk(density, unit_normals(FREE), MIRROR_STEPS)
     north = normal.z[2] + walk.chain @ np.asarray(density.root)[2]
     there = (np.sign(north) != np.sign(normal.z[2])).any(axis=0)

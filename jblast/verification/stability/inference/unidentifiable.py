@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jblast.inference import Solution, solve
-from jblast.inference.fitting.unidentified import NEAR, ambiguities
+from jblast.inference.fitting.unidentified import NEAR, other_modes
 from jblast.scene import freed
 from jblast.sensors import simulate
 from jblast.verification.stability.failure import FailureMode, verified
@@ -100,8 +100,8 @@ def collinear_failure() -> FailureMode:
         f"say {north:.0f} m south and {fits.good - wrong} {north:.0f} m north",
         response=verified(
             "marks",
-            len(ambiguities(at, True)) == 1
-            and not ambiguities(
+            len(other_modes(at, True)) == 1
+            and not other_modes(
                 solved_log(line(2 * boundary), *MIRRORED).solution, True
             ),
             "sensors in a line",
@@ -120,7 +120,7 @@ def at_places(count: int) -> SolvedLog:
 
 def is_told(solution: Solution) -> bool:
     """Whether a log tells one place and one mass."""
-    return not len(solution.identifiability.null) and not ambiguities(solution, True)
+    return not len(solution.identifiability.null) and not other_modes(solution, True)
 
 
 def one_place_failure() -> FailureMode:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from jblast.inference import fit
-from jblast.inference.fitting.unidentified import NEAR, ambiguities
+from jblast.inference.fitting.unidentified import NEAR, other_modes
 from jblast.inference.mode.laplace import NORMAL_Q95
 from jblast.verification.stability.areas import AREAS
 from jblast.verification.stability.inference import (
@@ -103,7 +103,7 @@ def test_the_mirror_image_is_told_apart_past_the_boundary_and_not_before():
     assert mode.unit.startswith("m ")
     for bent, named in ((0.8 * mode.boundary, 1), (1.2 * mode.boundary, 0)):
         found = solved_log(line(bent), *unidentifiable.MIRRORED).solution
-        assert len(ambiguities(found, True)) == named
+        assert len(other_modes(found, True)) == named
     # a charge at the height of its sensors: -2 ln density grows as the offset squared
     double = unidentifiable.mirror_excess(2 * mode.boundary)
     assert double / NEAR == pytest.approx(4.0, rel=0.25)

@@ -7,8 +7,8 @@ from jblast.errors import InputError
 from jblast.inference import ensemble, fit
 from jblast.inference.fitting.findings import DirectionUnidentified
 from jblast.inference.fitting.still_air import StillAir
-from jblast.inference.fitting.uncertainty import how_sure
-from jblast.inference.importance.psis import ENDS
+from jblast.inference.fitting.uncertainty import uncertainty
+from jblast.inference.importance.psis import MAX_QUANTILE_ERROR
 from jblast.inference.mcmc.convergence import LONG_ENOUGH
 from jblast.inference.mcmc.findings import LongRidge, SeveralModes
 from jblast.report.fit.findings import all_words
@@ -77,7 +77,7 @@ def test_a_walk_over_a_null_direction_looks_converged_and_is_refused():
     found = wu_hao_told()
     with pytest.raises(InputError, match=r"improper along charge_mass_kg.*a prior"):
         ensemble(found.posterior, found.laplace, found.identifiability)
-    asked = how_sure(found, "emcee")
+    asked = uncertainty(found, "emcee")
     assert asked.method == "laplace"
     assert asked.reason == DirectionUnidentified()
 
@@ -96,8 +96,8 @@ def test_a_ridge_without_end_is_walked_on_and_on_and_called_improper():
 @pytest.mark.slow
 def test_the_normal_approximation_says_past_its_boundary_that_it_fails():
     mode = ridges.bent_failure()
-    assert ridges.off_at(1.5 * mode.boundary) < ENDS
-    assert ridges.off_at(mode.boundary / 1.5) > ENDS
+    assert ridges.off_at(1.5 * mode.boundary) < MAX_QUANTILE_ERROR
+    assert ridges.off_at(mode.boundary / 1.5) > MAX_QUANTILE_ERROR
     close, wide = (
         solved_log(circle(radius), 30.0, 60.0, 0.0) for radius in (ridges.CLOSE, 10.0)
     )
@@ -118,6 +118,6 @@ def test_the_normal_approximation_says_past_its_boundary_that_it_fails():
         "off by up to 0.4 of a standard" in w for w in all_words(answers[0].warnings)
     )
     # importance sampling by the normal's own draws puts these off by 0.5
-    assert np.abs(ends[2] - ends[3]).max() < ENDS * sds[1]
+    assert np.abs(ends[2] - ends[3]).max() < MAX_QUANTILE_ERROR * sds[1]
     quiet = [w for w in answers[2].warnings if not isinstance(w, StillAir)]
     assert quiet == []
