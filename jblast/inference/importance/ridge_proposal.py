@@ -23,7 +23,7 @@ from jblast.kept_programs import kept
 
 STEPS = 8
 """Of Newton's method; of draws up to 6 sd along a ridge 999 in 1000 arrive."""
-ARRIVED = 1e-4
+NEWTON_TOLERANCE = 1e-4
 """Coordinates that are met to this many standard deviations are met."""
 
 
@@ -71,7 +71,7 @@ def rto_proposal(
         z = jax.lax.scan(nearer, center + root @ w, length=STEPS)[0]
         missed = jnp.max(jnp.abs(coordinates(z) - w))
         ratio = posterior.log_density(z) - jnp.linalg.slogdet(jacobian(z))[1]
-        met = (missed < ARRIVED) & jnp.isfinite(ratio)
+        met = (missed < NEWTON_TOLERANCE) & jnp.isfinite(ratio)
         return RtoDraws(jnp.where(met, z, center), jnp.where(met, ratio, -jnp.inf))
 
     return jax.vmap(place)(w)
