@@ -16,11 +16,13 @@ from docs.generate.scene_schema import scene_schema
 from jblast.errors import InputError
 from jblast.inference.design.cramer_rao import Bound
 from jblast.inference.design.summary import AddedDatum, BoundSummary, Sensitivity
-from jblast.inference.fitting.findings import WrongClock, WrongSensor
+from jblast.inference.fitting.findings import NotAtOptimum, WrongClock, WrongSensor
 from jblast.inference.identifiability.findings import (
+    Cure,
     EstimableCombination,
     NullDirection,
     OtherMode,
+    ResolvingDatum,
 )
 from jblast.inference.posterior.estimate import Estimate, Spread
 from jblast.json_values import plain
@@ -31,8 +33,9 @@ from jblast.verification.stability.failure import FailureMode
 from tests.report import example
 
 ROOT = Path(__file__).parents[1]
-NULL = NullDirection({"charge_mass_kg": 1.0}, "ln", "an origin time")
-OTHER = OtherMode({"charge_mass_kg": 2.0}, "another place", "a third sensor")
+DATUM = ResolvingDatum("air_arrival_s", "aside")
+NULL = NullDirection({"charge_mass_kg": 1.0}, "ln", Cure(("origin_time_s",), (DATUM,)))
+OTHER = OtherMode({"charge_mass_kg": 2.0}, ("charge_mass_kg",), 0.3, DATUM)
 NEARBY = EstimableCombination("charge_mass_kg * wind", math.nan, 0.1, is_local=True)
 
 
@@ -107,7 +110,7 @@ def test_the_schema_of_a_bound_takes_every_answer():
         help=(datum, replace(datum, position=None, sensor="a", is_default=False)),
         leans_on=(Sensitivity("charge_mass_kg", "wind_east_m_s", Spread(), None),),
         mass_exponents={"air_arrival_s": (-0.1, -0.2)},
-        warnings=("one",),
+        warnings=(NotAtOptimum(),),
     )
     bound = Bound.__new__(Bound)  # a document takes nothing but its summary
     object.__setattr__(bound, "summary", summary)

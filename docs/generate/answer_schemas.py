@@ -15,7 +15,12 @@ from jblast.fidelity import Choice
 from jblast.inference.design.summary import AddedDatum, BoundSummary
 from jblast.inference.fitting.findings import WrongSensor
 from jblast.inference.fitting.summary import Summary
-from jblast.inference.identifiability.findings import EstimableCombination
+from jblast.inference.identifiability.findings import (
+    Cure,
+    EstimableCombination,
+    OtherMode,
+)
+from jblast.inference.posterior.finding import Finding
 from jblast.verification.stability.failure import KEYS as FAILURE_KEYS, FailureMode
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
@@ -105,6 +110,12 @@ def _without(schema: Schema, *names: str) -> dict[str, Schema]:
     return {k: v for k, v in schema["properties"].items() if k not in names}
 
 
+def _other_mode(schema: Schema) -> Schema:
+    words = {"type": "string"}
+    told = _without(schema, "differ", "delta_chi2", "cure")
+    return _object(told | {"reason": words, "cure": words})
+
+
 def _combination(schema: Schema) -> Schema:
     told = _object(_without(schema, "is_local"))
     told["properties"]["note"] = {"type": "string"}  # where it holds nearby alone
@@ -136,6 +147,9 @@ def _added(schema: Schema) -> Schema:
 
 
 WORDED: dict[type, Callable[[Schema], Schema]] = {
+    Cure: lambda _: {"type": "string"},
+    Finding: lambda _: {"type": "string"},
+    OtherMode: _other_mode,
     EstimableCombination: _combination,
     WrongSensor: _wrong,
     AddedDatum: _added,
