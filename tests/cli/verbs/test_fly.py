@@ -108,7 +108,8 @@ def test_a_custom_profile_takes_the_place_of_the_laws(jblast):
     assert "missing column FN (N*s)" in said
     about = ("--profile-moments-about", "100,0")
     assert "X,Y,Z" in jblast.refused("fly", scene_file, "--profile", profile, *about)
-    assert "expected a --profile" in jblast.refused("fly", scene_file, *about)
+    alone = ("--profile-moments-about", "1,0,0")
+    assert "expected a --profile" in jblast.refused("fly", scene_file, *alone)
 
 
 BAD = {
