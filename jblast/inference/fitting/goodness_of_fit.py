@@ -23,7 +23,7 @@ FITS = 0.01
 
 
 class ResidualSummary(NamedTuple):
-    """What a scene leaves of a log.
+    """Residuals and shared effects at the optimum.
 
     Attributes:
         effects: The most probable shared effects.

@@ -152,7 +152,7 @@ def _led_by_one(rows: Float[np.ndarray, "row free"]) -> Float[np.ndarray, "row f
 
 
 def estimable_forms(found: Identifiability) -> Float[np.ndarray, "told free"]:
-    """Return the combinations of undetermined parameters that the data do tell.
+    """Return the estimable combinations of parameters not identified singly.
 
     Each row is a linear form in the coordinates that vanishes along every null
     direction; parameters determined by themselves take no part.

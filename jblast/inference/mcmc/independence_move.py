@@ -60,8 +60,8 @@ def independence_move(
     Args:
         mixture: Drawn from.
         w: Where the walkers stand.
-        rank: Uniform between 0 and 1; tells from which normal.
-        unit: Unit normals; tell where in it.
+        rank: Uniform between 0 and 1: selects the normal of the mixture.
+        unit: Standard normals, transformed by it.
 
     Returns:
         The places $w'$, and $\ln q(w) - \ln q(w')$, which the ratio of the densities is

@@ -34,8 +34,8 @@ SAME = 0.1
 SEPARATE = 1.0
 """Optima further apart than this many standard deviations are two answers."""
 TIE_BREAK = 1e-6
-"""Among ends equally probable the one nearest the middle of the starts is preferred: by
-this much ln-density for each spread squared."""
+"""Among ends equally probable the one nearest the middle of the starts is preferred:
+this penalty in ln-density for each squared distance in sd of the starts."""
 LONGEST_STEP = 10.0
 """Where the data tell little, climb by this many typical steps at first."""
 HOPELESS = 10.0
