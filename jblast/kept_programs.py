@@ -154,15 +154,20 @@ def _key(function: Callable, arguments: Any) -> str:
 @functools.cache
 def _source() -> str:
     """Return a fingerprint of the package's files and the libraries' versions."""
+    digest = hashlib.sha256(fingerprint(Path(__file__).parent).encode())
+    digest.update(" ".join(version(name) for name in LIBRARIES).encode())
+    return digest.hexdigest()
+
+
+def fingerprint(root: Path) -> str:
+    """Return one of all files below a folder, but what Python compiled of them."""
     digest = hashlib.sha256()
-    root = Path(__file__).parent
     for folder, folders, names in os.walk(root):
-        folders.sort()
+        folders[:] = sorted(set(folders) - {"__pycache__"})
         digest.update(os.path.relpath(folder, root).encode())
         for name in sorted(names):
             if not name.endswith(".pyc"):
                 digest.update(f" {name} ".encode() + Path(folder, name).read_bytes())
-    digest.update(" ".join(version(name) for name in LIBRARIES).encode())
     return digest.hexdigest()
 
 

@@ -106,6 +106,17 @@ def test_another_state_of_the_package_is_another_program(store, found, monkeypat
     assert TRACED[2] == 2
 
 
+def test_what_python_compiled_leaves_the_fingerprint_as_it_is(tmp_path):
+    (tmp_path / "room").mkdir()
+    (tmp_path / "room" / "law.py").write_text("x = 1\n")
+    before = kept_programs.fingerprint(tmp_path)
+    (tmp_path / "room" / "__pycache__").mkdir()
+    (tmp_path / "room" / "__pycache__" / "law.cpython-311.pyc").write_bytes(b"x")
+    assert kept_programs.fingerprint(tmp_path) == before
+    (tmp_path / "room" / "law.py").write_text("x = 2\n")
+    assert kept_programs.fingerprint(tmp_path) != before
+
+
 def test_half_a_file_is_made_again(store, found):
     line = Line(jnp.asarray(2.0), 2)
     kept(climb)(line, X)
