@@ -1,0 +1,231 @@
+import os
+
+import numpy as np
+import pytest
+import soundfile
+
+from jblast.errors import InputError
+from jblast.observations.records.sound_file import (
+    read_sound,
+    resampled,
+    write_sound,
+    write_sound_stream,
+)
+
+SUBTYPES = (
+    ("WAV", "PCM_U8", 8),
+    ("WAV", "PCM_16", 16),
+    ("WAV", "PCM_24", 24),
+    ("WAV", "PCM_32", 32),
+    ("WAV", "FLOAT", None),
+    ("WAV", "DOUBLE", None),
+    ("WAVEX", "PCM_24", 24),
+    ("RF64", "PCM_16", 16),
+    ("FLAC", "PCM_S8", 8),
+    ("FLAC", "PCM_16", 16),
+    ("FLAC", "PCM_24", 24),
+)
+
+
+def ramps(channels: int, n: int = 1000) -> np.ndarray:
+    """Channels that differ, within full scale."""
+    return np.linspace(-0.9, 0.8, channels * n).reshape(channels, n)
+
+
+@pytest.mark.parametrize(("kind", "subtype", "bits"), SUBTYPES)
+def test_what_another_program_wrote_is_read(tmp_path, kind, subtype, bits):
+    path = tmp_path / "sound"  # what it is stands in it, not in its name
+    for channels in (1, 2, 8):
+        samples = ramps(channels)
+        soundfile.write(path, samples.T, 8000, subtype=subtype, format=kind)
+        record = read_sound(path)
+        assert (record.rate_hz, record.subtype) == (8000, subtype)
+        assert (record.seconds, record.dead_channels) == (0.125, ())
+        # libsndfile writes 1 as the largest whole number and reads that as one step
+        # less: up to a step and a half
+        step = 2.0 ** (1 - bits) if bits else 0.0
+        np.testing.assert_allclose(record.samples, samples, atol=1.5 * step + 1e-7)
+
+
+@pytest.mark.parametrize("bits", [8, 16, 24, 32])
+def test_whole_numbers_come_back_as_they_were(tmp_path, bits):
+    steps = 2.0 ** (bits - 1)
+    samples = np.array([[-steps, 1 - steps, -1.0, 0.0, 1.0, steps - 1]]) / steps
+    for name in ("a.wav", "a.flac"):
+        path = tmp_path / name
+        if name == "a.flac" and bits == 32:
+            with pytest.raises(InputError, match="8, 16, 24"):
+                write_sound(path, samples, 48000, bits)
+            continue
+        write_sound(path, samples, 48000, bits)
+        np.testing.assert_array_equal(read_sound(path).samples, samples)
+        write_sound(path, np.array([1.0, 0.4 / steps, 0.6 / steps]), 48000, bits)
+        expected = [[1.0 - 1.0 / steps, 0.0, 1.0 / steps]]
+        np.testing.assert_array_equal(read_sound(path).samples, expected)
+
+
+def test_floats_are_pascals_as_they_stand(tmp_path):
+    path = tmp_path / "a.wav"
+    pascals = np.array([[0.0, 2e5, -1013.25, 1e-6]])
+    write_sound(path, pascals, 192000)
+    record = read_sound(path)
+    assert record.subtype == "FLOAT"
+    np.testing.assert_array_equal(record.samples, pascals.astype(np.float32))
+    assert record.samples.dtype == np.float64
+
+
+def test_a_dead_channel_is_told(tmp_path):
+    samples = ramps(3)
+    samples[1] = 0.0
+    write_sound(tmp_path / "a.wav", samples, 8000)
+    assert read_sound(tmp_path / "a.wav").dead_channels == (1,)
+
+
+@pytest.mark.parametrize(("kind", "subtype", "_"), SUBTYPES)
+def test_a_file_cut_short_anywhere_is_refused(tmp_path, kind, subtype, _):
+    path = tmp_path / "a"
+    soundfile.write(path, ramps(2).T, 8000, subtype=subtype, format=kind)
+    whole = path.read_bytes()
+    for length in (3, 9, 12, 21, 30, 43, 47, 60, 100, len(whole) // 2, len(whole) - 1):
+        path.write_bytes(whole[:length])
+        with pytest.raises(InputError, match=r"a: is cut short") as refusal:
+            read_sound(path)
+        assert "\n" not in str(refusal.value)
+
+
+def test_a_stream_that_could_not_tell_its_length_is_read_to_its_end(tmp_path):
+    path = tmp_path / "a.wav"
+    soundfile.write(path, ramps(1).T, 8000, subtype="PCM_16")
+    whole = bytearray(path.read_bytes())
+    at = whole.index(b"data") + 4
+    whole[4:8] = whole[at : at + 4] = b"\xff\xff\xff\xff"
+    path.write_bytes(whole)
+    assert read_sound(path).samples.shape == (1, 1000)
+
+
+def broken(path):
+    """Files that cannot be used, and what is said of each."""
+    empty = path / "empty.wav"
+    empty.touch()
+    text = path / "text.wav"
+    text.write_text("no sound at all, but long enough to hold some " * 9)
+    header = path / "header.wav"
+    soundfile.write(header, np.zeros((0, 1)), 8000)
+    nine = path / "nine.wav"
+    soundfile.write(nine, np.zeros((10, 9)), 8000)
+    lossy = path / "lossy.wav"
+    soundfile.write(lossy, np.zeros(1000), 8000, subtype="IMA_ADPCM")
+    ogg = path / "a.ogg"
+    soundfile.write(ogg, np.zeros(1000), 8000)
+    samples = ramps(2)
+    samples[1, 400], samples[0, 700] = np.nan, np.inf
+    nan = path / "nan.wav"
+    soundfile.write(nan, samples.T, 8000, subtype="FLOAT")
+    samples[1, 400] = -np.inf
+    infinite = path / "infinite.wav"
+    soundfile.write(infinite, samples.T, 8000, subtype="DOUBLE")
+    return {
+        path / "none.wav": "no such file; expected a sound file",
+        path: "is a directory",
+        empty: "is empty",
+        text: "is no sound file; expected a sound file, WAV or FLAC",
+        header: "expected a sound file with samples, got none",
+        nine: "at most 8 channels, got 9",
+        lossy: "8 to 32 bits or float, got WAV IMA_ADPCM",
+        ogg: "got OGG VORBIS",
+        nan: "got nan in channel 2 at 0.05 s (sample 401; 2 of 2,000 are so)",
+        infinite: "got -inf in channel 2 at 0.05 s",
+    }
+
+
+def test_what_is_no_recording_is_refused_in_one_message(tmp_path):
+    for path, words in broken(tmp_path).items():
+        with pytest.raises(InputError) as refusal:
+            read_sound(path)
+        assert str(refusal.value).startswith(f"{path}: ")
+        assert words in str(refusal.value)
+
+
+def test_what_cannot_be_written_is_refused_and_leaves_what_was_there(tmp_path):
+    path = tmp_path / "a.wav"
+    write_sound(path, ramps(1), 8000)
+    before = path.read_bytes()
+    one = np.ones((1, 4))
+    cases: tuple[tuple, ...] = (
+        ("no samples", path, one[:, :0], 8000, "float"),
+        ("no sample axis", path, np.ones((1, 1, 1)), 8000, "float"),
+        ("at most 8 channels", path, np.ones((9, 4)), 8000, "float"),
+        ("from -1 to 1 of full scale, got 1.5", path, 1.5 * one, 8000, 16),
+        ("finite", path, np.nan * one, 8000, "float"),
+        ("finite", path, 1e39 * one, 8000, "float"),
+        ("whole number of samples a second, got 0.5 Hz", path, one, 0.5, "float"),
+        ("whole number of samples a second, got -8000 Hz", path, one, -8e3, "float"),
+        ("got nan Hz", path, one, float("nan"), "float"),
+        ("(8, 16, 24, 32, float), got 12", path, one, 8000, 12),
+        ("got 'float'", tmp_path / "a.flac", one, 8000, "float"),
+        (".wav or .flac", tmp_path / "a.mp3", one, 8000, "float"),
+    )
+    for words, file, samples, rate_hz, bits in cases:
+        with pytest.raises(InputError) as refusal:
+            write_sound(file, samples, rate_hz, bits)
+        known = {"no samples": "got the shape", "no sample axis": "got the shape"}
+        assert known.get(words, words) in str(refusal.value)
+    assert path.read_bytes() == before
+    assert os.listdir(tmp_path) == ["a.wav"]
+
+
+def packets_of(samples: np.ndarray, size: int, end: BaseException | None = None):
+    """Cut samples into packets, after which something may go wrong."""
+    for start in range(0, samples.shape[-1], size):
+        yield samples[..., start : start + size]
+    if end is not None:
+        raise end
+
+
+def test_packets_make_the_file_that_the_whole_makes(tmp_path):
+    samples = ramps(2)
+    write_sound(tmp_path / "whole.wav", samples, 8000, 24)
+    packets = packets_of(samples, 77)
+    assert write_sound_stream(tmp_path / "a.wav", packets, 8000, 24) == 1000
+    np.testing.assert_array_equal(
+        read_sound(tmp_path / "a.wav").samples, read_sound(tmp_path / "whole.wav")[0]
+    )
+
+
+@pytest.mark.parametrize("end", [RuntimeError("broke"), KeyboardInterrupt()])
+def test_a_stream_that_breaks_keeps_what_it_had(tmp_path, end):
+    path = tmp_path / "a.wav"
+    samples = ramps(1)
+    with pytest.raises(type(end)):
+        write_sound_stream(path, packets_of(samples, 77, end), 8000)
+    np.testing.assert_allclose(read_sound(path).samples, samples, atol=1e-7)
+    with pytest.raises(type(end)):  # none had come: what was there stays
+        write_sound_stream(path, packets_of(samples[:, :0], 77, end), 8000)
+    assert read_sound(path).samples.shape == (1, 1000)
+    assert os.listdir(tmp_path) == ["a.wav"]
+
+
+@pytest.mark.parametrize(("from_hz", "to_hz"), [(44100, 48000), (96000, 48000)])
+def test_another_rate_leaves_a_tone_as_it_was(from_hz, to_hz):
+    tone = np.sin(2 * np.pi * 997.0 * np.arange(from_hz // 5) / from_hz)
+    tone = np.stack([tone, tone])
+    got = resampled(tone, from_hz, to_hz)
+    assert got.shape == (2, to_hz // 5)
+    expected = np.sin(2 * np.pi * 997.0 * np.arange(to_hz // 5) / to_hz)
+    # the passband of the Kaiser window (beta 5) ripples by 0.3 %; ends see silence
+    inner = slice(200, -200)
+    np.testing.assert_allclose(got[0, inner], expected[inner], atol=3e-3)
+
+
+def test_what_lies_above_the_new_nyquist_frequency_is_gone():
+    tone = np.sin(2 * np.pi * 15000.0 * np.arange(9600) / 48000)
+    # the window's stop band: 50 dB
+    assert np.abs(resampled(tone, 48000, 16000)[200:-200]).max() < 3.2e-3
+
+
+def test_the_same_rate_changes_nothing_and_no_rate_is_refused():
+    samples = ramps(2)
+    assert resampled(samples, 8000, 8000) is samples
+    for rates in ((0, 8000), (8000, -1), (8000, 0.5), (8000, float("inf"))):
+        with pytest.raises(InputError, match="whole number of samples a second"):
+            resampled(samples, *rates)
