@@ -18,15 +18,19 @@ from jblast.report.words import parameter_words, split_name
 from jblast.scene import Scene, place_of, value_of
 from jblast.scene.parameters import names_in
 from jblast.scene.reader.priors import LISTS
-from jblast.scene.reader.schema import KEYS
+from jblast.scene.reader.schema import INSTRUMENT_KEYS, KEYS
 
 ALL = (*PARAMETERS.values(), CLOCK)
 every_parameter = pytest.mark.parametrize("one", ALL, ids=lambda one: one.name)
 
 NO_NUMBERS = {
     "charge": {"name", "explosive", "burst"},
+    "air": {"absorption"},
     "ground": {"path"},
-    "sensor": {"name", "kind", "position_m", "records", "times_s"},
+    "sensor": {
+        *("name", "kind", "position_m", "records", "times_s"),
+        *INSTRUMENT_KEYS,
+    },
 }
 """Keys that hold words, or numbers that cannot be free."""
 

@@ -55,6 +55,10 @@ def test_the_schema_of_a_scene_takes_what_the_reader_takes():
         {"air": {"relative_humidity": 1.5}},
         {"sensor": [{"name": "a", "records": {"air_arrival": 1e-3}}]},
         {"vehicle": {"model": "balloon"}},
+        {"sensor": [{"name": "a", "bits": 7}]},
+        {"sensor": [{"name": "a", "filter_hz": [20, "all"]}]},
+        {"ambient": {"level_pa": 1.0, "slope_db_octave": 20}},
+        {"air": {"absorption": 1}},
         {"charges": {}},
         {"schema": 2},
     ):

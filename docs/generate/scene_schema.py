@@ -10,10 +10,20 @@ from jblast.bounds import Bounds
 from jblast.parameter_table import CLOCK, PARAMETERS
 from jblast.quantity_table import QUANTITIES
 from jblast.scene.charge import BURSTS
+from jblast.scene.instrument import FEWEST_BITS, MOST_BITS
+from jblast.scene.reader.ambient import STEEPEST
 from jblast.scene.reader.priors import LISTS, PRIORS
-from jblast.scene.reader.schema import GROUND_PATHS, KEYS, SENSOR_KINDS, VEHICLE_MODELS
+from jblast.scene.reader.schema import (
+    GROUND_PATHS,
+    KEYS,
+    SATURATIONS,
+    SENSOR_KINDS,
+    VEHICLE_MODELS,
+)
 
 NUMBER = {"type": "number"}
+POSITIVE = {"type": "number", "exclusiveMinimum": 0}
+NOT_NEGATIVE = {"type": "number", "minimum": 0}
 TEXT = {"type": "string"}
 TRUTH = {"type": "boolean"}
 SEVERAL = ("charge", "sensor")
@@ -28,12 +38,36 @@ KNOWN: dict[tuple[str, str], dict[str, Any]] = {
     ("sensor", "times_s"): {"type": "array", "items": NUMBER, "minItems": 1},
     ("sensor", "records"): {
         "type": "object",
-        "properties": {
-            quantity: {"type": "number", "exclusiveMinimum": 0}
-            for quantity in QUANTITIES
-        },
+        "properties": {quantity: POSITIVE for quantity in QUANTITIES},
         "additionalProperties": False,
     },
+    **{
+        ("sensor", key): POSITIVE
+        for key in ("rate_hz", "full_scale_pa", "full_scale_m_s")
+    },
+    **{("sensor", key): NOT_NEGATIVE for key in ("noise_pa", "noise_m_s")},
+    ("sensor", "bits"): {
+        "anyOf": [
+            {"type": "integer", "minimum": FEWEST_BITS, "maximum": MOST_BITS},
+            {"const": "float"},
+        ]
+    },
+    ("sensor", "filter_hz"): {
+        "type": "array",
+        "items": {"anyOf": [POSITIVE, {"const": "none"}]},
+        "minItems": 2,
+        "maxItems": 2,
+    },
+    ("sensor", "saturation"): {"enum": list(SATURATIONS)},
+    ("ambient", "file"): TEXT,
+    ("ambient", "level_pa"): NOT_NEGATIVE,
+    ("ambient", "slope_db_octave"): {
+        "type": "number",
+        "minimum": -STEEPEST,
+        "maximum": STEEPEST,
+    },
+    **{("ambient", key): POSITIVE for key in ("full_scale_pa", "height_m")},
+    ("air", "absorption"): TRUTH,
     ("vehicle", "model"): {"enum": list(VEHICLE_MODELS)},
     ("control", "integral"): TRUTH,
     ("law", "scatter"): TRUTH,

@@ -12,6 +12,7 @@ from jblast.scene.reader.schema import (
     GROUND_PATHS,
     KEYS,
     LATER,
+    SATURATIONS,
     SENSOR_KINDS,
     VEHICLE_MODELS,
 )
@@ -82,6 +83,7 @@ def words() -> str:
     """Write the keys that take one of a few words."""
     rows = {
         "`[[sensor]] kind`": SENSOR_KINDS,
+        "`[[sensor]] saturation`": SATURATIONS,
         "`[ground] path`": GROUND_PATHS,
         "`[vehicle] model`": VEHICLE_MODELS,
     }

@@ -2,11 +2,13 @@
 
 from jblast.parameter_table import PARAMETERS as PARAMETERS
 from jblast.scene.air import Air as Air
+from jblast.scene.ambient import Ambient as Ambient
 from jblast.scene.camera import Camera as Camera
 from jblast.scene.charge import Charge as Charge
 from jblast.scene.clock import Clock as Clock
 from jblast.scene.explosives import EXPLOSIVES as EXPLOSIVES
 from jblast.scene.ground import Ground as Ground
+from jblast.scene.instrument import Instrument as Instrument
 from jblast.scene.parameters import (
     place_of as place_of,
     value_of as value_of,

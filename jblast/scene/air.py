@@ -20,6 +20,8 @@ class Air(eqx.Module):
             temperature and humidity.
         wind_east: Speed of the air towards east [m/s].
         wind_north: Towards north [m/s].
+        absorption: Whether it absorbs sound within the range of a pressure law, too,
+            whose peaks hold what it absorbed where they were measured.
     """
 
     temperature: Float[Array, ""] = eqx.field(
@@ -39,3 +41,4 @@ class Air(eqx.Module):
     )
     wind_east: Float[Array, ""] = eqx.field(converter=as_float_array, default=0.0)
     wind_north: Float[Array, ""] = eqx.field(converter=as_float_array, default=0.0)
+    absorption: bool = eqx.field(static=True, default=False)

@@ -5,6 +5,7 @@ from jaxtyping import Array, Float
 
 from jblast.parameter_table import PARAMETERS
 from jblast.scene.air import Air
+from jblast.scene.ambient import Ambient
 from jblast.scene.camera import Camera
 from jblast.scene.charge import Charge
 from jblast.scene.clock import Clock
@@ -23,6 +24,7 @@ class Scene(eqx.Module):
         air: What the shock travels in.
         ground: What the ground wave travels in.
         sensors: Who listens.
+        ambient: What is heard without a blast, if anything.
         camera: Who looks on, if anyone.
         vehicle: What flies there, if anything.
         clocks: Recorders' clocks that need not agree with the common one.
@@ -42,6 +44,7 @@ class Scene(eqx.Module):
     air: Air = eqx.field(default_factory=Air)
     ground: Ground = eqx.field(default_factory=Ground)
     sensors: tuple[Sensor, ...] = ()
+    ambient: Ambient | None = None
     camera: Camera | None = None
     vehicle: VehicleSpec | None = None
     clocks: tuple[Clock, ...] = ()

@@ -3,6 +3,7 @@
 import equinox as eqx
 from jaxtyping import Array, Float
 
+from jblast.scene.instrument import Instrument
 from jblast.types import as_float_array
 
 
@@ -17,6 +18,7 @@ class Sensor(eqx.Module):
         records: Pairs of quantity and sigma: seconds for times, radians for directions,
             relative otherwise.
         times: When it takes what has a time, as radii, by its clock [s].
+        instrument: What it does to the signal that it samples, if anyone said.
     """
 
     name: str = eqx.field(static=True)
@@ -25,3 +27,4 @@ class Sensor(eqx.Module):
     clock_offset: Float[Array, ""] = eqx.field(converter=as_float_array, default=0.0)
     records: tuple[tuple[str, float], ...] = eqx.field(static=True, default=())
     times: tuple[float, ...] = eqx.field(static=True, default=())
+    instrument: Instrument | None = None

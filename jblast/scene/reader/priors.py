@@ -33,6 +33,7 @@ LISTS = {
     "center_px": "[x, y]",
     "distortion": "[k1, k2, p1, p2, k3]",
     "threshold": "[brighter, darker]",
+    "filter_hz": "[high-pass, low-pass]",
     "velocity_m_s": "[east, north, up]",
     "target_m": "[east, north, up]",
     "kp_pos": "[east, north, up]",
@@ -60,6 +61,17 @@ def finite(value: Any, where: str, expected: str = "a finite number") -> float:
     if not math.isfinite(number):
         raise InputError(f"{where}: expected {expected}, got {shown(value)}")
     return number
+
+
+def fixed_number(value: Any, where: str) -> float:
+    """Return a number that may not be free yet.
+
+    Raises:
+        InputError: It is no finite number.
+    """
+    if value == "free" or isinstance(value, dict):
+        raise not_yet(where, "a number that is free or has a prior")
+    return finite(value, where)
 
 
 def fixed_list(value: Any, where: str, form: str) -> Float[np.ndarray, " number"]:

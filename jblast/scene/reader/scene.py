@@ -6,14 +6,23 @@ from typing import Any
 
 from jblast.errors import InputError, read_text, shown
 from jblast.quantity_table import QUANTITIES
+from jblast.scene.air import Air
 from jblast.scene.ground import Ground
 from jblast.scene.parameters import with_values
+from jblast.scene.reader.ambient import read_ambient
 from jblast.scene.reader.camera import read_camera
 from jblast.scene.reader.charges import read_charges
 from jblast.scene.reader.priors import read_numbers
 from jblast.scene.reader.schema import GROUND_PATHS, LAW_NAMES_LATER
 from jblast.scene.reader.sensors import read_sensors
-from jblast.scene.reader.tables import choice, known_keys, name_of, not_yet, table
+from jblast.scene.reader.tables import (
+    choice,
+    known_keys,
+    name_of,
+    not_yet,
+    table,
+    true_or_false,
+)
 from jblast.scene.reader.vehicle import read_vehicle
 from jblast.scene.scene import Scene
 from jblast.scene.uncertain import UncertainScene
@@ -68,6 +77,9 @@ def scene_from_document(document: dict[str, Any], source: str) -> UncertainScene
             )
     if "path" in single["ground"]:
         choice(single["ground"]["path"], GROUND_PATHS, f"{source}: [ground] path")
+    absorption = true_or_false(
+        single["air"].get("absorption", False), f"{source}: [air] absorption"
+    )
     sensors, clocks = read_sensors(document, source)
     charges, numbers = read_charges(document, source, len(sensors))
     law, scatter = _law(single["law"], f"{source}: [law]")
@@ -77,8 +89,10 @@ def scene_from_document(document: dict[str, Any], source: str) -> UncertainScene
     scene = Scene(
         charge=charges[0],
         others=charges[1:],
+        air=Air(absorption=absorption),
         ground=Ground(path=single["ground"].get("path", "head")),
         sensors=sensors,
+        ambient=read_ambient(document, source),
         camera=read_camera(document, source),
         vehicle=read_vehicle(document, source),
         law=law,
@@ -102,9 +116,5 @@ def _law(law: dict[str, Any], where: str) -> tuple[tuple[tuple[str, str], ...], 
         if name in LAW_NAMES_LATER:
             raise not_yet(f"{where} {key}", f'"{name}"')
         names.append((key, name))
-    scatter = law.get("scatter", True)
-    if not isinstance(scatter, bool):
-        raise InputError(
-            f"{where} scatter: expected true or false, got {shown(scatter)}"
-        )
+    scatter = true_or_false(law.get("scatter", True), f"{where} scatter")
     return tuple(pair for pair in names if pair[1] != "auto"), scatter

@@ -2,8 +2,30 @@
 
 from jblast.quantity_table import QUANTITIES
 
+INSTRUMENT_KEYS = (
+    "rate_hz",
+    "full_scale_pa",
+    "full_scale_m_s",
+    "noise_pa",
+    "noise_m_s",
+    "bits",
+    "filter_hz",
+    "saturation",
+)
+"""Keys of a sensor that say what its instrument does."""
+
 KEYS: dict[str, tuple[str, ...]] = {
-    "": ("schema", "charge", "air", "ground", "sensor", "camera", "vehicle", "law"),
+    "": (
+        "schema",
+        "charge",
+        "air",
+        "ground",
+        "sensor",
+        "ambient",
+        "camera",
+        "vehicle",
+        "law",
+    ),
     "charge": (
         "name",
         "mass_kg",
@@ -21,9 +43,19 @@ KEYS: dict[str, tuple[str, ...]] = {
         "altitude_m",
         "sound_speed_m_s",
         "wind_m_s",
+        "absorption",
     ),
     "ground": ("p_speed_m_s", "path"),
-    "sensor": ("name", "kind", "position_m", "clock_offset_s", "records", "times_s"),
+    "sensor": (
+        "name",
+        "kind",
+        "position_m",
+        "clock_offset_s",
+        "records",
+        "times_s",
+        *INSTRUMENT_KEYS,
+    ),
+    "ambient": ("file", "full_scale_pa", "level_pa", "slope_db_octave", "height_m"),
     "camera": (
         "position_m",
         "look_at_m",
@@ -55,12 +87,17 @@ KEYS: dict[str, tuple[str, ...]] = {
 
 LATER: dict[str, tuple[str, ...]] = {
     "": ("world",),
-    "sensor": ("rate_hz", "sensitivity", "noise_pa", "filter_hz"),
+    "sensor": ("mount", "offset_m", "quaternion_xyzw"),
     "vehicle": ("mission",),
 }
 """Keys of the contract that nothing uses yet."""
 
 SENSOR_KINDS = ("pressure", "microphone", "anemometer", "geophone", "flash", "imu")
+INSTRUMENT_KINDS = ("pressure", "microphone", "anemometer", "geophone")
+"""Sensors that write samples, one after another."""
+VELOCITY_KINDS = ("anemometer", "geophone")
+"""Those that measure m/s; the others measure Pa."""
+SATURATIONS = ("clip", "compress")
 VEHICLE_MODELS = ("crazyflie", "hummingbird", "iris")
 GROUND_PATHS = ("head", "thesis")
 

@@ -9,6 +9,7 @@ from jblast.errors import InputError, nearest, shown
 from jblast.parameter_table import CLOCK, CLOCK_OFFSET
 from jblast.quantities import TIMED
 from jblast.quantity_table import QUANTITIES
+from jblast.scene.reader.instrument import read_instrument
 from jblast.scene.reader.priors import LISTS, Uncertain, finite, fixed_list, read_number
 from jblast.scene.reader.schema import SENSOR_KINDS
 from jblast.scene.reader.tables import choice, name_of, tables
@@ -56,12 +57,14 @@ def _sensor(name: str, entry: dict[str, Any], where: str) -> Sensor:
             f"{where} times_s: expected one of {', '.join(TIMED)} in records, which "
             "alone are taken at a time; got none"
         )
+    position = _position(entry, f"{where} position_m")
     return Sensor(
         name=name,
-        position=_position(entry, f"{where} position_m"),
+        position=position,
         kind=kind,
         records=records,
         times=times,
+        instrument=read_instrument(entry, kind, position, where),
     )
 
 

@@ -68,6 +68,13 @@ def choice(
     return value
 
 
+def true_or_false(value: Any, where: str) -> bool:
+    """Return a truth value."""
+    if not isinstance(value, bool):
+        raise InputError(f"{where}: expected true or false, got {shown(value)}")
+    return value
+
+
 def name_of(value: Any, where: str) -> str:
     """Return a name: text that is not empty."""
     if not isinstance(value, str) or not value.strip():

@@ -5,9 +5,9 @@ from typing import Any
 import numpy as np
 
 from jblast.errors import InputError, shown
-from jblast.scene.reader.priors import LISTS, finite, fixed_list
+from jblast.scene.reader.priors import LISTS, fixed_list, fixed_number
 from jblast.scene.reader.schema import VEHICLE_MODELS
-from jblast.scene.reader.tables import choice, known_keys, not_yet, table
+from jblast.scene.reader.tables import choice, known_keys, table, true_or_false
 from jblast.scene.vehicle import VehicleSpec
 from jblast.types import as_float_array
 
@@ -56,17 +56,12 @@ def _control(entry: Any, where: str) -> dict[str, Any]:
     known_keys(entry, "control", where)
     said: dict[str, Any] = {"gains": _gains(entry, where)}
     if "integral" in entry:
-        said["integral"] = entry["integral"]
-        if not isinstance(entry["integral"], bool):
-            raise InputError(
-                f"{where} integral: expected true or false, "
-                f"got {shown(entry['integral'])}"
-            )
+        said["integral"] = true_or_false(entry["integral"], f"{where} integral")
     if "target_m" in entry:
         target = fixed_list(entry["target_m"], f"{where} target_m", LISTS["target_m"])
         said["target"] = as_float_array(target)
     if "yaw_rad" in entry:
-        said["yaw"] = _fixed(entry["yaw_rad"], f"{where} yaw_rad")
+        said["yaw"] = fixed_number(entry["yaw_rad"], f"{where} yaw_rad")
     return said
 
 
@@ -79,7 +74,9 @@ def _gains(entry: dict[str, Any], where: str) -> dict[str, Any]:
         at = f"{where} {key}"
         along = key in ALONG_AXES
         numbers = np.asarray(
-            fixed_list(entry[key], at, LISTS[key]) if along else _fixed(entry[key], at)
+            fixed_list(entry[key], at, LISTS[key])
+            if along
+            else fixed_number(entry[key], at)
         )
         if (numbers < 0).any():
             expected = "numbers that are" if along else "a number that is"
@@ -93,9 +90,3 @@ def _gains(entry: dict[str, Any], where: str) -> dict[str, Any]:
             )
         gains[key] = as_float_array(numbers)
     return gains
-
-
-def _fixed(value: Any, where: str) -> float:
-    if value == "free" or isinstance(value, dict):
-        raise not_yet(where, "a number that is free or has a prior")
-    return finite(value, where)

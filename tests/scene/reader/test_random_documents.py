@@ -55,6 +55,7 @@ DOCUMENT = st.fixed_dictionaries(
         "ground": st.one_of(tables("ground"), VALUE),
         "law": st.one_of(tables("law"), VALUE),
         "sensor": st.one_of(st.lists(tables("sensor"), max_size=3), VALUE),
+        "ambient": st.one_of(tables("ambient"), VALUE),
         "camera": st.one_of(tables("camera").map(lambda t: CAMERA | t), VALUE),
         "vehicle": st.one_of(
             tables("vehicle").map(lambda t: VEHICLE | t),

@@ -52,9 +52,9 @@ BAD = {
         "[[sensor]]\nname = 'a'\nposition_m = ['free', 0, 0]\n",
         ["'a' position_m", "not supported yet"],
     ),
-    "microphone": (
-        "[[sensor]]\nname = 'a'\nrate_hz = 48000\n",
-        ["[[sensor]] rate_hz", "not supported yet"],
+    "a sensor that rides along": (
+        "[[sensor]]\nname = 'a'\nmount = 'vehicle'\n",
+        ["[[sensor]] mount", "not supported yet"],
     ),
     # what excludes another
     "explosive and factor": (
