@@ -158,5 +158,14 @@ from jblast.waves.waveform.friedlander import (
 from jblast.waves.waveform.negative_phase import (
     negative_phase_pressure as negative_phase_pressure,
 )
+from jblast.waves.waveform.pulse import (
+    Pulse as Pulse,
+    pulse_mean as pulse_mean,
+    pulse_of as pulse_of,
+    pulse_pressure as pulse_pressure,
+)
+from jblast.waves.waveform.rise_time import (
+    weak_shock_rise_time as weak_shock_rise_time,
+)
 
 registry.mark_packaged()

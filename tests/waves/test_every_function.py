@@ -29,9 +29,15 @@ PUBLIC = {
     and not isinstance(value, type | ModuleType)
     and not name.startswith("_")
 }
-NOT_ELEMENTWISE = {"slant_range", "blast_pulse"}
-"""One takes places, not numbers: test_paths.py. The other gives several: they are
-tested as what it is made of, and in waveform/test_blast_pressure.py."""
+NOT_ELEMENTWISE = {
+    "slant_range",
+    "blast_pulse",
+    "pulse_of",
+    "pulse_pressure",
+    "pulse_mean",
+}
+"""One takes places, not numbers: test_paths.py. The others give or take a pulse: tested
+as what it is made of, and in waveform/test_blast_pressure.py and test_pulse.py."""
 
 FUNCTIONS = [
     pytest.param(f, word, id=f"{name}-{word or 'any'}")
