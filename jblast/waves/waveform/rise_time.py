@@ -1,7 +1,8 @@
 r"""How long the front of a weak shock takes to rise.
 
 $$\tau = \frac{\tau_0}{1 + \tau_0/\tau_m}, \qquad
-  \tau_0 = \frac{0.0479\ \text{Pa s}}{P}, \qquad \tau_m = \frac{i}{P}\left(1 - \frac{i}{P t_d}\right)$$
+  \tau_0 = \frac{0.0479\ \text{Pa s}}{P}, \qquad
+  \tau_m = \frac{i}{P}\left(1 - \frac{i}{P t_d}\right)$$
 
 A weak shock steepens until what the air takes of it holds the balance: its thickness is
 inverse to its pressure (Landau and Lifshitz 1987, Fluid Mechanics, art. 93). The
