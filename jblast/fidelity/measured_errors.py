@@ -80,12 +80,22 @@ def standard_path(
     return dataclasses.replace(here, slant_range=distance, ground_range=distance)
 
 
+CONTINUATIONS = (
+    ("positive_duration_s", "shock_kinematics"),
+    ("positive_impulse_pa_s", "shock_kinematics"),
+)
+"""Laws that are their reference as far as it goes and theory farther on, where another
+one was fitted to recordings: for records that need one law at all distances, not for
+choosing by measured errors."""
+
+
 def methods_for(quantity: str) -> tuple[str, ...]:
-    """Return the methods that give a quantity: every law, and the solver."""
+    """Return the methods to choose from for a quantity: laws, and the solver."""
     laws = tuple(
         name
         for name in names_for(quantity)
         if "time_since_detonation" not in law_for(quantity, name).arguments()
+        and (quantity, name) not in CONTINUATIONS
     )
     return laws + ((solver.METHOD,) if quantity in solver.SOLVED else ())
 

@@ -75,6 +75,10 @@ from jblast.waves.laws.shock_kinematics.laws import (
     shock_kinematics_pressure as shock_kinematics_pressure,
     shock_kinematics_shock_speed as shock_kinematics_shock_speed,
 )
+from jblast.waves.laws.shock_kinematics.positive_phase import (
+    shock_kinematics_duration as shock_kinematics_duration,
+    shock_kinematics_impulse as shock_kinematics_impulse,
+)
 from jblast.waves.laws.swisdak.laws import (
     swisdak_arrival_time as swisdak_arrival_time,
     swisdak_duration as swisdak_duration,

@@ -5,7 +5,8 @@ vehicles (`vehicle.blast_wave`) both follow from it:
 
 - arrival and peak: `shock_kinematics`, whose peak is Kingery's and Bulmash's up to
   Z = 20 and whose front has the speed that its peak asks for;
-- duration: Kingery and Bulmash; the decay gives Friedlander's pulse their impulse;
+- duration: Kingery and Bulmash, past Z = 40 that of a weak shock; the decay gives
+  Friedlander's pulse their impulse (`positive_phase.py` of `shock_kinematics`);
 - then the cubic negative phase, with peak and impulse of the table of UFC 3-340-02.
   Its duration is the cubic's own for these two, $t^- = \tfrac{16}{9}\,i^-/P^-$, as in
   NAVFAC DM-2.08: that of the table would give up to 1.85 times the tabulated impulse
@@ -21,9 +22,11 @@ pressure never falls below vacuum.
 
 The negative table is for free air. On the surface it is read for the mass that makes
 the same peak there: `ground_factor` times as much, 1.4 near the charge to 2.0 far away.
+Past its last point, Z = 36.975 there (46.7 on the surface), suction and its impulse
+keep their shares of peak and impulse: 0.49 and 1.20 (0.53 and 1.12 in free air).
 
-Range: Z = 0.178 to 40 m/kg^(1/3) on the surface, 0.147 to 36.975 in free air, where all
-its parts hold; finite elsewhere. In single precision the time since arrival is the
+Range: Z = 0.178 (free air 0.147) to 1e4 m/kg^(1/3), without absorption; finite
+elsewhere. In single precision the time since arrival is the
 difference of two larger numbers: far away, where a millisecond is little of the travel
 time, use double precision.
 """
@@ -37,11 +40,8 @@ from jblast.constants import STANDARD_PRESSURE, STANDARD_SOUND_SPEED
 from jblast.types import as_float_arrays
 from jblast.waves.arguments import checked
 from jblast.waves.laws.ground_factor import ground_factor
-from jblast.waves.laws.kingery_bulmash.laws import (
-    kingery_bulmash_duration,
-    kingery_bulmash_impulse,
-)
 from jblast.waves.laws.negative_phase.ufc import (
+    LAST as LAST_SUCTION,
     ufc_negative_impulse,
     ufc_negative_pressure,
 )
@@ -49,6 +49,11 @@ from jblast.waves.laws.shock_kinematics.laws import (
     shock_kinematics_arrival_time,
     shock_kinematics_pressure,
 )
+from jblast.waves.laws.shock_kinematics.positive_phase import (
+    shock_kinematics_duration,
+    shock_kinematics_impulse,
+)
+from jblast.waves.scaling import sachs_distance_factor
 from jblast.waves.waveform.friedlander import (
     friedlander_decay,
     modified_friedlander_pressure,
@@ -97,18 +102,49 @@ def blast_pulse(
         slant_range, charge_mass, ambient_pressure, sound_speed
     )
     peak = shock_kinematics_pressure(distance, mass, ambient, burst)
-    impulse = kingery_bulmash_impulse(distance, mass, ambient, speed, burst)
-    duration = kingery_bulmash_duration(distance, mass, ambient, speed, burst)
-    seen_mass = mass
-    if burst == "surface":
-        seen_mass = ground_factor(distance, mass, ambient) * mass
+    impulse = shock_kinematics_impulse(distance, mass, ambient, speed, burst)
+    duration = shock_kinematics_duration(distance, mass, ambient, speed, burst)
     return BlastPulse(
         shock_kinematics_arrival_time(distance, mass, ambient, speed, burst),
         peak,
         duration,
         friedlander_decay(peak, impulse, duration),
-        ufc_negative_pressure(distance, seen_mass, ambient),
-        ufc_negative_impulse(distance, seen_mass, ambient, speed),
+        *suction_of(distance, mass, ambient, speed, burst),
+    )
+
+
+def suction_of(
+    distance: Float[Array, "..."],
+    mass: Float[Array, "..."],
+    ambient: Float[Array, "..."],
+    speed: Float[Array, "..."],
+    burst: str,
+) -> tuple[Float[Array, "..."], Float[Array, "..."]]:
+    """Return greatest underpressure [Pa] and impulse [Pa s] of the negative phase.
+
+    Args:
+        distance: Range $R$ [m], positive.
+        mass: TNT-equivalent mass $W$ [kg], positive.
+        ambient: $P_0$ [Pa], positive.
+        speed: $c_0$ [m/s], positive.
+        burst: "surface" or "free-air".
+    """
+    seen_mass = mass
+    if burst == "surface":
+        seen_mass = ground_factor(distance, mass, ambient) * mass
+    last = LAST_SUCTION * sachs_distance_factor(seen_mass, ambient)
+    known = jnp.minimum(distance, last)
+
+    def share(law, *air):
+        """Return what is left of a law's value past the last point of the tables."""
+        here, there = (law(r, mass, *air, burst=burst) for r in (distance, known))
+        return here / there
+
+    return (
+        ufc_negative_pressure(known, seen_mass, ambient)
+        * share(shock_kinematics_pressure, ambient),
+        ufc_negative_impulse(known, seen_mass, ambient, speed)
+        * share(shock_kinematics_impulse, ambient, speed),
     )
 
 

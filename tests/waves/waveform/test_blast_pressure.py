@@ -9,7 +9,8 @@ from jblast.waves.laws.ground_factor import ground_factor
 from jblast.waves.laws.kingery_bulmash import laws as kb
 from jblast.waves.laws.negative_phase import ufc as ufc
 from jblast.waves.laws.shock_kinematics.laws import shock_kinematics_arrival_time
-from jblast.waves.waveform.blast_pressure import blast_pressure
+from jblast.waves.waveform.blast_pressure import blast_pressure, blast_pulse
+from jblast.waves.waveform.friedlander import friedlander_impulse
 
 BURSTS = ("surface", "free-air")
 both_bursts = pytest.mark.parametrize("burst", BURSTS)
@@ -139,3 +140,25 @@ def test_a_record_is_its_loop_and_numbers_broadcast():
 def test_an_unknown_burst_is_named():
     with pytest.raises(ValueError, match="burst must be 'surface' or 'free-air'"):
         blast_pressure(0.1, 10.0, 1.0, burst="underwater")
+
+
+@both_bursts
+def test_far_past_the_tables_it_is_still_a_whole_record(burst):
+    """From Z = 30 to 1e4: longer, weaker, its suctions what they were of its pushes."""
+    z = np.geomspace(30.0, 1e4, 60)
+    pulse = blast_pulse(z * MASS ** (1 / 3), MASS, burst=burst)
+    assert np.all(np.diff(pulse.duration) > 0)
+    assert np.all(np.diff(pulse.peak) < 0)
+    assert np.all(np.diff(pulse.suction_impulse) < 0)
+    far = z > 50.0  # past the last point of the suction, on the surface too
+    for part, whole in (
+        (pulse.suction, pulse.peak),
+        (
+            pulse.suction_impulse,
+            friedlander_impulse(pulse.peak, pulse.duration, pulse.decay),
+        ),
+    ):
+        share = np.asarray(part / whole)[far]
+        np.testing.assert_allclose(share, share[0] * np.ones_like(share), rtol=1e-9)
+    # decays of a triangle's neighbours: k from 0.42 to 0.48
+    assert np.all((pulse.decay > 0.0) & (pulse.decay < 0.6))
