@@ -25,20 +25,25 @@ class Instrument(eqx.Module):
     Attributes:
         rate: Samples a second [Hz].
         full_scale: Largest magnitude that it can write down; None: there is none.
-        noise: Its own noise, rms.
+        noise: Its own noise, rms; None: it has none.
         bits: Bits of a sample, with the full scale for their range; None: it writes
             floating-point numbers.
         high_pass: Corner below which it loses what is slow [Hz]; None: it loses none.
         low_pass: Corner above which it loses what is fast [Hz]; None: it loses none.
         saturation: What becomes of more than the full scale: "clip" keeps just that,
             "compress" approaches it smoothly.
+        noise_slope: How its own noise rises above 20 Hz [dB/octave]: 0 is white.
+        wind_noise: What wind does on its membrane: rms over the air's density and the
+            square of its speed [-]; None: nothing.
     """
 
     rate: float = eqx.field(static=True, converter=float, default=RATE_HZ)
     full_scale: Float[Array, ""] | None = eqx.field(
         converter=as_optional_float_array, default=None
     )
-    noise: Float[Array, ""] = eqx.field(converter=as_float_array, default=0.0)
+    noise: Float[Array, ""] | None = eqx.field(
+        converter=as_optional_float_array, default=None
+    )
     bits: int | None = eqx.field(static=True, default=None)
     high_pass: Float[Array, ""] | None = eqx.field(
         converter=as_optional_float_array, default=None
@@ -47,6 +52,10 @@ class Instrument(eqx.Module):
         converter=as_optional_float_array, default=None
     )
     saturation: Saturation = eqx.field(static=True, default="clip")
+    noise_slope: Float[Array, ""] = eqx.field(converter=as_float_array, default=0.0)
+    wind_noise: Float[Array, ""] | None = eqx.field(
+        converter=as_optional_float_array, default=None
+    )
 
     def __check_init__(self):
         if not 0 < self.rate < math.inf:

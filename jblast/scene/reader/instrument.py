@@ -54,7 +54,7 @@ def read_instrument(
     rate = RATE_HZ
     if "rate_hz" in entry:
         rate = _positive(entry["rate_hz"], f"{where} rate_hz")
-    full_scale, noise = None, 0.0
+    full_scale, noise = None, None
     if (key := f"full_scale_{unit}") in entry:
         full_scale = _positive(entry[key], f"{where} {key}")
     if (key := f"noise_{unit}") in entry:

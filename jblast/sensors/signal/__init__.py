@@ -1,0 +1,1 @@
+"""Samples of a signal: blocks, streams, noise, filters, bits; shared by instruments."""
