@@ -27,7 +27,7 @@ from jblast.report.figure_style import INK, MUTED, new_figure, titled
 PACKAGE = Path(jblast.__file__).parent
 FIGURE = Path(__file__).parent / "results" / "rooms.png"
 ROOMS = (
-    *("scene", "waves", "fidelity", "vehicle", "observations", "sensors"),
+    *("scene", "waves", "fidelity", "vehicle", "observations", "sensors", "detect"),
     *("inference", "study", "verification", "report", "cli"),
 )
 SCENE = """

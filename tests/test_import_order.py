@@ -26,6 +26,7 @@ ORDER = [
     ("vehicle",),
     ("observations",),
     ("sensors",),
+    ("detect",),
     ("inference",),
     ("study",),
     ("verification",),

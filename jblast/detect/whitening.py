@@ -1,0 +1,157 @@
+r"""The spectrum of the noise that a blast is to be heard in.
+
+Noise is taken as Gaussian and stationary: all there is to know of it is its density
+$S(f)$, one-sided, $\int_0^{f_s/2} S\,df = \sigma^2$, and its mean. A sound filtered by
+$1/\sqrt S$ has white noise; the matched filter does so twice, for noise and template
+(`kernel.py`).
+
+It is measured from a stretch without a blast, or from the recording itself: Hann
+windows that overlap by half, and of each frequency the *median* over them, which a
+blast in fewer than half of the windows hardly moves. The median of $n$ exponential
+variables is lower than their mean by
+
+$$\alpha_n = \sum_{k=1}^{n} \frac{(-1)^{k+1}}{k} \to \ln 2, \qquad n\ \text{odd}$$
+
+(Allen et al. 2012, FINDCHIRP, Phys. Rev. D 85, 122006, appendix B), for which it is
+corrected. Windows in which no sample differs from the next are digital silence: the
+recorder's, not the air's. They are left out, and counted.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+from numpy.typing import ArrayLike
+
+from jblast.detect.samples import checked_positive, checked_samples
+from jblast.errors import InputError, argument
+
+SEGMENT_S = 0.1
+"""Of a window, to the next power of two: 12 Hz are told apart."""
+LEAST_SEGMENTS = 7
+"""With fewer, a median says little."""
+FLOOR = 1e-10
+"""Of the mean density: 100 dB below it a recorder has nothing to say."""
+
+
+class NoiseSpectrum(NamedTuple):
+    """Stationary noise.
+
+    Attributes:
+        frequency_hz: From 0 in even steps to at least half of the sampling rate.
+        density: One-sided power, in the samples' unit squared a hertz, positive.
+        offset: Mean of the samples.
+    """
+
+    frequency_hz: Float[np.ndarray, " bin"]
+    density: Float[np.ndarray, " bin"]
+    offset: float = 0.0
+
+
+def white_noise(sigma: float, rate_hz: float) -> NoiseSpectrum:
+    """Return the spectrum of independent samples.
+
+    Args:
+        sigma: Their standard deviation, in the samples' unit, positive.
+        rate_hz: Sampling rate [Hz].
+    """
+    sigma = checked_positive("sigma", sigma, "the samples' unit")
+    half = checked_positive("rate_hz", rate_hz, "Hz") / 2
+    return NoiseSpectrum(np.array([0.0, half]), np.full(2, sigma**2 / half))
+
+
+def noise_spectrum(
+    recording: ArrayLike, rate_hz: float, segment_s: float | None = None
+) -> NoiseSpectrum:
+    """Measure the spectrum of the noise in a recording.
+
+    Args:
+        recording: Samples of one channel, blasts in less than half of its time.
+        rate_hz: Sampling rate [Hz].
+        segment_s: Length of a window [s]; none for 0.1 s, or less in a recording too
+            short for seven such.
+
+    Raises:
+        InputError: The recording is too short, silent, or not finite.
+    """
+    samples = checked_samples("recording", recording, least=8 * (LEAST_SEGMENTS + 1))
+    rate_hz = checked_positive("rate_hz", rate_hz, "Hz")
+    if segment_s is None:
+        wanted = min(SEGMENT_S * rate_hz, 2 * samples.size / (LEAST_SEGMENTS + 1))
+        size = 2 ** int(np.log2(wanted))
+    else:
+        size = round(checked_positive("segment_s", segment_s, "s") * rate_hz)
+        least = size * (LEAST_SEGMENTS + 1) // 2
+        if size < 8 or samples.size < least:
+            raise InputError(
+                f"{argument('segment_s')}: expected windows of at least 8 samples, "
+                f"seven of them half overlapping in {samples.size} samples, got {size}"
+            )
+    windows = np.lib.stride_tricks.sliding_window_view(samples, size)[:: size // 2]
+    alive = np.ptp(windows, axis=1) > 0
+    if alive.sum() < LEAST_SEGMENTS:
+        raise InputError(
+            f"{argument('recording')}: expected sound, got digital silence in "
+            f"{windows.shape[0] - int(alive.sum())} of {windows.shape[0]} windows "
+            f"of {size / rate_hz:.3g} s"
+        )
+    offset = float(np.median(windows[alive].mean(axis=1)))
+    taper = np.hanning(size + 1)[:size]
+    # the square of a window's spectrum is exponential about its density
+    power = np.stack(
+        [
+            np.abs(np.fft.rfft((window - offset) * taper)) ** 2
+            for window in windows[alive]
+        ]
+    )
+    odd = power[: power.shape[0] - 1 + power.shape[0] % 2]
+    density = np.median(odd, axis=0) / median_bias(odd.shape[0])
+    density *= 2 / (rate_hz * np.sum(taper**2))
+    # at both ends a spectrum is real: its square is twice as wide, of one degree of
+    # freedom; and next to them the window mixes both
+    density[0], density[-1] = density[1], density[-2]
+    return NoiseSpectrum(np.fft.rfftfreq(size, 1 / rate_hz), density, offset)
+
+
+def median_bias(count: int) -> float:
+    """Return the mean of the median of exponential variables of mean 1.
+
+    Args:
+        count: How many variables, odd.
+    """
+    k = np.arange(1, count + 1)
+    return float(np.sum((-1.0) ** (k + 1) / k))
+
+
+def bin_variances(
+    noise: NoiseSpectrum, size: int, rate_hz: float
+) -> Float[np.ndarray, " bin"]:
+    """Return the variance of each bin of a unitary Fourier transform of the noise.
+
+    These are the eigenvalues of its circulant covariance. Linear between the
+    frequencies of the spectrum; not below a floor 100 dB under the mean, so that a
+    band without sound is not taken for one in which all is heard.
+
+    Args:
+        noise: Its spectrum.
+        size: Samples of the transform.
+        rate_hz: Sampling rate [Hz].
+
+    Raises:
+        InputError: A density is negative or not finite, all are 0, or the spectrum
+            ends below half of the rate.
+    """
+    frequency, density = (np.asarray(part, float) for part in noise[:2])
+    if not (np.isfinite(density).all() and (density >= 0).all() and density.any()):
+        raise InputError(
+            f"{argument('noise_spectrum')}: expected finite densities from 0 up, not "
+            f"all 0, got {np.sum(~(density >= 0))} others of {density.size}"
+        )
+    if frequency[-1] < rate_hz / 2 * (1 - 1e-9):
+        raise InputError(
+            f"{argument('noise_spectrum')}: expected densities up to half of the "
+            f"rate, {rate_hz / 2:g} Hz, got them up to {frequency[-1]:g} Hz"
+        )
+    at = np.fft.rfftfreq(size, 1 / rate_hz)
+    fine = np.interp(at, frequency, density) * (rate_hz / 2)
+    return np.maximum(fine, FLOOR * fine.mean())

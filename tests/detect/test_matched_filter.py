@@ -1,0 +1,133 @@
+import numpy as np
+import pytest
+from scipy.linalg import toeplitz
+
+from jblast.detect import (
+    filtered_by,
+    matched_filter,
+    matched_kernel,
+    noise_spectrum,
+    white_noise,
+)
+from jblast.errors import InputError
+from tests.detect.noises import RATE, coloured, pulse, rumble
+
+
+def test_the_filter_is_the_inverse_covariance_times_the_template():
+    noise, shape = rumble(lines=True), pulse(0.005)
+    kernel = matched_kernel(shape, RATE, noise, before_s=0.004)
+    # the covariance of samples: the density integrated against cosines, on its own grid
+    fine = np.linspace(0, RATE / 2, 2 * 2048 * 8 + 1)
+    density = np.interp(fine, *noise[:2])
+    width = np.full(fine.size, fine[1])
+    width[[0, -1]] /= 2
+    lags = np.arange(kernel.taps.size) / RATE
+    row = np.array(
+        [np.sum(width * density * np.cos(2 * np.pi * fine * t)) for t in lags]
+    )
+    signal = np.pad(shape, (kernel.before, 0))
+    best = np.linalg.solve(toeplitz(row), signal)
+    energy = signal @ best
+    # both integrate the same straight lines between bins, on grids of their own
+    assert kernel.response == pytest.approx(np.sqrt(energy), rel=2e-3)
+    ratio = (kernel.taps @ signal) ** 2 / (kernel.taps @ toeplitz(row) @ kernel.taps)
+    assert ratio > energy * (1 - 1e-3)
+
+
+def test_noise_alone_comes_out_with_variance_one_and_a_template_with_its_energy():
+    rng, noise, shape = np.random.default_rng(1), rumble(), pulse(0.02)
+    kernel = matched_kernel(shape, RATE, noise)
+    sound = coloured(rng, noise, 2**20)[0]
+    heard = filtered_by(sound, kernel)
+    # 1e6 samples of a band of a quarter of the rate: 0.2 % of the deviation
+    assert heard.statistic[heard.start : heard.stop].std() == pytest.approx(1, abs=0.01)
+    alone = np.zeros(4 * kernel.taps.size)
+    alone[2000 + kernel.before :][: shape.size] = shape
+    answer = filtered_by(alone, kernel).statistic
+    assert int(np.argmax(answer)) == 2000 + kernel.before
+    assert answer.max() == pytest.approx(kernel.response, rel=1e-9)
+
+
+def test_a_blast_at_the_end_is_not_heard_at_the_beginning():
+    shape = pulse(0.02)
+    sound = np.zeros(8000)
+    sound[-shape.size // 2 :] = 1e3 * shape[: shape.size // 2]
+    heard = matched_filter(sound, shape, RATE, noise_spectrum=white_noise(1.0, RATE))
+    assert np.abs(heard.statistic[:1000]).max() < 1e-6
+    # on a circle it is: so the padding, not the case, keeps the beginning quiet
+    spectrum = np.conj(np.fft.rfft(shape, 8000)) * np.fft.rfft(sound)
+    assert np.argmax(np.fft.irfft(spectrum)) > 7000
+    wrapped = np.conj(np.fft.rfft(np.roll(sound, 500), 8000)) * np.fft.rfft(shape, 8000)
+    assert np.abs(np.fft.irfft(wrapped)[:1000]).max() > 1.0
+
+
+def test_white_noise_leaves_the_template_as_the_filter():
+    shape, sigma = pulse(0.02), 0.3
+    kernel = matched_kernel(shape, RATE, white_noise(sigma, RATE))
+    length = np.linalg.norm(shape)
+    assert np.allclose(kernel.taps, shape / (sigma * length))
+    assert kernel.response == pytest.approx(length / sigma)
+    assert kernel.before == 0
+
+
+def test_no_gain_and_no_offset_changes_what_is_heard():
+    rng, shape = np.random.default_rng(2), pulse(0.02)
+    sound = coloured(rng, rumble(), 2**18)[0]
+    sound[100_000:][: shape.size] += shape
+    first = matched_filter(sound, shape, RATE).statistic
+    for gain, offset in ((1e-6, 0.0), (32768.0, 500.0), (1.0, -3.0)):
+        again = matched_filter(gain * sound + offset, 7.0 * shape, RATE).statistic
+        # rounding of the offset, 1e-16 of it against a floor at 1e-4 of the rumble
+        assert np.allclose(first, again, atol=1e-5)
+
+
+def test_float32_and_integers_are_heard_like_float64():
+    rng, shape = np.random.default_rng(3), pulse(0.02)
+    sound = np.round(1000 * coloured(rng, rumble(), 2**16)[0])
+    first = matched_filter(sound, shape, RATE).statistic
+    assert np.allclose(
+        first, matched_filter(sound.astype(np.float32), shape, RATE).statistic
+    )
+    assert np.allclose(
+        first, matched_filter(sound.astype(np.int32), shape, RATE).statistic
+    )
+
+
+@pytest.mark.parametrize(
+    ("recording", "template", "said"),
+    [
+        (np.ones(900), np.ones(1000), "at least the 1000 samples of the template"),
+        (np.ones(5000), np.zeros(100), "template: expected a sound, got 100 samples"),
+        (np.ones(5000), np.zeros(0), "template: expected at least 1 samples, got 0"),
+        (np.ones((2, 5000)), np.ones(100), "recording: expected one channel"),
+        (np.ones(5000), np.array([1.0, np.nan]), "got nan at sample 1"),
+        (np.r_[np.ones(5000), np.inf], np.ones(100), "got inf at sample 5000"),
+        (np.zeros(5000), np.ones(100), "got digital silence in"),
+        (np.ones(50), np.ones(10), "recording: expected at least 64 samples, got 50"),
+        ("loud", np.ones(10), "recording: expected numbers, got 'loud'"),
+    ],
+)
+def test_what_cannot_be_heard_is_said(recording, template, said):
+    with pytest.raises(InputError, match=said):
+        matched_filter(recording, template, RATE)
+
+
+@pytest.mark.parametrize("rate", [0.0, -8000.0, np.nan])
+def test_rates_are_positive(rate):
+    with pytest.raises(InputError, match="rate_hz: expected a positive number"):
+        matched_filter(np.ones(5000), np.ones(10), rate)
+
+
+def test_a_recording_shorter_than_the_filter_is_refused_with_both_lengths():
+    kernel = matched_kernel(pulse(0.02), RATE, rumble())
+    with pytest.raises(InputError, match=f"at least {kernel.taps.size} samples"):
+        filtered_by(np.ones(kernel.taps.size - 1), kernel)
+
+
+def test_digital_silence_within_a_recording_does_not_lower_its_noise():
+    rng = np.random.default_rng(4)
+    sound = coloured(rng, rumble(), 2**17)[0]
+    silent = np.r_[sound, np.zeros(sound.size)]
+    alone, both = (noise_spectrum(one, RATE).density for one in (sound, silent))
+    # one window of 63 stands on both sides of the edge, and the offset differs a little
+    assert np.median(both / alone) == pytest.approx(1, abs=0.03)
