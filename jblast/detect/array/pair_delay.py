@@ -19,8 +19,8 @@ $$\sigma^2 = \frac{\sum \psi^2\omega^2 (S(N_1+N_2) + N_1N_2)}
                  {2\,(\sum \psi\,\omega^2 S)^2},$$
 
 and that of the second is the Cramer-Rao bound,
-$\sigma^{-2} = 2\sum \omega^2\gamma^2/(1-\gamma^2)$. Sums run over the bins above zero and
-below half the rate.
+$\sigma^{-2} = 2\sum \omega^2\gamma^2/(1-\gamma^2)$. Sums run over the bins above
+zero and below half the rate.
 
 What is recorded is data: NumPy, in double precision, one pair a call.
 
@@ -130,9 +130,9 @@ def _greatest_lag(
     omega = 2 * np.pi * np.arange(len(weighed)) * rate_hz / samples
     lag = start
     for _ in range(6):
-        turned = np.asarray(weighed * np.exp(1j * omega * lag), complex)
-        slope = -np.sum(omega * turned.imag)
-        bend = -np.sum(omega**2 * turned.real)
+        turned = weighed * np.exp(1j * omega * lag)
+        slope = -np.sum(omega * np.imag(turned))
+        bend = -np.sum(omega**2 * np.real(turned))
         if not bend < 0:
             return start
         lag = float(np.clip(lag - slope / bend, start - step, start + step))
