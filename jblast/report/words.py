@@ -33,6 +33,7 @@ LAW_WORDS = {
     "weak_shock_iso": "weak shock with ISO 9613-1",
     "acoustic": "acoustic",
     "ford_2021": "Ford 2021",
+    "ground_motion": "ground motion",
 }
 
 

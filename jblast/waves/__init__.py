@@ -16,6 +16,10 @@ from jblast.waves.laws.ford_2021.laws import (
     ford_2021_impulse as ford_2021_impulse,
 )
 from jblast.waves.laws.ground_factor import ground_factor as ground_factor
+from jblast.waves.laws.ground_motion.laws import (
+    ground_motion_displacement as ground_motion_displacement,
+    ground_motion_velocity as ground_motion_velocity,
+)
 from jblast.waves.laws.henrych import henrych_pressure as henrych_pressure
 from jblast.waves.laws.kingery_bulmash.blast_wind import (
     kingery_bulmash_blast_wind as kingery_bulmash_blast_wind,

@@ -46,10 +46,6 @@ LOGS = {
         HEADER + "a,air_arival_s,abc,-1,30\nb,impulse_kPa_ms,nan,0,1,2,3\n",
         ["line 2"],
     ),
-    "what no law gives": (
-        HEADER + "a,ground_displacement_m,1,0.1,30,0,1\n",
-        ["ground_displacement_m", "not supported yet"],
-    ),
     "no place": ("sensor,quantity,value,sigma\na,air_arrival_s,1,.1\n", ["range_m"]),
 }
 

@@ -10,6 +10,7 @@ from tests.waves.every_law.laws import arguments, evaluate, every_law, grid, poi
 
 FALLING = ("peak_overpressure_pa", "reflected_pressure_pa", "reflected_impulse_pa_s")
 FALLING += ("shock_speed_m_s", "blast_wind_m_s", "dynamic_pressure_pa")
+FALLING += ("ground_displacement_m", "ground_peak_velocity_m_s")
 RISING = ("air_arrival_s", "ground_arrival_s", "flash_time_s")
 DIPS = {
     # as printed: the first leaves the speed of sound past its table, the second turns

@@ -1,0 +1,209 @@
+"""Fit the curve of `waves/laws/ground_motion/curve.py` and its scatter to recordings.
+
+How effects are integrated out stands in `random_effects.py`.
+"""
+
+import csv
+import itertools
+import math
+from functools import cache
+from pathlib import Path
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from scipy.optimize import minimize
+
+from calibration.random_effects import Marginal, marginal
+from jblast.waves.laws.ground_motion.curve import (
+    GroundMotionCurve,
+    log_curve,
+    log_scaled_place,
+)
+
+DATA = Path(__file__).parent / "data" / "seismic_ford2021.csv"
+QUANTITIES = ("ground_displacement_m", "ground_peak_velocity_m_s")
+COEFFICIENTS = ("b1", "b2", "b3", "b4", "b5")
+SCATTERS = ("site", "shot", "path", "record")
+NAMES = COEFFICIENTS + SCATTERS
+EXPECTED_SD = {"site": 0.5, "shot": 0.1}
+"""Mode of the prior on two scatters [ln], Gamma of shape 2: rocks differ in amplitude by
+a factor of 1.6; two shots in one rock, by 1.1."""
+
+SMALLEST_SD = 1e-3
+STARTS = {
+    "ground_displacement_m": (-11.0, -1.4, 1.2, 15.0, -0.2, 1.4, 0.1, 0.4, 0.26),
+    "ground_peak_velocity_m_s": (-0.6, -1.8, 1.2, 15.0, -0.2, 0.5, 0.1, 0.4, 0.39),
+}
+
+
+class Records(NamedTuple):
+    """One row a record; the first part of a path's name is its site."""
+
+    shot: np.ndarray
+    site: np.ndarray
+    path: np.ndarray
+    charge_mass: np.ndarray
+    height_of_burst: np.ndarray
+    slant_range: np.ndarray
+    log_value: dict[str, np.ndarray]
+
+    def place(self) -> tuple[jax.Array, jax.Array]:
+        """Return ln Z and the scaled height [m/kg^(1/3)]."""
+        return log_scaled_place(
+            self.slant_range, self.charge_mass, self.height_of_burst
+        )
+
+
+class Form(NamedTuple):
+    """What is held at a value instead of fitted, and how records err."""
+
+    held: tuple[tuple[str, float], ...] = ()
+    nu: float = math.inf
+
+
+class Fit(NamedTuple):
+    """A curve, and what it reached; the prior tells the last two apart."""
+
+    curve: GroundMotionCurve
+    log_likelihood: float
+    log_posterior: float
+    n_free: int
+
+
+@cache
+def read_records() -> Records:
+    """Read all 92 records; values are ln of y/S."""
+    with DATA.open(encoding="utf-8") as lines:
+        rows = list(csv.DictReader(line for line in lines if not line.startswith("#")))
+
+    def text(name: str) -> np.ndarray:
+        return np.array([row[name] for row in rows])
+
+    def number(name: str) -> np.ndarray:
+        return text(name).astype(float)
+
+    mass = number("yield_kg")
+    return Records(
+        shot=text("source"),
+        site=np.array([row["path"].split("-")[0] for row in rows]),
+        path=text("path"),
+        charge_mass=mass,
+        height_of_burst=number("hob_m"),
+        slant_range=number("range_m"),
+        log_value={
+            "ground_displacement_m": np.log(
+                number("p_wave_displacement") / np.cbrt(mass)
+            ),
+            "ground_peak_velocity_m_s": np.log(number("p_wave_max_velocity")),
+        },
+    )
+
+
+@cache
+def objective(quantity: str, form: Form, restricted: bool):
+    """Return minus the log posterior, the marginal and the gradient, compiled.
+
+    It takes the values of `NAMES` and the weights of the records. Restricted
+    likelihoods integrate the free coefficients too, from those values on.
+    """
+    records = read_records()
+    place, value = records.place(), jnp.asarray(records.log_value[quantity])
+    groups = [
+        np.unique(names, return_inverse=True)[1]
+        for names in (records.site, records.shot, records.path)
+    ]
+    held, n = dict(form.held), len(COEFFICIENTS)
+    sizes = [int(index.max()) + 1 for index in groups]
+    inner = np.array(
+        [i for i, name in enumerate(COEFFICIENTS) if restricted and name not in held],
+        int,
+    )
+    ends = np.cumsum([len(inner), *sizes])
+
+    def cost(theta: jax.Array, weight: jax.Array) -> tuple[jax.Array, Marginal]:
+        def predict(theta: jax.Array, x: jax.Array) -> jax.Array:
+            curve = log_curve(theta[:n].at[inner].set(x[: len(inner)]), *place)
+            for sd, index, (start, stop) in zip(
+                theta[n:-1], groups, itertools.pairwise(ends), strict=True
+            ):
+                curve += sd * x[start:stop][index]
+            return curve
+
+        start = jnp.concatenate([theta[inner], jnp.zeros(sum(sizes))])
+        precision = jnp.concatenate([jnp.zeros(len(inner)), jnp.ones(sum(sizes))])
+        integral = marginal(predict, theta, precision, start, value, weight, form.nu)
+        log_prior = 0.0
+        for name, mode in EXPECTED_SD.items():
+            if restricted and name not in held:
+                sd = theta[NAMES.index(name)]
+                log_prior += jnp.log(sd) - sd / mode
+        return -integral.log_likelihood - log_prior, integral
+
+    return jax.jit(jax.value_and_grad(cost, has_aux=True))
+
+
+def fit(
+    quantity: str,
+    form: Form,
+    *,
+    restricted: bool = True,
+    weight: np.ndarray | None = None,
+) -> Fit:
+    """Fit one quantity.
+
+    Args:
+        quantity: Of `QUANTITIES`.
+        form: What is fitted.
+        restricted: Whether to integrate over the coefficients (for estimates), or to
+            maximise over them too (for AIC).
+        weight: 1 for a record that is used, 0 for one left out.
+
+    Raises:
+        RuntimeError: The search ended away from a maximum.
+    """
+    cost, held = objective(quantity, form, restricted), dict(form.held)
+    weights = jnp.asarray(
+        np.ones(len(read_records().shot)) if weight is None else weight
+    )
+    n = len(COEFFICIENTS)
+    start = zip(NAMES, STARTS[quantity], strict=True)
+    theta = np.array([held.get(name, value) for name, value in start])
+    fitted = SCATTERS if restricted else NAMES
+    free = np.array([NAMES.index(name) for name in fitted if name not in held])
+
+    def at(values: np.ndarray) -> np.ndarray:
+        full = theta.copy()
+        full[free] = values
+        return full
+
+    def value_and_slope(values: np.ndarray) -> tuple[float, np.ndarray]:
+        (value, _), gradient = cost(at(values), weights)
+        return float(value), np.asarray(gradient)[free]
+
+    found = minimize(
+        value_and_slope,
+        theta[free],
+        jac=True,
+        method="L-BFGS-B",
+        bounds=[(SMALLEST_SD, 10.0) if i >= n else (-60.0, 60.0) for i in free],
+        options={"ftol": 1e-13, "gtol": 1e-5, "maxiter": 500},
+    )
+    theta = at(found.x)
+    (_, end), _ = cost(theta, weights)
+    at_bound = (found.x <= SMALLEST_SD) & (found.jac > 0)
+    slope = float(np.max(np.abs(np.where(at_bound, 0.0, found.jac))))
+    if not (slope <= 0.01 and float(end.steepness) <= 1e-6):  # NaN is no maximum
+        raise RuntimeError(f"the slope of ln L is still {slope:.1g}")
+    inner = [i for i, name in enumerate(COEFFICIENTS) if name not in held]
+    covariance = np.zeros((n, n))
+    if restricted:
+        theta[inner] = end.mode[: len(inner)]
+        covariance[np.ix_(inner, inner)] = end.covariance[: len(inner), : len(inner)]
+    return Fit(
+        curve=GroundMotionCurve(theta[:n], covariance, *theta[n:]),
+        log_likelihood=float(end.log_likelihood),
+        log_posterior=-float(found.fun),
+        n_free=len(NAMES) - len(held),
+    )

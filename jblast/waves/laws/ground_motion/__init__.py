@@ -1,0 +1,1 @@
+"""P wave in the ground: peak displacement and velocity, by range and burial."""

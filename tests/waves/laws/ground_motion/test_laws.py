@@ -1,0 +1,85 @@
+import csv
+from pathlib import Path
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import jblast
+from jblast.registry import law_for
+from jblast.scene import Charge, Scene, Sensor, with_values
+from jblast.sensors import planned_layout, record, resolve_laws
+from jblast.sensors.law_choice import law_names
+from jblast.waves import ground_motion_displacement, ground_motion_velocity
+from jblast.waves.laws.ground_motion.curve import log_curve, log_gradient
+
+DATA = Path(jblast.__path__[0]).parent / "calibration/data/seismic_ford2021.csv"
+RECORDED = {
+    "ground_displacement_m": "p_wave_displacement",
+    "ground_peak_velocity_m_s": "p_wave_max_velocity",
+}
+
+
+def recorded(quantity):
+    text = DATA.read_text(encoding="utf-8").splitlines()
+    lines = (line for line in text if line[0] != "#")
+    rows = [row for row in csv.DictReader(lines) if not row["path"].startswith("FSS")]
+    names = ("range_m", "yield_kg", "hob_m", RECORDED[quantity])
+    return np.array([[float(row[name]) for name in names] for row in rows]).T
+
+
+@pytest.mark.parametrize("quantity", RECORDED)
+def test_recordings_scatter_about_the_law_as_far_as_it_says(quantity):
+    *place, value = recorded(quantity)
+    law = law_for(quantity, "ground_motion")
+    off = np.log(value) - np.log(np.asarray(law.function(*place)))
+    parts = law.scatter(*place)
+    claimed = np.sqrt(sum(np.square(sd) for sd in map(np.asarray, parts)))
+    assert np.all(np.asarray(law.valid(*place)))
+    # two sites of three: both above the mean, by less than two of their scatter
+    assert np.abs(off.mean()) < 2 * claimed.mean()
+    # about their own mean: paths, records and what the two sites differ by
+    _, path, own = (float(np.mean(sd)) for sd in parts)
+    assert 0.8 < off.std() / np.hypot(path, own) < 1.4
+
+
+def test_a_buried_charge_moves_the_ground_three_times_as_far():
+    for law in (ground_motion_displacement, ground_motion_velocity):
+        above, buried = (float(law(1e3, 500.0, h)) for h in (8.0, -8.0))
+        assert 2.5 < buried / above < 4.5  # e^1.2 +- 0.14
+        assert float(law(2e3, 500.0, 8.0)) < above
+
+
+def test_slopes_by_the_coefficients_are_those_of_autodiff():
+    b = jnp.array([-1.0, -1.5, 1.2, 15.0, -0.2])
+    place = jnp.log(jnp.array([30.0, 200.0])), jnp.array([-0.25, 0.3])
+    slopes = jax.jacfwd(log_curve)(b, *place)
+    np.testing.assert_allclose(log_gradient(b, *place), slopes, rtol=1e-12)
+
+
+SENSOR = Sensor(
+    "g",
+    jnp.array([300.0, 0.0, 0.0]),
+    records=tuple((quantity, 0.1) for quantity in RECORDED),
+)
+
+
+def test_a_scene_is_recorded_by_the_law_and_a_buried_charge_reads_more():
+    def log_values(height):
+        charge = Charge(mass=100.0, up=height)
+        scene = Scene(charge=charge, sensors=(SENSOR,))
+        layout, _, _ = planned_layout(scene)
+        laws = law_names(resolve_laws(scene, layout))
+        assert set(laws.values()) == {"ground_motion"}
+        return np.log(np.asarray(record(scene, layout, laws).value))
+
+    assert np.all(log_values(-1.5) - log_values(-0.5) > 0.1)
+
+
+def test_what_never_happens_moves_nothing():
+    scene = Scene(charge=Charge(mass=100.0), sensors=(SENSOR,))
+    layout, _, _ = planned_layout(scene)
+    scene = with_values(scene, {"origin_time_s": np.inf})
+    laws = dict.fromkeys(RECORDED, "ground_motion")
+    assert not np.asarray(record(scene, layout, laws).value).any()
