@@ -16,9 +16,10 @@ little against zero. How steeply the coupling changes with burial (b4) the recor
 do not say, between 10 and 30 per m/kg^(1/3); it is held at 15 for both quantities.
 
 Records of the one shot at FSS lie 3 in ln below the others in displacement, 1.2 in
-velocity: the other sites do not foretell it, and none of 14 displacements is inside. Displacement over velocity is 0.2 ms there against 1 to 10 ms at the other
-sites, which no rock explains at a kilometre: either its displacements are in another
-unit, or a high-pass took most of them. They stay in, and make the site scatter of the
+velocity: the other sites do not foretell it, and none of its 14 displacements is
+inside. Its displacement over velocity is 0.3 ms in the middle, against 3 ms
+elsewhere: either its displacements are in another unit, or a high-pass took most of
+them, or the rock is another. They stay in, and make the site scatter of the
 displacement what it is.
 
 Left out in turn, shots and sites are predicted by curves that have not seen them, with

@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from pathlib import Path
 
+import jax.numpy as jnp
 import numpy as np
 
 from calibration.ground_motion_fit import read_records
@@ -33,7 +34,7 @@ def draw(curves: Mapping[str, GroundMotionCurve], path: Path) -> None:
         panels, curves.items(), strict=True
     ):
         label, word = AXES[quantity]
-        value, b = records.log_value[quantity], curve.coefficients
+        value, b = records.log_value[quantity], np.asarray(curve.coefficients)
         for site, colour, marker in zip(
             np.unique(records.site), COLOURS, MARKERS, strict=False
         ):
@@ -59,9 +60,10 @@ def draw(curves: Mapping[str, GroundMotionCurve], path: Path) -> None:
                 label=site,
             )
         for level, style in ((BURIED, "-"), (ABOVE, "--")):
-            line = np.asarray(log_curve(b, np.log(z), np.full(z.shape, level)))
-            by_range.plot(np.exp(np.log(z)), np.exp(line), style, color=INK)
-        line = np.asarray(log_curve(b, np.full(x.shape, np.log(100.0)), x))
+            line = log_curve(curve.coefficients, jnp.log(z), jnp.full(z.shape, level))
+            by_range.plot(z, np.exp(line), style, color=INK)
+        at_100 = jnp.full(x.shape, jnp.log(100.0))
+        line = log_curve(curve.coefficients, at_100, jnp.asarray(x))
         by_burial.plot(x, np.exp(line), color=INK)
         by_range.set(xscale="log", yscale="log", ylabel=label)
         by_range.set_xlabel("R/W$^{1/3}$ [m/kg$^{1/3}$]")

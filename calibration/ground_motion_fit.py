@@ -28,8 +28,8 @@ COEFFICIENTS = ("b1", "b2", "b3", "b4", "b5")
 SCATTERS = ("site", "shot", "path", "record")
 NAMES = COEFFICIENTS + SCATTERS
 EXPECTED_SD = {"site": 0.5, "shot": 0.1}
-"""Mode of the prior on two scatters [ln], Gamma of shape 2: rocks differ in amplitude by
-a factor of 1.6; two shots in one rock, by 1.1."""
+"""Mode of the prior on two scatters [ln], Gamma of shape 2: rocks differ in amplitude
+by a factor of 1.6; two shots in one rock, by 1.1."""
 
 SMALLEST_SD = 1e-3
 STARTS = {

@@ -1,12 +1,12 @@
-r"""The pulse of a P wave in the ground: displacement, and the velocity that is its slope.
+r"""The pulse of a P wave in the ground: displacement and its slope, velocity.
 
 $$s(t) = A\,u^2 e^{-u}, \qquad \dot s(t) = \frac{A}{\tau}\,u\,(2 - u)\,e^{-u}, \qquad
 u = (t - t_0)/\tau \ge 0$$
 
 the shortest pulse of this kind that begins without a step of the velocity and comes
 back to rest. The shape is our choice: two numbers are known of the pulse, and it has
-exactly these. The displacement is largest at $u = 2$, the velocity at $u = 2 - \sqrt 2$,
-so a peak displacement $D$ and a peak velocity $v$ make
+exactly these. The displacement is largest at $u = 2$, the velocity at
+$u = 2 - \sqrt 2$, so a peak displacement $D$ and a peak velocity $v$ make
 
 $$A = \frac{e^2}{4} D, \qquad
 \tau = (2\sqrt 2 - 2)\,e^{\sqrt 2 - 2} \frac{A}{v} = 0.852 \frac{D}{v}$$
@@ -26,12 +26,12 @@ r"""Peak velocity over $A/\tau$ [-]."""
 
 
 class GroundPulse(NamedTuple):
-    """One pulse, or many: fields broadcast.
+    r"""One pulse, or many: fields broadcast.
 
     Attributes:
         arrival_time: When it begins $t_0$ [s]; infinite if it never comes.
         amplitude: $A$ [m].
-        time_constant: $\\tau$ [s].
+        time_constant: $\tau$ [s].
     """
 
     arrival_time: Float[Array, "..."]

@@ -26,9 +26,8 @@ def test_seismic_rows_weigh_a_charge_as_well_as_rocks_are_alike():
         )
     ]
     scene = Scene(charge=Charge(mass=jnp.asarray(100.0), up=BURIED))
-    answer = fit(
-        log(*rows), freed(UncertainScene(scene), ["charge_mass_kg"]), posterior="laplace"
-    ).summary
+    free = freed(UncertainScene(scene), ["charge_mass_kg"])
+    answer = fit(log(*rows), free, posterior="laplace").summary
     mass = answer.estimates["charge_mass_kg"]
     assert set(answer.law.values()) == {"ground_motion"}
     assert answer.law_valid
