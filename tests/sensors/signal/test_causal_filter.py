@@ -1,0 +1,124 @@
+import itertools
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scipy.signal import butter, sosfilt
+
+from jblast.sensors.signal.causal_filter import (
+    CHUNK,
+    causal_filter,
+    filter_block,
+    filter_gain,
+    filter_start,
+)
+
+RATE = 48e3
+NOISE = np.random.default_rng(0).standard_normal(3001)
+
+
+@jax.jit
+def run(filtering, samples):
+    return filter_block(filtering, filter_start(filtering), jnp.asarray(samples))[1]
+
+
+@pytest.mark.parametrize("order", [1, 2, 3, 4])
+def test_samples_are_those_of_another_implementation(order):
+    both = causal_filter(RATE, 20.0, 8e3, order)
+    high = butter(order, 20.0, "high", fs=RATE, output="sos")
+    low = butter(order, 8e3, "low", fs=RATE, output="sos")
+    # poles 1e-3 from the unit circle, four deep: roundings times 1e3 in each
+    np.testing.assert_allclose(
+        run(both, NOISE), sosfilt(low, sosfilt(high, NOISE)), rtol=0, atol=1e-10
+    )
+
+
+def test_blocks_of_any_length_give_the_same_samples():
+    filtering = causal_filter(RATE, 20.0, 8e3, 3)
+    state, parts = filter_start(filtering), []
+    cuts = [0, 1, 2, CHUNK - 1, 2 * CHUNK, 700, 700, 2048, 3001]
+    for start, stop in itertools.pairwise(cuts):
+        state, part = filter_block(filtering, state, jnp.asarray(NOISE[start:stop]))
+        parts.append(part)
+    # the same sums in another order
+    np.testing.assert_allclose(
+        np.concatenate(parts), run(filtering, NOISE), rtol=0, atol=1e-12
+    )
+
+
+def test_nothing_is_heard_before_it_comes():
+    pulse = np.zeros(600)
+    pulse[300] = 1.0
+    out = np.asarray(run(causal_filter(RATE, 20.0, 8e3, 4), pulse))
+    assert not out[:300].any()
+    assert out[300] > 0
+
+
+def test_corners_are_where_they_are_asked_for_and_slopes_those_of_the_order():
+    for order in (1, 2, 3, 4):
+        high = causal_filter(RATE, high_pass=20.0, order=order)
+        low = causal_filter(RATE, low_pass=100.0, order=order)
+        frequency = jnp.array([2.0, 20.0, 100.0, 1000.0])
+        decibels = 20 * np.log10([filter_gain(f, RATE, frequency) for f in (high, low)])
+        np.testing.assert_allclose(decibels[0, 1], -3.0103, atol=1e-4)
+        np.testing.assert_allclose(decibels[1, 2], -3.0103, atol=1e-4)
+        # a decade away 20 dB an order, less 10 log(1 + 100^-order) and the warping
+        # (0.1 % of 1 kHz, so 0.04 dB an order)
+        np.testing.assert_allclose(decibels[0, 0], -20 * order, atol=0.05)
+        np.testing.assert_allclose(decibels[1, 3], -20 * order, atol=0.2)
+
+
+def test_single_precision_holds_a_low_corner_for_a_minute():
+    filtering = causal_filter(RATE, high_pass=20.0, order=4)
+    single = jax.tree.map(lambda x: x.astype(jnp.float32), filtering)
+    samples = np.random.default_rng(1).standard_normal(60 * 48_000)
+    expected = sosfilt(butter(4, 20.0, "high", fs=RATE, output="sos"), samples)
+    out = np.asarray(run(single, samples.astype(np.float32)))
+    assert out.dtype == np.float32
+    # states of 1e2 to 1e3 beside samples of 1, rounded by 6e-8 of themselves each step
+    # and forgotten in 1e3 steps
+    assert np.abs(out - expected).max() < 2e-3
+    assert np.abs(out - expected)[-48_000:].max() < 2 * np.abs(out - expected).max()
+
+
+def test_slopes_by_corner_and_samples_are_those_of_differences():
+    pulse = np.exp(-np.arange(400) / 50.0)
+
+    def energy(corners, scale):
+        filtering = causal_filter(RATE, corners[0], corners[1], 2)
+        return jnp.sum(jnp.square(run(filtering, scale * pulse)[::7]))
+
+    at = jnp.array([20.0, 5e3])
+    slopes = jax.jit(jax.grad(energy, argnums=(0, 1)))(at, 1.3)
+    for i, step in enumerate((1e-3, 1e-1)):
+        shift = step * np.eye(2)[i]
+        up, down = (energy(at + sign * shift, 1.3) for sign in (1, -1))
+        np.testing.assert_allclose(slopes[0][i], (up - down) / (2 * step), rtol=1e-6)
+    np.testing.assert_allclose(slopes[1], 2 * energy(at, 1.3) / 1.3, rtol=1e-12)
+
+
+def test_a_batch_of_microphones_is_a_loop():
+    filtering = causal_filter(RATE, 20.0, 8e3)
+    many = np.random.default_rng(2).standard_normal((3, 500))
+    together = jax.vmap(lambda samples: run(filtering, samples))(many)
+    for one, samples in zip(together, many, strict=True):
+        np.testing.assert_allclose(one, run(filtering, samples), rtol=0, atol=1e-13)
+
+
+def test_no_filter_leaves_samples_alone():
+    np.testing.assert_array_equal(run(causal_filter(RATE), NOISE), NOISE)
+
+
+@pytest.mark.parametrize(
+    ("corners", "words"),
+    [
+        ({"high_pass": 0.0}, "high_pass must be positive"),
+        ({"low_pass": 24e3}, "below half the rate of 48000 Hz, got 24000 Hz"),
+        ({"low_pass": np.nan}, "low_pass must be"),
+        ({"low_pass": 1e3, "order": 5}, "order must be 1 to 4, got 5"),
+    ],
+)
+def test_corners_that_are_none_are_refused(corners, words):
+    with pytest.raises(ValueError, match=words):
+        causal_filter(RATE, **corners)
