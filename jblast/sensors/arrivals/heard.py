@@ -1,0 +1,116 @@
+"""Every wave that comes to a place, found and checked outside jit."""
+
+from collections.abc import Mapping, Sequence
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jax.core import Tracer
+from jaxtyping import Array, ArrayLike, Float
+
+from jblast.errors import InputError
+from jblast.scene import Scene
+from jblast.sensors.arrivals.air_waves import (
+    Heard,
+    air_waves,
+    low_charges_settled,
+)
+from jblast.sensors.arrivals.laws import record_laws
+from jblast.sensors.arrivals.meeting import meeting_waves, passing
+from jblast.sensors.arrivals.track import Track
+from jblast.types import as_float_array
+from jblast.waves.propagation.ambient import sound_speed_of
+
+Place = Float[ArrayLike, "3"] | Sequence[float] | Track
+"""East, north, up [m], or where that is over time."""
+
+
+def heard(
+    scene: Scene,
+    place: Place,
+    laws: Mapping[str, str] | None = None,
+    *,
+    reflection: float | Float[Array, ""] = 1.0,
+) -> tuple[Heard, ...]:
+    """Return every wave that comes to a place, of each charge in turn.
+
+    At a place that moves each wave is that of where they meet, its times as they pass
+    there: shorter for who flies towards the charge.
+
+    Args:
+        scene: What is there.
+        place: East, north, up [m], or a `Track`.
+        laws: By quantity, of arrival, peak, duration and impulse; absent ones as
+            `record_laws` says.
+        reflection: Coefficient of the ground under an elevated place; 0 leaves its
+            reflections out.
+
+    Raises:
+        InputError: A law is not known, the place is no place or at the charge, or the
+            laws' impulse is more than their peak could make in their duration.
+
+    Example:
+        `jblast.sensors.heard(jblast.Scene(), [20.0, 0.0, 1.5])[0].pulse.peak`
+    """
+    named = record_laws(scene, laws)
+    if isinstance(place, Track):
+        _check_speed(scene, place)
+    else:
+        place = as_float_array(jnp.asarray(place))
+    found = _heard(low_charges_settled(scene), place, named, reflection)
+    for wave in found:
+        _check(scene, wave)
+    return found
+
+
+@eqx.filter_jit
+def _heard(scene, place, laws, reflection):
+    """Return the waves with their times as they pass the place."""
+    found = waves_for(scene, place, laws, reflection)
+    if isinstance(place, Track):
+        found = tuple(passing(scene, place, laws, wave) for wave in found)
+    return found
+
+
+def waves_for(
+    scene: Scene,
+    place: Place,
+    laws: Mapping[str, str],
+    reflection: float | Float[Array, ""],
+) -> tuple[Heard, ...]:
+    """Return the waves at a place, or where it meets them; nothing is checked."""
+    if isinstance(place, Track):
+        return meeting_waves(scene, place, laws, reflection)
+    return air_waves(scene, jnp.asarray(place), laws, reflection)
+
+
+def _check_speed(scene: Scene, track: Track) -> None:
+    """Raise for a track as fast as a front can be: who meets what is then open."""
+    speed = sound_speed_of(scene.air)
+    if any(isinstance(x, Tracer) for x in (track.time, track.position, speed)):
+        return
+    if not track.fastest() < float(speed):
+        raise InputError(
+            f"track: expected less than the {float(speed):.4g} m/s of sound, got "
+            f"{track.fastest():.4g}"
+        )
+
+
+def _check(scene: Scene, wave: Heard) -> None:
+    """Raise for a wave that is no number."""
+    numbers = [wave.distance, *wave.pulse]
+    if any(isinstance(x, Tracer) for x in numbers):
+        return
+    who = f"charge {wave.shot + 1} of {len(scene.charges)}"
+    distance = float(np.asarray(wave.distance))
+    if not (np.isfinite(distance) and distance > 0.0):
+        raise InputError(
+            f"{who}: expected a place away from it, got a distance of {distance:g} m"
+        )
+    finite = [x for x in wave.pulse if not bool(jnp.isposinf(x))]
+    if not all(bool(jnp.isfinite(x)) for x in finite):
+        raise InputError(
+            f"{who}: expected laws whose impulse is between nothing and peak times "
+            f"duration at {distance:g} m, got peak {float(wave.pulse.peak):.4g} Pa and "
+            f"duration {float(wave.pulse.duration):.4g} s, with more"
+        )

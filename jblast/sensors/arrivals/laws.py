@@ -1,0 +1,44 @@
+"""By which laws a record over time is made."""
+
+from collections.abc import Mapping
+
+from jblast.errors import InputError, nearest
+from jblast.registry import names_for
+from jblast.scene import Scene
+
+AIR_QUANTITIES = (
+    "air_arrival_s",
+    "peak_overpressure_pa",
+    "positive_duration_s",
+    "positive_impulse_pa_s",
+)
+"""What decides a wave in air."""
+
+DEFAULT_RECORD_LAWS = dict.fromkeys(AIR_QUANTITIES, "shock_kinematics")
+"""One picture from the charge to Z = 1e4, so that nothing has to be chosen inside jit.
+"""
+
+
+def record_laws(scene: Scene, laws: Mapping[str, str] | None = None) -> dict[str, str]:
+    """Return the law of each quantity: as told, else as the scene says, else these.
+
+    Args:
+        scene: Its `law`; "auto" there leaves a quantity to `DEFAULT_RECORD_LAWS`.
+        laws: By quantity; quantities that no record needs are not looked at.
+
+    Raises:
+        InputError: A law of that name does not give its quantity.
+    """
+    told = {**dict(scene.law), **(laws or {})}
+    found = {
+        quantity: told[quantity] if told.get(quantity, "auto") != "auto" else default
+        for quantity, default in DEFAULT_RECORD_LAWS.items()
+    }
+    for quantity, name in found.items():
+        known = names_for(quantity)
+        if name not in known:
+            raise InputError(
+                f"law of {quantity}: expected one of {', '.join(known)}, got "
+                f"{name!r}{nearest(name, known)}"
+            )
+    return found

@@ -1,0 +1,105 @@
+"""The overpressure at a place over time: of every wave that comes there, together."""
+
+from collections.abc import Mapping, Sequence
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, ArrayLike, Float
+
+from jblast.scene import Scene
+from jblast.sensors.arrivals.air_waves import Heard, low_charges_settled, peak_at
+from jblast.sensors.arrivals.heard import Place, waves_for
+from jblast.sensors.arrivals.laws import record_laws
+from jblast.sensors.arrivals.meeting import phase
+from jblast.sensors.arrivals.recorded_sound import RecordedSound
+from jblast.sensors.arrivals.track import Track
+from jblast.types import as_float_array
+from jblast.waves.waveform.pulse import pulse_mean
+
+
+def overpressure(
+    scene: Scene,
+    place: Place,
+    edges: Float[ArrayLike, " edge"],
+    laws: Mapping[str, str] | None = None,
+    *,
+    reflection: float | Float[Array, ""] = 1.0,
+    sound: RecordedSound | None = None,
+) -> Float[Array, " sample"]:
+    """Return the mean overpressure over each sample [Pa].
+
+    Pure, for jit, vmap and grad: in all numbers of the scene, the place and the edges.
+    Waves add; what absorption takes of them is not in here (`Heard.absorbed` says of
+    which it would).
+
+    Args:
+        scene: What is there.
+        place: East, north, up [m], or a `Track`.
+        edges: Where samples begin and end, on the common clock [s], rising: one more
+            than samples. In single precision count the clock from close by.
+        laws: By quantity; absent ones as `record_laws` says.
+        reflection: Coefficient of the ground under an elevated place; 0 leaves its
+            reflections out.
+        sound: Recorded, in place of the pulse that the laws make; its arrival and peak
+            are then theirs.
+
+    Raises:
+        InputError: A law is not known.
+
+    Example:
+        `jblast.sensors.overpressure(scene, [20.0, 0.0, 1.5], jnp.arange(4801) / 48e3)`
+    """
+    edges = as_float_array(edges)
+    place = place if isinstance(place, Track) else as_float_array(jnp.asarray(place))
+    named = record_laws(scene, laws)
+    return _overpressure(
+        low_charges_settled(scene), place, edges, named, reflection, sound
+    )
+
+
+@eqx.filter_jit
+def _overpressure(scene, place, edges, laws, reflection, sound):
+    waves = waves_for(scene, place, laws, reflection)
+    if isinstance(place, Track):
+        since = [phase(scene, place, laws, wave, edges) for wave in waves]
+    else:
+        since = [since_arrival(wave, edges) for wave in waves]
+    if sound is None:
+        return mean_of(waves, since)
+    total = jnp.zeros(edges.size - 1, edges.dtype)
+    for wave, time in zip(waves, since, strict=True):
+        scale = wave.pulse.peak / peak_at(scene, sound.distance, laws, wave)
+        total = total + scale * sound.mean(time[:-1], time[1:])
+    return total
+
+
+def since_arrival(wave: Heard, edges: Float[Array, " edge"]) -> Float[Array, " edge"]:
+    """Return the time since a wave's arrival at a place at rest [s].
+
+    Of one that never comes a time before it.
+
+    Args:
+        wave: At that place.
+        edges: On the common clock [s].
+    """
+    never = jnp.isposinf(wave.pulse.arrival_time)
+    passed = edges - jnp.where(never, 0.0, wave.pulse.arrival_time)
+    return jnp.where(never, passed - edges[-1], passed)
+
+
+def mean_of(
+    waves: Sequence[Heard], since: Sequence[Float[Array, " edge"]]
+) -> Float[Array, " sample"]:
+    """Return the mean overpressure over each sample of waves together [Pa].
+
+    So that who asks for one block of samples after another asks the laws only once.
+
+    Args:
+        waves: At least one.
+        since: Time since the arrival of each at the edges of the samples [s].
+    """
+    total = jnp.zeros(since[0].size - 1, since[0].dtype)
+    for wave, time in zip(waves, since, strict=True):
+        pulse = wave.pulse._replace(arrival_time=jnp.zeros((), time.dtype))
+        total = total + pulse_mean(pulse, time[:-1], time[1:])
+    return total

@@ -1,0 +1,93 @@
+"""A place that moves hears the wave where they meet, and faster or slower."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from jblast.errors import InputError
+from jblast.scene import Air, Charge, Scene
+from jblast.sensors import Track, heard, overpressure
+from jblast.waves.waveform.pulse import pulse_mean
+
+SOUND, START, SPEED = 340.0, 100.0, 34.0
+SCENE = Scene(Charge(mass=2.0, time=1.0, burst="surface"), air=Air(sound_speed=SOUND))
+ACOUSTIC = {"air_arrival_s": "acoustic"}
+
+
+def radial(speed):
+    """Return a track away from the charge, at START when it explodes."""
+    time = np.array([0.0, 1.0, 1.2, 3.0])  # a knot on the way changes nothing
+    east = START + speed * (time - 1.0)
+    return Track(time, np.stack([east, 0 * east, 0 * east], axis=1))
+
+
+@pytest.mark.parametrize("speed", [-SPEED, 0.0, SPEED, 0.8 * SOUND])
+def test_doppler_of_a_place_on_the_ray_is_exact(speed):
+    """In acoustics: met after R/(c - v), every time over 1 - v/c as long."""
+    (wave,) = heard(SCENE, radial(speed), ACOUSTIC)
+    met = START / (SOUND - speed)
+    np.testing.assert_allclose(wave.pulse.arrival_time, 1.0 + met, rtol=1e-10)
+    place = [START + speed * met, 0.0, 0.0]
+    (there,) = heard(SCENE, place, ACOUSTIC)
+    np.testing.assert_allclose(wave.pulse.peak, there.pulse.peak, rtol=1e-9)
+    slower = 1.0 - speed / SOUND
+    np.testing.assert_allclose(
+        wave.pulse.duration, there.pulse.duration / slower, rtol=1e-9
+    )
+    edges = 1.0 + met + np.linspace(-0.2, 5.0, 300) * float(wave.pulse.duration)
+    samples = overpressure(SCENE, radial(speed), edges, ACOUSTIC)
+    np.testing.assert_allclose(
+        samples,
+        pulse_mean(wave.pulse, edges[:-1], edges[1:]),
+        atol=1e-7 * float(wave.pulse.peak),
+    )
+
+
+def test_a_track_that_rests_is_a_place():
+    place = np.array([30.0, 10.0, 2.0])
+    edges = 1.0 + jnp.linspace(0.05, 0.2, 400)
+    still = overpressure(
+        SCENE, Track(np.array([0.0, 5.0]), np.stack([place, place])), edges
+    )
+    one_knot = overpressure(SCENE, Track(np.zeros(1), place[None]), edges)
+    known = overpressure(SCENE, place, edges)
+    assert np.max(known) > 100.0
+    # the front is met to a rounding of the clock, over a sample
+    np.testing.assert_allclose(still, known, atol=1e-6 * float(jnp.max(known)))
+    np.testing.assert_allclose(one_knot, known, atol=1e-6 * float(jnp.max(known)))
+
+
+def test_gradients_by_the_track_are_those_of_differences():
+    edges = 1.28 + jnp.linspace(0.0, 0.06, 150)
+
+    def energy(speed):
+        time = jnp.array([0.0, 3.0])
+        east = START + speed * (time - 1.0)
+        track = Track(time, jnp.stack([east, 0 * east, 0 * east], axis=1))
+        return jnp.sum(overpressure(SCENE, track, edges) ** 2)
+
+    slope = jax.jit(jax.grad(energy))(SPEED)
+    of = jax.jit(energy)
+    difference = (of(SPEED + 1e-5) - of(SPEED - 1e-5)) / 2e-5
+    np.testing.assert_allclose(slope, difference, rtol=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("time", "position"),
+    [
+        ([], np.zeros((0, 3))),
+        ([0.0, 1.0], np.zeros((3, 3))),
+        ([0.0, 0.0], np.zeros((2, 3))),
+        ([0.0, np.nan], np.zeros((2, 3))),
+        ([0.0, 1.0], np.full((2, 3), np.inf)),
+    ],
+)
+def test_knots_that_do_not_fit_are_refused(time, position):
+    with pytest.raises(InputError, match="track: expected"):
+        Track(np.array(time), position)
+
+
+def test_a_place_faster_than_sound_is_refused():
+    with pytest.raises(InputError, match=r"track: expected less than the .* of sound"):
+        heard(SCENE, radial(1.1 * SOUND), ACOUSTIC)
