@@ -153,7 +153,7 @@ def test_the_largest_sample_is_the_peak_to_one_per_cent_at_200_samples(scene, mo
     starts = pulse.arrival_time - width * jnp.linspace(0.0, 2.0, 41)
     sample = jax.vmap(
         lambda start: overpressure(
-            scene, place, start + width * jnp.linspace(0.0, 7.0, 8), reflection=0.0
+            scene, place, start + width * jnp.linspace(0.0, 29.0, 30), reflection=0.0
         )
     )
     largest = np.asarray(jax.jit(sample)(starts)).max(axis=1) / float(pulse.peak)
