@@ -6,7 +6,7 @@ from typing import Literal
 import equinox as eqx
 from jaxtyping import Array, Float
 
-from jblast.types import as_float_array, as_optional_float_array
+from jblast.types import as_optional_float_array
 
 RATE_HZ = 48_000.0
 """Samples a second where nobody says otherwise."""
@@ -32,7 +32,7 @@ class Instrument(eqx.Module):
         low_pass: Corner above which it loses what is fast [Hz]; None: it loses none.
         saturation: What becomes of more than the full scale: "clip" keeps just that,
             "compress" approaches it smoothly.
-        noise_slope: How its own noise rises above 20 Hz [dB/octave]: 0 is white.
+        noise_slope: How that noise rises above 20 Hz [dB/octave]; None: it is white.
         wind_noise: What wind does on its membrane: rms over the air's density and the
             square of its speed [-]; None: nothing.
     """
@@ -52,7 +52,9 @@ class Instrument(eqx.Module):
         converter=as_optional_float_array, default=None
     )
     saturation: Saturation = eqx.field(static=True, default="clip")
-    noise_slope: Float[Array, ""] = eqx.field(converter=as_float_array, default=0.0)
+    noise_slope: Float[Array, ""] | None = eqx.field(
+        converter=as_optional_float_array, default=None
+    )
     wind_noise: Float[Array, ""] | None = eqx.field(
         converter=as_optional_float_array, default=None
     )

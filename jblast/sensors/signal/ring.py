@@ -39,6 +39,24 @@ class Ring:
         self._samples[at] = samples
         self.waiting += samples.size
 
+    def add(self, at: int, samples: Float[np.ndarray, " sample"]) -> None:
+        """Add to samples that wait.
+
+        Args:
+            at: How many samples from the oldest the first one is.
+            samples: What to add.
+
+        Raises:
+            ValueError: Some of them would not be among those that wait.
+        """
+        if at < 0 or at + samples.size > self.waiting:
+            raise ValueError(
+                f"expected samples within the {self.waiting} that wait, got "
+                f"{samples.size} at {at}"
+            )
+        places = (self._first + at + np.arange(samples.size)) % self.capacity
+        self._samples[places] += samples
+
     def read(self, count: int) -> Float[np.ndarray, " sample"]:
         """Take the oldest samples out.
 
