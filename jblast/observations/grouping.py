@@ -59,12 +59,7 @@ def one_event(logs: Sequence[Observations]) -> tuple[Observations, tuple[str, ..
                 f"name, got {', '.join(map(shown, dict.fromkeys(log.shot)))}"
             )
     clocked = [
-        replace(
-            log,
-            clock=(name,) * len(log),
-            shot=("",) * len(log),
-            lower_bound=log.bounds(),
-        )
+        replace(log, clock=(name,) * len(log), shot=("",) * len(log))
         for log, name in zip(logs, names, strict=True)
     ]
     joined: dict[str, Any] = {}

@@ -1,5 +1,6 @@
 """What would be recorded: the forward model from a scene to a sensor's readings."""
 
+from jblast.sensors.arrivals.air_waves import Heard as Heard
 from jblast.sensors.arrivals.heard import heard as heard
 from jblast.sensors.arrivals.laws import (
     DEFAULT_RECORD_LAWS as DEFAULT_RECORD_LAWS,
@@ -8,7 +9,6 @@ from jblast.sensors.arrivals.laws import (
 from jblast.sensors.arrivals.overpressure import overpressure as overpressure
 from jblast.sensors.arrivals.recorded_sound import RecordedSound as RecordedSound
 from jblast.sensors.arrivals.track import Track as Track
-from jblast.sensors.arrivals.way import Heard as Heard
 from jblast.sensors.calculator.forward import (
     Calculated as Calculated,
     calculate as calculate,

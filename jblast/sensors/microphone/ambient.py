@@ -55,7 +55,7 @@ def ambient_sound(
         turn = at_rate(
             seamless(ambient.loop, ambient.loop_rate), ambient.loop_rate, rate
         )
-        return Loop(jnp.resize(turn, turn.size + BLOCK))
+        return Loop(jnp.resize(turn, (turn.size + BLOCK,)))
     if ambient.file:
         raise InputError(
             f"ambient: expected the samples of {ambient.file} in its loop, got none"

@@ -9,12 +9,14 @@ from jaxtyping import Array, ArrayLike, Float, Key
 
 from jblast.errors import InputError, shown
 from jblast.scene import Instrument, Scene, Sensor
-from jblast.sensors.arrivals.heard import heard
 from jblast.sensors.arrivals.track import Track
+from jblast.sensors.microphone.blast import Ways, blast_waves
 from jblast.sensors.microphone.rotor import Rotors
 from jblast.sensors.microphone.sound import Sound, set_up, sound_block
 from jblast.sensors.signal.blocks import Packet, first_samples, packets, sample_count
 from jblast.types import as_float_array
+
+EVERY_WAY = Ways()
 
 
 def record(
@@ -27,7 +29,7 @@ def record(
     laws: Mapping[str, str] | None = None,
     track: Track | None = None,
     rotors: Rotors | None = None,
-    reflection: float = 1.0,
+    ways: Ways = EVERY_WAY,
 ) -> Float[Array, " sample"]:
     """Return what a microphone records of a scene.
 
@@ -43,7 +45,7 @@ def record(
         laws: By quantity; absent ones as for `sensors.heard`.
         track: Where it is over time, on the common clock, instead of its position.
         rotors: Those that it flies with.
-        reflection: Coefficient of the ground under it; 0 leaves reflections out.
+        ways: By which ways blasts are heard.
 
     Returns:
         Samples [Pa], at the rate of its instrument.
@@ -56,9 +58,7 @@ def record(
     """
     instrument = microphone.instrument or Instrument()
     n = sample_count(duration_s, instrument.rate)
-    sound, state = _start(
-        scene, microphone, key, start_s, laws, track, rotors, reflection
-    )
+    sound, state = _start(scene, microphone, key, start_s, laws, track, rotors, ways)
     return first_samples(sound_block, sound, state, n)
 
 
@@ -73,7 +73,7 @@ def stream(
     laws: Mapping[str, str] | None = None,
     track: Track | None = None,
     rotors: Rotors | None = None,
-    reflection: float = 1.0,
+    ways: Ways = EVERY_WAY,
 ) -> Iterator[Packet]:
     """Yield what a microphone records in packets, for ever, in constant memory.
 
@@ -89,7 +89,7 @@ def stream(
         laws: By quantity; absent ones as for `sensors.heard`.
         track: Where it is over time, on the common clock, instead of its position.
         rotors: Those that it flies with.
-        reflection: Coefficient of the ground under it.
+        ways: By which ways blasts are heard.
 
     Raises:
         InputError: As in `record`.
@@ -99,9 +99,7 @@ def stream(
         `for packet in microphone.stream(scene, sensor, key, packets_hz=100.0): ...`
     """
     rate = (microphone.instrument or Instrument()).rate
-    sound, state = _start(
-        scene, microphone, key, start_s, laws, track, rotors, reflection
-    )
+    sound, state = _start(scene, microphone, key, start_s, laws, track, rotors, ways)
     timing = {"packet_s": packet_s, "packets_hz": packets_hz, "start_s": start_s}
     return packets(sound_block, sound, state, rate, **timing)
 
@@ -114,7 +112,7 @@ def _start(
     laws: Mapping[str, str] | None,
     track: Track | None,
     rotors: Rotors | None,
-    reflection: float,
+    ways: Ways,
 ) -> tuple[Sound, Any]:
     """Set a microphone up, and refuse what can be seen to be none."""
     where = f"microphone {shown(microphone.name)}"
@@ -131,9 +129,9 @@ def _start(
                 f"{where}: expected a place on the ground or above it, got {up:g} m up"
             )
     place = microphone.position if track is None else track
+    rate = (microphone.instrument or Instrument()).rate
     # outside jit, where it compiles in parts, leaves out waves that nothing can make,
     # and says what is wrong with the rest
-    waves = heard(scene, place, laws, reflection=reflection)
-    pulses = tuple(wave.pulse for wave in waves)
+    waves = blast_waves(scene, place, rate, laws, ways)
     start = as_float_array(start_s)
-    return set_up(scene, microphone, key, start, pulses, track, rotors)
+    return set_up(scene, microphone, key, start, waves, track, rotors)

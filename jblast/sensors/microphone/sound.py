@@ -1,7 +1,6 @@
 r"""What a microphone samples, block by block: blasts, ambient sound, wind, rotors.
 
-Pressure is the mean over each sample, so a front between two samples lands where it
-should. Wind on the membrane is noise whose spectrum falls as $f^{-5/3}$, as turbulence
+Wind on the membrane is noise whose spectrum falls as $f^{-5/3}$, as turbulence
 does above 20 Hz, of an rms proportional to $\rho U^2$.
 """
 
@@ -21,6 +20,7 @@ from jblast.sensors.microphone.ambient import (
     ambient_start,
     share_at_height,
 )
+from jblast.sensors.microphone.blast import BlastWave, wave_block, wave_start
 from jblast.sensors.microphone.rotor import (
     RotorPhase,
     Rotors,
@@ -43,7 +43,6 @@ from jblast.sensors.signal.noise import (
 )
 from jblast.waves.propagation.ambient import ambient as ambient_of
 from jblast.waves.propagation.atmosphere import air_density
-from jblast.waves.waveform.pulse import Pulse, pulse_mean
 
 WIND_SLOPE = -5.0 / 3.0 * DB_OF_OCTAVE
 """Of the noise of wind [dB/octave]: Kolmogorov's inertial range."""
@@ -53,7 +52,7 @@ class Sound(NamedTuple):
     """A microphone in a scene, set up to be sampled.
 
     Attributes:
-        pulses: Of every wave that comes, their arrivals counted from the first sample.
+        waves: All that come, their arrivals counted from the first sample.
         ambient: The scene's, or None.
         ambient_sound: The same as noise or a loop, or None.
         place: East, north, up [m], or where that is over time.
@@ -63,7 +62,7 @@ class Sound(NamedTuple):
         chain: The instrument.
     """
 
-    pulses: tuple[Pulse, ...]
+    waves: tuple[BlastWave, ...]
     ambient: Ambient | None
     ambient_sound: ColouredNoise | Loop | None
     place: Float[Array, "3"] | Track
@@ -79,7 +78,7 @@ def set_up(
     microphone: Sensor,
     key: Key[Array, ""],
     start_s: Float[Array, ""],
-    pulses: tuple[Pulse, ...],
+    waves: tuple[BlastWave, ...],
     track: Track | None,
     rotors: Rotors | None,
 ) -> tuple[Sound, Any]:
@@ -90,7 +89,7 @@ def set_up(
         microphone: Where it is, its clock and its instrument.
         key: What all noise is drawn from.
         start_s: When the first sample begins, by the microphone's clock [s].
-        pulses: The waves that come, on the common clock.
+        waves: All that come, on the common clock.
         track: Where it is over time, instead of its position.
         rotors: Those on board.
     """
@@ -108,7 +107,7 @@ def set_up(
         level = instrument.wind_noise * level
         wind = coloured_noise(keys[1], instrument.rate, level, WIND_SLOPE)
     sound = Sound(
-        pulses=tuple(_since(pulse, begin) for pulse in pulses),
+        waves=tuple(wave.later(begin) for wave in waves),
         ambient=scene.ambient,
         ambient_sound=ambient,
         place=place,
@@ -118,6 +117,7 @@ def set_up(
         chain=instrument_chain(instrument, keys[3]),
     )
     return sound, (
+        tuple(wave_start(wave) for wave in waves),
         None if ambient is None else ambient_start(ambient),
         None if wind is None else noise_start(wind),
         chain_start(sound.chain),
@@ -128,14 +128,16 @@ def sound_block(
     sound: Sound, state: Any, index: Int[Array, ""]
 ) -> tuple[Any, Float[Array, " sample"]]:
     """Return the next state, and what the microphone writes down of a block [Pa]."""
-    of_ambient, of_wind, of_chain = state
+    of_waves, of_ambient, of_wind, of_chain = state
     rate = sound.chain.instrument.rate
     shift = block_start(index, rate)
     edges = jnp.arange(BLOCK + 1, dtype=float) / rate
     pressure = jnp.zeros(BLOCK)
-    for pulse in sound.pulses:
-        wave = _since(pulse, *shift)
-        pressure = pressure + pulse_mean(wave, edges[:-1], edges[1:])
+    after = []
+    for wave, of_wave in zip(sound.waves, of_waves, strict=True):
+        of_wave, heard = wave_block(wave.later(*shift), of_wave, edges)
+        after.append(of_wave)
+        pressure = pressure + heard
     middle = edges[:-1] + 0.5 / rate
     if sound.ambient is not None and sound.ambient_sound is not None:
         of_ambient, ambient = ambient_block(sound.ambient_sound, of_ambient, index)
@@ -150,12 +152,4 @@ def sound_block(
     if sound.rotors is not None:
         pressure = pressure + rotor_tones(sound.rotors, shift, middle, rate)
     of_chain, samples = chain_block(sound.chain, of_chain, index, pressure)
-    return (of_ambient, of_wind, of_chain), samples
-
-
-def _since(pulse: Pulse, *times: Float[Array, ""]) -> Pulse:
-    """Return a pulse whose arrival counts from later, subtracted one by one."""
-    arrival = pulse.arrival_time
-    for time in times:  # of what never arrives the slope by time is zero, not NaN
-        arrival = jnp.where(jnp.isposinf(arrival), arrival, arrival - time)
-    return pulse._replace(arrival_time=arrival)
+    return (tuple(after), of_ambient, of_wind, of_chain), samples

@@ -17,6 +17,7 @@ from jblast.sensors.arrivals.laws import DEFAULT_RECORD_LAWS
 from jblast.sensors.arrivals.track import Track
 
 RATE, KEY = 20_000.0, jax.random.key(3)
+AIR = microphone.Ways(ground=False)
 IDEAL = Instrument(rate=RATE)
 SCENE = Scene(Charge(mass=15.0, time=0.5))
 MICROPHONE = Sensor("m", np.array([40.0, 30.0, 1.5]), "microphone", instrument=IDEAL)
@@ -61,7 +62,9 @@ def read_off(scene, sensor):
 def test_the_record_has_arrival_peak_duration_and_impulse_of_the_laws():
     law = read_off(SCENE, LATE)
     start = law["air_arrival_s"] - 0.1 - 0.3 / RATE
-    samples = np.asarray(microphone.record(SCENE, LATE, DURATION_S, KEY, start_s=start))
+    samples = np.asarray(
+        microphone.record(SCENE, LATE, DURATION_S, KEY, start_s=start, ways=AIR)
+    )
     assert samples.shape == (round(DURATION_S * RATE),)
     first = np.flatnonzero(samples)[0]
     assert first == np.floor((law["air_arrival_s"] - start) * RATE)
@@ -95,10 +98,11 @@ def test_a_stream_is_the_record_to_the_last_bit_whatever_is_heard():
             assert some[-1].start_s == 0.5 + some[-1].first_sample / RATE
 
 
-def heard_of(mass, place, time, dtype: Any = float, start_s=0.55):
+def heard_of(mass, place, time, dtype: Any = float, start_s=0.55, ways=AIR):
     charge = Charge(mass=mass, time=time)
     sensor = Sensor("m", jnp.asarray(place, dtype), "microphone", instrument=IDEAL)
-    return microphone.record(Scene(charge), sensor, 0.2, KEY, start_s=start_s)
+    options: dict[str, Any] = {"start_s": start_s, "ways": ways}
+    return microphone.record(Scene(charge), sensor, 0.2, KEY, **options)
 
 
 @pytest.mark.slow
