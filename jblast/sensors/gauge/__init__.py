@@ -1,0 +1,1 @@
+"""Gauges that write down pressure, wind and the motion of the ground over time."""

@@ -1,0 +1,90 @@
+"""What all gauges share: that they are of a kind, stand somewhere and have a clock."""
+
+from typing import Any, NamedTuple, TypeVar
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jax.core import Tracer
+from jaxtyping import Array, ArrayLike, Float, Int, Key
+
+from jblast.errors import InputError, shown
+from jblast.scene import Instrument, Sensor
+from jblast.sensors.signal.blocks import BLOCK, block_start
+from jblast.sensors.signal.chain import Chain, chain_start, instrument_chain
+from jblast.types import as_float_array
+from jblast.waves.waveform.ground_pulse import GroundPulse
+from jblast.waves.waveform.pulse import Pulse
+
+Wave = TypeVar("Wave", Pulse, GroundPulse)
+
+
+class Mounted(NamedTuple):
+    """A gauge that is set up, all but what it measures.
+
+    Attributes:
+        chain: Its instrument.
+        begin: Common clock at the first sample [s].
+    """
+
+    chain: Chain
+    begin: Float[Array, ""]
+
+
+def rate_of(sensor: Sensor) -> float:
+    """Return the samples a second of a sensor [Hz]."""
+    return (sensor.instrument or Instrument()).rate
+
+
+def check_kind(sensor: Sensor, kind: str, *, above: bool) -> None:
+    """Refuse a sensor of another kind, or on the wrong side of the ground.
+
+    Raises:
+        InputError: It is; outside jit, as far as its height goes.
+    """
+    where = f"sensor {shown(sensor.name)}"
+    if sensor.kind not in ("", kind):
+        raise InputError(
+            f"{where}: expected a sensor of kind {kind}, got {shown(sensor.kind)}"
+        )
+    if isinstance(sensor.position, Tracer):
+        return
+    up = float(np.asarray(sensor.position)[2])
+    if not (up >= 0 if above else up <= 0):
+        side = "above" if above else "in"
+        raise InputError(
+            f"{where}: expected a {kind} on the ground or {side} it, got {up:g} m up"
+        )
+
+
+@eqx.filter_jit
+def mounted(
+    sensor: Sensor, key: Key[Array, ""], start_s: Float[ArrayLike, ""]
+) -> tuple[Mounted, Any]:
+    """Return a gauge that is set up, and the state of its instrument.
+
+    Args:
+        sensor: Its clock and its instrument.
+        key: What its noise is drawn from.
+        start_s: When the first sample begins, by the gauge's clock [s].
+    """
+    chain = instrument_chain(sensor.instrument or Instrument(), key)
+    begin = as_float_array(start_s) - sensor.clock_offset
+    return Mounted(chain, begin), chain_start(chain)
+
+
+def edges_of(rate: float) -> Float[Array, " edge"]:
+    """Return where the samples of a block begin and end, from its start [s]."""
+    return jnp.arange(BLOCK + 1, dtype=float) / rate
+
+
+def seen_in_block(wave: Wave, gauge: Mounted, index: Int[Array, ""]) -> Wave:
+    """Return a wave whose arrival, on the common clock, counts from a block's start.
+
+    Subtracted one by one, so that single precision keeps a sample apart from the next.
+    """
+    arrival = wave.arrival_time
+    for time in (gauge.begin, *block_start(index, gauge.chain.instrument.rate)):
+        # of what never arrives the slope by time is zero, not NaN
+        arrival = jnp.where(jnp.isposinf(arrival), arrival, arrival - time)
+    return wave._replace(arrival_time=arrival)
