@@ -1,7 +1,7 @@
 """The command line: picks the verb, turns errors into one message and an exit code.
 
-Exit codes: 0 answered; 1 our own failure; 2 bad input; 4 computed, but not converged,
-not identifiable or not good enough.
+Exit codes: 0 answered; 1 our own failure; 2 bad input; 3 nothing found; 4 computed, but
+not converged, not identifiable or not good enough.
 """
 
 import contextlib

@@ -17,7 +17,8 @@ PROLOGUE = "Differentiable blast physics: fit a blast from sensor recordings."
 EPILOGUE = (
     "Start with: jblast fit OBSERVATIONS.csv, or jblast calc --mass 15 --range 20. "
     "Options of a verb: jblast VERB --help. Exit codes: 0 answered; 1 our own failure; "
-    "2 bad input; 4 computed, but not converged, not identifiable or not good enough. "
+    "2 bad input; 3 nothing found; 4 computed, but not converged, not identifiable or "
+    "not good enough. "
     "For safety engineering, forensics and sensing; designs no explosives."
 )
 

@@ -20,7 +20,22 @@ from jblast.detect.peaks import (
     PeakPicker as PeakPicker,
     detections as detections,
 )
+from jblast.detect.sta_lta import (
+    Trigger as Trigger,
+    sta_lta as sta_lta,
+    triggers as triggers,
+)
 from jblast.detect.stream import Stream as Stream, stream as stream
+from jblast.detect.template_bank import (
+    Match as Match,
+    Member as Member,
+    best_match as best_match,
+    template_bank as template_bank,
+)
+from jblast.detect.templates import (
+    blast_template as blast_template,
+    recorded_template as recorded_template,
+)
 from jblast.detect.threshold import (
     false_alarms_at as false_alarms_at,
     threshold_for as threshold_for,

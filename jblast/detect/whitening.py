@@ -5,10 +5,17 @@ $S(f)$, one-sided, $\int_0^{f_s/2} S\,df = \sigma^2$, and its mean. A sound filt
 $1/\sqrt S$ has white noise; the matched filter does so twice, for noise and template
 (`kernel.py`).
 
-It is measured from a stretch without a blast, or from the recording itself: Hann
-windows that overlap by half, and of each frequency the *median* over them, which a
-blast in fewer than half of the windows hardly moves. The median of $n$ exponential
-variables is lower than their mean by
+It is measured from a stretch without a blast, or from the recording itself, in Hann
+windows that overlap by half, of which each frequency is averaged:
+
+- by their *mean* (Welch 1967): what comes and goes, birds, gusts, voices, counts with
+  all its power, and is not taken for blasts. A loud blast counts, too, so that of a
+  duration $T$ and a band $B$ not more than $10 \log_{10} TB$ dB are told of it;
+- by their *median*, which blasts in fewer than half of the windows hardly move, and
+  which real ambient sound fools: three bursts of birdsong in a minute are no noise to
+  it. It is for sound that is steady but for blasts.
+
+The median of $n$ exponential variables is lower than their mean by
 
 $$\alpha_n = \sum_{k=1}^{n} \frac{(-1)^{k+1}}{k} \to \ln 2, \qquad n\ \text{odd}$$
 
@@ -17,7 +24,7 @@ corrected. Windows in which no sample differs from the next are digital silence:
 recorder's, not the air's. They are left out, and counted.
 """
 
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 from jaxtyping import Float
@@ -61,15 +68,20 @@ def white_noise(sigma: float, rate_hz: float) -> NoiseSpectrum:
 
 
 def noise_spectrum(
-    recording: ArrayLike, rate_hz: float, segment_s: float | None = None
+    recording: ArrayLike,
+    rate_hz: float,
+    *,
+    segment_s: float | None = None,
+    average: Literal["mean", "median"] = "mean",
 ) -> NoiseSpectrum:
     """Measure the spectrum of the noise in a recording.
 
     Args:
-        recording: Samples of one channel, blasts in less than half of its time.
+        recording: Samples of one channel.
         rate_hz: Sampling rate [Hz].
         segment_s: Length of a window [s]; none for 0.1 s, or less in a recording too
             short for seven such.
+        average: Of the windows.
 
     Raises:
         InputError: The recording is too short, silent, or not finite.
@@ -104,8 +116,11 @@ def noise_spectrum(
             for window in windows[alive]
         ]
     )
-    odd = power[: power.shape[0] - 1 + power.shape[0] % 2]
-    density = np.median(odd, axis=0) / median_bias(odd.shape[0])
+    if average == "median":
+        odd = power[: power.shape[0] - 1 + power.shape[0] % 2]
+        density = np.median(odd, axis=0) / median_bias(odd.shape[0])
+    else:
+        density = np.mean(power, axis=0)
     density *= 2 / (rate_hz * np.sum(taper**2))
     # at both ends a spectrum is real: its square is twice as wide, of one degree of
     # freedom; and next to them the window mixes both

@@ -59,7 +59,12 @@ def one_event(logs: Sequence[Observations]) -> tuple[Observations, tuple[str, ..
                 f"name, got {', '.join(map(shown, dict.fromkeys(log.shot)))}"
             )
     clocked = [
-        replace(log, clock=(name,) * len(log), shot=("",) * len(log))
+        replace(
+            log,
+            clock=(name,) * len(log),
+            shot=("",) * len(log),
+            lower_bound=log.bounds(),
+        )
         for log, name in zip(logs, names, strict=True)
     ]
     joined: dict[str, Any] = {}

@@ -28,7 +28,8 @@ def read(path: str | os.PathLike[str]) -> Observations:
     Columns are `sensor,quantity,value,sigma`, then either `east_m,north_m,up_m` or
     `range_m`, or neither where the scene says where the sensor stands; `time_s`,
     `path`, `shot` and `clock` may follow. Their order is free. Lines that begin with #
-    are comments. An empty sigma leaves the law's scatter alone.
+    are comments. An empty sigma leaves the law's scatter alone. A value `>0.12` is a
+    lower bound: what was measured is no less.
 
     Args:
         path: The file.

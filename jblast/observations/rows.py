@@ -10,6 +10,9 @@ from jblast.observations.aliases import our_name
 from jblast.observations.table import POSITION, QUANTITIES, Observations
 from jblast.quantities import ADDITIVE, DIRECTIONS, TIMED
 
+AT_LEAST = ">"
+"""Before a value: what was measured is no less."""
+
 
 class Rows:
     """The body of a file by column, and the checks each column has to pass."""
@@ -35,6 +38,7 @@ class Rows:
         self.quantities(quantity)
         kind = np.array(quantity)
         in_ln = ~np.isin(kind, ADDITIVE)
+        bound = self.bounds(in_ln)
         value = self.number("value", optional=False)
         self.refuse(
             in_ln & (value <= 0),
@@ -78,7 +82,7 @@ class Rows:
             ),
         )
         path, shot, clock = map(self.text, ("path", "shot", "clock"))
-        numbers = np.column_stack([value, sigma, position, slant_range, time])
+        numbers = np.column_stack([value, sigma, position, slant_range, time, bound])
         self.duplicates(numbers, sensor, quantity, path, shot, clock)
         return Observations(
             sensor=sensor,
@@ -94,7 +98,28 @@ class Rows:
             line=tuple(self.lines),
             source=self.path,
             comments=comments,
+            lower_bound=bound if bound.any() else None,
         )
+
+    def bounds(self, in_ln: np.ndarray) -> np.ndarray:
+        """Take the marks of lower bounds off the values, and return which had one."""
+        texts = self.texts["value"]
+        bound = np.array([text.startswith(AT_LEAST) for text in texts])
+        self.refuse(
+            bound & ~in_ln,
+            "value",
+            lambda row: (
+                f"a number, as {self.texts['quantity'][row]} takes no lower bound, "
+                f"got {texts[row]}"
+            ),
+        )
+        self.refuse(
+            [text.startswith(("<", ">=")) for text in texts],
+            "value",
+            lambda row: f"a number, or a lower bound as >0.12, got {texts[row]}",
+        )
+        self.texts["value"] = [text.removeprefix(AT_LEAST).strip() for text in texts]
+        return bound
 
     def text(self, column: str) -> tuple[str, ...]:
         """Return a column of names; "" where the file has no such column."""

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from jblast.quantities import ADDITIVE, CLOCK_TIMES as CLOCK_TIMES, TIMES as TIMES
 from jblast.quantity_table import QUANTITIES as QUANTITIES
@@ -32,6 +32,9 @@ class Observations:
         line: Line of the file each row stood on.
         source: The file, or "" if it was made here.
         comments: What stood behind the # of comment lines, kept as provenance.
+        lower_bound: Whether each value is a lower bound of what was measured, as the
+            peak of a record that is clipped; None if none is. Its sigma is that of a
+            reading of the value.
     """
 
     sensor: tuple[str, ...]
@@ -47,6 +50,7 @@ class Observations:
     line: tuple[int, ...] = ()
     source: str = ""
     comments: tuple[str, ...] = ()
+    lower_bound: Bool[np.ndarray, " row"] | None = None
 
     def __len__(self) -> int:
         return len(self.value)
@@ -63,6 +67,12 @@ class Observations:
         additive = np.isin(self.quantity, ADDITIVE)
         value = np.where(additive, 1.0, np.abs(self.value))  # an angle may be zero
         return self.sigma / value
+
+    def bounds(self) -> Bool[np.ndarray, " row"]:
+        """Return whether each value is a lower bound."""
+        if self.lower_bound is None:
+            return np.zeros(len(self), bool)
+        return self.lower_bound
 
     def clocks(self) -> tuple[str, ...]:
         """Return the name of each row's clock: its recorder, else its sensor."""

@@ -5,6 +5,7 @@ import os
 from collections.abc import Sequence
 
 from jblast.files import write_text
+from jblast.observations.rows import AT_LEAST
 from jblast.observations.table import COLUMNS, NEEDED, Observations
 
 
@@ -56,6 +57,10 @@ def _columns(observations: Observations) -> dict[str, list[str]]:
         "clock": observations.clock,
     }
     texts = {column: [_digits(x) for x in numbers[column]] for column in numbers}
+    texts["value"] = [
+        (AT_LEAST if is_bound else "") + text
+        for is_bound, text in zip(observations.bounds(), texts["value"], strict=True)
+    ]
     texts |= {column: [_quoted(x) for x in names[column]] for column in names}
     return {c: texts[c] for c in COLUMNS if c in NEEDED or any(texts[c])}
 

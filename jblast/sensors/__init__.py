@@ -1,6 +1,5 @@
 """What would be recorded: the forward model from a scene to a sensor's readings."""
 
-from jblast.sensors.arrivals.air_waves import Heard as Heard
 from jblast.sensors.arrivals.heard import heard as heard
 from jblast.sensors.arrivals.laws import (
     DEFAULT_RECORD_LAWS as DEFAULT_RECORD_LAWS,
@@ -9,17 +8,13 @@ from jblast.sensors.arrivals.laws import (
 from jblast.sensors.arrivals.overpressure import overpressure as overpressure
 from jblast.sensors.arrivals.recorded_sound import RecordedSound as RecordedSound
 from jblast.sensors.arrivals.track import Track as Track
+from jblast.sensors.arrivals.way import Heard as Heard
 from jblast.sensors.calculator.forward import (
     Calculated as Calculated,
     calculate as calculate,
 )
 from jblast.sensors.calculator.inverse import Roots as Roots, roots as roots
 from jblast.sensors.calculator.question import Question as Question
-from jblast.sensors.gauge import (
-    anemometer as anemometer,
-    geophone as geophone,
-    pressure_gauge as pressure_gauge,
-)
 from jblast.sensors.law_choice import (
     choose_laws as choose_laws,
     resolve_laws as resolve_laws,

@@ -47,6 +47,8 @@ OTHERWISE = {
     "freed": "--free",
     "states": "--state",
     "inputs": "--input",
+    "recording": "RECORDING.wav",
+    "false_alarms_per_hour": "--false-alarms",
     "moment_point_m": "moment_point_m (--profile-moments-about X,Y,Z)",
 }
 """Arguments of Python whose options have another name."""

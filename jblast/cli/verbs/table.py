@@ -41,6 +41,7 @@ VERBS = (
     ),
     Verb("scene", "measure", "write a commented starter scene for a log"),
     Verb("fit", "infer", "fit a blast to a log of sensor readings"),
+    Verb("detect", "infer", "find a bang in recordings of sound, and when it came"),
     Verb("bound", "infer", "say what a planned layout of sensors could tell"),
     Verb(
         "discover",

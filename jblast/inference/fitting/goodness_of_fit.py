@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 from scipy.special import betainc, gammaincc, ndtr, ndtri
 
 from jblast.inference.fitting.findings import SuspectedOutlier
@@ -28,7 +28,8 @@ class ResidualSummary(NamedTuple):
     Attributes:
         effects: The most probable shared effects.
         shared: What they add to each row.
-        residual: What is left of each row beside them, in standard deviations.
+        residual: What is left of each row beside them, in standard deviations; of a
+            lower bound the least error that keeps it: 0 where the law says more.
     """
 
     effects: Float[np.ndarray, " effect"]
@@ -44,7 +45,18 @@ def standardised_residuals(
     effects = np.asarray(posterior.effects(jnp.asarray(z)))
     shared = np.asarray(misfit.loading) @ effects
     residual = (np.asarray(misfit.residual) - shared) / np.asarray(misfit.sd)
+    residual = least_error(residual, posterior)
     return ResidualSummary(effects, shared, residual)
+
+
+def least_error(
+    residual: Float[np.ndarray, " row"], posterior: Posterior
+) -> Float[np.ndarray, " row"]:
+    """Return residuals, those of lower bounds 0 where the prediction keeps them."""
+    if posterior.lower_bound is None:
+        return residual
+    kept = np.asarray(posterior.lower_bound) & (residual < 0)
+    return np.where(kept, 0.0, residual)
 
 
 def chi_squared(
@@ -59,12 +71,23 @@ def chi_squared(
     Student-t residuals count as the normal scores of their quantiles, so that honest
     errors of either kind give the same chi squared. Shared effects and numbers with a
     prior count as data that were expected at their means, and as unknowns; so they add
-    to chi squared and leave the freedom alone.
+    to chi squared and leave the freedom alone. A lower bound that the law keeps adds to
+    neither.
     """
     priors = np.asarray(posterior.parameters.has_prior())
     scores = normal_scores(residual, posterior.noise)
     chi2 = float(np.sum(scores**2) + np.sum(effects**2) + np.sum((priors * z) ** 2))
-    return chi2, len(residual) + int(priors.sum()) - told
+    heard = len(residual) - int(np.sum(bounds_kept(residual, posterior)))
+    return chi2, heard + int(priors.sum()) - told
+
+
+def bounds_kept(
+    residual: Float[np.ndarray, " row"], posterior: Posterior
+) -> Bool[np.ndarray, " row"]:
+    """Return the rows that are lower bounds which the law keeps."""
+    if posterior.lower_bound is None:
+        return np.zeros(len(residual), bool)
+    return np.asarray(posterior.lower_bound) & (residual == 0)
 
 
 def tail_probability(residual: Float[np.ndarray, " row"], noise: Noise) -> np.ndarray:

@@ -50,7 +50,8 @@ class Fit:
         scene: The scene at the maximum of the posterior.
         predicted: The law's value at each row, in the row's unit.
         distance: Slant range of each row at the answer [m].
-        residual: (measured - predicted - shared effects) / sd of each row.
+        residual: (measured - predicted - shared effects) / sd of each row; of a lower
+            bound the least error that keeps it: 0 where the law says more.
         sd: Independent standard deviation of each row: seconds for times, else in ln.
         shared: The shared effects at each row, same unit as `sd`.
         draws: Posterior draws of every parameter that the data determine.

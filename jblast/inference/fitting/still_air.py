@@ -22,7 +22,7 @@ from jaxtyping import Float
 from jblast.inference.fitting.solution import Solution
 from jblast.inference.mode.starts import typical_step
 from jblast.inference.posterior.finding import Finding
-from jblast.inference.posterior.fisher_information import information_of_row
+from jblast.inference.posterior.fisher_information import information_of_rows
 from jblast.inference.posterior.posterior import Misfit, Posterior
 from jblast.parameter_table import PARAMETERS
 from jblast.quantities import made_with
@@ -118,7 +118,7 @@ def wider_with_wind(solution: Solution, sd: float = WIND) -> dict[str, float] | 
         ],
         axis=1,
     )
-    weighted = _weighted(here, information_of_row(posterior.noise), to_wind)
+    weighted = _weighted(here, information_of_rows(posterior, here), to_wind)
     gain = normal.covariance @ to_fitted.T @ weighted
     left = to_wind.T @ weighted + np.eye(2) / sd**2 - weighted.T @ to_fitted @ gain
     if np.isfinite(left).all():
@@ -153,12 +153,12 @@ def _slope(before: Misfit, after: Misfit) -> Float[np.ndarray, " row"]:
     return 0.5 * np.asarray(before.residual - after.residual)
 
 
-def _weighted(here: Misfit, of_row: float, columns: Float[np.ndarray, "row column"]):
+def _weighted(here: Misfit, of_rows, columns: Float[np.ndarray, "row column"]):
     """Return columns times the inverse covariance of the rows, shared effects and all.
 
     By the Woodbury identity: no matrix of rows by rows.
     """
-    weight = of_row / np.asarray(here.sd)[:, None] ** 2
+    weight = np.reshape(of_rows, (-1, 1)) / np.asarray(here.sd)[:, None] ** 2
     loading = np.asarray(here.loading)
     known = np.eye(loading.shape[1]) + loading.T @ (weight * loading)
     shared = np.linalg.solve(known, loading.T @ (weight * columns))

@@ -70,6 +70,7 @@ class Summary:
         suspected_outliers: Readings too far off, worst first.
         explained_by: Clocks and sensors without one of which the log fits.
         warnings: What is to be told beside the numbers, the gravest first.
+        n_lower_bounds: Rows of the log that are lower bounds.
     """
 
     law: Mapping[str, str]
@@ -91,6 +92,7 @@ class Summary:
     suspected_outliers: tuple[SuspectedOutlier, ...]
     explained_by: tuple[WrongSensor, ...]
     warnings: tuple[Finding, ...]
+    n_lower_bounds: int = 0
 
     @property
     def unidentified(self) -> tuple[str, ...]:
@@ -171,6 +173,7 @@ def summary_of(
             ),
             *sure.findings,
         ),
+        n_lower_bounds=int(observations.bounds().sum()),
     )
 
 

@@ -19,7 +19,9 @@ from jblast.inference.fitting.findings import WrongClock, WrongSensor
 from jblast.inference.fitting.goodness_of_fit import (
     FITS,
     POOR,
+    bounds_kept,
     chi_squared,
+    least_error,
     p_value,
     standardised_residuals,
     tail_probability,
@@ -28,11 +30,11 @@ from jblast.inference.fitting.solution import Solution
 from jblast.inference.mode.laplace import marginals
 from jblast.inference.mode.row_subset import is_long
 from jblast.inference.mode.starts import layout_size
+from jblast.inference.posterior.error_density import log_noise
 from jblast.inference.posterior.fisher_information import (
     whitened_jacobian,
     whitened_rows,
 )
-from jblast.inference.posterior.likelihood import log_noise
 from jblast.inference.posterior.posterior import Posterior
 from jblast.observations import CLOCK_TIMES, Observations
 from jblast.parameter_table import CLOCK_OFFSET
@@ -93,7 +95,8 @@ def explained_by(
             continue
         density = float(rest.optima.log_density[0])
         left_out = float(log_noise(jnp.zeros(()), posterior.noise)) - math.log(UNHEARD)
-        density -= len(suspect.rows) * (left_out + math.log(WIDTH))
+        readings = int(np.sum(~observations.bounds()[suspect.rows]))
+        density -= readings * (left_out + math.log(WIDTH))  # a bound has no density
         least = float(solution.optima.log_density[0]) - math.log(POOR / len(possible))
         if fits and density < least:
             continue
@@ -150,7 +153,8 @@ def _likeliest(solution: Solution, possible: Sequence[Suspect]) -> list[Suspect]
     """Order suspects by how much chi squared would fall without each, laws linear."""
     posterior, z = solution.posterior, jnp.asarray(solution.laplace.z)
     misfit = posterior.misfit(z)
-    told = whitened_rows(posterior, misfit, misfit.residual[:, None])[:, 0]
+    missed = jnp.asarray(least_error(np.asarray(misfit.residual), posterior))
+    told = whitened_rows(posterior, misfit, missed[:, None])[:, 0]
     slopes = whitened_jacobian(posterior, z)[: len(told)]
     told, slopes = np.asarray(told), np.asarray(slopes)
     if not (np.isfinite(told).all() and np.isfinite(slopes).all()):
@@ -175,7 +179,9 @@ def _judged(
     posterior, z = rest.posterior, normal.z
     left = standardised_residuals(posterior, z)
     chi2, dof = chi_squared(posterior, z, left.residual, left.effects, z.size)
-    dof -= len(suspect.rows)
+    dof -= len(suspect.rows) - int(
+        np.sum(bounds_kept(left.residual, posterior)[suspect.rows])
+    )
     p = p_value(chi2, dof)
     if p is None or p < FITS:
         return None
@@ -233,4 +239,5 @@ def _missed(
     ]
     parts = np.column_stack([*moved, np.asarray(misfit.loading)[rows]])
     own = np.diag(np.square(np.asarray(misfit.sd)[rows]))
-    return np.asarray(misfit.residual)[rows], parts @ parts.T + own
+    missed = least_error(np.asarray(misfit.residual), posterior)
+    return missed[rows], parts @ parts.T + own

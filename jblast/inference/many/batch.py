@@ -57,6 +57,7 @@ def batch_of(logs: Sequence[Observations], uncertain: UncertainScene) -> Batch:
     laws = _named_laws(uncertain.scene, layout)
     for number, log in enumerate(logs):
         _refuse_other_rows(log, logs[0], number)
+        _refuse_bounds(log)
         refuse_exact(log, uncertain.scene.scatter, laws)
         refuse_unresolved(log)
     values = np.array([log.value for log in logs])
@@ -75,6 +76,16 @@ def _named_laws(scene: Scene, layout: Layout) -> dict[str, str]:
                 "laws; got auto"
             )
     return law_names(resolve_laws(scene, layout))
+
+
+def _refuse_bounds(log: Observations) -> None:
+    """Refuse a log one of whose readings is a lower bound."""
+    if (bounds := log.bounds()).any():
+        row = int(np.argmax(bounds))
+        raise InputError(
+            f"{log.where(row)}: expected a reading, got the lower bound "
+            f">{log.value[row]:g}; fit logs with lower bounds with fit_each"
+        )
 
 
 def _refuse_other_rows(log: Observations, first: Observations, number: int) -> None:

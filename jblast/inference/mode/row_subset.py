@@ -47,6 +47,9 @@ def row_subset(posterior: Posterior) -> Posterior:
         sigma=posterior.sigma[rows],
         laws=posterior.laws,
         noise=posterior.noise,
+        lower_bound=None
+        if posterior.lower_bound is None
+        else posterior.lower_bound[rows],
     )
 
 

@@ -22,6 +22,7 @@ from jaxtyping import Array, Float, PRNGKeyArray
 
 from jblast.inference.mode.row_subset import is_long, row_subset
 from jblast.inference.mode.starts import start_sd, starts
+from jblast.inference.posterior.error_density import log_survival
 from jblast.inference.posterior.fisher_information import information
 from jblast.inference.posterior.posterior import Posterior
 from jblast.kept_programs import kept
@@ -41,6 +42,8 @@ LONGEST_STEP = 10.0
 HOPELESS = 10.0
 """An end whose density by some of the rows is so much lower in ln is left out: by all
 rows it is further behind."""
+LEAST_COST = 1e-12
+"""Of a lower bound that is passed by far, so that its square root has a slope."""
 NORMAL = 1e8
 """So many degrees of freedom make a Student-t normal."""
 
@@ -150,7 +153,7 @@ def _residuals(posterior: Posterior, scale, y, freedom):
     """Residuals of least squares, whose unknowns include the shared effects.
 
     Half the square of each is minus the Student-t log-density of that many degrees of
-    freedom.
+    freedom, up to a constant; of a lower bound, minus ln of its probability.
     """
     z, effects = y[: scale.size] * scale, y[scale.size :]
     misfit = posterior.misfit(z)
@@ -158,8 +161,14 @@ def _residuals(posterior: Posterior, scale, y, freedom):
     away = jnp.abs(u) > 1e-6
     tail = (freedom + 1) * jnp.log1p(jnp.square(jnp.where(away, u, 1.0)) / freedom)
     near = u * jnp.sqrt((freedom + 1) / freedom)
-    u = jnp.where(away, jnp.sign(u) * jnp.sqrt(tail), near)
-    return u, effects, z * posterior.parameters.has_prior()
+    cost = jnp.where(away, jnp.sign(u) * jnp.sqrt(tail), near)
+    if posterior.lower_bound is not None:
+        survival = jnp.where(
+            freedom == NORMAL, log_survival(u, "gaussian"), log_survival(u, "student")
+        )
+        bound = jnp.sqrt(LEAST_COST - 2 * survival)
+        cost = jnp.where(posterior.lower_bound, bound, cost)
+    return cost, effects, z * posterior.parameters.has_prior()
 
 
 def _distinct(posterior: Posterior, ends, preference):

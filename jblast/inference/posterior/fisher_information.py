@@ -2,7 +2,8 @@ r"""Fisher information: what the data can tell, before what they say.
 
 $F = J^T (\mathrm{diag}(s^2/k) + L L^T)^{-1} J$ with $J$ the slopes of the predictions,
 plus one for each number that has a prior; $k$ is 1 for normal errors and 5/7 for
-Student-t. What the size of the errors tells about the parameters is left out: it is
+Student-t. For a lower bound it is what the answer tells, yes or no, whether a reading
+passes it. What the size of the errors tells about the parameters is left out: it is
 small, and no layout is planned for it.
 """
 
@@ -10,6 +11,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
+from jblast.inference.posterior.error_density import survival_information
 from jblast.inference.posterior.posterior import Misfit, Posterior
 from jblast.kept_programs import kept
 from jblast.sensors.observe import STUDENT_FREEDOM, Noise
@@ -29,7 +31,7 @@ def whitened_rows(
     rows $X/s$ leaves $w$ with $w^T w = X^T C^{-1} X$, $C = \mathrm{diag}(s^2) + L L^T$,
     without a matrix of rows by rows.
     """
-    sd = misfit.sd / jnp.sqrt(information_of_row(posterior.noise))
+    sd = misfit.sd / jnp.sqrt(information_of_rows(posterior, misfit))
     rows = columns / sd[:, None]
     count = misfit.loading.shape[1]
     if count == 0:
@@ -61,6 +63,22 @@ def information_of_row(noise: Noise) -> float:
     """
     nu = STUDENT_FREEDOM
     return 1.0 if noise == "gaussian" else (nu + 1) / (nu + 3)
+
+
+def information_of_rows(
+    posterior: Posterior, misfit: Misfit
+) -> float | Float[Array, " row"]:
+    """Return the information of each row's own error about its mean.
+
+    One number where all rows are alike: where no reading is a lower bound.
+    """
+    of_reading = information_of_row(posterior.noise)
+    if posterior.lower_bound is None:
+        return of_reading
+    _, effects = posterior.likelihood(misfit)
+    u = (misfit.residual - misfit.loading @ effects) / misfit.sd
+    of_bound = survival_information(u, posterior.noise)
+    return jnp.where(posterior.lower_bound, of_bound, of_reading)
 
 
 @kept

@@ -4,16 +4,25 @@ Row $i$ misses by $r_i = \sum_k L_{ik} v_k + s_i \epsilon_i$: shared effects $v$
 standard normal and loaded by $L$, what is left, $\epsilon$, is standard normal or
 Student-t with 4 degrees of freedom. The effects are integrated out: exactly for normal
 $\epsilon$, where this is $\ln N(r; 0, \mathrm{diag}(s^2) + L L^T)$, and by Laplace's
-method about their own mode for Student-t.
+method about their own mode for Student-t. Of a row that is a lower bound it is known
+that it misses by $r_i$ or more: its own error counts with the survival function, where
+others count with the density, and the effects are integrated out by Laplace's method.
 """
 
 from functools import partial
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jax import lax
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
+from jblast.inference.posterior.error_density import (
+    log_noise,
+    log_survival,
+    noise_slopes,
+    survival_slopes,
+)
 from jblast.sensors.observe import STUDENT_FREEDOM, Noise
 
 REWEIGHTINGS = 40
@@ -23,15 +32,9 @@ SETTLED = 1e-5
 which the first leaves the square of that."""
 WRITTEN_OUT = 16
 """Systems of no more effects are solved without LAPACK."""
-
-
-def log_noise(u: Float[Array, "..."], noise: Noise) -> Float[Array, "..."]:
-    """Return ln of the density of a standardised independent error."""
-    if noise == "gaussian":
-        return -0.5 * jnp.square(u) - 0.5 * jnp.log(2 * jnp.pi)
-    nu = STUDENT_FREEDOM
-    # Gamma((nu + 1)/2) / (Gamma(nu/2) sqrt(nu pi)) is 3/8 for nu = 4
-    return jnp.log(0.375) - 0.5 * (nu + 1) * jnp.log1p(jnp.square(u) / nu)
+PARTS = np.append(0.5 ** np.arange(12), 0.0)
+"""Of a Newton step, of which the one that climbs most is taken: bounds bend the density
+so that a whole step may overshoot."""
 
 
 @partial(jax.jit, static_argnames="noise")
@@ -40,6 +43,7 @@ def log_likelihood(
     sd: Float[Array, " row"],
     loading: Float[Array, "row effect"],
     noise: Noise,
+    lower_bound: Bool[Array, " row"] | None = None,
 ) -> tuple[Float[Array, ""], Float[Array, " effect"]]:
     """Return ln of the probability of residuals, and the most probable effects.
 
@@ -48,21 +52,31 @@ def log_likelihood(
         sd: Independent scale of each row $s$.
         loading: What one standard deviation of each effect adds to each row $L$.
         noise: Distribution of the independent errors.
+        lower_bound: Whether what was measured is a lower bound; None if none is.
     """
     r, load = residual / sd, loading / sd[:, None]
     v = jnp.zeros(loading.shape[1])
     if loading.shape[1] == 0:
-        return jnp.sum(log_noise(r, noise) - jnp.log(sd)), v
-    v = _reweighted(lax.stop_gradient(r), lax.stop_gradient(load), noise)
+        return _rows(r, sd, noise, lower_bound), v
+    rows = lax.stop_gradient(r), lax.stop_gradient(load), noise
+    v = _reweighted(*rows) if lower_bound is None else _climbed(*rows, lower_bound)
     # Two Newton steps that are differentiated carry first and second derivatives of
     # the mode, which the loop above does not.
-    for _ in range(2 if noise == "student" else 1):
-        gradient, hessian = _slopes(v, r, load, noise)
+    for _ in range(1 if noise == "gaussian" and lower_bound is None else 2):
+        gradient, hessian = _slopes(v, r, load, noise, lower_bound)
         v = v - _solved(hessian, gradient)[0]
-    gradient, hessian = _slopes(v, r, load, noise)
+    gradient, hessian = _slopes(v, r, load, noise, lower_bound)
     _, log_determinant = _solved(hessian, gradient)
-    joint = jnp.sum(log_noise(r - load @ v, noise) - jnp.log(sd)) - 0.5 * v @ v
+    joint = _rows(r - load @ v, sd, noise, lower_bound) - 0.5 * v @ v
     return joint - 0.5 * log_determinant, v
+
+
+def _rows(u, sd, noise, lower_bound):
+    """Add ln of the probabilities of independent rows."""
+    read = log_noise(u, noise) - jnp.log(sd)
+    if lower_bound is None:
+        return jnp.sum(read)
+    return jnp.sum(jnp.where(lower_bound, log_survival(u, noise), read))
 
 
 def _solved(matrix, right):
@@ -84,22 +98,23 @@ def _solved(matrix, right):
     return both[:, -1], jnp.sum(jnp.log(jnp.abs(jnp.stack(pivots))))
 
 
-def _slopes(v, r, load, noise):
+def _slopes(v, r, load, noise, lower_bound):
     """Gradient and Hessian of minus the joint log-density in the effects."""
-    u = r - load @ v
-    slope, curvature = _noise_slopes(u, noise)
+    slope, curvature = _row_slopes(r - load @ v, noise, lower_bound)
     gradient = v - load.T @ slope
     hessian = jnp.eye(v.shape[0]) + load.T @ (curvature[:, None] * load)
     return gradient, hessian
 
 
-def _noise_slopes(u, noise):
-    """First and second derivative of minus `log_noise`."""
-    if noise == "gaussian":
-        return u, jnp.ones_like(u)
-    nu = STUDENT_FREEDOM
-    heavy = nu + jnp.square(u)
-    return (nu + 1) * u / heavy, (nu + 1) * (nu - jnp.square(u)) / jnp.square(heavy)
+def _row_slopes(u, noise, lower_bound):
+    """First and second derivative of minus ln of each row's probability."""
+    read = noise_slopes(u, noise)
+    if lower_bound is None:
+        return read
+    bound = survival_slopes(u, noise)
+    return tuple(
+        jnp.where(lower_bound, *pair) for pair in zip(bound, read, strict=True)
+    )
 
 
 def _reweighted(r, load, noise):
@@ -124,3 +139,37 @@ def _reweighted(r, load, noise):
         return (rounds < REWEIGHTINGS) & (moved > SETTLED)
 
     return lax.while_loop(unsettled, again, (0, start, jnp.inf))[1]
+
+
+def _climbed(r, load, noise, lower_bound):
+    """Mode of the effects where some rows are bounds, by steps that always climb.
+
+    Readings are reweighted; bounds have their own curvature, where it is positive. So
+    each step goes uphill, if it is short enough.
+    """
+
+    def joint(v):
+        return _rows(r - load @ v, jnp.ones_like(r), noise, lower_bound) - 0.5 * v @ v
+
+    def again(state):
+        rounds, v, _ = state
+        u = r - load @ v
+        slope, curvature = _row_slopes(u, noise, lower_bound)
+        weight = jnp.maximum(curvature, 0.0)
+        if noise == "student":
+            of_reading = (STUDENT_FREEDOM + 1) / (STUDENT_FREEDOM + jnp.square(u))
+            weight = jnp.where(lower_bound, weight, of_reading)
+        precision = jnp.eye(load.shape[1]) + load.T @ (weight[:, None] * load)
+        step = _solved(precision, load.T @ slope - v)[0]
+        tried = v[None, :] + jnp.asarray(PARTS, v.dtype)[:, None] * step[None, :]
+        new = tried[jnp.argmax(jax.vmap(joint)(tried))]
+        return rounds + 1, new, jnp.max(jnp.abs(new - v))
+
+    def unsettled(state):
+        rounds, _, moved = state
+        return (rounds < REWEIGHTINGS) & (moved > SETTLED)
+
+    start = jnp.zeros(load.shape[1], r.dtype)
+    return lax.while_loop(unsettled, again, (0, start, jnp.asarray(jnp.inf, r.dtype)))[
+        1
+    ]

@@ -59,6 +59,7 @@ class Posterior(eqx.Module):
         sigma: Their instrument error, same unit; 0 where none was given.
         laws: Pairs of quantity and law name.
         noise: Distribution of the independent errors.
+        lower_bound: Whether each reading is a lower bound; None if none is.
     """
 
     parameters: Parameters
@@ -67,6 +68,7 @@ class Posterior(eqx.Module):
     sigma: Float[Array, " row"]
     laws: tuple[tuple[str, str], ...] = eqx.field(static=True)
     noise: Noise = eqx.field(static=True, default="student")
+    lower_bound: Bool[Array, " row"] | None = None
 
     # Jitted, so that each is traced once however many derivatives are taken of it.
 
@@ -92,17 +94,21 @@ class Posterior(eqx.Module):
     @kept
     def log_density(self, z: Float[Array, " free"]) -> Float[Array, ""]:
         """Return ln of the posterior density per unit of $z$, up to a constant."""
-        misfit = self.misfit(z)
-        likelihood, _ = log_likelihood(
-            misfit.residual, misfit.sd, misfit.loading, self.noise
-        )
+        likelihood, _ = self.likelihood(self.misfit(z))
         return likelihood + self.parameters.log_prior(z)
 
     @kept
     def effects(self, z: Float[Array, " free"]) -> Float[Array, " effect"]:
         """Return the most probable shared effects at $z$."""
-        misfit = self.misfit(z)
-        return log_likelihood(misfit.residual, misfit.sd, misfit.loading, self.noise)[1]
+        return self.likelihood(self.misfit(z))[1]
+
+    def likelihood(
+        self, misfit: Misfit
+    ) -> tuple[Float[Array, ""], Float[Array, " effect"]]:
+        """Return ln of the probability of a misfit, and its most probable effects."""
+        return log_likelihood(
+            misfit.residual, misfit.sd, misfit.loading, self.noise, self.lower_bound
+        )
 
 
 def posterior_of(
@@ -121,6 +127,7 @@ def posterior_of(
     refuse_exact(observations, parameters.scene.scatter, laws)
     refuse_unresolved(observations)
     _refuse_vast(observations, parameters.scene, layout, laws)
+    bounds = observations.bounds()
     return Posterior(
         parameters=parameters,
         layout=layout,
@@ -128,6 +135,7 @@ def posterior_of(
         sigma=jnp.asarray(np.nan_to_num(observations.error_scale())),
         laws=tuple(sorted(laws.items())),
         noise=noise,
+        lower_bound=jnp.asarray(bounds) if bounds.any() else None,
     )
 
 

@@ -25,6 +25,7 @@ from jblast.report.fit.reference_values import (
     estimates_of,
     not_fitted,
 )
+from jblast.report.fit.rows import lower_bound_sentence
 from jblast.report.numbers import printed_number, significant
 from jblast.report.words import capitalised, joined, parameter_words, split_name
 from jblast.scene import EXPLOSIVES, Charge
@@ -54,6 +55,8 @@ def conclusion(fit: Fit, accepted: Accepted | None = None) -> list[str]:
             said.append(_estimate_sentence(name, estimate, accepted, made_of))
     said += doubts
     said.append(goodness_sentence(found))
+    if bounds := lower_bound_sentence(fit):
+        said.append(bounds)
     if outliers := outlier_lines(found.suspected_outliers):
         several = "recordings look" if len(outliers) > 1 else "recording looks"
         said.append(f"{len(outliers)} {several} wrong: {'; '.join(outliers)}.")

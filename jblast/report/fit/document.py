@@ -40,6 +40,7 @@ def fit_document(fit: Fit) -> dict[str, Any]:
             "chi2": found.chi2,
             "dof": found.dof,
             "n_observations": found.n_observations,
+            "n_lower_bounds": found.n_lower_bounds,
             "suspected_outliers": [asdict(o) for o in found.suspected_outliers],
             "explained_by": [_explanation(wrong) for wrong in found.explained_by],
             "warnings": all_words(found.warnings),

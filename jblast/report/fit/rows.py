@@ -6,17 +6,24 @@ from pathlib import PurePosixPath
 import numpy as np
 
 from jblast.inference.fitting.result import Fit
+from jblast.observations.rows import AT_LEAST
 from jblast.quantities import ADDITIVE
 from jblast.report.numbers import printed_number, rounded, significant, unit_for
-from jblast.report.words import quantity_words
+from jblast.report.words import joined, quantity_words
 
 MOST_ROWS = 200
 """A table of residuals has at most so many rows."""
+NAMED = 5
+"""So many sensors of lower bounds are named."""
 
 
 @dataclass(frozen=True)
 class Row:
-    """One row of the residual table, ready to print."""
+    """One row of the residual table, ready to print.
+
+    Of a lower bound `measured` begins with ">", and `residual` is "kept" where the law
+    says no less.
+    """
 
     line: str
     sensor: str
@@ -83,15 +90,40 @@ def _row(fit: Fit, i: int, suspected: bool) -> Row:
         shown_sd = printed_number(quantity, sd, 2)
     else:
         shown_sd = f"{significant(100.0 * sd)} %"
+    shown_residual = f"{residual:+.2f}" if np.isfinite(residual) else "-"
     distance = float(fit.distance[i])
     return Row(
         line=str(table.line[i]) if i < len(table.line) else str(i + 1),
         sensor=table.sensor[i],
         quantity=quantity_words(quantity),
         range=printed_number("_m", distance) if np.isfinite(distance) else "-",
-        measured=show(value),
+        measured=(AT_LEAST if table.bounds()[i] else "") + show(value),
         predicted=show(predicted),
         sd=shown_sd,
-        residual=f"{residual:+.2f}" if np.isfinite(residual) else "-",
+        residual="kept" if is_kept(fit, i) else shown_residual,
         suspected=suspected,
     )
+
+
+def lower_bound_sentence(fit: Fit) -> str:
+    """Say which recordings are lower bounds, and whether the law keeps them, or ""."""
+    bounds = fit.observations.bounds()
+    if not bounds.any():
+        return ""
+    rows, n = np.flatnonzero(bounds), len(bounds)
+    names = list(dict.fromkeys(fit.observations.sensor[row] for row in rows))
+    more = [f"{len(names) - NAMED} more"] if len(names) > NAMED else []
+    who = joined([*names[:NAMED], *more])
+    missed = int(np.sum(fit.residual[rows] > 0))
+    which = "it" if len(rows) == 1 else f"{missed or 'all'} of them"
+    kept = f"says less than {which}" if missed else f"keeps {which}"
+    if len(rows) == n:
+        said = f"All recordings are lower bounds ({who}): they tell what is too little."
+        return f"{said} The law {kept}."
+    one = "is a lower bound" if len(rows) == 1 else "are lower bounds"
+    return f"{len(rows)} of {n} recordings {one} ({who}); the law {kept}."
+
+
+def is_kept(fit: Fit, row: int) -> bool:
+    """Return whether a row is a lower bound that the law keeps."""
+    return bool(fit.observations.bounds()[row]) and float(fit.residual[row]) == 0.0

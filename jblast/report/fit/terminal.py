@@ -24,7 +24,7 @@ from jblast.report.fit.identifiability import (
 )
 from jblast.report.fit.laws import laws_used, validity_sentence
 from jblast.report.fit.reference_values import Accepted, compare
-from jblast.report.fit.rows import log_name
+from jblast.report.fit.rows import log_name, lower_bound_sentence
 from jblast.report.tables import GAP, aligned
 from jblast.report.words import joined, parameter_words
 
@@ -63,6 +63,8 @@ def summary(
     lines += hanging(validity_sentence(fit))
     lines += ["", "Goodness of fit", *hanging(goodness_numbers(found))]
     lines += hanging(goodness_sentence(found))
+    if bounds := lower_bound_sentence(fit):
+        lines += hanging(bounds)
     lines += section("Intervals", _intervals(fit))
     nothing = ["nothing: the recordings, or a prior, identify every fitted number"]
     untold = cannot_tell(found, found.estimates) or nothing

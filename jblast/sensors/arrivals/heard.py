@@ -10,16 +10,15 @@ from jaxtyping import Array, ArrayLike, Float
 
 from jblast.errors import InputError
 from jblast.scene import Scene
-from jblast.sensors.arrivals.air_waves import (
-    Heard,
-    air_waves,
-    low_charges_settled,
-)
+from jblast.sensors.arrivals.ground_wave import ground_laws
 from jblast.sensors.arrivals.laws import record_laws
 from jblast.sensors.arrivals.meeting import meeting_waves, passing
 from jblast.sensors.arrivals.track import Track
+from jblast.sensors.arrivals.waves_at import waves_at
+from jblast.sensors.arrivals.way import Heard, low_charges_settled
 from jblast.types import as_float_array
 from jblast.waves.propagation.ambient import sound_speed_of
+from jblast.waves.waveform.pulse import Pulse
 
 Place = Float[ArrayLike, "3"] | Sequence[float] | Track
 """East, north, up [m], or where that is over time."""
@@ -31,6 +30,7 @@ def heard(
     laws: Mapping[str, str] | None = None,
     *,
     reflection: float | Float[Array, ""] = 1.0,
+    ground: bool = False,
 ) -> tuple[Heard, ...]:
     """Return every wave that comes to a place, of each charge in turn.
 
@@ -44,6 +44,7 @@ def heard(
             `record_laws` says.
         reflection: Coefficient of the ground under an elevated place; 0 leaves its
             reflections out.
+        ground: Whether the air above the moving ground is heard, too.
 
     Raises:
         InputError: A law is not known, the place is no place or at the charge, or the
@@ -53,20 +54,22 @@ def heard(
         `jblast.sensors.heard(jblast.Scene(), [20.0, 0.0, 1.5])[0].pulse.peak`
     """
     named = record_laws(scene, laws)
+    if ground:
+        named |= ground_laws(scene, laws)
     if isinstance(place, Track):
         _check_speed(scene, place)
     else:
         place = as_float_array(jnp.asarray(place))
-    found = _heard(low_charges_settled(scene), place, named, reflection)
+    found = _heard(low_charges_settled(scene), place, named, reflection, ground)
     for wave in found:
         _check(scene, wave)
     return found
 
 
 @eqx.filter_jit
-def _heard(scene, place, laws, reflection):
+def _heard(scene, place, laws, reflection, ground):
     """Return the waves with their times as they pass the place."""
-    found = waves_for(scene, place, laws, reflection)
+    found = waves_for(scene, place, laws, reflection, ground)
     if isinstance(place, Track):
         found = tuple(passing(scene, place, laws, wave) for wave in found)
     return found
@@ -77,11 +80,12 @@ def waves_for(
     place: Place,
     laws: Mapping[str, str],
     reflection: float | Float[Array, ""],
+    ground: bool,
 ) -> tuple[Heard, ...]:
     """Return the waves at a place, or where it meets them; nothing is checked."""
     if isinstance(place, Track):
-        return meeting_waves(scene, place, laws, reflection)
-    return air_waves(scene, jnp.asarray(place), laws, reflection)
+        return meeting_waves(scene, place, laws, reflection, ground)
+    return waves_at(scene, jnp.asarray(place), laws, reflection, ground)
 
 
 def _check_speed(scene: Scene, track: Track) -> None:
@@ -107,6 +111,8 @@ def _check(scene: Scene, wave: Heard) -> None:
         raise InputError(
             f"{who}: expected a place away from it, got a distance of {distance:g} m"
         )
+    if not isinstance(wave.pulse, Pulse):
+        return
     finite = [x for x in wave.pulse if not bool(jnp.isposinf(x))]
     if not all(bool(jnp.isfinite(x)) for x in finite):
         raise InputError(

@@ -20,8 +20,10 @@ from jax import lax
 from jaxtyping import Array, Float
 
 from jblast.scene import Scene
-from jblast.sensors.arrivals.air_waves import Heard, Way, air_wave, arrival_time, ways
 from jblast.sensors.arrivals.track import Track
+from jblast.sensors.arrivals.waves_at import wave_at
+from jblast.sensors.arrivals.way import Heard, Way, arrival_time, ways
+from jblast.waves.waveform.ground_pulse import GroundPulse
 
 STEPS = 30
 r"""Of the iteration $t \leftarrow a(\mathbf x(t))$: its error falls each time by
@@ -71,7 +73,8 @@ def meeting_waves(
     scene: Scene,
     track: Track,
     laws: Mapping[str, str],
-    reflection: float | Float[Array, ""] = 1.0,
+    reflection: float | Float[Array, ""],
+    ground: bool,
 ) -> tuple[Heard, ...]:
     """Return the waves that a moving place meets, as they are at the place of meeting.
 
@@ -80,15 +83,16 @@ def meeting_waves(
         track: Where the place is.
         laws: By quantity.
         reflection: Coefficient of the ground.
+        ground: Whether the moving ground is heard, too.
     """
     found = []
-    for shot, way in ways(scene, reflection):
+    for shot, way in ways(scene, reflection, ground):
 
         def arrival(time: Array, shot: int = shot, way: Way = way) -> Array:
             return arrival_time(scene, track.at(time), laws, shot, way)
 
         time = meeting_time(arrival, arrival(track.time[0]))
-        found.append(air_wave(scene, track.at(time), laws, shot, way, reflection))
+        found.append(wave_at(scene, track.at(time), laws, shot, way, reflection))
     return tuple(found)
 
 
@@ -108,11 +112,14 @@ def passing(scene: Scene, track: Track, laws: Mapping[str, str], wave: Heard) ->
     pulse, time = wave.pulse, wave.pulse.arrival_time
     some = jnp.where(jnp.isposinf(time), 0.0, time)
     speed = jax.jvp(since, (some,), (jnp.ones_like(some),))[1]
-    return wave._replace(
-        pulse=pulse._replace(
-            rise_time=pulse.rise_time / speed,
-            hold_time=pulse.hold_time / speed,
-            duration=pulse.duration / speed,
-            suction_duration=pulse.suction_duration / speed,
-        )
-    )
+    if isinstance(pulse, GroundPulse):
+        slower = {"amplitude": pulse.amplitude, "time_constant": pulse.time_constant}
+    else:
+        slower = {
+            "rise_time": pulse.rise_time,
+            "hold_time": pulse.hold_time,
+            "duration": pulse.duration,
+            "suction_duration": pulse.suction_duration,
+        }
+    slower = {name: length / speed for name, length in slower.items()}
+    return wave._replace(pulse=pulse._replace(**slower))

@@ -1,20 +1,26 @@
 """The overpressure at a place over time: of every wave that comes there, together."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 
 import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike, Float
 
 from jblast.scene import Scene
-from jblast.sensors.arrivals.air_waves import Heard, low_charges_settled, peak_at
+from jblast.sensors.arrivals.air_waves import peak_at
+from jblast.sensors.arrivals.ground_wave import ground_laws
 from jblast.sensors.arrivals.heard import Place, waves_for
 from jblast.sensors.arrivals.laws import record_laws
 from jblast.sensors.arrivals.meeting import phase
 from jblast.sensors.arrivals.recorded_sound import RecordedSound
 from jblast.sensors.arrivals.track import Track
+from jblast.sensors.arrivals.way import Heard, low_charges_settled
 from jblast.types import as_float_array
-from jblast.waves.waveform.pulse import pulse_mean
+from jblast.waves.waveform.ground_pulse import (
+    GroundPulse,
+    ground_pulse_velocity_mean,
+)
+from jblast.waves.waveform.pulse import Pulse, pulse_mean
 
 
 def overpressure(
@@ -24,6 +30,7 @@ def overpressure(
     laws: Mapping[str, str] | None = None,
     *,
     reflection: float | Float[Array, ""] = 1.0,
+    ground: bool = False,
     sound: RecordedSound | None = None,
 ) -> Float[Array, " sample"]:
     """Return the mean overpressure over each sample [Pa].
@@ -40,8 +47,9 @@ def overpressure(
         laws: By quantity; absent ones as `record_laws` says.
         reflection: Coefficient of the ground under an elevated place; 0 leaves its
             reflections out.
+        ground: Whether the air above the moving ground is heard, too.
         sound: Recorded, in place of the pulse that the laws make; its arrival and peak
-            are then theirs.
+            are then theirs. That of the ground stays what it is.
 
     Raises:
         InputError: A law is not known.
@@ -52,24 +60,27 @@ def overpressure(
     edges = as_float_array(edges)
     place = place if isinstance(place, Track) else as_float_array(jnp.asarray(place))
     named = record_laws(scene, laws)
+    if ground:
+        named |= ground_laws(scene, laws)
     return _overpressure(
-        low_charges_settled(scene), place, edges, named, reflection, sound
+        low_charges_settled(scene), place, edges, named, reflection, ground, sound
     )
 
 
 @eqx.filter_jit
-def _overpressure(scene, place, edges, laws, reflection, sound):
-    waves = waves_for(scene, place, laws, reflection)
+def _overpressure(scene, place, edges, laws, reflection, ground, sound):
+    waves = waves_for(scene, place, laws, reflection, ground)
     if isinstance(place, Track):
         since = [phase(scene, place, laws, wave, edges) for wave in waves]
     else:
         since = [since_arrival(wave, edges) for wave in waves]
-    if sound is None:
-        return mean_of(waves, since)
     total = jnp.zeros(edges.size - 1, edges.dtype)
     for wave, time in zip(waves, since, strict=True):
-        scale = wave.pulse.peak / peak_at(scene, sound.distance, laws, wave)
-        total = total + scale * sound.mean(time[:-1], time[1:])
+        if sound is None or wave.kind == "ground":
+            total = total + mean_since(wave.pulse, time)
+        else:
+            scale = wave.pulse.peak / peak_at(scene, sound.distance, laws, wave)
+            total = total + scale * sound.mean(time[:-1], time[1:])
     return total
 
 
@@ -87,19 +98,25 @@ def since_arrival(wave: Heard, edges: Float[Array, " edge"]) -> Float[Array, " e
     return jnp.where(never, passed - edges[-1], passed)
 
 
-def mean_of(
-    waves: Sequence[Heard], since: Sequence[Float[Array, " edge"]]
+def mean_since(
+    pulse: Pulse | GroundPulse, since: Float[Array, " edge"]
 ) -> Float[Array, " sample"]:
-    """Return the mean overpressure over each sample of waves together [Pa].
-
-    So that who asks for one block of samples after another asks the laws only once.
+    """Return the mean overpressure of one wave over each sample [Pa].
 
     Args:
-        waves: At least one.
-        since: Time since the arrival of each at the edges of the samples [s].
+        pulse: Of a wave that is heard; its own arrival is not looked at.
+        since: Time since its arrival at the edges of the samples [s].
     """
-    total = jnp.zeros(since[0].size - 1, since[0].dtype)
-    for wave, time in zip(waves, since, strict=True):
-        pulse = wave.pulse._replace(arrival_time=jnp.zeros((), time.dtype))
-        total = total + pulse_mean(pulse, time[:-1], time[1:])
-    return total
+    now = jnp.zeros((), since.dtype)
+    return wave_mean(pulse._replace(arrival_time=now), since[:-1], since[1:])
+
+
+def wave_mean(
+    pulse: Pulse | GroundPulse,
+    start: Float[Array, "..."],
+    stop: Float[Array, "..."],
+) -> Float[Array, "..."]:
+    """Return the mean overpressure of a wave that is heard from start to stop [Pa]."""
+    if isinstance(pulse, GroundPulse):
+        return ground_pulse_velocity_mean(pulse, start, stop)
+    return pulse_mean(pulse, start, stop)

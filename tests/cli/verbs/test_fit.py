@@ -26,6 +26,7 @@ ANSWER = {
     "chi2": float,
     "dof": int,
     "n_observations": int,
+    "n_lower_bounds": int,
     "suspected_outliers": list,
     "explained_by": list,
     "warnings": list,

@@ -8,11 +8,13 @@ import numpy as np
 import pytest
 
 from jblast.inference import bound, bound_map
+from jblast.inference.design.added_datum import candidates
+from jblast.inference.design.planned_log import planned as plan_of
 from jblast.inference.design.summary import AddedDatum
 from jblast.inference.posterior.estimate import Spread
 from jblast.quantities import QUANTITIES
 from jblast.report.design.added_datum import data_lines
-from jblast.scene import LogNormal, Sensor
+from jblast.scene import Charge, Free, LogNormal, Sensor, UncertainScene
 from jblast.waves import kingery_bulmash_pressure
 from tests.inference.design.plans import MASS, PLAN, PRESSURE, RING, TRUE, scene_of
 
@@ -55,6 +57,17 @@ def test_a_map_of_pressures_is_what_the_slopes_at_its_places_say():
     assert drawn.log_sd_mass is not None
     expected = [[with_one_at(np.hypot(e, n)) for e in drawn.east] for n in drawn.north]
     np.testing.assert_allclose(drawn.log_sd_mass, expected, rtol=1e-4)
+
+
+def test_a_new_place_shares_no_path_with_another_sensor_or_another_charge():
+    pair = Charge(mass=1.0, name="one"), Charge(mass=1.0, name="two", time=1.0)
+    scene = dataclasses.replace(FOUR.scene, charge=pair[0], others=pair[1:])
+    beliefs = {f"charge_mass_kg.{charge.name}": Free(positive=True) for charge in pair}
+    at = dict.fromkeys(beliefs, 1.0)
+    plan = plan_of(UncertainScene(scene, beliefs), at, "gaussian")
+    new = {datum.shot: datum.group for datum in candidates(plan) if not datum.sensor}
+    assert set(new) == {0, 1}
+    assert len({*new.values(), *plan.posterior.layout.group}) == 2 + 8
 
 
 @pytest.mark.slow

@@ -52,6 +52,7 @@ def test_what_is_not_identified_is_null_and_every_key_is_there():
         ("chi2", 9.1),
         ("dof", 6),
         ("n_observations", 8),
+        ("n_lower_bounds", 0),
         ("suspected_outliers", []),
         ("explained_by", []),
         ("warnings", []),

@@ -181,9 +181,31 @@ def test_one_that_diverges_ends_its_own_flight():
     assert bool(jnp.isnan(flown.position_m[2, -1]).all())
 
 
+def test_rows_begin_with_the_state_that_was_given():
+    state = start()
+    flown = simulate(CRAFT, state, duration_s=0.01, store_every=10, backend="warp:cpu")
+    for name, given in vars(state).items():
+        if name == "quaternion":
+            given = given / jnp.linalg.norm(given, axis=-1, keepdims=True)
+        begun = getattr(flown, name)[:, 0]
+        np.testing.assert_allclose(begun, given, rtol=1e-15, atol=0, err_msg=name)
+
+
 def test_a_device_that_is_not_there():
     with pytest.raises(InputError, match="of warp:DEVICE among cpu"):
         simulate(CRAFT, start(), duration_s=0.01, backend="warp:cuda:9")
+
+
+def test_rows_that_do_not_fit_are_counted_in_gigabytes(monkeypatch):
+    from jblast.vehicle.warp import flight
+
+    def none_left(shape, **_):
+        raise RuntimeError("out of memory")
+
+    monkeypatch.setattr(flight.wp, "empty", none_left)
+    # 10 steps and the start, 23 numbers of 8 bytes each, of 5 vehicles
+    with pytest.raises(InputError, match="11 rows of 5 vehicles take 1\\.01e-05 GB"):
+        simulate(CRAFT, start(), duration_s=5e-3, backend="warp:cpu")
 
 
 def test_a_wind_in_python_flies_on_jax_and_says_so():

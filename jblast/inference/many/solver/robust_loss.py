@@ -6,8 +6,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from jblast.inference.posterior.error_density import log_noise, noise_slopes
 from jblast.inference.posterior.fisher_information import information_of_row
-from jblast.inference.posterior.likelihood import _noise_slopes, log_noise
 from jblast.sensors.observe import Noise
 
 LEAST_CURVATURE = 0.1
@@ -49,7 +49,7 @@ class TermLoss:
     def _loss(self, residual, least):
         n, m = self.rows, self.scored
         u, normal, scale = residual[:n], residual[n:m], residual[m:]
-        slope, curvature = _noise_slopes(u, self.noise)
+        slope, curvature = noise_slopes(u, self.noise)
         if self.noise == "student" and least is not None:
             weight = slope / jnp.where(u == 0, 1.0, u)
             curvature = jnp.maximum(curvature, least * weight)

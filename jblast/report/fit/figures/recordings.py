@@ -87,14 +87,14 @@ def _panel(axes: Axes, fit: Fit, quantity: str, shot: int) -> None:
     )
     drawn = np.isfinite(x) & np.isfinite(y)
     bars = np.nan_to_num(np.stack([y - low, high - y])[:, drawn])
-    style = {
-        "fmt": "o",
-        "markersize": 4.5,
-        "color": INK,
-        "elinewidth": 1.1,
-        "zorder": 3,
-    }
-    axes.errorbar(x[drawn], y[drawn], yerr=bars, **style)
+    style = {"markersize": 4.5, "color": INK, "elinewidth": 1.1, "zorder": 3}
+    bound = table.bounds()[rows][drawn]
+    for some, fmt in ((~bound, "o"), (bound, "^")):
+        of = {"yerr": bars[:, some], "fmt": fmt} | style
+        if fmt == "^":  # whatever it was, it was no less
+            of |= {"yerr": None, "markerfacecolor": "white", "markersize": 7}
+        if some.any():
+            axes.errorbar(x[drawn][some], y[drawn][some], **of)
     _ring(axes, fit, rows, x, y)
     quiet(axes)
     _scales(axes, x[drawn], logarithmic=not additive)
@@ -230,6 +230,8 @@ def _key(figure: Figure, fit: Fit, columns: int) -> None:
         float(fit.scene.air.wind_north),
     ) != (0.0, 0.0):
         key.append("band: in still air")
+    if fit.observations.bounds().any():
+        key.append("open triangles: lower bounds")
     if outlier_rows(fit):
         key.append("ringed: suspected outlier")
     a_line = 3 if columns == 1 else 5

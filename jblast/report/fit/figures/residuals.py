@@ -53,16 +53,26 @@ def _panel(axes: Axes, fit: Fit, panel: list[str], quantities: list[str]) -> Non
     for quantity in panel:
         i = quantities.index(quantity)
         rows = here & np.array([q == quantity for q in table.quantity])
+        colour, bounds = COLOURS[i % len(COLOURS)], table.bounds()
         axes.plot(
-            along[rows] / unit.size,
-            fit.residual[rows],
+            along[rows & ~bounds] / unit.size,
+            fit.residual[rows & ~bounds],
             linestyle="none",
             marker=MARKERS[i % len(MARKERS)],
-            color=COLOURS[i % len(COLOURS)],
+            color=colour,
             markersize=6,
             markeredgecolor="white",
             markeredgewidth=0.6,
             label=quantity_words(quantity),
+        )
+        axes.plot(
+            along[rows & bounds] / unit.size,
+            fit.residual[rows & bounds],
+            linestyle="none",
+            marker="^",
+            markersize=7,
+            markerfacecolor="white",
+            markeredgecolor=colour,
         )
     for row in outlier_rows(fit):
         if here[row]:
@@ -78,7 +88,9 @@ def _panel(axes: Axes, fit: Fit, panel: list[str], quantities: list[str]) -> Non
     axes.set_ylabel("residual (sd)")
     words = "time after detonation" if against_time else "slant range"
     axes.set_xlabel(f"{words} ({unit.symbol})")
-    titled(axes, "Measured minus law", "shaded: ± 2 sd")
+    open_ones = "; open: lower bounds, at 0 where the law keeps them"
+    has_bounds = bool(np.any(table.bounds() & here))
+    titled(axes, "Measured minus law", f"shaded: ± 2 sd{open_ones * has_bounds}")
     if not np.any(here):
         axes.text(0.5, 0.6, "no residuals", transform=axes.transAxes, ha="center")
     elif len(quantities) > 1:

@@ -1,0 +1,61 @@
+"""Blasts by the laws, many at a time, for templates: the one file here with JAX."""
+
+import jax.numpy as jnp
+from jaxtyping import Array, ArrayLike, Float
+
+from jblast.kept_programs import kept
+from jblast.types import as_float_arrays
+from jblast.waves.laws.shock_kinematics.positive_phase import shock_kinematics_impulse
+from jblast.waves.waveform.blast_pressure import blast_pulse
+from jblast.waves.waveform.pulse import Pulse, pulse_mean, pulse_of
+from jblast.waves.waveform.rise_time import weak_shock_rise_time
+
+
+@kept
+def pulses_by_law(
+    mass: Float[ArrayLike, "..."],
+    distance: Float[ArrayLike, "..."],
+    ambient_pressure: Float[ArrayLike, ""],
+    sound_speed: Float[ArrayLike, ""],
+    burst: str,
+) -> Pulse:
+    """Return blasts whose fronts land at time zero.
+
+    Args:
+        mass: TNT-equivalent mass [kg], positive.
+        distance: Slant range [m], positive.
+        ambient_pressure: Of the air [Pa].
+        sound_speed: Of the air [m/s].
+        burst: "surface" or "free-air".
+    """
+    mass, distance, ambient, speed = as_float_arrays(
+        mass, distance, ambient_pressure, sound_speed
+    )
+    ambient, speed = (jnp.broadcast_to(x, mass.shape) for x in (ambient, speed))
+    blast = blast_pulse(distance, mass, ambient, speed, burst)
+    impulse = shock_kinematics_impulse(distance, mass, ambient, speed, burst)
+    rise = weak_shock_rise_time(blast.peak, impulse, blast.duration)
+    return pulse_of(
+        jnp.zeros_like(mass),
+        blast.peak,
+        impulse,
+        blast.duration,
+        rise,
+        blast.suction,
+        blast.suction_impulse,
+    )
+
+
+@kept
+def pulse_samples(
+    pulses: Pulse, edges: Float[ArrayLike, " edge"]
+) -> Float[Array, "pulse sample"]:
+    """Return the mean of each pulse between neighbouring edges [Pa].
+
+    Args:
+        pulses: One or more.
+        edges: From the front on [s].
+    """
+    (edges,) = as_float_arrays(edges)
+    columns = Pulse(*(field[:, None] for field in pulses))
+    return pulse_mean(columns, edges[None, :-1], edges[None, 1:])

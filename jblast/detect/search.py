@@ -1,0 +1,154 @@
+"""Each channel of a recording searched for a template, at once or as a stream."""
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+
+from jblast.detect.kernel import MatchedKernel
+from jblast.detect.matched_filter import matched_filter
+from jblast.detect.peaks import Detection, PeakPicker, detections
+from jblast.detect.stream import BLOCK_S, LEARN_S, Stream, stream
+from jblast.detect.threshold import FALSE_ALARMS_PER_HOUR, in_decibels, threshold_for
+from jblast.detect.whitening import NoiseSpectrum, noise_spectrum
+
+
+class Channel(NamedTuple):
+    """One microphone's recording.
+
+    Attributes:
+        sensor: What it is called: the stem of its file, or stem.channel.
+        record: Its file.
+        number: Which channel of it, from 1.
+        samples: In any unit.
+        rate_hz: Samples a second.
+    """
+
+    sensor: str
+    record: str
+    number: int
+    samples: Float[np.ndarray, " sample"]
+    rate_hz: float
+
+
+class Searched(NamedTuple):
+    """What was heard in a channel.
+
+    Attributes:
+        channel: Where it was searched.
+        noise: What it was searched in.
+        kernel: The filter.
+        threshold: In standard deviations of the noise.
+        statistic: The filter's output, a sample for each that it is known of.
+        detections: Blasts, in order of time.
+        latency_s: From the first sample of a blast to its being told, as a stream [s].
+    """
+
+    channel: Channel
+    noise: NoiseSpectrum
+    kernel: MatchedKernel
+    threshold: float
+    statistic: Float[np.ndarray, " sample"]
+    detections: tuple[Detection, ...]
+    latency_s: float
+
+    @property
+    def threshold_snr_db(self) -> float:
+        """The threshold as 2E/N0 [dB]."""
+        return in_decibels(self.threshold)
+
+
+def search(
+    channel: Channel,
+    template: Float[np.ndarray, " tap"],
+    false_alarms_per_hour: float = FALSE_ALARMS_PER_HOUR,
+) -> Searched:
+    """Search a whole recording; the noise is measured in all of it.
+
+    Args:
+        channel: Where.
+        template: What for, at the channel's rate.
+        false_alarms_per_hour: How many on average [1/h].
+
+    Raises:
+        InputError: Template or recording cannot be used.
+    """
+    noise = noise_spectrum(channel.samples, channel.rate_hz)
+    filtered = matched_filter(
+        channel.samples, template, channel.rate_hz, noise_spectrum=noise
+    )
+    kernel = filtered.kernel
+    threshold = threshold_for(kernel, false_alarms_per_hour)
+    settles = PeakPicker(kernel, threshold).settles
+    return Searched(
+        channel=channel,
+        noise=noise,
+        kernel=kernel,
+        threshold=threshold,
+        statistic=filtered.statistic,
+        detections=detections(filtered, threshold),
+        latency_s=(kernel.reach + settles) / channel.rate_hz,
+    )
+
+
+def search_as_stream(
+    channel: Channel,
+    template: Float[np.ndarray, " tap"],
+    false_alarms_per_hour: float = FALSE_ALARMS_PER_HOUR,
+    *,
+    block_s: float = BLOCK_S,
+    pushed: Callable[[int], None] = lambda samples: None,
+) -> Searched:
+    """Search a recording block by block, as a stream would be; arguments as `search`.
+
+    The noise is that of the first ten seconds, or of all where it is shorter.
+
+    Args:
+        channel: Where.
+        template: What for, at the channel's rate.
+        false_alarms_per_hour: How many on average [1/h].
+        block_s: So much sound is filtered at a time [s].
+        pushed: Called with how many samples have been taken in.
+
+    Raises:
+        InputError: Template or recording cannot be used.
+    """
+    learnt = channel.samples[: max(round(LEARN_S * channel.rate_hz), 1)]
+    noise = noise_spectrum(learnt, channel.rate_hz)
+    listening = stream(
+        template,
+        channel.rate_hz,
+        block_s=block_s,
+        false_alarms_per_hour=false_alarms_per_hour,
+        noise_spectrum=noise,
+    )
+    found, statistic = _listened(listening, channel, block_s, pushed)
+    assert listening.kernel is not None
+    assert listening.threshold is not None
+    assert listening.latency_s is not None
+    return Searched(
+        channel=channel,
+        noise=noise,
+        kernel=listening.kernel,
+        threshold=listening.threshold,
+        statistic=statistic,
+        detections=found,
+        latency_s=listening.latency_s,
+    )
+
+
+def _listened(
+    listening: Stream, channel: Channel, block_s: float, pushed: Callable[[int], None]
+) -> tuple[tuple[Detection, ...], np.ndarray]:
+    """Return what a stream finds, and all its outputs."""
+    found: list[Detection] = []
+    outputs: list[np.ndarray] = []
+    block = max(round(block_s * channel.rate_hz), 1)
+    for start in range(0, channel.samples.size, block):
+        found += listening.push(channel.samples[start : start + block])
+        outputs.append(listening.statistic)
+        pushed(start + block)
+    found += listening.finish()
+    outputs.append(listening.statistic)
+    return tuple(found), np.concatenate(outputs)

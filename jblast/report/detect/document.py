@@ -1,0 +1,76 @@
+"""What was heard, as JSON."""
+
+from collections.abc import Sequence
+from typing import Any
+
+from jblast.detect.array.log import ArrayFinding
+from jblast.detect.search import Searched
+from jblast.json_values import plain
+
+
+def detection_document(
+    searched: Sequence[Searched],
+    dead: Sequence[str],
+    method: dict[str, Any],
+    arrays: Sequence[ArrayFinding] = (),
+) -> dict[str, Any]:
+    """Return the document of what was heard.
+
+    Args:
+        searched: Channels that were searched.
+        dead: Names of those that could not be.
+        method: How, as keys and values.
+        arrays: What arrays told.
+    """
+    arrivals = [
+        {
+            "time_s": found.time_s,
+            "snr_db": found.snr_db,
+            "sigma_s": found.sigma_s,
+            "channel": one.channel.number,
+            "sensor": one.channel.sensor,
+        }
+        for one in searched
+        for found in one.detections
+    ]
+    arrivals.sort(key=lambda arrival: arrival["time_s"])
+    document = {
+        "schema": 1,
+        "detected": bool(arrivals),
+        "arrivals": arrivals,
+        "threshold_snr_db": max(one.threshold_snr_db for one in searched),
+        "latency_s": max(one.latency_s for one in searched),
+        "method": method,
+        "channels": [
+            {
+                "sensor": one.channel.sensor,
+                "record": one.channel.record,
+                "channel": one.channel.number,
+                "rate_hz": one.channel.rate_hz,
+                "seconds": one.channel.samples.size / one.channel.rate_hz,
+                "threshold_snr_db": one.threshold_snr_db,
+            }
+            for one in searched
+        ],
+        "dead_channels": list(dead),
+        "arrays": [_array(told) for told in arrays],
+    }
+    return plain(document)
+
+
+def _array(told: ArrayFinding) -> dict[str, Any]:
+    came = told.direction
+    document = {"array": told.array, "bang": told.bang + 1, "in_log": told.used}
+    if came is None:
+        return document
+    sds = came.covariance.diagonal() ** 0.5
+    return document | {
+        "layout": came.layout,
+        "bearing_rad": came.bearing,
+        "bearing_sd_rad": sds[0],
+        "elevation_rad": came.elevation,
+        "elevation_sd_rad": sds[1],
+        "undetermined": list(came.undetermined),
+        "mirror_rad": came.mirror,
+        "p_plane_wave": told.probability,
+    }

@@ -1,0 +1,123 @@
+"""What was heard, in words for a terminal."""
+
+import math
+from collections.abc import Sequence
+
+from jblast.detect.array.log import CONTRADICTED, WIDEST, ArrayFinding, Log
+from jblast.detect.search import Searched
+from jblast.report.tables import aligned
+from jblast.report.words import joined
+
+LAYOUTS = {
+    "coplanar": "microphones in one plane",
+    "spatial": "microphones in space",
+    "collinear": "microphones in a line",
+    "two": "two microphones",
+}
+ANGLES = {"bearing_rad": "the bearing", "elevation_rad": "the elevation"}
+
+
+def detection_text(
+    searched: Sequence[Searched], dead: Sequence[str], how: str, log: Log | None = None
+) -> str:
+    """Return what was heard.
+
+    Args:
+        searched: Channels that were searched.
+        dead: Names of those that hold nothing.
+        how: What was looked for.
+        log: Rows of the arrivals, if there are any.
+    """
+    count = sum(len(one.detections) for one in searched)
+    names = len(searched)
+    head = (
+        f"{count} {'arrival' if count == 1 else 'arrivals'}"
+        if count
+        else "Nothing was found"
+    )
+    seconds = sum(one.channel.samples.size / one.channel.rate_hz for one in searched)
+    lines = [
+        f"{head} in {names} {'channel' if names == 1 else 'channels'}, "
+        f"{seconds:.6g} s of sound",
+        f"looked for: {how}",
+        *_thresholds(searched),
+    ]
+    if dead:
+        are = "is dead: it holds" if len(dead) == 1 else "are dead: each holds"
+        lines.append(f"{joined(list(dead))} {are} one value throughout; not searched")
+    if count:
+        lines += ["", *_table(searched)]
+    if log is not None:
+        lines += _of_log(log)
+    return "\n".join(lines) + "\n"
+
+
+def _thresholds(searched: Sequence[Searched]) -> list[str]:
+    """Say how loud is loud enough, and how late it is told."""
+    levels = [one.threshold_snr_db for one in searched]
+    low, high = min(levels), max(levels)
+    span = f"{high:.1f}" if high - low < 0.05 else f"{low:.1f} to {high:.1f}"
+    latency = max(one.latency_s for one in searched)
+    return [
+        f"threshold {span} dB (2E/N0); told {1e3 * latency:.3g} ms after the first "
+        "sample of it"
+    ]
+
+
+def _table(searched: Sequence[Searched]) -> list[str]:
+    rows = []
+    for one in searched:
+        for found in one.detections:
+            digits = min(max(1 - math.floor(math.log10(found.sigma_s)), 1), 9)
+            rows.append(
+                (
+                    one.channel.sensor,
+                    f"{found.time_s:.{digits}f}",
+                    f"{found.sigma_s:.2g}",
+                    f"{found.snr_db:.1f}",
+                )
+            )
+    rows.sort(key=lambda row: float(row[1]))
+    head = ("sensor", "arrival [s]", "sigma [s]", "SNR [dB]")
+    return aligned([head, *rows], right={1, 2, 3})
+
+
+def _of_log(log: Log) -> list[str]:
+    """Say what the rows of the log are, and what stands in none."""
+    lines = [""]
+    for told in log.arrays:
+        lines += _of_array(told)
+    for sensor, found in log.left_out:
+        lines.append(
+            f"{sensor}: the arrival at {found.time_s:.6g} s is weaker than one of the "
+            "same bang, an echo perhaps, and stands in no row"
+        )
+    return lines if len(lines) > 1 else []
+
+
+def _of_array(told: ArrayFinding) -> list[str]:
+    came = told.direction
+    name = f"Array {told.array}, bang {told.bang + 1}"
+    if came is None:
+        return [f"{name}: the microphones have no delay in common; rows of their own"]
+    sds = came.covariance.diagonal() ** 0.5
+    angles = [
+        f"{word} {math.degrees(value):.2f} ± {math.degrees(sd):.2g} degrees"
+        for word, value, sd in (
+            ("bearing", came.bearing, sds[0]),
+            ("elevation", came.elevation, sds[1]),
+        )
+        if math.isfinite(value)
+    ]
+    said = f"{name} ({LAYOUTS[came.layout]}): {', '.join(angles) or 'no direction'}"
+    lost = [ANGLES[key] for key in came.undetermined]
+    if lost:
+        said += f"; {joined(lost)} is not told by them"
+    if not told.used and told.probability <= CONTRADICTED:
+        said += (
+            f"; the times contradict a plane wave (p = {told.probability:.1g}), so "
+            "each microphone has its own row"
+        )
+    elif told.used:
+        said += f"; within {WIDEST:g} m of each other, so one row of time for all"
+    return [said]

@@ -1,0 +1,92 @@
+"""What `jblast detect` cannot use: one message each, exit code 2."""
+
+import numpy as np
+import pytest
+
+from tests.cli.verbs.detect.sounds import RATE, recording, template, write
+
+
+@pytest.fixture
+def good(jblast):
+    return write(jblast, "good.wav", recording([[1.0]]))
+
+
+def refused(jblast, *words):
+    """Return the one line that is said."""
+    said = jblast.refused("detect", *words)
+    assert said.count("\n") == 1
+    return said
+
+
+def test_recordings_that_are_none(jblast):
+    shape = ("--template", template(jblast))
+    nan = recording([[1.0]])
+    nan[0, 100] = np.nan
+    silent = np.zeros(RATE)
+    whole = (jblast.directory / "template.wav").read_bytes()
+    for file, said in (
+        (jblast.path("absent.wav"), "no such file"),
+        (jblast.file("empty.wav", b""), "is empty"),
+        (jblast.file("cut.wav", whole[:200]), "cut short"),
+        (jblast.file("words.wav", b"no sound at all"), "no sound file"),
+        (
+            write(jblast, "nan.wav", nan),
+            "expected finite samples, got nan in channel 1",
+        ),
+        (write(jblast, "silent.wav", silent), "one value throughout"),
+        (write(jblast, "short.wav", silent[:50] + np.arange(50)), "at least as long"),
+    ):
+        assert said in refused(jblast, file, *shape)
+
+
+def test_templates_that_are_none(jblast, good):
+    long = np.random.default_rng(0).standard_normal(5 * RATE)
+    for file, said in (
+        (write(jblast, "silent.wav", np.zeros(100)), "one value throughout"),
+        (write(jblast, "two.wav", recording([[1.0], [1.0]])), "one channel, got 2"),
+        (write(jblast, "long.wav", long), "at least as long as the template long.wav"),
+        (jblast.file("empty.wav", b""), "is empty"),
+    ):
+        assert said in refused(jblast, good, "--template", file)
+
+
+def test_options_that_cannot_be_used(jblast, good):
+    shape = ("--template", template(jblast))
+    for words, said in (
+        (("--charge", "-1", "--range", "5"), "--charge: expected a positive number"),
+        (("--charge", "1", "--range", "-5"), "--range: expected a positive number"),
+        (("--charge", "1"), "--charge: expected --range beside it"),
+        (("--range", "1"), "--range: expected --charge beside it"),
+        (
+            (*shape, "--charge", "1", "--range", "5"),
+            "expected it or --charge, got both",
+        ),
+        ((*shape, "--false-alarms", "0"), "--false-alarms: expected a positive"),
+        ((*shape, "--false-alarms", "1e12"), "--false-alarms: expected less than"),
+        ((*shape, "--positions", "x.csv"), "--positions: expected --out"),
+    ):
+        assert said in refused(jblast, good, *words)
+
+
+def test_stations_that_are_none(jblast, good):
+    words = ("--template", template(jblast), "--out", jblast.path("out"), "--positions")
+    head = "sensor,east_m,north_m,up_m\n"
+    for text, said in (
+        (head + "other,1,2,3\n", "expected a station for good of"),
+        (head, "a station a row"),
+        (head + "good,1,2\n", "line 2: expected 4 fields"),
+        (head + "good,1,2,x\n", "column up_m: expected a number, got 'x'"),
+        (head + "good,1,2,3\ngood,1,2,4\n", "got 'good' twice"),
+        ("sensor,east_m,north_m\ngood,1,2\n", "missing column up_m"),
+        ("sensor,lat_deg,lon_deg,alt_m\ngood,1,2,3\n", "not supported yet"),
+        ("sensor,esat_m,north_m,up_m\ngood,1,2,3\n", "did you mean east_m?"),
+    ):
+        assert said in refused(jblast, good, *words, jblast.file("st.csv", text))
+
+
+def test_a_folder_that_is_taken_is_left_alone(jblast, good):
+    jblast.directory.joinpath("out").mkdir()
+    jblast.file("out/mine.txt", "mine")
+    words = ("--template", template(jblast), "--out", jblast.path("out"))
+    assert "--force" in refused(jblast, good, *words)
+    assert jblast.text("out/mine.txt") == "mine"

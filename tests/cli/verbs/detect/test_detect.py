@@ -1,0 +1,121 @@
+"""`jblast detect`: what it finds, prints and writes."""
+
+import json
+
+import numpy as np
+import pytest
+import soundfile
+
+from tests.cli.verbs.detect.sounds import RATE, pulse, recording, template, write
+
+KEYS = ("schema", "detected", "arrivals", "threshold_snr_db", "latency_s")
+
+
+def answer(jblast, *words):
+    """Ask for JSON; return the exit code and the document."""
+    code, out, _ = jblast("detect", *words, "--json")
+    return code, json.loads(out)
+
+
+def test_a_bang_is_found_where_it_is(jblast):
+    file = write(jblast, "one.wav", recording([[1.23456]]))
+    code, found = answer(jblast, file, "--template", template(jblast))
+    assert code == 0
+    assert tuple(found)[: len(KEYS)] == KEYS
+    assert found["detected"]
+    (arrival,) = found["arrivals"]
+    assert abs(arrival["time_s"] - 1.23456) < 4 * arrival["sigma_s"]
+    assert arrival["sigma_s"] < 1e-4
+    assert (arrival["channel"], arrival["sensor"]) == (1, "one")
+    # 2E/N0 = sum of squares over the noise's variance
+    clock = np.arange(4 * RATE) / RATE
+    snr_db = 10 * np.log10(np.sum(pulse(clock, 1.0) ** 2) / 0.02**2)
+    assert arrival["snr_db"] == pytest.approx(snr_db, abs=1.5)
+    assert arrival["snr_db"] > found["threshold_snr_db"] > 10
+
+
+def test_nothing_is_found_in_noise_and_the_code_says_so(jblast):
+    file = write(jblast, "noise.wav", recording([[]]))
+    code, found = answer(jblast, file, "--template", template(jblast))
+    assert code == 3
+    assert (found["detected"], found["arrivals"]) == (False, [])
+    assert (
+        "Nothing was found" in jblast("detect", file, "--template", template(jblast))[1]
+    )
+
+
+def test_a_stream_finds_what_the_whole_does(jblast):
+    file = write(jblast, "two.wav", recording([[1.0, 2.5]]))
+    shape = template(jblast)
+    whole = answer(jblast, file, "--template", shape)[1]
+    streamed = answer(jblast, file, "--template", shape, "--stream")[1]
+    assert len(whole["arrivals"]) == 2
+    for one, other in zip(whole["arrivals"], streamed["arrivals"], strict=True):
+        assert one["time_s"] == pytest.approx(other["time_s"], abs=1e-9)
+    # the block that is being filled comes on top: 0.1 s
+    assert streamed["latency_s"] == pytest.approx(whole["latency_s"] + 0.1, abs=1e-6)
+
+
+def test_a_template_of_another_rate_is_resampled(jblast):
+    file = write(jblast, "one.wav", recording([[1.23456]]))
+    shape = template(jblast, rate=11025)
+    (arrival,) = answer(jblast, file, "--template", shape)[1]["arrivals"]
+    assert abs(arrival["time_s"] - 1.23456) < 4 * arrival["sigma_s"]
+
+
+def test_whole_numbers_and_floats_give_one_answer(jblast):
+    samples = 0.5 * recording([[1.5]])
+    shape = template(jblast)
+    times = []
+    for name, subtype in (("a.wav", "PCM_16"), ("b.wav", "PCM_24"), ("c.wav", "FLOAT")):
+        file = write(jblast, name, samples, subtype=subtype)
+        times += [
+            a["time_s"]
+            for a in answer(jblast, file, "--template", shape)[1]["arrivals"]
+        ]
+    # 16 bits add noise of 1e-5 of the noise there is
+    np.testing.assert_allclose(times, times[0], atol=1e-6)
+
+
+def test_a_dead_channel_is_named_and_the_others_are_used(jblast):
+    samples = recording([[1.0], [], [1.1]])
+    samples[1] = 0.0
+    file = write(jblast, "three.wav", samples)
+    code, found = answer(jblast, file, "--template", template(jblast))
+    assert code == 0
+    assert found["dead_channels"] == ["three.2"]
+    assert [a["channel"] for a in found["arrivals"]] == [1, 3]
+    said = jblast("detect", file, "--template", template(jblast))[1]
+    assert "three.2 is dead" in said
+
+
+def test_more_false_alarms_make_a_lower_threshold(jblast):
+    file = write(jblast, "noise.wav", recording([[]]))
+    shape = template(jblast)
+    thresholds = [
+        answer(jblast, file, "--template", shape, "--false-alarms", rate)[1][
+            "threshold_snr_db"
+        ]
+        for rate in ("0.01", "1", "100")
+    ]
+    assert thresholds == sorted(thresholds, reverse=True)
+    # u = sqrt(2 ln(nu0/nu)): a factor of 100 is 2 ln 100 in u^2
+    squares = 10 ** (np.array(thresholds) / 10)
+    # a little less where excursions between two samples are passed over
+    np.testing.assert_allclose(-np.diff(squares), 2 * np.log(100), rtol=1e-2)
+
+
+def test_the_output_of_the_filter_is_written_and_a_picture(jblast):
+    file = write(jblast, "two.wav", recording([[1.0], [2.0]]))
+    shape, out = template(jblast), jblast.path("out")
+    code, said, _ = jblast("detect", file, "--template", shape, "--out", out)
+    assert code == 0
+    assert "filtered.wav" in said
+    filtered, rate = soundfile.read(f"{out}/filtered.wav")
+    assert (filtered.shape, rate) == ((4 * RATE, 2), RATE)
+    assert np.argmax(filtered, axis=0).tolist() == [RATE, 2 * RATE]
+    quiet = filtered[: RATE // 2]
+    assert quiet.std() == pytest.approx(1.0, abs=0.1)  # in sigmas of the noise
+    assert json.loads(jblast.text("out/detect.json"))["detected"]
+    assert (jblast.directory / "out/detection.png").stat().st_size > 10_000
+    assert jblast("detect", file, "--template", shape, "--out", out, "--force")[0] == 0

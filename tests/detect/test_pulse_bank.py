@@ -1,0 +1,93 @@
+"""Pulses of blasts, and a bank of them."""
+
+import numpy as np
+import pytest
+
+from jblast.detect.pulse_bank import (
+    DURATIONS,
+    FAR,
+    STEP,
+    bank_of_pulses,
+    pulse_template,
+    search_bank,
+)
+from jblast.detect.search import Channel, search
+from jblast.errors import InputError
+from jblast.scene import Charge, Scene
+from jblast.sensors import heard
+
+RATE = 8000.0
+
+
+def likeness(one, other):
+    """Greatest correlation of two pulses, of any size and delay, in white noise."""
+    n = 2 * max(one.size, other.size)
+    product = np.fft.rfft(one, n) * np.conj(np.fft.rfft(other, n))
+    return np.fft.irfft(product, n).max() / np.sqrt((one @ one) * (other @ other))
+
+
+def test_a_template_begins_at_the_front_and_has_the_impulse_of_the_laws():
+    samples, rate = pulse_template(5.0, 80.0, 48_000.0), 48_000.0
+    pulse = heard(Scene(charge=Charge(mass=5.0)), [80.0, 0.0, 0.0])[0].pulse
+    assert samples[0] > 0
+    # within a sample's share of the peak
+    assert samples.max() == pytest.approx(float(pulse.peak), rel=0.01)
+    positive = samples[samples > 0].sum() / rate
+    negative = -samples[samples < 0].sum() / rate
+    suction = 9 / 16 * float(pulse.suction * pulse.suction_duration)
+    assert negative == pytest.approx(suction, rel=1e-3)
+    assert positive - negative == pytest.approx(samples.sum() / rate)
+    assert samples.size / rate == pytest.approx(
+        float(pulse.duration + pulse.suction_duration), abs=1 / rate
+    )
+
+
+def test_a_bank_has_a_pulse_near_any_blast():
+    bank, rate = bank_of_pulses(48_000.0), 48_000.0
+    positive = [np.argmax(samples < 0) / rate for samples in bank]
+    np.testing.assert_allclose(positive, DURATIONS, atol=1 / rate)
+    # half a step longer than a pulse of 5 kg
+    size = 5 ** (1 / 3) * STEP**0.5
+    between = pulse_template(size**3, FAR * size, rate)
+    steps = np.log(np.argmax(between < 0) / rate / np.array(DURATIONS)) / np.log(STEP)
+    best = max(likeness(between, samples) for samples in bank)
+    assert np.abs(steps).min() < 0.51
+    assert 0.92 < best <= 1.0
+
+
+def test_a_bank_finds_what_one_pulse_finds_and_a_little_less_loud():
+    template = pulse_template(2.0, 60.0, RATE)
+    rng = np.random.default_rng(0)
+    samples = rng.standard_normal(32_000)
+    samples[20_000 : 20_000 + template.size] += 4 * template / template.max()
+    channel = Channel("gate", "gate.wav", 1, samples, RATE)
+    (one,) = search(channel, template).detections
+    bank = search_bank(channel, bank_of_pulses(RATE), 1.0, search)
+    (found,) = bank.detections
+    assert found.time_s == pytest.approx(20_000 / RATE, abs=1e-3)
+    assert one.snr_db - 2.0 < found.snr_db < one.snr_db + 0.5
+    assert bank.threshold > search(channel, template).threshold
+    assert bank.statistic.max() >= 0.99 * found.statistic
+
+
+def test_a_bank_gives_no_more_false_alarms_than_are_borne_with():
+    rng, alarms, seconds = np.random.default_rng(1), 0, 8
+    shapes = bank_of_pulses(RATE)[:10]
+    per_hour = 3600.0 / seconds  # one in each recording
+    for _ in range(12):
+        noise = rng.standard_normal(int(seconds * RATE))
+        channel = Channel("gate", "gate.wav", 1, noise, RATE)
+        alarms += len(search_bank(channel, shapes, per_hour, search).detections)
+    # a Poisson count of 12 at most, fewer since pulses are alike
+    assert 1 <= alarms <= 22
+
+
+@pytest.mark.parametrize(("mass", "distance"), [(-1.0, 5.0), (1.0, 0.0), (np.nan, 5.0)])
+def test_what_is_no_charge_or_range_is_refused(mass, distance):
+    with pytest.raises(InputError, match="positive number"):
+        pulse_template(mass, distance, RATE)
+
+
+def test_a_pulse_of_minutes_is_no_template():
+    with pytest.raises(InputError, match="a pulse of 60 s at most"):
+        pulse_template(1e20, 5e6, RATE)

@@ -1,0 +1,60 @@
+import numpy as np
+import pytest
+
+from jblast.detect import blast_template, recorded_template
+from jblast.errors import InputError
+from jblast.waves.waveform.blast_pressure import blast_pulse
+from tests.detect.noises import RATE
+
+
+def test_a_template_by_law_has_the_impulse_and_the_duration_of_the_law():
+    row, law = blast_template(5.0, 100.0, RATE), blast_pulse(100.0, 5.0)
+    positive = row[: round(float(law.duration) * RATE)]
+    assert (positive[5:] > 0).all()
+    assert row[positive.size + 2] < 0
+    shape = 1 / law.decay - (1 - np.exp(-law.decay)) / law.decay**2
+    impulse = float(law.peak * law.duration * shape)  # Friedlander's, Baker eq. 6-10
+    # to the sample at whose middle the pressure changes its sign
+    assert positive.sum() / RATE == pytest.approx(impulse, rel=1e-3)
+    assert row.sum() / RATE == pytest.approx(
+        impulse - float(law.suction_impulse), abs=2e-3 * impulse
+    )
+
+
+def test_the_front_is_in_the_first_samples():
+    row = blast_template(5.0, 30.0, RATE)
+    assert int(np.argmax(row)) < 5
+
+
+@pytest.mark.parametrize(
+    ("mass", "distance", "rate", "said"),
+    [
+        (0.0, 10.0, RATE, "mass_kg: expected a positive number"),
+        (1.0, -1.0, RATE, "range_m: expected a positive number"),
+        (1.0, 10.0, 0.0, "rate_hz: expected a positive number"),
+        (1.0, 10.0, 10.0, "rate_hz: expected two samples within"),
+    ],
+)
+def test_blasts_without_samples_are_refused(mass, distance, rate, said):
+    with pytest.raises(InputError, match=said):
+        blast_template(mass, distance, rate)
+
+
+def test_a_recorded_template_starts_at_the_front_and_fades():
+    sound = 3.0 + np.r_[np.zeros(1000), np.full(500, 2.0), np.zeros(500)]
+    row = recorded_template(sound, 1000.0, 1.0, 0.3)
+    assert row.size == 300
+    assert np.allclose(row[:240], 2.0)
+    assert 0 < row[-1] < 0.01
+    assert (np.diff(row[240:]) < 0).all()
+
+
+@pytest.mark.parametrize(("start", "length"), [(-0.1, 0.2), (0.9, 0.2), (2.0, 0.1)])
+def test_stretches_outside_the_recording_are_refused(start, length):
+    with pytest.raises(InputError, match="expected a stretch within the 1 s"):
+        recorded_template(np.ones(1000), 1000.0, start, length)
+
+
+def test_a_silent_stretch_is_no_template():
+    with pytest.raises(InputError, match="expected a sound"):
+        recorded_template(np.zeros(1000), 1000.0, 0.5, 0.1)

@@ -1,0 +1,177 @@
+"""A log whose near gauges clip: the truth by bounds, too little by readings."""
+
+from dataclasses import replace
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from jblast.inference import batch_of, fit
+from jblast.inference.fitting.goodness_of_fit import (
+    chi_squared,
+    standardised_residuals,
+    suspected_outliers,
+)
+from jblast.inference.fitting.suspects import UNHEARD
+from jblast.inference.identifiability.null_space import identifiability
+from jblast.inference.posterior.fisher_information import information
+from jblast.inference.posterior.parameters import parameters_of
+from jblast.inference.posterior.posterior import posterior_of
+from jblast.report import summary
+from jblast.report.fit.document import fit_document
+from jblast.report.fit.figures.recordings import recordings_figure
+from jblast.report.fit.figures.residuals import residuals_figure
+from jblast.report.fit.rows import residual_rows
+from jblast.scene import Scene, UncertainScene, freed, with_laws
+from jblast.sensors import layout_of, record
+from jblast.sensors.observe import Noise
+from tests.inference.logs import log
+
+TRUTH = 15.0
+LAWS = {"peak_overpressure_pa": "kingery_bulmash"}
+UNCERTAIN = with_laws(freed(UncertainScene(Scene()), ["charge_mass_kg"]), LAWS)
+RANGES = (9.0, 10.0, 11.0, 18.0, 30.0, 40.0, 60.0, 80.0)
+FULL_SCALE = 20e3
+LOG_MASS = np.linspace(np.log(1.0), np.log(400.0), 1200)
+
+
+def made(peak):
+    """A log of one peak at each range, each good to 5 %."""
+    rows = zip("abcdefgh", peak, RANGES, strict=True)
+    return log(
+        *((n, "peak_overpressure_pa", p, 0.05 * p, (r, 0.0, 0.0)) for n, p, r in rows)
+    )
+
+
+def read():
+    """What gauges would read of the truth, with errors of 5 %."""
+    errors = 0.05 * np.array([1.1, -0.4, 0.3, -1.6, 0.8, 0.2, -0.9, 0.6])
+    layout = layout_of(made(np.ones(8)), UNCERTAIN.scene)
+    exact = replace(UNCERTAIN.scene, charge=replace_mass(UNCERTAIN.scene.charge))
+    return np.asarray(record(exact, layout, LAWS).value) * np.exp(errors)
+
+
+def replace_mass(charge):
+    return replace(charge, mass=jnp.asarray(TRUTH))
+
+
+def clipped():
+    """The log with gauges that clip, those rows as bounds."""
+    peak = read()
+    return replace(
+        made(np.minimum(peak, FULL_SCALE)), lower_bound=np.array(peak >= FULL_SCALE)
+    )
+
+
+def posterior(table, noise: Noise = "student"):
+    layout = layout_of(table, UNCERTAIN.scene)
+    return posterior_of(parameters_of(UNCERTAIN), layout, table, LAWS, noise)
+
+
+@jax.jit
+def on_grid(posterior):
+    return jax.lax.map(posterior.log_density, jnp.asarray(LOG_MASS)[:, None])
+
+
+def interval(posterior):
+    """The posterior's 90 % interval of the mass, by quadrature in ln."""
+    density = np.asarray(on_grid(posterior))
+    mass = np.cumsum(np.exp(density - density.max()))
+    return np.exp(np.interp([0.05, 0.95], mass / mass[-1], LOG_MASS))
+
+
+def test_four_clipped_gauges_leave_the_truth_in_and_as_readings_do_not():
+    table = clipped()
+    assert table.bounds().sum() == 4
+    low, high = interval(posterior(table))
+    assert low < TRUTH < high
+    as_readings = replace(table, lower_bound=None)
+    assert interval(posterior(as_readings, "gaussian"))[1] < TRUTH / 3
+    # Student-t errors disbelieve four alike in part; what is left is still too little
+    assert interval(posterior(as_readings))[1] < 0.75 * high
+    # bounds tell something: more than nothing is known without their rows, less than
+    # by what was clipped
+    sigma = np.where(table.bounds(), UNHEARD * table.value, table.sigma)
+    deaf = interval(posterior(replace(table, sigma=sigma, lower_bound=None)))
+    whole = interval(posterior(made(read())))
+    assert whole[1] / whole[0] < high / low < deaf[1] / deaf[0]
+
+
+def test_bounds_that_are_kept_are_no_residuals_and_no_degrees_of_freedom():
+    table, z = clipped(), np.array([np.log(TRUTH)])
+    of = posterior(table)
+    left = standardised_residuals(of, z)
+    np.testing.assert_array_equal(left.residual[:4], 0.0)
+    assert np.all(left.residual[4:] != 0)
+    chi2, dof = chi_squared(of, z, left.residual, left.effects, 1)
+    assert dof == 3
+    assert 0 < chi2 < 10
+    # one no gauge could have reached counts, and is suspected
+    wild = table.value.copy()
+    wild[0] *= 100
+    of = posterior(replace(table, value=wild, sigma=0.05 * wild))
+    left = standardised_residuals(of, z)
+    assert chi_squared(of, z, left.residual, left.effects, 1)[1] == 4
+    outliers = suspected_outliers(table, left.residual, "student")
+    assert [outlier.sensor for outlier in outliers] == ["a"]
+
+
+@pytest.mark.parametrize("noise", ["student", "gaussian"])
+def test_information_near_the_truth_lies_between_none_and_a_readings(noise):
+    table, z = clipped(), jnp.array([np.log(TRUTH)])
+    bounded = float(information(posterior(table, noise), z)[0, 0])
+    sigma = np.where(table.bounds(), UNHEARD * table.value, table.sigma)
+    plain = replace(table, lower_bound=None)
+    deaf, whole = (
+        float(information(posterior(of, noise), z)[0, 0])
+        for of in (replace(plain, sigma=sigma), plain)
+    )
+    assert deaf < bounded < whole
+
+
+def test_bounds_alone_identify_nothing_far_above_them():
+    table = clipped()
+    alone = posterior(replace(table, lower_bound=np.ones(8, bool)), "gaussian")
+    found = identifiability(alone, np.array([np.log(1e6)]))
+    assert not any(found.determined)
+    near = identifiability(alone, np.array([np.log(TRUTH)]))
+    assert all(near.determined)
+
+
+def test_many_logs_at_once_refuse_a_bound_by_its_row():
+    table = clipped()
+    with pytest.raises(ValueError, match=r"row 1: .* lower bound >20000; .* fit_each"):
+        batch_of([table], UNCERTAIN)
+
+
+@pytest.mark.slow
+def test_a_fit_of_a_clipped_log_says_so_in_every_place():
+    found = fit(clipped(), UNCERTAIN)
+    mass = found.summary.estimates["charge_mass_kg"]
+    low, high = interval(found.density)
+    # Laplace's method and draws against quadrature of the same density
+    assert mass.q05 == pytest.approx(low, rel=0.03)
+    assert mass.q95 == pytest.approx(high, rel=0.03)
+    assert found.exit_code == 0
+    assert fit_document(found)["n_lower_bounds"] == 4
+    said = " ".join(summary(found).split())
+    assert "4 of 8 recordings are lower bounds (a, b, c and d); the law keeps" in said
+    rows = residual_rows(found)
+    assert [row.residual == "kept" for row in rows] == [True] * 4 + [False] * 4
+    assert [row.measured[0] == ">" for row in rows] == [True] * 4 + [False] * 4
+    drawn = recordings_figure(found).axes[0].lines
+    assert any(line.get_marker() == "^" for line in drawn)
+    shown = residuals_figure(found).axes[0].lines
+    drawn = next(line for line in shown if line.get_marker() == "^")
+    np.testing.assert_array_equal(np.asarray(drawn.get_ydata()), np.zeros(4))
+
+
+@pytest.mark.slow
+def test_a_log_of_bounds_alone_is_answered_as_unidentified():
+    table = replace(clipped(), lower_bound=np.ones(8, bool))
+    found = fit(table, UNCERTAIN)
+    assert not found.summary.identifiable
+    assert found.summary.unidentified == ("charge_mass_kg",)
+    assert found.exit_code == 4
+    assert "All recordings are lower bounds" in summary(found)
