@@ -15,6 +15,11 @@ from jblast.sensors.calculator.forward import (
 )
 from jblast.sensors.calculator.inverse import Roots as Roots, roots as roots
 from jblast.sensors.calculator.question import Question as Question
+from jblast.sensors.gauge import (
+    anemometer as anemometer,
+    geophone as geophone,
+    pressure_gauge as pressure_gauge,
+)
 from jblast.sensors.law_choice import (
     choose_laws as choose_laws,
     resolve_laws as resolve_laws,
