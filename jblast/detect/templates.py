@@ -15,6 +15,8 @@ from jblast.constants import STANDARD_PRESSURE, STANDARD_SOUND_SPEED
 from jblast.detect.samples import checked_positive, checked_samples, checked_template
 from jblast.errors import InputError, argument
 
+LONGEST_S = 60.0
+"""A longer blast is no template [s]."""
 FADE = 0.2
 """Share of a recorded template over which it fades: a cut would be a front."""
 
@@ -114,6 +116,13 @@ def blast_templates(
             f"{argument('rate_hz')}: expected two samples within the "
             f"{whole_s[nth]:.3g} s of the blast of {mass[nth]:g} kg at "
             f"{distance[nth]:g} m, got {rate_hz:g} Hz"
+        )
+    if (long := ~(whole_s <= LONGEST_S)).any():
+        nth = int(np.argmax(long))
+        raise InputError(
+            f"{argument('mass_kg')}, {argument('range_m')}: expected a blast of "
+            f"{LONGEST_S:g} s at most, got {whole_s[nth]:.3g} s of {mass[nth]:g} kg at "
+            f"{distance[nth]:g} m"
         )
     counts = np.ceil(whole_s * rate_hz).astype(int)
     # a program for each power of two, not for each length

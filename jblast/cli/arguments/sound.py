@@ -139,14 +139,15 @@ def _sought(asked: Namespace) -> tuple[Callable[[float], Shapes], Method]:
     from jblast.cli.jax_start import start_jax
 
     start_jax(quick=True)
-    from jblast.detect.pulse_bank import DURATIONS, bank_of_pulses, pulse_template
+    from jblast.detect.pulse_bank import DURATIONS, bank_of_pulses
+    from jblast.detect.templates import blast_template
 
     if asked.charge:
         words = f"the pulse of {asked.charge:g} kg of TNT at {asked.range:g} m"
         keys = {"name": "matched_filter"}
         keys |= {"charge_mass_kg": asked.charge, "range_m": asked.range}
         return lambda rate_hz: [
-            pulse_template(asked.charge, asked.range, rate_hz)
+            blast_template(asked.charge, asked.range, rate_hz)
         ], Method(words, keys)
     low, high = 1e3 * DURATIONS[0], 1e3 * DURATIONS[-1]
     words = f"a bank of {len(DURATIONS)} blast pulses of {low:.2g} to {high:.2g} ms"
