@@ -1,9 +1,8 @@
 """The waves of blasts at a microphone, block by block.
 
-Those in air come by `sensors.heard`, those in the ground by `through_ground`. Pressure
-is the mean over each sample, so a front between two samples lands where it should. What
-air absorbs of a wave it takes sample by sample: a filter over the way that it came, on
-the blocks so far.
+They come by `sensors.heard`. Pressure is the mean over each sample, so a front between
+two samples lands where it should. What air absorbs of a wave it takes sample by sample:
+a filter over the way that it came, on the blocks so far.
 """
 
 import math
@@ -18,20 +17,18 @@ from jaxtyping import Array, Complex, Float
 
 from jblast.errors import InputError
 from jblast.scene import Scene
-from jblast.sensors.arrivals.air_waves import Heard, peak_at
+from jblast.sensors.arrivals.air_waves import peak_at
 from jblast.sensors.arrivals.heard import heard
 from jblast.sensors.arrivals.laws import record_laws
+from jblast.sensors.arrivals.overpressure import wave_mean
 from jblast.sensors.arrivals.recorded_sound import RecordedSound
 from jblast.sensors.arrivals.track import Track
-from jblast.sensors.microphone.through_ground import through_ground
+from jblast.sensors.arrivals.way import Heard
 from jblast.sensors.signal.blocks import BLOCK
 from jblast.waves.propagation.absorption_filter import TAIL_S, absorption_transfer
 from jblast.waves.propagation.ambient import ambient
-from jblast.waves.waveform.ground_pulse import (
-    GroundPulse,
-    ground_pulse_velocity_mean,
-)
-from jblast.waves.waveform.pulse import Pulse, pulse_mean
+from jblast.waves.waveform.ground_pulse import GroundPulse
+from jblast.waves.waveform.pulse import Pulse
 
 
 class Ways(NamedTuple):
@@ -55,7 +52,7 @@ class BlastWave(NamedTuple):
     """One wave that is set up.
 
     Attributes:
-        pulse: Its pressure over time; of the ground, as `through_ground` gives it.
+        pulse: Its pressure over time.
         transfer: What the air absorbs of it, or None.
         sound: Heard in place of the pulse, or None.
         scale: Of that sound [-].
@@ -87,7 +84,7 @@ def blast_waves(
         scene: What is there.
         place: East, north, up [m], or where that is over time.
         rate: Samples a second [Hz].
-        laws: By quantity; absent ones as for `heard` and `through_ground`.
+        laws: By quantity; absent ones as for `heard`.
         ways: By which ways they come.
 
     Raises:
@@ -99,7 +96,12 @@ def blast_waves(
             "sound: expected a place at rest for a recorded one, got a track"
         )
     found = []
-    for wave in heard(scene, place, laws, reflection=ways.reflection):
+    for wave in heard(
+        scene, place, laws, reflection=ways.reflection, ground=ways.ground
+    ):
+        if wave.kind == "ground":
+            found.append(BlastWave(wave.pulse))
+            continue
         transfer = scale = None
         if ways.absorption and _may_be_absorbed(wave):
             transfer = _transfer(scene, wave, rate)
@@ -107,8 +109,6 @@ def blast_waves(
             named = record_laws(scene, laws)
             scale = wave.pulse.peak / _peak_at(scene, sound.distance, named, wave)
         found.append(BlastWave(wave.pulse, transfer, sound, scale))
-    if ways.ground:
-        found.extend(map(BlastWave, through_ground(scene, place, laws)))
     return tuple(found)
 
 
@@ -147,10 +147,7 @@ def _mean(wave: BlastWave, edges: Float[Array, " edge"]) -> Float[Array, " sampl
     start, stop = edges[:-1], edges[1:]
     if wave.sound is not None and wave.scale is not None:
         return wave.scale * wave.sound.mean(start - arrival, stop - arrival)
-    pulse = pulse._replace(arrival_time=arrival)
-    if isinstance(pulse, GroundPulse):
-        return ground_pulse_velocity_mean(pulse, start, stop)
-    return pulse_mean(pulse, start, stop)
+    return wave_mean(pulse._replace(arrival_time=arrival), start, stop)
 
 
 def _may_be_absorbed(wave: Heard) -> bool:
