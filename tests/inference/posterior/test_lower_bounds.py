@@ -129,6 +129,31 @@ def test_the_most_probable_effects_are_found_wherever_bounds_lie(noise, shift):
     assert abs(slope @ np.linalg.solve(curvature, slope)) < 1e-8
 
 
+def test_steps_that_overshoot_are_shortened_and_end_on_a_summit():
+    # rows hundreds of errors off, effects of up to thirty: whole Newton steps end on
+    # no summit in 12 of 1000 such logs, shortened ones in 1 at most
+    rng = np.random.default_rng(0)
+    count, rows, effects = 1000, 10, 2
+    residual = rng.standard_t(2, (count, rows)) * 10 ** rng.uniform(-1, 2.5, (count, 1))
+    loading = rng.normal(size=(count, rows, effects))
+    loading *= 10 ** rng.uniform(-1, 1.5, (count, 1, 1))
+    bound = rng.random((count, rows)) < 0.6
+
+    def lowest_curvature(residual, loading, bound):
+        _, v = log_likelihood(residual, jnp.ones(rows), loading, "student", bound)
+
+        def minus_joint(v):
+            u = residual - loading @ v
+            read = ERRORS_OF_ROW["student"](u)
+            each = jnp.where(bound, log_survival(u, "student"), read)
+            return 0.5 * v @ v - jnp.sum(each)
+
+        return jnp.linalg.eigvalsh(jax.hessian(minus_joint)(v))[0]
+
+    lowest = jax.jit(jax.vmap(lowest_curvature))(residual, loading, bound)
+    assert np.sum(~(np.asarray(lowest) > 0)) <= 2
+
+
 ERRORS_OF_ROW = {
     "gaussian": lambda u: -0.5 * u**2,
     "student": lambda u: -2.5 * jnp.log1p(u**2 / 4),
