@@ -17,9 +17,19 @@ class Unit:
 
 LADDERS = {
     "_kg": ((0.0, Unit("g", 1e-3)), (0.1, Unit("kg", 1.0)), (1e6, Unit("kt", 1e6))),
-    "_m": ((0.0, Unit("mm", 1e-3)), (0.1, Unit("m", 1.0)), (1e4, Unit("km", 1e3))),
+    "_m": (
+        (0.0, Unit("nm", 1e-9)),
+        (1e-7, Unit("µm", 1e-6)),
+        (1e-4, Unit("mm", 1e-3)),
+        (0.1, Unit("m", 1.0)),
+        (1e4, Unit("km", 1e3)),
+    ),
     "_s": ((0.0, Unit("µs", 1e-6)), (1e-3, Unit("ms", 1e-3)), (1.0, Unit("s", 1.0))),
-    "_m_s": ((0.0, Unit("mm/s", 1e-3)), (0.1, Unit("m/s", 1.0))),
+    "_m_s": (
+        (0.0, Unit("µm/s", 1e-6)),
+        (1e-4, Unit("mm/s", 1e-3)),
+        (0.1, Unit("m/s", 1.0)),
+    ),
     "_m_s2": ((0.0, Unit("m/s²", 1.0)),),
     "_pa": ((0.0, Unit("Pa", 1.0)), (1e3, Unit("kPa", 1e3)), (1e6, Unit("MPa", 1e6))),
     "_pa_s": ((0.0, Unit("Pa s", 1.0)), (1e4, Unit("kPa s", 1e3))),
