@@ -5,7 +5,10 @@ from jblast.sensors.arrivals.laws import (
     DEFAULT_RECORD_LAWS as DEFAULT_RECORD_LAWS,
     record_laws as record_laws,
 )
-from jblast.sensors.arrivals.overpressure import overpressure as overpressure
+from jblast.sensors.arrivals.overpressure import (
+    even_overpressure as even_overpressure,
+    overpressure as overpressure,
+)
 from jblast.sensors.arrivals.recorded_sound import RecordedSound as RecordedSound
 from jblast.sensors.arrivals.track import Track as Track
 from jblast.sensors.arrivals.way import Heard as Heard

@@ -172,6 +172,7 @@ from jblast.waves.waveform.pulse import (
     pulse_of as pulse_of,
     pulse_pressure as pulse_pressure,
 )
+from jblast.waves.waveform.pulse_samples import pulse_samples as pulse_samples
 from jblast.waves.waveform.rise_time import (
     weak_shock_rise_time as weak_shock_rise_time,
 )

@@ -35,6 +35,7 @@ NOT_ELEMENTWISE = {
     "pulse_of",
     "pulse_pressure",
     "pulse_mean",
+    "pulse_samples",
 }
 """One takes places, not numbers: test_paths.py. The others give or take a pulse: tested
 as what it is made of, and in waveform/test_blast_pressure.py and test_pulse.py."""

@@ -1,6 +1,6 @@
 """The overpressure at a place over time: of every wave that comes there, together."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -21,6 +21,7 @@ from jblast.waves.waveform.ground_pulse import (
     ground_pulse_velocity_mean,
 )
 from jblast.waves.waveform.pulse import Pulse, pulse_mean
+from jblast.waves.waveform.pulse_samples import pulse_samples
 
 
 def overpressure(
@@ -65,6 +66,55 @@ def overpressure(
     return _overpressure(
         low_charges_settled(scene), place, edges, named, reflection, ground, sound
     )
+
+
+def even_overpressure(
+    scene: Scene,
+    place: Float[ArrayLike, "3"] | Sequence[float],
+    start: Float[ArrayLike, ""],
+    rate: float,
+    count: int,
+    laws: Mapping[str, str] | None = None,
+    *,
+    reflection: float | Float[Array, ""] = 1.0,
+    ground: bool = False,
+) -> Float[Array, " sample"]:
+    """Return the same for even samples at a place at rest, three times as fast [Pa].
+
+    Args:
+        scene: What is there.
+        place: East, north, up [m].
+        start: When the first sample begins, on the common clock [s].
+        rate: Samples a second [Hz].
+        count: How many samples.
+        laws: As for `overpressure`; so the others.
+        reflection: Coefficient of the ground.
+        ground: Whether the air above the moving ground is heard, too.
+
+    Raises:
+        InputError: A law is not known.
+    """
+    place = as_float_array(jnp.asarray(place))
+    named = record_laws(scene, laws)
+    if ground:
+        named |= ground_laws(scene, laws)
+    scene, start = low_charges_settled(scene), as_float_array(start)
+    return _even(scene, place, start, rate, count, named, reflection, ground)
+
+
+@eqx.filter_jit
+def _even(scene, place, start, rate, count, laws, reflection, ground):
+    total = jnp.zeros(count, start.dtype)
+    for wave in waves_for(scene, place, laws, reflection, ground):
+        if wave.kind == "ground":
+            edges = jnp.arange(count + 1, dtype=start.dtype) / rate
+            now = wave.pulse.arrival_time
+            now = jnp.where(jnp.isposinf(now), now, now - start)
+            pulse = wave.pulse._replace(arrival_time=now)
+            total = total + wave_mean(pulse, edges[:-1], edges[1:])
+        else:
+            total = total + pulse_samples(wave.pulse, start, rate, count)
+    return total
 
 
 @eqx.filter_jit

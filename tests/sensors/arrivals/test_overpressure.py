@@ -8,7 +8,13 @@ import numpy as np
 import pytest
 
 from jblast.scene import Charge, Scene
-from jblast.sensors import Layout, heard, overpressure, record
+from jblast.sensors import (
+    Layout,
+    even_overpressure,
+    heard,
+    overpressure,
+    record,
+)
 from jblast.sensors.arrivals.laws import AIR_QUANTITIES, DEFAULT_RECORD_LAWS
 
 PLACE = jnp.array([18.0, 5.0, 1.5])
@@ -188,3 +194,12 @@ def test_gradients_by_mass_range_and_arrival_are_those_of_differences():
         largest = float(np.abs(slopes[i]).max())
         np.testing.assert_allclose(slopes[i], difference, rtol=0, atol=1e-4 * largest)
     assert np.abs(slopes[2]).max() > float(wave.pulse.peak) / 0.31e-3 / 2  # the front's
+
+
+def test_even_samples_are_the_same_of_all_waves():
+    start, rate, count = 0.7, 10e3, 1500
+    edges = start + np.arange(count + 1) / rate
+    found = even_overpressure(ON_GROUND, PLACE, start, rate, count, ground=True)
+    known = overpressure(ON_GROUND, PLACE, edges, ground=True)
+    assert np.max(known) > 1e4
+    np.testing.assert_allclose(found, known, rtol=0, atol=1e-6)
