@@ -49,6 +49,11 @@ VERBS = (
         "find the equations of motion in a trajectory, and how sure each term is",
     ),
     Verb("simulate", "simulate", "write what a scene's sensors would record"),
+    Verb(
+        "listen",
+        "simulate",
+        "write down what every sensor hears and feels over time: sound, pressure, wind",
+    ),
     Verb("render", "simulate", "film a scene's blast: frames and events of its camera"),
     Verb(
         "events",

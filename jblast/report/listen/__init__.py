@@ -1,0 +1,1 @@
+"""What `jblast listen` writes: samples, the truth behind them, and pictures of both."""

@@ -1,0 +1,154 @@
+"""Which sensors of a scene are heard, for how long, and what blast reaches them when.
+
+A record begins at 0 on its sensor's own clock, so that a time in it is what `simulate`
+would write down.
+"""
+
+import math
+from typing import NamedTuple
+
+import jax
+import numpy as np
+from jaxtyping import PRNGKeyArray
+
+from jblast.errors import InputError, argument
+from jblast.scene import Instrument, Scene, Sensor, UncertainScene, draw_scene
+from jblast.scene.reader.schema import INSTRUMENT_KINDS
+from jblast.sensors.listening.truth import Truth, truth_of
+
+TAIL_S = 0.25
+"""What is heard after the last blast, at least."""
+DURATIONS = 10.0
+"""So many positive phases after an arrival, its suction and the ground are still."""
+WITHOUT_BLAST_S = 1.0
+"""How long is listened where no blast ever comes."""
+LONGEST_S = 600.0
+"""What is recorded unasked: past it, somebody should have said how long."""
+
+MOST_SAMPLES = 2**30 - 2**14
+"""That a sound file of four bytes each may hold, its sizes being of 32 bits."""
+
+
+class Listening(NamedTuple):
+    """What is to be recorded.
+
+    Attributes:
+        scene: What is there, its numbers drawn and its curve sets settled.
+        sensors: Those that write samples, in the scene's order.
+        skipped: Why each of the others writes none, by name.
+        seconds: How long each record lasts, from 0 on its sensor's clock.
+        truth: What the laws say of `sensors`.
+        key: Of all noise.
+    """
+
+    scene: Scene
+    sensors: tuple[Sensor, ...]
+    skipped: dict[str, str]
+    seconds: float
+    truth: Truth
+    key: PRNGKeyArray
+
+
+def instrument_of(sensor: Sensor) -> Instrument:
+    """Return a sensor's instrument: one that adds nothing where none is told."""
+    return Instrument() if sensor.instrument is None else sensor.instrument
+
+
+def samples_of(listening: Listening, sensor: Sensor) -> int:
+    """Return how many samples a sensor's record has."""
+    return max(1, round(listening.seconds * instrument_of(sensor).rate))
+
+
+def plan(
+    uncertain: UncertainScene, seed: int = 0, seconds: float | None = None
+) -> Listening:
+    """Return what a scene's sensors are to record.
+
+    Args:
+        uncertain: The scene; numbers with a prior are drawn as `simulate` draws them.
+        seed: Of the priors and the noise.
+        seconds: How long; None: until the last blast has gone by everywhere.
+
+    Raises:
+        InputError: No sensor writes samples, one has no position, a charge has none, a
+            record would be too long, or the last blast comes so late that somebody
+            should say how long.
+    """
+    scene_key, noise_key = jax.random.split(jax.random.key(seed))
+    source = uncertain.source or "scene"
+    sensors, skipped = _heard(uncertain.scene, source)
+    scene = draw_scene(scene_key, uncertain)
+    if any(charge.range is not None for charge in scene.charges):
+        raise InputError(
+            f"{source}: [charge] range_m: expected position_m, from which sound comes "
+            "to every sensor, got a distance alone"
+        )
+    places = {sensor.name: sensor for sensor in scene.sensors}
+    sensors = tuple(places[sensor.name] for sensor in sensors)
+    scene, truth = truth_of(scene, sensors)
+    if seconds is None:
+        seconds = _until_gone_by(truth, source)
+    _check_rates(sensors, seconds, source)
+    return Listening(scene, sensors, skipped, seconds, truth, noise_key)
+
+
+def _heard(scene: Scene, source: str) -> tuple[list[Sensor], dict[str, str]]:
+    """Return the sensors that write samples, and why others do not."""
+    expected = f"[[sensor]] of kind {', '.join(INSTRUMENT_KINDS)}"
+    if not scene.sensors:
+        raise InputError(f"{source}: expected at least one {expected}; got no sensor")
+    skipped = {
+        sensor.name: f"kind {sensor.kind} writes no samples over time"
+        if sensor.kind
+        else "its kind is not said"
+        for sensor in scene.sensors
+        if sensor.kind not in INSTRUMENT_KINDS
+    }
+    heard = [sensor for sensor in scene.sensors if sensor.name not in skipped]
+    if not heard:
+        name, why = next(iter(skipped.items()))
+        raise InputError(
+            f"{source}: expected at least one {expected}; of sensor {name!r}, {why}"
+        )
+    for sensor in heard:
+        if not np.isfinite(sensor.position).all():
+            raise InputError(
+                f"{source}: [[sensor]] {sensor.name!r}: expected position_m = "
+                "[east, north, up], got nothing"
+            )
+    return heard, skipped
+
+
+def _check_rates(sensors: tuple[Sensor, ...], seconds: float, source: str) -> None:
+    """Refuse what no sound file holds: part of a hertz, more than 32-bit sizes."""
+    for sensor in sensors:
+        rate = instrument_of(sensor).rate
+        where = f"{source}: [[sensor]] {sensor.name!r}"
+        if sensor.kind == "microphone" and rate != round(rate):
+            raise InputError(
+                f"{where} rate_hz: expected a whole number, which a sound file holds, "
+                f"got {rate:g}"
+            )
+        if not 1 <= seconds * rate <= MOST_SAMPLES:
+            raise InputError(
+                f"{argument('seconds')}: expected 1 to {MOST_SAMPLES:,} samples at "
+                f"{rate:g} Hz, of sensor {sensor.name!r}; got {seconds:g} s"
+            )
+
+
+def _until_gone_by(truth: Truth, source: str) -> float:
+    """Return how long until every blast has gone by every sensor."""
+    values = truth.values
+    after = np.maximum(DURATIONS * values["positive_duration_s"], TAIL_S)
+    ends = [values[name] + after for name in ("air_arrival_s", "ground_arrival_s")]
+    ends = np.concatenate([end[np.isfinite(end)] for end in ends])
+    last = float(ends.max(initial=-math.inf))
+    if last <= 0.0:  # none comes, or all came before the clock began
+        return WITHOUT_BLAST_S
+    if last > LONGEST_S:
+        raise InputError(
+            f"{source}: the last blast has gone by {last:.6g} s after the clocks' 0, "
+            f"where records begin; expected {argument('seconds')}, or a charge's "
+            f"time_s that ends a record within {LONGEST_S:g} s"
+        )
+    return math.ceil(10.0 * last) / 10.0

@@ -1,0 +1,103 @@
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from jblast.errors import InputError
+from jblast.observations import QUANTITIES
+from jblast.scene import (
+    Charge,
+    Instrument,
+    LogNormal,
+    Scene,
+    Sensor,
+    UncertainScene,
+)
+from jblast.sensors import simulate
+from jblast.sensors.listening.plan import plan, samples_of
+
+NAMES = ("air_arrival_s", "peak_overpressure_pa", "positive_impulse_pa_s")
+RECORDS = tuple((name, 1e-9) for name in NAMES)
+PHONE = Sensor(
+    "phone",
+    np.array([20.0, 0.0, 1.5]),
+    "microphone",
+    clock_offset=0.125,
+    records=RECORDS,
+)
+GAUGE = Sensor("gauge", np.array([5.0, 12.0, 0.0]), "pressure", records=RECORDS)
+FLASH = Sensor("light", np.array([9.0, 9.0, 0.0]), "flash")
+
+
+def scene_of(*sensors: Sensor, **others) -> UncertainScene:
+    charge = Charge(mass=15.0, time=0.25, east=1.0, north=2.0)
+    return UncertainScene(Scene(charge, sensors=sensors, scatter=False, **others))
+
+
+def test_the_truth_is_what_simulate_writes_of_the_same_scene_and_seed():
+    prior = {"charge_mass_kg": LogNormal(15.0, 2.0)}
+    uncertain = replace(scene_of(PHONE, FLASH, GAUGE), beliefs=prior)
+    listening = plan(uncertain, seed=5)
+    log = simulate(uncertain, 5)
+    # sensors err by 1e-9 of a value, or of a second
+    for name, sensor, value in zip(log.quantity, log.sensor, log.value, strict=True):
+        row = [each.name for each in listening.sensors].index(sensor)
+        told = listening.truth.values[name][row, 0]
+        assert told == pytest.approx(float(value), rel=1e-7)
+    assert set(log.quantity) == set(NAMES) <= set(QUANTITIES)
+    assert listening.skipped == {"light": "kind flash writes no samples over time"}
+    (said,) = [line for line in log.comments if line.startswith("laws: ")]
+    for name in NAMES:
+        assert f"{name} by {listening.truth.laws[name]}" in said
+
+
+def test_a_record_lasts_until_the_blast_has_gone_by():
+    listening = plan(scene_of(PHONE, GAUGE))
+    values = listening.truth.values
+    last = values["air_arrival_s"] + 10 * values["positive_duration_s"]
+    assert last.max() < listening.seconds < last.max() + 0.5
+    assert samples_of(listening, PHONE) == 48_000 * listening.seconds
+    assert plan(scene_of(PHONE), seconds=2.5).seconds == 2.5
+
+
+def test_without_a_blast_a_second_is_heard():
+    never = replace(scene_of(PHONE).scene.charge, time=math.inf)
+    scene = replace(scene_of(PHONE).scene, charge=never)
+    listening = plan(UncertainScene(scene))
+    assert listening.seconds == 1.0
+    assert np.isinf(listening.truth.values["air_arrival_s"]).all()
+
+
+def test_a_second_charge_has_a_column_of_its_own():
+    late = Charge(mass=1.0, time=3.0, name="late")
+    first = replace(scene_of(PHONE).scene.charge, name="first")
+    scene = replace(scene_of(PHONE, GAUGE).scene, charge=first, others=(late,))
+    truth = plan(UncertainScene(scene)).truth
+    assert truth.shots == ("first", "late")
+    arrivals = truth.values["air_arrival_s"]
+    assert arrivals.shape == (2, 2)
+    assert (arrivals[:, 1] > 3.0).all()
+    assert (arrivals[:, 0] < 1.0).all()
+
+
+def test_what_cannot_be_recorded_is_refused():
+    nowhere = Sensor("lost", np.full(3, math.nan), "microphone")
+    odd = replace(PHONE, instrument=Instrument(rate=44100.5))
+    ranged = replace(scene_of(PHONE).scene, charge=Charge(mass=15.0, range=30.0))
+    late = replace(scene_of(PHONE).scene, charge=Charge(mass=15.0, time=1e5))
+    cases = {
+        "at least one [[sensor]] of kind pressure, microphone": (scene_of(), None),
+        "of sensor 'light', kind flash writes": (scene_of(FLASH), None),
+        "its kind is not said": (scene_of(replace(FLASH, kind="")), None),
+        "'lost': expected position_m": (scene_of(nowhere), None),
+        "rate_hz: expected a whole number": (scene_of(odd), None),
+        "range_m: expected position_m": (UncertainScene(ranged), None),
+        "expected seconds, or a charge's time_s": (UncertainScene(late), None),
+        "seconds: expected 1 to 1,073,725,440 samples": (scene_of(PHONE), 1e6),
+        "got 1e-06 s": (scene_of(PHONE), 1e-6),
+    }
+    for words, (scene, seconds) in cases.items():
+        with pytest.raises(InputError) as refusal:
+            plan(scene, seconds=seconds)
+        assert words in str(refusal.value)
