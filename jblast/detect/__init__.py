@@ -13,6 +13,7 @@ from jblast.detect.matched_filter import (
     Filtered as Filtered,
     filtered_by as filtered_by,
     matched_filter as matched_filter,
+    unsteadiness as unsteadiness,
 )
 from jblast.detect.overlap_save import OverlapSave as OverlapSave
 from jblast.detect.peaks import (

@@ -83,7 +83,8 @@ def matched_kernel(
         rate_hz: Sampling rate [Hz].
         noise: Its spectrum, in the recording's unit.
         before_s: So much of the noise before the template is made use of [s]; none for
-            as long as the noise remembers: half a period of its finest frequency step.
+            as long as the noise remembers: a quarter of a period of its finest step in
+            frequency, mostly 0.02 s; twice as much gains 0.01 dB.
         after_s: And after it [s], which a stream waits for.
 
     Raises:
@@ -93,7 +94,7 @@ def matched_kernel(
     shape = checked_template(template)
     rate_hz = checked_positive("rate_hz", rate_hz, "Hz")
     white = np.ptp(noise.density) <= 1e-12 * np.max(noise.density)
-    memory_s = 0.0 if white else 0.5 / float(noise.frequency_hz[1])
+    memory_s = 0.0 if white else 0.25 / float(noise.frequency_hz[1])
     before = round((memory_s if before_s is None else before_s) * rate_hz)
     after = round(after_s * rate_hz)
     if before < 0 or after < 0:

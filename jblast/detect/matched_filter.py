@@ -74,6 +74,34 @@ def matched_filter(
     return filtered_by(samples, matched_kernel(shape, rate_hz, noise_spectrum))
 
 
+def unsteadiness(filtered: Filtered, stretch_s: float = 0.1) -> float:
+    """Return the deviation of a statistic in its loudest tenth over that of the rest.
+
+    Near 1 for noise that is steady; thresholds hold for such. From 1.4 on gusts, birds
+    or loud blasts are in the recording, and false alarms come twice as often as asked
+    and more.
+
+    Args:
+        filtered: What came out of a filter.
+        stretch_s: How long the stretches are that are compared [s].
+
+    Raises:
+        InputError: There are fewer than ten.
+    """
+    inside = filtered.statistic[filtered.start : filtered.stop]
+    size = max(round(stretch_s * filtered.kernel.rate_hz), 1)
+    count = inside.size // size
+    if count < 10:
+        raise InputError(
+            f"{argument('stretch_s')}: expected ten stretches within "
+            f"{inside.size / filtered.kernel.rate_hz:.3g} s, got {stretch_s:g} s"
+        )
+    rows = inside[: count * size].reshape(count, size)
+    power = np.sort(np.mean(rows**2, axis=1))
+    loud = max(count // 10, 1)
+    return float(np.sqrt(power[-loud:].mean() / power[:-loud].mean()))
+
+
 def filtered_by(recording: ArrayLike, kernel: MatchedKernel) -> Filtered:
     """Filter a recording with a filter made before.
 

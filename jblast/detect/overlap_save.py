@@ -13,9 +13,12 @@ from jaxtyping import Float
 def fast_length(least: int) -> int:
     """Return a length from `least` up whose Fourier transform is quick.
 
-    A power of two, or one times 3, 5, 9 or 15: at most a fifth longer than asked.
+    A power of two times one of `ODD`: mostly at most a tenth longer than asked.
     """
-    return min(n << max(-(-least // n) - 1, 0).bit_length() for n in (1, 3, 5, 9, 15))
+    return min(n << max(-(-least // n) - 1, 0).bit_length() for n in ODD)
+
+
+ODD = (1, 3, 5, 9, 15, 25, 27, 45, 75, 81, 125, 135)
 
 
 class OverlapSave:
@@ -43,7 +46,7 @@ class OverlapSave:
         self._overlap = taps.size - 1
         self._size = fast_length(self._overlap + block)
         self._block = self._size - self._overlap
-        self._gain = np.conj(np.fft.rfft(taps, self._size))
+        self._gain = np.conj(np.fft.rfft(taps, self._size)) / self._size
         self._held = np.zeros(before)
         self._reach = taps.size - 1 - before
         self.out = 0
@@ -52,16 +55,16 @@ class OverlapSave:
         """Take in samples; return the outputs that are now known, in order."""
         held = np.concatenate([self._held, samples])
         ready = max(held.size - self._overlap, 0)
-        outputs = np.empty(ready)
+        parts = []
         for start in range(0, ready, self._block):
             stop = min(start + self._block, ready)
-            part = held[start : stop + self._overlap]
-            spectrum = np.fft.rfft(part, self._size)
+            spectrum = np.fft.rfft(held[start : stop + self._overlap], self._size)
             spectrum *= self._gain
-            outputs[start:stop] = np.fft.irfft(spectrum, self._size)[: stop - start]
+            around = np.fft.irfft(spectrum, self._size, norm="forward")
+            parts.append(around[: stop - start])
         self._held = held[ready:].copy()
         self.out += ready
-        return outputs
+        return parts[0] if len(parts) == 1 else np.concatenate([np.zeros(0), *parts])
 
     def finish(self) -> Float[np.ndarray, " output"]:
         """Return the last outputs: with them there are as many as samples came."""

@@ -83,7 +83,7 @@ class Stream:
             return ()
         if self.kernel is None:
             self._begin(measured_spectrum(np.concatenate(self._waiting), self.rate_hz))
-        whole = np.concatenate(self._waiting)
+        whole = new if len(self._waiting) == 1 else np.concatenate(self._waiting)
         cut = whole.size - whole.size % self._block
         self._waiting, self._count = [whole[cut:]], whole.size - cut
         return self._heard(whole[:cut])

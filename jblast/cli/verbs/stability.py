@@ -20,7 +20,7 @@ def add_arguments(verb: argparse.ArgumentParser) -> None:
         metavar="AREA",
         nargs="*",
         help="laws, wave-forms, gradients, clocks, solver, fits, walks, events, "
-        "flights (default: all)",
+        "flights, detectors (default: all)",
     )
     verb.add_argument(
         "--out",

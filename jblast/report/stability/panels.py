@@ -8,6 +8,7 @@ from matplotlib.axes import Axes
 from jblast.report.figure_style import BLUE, INK, MUTED, VERMILLION, quiet, titled
 from jblast.report.stability.law_map import RESPONSE_COLOURS
 from jblast.report.stability.text import boundary_words
+from jblast.verification.stability.detectors import SNRS, rotor_misses
 from jblast.verification.stability.failure import FailureMode
 from jblast.verification.stability.flights.pulses import impulse_errors as pulse_errors
 from jblast.verification.stability.laws.clocks import FINE, SIGMA, TIMES
@@ -130,6 +131,20 @@ def flights(axes: Axes, modes: Sequence[FailureMode]) -> None:
     titled(axes, "Blast on a vehicle")
 
 
+def detectors(axes: Axes, modes: Sequence[FailureMode]) -> None:
+    """Draw what beside wind and a rotor is missed against the loudness of a blast."""
+    plain, ours = rotor_misses()
+    axes.plot(SNRS, plain, color=VERMILLION, linewidth=1.8)
+    axes.plot(SNRS, ours, color=BLUE, linewidth=1.8)
+    axes.text(SNRS[1], 0.8, "plain normalised", color=VERMILLION, fontsize=9)
+    axes.text(SNRS[1], 0.05, "jblast", color=BLUE, fontsize=9)
+    at = next(e.boundary for e in modes if e.unit.startswith("dB, 2E/N0, and"))
+    _line(axes, at, f"{at:.2g} dB")
+    axes.set(xlabel="2E/N0 of the blast (dB)", ylabel="share missed")
+    quiet(axes)
+    titled(axes, "Matched filters beside a rotor")
+
+
 def shares(axes: Axes, modes: Sequence[FailureMode]) -> None:
     """Draw what share of cases fails, a bar a failure mode whose unit counts cases."""
     counted = [mode for mode in modes if mode.cases][:MOST_BARS]
@@ -165,6 +180,7 @@ PANELS: dict[str, Callable[[Axes, Sequence[FailureMode]], None]] = {
     "clocks": clocks,
     "solver": solver,
     "flights": flights,
+    "detectors": detectors,
 }
 """By area; those that count cases share one panel."""
 

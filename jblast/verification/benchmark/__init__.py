@@ -4,6 +4,7 @@ A part of jblast with more than one method adds its module here.
 """
 
 from jblast.verification.benchmark import (
+    detectors as detectors,
     events as events,
     fits as fits,
     flights as flights,

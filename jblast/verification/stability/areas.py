@@ -93,6 +93,12 @@ def _flights() -> tuple[Measure, ...]:
     return (flight_failures,)
 
 
+def _detectors() -> tuple[Measure, ...]:
+    from jblast.verification.stability.detectors import detector_failures
+
+    return (detector_failures,)
+
+
 AREAS: dict[str, Callable[[], tuple[Measure, ...]]] = {
     "laws": _laws,
     "wave forms": _wave_forms,
@@ -103,6 +109,7 @@ AREAS: dict[str, Callable[[], tuple[Measure, ...]]] = {
     "walks": _walks,
     "events": _events,
     "flights": _flights,
+    "detectors": _detectors,
 }
 """By the name of an area, what imports the functions that measure its failure modes."""
 

@@ -1,0 +1,51 @@
+"""The figure of `calibration.detector_limits`."""
+
+from pathlib import Path
+
+import numpy as np
+
+from jblast.report.figure_files import write_figure
+from jblast.report.figure_style import log_ticks, new_figure, quiet, titled
+
+
+def draw(found, path: Path) -> None:
+    """Draw rates, arrivals, misses and costs.
+
+    Args:
+        found: What `calibration.detector_limits.measured` returns.
+        path: Where to.
+    """
+    from calibration.detector_limits import LEVELS, LOUD, SNRS
+
+    figure = new_figure(10.0, 7.6)
+    (rates, arrivals), (misses, costs) = figure.subplots(2, 2)
+    for false, (seen, bound) in found.rates.items():
+        (line,) = rates.plot(SNRS, bound, label=f"{false:.0e}")
+        rates.plot(SNRS, seen, "o", color=line.get_color(), markersize=4)
+    titled(rates, "Found at a known time", "lines: Neyman and Pearson")
+    rates.set(xlabel="2E/N0 [dB]", ylabel="share found")
+    rates.legend(title="false alarms", frameon=False, fontsize=8)
+    for name, pairs in found.arrivals.items():
+        ratio, mean = np.array(pairs).T
+        (line,) = arrivals.plot(LOUD, ratio, "o-", label=f"{name} front, deviation")
+        color = line.get_color()
+        arrivals.plot(LOUD, np.abs(mean), ":", color=color, label=f"{name}, mean")
+    arrivals.axhspan(0.9, 1.1, alpha=0.12)
+    titled(arrivals, "Error of the arrival over the bound", "Cramér and Rao")
+    arrivals.set(xlabel="2E/N0 [dB]", ylabel="over the bound", ylim=(0, 1.4))
+    arrivals.legend(frameon=False, fontsize=8, loc="center right")
+    for name, shares in found.misses.items():
+        misses.plot(LEVELS, shares, "o-", label=name)
+    titled(misses, "Bang of 1 s in birdsong", "1 % false alarms of 3 s")
+    misses.set(xlabel="rms over rms [dB]", ylabel="share missed", ylim=(-0.02, 1.02))
+    misses.legend(frameon=False, fontsize=8, loc=(0.02, 0.4))
+    blocks = np.array(list(found.costs))
+    costs.loglog(1e3 * blocks, list(found.costs.values()), "o-")
+    costs.axhline(1.0, linestyle=":", linewidth=1)
+    titled(costs, "Compute for a second", "48 kHz, template 20 ms, a core")
+    costs.set(xlabel="block [ms]", ylabel="ms")
+    log_ticks(costs.xaxis, costs.get_xlim())
+    log_ticks(costs.yaxis, costs.get_ylim())
+    for axes in (rates, arrivals, misses, costs):
+        quiet(axes)
+    write_figure(figure, path)
