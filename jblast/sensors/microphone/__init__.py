@@ -1,7 +1,5 @@
 """What a microphone hears: blasts, ambient sound, wind and its own rotors."""
 
-from jblast.sensors.arrivals.recorded_sound import RecordedSound as RecordedSound
-from jblast.sensors.arrivals.track import Track as Track
 from jblast.sensors.microphone.blast import Ways as Ways
 from jblast.sensors.microphone.packets import LoopPackets as LoopPackets
 from jblast.sensors.microphone.record import record as record, stream as stream

@@ -18,6 +18,7 @@ the arrival itself is told as a number of samples that single precision can tell
 
 import jax.numpy as jnp
 import numpy as np
+from jax import lax
 from jaxtyping import Array, Float, Int
 
 from jblast.waves.waveform.friedlander_integrals import impulse_fraction
@@ -86,23 +87,56 @@ def _inside(
     """Return the means over samples that lie in one piece, as if all did."""
     _, risen, peaked, positive, over = ends
     rise = jnp.where(wave.rise_time > 0, wave.rise_time, 1.0)
-    x, square = middle / rise, jnp.square(0.5 / rise)
-    up = square + x * (x * (3.0 - 2.0 * x) - 2.0 * square)
-
-    half = 0.5 / wave.decay_duration
-    b = wave.decay
+    b, half = wave.decay, 0.5 / wave.decay_duration
     y = 2.0 * b * half
     k = impulse_fraction(y)
-    # e^x times the bracket of the text, by k(y) as in `pulse_mean`: at s0 = m - h
+    # the brackets of the text by k(y), as in `pulse_mean`, but from the middle on
     level = jnp.exp(0.5 * y) * (1.0 - y * k)
     first = level + jnp.exp(0.5 * y) * (2.0 * k - (1.0 - y * k)) * half
-    s = jnp.clip((middle - peaked) / wave.decay_duration, 0.0, 1.0)
+    of_wave = (
+        risen,
+        peaked,
+        positive,
+        over,
+        1.0 / rise,
+        jnp.square(0.5 / rise),
+        2.0 * half,
+        b,
+        wave.peak,
+        wave.peak * first,
+        wave.peak * level,
+        1.0 / wave.suction_duration,
+        jnp.square(0.5 / wave.suction_duration),
+        6.75 * wave.suction,
+    )
+    # kept apart, or they are computed anew for each sample
+    return _by_piece(middle, *lax.optimization_barrier(of_wave))
+
+
+def _by_piece(
+    middle: Float[Array, " sample"],
+    risen: Float[Array, ""],
+    peaked: Float[Array, ""],
+    positive: Float[Array, ""],
+    over: Float[Array, ""],
+    per_rise: Float[Array, ""],
+    rise_width: Float[Array, ""],
+    per_decay: Float[Array, ""],
+    b: Float[Array, ""],
+    peak: Float[Array, ""],
+    first: Float[Array, ""],
+    level: Float[Array, ""],
+    per_suction: Float[Array, ""],
+    suction_width: Float[Array, ""],
+    depth: Float[Array, ""],
+) -> Float[Array, " sample"]:
+    """Return the means by inverse lengths and squared half widths of the pieces."""
+    x = middle * per_rise
+    up = peak * (rise_width + x * (x * (3.0 - 2.0 * x) - 2.0 * rise_width))
+    s = jnp.clip((middle - peaked) * per_decay, 0.0, 1.0)
     down = (first - level * s) * jnp.exp(-b * s)
-
-    q = 1.0 - (middle - positive) / wave.suction_duration
-    square = jnp.square(0.5 / wave.suction_duration)
-    low = square / 3.0 + q * (q * (1.0 - q) - square)
-
-    push = jnp.where(middle < risen, up, jnp.where(middle < peaked, 1.0, down))
-    value = jnp.where(middle < positive, wave.peak * push, -6.75 * wave.suction * low)
+    q = 1.0 - (middle - positive) * per_suction
+    low = suction_width / 3.0 + q * (q * (1.0 - q) - suction_width)
+    push = jnp.where(middle < risen, up, jnp.where(middle < peaked, peak, down))
+    value = jnp.where(middle < positive, push, -depth * low)
     return jnp.where((middle < 0) | (middle > over), 0.0, value)

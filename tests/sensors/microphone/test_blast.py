@@ -11,9 +11,9 @@ import pytest
 import jblast
 from jblast.errors import InputError
 from jblast.scene import Air, Charge, Instrument, Scene, Sensor
-from jblast.sensors import microphone
+from jblast.sensors import RecordedSound, Track, microphone
 from jblast.sensors.arrivals.ground_wave import DEFAULT_GROUND_LAWS
-from jblast.sensors.microphone import RecordedSound, Track, Ways
+from jblast.sensors.microphone import Ways
 from jblast.waves.propagation.absorption_filter import absorb
 
 RATE, KEY = 20_000.0, jax.random.key(3)
