@@ -27,6 +27,14 @@ from jblast.inference.identifiability.findings import (
 from jblast.inference.posterior.estimate import Estimate, Spread
 from jblast.json_values import plain
 from jblast.report.design.document import bound_document
+from jblast.report.discovery.answer import (
+    DiscoveryAnswer,
+    FoundEquation,
+    FurtherEquations,
+    KeptTerm,
+    LeftOutTerm,
+    NominalInterval,
+)
 from jblast.report.fit.document import fit_document
 from jblast.scene.reader.scene import scene_from_document
 from jblast.verification.stability.failure import FailureMode
@@ -127,13 +135,51 @@ def test_the_schema_of_a_choice_takes_one():
     check(answer_schemas.choose(), plain(choice.document()))
 
 
+def test_the_schema_of_a_discovery_takes_what_was_found_and_what_was_not():
+    equation = FoundEquation(
+        equation="d(u)/dt = -0.3 u",
+        terms=(KeptTerm("u", -0.3, -0.4, -0.2, 1.0),),
+        left_out=(LeftOutTerm("u^2", 0.1),),
+        noise_sd=0.1,
+        misfit=math.inf,
+        reproduced=False,
+        law=True,
+        doubts=("it runs away",),
+        skill_not_seen=0.9,
+        p_excess=math.nan,
+        p_serial=0.5,
+        p_outside=1.0,
+    )
+    answer = DiscoveryAnswer(
+        rows=9,
+        state=("u",),
+        input=(),
+        candidates=("u", "u^2"),
+        threshold=0.05,
+        ensemble=20,
+        seed=0,
+        certain=False,
+        equations={"u": equation},
+        one_degree_more=FurtherEquations(False, {"u": "d(u)/dt = 0"}),
+        interval=NominalInterval(0.9, (0.7, 1.0)),
+        repeated=(),
+        reproduced=False,
+    )
+    schema = answer_schemas.discover()
+    for one in (answer, replace(answer, one_degree_more=None)):
+        check(schema, {"schema": 1, **one.to_dict()})
+    assert answer.to_dict()["equations"]["u"]["misfit"] is None
+    unasked = {"schema": 1, **answer.to_dict(), "more": 1}
+    assert not Draft202012Validator(schema).is_valid(unasked)
+
+
 def test_the_schema_of_failure_modes_takes_one():
     mode = FailureMode("laws", "a law", "it ends", math.inf, "m", "", "marks", "so")
     document = {"schema": 1, "areas": {"laws": [mode.to_dict()]}}
     check(answer_schemas.stability(), plain(document))
 
 
-@pytest.mark.parametrize("name", ["fit", "bound", "choose", "stability"])
+@pytest.mark.parametrize("name", ["fit", "bound", "choose", "discover", "stability"])
 def test_every_key_of_an_answer_is_told(name):
     table = getattr(answer_tables, name)()
     assert all(len(row.split("|")[2]) > 2 for row in table.splitlines())

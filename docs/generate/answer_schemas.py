@@ -21,6 +21,7 @@ from jblast.inference.identifiability.findings import (
     OtherMode,
 )
 from jblast.inference.posterior.finding import Finding
+from jblast.report.discovery.answer import DiscoveryAnswer
 from jblast.verification.stability.failure import KEYS as FAILURE_KEYS, FailureMode
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
@@ -50,6 +51,11 @@ def choose() -> Schema:
     return {"$schema": DIALECT, "title": "An answer of jblast choose"} | schema_of(
         Choice
     )
+
+
+def discover() -> Schema:
+    """Return the schema of what `jblast discover --json` prints."""
+    return _document("An answer of jblast discover", schema_of(DiscoveryAnswer))
 
 
 def stability() -> Schema:

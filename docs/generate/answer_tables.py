@@ -21,6 +21,11 @@ def choose() -> str:
     return keys_of(answer_schemas.choose())
 
 
+def discover() -> str:
+    """Write the keys of a discovery."""
+    return keys_of(answer_schemas.discover())
+
+
 def stability() -> str:
     """Write the keys of each failure mode."""
     areas = answer_schemas.stability()["properties"]["areas"]

@@ -110,8 +110,9 @@ def run(asked: argparse.Namespace) -> int:
     data = read_trajectory(asked.trajectory, _names(asked.state), _names(asked.input))
     _check_size(len(data.names), asked.degree, asked.drag)
 
+    from jblast.report.discovery.document import discovery_answer
     from jblast.report.discovery.doubts import certain
-    from jblast.report.discovery.text import discovery_document, discovery_text
+    from jblast.report.discovery.text import discovery_text
     from jblast.study.discovery.candidate_terms import polynomial
     from jblast.study.discovery.discover import discover
     from jblast.study.discovery.replay import replay
@@ -143,17 +144,17 @@ def run(asked: argparse.Namespace) -> int:
         begin("one degree more")
         with contextlib.suppress(InputError):  # a term that overflows is none to try
             further = find(asked.degree + 1)
-    document = {
-        "schema": 1,
-        "rows": len(data.time_s),
-        "state": list(found.states),
-        "input": list(data.names[len(found.states) :]),
-        "candidates": list(found.candidates.names),
-        "threshold": threshold,
-        "ensemble": asked.ensemble,
-        "seed": asked.seed,
-        **discovery_document(found, again, further),
-    }
+    answer = discovery_answer(
+        found,
+        again,
+        further,
+        rows=len(data.time_s),
+        inputs=tuple(data.names[len(found.states) :]),
+        threshold=threshold,
+        members=asked.ensemble,
+        seed=asked.seed,
+    )
+    document = {"schema": 1} | answer.to_dict()
     text = json.dumps(document, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
     if asked.out:
         from jblast.report.discovery.figure import discovery_figure

@@ -7,8 +7,8 @@ from jaxtyping import Float
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from jblast.report.discovery.document import equation_text
 from jblast.report.discovery.doubts import doubts
-from jblast.report.discovery.text import equation_text
 from jblast.report.figure_style import (
     BLUE,
     COLOURS,

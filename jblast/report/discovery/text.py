@@ -2,24 +2,22 @@
 
 import math
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 
-from jblast.report.discovery.doubts import certain, doubts, doubts_text
-from jblast.report.numbers import finite, significant
+from jblast.report.discovery.document import (
+    HELD,
+    equation_text,
+    kept_terms,
+    left_out_terms,
+)
+from jblast.report.discovery.doubts import doubts, doubts_text
+from jblast.report.numbers import significant
 from jblast.report.tables import aligned
 from jblast.study.discovery.discover import Discovery
 from jblast.study.discovery.noise_sweep import Outcome
 from jblast.study.discovery.replay import Replay
 from jblast.study.discovery.shock import Slowing
-
-HELD = (0.73, 1.0)
-"""Share of noisy records whose 90 % interval held the truth; least and greatest of the
-cases and noises simulated, where the true terms came out
-(calibration/results/discovery.txt)."""
-SEEN = 0.05
-"""Share of the ensemble from which a term left out is told of."""
 
 
 def discovery_text(
@@ -60,61 +58,6 @@ def discovery_text(
             "",
         ]
     return "\n".join(lines)
-
-
-def equation_text(found: Discovery, state: int) -> str:
-    """Return one equation: d(u)/dt = -0.45 u - 0.01 |u| u."""
-    row = found.coefficients[state]
-    words = []
-    for place in np.flatnonzero(row):
-        sign = "-" if row[place] < 0.0 else "+"
-        term = found.candidates.names[place]
-        words.append(
-            f"{sign} {significant(abs(row[place]), 4)}"
-            + ("" if term == "1" else f" {term}")
-        )
-    right = " ".join(words).removeprefix("+ ") or "0 (no term is certain)"
-    if right.startswith("- "):
-        right = "-" + right[2:]
-    return f"d({found.states[state]})/dt = {right}"
-
-
-def discovery_document(
-    found: Discovery, again: Replay, further: tuple[Discovery, Replay] | None = None
-) -> dict[str, Any]:
-    """Return what --json prints of the equations; as `discovery_text`."""
-    return {
-        "certain": certain(found, again),
-        "equations": {
-            name: {
-                "equation": equation_text(found, state),
-                "terms": _terms(found, state, kept=True),
-                "left_out": _terms(found, state, kept=False),
-                "noise_sd": float(found.noise_sd[state]),
-                "misfit": finite(again.misfit[state]),
-                "reproduced": again.reproduced[state],
-                "law": bool(found.terms(state)) and found.judged[state].law,
-                "doubts": doubts(found, again, state),
-                "skill_not_seen": finite(found.judged[state].skill),
-                "p_excess": finite(found.judged[state].excess),
-                "p_serial": finite(found.judged[state].serial),
-                "p_outside": finite(found.judged[state].outside),
-            }
-            for state, name in enumerate(found.states)
-        },
-        "one_degree_more": None
-        if further is None
-        else {
-            "certain": certain(*further),
-            "equations": {
-                name: equation_text(further[0], state)
-                for state, name in enumerate(found.states)
-            },
-        },
-        "interval": {"nominal": found.level, "held_when_simulated": list(HELD)},
-        "repeated": list(found.repeated),
-        "reproduced": all(again.reproduced),
-    }
 
 
 def slowing_text(slowing: Slowing) -> str:
@@ -164,39 +107,20 @@ def outcomes_text(outcomes: Sequence[Outcome]) -> str:
     return "\n".join(aligned(rows)) + "\n"
 
 
-def _terms(found: Discovery, state: int, *, kept: bool) -> list[dict[str, Any]]:
-    """Return the terms of an equation, or those that only some of the ensemble had."""
-    places = np.flatnonzero((found.coefficients[state] != 0.0) == kept)
-    terms = []
-    for place in places:
-        share = float(found.inclusion[state, place])
-        term: dict[str, Any] = {"term": found.candidates.names[place]}
-        if kept:
-            term |= {
-                "coefficient": float(found.coefficients[state, place]),
-                "q05": float(found.low[state, place]),
-                "q95": float(found.high[state, place]),
-            }
-        elif share < SEEN:
-            continue
-        terms.append({**term, "inclusion": share})
-    return terms
-
-
 def _terms_lines(found: Discovery, state: int) -> list[str]:
     lines = []
-    terms = _terms(found, state, kept=True)
-    width = max((len(term["term"]) for term in terms), default=0)
-    for term in terms:
-        low, high = (significant(term[q], 4) for q in ("q05", "q95"))
+    terms = kept_terms(found, state)
+    width = max((len(kept.term) for kept in terms), default=0)
+    for kept in terms:
+        low, high = (significant(x, 4) for x in (kept.q05, kept.q95))
         lines.append(
-            f"  {term['term'].ljust(width)}  {significant(term['coefficient'], 4)}, "
+            f"  {kept.term.ljust(width)}  {significant(kept.coefficient, 4)}, "
             f"{100.0 * found.level:.0f} % interval {low} to {high}; in "
-            f"{100.0 * term['inclusion']:.0f} % of the ensemble"
+            f"{100.0 * kept.inclusion:.0f} % of the ensemble"
         )
-    others = _terms(found, state, kept=False)
+    others = left_out_terms(found, state)
     if others:
-        words = (f"{o['term']} {100.0 * o['inclusion']:.0f} %" for o in others)
+        words = (f"{o.term} {100.0 * o.inclusion:.0f} %" for o in others)
         lines.append(f"  left out, though some of the ensemble had: {', '.join(words)}")
     return lines
 
