@@ -59,7 +59,7 @@ def heard(
     if isinstance(place, Track):
         _check_speed(scene, place)
     else:
-        place = as_float_array(jnp.asarray(place))
+        place = place_of(place)
     found = _heard(low_charges_settled(scene), place, named, reflection, ground)
     for wave in found:
         _check(scene, wave)
@@ -73,6 +73,20 @@ def _heard(scene, place, laws, reflection, ground):
     if isinstance(place, Track):
         found = tuple(passing(scene, place, laws, wave) for wave in found)
     return found
+
+
+def place_of(place: Float[ArrayLike, "..."] | Sequence[float]) -> Float[Array, "3"]:
+    """Return a place at rest as an array.
+
+    Raises:
+        InputError: It has not three numbers.
+    """
+    position = np.shape(place)
+    if position != (3,):
+        raise InputError(
+            f"place: expected east, north and up [m], got shape {position}"
+        )
+    return as_float_array(jnp.asarray(place))
 
 
 def waves_for(

@@ -14,7 +14,7 @@ AIR_QUANTITIES = (
 )
 """What decides a wave in air."""
 
-DEFAULT_RECORD_LAWS = dict.fromkeys(AIR_QUANTITIES, "shock_kinematics")
+DEFAULT_RECORD_LAWS: dict[str, str] = dict.fromkeys(AIR_QUANTITIES, "shock_kinematics")
 """One picture from the charge to Z = 1e4, so that nothing has to be chosen inside jit.
 """
 

@@ -4,12 +4,15 @@ from collections.abc import Mapping, Sequence
 
 import equinox as eqx
 import jax.numpy as jnp
+import numpy as np
+from jax.core import Tracer
 from jaxtyping import Array, ArrayLike, Float
 
+from jblast.errors import InputError
 from jblast.scene import Scene
 from jblast.sensors.arrivals.air_waves import peak_at
 from jblast.sensors.arrivals.ground_wave import ground_laws
-from jblast.sensors.arrivals.heard import Place, waves_for
+from jblast.sensors.arrivals.heard import Place, place_of, waves_for
 from jblast.sensors.arrivals.laws import record_laws
 from jblast.sensors.arrivals.meeting import phase
 from jblast.sensors.arrivals.recorded_sound import RecordedSound
@@ -53,13 +56,14 @@ def overpressure(
             are then theirs. That of the ground stays what it is.
 
     Raises:
-        InputError: A law is not known.
+        InputError: A law is not known, the place is none, or edges do not rise.
 
     Example:
         `jblast.sensors.overpressure(scene, [20.0, 0.0, 1.5], jnp.arange(4801) / 48e3)`
     """
     edges = as_float_array(edges)
-    place = place if isinstance(place, Track) else as_float_array(jnp.asarray(place))
+    place = place if isinstance(place, Track) else place_of(place)
+    _check_edges(edges)
     named = record_laws(scene, laws)
     if ground:
         named |= ground_laws(scene, laws)
@@ -92,9 +96,9 @@ def even_overpressure(
         ground: Whether the air above the moving ground is heard, too.
 
     Raises:
-        InputError: A law is not known.
+        InputError: A law is not known, or the place is none.
     """
-    place = as_float_array(jnp.asarray(place))
+    place = place_of(place)
     named = record_laws(scene, laws)
     if ground:
         named |= ground_laws(scene, laws)
@@ -132,6 +136,16 @@ def _overpressure(scene, place, edges, laws, reflection, ground, sound):
             scale = wave.pulse.peak / peak_at(scene, sound.distance, laws, wave)
             total = total + scale * sound.mean(time[:-1], time[1:])
     return total
+
+
+def _check_edges(edges: Float[Array, "..."]) -> None:
+    """Raise for edges between which there are no samples; inside jit by shape alone."""
+    if edges.ndim != 1 or edges.size < 2:
+        raise InputError(
+            f"edges: expected a row of two or more [s], got shape {edges.shape}"
+        )
+    if not isinstance(edges, Tracer) and not (np.diff(np.asarray(edges)) > 0).all():
+        raise InputError("edges: expected rising times [s], got others")
 
 
 def since_arrival(wave: Heard, edges: Float[Array, " edge"]) -> Float[Array, " edge"]:

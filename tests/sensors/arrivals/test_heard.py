@@ -76,3 +76,17 @@ def test_a_recorded_sound_comes_when_the_wave_does_as_loud_as_its_law_says():
 def test_a_sound_that_is_none_is_refused(samples, rate, distance, words):
     with pytest.raises(InputError, match=words):
         RecordedSound(jnp.asarray(samples), rate, distance)
+
+
+@pytest.mark.parametrize("place", [[], [1.0, 2.0], [1.0, 2.0, 3.0, 4.0]])
+def test_a_place_has_three_numbers(place):
+    with pytest.raises(InputError, match="place: expected east, north and up"):
+        overpressure(SCENE, place, np.arange(3.0))
+
+
+@pytest.mark.parametrize(
+    "edges", [[], [0.1], [0.2, 0.1], [0.1, 0.1], [0.0, np.nan, 1.0]]
+)
+def test_edges_rise(edges):
+    with pytest.raises(InputError, match="edges: expected"):
+        overpressure(SCENE, PLACE, np.asarray(edges))
