@@ -71,7 +71,11 @@ def matched_filter(
         )
     if noise_spectrum is None:
         noise_spectrum = measured_spectrum(samples, rate_hz)
-    return filtered_by(samples, matched_kernel(shape, rate_hz, noise_spectrum))
+    kernel = matched_kernel(shape, rate_hz, noise_spectrum)
+    if kernel.taps.size > samples.size:  # no room for all the noise that foretells
+        room_s = (samples.size - shape.size) / rate_hz
+        kernel = matched_kernel(shape, rate_hz, noise_spectrum, before_s=room_s)
+    return filtered_by(samples, kernel)
 
 
 def unsteadiness(filtered: Filtered, stretch_s: float = 0.1) -> float:

@@ -143,3 +143,12 @@ def test_gusts_are_marked_and_steady_noise_is_not():
     assert unsteadiness(filtered_by(sound, kernel)) > 2
     with pytest.raises(InputError, match="ten stretches within"):
         unsteadiness(filtered_by(sound, kernel), stretch_s=1.0)
+
+
+@pytest.mark.parametrize("more", [0, 1, 300])
+def test_a_recording_little_longer_than_the_template_is_filtered(more):
+    shape = pulse(0.02)
+    sound = np.r_[np.zeros(more), 5.0 * shape]
+    heard = matched_filter(sound, shape, RATE, noise_spectrum=rumble())
+    assert heard.stop - heard.start == 1
+    assert int(np.argmax(heard.statistic)) == more

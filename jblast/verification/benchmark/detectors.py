@@ -114,7 +114,7 @@ def methods() -> dict[str, Loudest]:
     }
 
 
-def miss_points(repeats: int = 3) -> list[BenchmarkPoint]:
+def miss_points(repeats: int = 40) -> list[BenchmarkPoint]:
     """Return what each method costs a second of sound, and the share it misses.
 
     Args:

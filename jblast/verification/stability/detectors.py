@@ -93,7 +93,7 @@ def rotor_misses() -> tuple[list[float], list[float]]:
 
 def _rotor() -> FailureMode:
     plain, ours = rotor_misses()
-    enough = next((x for x, m in zip(SNRS, plain, strict=True) if m < 0.5), np.nan)
+    enough = np.interp(-0.5, -np.array(plain), SNRS)  # they fall with the loudness
     return FailureMode(
         area=AREA,
         method="plain normalised filter, 20 ms, beside wind and a rotor",
