@@ -36,7 +36,7 @@ def listening_document(
                 for number, track in enumerate(tracks)
             },
             "skipped": listening.skipped,
-            "warnings": [*notes, *warnings_of(listening, tracks)],
+            "warnings": [*notes, *listening.notes, *warnings_of(listening, tracks)],
         }
     )
 

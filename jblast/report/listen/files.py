@@ -96,6 +96,7 @@ def provenance(listening: Listening, source: str, seed: int) -> list[str]:
         f"SIMULATED, not measured: jblast {jblast.__version__}, {source}, seed {seed}",
         f"laws: {laws}",
         CLOCK,
+        *listening.notes,
     ]
 
 

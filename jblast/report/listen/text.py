@@ -37,7 +37,8 @@ def listening_text(
     lines.append(f"{listening.seconds:g} s each, from 0 on the sensor's own clock")
     if len(listening.truth.shots) > 1:
         lines.append("arrivals and peak of the first blast that comes")
-    lines += [f"Note: {note}" for note in (*notes, *warnings_of(listening, tracks))]
+    told = (*notes, *listening.notes, *warnings_of(listening, tracks))
+    lines += [f"Note: {note.removeprefix('note: ')}" for note in told]
     return "\n".join(lines) + "\n"
 
 

@@ -13,6 +13,7 @@ from jaxtyping import PRNGKeyArray
 
 from jblast.errors import InputError, argument
 from jblast.scene import Instrument, Scene, Sensor, UncertainScene, draw_scene
+from jblast.scene.parameters import value_of
 from jblast.scene.reader.schema import INSTRUMENT_KINDS
 from jblast.sensors.listening.truth import Truth, truth_of
 
@@ -38,6 +39,7 @@ class Listening(NamedTuple):
         skipped: Why each of the others writes none, by name.
         seconds: How long each record lasts, from 0 on its sensor's clock.
         truth: What the laws say of `sensors`.
+        notes: What was drawn of priors, and by which curves charges were taken.
         key: Of all noise.
     """
 
@@ -46,6 +48,7 @@ class Listening(NamedTuple):
     skipped: dict[str, str]
     seconds: float
     truth: Truth
+    notes: tuple[str, ...]
     key: PRNGKeyArray
 
 
@@ -86,10 +89,15 @@ def plan(
     places = {sensor.name: sensor for sensor in scene.sensors}
     sensors = tuple(places[sensor.name] for sensor in sensors)
     scene, truth = truth_of(scene, sensors)
+    drawn = [
+        f"truth: {name} = {float(np.asarray(value_of(scene, name)))!r}"
+        for name in uncertain.beliefs
+    ]
     if seconds is None:
         seconds = _until_gone_by(truth, source)
     _check_rates(sensors, seconds, source)
-    return Listening(scene, sensors, skipped, seconds, truth, noise_key)
+    notes = (*drawn, *truth.notes)
+    return Listening(scene, sensors, skipped, seconds, truth, notes, noise_key)
 
 
 def _heard(scene: Scene, source: str) -> tuple[list[Sensor], dict[str, str]]:

@@ -7,7 +7,7 @@ import jax
 import numpy as np
 from jaxtyping import ArrayLike, Float
 
-from jblast.errors import InputError, argument
+from jblast.errors import InputError, argument, shown
 from jblast.scene import Sensor
 from jblast.sensors import microphone
 from jblast.sensors.gauge import anemometer, geophone, pressure_gauge
@@ -44,21 +44,17 @@ def packets(
     recorder = RECORDERS[sensor.kind]
     number = [other.name for other in listening.sensors].index(sensor.name)
     key = jax.random.fold_in(listening.key, number)
-
-    laws = listening.truth.laws
-    if packets_hz is None:
-        samples = recorder.record(
-            listening.scene, sensor, listening.seconds, key, laws=laws
-        )
-        yield _by_component(samples)
-        return
-    stream = recorder.stream(
-        listening.scene,
-        sensor,
-        key,
-        packets_hz=packets_hz,
-        laws=laws,
-    )
+    scene, laws = listening.scene, listening.truth.laws
+    try:
+        if packets_hz is None:
+            samples = recorder.record(scene, sensor, listening.seconds, key, laws=laws)
+            yield _by_component(samples)
+            return
+        stream = recorder.stream(scene, sensor, key, packets_hz=packets_hz, laws=laws)
+    except InputError as error:
+        if shown(sensor.name) in str(error):
+            raise
+        raise InputError(f"sensor {sensor.name!r}: {error}") from None
     for packet in stream:
         samples = _by_component(packet.samples)[:left]
         yield samples

@@ -14,7 +14,7 @@ from jblast.errors import InputError
 from jblast.kept_programs import kept
 from jblast.registry import names_for
 from jblast.scene import Scene, Sensor
-from jblast.sensors.bursts import settled
+from jblast.sensors.bursts import height_notes, settled
 from jblast.sensors.law_choice import law_names, resolve_laws
 from jblast.sensors.layout import Layout, planned_layout
 from jblast.sensors.record import Recording, record
@@ -40,12 +40,14 @@ class Truth(NamedTuple):
         valid: Likewise, whether the quantity's law holds there.
         shots: Names of the charges, "" where there is one.
         laws: Name of the law of every quantity.
+        notes: By which curves charges above the ground were taken.
     """
 
     values: dict[str, Float[np.ndarray, "sensor shot"]]
     valid: dict[str, Bool[np.ndarray, "sensor shot"]]
     shots: tuple[str, ...]
     laws: dict[str, str]
+    notes: tuple[str, ...]
 
 
 def truth_of(scene: Scene, sensors: tuple[Sensor, ...]) -> tuple[Scene, Truth]:
@@ -82,6 +84,11 @@ def truth_of(scene: Scene, sensors: tuple[Sensor, ...]) -> tuple[Scene, Truth]:
         valid=dict(zip(quantities, valid, strict=True)),
         shots=tuple(charge.name for charge in scene.charges),
         laws=laws,
+        notes=tuple(
+            f"note: {note}"
+            for shot in range(shots)
+            for note in height_notes(scene, layout, shot)
+        ),
     )
 
 

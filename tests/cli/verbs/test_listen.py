@@ -73,6 +73,11 @@ def test_every_sensor_writes_what_the_laws_say(jblast):
     assert front / 8000 == pytest.approx(studio["air_arrival_s"], abs=1.5 / 8000)
     # 15 ms of positive phase are 120 samples: the mean over the first is 2 % less
     assert pascals.max() == pytest.approx(studio["peak_overpressure_pa"], rel=0.03)
+    end = studio["air_arrival_s"] + studio["positive_duration_s"]
+    impulse = pascals[front - 1 : round(8000 * end)].sum() / 8000
+    # samples are means, so their sum misses part of the last one alone: half of
+    # (1/130)^2; another law's impulse is a tenth off
+    assert impulse == pytest.approx(studio["positive_impulse_pa_s"], rel=1e-3)
     sampled = rows(jblast.text("o/gauge.csv"))
     assert [float(row["time_s"]) for row in sampled[:2]] == [0.0, 0.000125]
     overpressure = [float(row["overpressure_pa"]) for row in sampled]
@@ -134,6 +139,7 @@ def test_what_is_bad_exits_2_in_one_message(jblast):
         charge: "got no sensor",
         charge + sensor + 'kind = "flash"\n': "kind flash writes no samples",
         charge + sensor + 'kind = "pressure"\n': "'a': expected position_m",
+        charge + sensor + 'kind = "pressure"\nposition_m = [0, 0, 0]\n': "sensor 'a'",
         sensor
         + 'kind = "pressure"\nposition_m = [9, 0, 0]\n': "charge_mass_kg is free",
     }

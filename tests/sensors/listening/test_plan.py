@@ -47,6 +47,8 @@ def test_the_truth_is_what_simulate_writes_of_the_same_scene_and_seed():
         assert told == pytest.approx(float(value), rel=1e-7)
     assert set(log.quantity) == set(NAMES) <= set(QUANTITIES)
     assert listening.skipped == {"light": "kind flash writes no samples over time"}
+    assert set(listening.notes) == {x for x in log.comments if "truth: " in x}
+    assert "charge_mass_kg" in listening.notes[0]
     (said,) = [line for line in log.comments if line.startswith("laws: ")]
     for name in NAMES:
         assert f"{name} by {listening.truth.laws[name]}" in said
