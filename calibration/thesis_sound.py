@@ -9,11 +9,12 @@ what the moving ground does to the air above it, and a background of pink noise.
 
 - 3.7, 4.3: the whole wave form. 4.3's blast is where the thesis observed it, at 1.9 s.
 - 3.8: the same with the wave in air 0.6 s later, to tell the two apart by eye.
-- 4.4: around the arrivals: the ground's wave, low and early, and then the air's.
+- 4.4: around the arrivals: the ground's wave, and then the air's.
 
 The thesis makes its ground wave from the bang itself, by an averaging filter with a
 corner of 25 Hz. Drawn beside ours, it comes before its own arrival: a mean over as much
-of the future as of the past.
+of the future as of the past. Ours is short and quiet, by a law of rock whose recordings
+begin at Z = 25 m/kg^(1/3): here Z is 8, so take its size as a guess.
 """
 
 import argparse

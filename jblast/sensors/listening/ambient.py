@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import jax.numpy as jnp
 
+from jblast.errors import InputError
 from jblast.observations.records.sound_file import read_sound
 from jblast.scene import Ambient, UncertainScene
 
@@ -28,6 +29,8 @@ def with_ambient(
     if ambient is None or not ambient.file:
         return uncertain, []
     sound = read_sound(ambient.file)
+    if (count := sound.samples.shape[1]) < 2:
+        raise InputError(f"{ambient.file}: expected two samples or more, got {count}")
     notes = [f"ambient sound: a loop of {ambient.file}, {sound.seconds:g} s"]
     if len(sound.samples) > 1:
         notes.append(f"of its {len(sound.samples)} channels the first is heard")
