@@ -38,7 +38,7 @@ def streamed(packets_hz):
     """Return the samples, how many packets began late or early, memory twice [MB]."""
     samples = np.full(SAMPLES, np.nan)
     wrong = taken = count = 0
-    early = None
+    early = 0.0
     for packet in microphone.stream(
         SCENE, MICROPHONE, KEY, packets_hz=packets_hz, start_s=START_S
     ):
@@ -47,7 +47,7 @@ def streamed(packets_hz):
         kept = packet.samples[: SAMPLES - taken]
         samples[taken : taken + kept.size] = kept
         taken, count = taken + kept.size, count + 1
-        if early is None and taken >= SAMPLES // 10:
+        if not early and taken >= SAMPLES // 10:
             early = peak_memory()
         if taken == SAMPLES:
             return samples, count, wrong, early, peak_memory()
