@@ -11,7 +11,7 @@ band is its instrument's corners; its zero may drift.
 """
 
 from collections.abc import Iterator, Mapping
-from typing import Any, Literal, NamedTuple
+from typing import Any, NamedTuple
 
 import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike, Float, Int, Key
@@ -39,8 +39,6 @@ from jblast.types import as_float_array
 from jblast.waves.propagation.ambient import ambient
 from jblast.waves.waveform.pulse import Pulse, pulse_mean
 
-Mounting = Literal["side-on", "face-on"]
-
 
 class PressureGauge(NamedTuple):
     """A pressure gauge in a scene, set up to be sampled.
@@ -66,7 +64,7 @@ def record(
     *,
     start_s: Float[ArrayLike, ""] = 0.0,
     laws: Mapping[str, str] | None = None,
-    mounting: Mounting = "side-on",
+    mounting: str = "side-on",
     drift: Float[ArrayLike, ""] = 0.0,
 ) -> Float[Array, " sample"]:
     """Return the overpressure that a gauge records [Pa].
@@ -104,7 +102,7 @@ def stream(
     packets_hz: float | None = None,
     start_s: float = 0.0,
     laws: Mapping[str, str] | None = None,
-    mounting: Mounting = "side-on",
+    mounting: str = "side-on",
     drift: float = 0.0,
 ) -> Iterator[Packet]:
     """Yield what a gauge records in packets, for ever; otherwise as `record`."""
@@ -126,7 +124,7 @@ def _start(
     key: Key[Array, ""],
     start_s: Float[ArrayLike, ""],
     laws: Mapping[str, str] | None,
-    mounting: Mounting,
+    mounting: str,
     drift: Float[ArrayLike, ""],
 ) -> tuple[PressureGauge, Any]:
     check_kind(sensor, "pressure", above=True)
