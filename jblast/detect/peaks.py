@@ -23,6 +23,7 @@ from jblast.detect.kernel import MatchedKernel
 from jblast.detect.matched_filter import Filtered
 from jblast.detect.samples import checked_positive
 from jblast.detect.threshold import in_decibels
+from jblast.errors import InputError, argument
 
 HALF_WIDTH = 16
 """Samples either side that a value between samples is made of."""
@@ -89,6 +90,11 @@ class PeakPicker:
         self.threshold = checked_positive("threshold", threshold, "standard deviations")
         rate = kernel.rate_hz
         self.kernel = kernel
+        for name, time in (("dead_s", dead_s), ("wait_s", wait_s)):
+            if time is not None and not 0 <= time < np.inf:
+                raise InputError(
+                    f"{argument(name)}: expected a time from 0 up [s], got {time}"
+                )
         self._dead = kernel.taps.size if dead_s is None else round(dead_s * rate)
         self._wait = kernel.reach if wait_s is None else round(wait_s * rate)
         self.settles = max(self._wait, HALF_WIDTH)

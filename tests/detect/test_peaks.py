@@ -15,7 +15,7 @@ def heard(*blasts: tuple[float, float]):
     sound = coloured(np.random.default_rng(8), NOISE, 2**15)[0]
     for at, sigmas in blasts:
         whole = int(at)
-        late = pulse(0.02, at - whole)
+        late = pulse(0.02, float(at - whole))
         sound[whole : whole + late.size] += sigmas / KERNEL.response * late
     return filtered_by(sound, KERNEL)
 
@@ -105,3 +105,9 @@ def test_peaks_pushed_one_by_one_are_those_of_the_whole():
 def test_thresholds_are_positive(threshold):
     with pytest.raises(InputError, match="threshold: expected a positive number"):
         detections(heard(), threshold)
+
+
+@pytest.mark.parametrize("wrong", [{"dead_s": -1.0}, {"wait_s": np.nan}])
+def test_times_that_are_kept_clear_are_not_negative(wrong):
+    with pytest.raises(InputError, match="expected a time from 0 up"):
+        detections(heard(), 6.0, **wrong)
