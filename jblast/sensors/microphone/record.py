@@ -128,10 +128,12 @@ def _start(
             raise InputError(
                 f"{where}: expected a place on the ground or above it, got {up:g} m up"
             )
+    start = as_float_array(start_s)
+    if not isinstance(start, Tracer) and not np.isfinite(np.asarray(start)):
+        raise InputError(f"{where}: expected a finite start_s, got {float(start):g} s")
     place = microphone.position if track is None else track
     rate = (microphone.instrument or Instrument()).rate
     # outside jit, where it compiles in parts, leaves out waves that nothing can make,
     # and says what is wrong with the rest
     waves = blast_waves(scene, place, rate, laws, ways)
-    start = as_float_array(start_s)
     return set_up(scene, microphone, key, start, waves, track, rotors)

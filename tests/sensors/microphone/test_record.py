@@ -206,5 +206,7 @@ def test_what_is_no_microphone_or_in_no_place_for_one_is_refused():
     unread = replace(SCENE, ambient=Ambient(file="loop.wav"))
     with pytest.raises(InputError, match=r"samples of loop\.wav"):
         microphone.record(unread, MICROPHONE, 0.1, KEY)
+    with pytest.raises(InputError, match="a finite start_s, got nan s"):
+        microphone.record(SCENE, MICROPHONE, 0.1, KEY, start_s=np.nan)
     with pytest.raises(ValueError, match="duration_s"):
         microphone.record(SCENE, MICROPHONE, -1.0, KEY)
