@@ -179,7 +179,9 @@ def test_the_schema_of_failure_modes_takes_one():
     check(answer_schemas.stability(), plain(document))
 
 
-@pytest.mark.parametrize("name", ["fit", "bound", "choose", "discover", "stability"])
+@pytest.mark.parametrize(
+    "name", ["fit", "bound", "choose", "fly", "discover", "stability"]
+)
 def test_every_key_of_an_answer_is_told(name):
     table = getattr(answer_tables, name)()
     assert all(len(row.split("|")[2]) > 2 for row in table.splitlines())

@@ -22,6 +22,7 @@ from jblast.inference.identifiability.findings import (
 )
 from jblast.inference.posterior.finding import Finding
 from jblast.report.discovery.answer import DiscoveryAnswer
+from jblast.report.flights.answer import FlightsAnswer
 from jblast.verification.stability.failure import KEYS as FAILURE_KEYS, FailureMode
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
@@ -56,6 +57,11 @@ def choose() -> Schema:
 def discover() -> Schema:
     """Return the schema of what `jblast discover --json` prints."""
     return _document("An answer of jblast discover", schema_of(DiscoveryAnswer))
+
+
+def fly() -> Schema:
+    """Return the schema of what `jblast fly --json` prints."""
+    return _document("An answer of jblast fly", schema_of(FlightsAnswer))
 
 
 def stability() -> Schema:

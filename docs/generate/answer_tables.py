@@ -26,6 +26,11 @@ def discover() -> str:
     return keys_of(answer_schemas.discover())
 
 
+def fly() -> str:
+    """Write the keys of flights."""
+    return keys_of(answer_schemas.fly())
+
+
 def stability() -> str:
     """Write the keys of each failure mode."""
     areas = answer_schemas.stability()["properties"]["areas"]

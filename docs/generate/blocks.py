@@ -15,6 +15,7 @@ BLOCKS: dict[str, Callable[[], str]] = {
     "answer_of_fit": answer_tables.fit,
     "answer_of_bound": answer_tables.bound,
     "answer_of_choose": answer_tables.choose,
+    "answer_of_fly": answer_tables.fly,
     "answer_of_discover": answer_tables.discover,
     "answer_of_stability": answer_tables.stability,
     "quantities": scene_tables.quantities,

@@ -20,6 +20,7 @@ SCHEMAS = {
     "fit": answer_schemas.fit,
     "bound": answer_schemas.bound,
     "choose": answer_schemas.choose,
+    "fly": answer_schemas.fly,
     "discover": answer_schemas.discover,
     "stability": answer_schemas.stability,
 }

@@ -103,7 +103,7 @@ def run(asked: argparse.Namespace) -> int:
 
     from jblast.cli.arguments.flight_files import write_flights
     from jblast.report.fit.files import check_directory
-    from jblast.report.flights.document import flights_document
+    from jblast.report.flights.document import flights_answer
     from jblast.report.flights.text import flights_text
     from jblast.scene import read_scene
     from jblast.study.flights.fly import fly
@@ -116,8 +116,8 @@ def run(asked: argparse.Namespace) -> int:
         read_scene(asked.scene), options, vehicles=asked.vehicles, seed=asked.seed
     )
     begin("writing")
-    told = {"scene": asked.scene, "seed": asked.seed}
-    document = {"schema": 1, **told, **flights_document(flights)}
+    answer = flights_answer(flights, scene=asked.scene, seed=asked.seed)
+    document = {"schema": 1} | answer.to_dict()
     text = json.dumps(document, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
     written = write_flights(flights, text, Path(asked.out)) if asked.out else []
     sys.stdout.write(text if asked.json else flights_text(flights))

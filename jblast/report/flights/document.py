@@ -1,4 +1,4 @@
-"""Flights as `jblast fly --json` prints them, and a row a flight as CSV."""
+"""What is to be told of flights, and a row a flight as CSV."""
 
 import math
 from typing import Any
@@ -6,7 +6,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from jblast.json_values import plain
+from jblast.report.flights.answer import (
+    BlastMet,
+    BlastMetBySeveral,
+    FlightsAnswer,
+    Limit,
+    Outcome,
+    OutcomeOfSeveral,
+    Place,
+    Quantiles,
+    Share,
+)
 from jblast.report.tables import comma_separated
 from jblast.study.flights.records import Flights, Flown
 from jblast.study.flights.statistics import (
@@ -22,46 +32,53 @@ from jblast.study.flights.statistics import (
 )
 from jblast.vehicle.thresholds import THRESHOLDS
 
+MET = ("arrival_s", "distance_m", "scaled_distance", "overpressure_pa")
+"""Numbers of an `Encounter` that are told of each blast."""
 MOST_NAMED = 100
 """Lost vehicles that are named one by one."""
 
 
-def flights_document(flights: Flights) -> dict[str, Any]:
-    """Return what `--json` prints; infinite and unknown numbers are null."""
+def flights_answer(flights: Flights, *, scene: str, seed: int) -> FlightsAnswer:
+    """Return what is to be told of flights.
+
+    Args:
+        flights: What was flown.
+        scene: The file that says through what.
+        seed: Of what was drawn.
+    """
     options, vehicle = flights.options, flights.vehicle
     first = next(iter(flights.holds.values()))
     several = flights.count > 1
-    return plain(
-        {
-            "vehicle": vehicle.model,
-            "vehicles": flights.count,
-            "position_m": vehicle.position,
-            "target_m": target_of(vehicle),
-            "yaw_rad": vehicle.yaw,
-            "seconds": flights.seconds,
-            "step_s": options.step_s,
-            "integrator": options.integrator,
-            "backend": options.backend,
-            "tolerance_m": options.tolerance_m,
-            "load": "laws" if options.profile is None else "custom profile",
-            "drawn": {
-                name: _spread(values) if several else values
-                for name, values in flights.drawn.items()
-            },
-            "blasts": [
-                _blast(flights, first, n, several) for n in range(len(flights.blasts))
-            ],
-            "thresholds": {
-                name: {"value": limit.value, "source": limit.source}
-                for name, limit in THRESHOLDS[vehicle.model].items()
-            },
-            "scene_hold": flights.own,
-            "holds": {
-                name: (_several if several else _single)(vehicle.model, flown)
-                for name, flown in flights.holds.items()
-            },
-            "warnings": warnings_of(flights),
-        }
+    blast = _blast_of_several if several else _blast
+    return FlightsAnswer(
+        scene=scene,
+        seed=seed,
+        vehicle=vehicle.model,
+        vehicles=flights.count,
+        position_m=_place(vehicle.position),
+        target_m=_place(target_of(vehicle)),
+        yaw_rad=float(vehicle.yaw),
+        seconds=flights.seconds,
+        step_s=options.step_s,
+        integrator=options.integrator,
+        backend=options.backend,
+        tolerance_m=options.tolerance_m,
+        load="laws" if options.profile is None else "custom profile",
+        drawn={
+            name: _spread(values) if several else float(values)
+            for name, values in flights.drawn.items()
+        },
+        blasts=tuple(blast(flights, first, n) for n in range(len(flights.blasts))),
+        thresholds={
+            name: Limit(limit.value, limit.source)
+            for name, limit in THRESHOLDS[vehicle.model].items()
+        },
+        scene_hold=flights.own,
+        holds={
+            name: (_outcome_of_several if several else _outcome)(vehicle.model, flown)
+            for name, flown in flights.holds.items()
+        },
+        warnings=tuple(warnings_of(flights)),
     )
 
 
@@ -90,59 +107,72 @@ def _field(value: Any) -> str:
     return f"{value:.9g}"
 
 
-def _single(model: str, flown: Flown) -> dict[str, Any]:
-    """Return the metrics of one flight."""
+def _outcome(model: str, flown: Flown) -> Outcome:
+    """Return what became of one flight."""
     metrics = flown.metrics
-    told = {name: metric(flown, name) for name in (*METRICS, *EXPOSURES)}
-    return told | {
-        "recovered": math.isfinite(float(metrics.recovery_time_s)),
-        "settled": metrics.settled,
-        "crashed": metrics.crashed,
-        "lost": flown.lost,
-        "flies_on": flies_on(flown),
-        "past_threshold": past_threshold(model, flown),
-    }
+    return Outcome(
+        **{name: float(metric(flown, name)) for name in (*METRICS, *EXPOSURES)},
+        recovered=math.isfinite(float(metrics.recovery_time_s)),
+        settled=bool(metrics.settled),
+        crashed=bool(metrics.crashed),
+        lost=bool(flown.lost),
+        flies_on=bool(flies_on(flown)),
+        past_threshold={
+            name: None if past is None else bool(past)
+            for name, past in past_threshold(model, flown).items()
+        },
+    )
 
 
-def _several(model: str, flown: Flown) -> dict[str, Any]:
+def _outcome_of_several(model: str, flown: Flown) -> OutcomeOfSeveral:
     """Return the distribution of each metric, and shares of the vehicles."""
     metrics = flown.metrics
     on = flies_on(flown)
-    low, high = share_interval(on)
     lost = np.flatnonzero(flown.lost)
-    told: dict[str, Any] = {
-        name: _spread(metric(flown, name)) for name in (*METRICS, *EXPOSURES)
-    }
-    return told | {
-        "recovered_share": _share(np.isfinite(metrics.recovery_time_s)),
-        "settled_share": _share(metrics.settled),
-        "crashed_share": _share(metrics.crashed),
-        "flies_on_share": {"value": _share(on), "q05": low, "q95": high},
-        "past_threshold_share": {
+    return OutcomeOfSeveral(
+        **{name: _spread(metric(flown, name)) for name in (*METRICS, *EXPOSURES)},
+        recovered_share=_share(np.isfinite(metrics.recovery_time_s)),
+        settled_share=_share(metrics.settled),
+        crashed_share=_share(metrics.crashed),
+        flies_on_share=Share(_share(on), *share_interval(on)),
+        past_threshold_share={
             name: None if past is None else _share(past)
             for name, past in past_threshold(model, flown).items()
         },
-        "lost": lost.size,
-        "lost_vehicles": lost[:MOST_NAMED],
-    }
-
-
-def _blast(flights: Flights, flown: Flown, n: int, several: bool) -> dict[str, Any]:
-    encounter = flown.encounter
-    told: dict[str, Any] = {"charge": flights.blasts[n]}
-    for name in ("arrival_s", "distance_m", "scaled_distance", "overpressure_pa"):
-        values = getattr(encounter, name)[..., n]
-        told[name] = _spread(values) if several else values
-    inside = encounter.in_range[..., n]
-    return told | (
-        {"in_range_share": _share(inside)} if several else {"in_range": inside}
+        lost=lost.size,
+        lost_vehicles=tuple(lost[:MOST_NAMED].tolist()),
     )
+
+
+def _blast(flights: Flights, flown: Flown, n: int) -> BlastMet:
+    """Return a blast as it came to one vehicle."""
+    encounter = flown.encounter
+    return BlastMet(
+        charge=flights.blasts[n],
+        **{name: float(getattr(encounter, name)[n]) for name in MET},
+        in_range=bool(encounter.in_range[n]),
+    )
+
+
+def _blast_of_several(flights: Flights, flown: Flown, n: int) -> BlastMetBySeveral:
+    """Return a blast as it came to several vehicles."""
+    encounter = flown.encounter
+    return BlastMetBySeveral(
+        charge=flights.blasts[n],
+        **{name: _spread(getattr(encounter, name)[..., n]) for name in MET},
+        in_range_share=_share(encounter.in_range[..., n]),
+    )
+
+
+def _place(at: ArrayLike) -> Place:
+    east, north, up = np.asarray(at).tolist()
+    return east, north, up
 
 
 def _share(flags: ArrayLike) -> float:
     return float(np.mean(np.asarray(flags)))
 
 
-def _spread(values: ArrayLike) -> dict[str, float]:
+def _spread(values: ArrayLike) -> Quantiles:
     """Return quantiles of numbers, of which some may be infinite."""
-    return dict(zip(("q05", "q50", "q95"), quantiles(np.asarray(values)), strict=True))
+    return Quantiles(*quantiles(np.asarray(values)))

@@ -2,7 +2,9 @@ import csv
 import json
 
 import pytest
+from jsonschema import Draft202012Validator
 
+from docs.generate.answer_schemas import fly
 from jblast.cli.arguments import flight_files as fly_files
 from tests.cli.cli_files import Command
 
@@ -37,6 +39,7 @@ def test_json_is_all_of_stdout_and_has_no_infinity(jblast):
     code, out, err = flown(jblast, "--json")
     assert (code, err) == (0, "")
     document = json.loads(out, parse_constant=pytest.fail)
+    Draft202012Validator(fly()).validate(document)
     assert document["schema"] == 1
     assert document["scene_hold"] == "with_integral"
     assert document["blasts"][0]["in_range"] is True
@@ -194,6 +197,7 @@ def test_many_vehicles_have_a_distribution(jblast):
     assert len(rows) == 10
     masses = sorted(float(r["charge_mass_kg"]) for r in rows[:5])
     document = json.loads(jblast.text("many/fly.json"), parse_constant=pytest.fail)
+    Draft202012Validator(fly()).validate(document)
     drawn = document["drawn"]["charge_mass_kg"]
     assert [drawn["q05"], drawn["q50"], drawn["q95"]] == pytest.approx(
         [masses[0], masses[2], masses[4]]
