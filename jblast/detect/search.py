@@ -1,4 +1,9 @@
-"""Each channel of a recording searched for a template, at once or as a stream."""
+"""Each channel of a recording searched for a template, at once or as a stream.
+
+What a loud bang adds to the noise of its own recording would make it seem less loud and
+less sure than it is. So the noise is measured twice: in all of the recording, and, where
+a bang is found by that, in what is left without it.
+"""
 
 from collections.abc import Callable
 from typing import NamedTuple
@@ -12,6 +17,11 @@ from jblast.detect.peaks import Detection, PeakPicker, detections
 from jblast.detect.stream import BLOCK_S, LEARN_S, Stream, stream
 from jblast.detect.threshold import FALSE_ALARMS_PER_HOUR, in_decibels, threshold_for
 from jblast.detect.whitening import NoiseSpectrum, noise_spectrum
+
+BEFORE_S, LENGTHS = 0.01, 3
+"""Taken out about a bang: so much before it, and so many lengths of the template."""
+LEAST_QUIET = 0.5
+"""Share of a recording that has to be left to know the noise by."""
 
 
 class Channel(NamedTuple):
@@ -64,7 +74,7 @@ def search(
     template: Float[np.ndarray, " tap"],
     false_alarms_per_hour: float = FALSE_ALARMS_PER_HOUR,
 ) -> Searched:
-    """Search a whole recording; the noise is measured in all of it.
+    """Search a whole recording.
 
     Args:
         channel: Where.
@@ -74,7 +84,9 @@ def search(
     Raises:
         InputError: Template or recording cannot be used.
     """
-    noise = noise_spectrum(channel.samples, channel.rate_hz)
+    noise = quiet_noise(
+        channel.samples, template, channel.rate_hz, false_alarms_per_hour
+    )
     filtered = matched_filter(
         channel.samples, template, channel.rate_hz, noise_spectrum=noise
     )
@@ -90,6 +102,38 @@ def search(
         detections=detections(filtered, threshold),
         latency_s=(kernel.reach + settles) / channel.rate_hz,
     )
+
+
+def quiet_noise(
+    samples: Float[np.ndarray, " sample"],
+    template: Float[np.ndarray, " tap"],
+    rate_hz: float,
+    false_alarms_per_hour: float = FALSE_ALARMS_PER_HOUR,
+) -> NoiseSpectrum:
+    """Measure the noise in what is left of a recording without the bangs in it.
+
+    Where bangs take up more than half of it, it is that of all of it.
+
+    Args:
+        samples: Of one channel.
+        template: What bangs look like.
+        rate_hz: Of both [Hz].
+        false_alarms_per_hour: As for the search [1/h].
+
+    Raises:
+        InputError: Template or recording cannot be used.
+    """
+    noise = noise_spectrum(samples, rate_hz)
+    filtered = matched_filter(samples, template, rate_hz, noise_spectrum=noise)
+    threshold = threshold_for(filtered.kernel, false_alarms_per_hour)
+    quiet = np.ones(samples.size, bool)
+    for found in detections(filtered, threshold):
+        start = max(int((found.time_s - BEFORE_S) * rate_hz), 0)
+        stop = int(found.time_s * rate_hz) + LENGTHS * template.size
+        quiet[start:stop] = False
+    if quiet.all() or quiet.mean() < LEAST_QUIET:
+        return noise
+    return noise_spectrum(samples[quiet], rate_hz)
 
 
 def search_as_stream(
@@ -114,8 +158,8 @@ def search_as_stream(
     Raises:
         InputError: Template or recording cannot be used.
     """
-    learnt = channel.samples[: max(round(LEARN_S * channel.rate_hz), 1)]
-    noise = noise_spectrum(learnt, channel.rate_hz)
+    learnt = channel.samples[: max(round(LEARN_S * channel.rate_hz), template.size)]
+    noise = quiet_noise(learnt, template, channel.rate_hz, false_alarms_per_hour)
     listening = stream(
         template,
         channel.rate_hz,
