@@ -1,8 +1,8 @@
 """Each channel of a recording searched for a template, at once or as a stream.
 
-What a loud bang adds to the noise of its own recording would make it seem less loud and
-less sure than it is. So the noise is measured twice: in all of the recording, and, where
-a bang is found by that, in what is left without it.
+What a loud bang adds to the noise of its own recording would make it seem less loud
+and less sure than it is. So the noise is measured twice: in all of the recording, and,
+where a bang is found by that, in what is left without it.
 """
 
 from collections.abc import Callable
