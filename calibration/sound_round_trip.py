@@ -1,6 +1,6 @@
 """From sound back to the blast: do 90 % intervals hold the truth?
 
-    python -m calibration.sound_round_trip [SCENES]
+    python -m calibration.sound_round_trip > calibration/results/sound_round_trip.txt
 
 Four microphones on the ground hear a charge whose mass, place and time are drawn from
 their priors, in pink ambient noise; each record is searched by a matched filter as
