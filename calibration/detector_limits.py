@@ -21,6 +21,7 @@ import soundfile
 from scipy.stats import norm
 
 from calibration.detector_costs import costs
+from calibration.detector_figure import draw
 from jblast.detect import (
     filtered_by,
     matched_filter,
@@ -278,7 +279,6 @@ def measured() -> Limits:
 
 def main() -> None:
     """Measure, print, keep the table and the figure."""
-    from calibration.detector_figure import draw
     from jblast.cli.jax_start import start_jax
 
     start_jax()
@@ -286,7 +286,7 @@ def main() -> None:
     text = "\n".join(found.lines) + "\n"
     print(text)
     (RESULTS / "detector_limits.txt").write_text(text)
-    draw(found, RESULTS / "detector_limits.png")
+    draw(found, RESULTS / "detector_limits.png", tuple(SNRS), LOUD, LEVELS)
 
 
 if __name__ == "__main__":
