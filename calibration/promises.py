@@ -25,7 +25,12 @@ from jblast.fidelity import error_tables
 from jblast.fidelity.choose import ALIKE
 from jblast.fidelity.conditions import Conditions, jitted_conditions
 from jblast.fidelity.errors import is_covered, reference_uncertainty, relative_errors
-from jblast.fidelity.measured_errors import BURSTS, standard_path, value_of
+from jblast.fidelity.measured_errors import (
+    BURSTS,
+    methods_for,
+    standard_path,
+    value_of,
+)
 from jblast.fidelity.reference import REFERENCES, reference_value
 from jblast.fidelity.solver import METHOD as SOLVER
 from jblast.scene.charge import Burst
@@ -92,7 +97,7 @@ def real_errors(
     reference = np.asarray(reference_value(quantity, path))
     found = {}
     for method, holds in conditions.holds.items():
-        if method != SOLVER:
+        if method in methods_for(quantity) and method != SOLVER:
             off = np.abs(value_of(quantity, method, path) / reference - 1.0)
             found[method] = np.where(np.asarray(holds) & covered, off, np.inf)
     return found

@@ -74,8 +74,14 @@ def log(known):
 def test_the_names_are_these():
     assert set(jblast.__all__) == set(NAMES)
     assert set(NAMES) <= set(dir(jblast))
-    with pytest.raises(AttributeError, match="no attribute 'detect'"):
-        jblast.detect  # noqa: B018  # pyright: ignore[reportAttributeAccessIssue]
+    with pytest.raises(AttributeError, match="no attribute 'fits'"):
+        jblast.fits  # noqa: B018  # pyright: ignore[reportAttributeAccessIssue]
+
+
+@pytest.mark.parametrize("name", ["detect", "report", "study"])
+def test_a_verb_that_is_a_package_is_no_function(name):
+    assert inspect.ismodule(importlib.import_module(f"jblast.{name}"))
+    assert inspect.ismodule(getattr(jblast, name))
 
 
 @pytest.mark.parametrize("name", NAMES)
