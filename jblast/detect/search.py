@@ -3,6 +3,10 @@
 What a loud bang adds to the noise of its own recording would make it seem less loud
 and less sure than it is. So the noise is measured twice: in all of the recording, and,
 where a bang is found by that, in what is left without it.
+
+The bound of Cramér and Rao, what noise does to an arrival, falls without end as a bang
+grows louder. How its front stands between samples, and what it has not of the
+template's front, does not: it is added in quadrature.
 """
 
 from collections.abc import Callable
@@ -20,6 +24,13 @@ from jblast.detect.whitening import NoiseSpectrum, noise_spectrum
 
 BEFORE_S, LENGTHS = 0.01, 3
 """Taken out about a bang: so much before it, and so many lengths of the template."""
+SAME_FRONT = 0.1
+"""Error of an arrival of the template's very form, in samples: where its front stands
+between two of them. Measured: 5 kg at 100 m, 48 kHz, 40 dB and more."""
+OTHER_FRONT = 0.5
+"""The same of a template by the laws, whose front is that of no one blast. Measured
+there: 0.68 by a template for a quarter of the distance, 0.55 by clipping at two fifths
+of the peak."""
 LEAST_QUIET = 0.5
 """Share of a recording that has to be left to know the noise by."""
 
@@ -73,6 +84,8 @@ def search(
     channel: Channel,
     template: Float[np.ndarray, " tap"],
     false_alarms_per_hour: float = FALSE_ALARMS_PER_HOUR,
+    *,
+    front_samples: float = SAME_FRONT,
 ) -> Searched:
     """Search a whole recording.
 
@@ -80,6 +93,8 @@ def search(
         channel: Where.
         template: What for, at the channel's rate.
         false_alarms_per_hour: How many on average [1/h].
+        front_samples: Error of an arrival by its front, in samples: `SAME_FRONT`, or
+            `OTHER_FRONT`.
 
     Raises:
         InputError: Template or recording cannot be used.
@@ -99,7 +114,9 @@ def search(
         kernel=kernel,
         threshold=threshold,
         statistic=filtered.statistic,
-        detections=detections(filtered, threshold),
+        detections=_with_front(
+            detections(filtered, threshold), front_samples / channel.rate_hz
+        ),
         latency_s=(kernel.reach + settles) / channel.rate_hz,
     )
 
@@ -141,6 +158,7 @@ def search_as_stream(
     template: Float[np.ndarray, " tap"],
     false_alarms_per_hour: float = FALSE_ALARMS_PER_HOUR,
     *,
+    front_samples: float = SAME_FRONT,
     block_s: float = BLOCK_S,
     pushed: Callable[[int], None] = lambda samples: None,
 ) -> Searched:
@@ -152,6 +170,7 @@ def search_as_stream(
         channel: Where.
         template: What for, at the channel's rate.
         false_alarms_per_hour: How many on average [1/h].
+        front_samples: Error of an arrival by its front, in samples.
         block_s: So much sound is filtered at a time [s].
         pushed: Called with how many samples have been taken in.
 
@@ -177,8 +196,15 @@ def search_as_stream(
         kernel=listening.kernel,
         threshold=listening.threshold,
         statistic=statistic,
-        detections=found,
+        detections=_with_front(found, front_samples / channel.rate_hz),
         latency_s=listening.latency_s,
+    )
+
+
+def _with_front(found: tuple[Detection, ...], front_s: float) -> tuple[Detection, ...]:
+    """Return arrivals with what their fronts add to the bound of their errors."""
+    return tuple(
+        one._replace(sigma_s=float(np.hypot(one.sigma_s, front_s))) for one in found
     )
 
 

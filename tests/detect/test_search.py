@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from jblast.detect.search import Channel, search, search_as_stream
+from jblast.detect.search import OTHER_FRONT, Channel, search, search_as_stream
+from jblast.detect.templates import blast_templates
 
 RATE = 8000.0
 TEMPLATE = np.hanning(80)
@@ -32,3 +33,18 @@ def test_how_much_was_taken_in_is_told(channel):
     told = []
     search_as_stream(channel, TEMPLATE, block_s=1.0, pushed=told.append)
     assert told == [8000, 16_000, 24_000]
+
+
+def test_a_loud_blast_of_another_front_is_within_its_error():
+    """From a quarter of the distance, or clipped: the bound alone is 2e-8 s here."""
+    rate, at, rng = 48_000.0, 9000, np.random.default_rng(4)
+    template, near = blast_templates([5.0, 5.0], [100.0, 25.0], rate)
+    clipped = np.minimum(template, 0.4 * template.max())
+    for blast in (template, near, clipped):
+        samples = 1e-4 * rng.standard_normal(24_000)
+        samples[at : at + blast.size] += blast / blast.max()
+        channel = Channel("gate", "gate.wav", 1, samples, rate)
+        found = search(channel, template, front_samples=OTHER_FRONT).detections
+        (loudest,) = [one for one in found if one.snr_db > 40]
+        assert 0.4 / rate < loudest.sigma_s < 0.6 / rate
+        assert abs(loudest.time_s - at / rate) < 2 * loudest.sigma_s

@@ -2,14 +2,21 @@
 
 from argparse import Namespace
 from collections.abc import Callable, Sequence
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Float
 
-from jblast.detect.search import Channel, Searched, search, search_as_stream
+from jblast.detect.search import (
+    OTHER_FRONT,
+    SAME_FRONT,
+    Channel,
+    Searched,
+    search,
+    search_as_stream,
+)
 from jblast.errors import InputError
 from jblast.observations.records.sound_file import SoundRecord, read_sound, resampled
 from jblast.observations.records.stations import Station, read_stations
@@ -112,7 +119,10 @@ def searched_for(
     Raises:
         InputError: It cannot be looked for, or is longer than a recording.
     """
-    look = search_as_stream if asked.stream else search
+    look = partial(
+        search_as_stream if asked.stream else search,
+        front_samples=SAME_FRONT if asked.template else OTHER_FRONT,
+    )
     sought, method = _sought(asked)
     shapes_at = cache(sought)  # channels mostly have one rate
     searched = []
