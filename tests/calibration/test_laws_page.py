@@ -140,7 +140,7 @@ def test_a_figure_names_each_law_beside_each_panel_it_is_in(drawn):
 def test_the_manual_names_the_page_and_shows_figures_that_exist():
     assert "](../../calibration/results/laws.md)" in LAWS_PAGE
     shown = re.findall(r"!\[[^]]+\]\((\S+)\)", LAWS_PAGE)
-    assert len(shown) == 2
+    assert len(shown) == 3
     assert all((ROOT / "docs/explanation" / name).is_file() for name in shown)
 
 

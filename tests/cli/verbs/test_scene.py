@@ -15,6 +15,7 @@ SOURCE_TABLES = {
     "hrr5_infrasound_arrivals",
     "point_source_s1x4",
     "rotorpy_flights",
+    "seismic_ford2021",
 }
 """No logs, but what calibration scripts read."""
 
