@@ -2,15 +2,13 @@
 
 from typing import NamedTuple
 
-import jax.numpy as jnp
 import numpy as np
-from scipy.optimize import minimize
 
 from calibration.ford_likelihood import COEFFICIENTS, NAMES, SCATTERS, Form, objective
 from calibration.ford_records import read_records
+from calibration.likelihood_maximum import likelihood_maximum
 from jblast.waves.laws.ford_2021.curve import FordCurve
 
-SMALLEST_SD = 1e-3
 STARTS = {
     "positive_impulse_pa_s": (
         (6.5, -1.15, 12.0, 0.4, 0.0, 0.1, 0.06, 1.0, 0.15, 0.1),
@@ -82,47 +80,22 @@ def search(
     start: tuple[float, ...],
 ) -> Fit:
     """Fit one quantity from one start; arguments as for `fit`."""
-    cost = objective(quantity, form, restricted)
-    weights = jnp.asarray(weight)
-    held, n = dict(form.fixed), len(COEFFICIENTS)
-    theta = np.array([held.get(*pair) for pair in zip(NAMES, start, strict=True)])
+    held = dict(form.fixed)
     fitted = SCATTERS if restricted else NAMES
-    free = np.array([NAMES.index(name) for name in fitted if name not in held])
-
-    def at(values: np.ndarray) -> np.ndarray:
-        full = theta.copy()
-        full[free] = values
-        return full
-
-    def value_and_slope(values: np.ndarray) -> tuple[float, np.ndarray]:
-        (value, _), gradient = cost(at(values), weights)
-        return float(value), np.asarray(gradient)[free]
-
-    found = minimize(
-        value_and_slope,
-        theta[free],
-        jac=True,
-        method="L-BFGS-B",
-        bounds=[(SMALLEST_SD, 10.0) if i >= n else (-60.0, 60.0) for i in free],
-        options={"ftol": 1e-13, "gtol": 1e-5, "maxiter": 500},
+    found = likelihood_maximum(
+        objective(quantity, form, restricted),
+        weight,
+        np.array([held.get(*pair) for pair in zip(NAMES, start, strict=True)]),
+        np.array([NAMES.index(name) for name in fitted if name not in held]),
+        [i for i, name in enumerate(COEFFICIENTS) if name not in held],
+        len(COEFFICIENTS),
+        restricted=restricted,
     )
-    theta = at(found.x)
-    (_, end), _ = cost(theta, weights)
-    # The flag may name a line search that ended in rounding; the slope decides.
-    at_bound = (found.x <= SMALLEST_SD) & (found.jac > 0)
-    slope = float(np.max(np.abs(np.where(at_bound, 0.0, found.jac))))
-    if slope > 0.01 or float(end.steepness) > 1e-6:
-        raise RuntimeError(f"the slope of ln L is still {slope:.1g}")
-    inner = [i for i, name in enumerate(COEFFICIENTS) if name not in held]
-    covariance = np.zeros((n, n))
-    if restricted:
-        theta[inner] = end.mode[: len(inner)]
-        covariance[np.ix_(inner, inner)] = end.covariance[: len(inner), : len(inner)]
     return Fit(
-        coefficients=theta[:n],
-        covariance=covariance,
-        scatter=theta[n:],
-        log_likelihood=float(end.log_likelihood),
-        log_posterior=-float(found.fun),
+        coefficients=found.values[: len(COEFFICIENTS)],
+        covariance=found.covariance,
+        scatter=found.values[len(COEFFICIENTS) :],
+        log_likelihood=found.log_likelihood,
+        log_posterior=found.log_posterior,
         n_free=len(NAMES) - len(held),
     )

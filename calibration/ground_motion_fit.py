@@ -13,8 +13,8 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-from scipy.optimize import minimize
 
+from calibration.likelihood_maximum import likelihood_maximum
 from calibration.random_effects import Marginal, marginal
 from jblast.waves.laws.ground_motion.curve import (
     GroundMotionCurve,
@@ -31,7 +31,6 @@ EXPECTED_SD = {"site": 0.5, "shot": 0.1}
 """Mode of the prior on two scatters [ln], Gamma of shape 2: rocks differ in amplitude
 by a factor of 1.6; two shots in one rock, by 1.1."""
 
-SMALLEST_SD = 1e-3
 STARTS = {
     "ground_displacement_m": (-11.0, -1.4, 1.2, 15.0, -0.2, 1.4, 0.1, 0.4, 0.26),
     "ground_peak_velocity_m_s": (-0.6, -1.8, 1.2, 15.0, -0.2, 0.5, 0.1, 0.4, 0.39),
@@ -163,47 +162,22 @@ def fit(
     Raises:
         RuntimeError: The search ended away from a maximum.
     """
-    cost, held = objective(quantity, form, restricted), dict(form.held)
-    weights = jnp.asarray(
-        np.ones(len(read_records().shot)) if weight is None else weight
-    )
-    n = len(COEFFICIENTS)
+    held = dict(form.held)
     start = zip(NAMES, STARTS[quantity], strict=True)
-    theta = np.array([held.get(name, value) for name, value in start])
     fitted = SCATTERS if restricted else NAMES
-    free = np.array([NAMES.index(name) for name in fitted if name not in held])
-
-    def at(values: np.ndarray) -> np.ndarray:
-        full = theta.copy()
-        full[free] = values
-        return full
-
-    def value_and_slope(values: np.ndarray) -> tuple[float, np.ndarray]:
-        (value, _), gradient = cost(at(values), weights)
-        return float(value), np.asarray(gradient)[free]
-
-    found = minimize(
-        value_and_slope,
-        theta[free],
-        jac=True,
-        method="L-BFGS-B",
-        bounds=[(SMALLEST_SD, 10.0) if i >= n else (-60.0, 60.0) for i in free],
-        options={"ftol": 1e-13, "gtol": 1e-5, "maxiter": 500},
+    n = len(COEFFICIENTS)
+    found = likelihood_maximum(
+        objective(quantity, form, restricted),
+        np.ones(len(read_records().shot)) if weight is None else weight,
+        np.array([held.get(name, value) for name, value in start]),
+        np.array([NAMES.index(name) for name in fitted if name not in held]),
+        [i for i, name in enumerate(COEFFICIENTS) if name not in held],
+        n,
+        restricted=restricted,
     )
-    theta = at(found.x)
-    (_, end), _ = cost(theta, weights)
-    at_bound = (found.x <= SMALLEST_SD) & (found.jac > 0)
-    slope = float(np.max(np.abs(np.where(at_bound, 0.0, found.jac))))
-    if not (slope <= 0.01 and float(end.steepness) <= 1e-6):  # NaN is no maximum
-        raise RuntimeError(f"the slope of ln L is still {slope:.1g}")
-    inner = [i for i, name in enumerate(COEFFICIENTS) if name not in held]
-    covariance = np.zeros((n, n))
-    if restricted:
-        theta[inner] = end.mode[: len(inner)]
-        covariance[np.ix_(inner, inner)] = end.covariance[: len(inner), : len(inner)]
     return Fit(
-        curve=GroundMotionCurve(theta[:n], covariance, *theta[n:]),
-        log_likelihood=float(end.log_likelihood),
-        log_posterior=-float(found.fun),
+        curve=GroundMotionCurve(found.values[:n], found.covariance, *found.values[n:]),
+        log_likelihood=found.log_likelihood,
+        log_posterior=found.log_posterior,
         n_free=len(NAMES) - len(held),
     )
