@@ -3,6 +3,7 @@
 import argparse
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from itertools import chain
 from typing import Any
 
@@ -171,7 +172,7 @@ def _scene(asked: argparse.Namespace) -> Scene:
     if asked.explosive is not None:
         explosive = explosive_named(asked.explosive, "--explosive")
     charge = Charge(up=height, burst=burst, explosive=explosive)
-    mixed = Air(**DRY | air)
+    mixed = replace(Air(), **DRY | air)
     _check_vapour(mixed)
     return Scene(charge=charge, air=mixed, ground=ground)
 

@@ -21,12 +21,14 @@ def searched():
 
 def test_recording_output_threshold_and_arrivals_are_drawn(searched):
     above, below = detection_figure([searched]).axes
-    times = [line.get_xdata()[0] for line in above.lines]
+    times = [np.asarray(line.get_xdata())[0] for line in above.lines]
     np.testing.assert_allclose(times, np.arange(1, 8) * 0.25, atol=1e-3)
     marks = [line for line in below.lines if line.get_marker() == "v"]
     assert len(marks) == 7
     level = [
-        line.get_ydata()[0] for line in below.lines if line.get_linestyle() == "--"
+        np.asarray(line.get_ydata())[0]
+        for line in below.lines
+        if line.get_linestyle() == "--"
     ]
     assert level == [searched.threshold]
     labels = [text.get_text() for text in below.texts]

@@ -24,6 +24,7 @@ def test_a_recording_is_pascals_by_its_full_scale(tmp_path):
     named = UncertainScene(Scene(ambient=Ambient(file=str(path))))
     again, _ = with_ambient(named)
     assert again.scene.ambient is not None
+    assert again.scene.ambient.loop is not None
     np.testing.assert_allclose(again.scene.ambient.loop, SOUND[0], atol=1e-7)
 
 
