@@ -2,6 +2,7 @@
 
 import jax.numpy as jnp
 import numpy as np
+import pytest
 
 from jblast.inference import fit
 from jblast.scene import Charge, Scene, UncertainScene, freed
@@ -12,6 +13,7 @@ PLACES = {"a": 400.0, "b": 900.0, "c": 1500.0}
 BURIED = -3.0
 
 
+@pytest.mark.slow
 def test_seismic_rows_weigh_a_charge_as_well_as_rocks_are_alike():
     distance = np.array([*PLACES.values()])
     readings = {
