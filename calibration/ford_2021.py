@@ -43,6 +43,7 @@ import jblast.waves
 from calibration.ford_fit import fit
 from calibration.ford_likelihood import COEFFICIENTS, SCATTERS, Form
 from calibration.ford_records import QUANTITIES, Records, read_records
+from calibration.likelihood_maximum import print_forms
 from jblast.cli.jax_start import start_jax
 from jblast.files import write_text
 from jblast.waves.laws.ford_2021.curve import FordCurve
@@ -96,16 +97,7 @@ def main() -> None:
     start_jax()
     curves: dict[str, FordCurve] = {}
     for quantity in QUANTITIES:
-        print(f"{quantity}\n  {'form':30s}     lnL  free     AIC")
-        for title, form in FORMS.items():
-            try:
-                tried = fit(quantity, form, restricted=False)
-            except RuntimeError as error:
-                print(f"  {title:30s} no maximum: {error}")
-                continue
-            aic = 2 * tried.n_free - 2 * tried.log_likelihood
-            numbers = f"{tried.log_likelihood:7.2f} {tried.n_free:5d} {aic:7.1f}"
-            print(f"  {title:30s} {numbers}")
+        print_forms(quantity, FORMS, fit)
         adopted = fit(quantity, ADOPTED[quantity])
         curves[quantity] = adopted.curve
         sds = np.sqrt(np.diag(adopted.covariance))

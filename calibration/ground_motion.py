@@ -50,6 +50,7 @@ from calibration.ground_motion_fit import (
     fit,
     read_records,
 )
+from calibration.likelihood_maximum import print_forms
 from jblast.cli.jax_start import start_jax
 from jblast.files import write_text
 from jblast.waves.laws.ground_motion.curve import (
@@ -192,16 +193,7 @@ def main() -> None:
     start_jax()
     fits: dict[str, Fit] = {}
     for quantity in QUANTITIES:
-        print(f"{quantity}\n  {'form':30s}     lnL  free     AIC")
-        for title, form in FORMS.items():
-            try:
-                tried = fit(quantity, form, restricted=False)
-            except RuntimeError as error:
-                print(f"  {title:30s} no maximum: {error}")
-                continue
-            aic = 2 * tried.n_free - 2 * tried.log_likelihood
-            numbers = f"{tried.log_likelihood:7.2f} {tried.n_free:5d} {aic:7.1f}"
-            print(f"  {title:30s} {numbers}")
+        print_forms(quantity, FORMS, fit)
         curve = (fits.setdefault(quantity, fit(quantity, ADOPTED))).curve
         sds = np.sqrt(np.diag(curve.covariance))
         for name, value, sd in zip(COEFFICIENTS, curve.coefficients, sds, strict=True):

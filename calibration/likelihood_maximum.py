@@ -1,6 +1,6 @@
 """The maximum of a marginal likelihood over scatters, with its curve's coefficients."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
 import jax.numpy as jnp
@@ -26,6 +26,28 @@ class Maximum(NamedTuple):
     covariance: np.ndarray
     log_likelihood: float
     log_posterior: float
+
+
+def print_forms(
+    quantity: str, forms: Mapping[str, Any], fit: Callable[..., Any]
+) -> None:
+    """Print how likely each form of a curve makes the recordings, and its AIC.
+
+    Args:
+        quantity: Its name in observation files.
+        forms: What is fitted, by title.
+        fit: Fits the quantity by a form; unrestricted, for AIC.
+    """
+    print(f"{quantity}\n  {'form':30s}     lnL  free     AIC")
+    for title, form in forms.items():
+        try:
+            tried = fit(quantity, form, restricted=False)
+        except RuntimeError as error:
+            print(f"  {title:30s} no maximum: {error}")
+            continue
+        aic = 2 * tried.n_free - 2 * tried.log_likelihood
+        numbers = f"{tried.log_likelihood:7.2f} {tried.n_free:5d} {aic:7.1f}"
+        print(f"  {title:30s} {numbers}")
 
 
 def likelihood_maximum(

@@ -1,5 +1,6 @@
 """Blasts by the laws, many at a time, for templates: the one file here with JAX."""
 
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike, Float
 
@@ -7,7 +8,8 @@ from jblast.kept_programs import kept
 from jblast.types import as_float_arrays
 from jblast.waves.laws.shock_kinematics.positive_phase import shock_kinematics_impulse
 from jblast.waves.waveform.blast_pressure import blast_pulse
-from jblast.waves.waveform.pulse import Pulse, pulse_mean, pulse_of
+from jblast.waves.waveform.pulse import Pulse, pulse_of
+from jblast.waves.waveform.pulse_samples import pulse_samples
 from jblast.waves.waveform.rise_time import weak_shock_rise_time
 
 
@@ -47,15 +49,13 @@ def pulses_by_law(
 
 
 @kept
-def pulse_samples(
-    pulses: Pulse, edges: Float[ArrayLike, " edge"]
-) -> Float[Array, "pulse sample"]:
-    """Return the mean of each pulse between neighbouring edges [Pa].
+def sampled(pulses: Pulse, rate_hz: float, count: int) -> Float[Array, "pulse sample"]:
+    """Return the mean of each pulse over each of some samples from its front on [Pa].
 
     Args:
-        pulses: One or more.
-        edges: From the front on [s].
+        pulses: One or more, whose fronts land at time zero.
+        rate_hz: Samples a second.
+        count: How many samples.
     """
-    (edges,) = as_float_arrays(edges)
-    columns = Pulse(*(field[:, None] for field in pulses))
-    return pulse_mean(columns, edges[None, :-1], edges[None, 1:])
+    start = jnp.zeros((), pulses.peak.dtype)
+    return jax.vmap(lambda pulse: pulse_samples(pulse, start, rate_hz, count))(pulses)

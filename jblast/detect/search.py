@@ -16,7 +16,7 @@ import numpy as np
 from jaxtyping import Float
 
 from jblast.detect.kernel import MatchedKernel
-from jblast.detect.matched_filter import matched_filter
+from jblast.detect.matched_filter import Filtered, matched_filter
 from jblast.detect.peaks import Detection, PeakPicker, detections
 from jblast.detect.stream import BLOCK_S, LEARN_S, Stream, stream
 from jblast.detect.threshold import FALSE_ALARMS_PER_HOUR, in_decibels, threshold_for
@@ -99,12 +99,13 @@ def search(
     Raises:
         InputError: Template or recording cannot be used.
     """
-    noise = quiet_noise(
+    noise, filtered = _quieted(
         channel.samples, template, channel.rate_hz, false_alarms_per_hour
     )
-    filtered = matched_filter(
-        channel.samples, template, channel.rate_hz, noise_spectrum=noise
-    )
+    if filtered is None:
+        filtered = matched_filter(
+            channel.samples, template, channel.rate_hz, noise_spectrum=noise
+        )
     kernel = filtered.kernel
     threshold = threshold_for(kernel, false_alarms_per_hour)
     settles = PeakPicker(kernel, threshold).settles
@@ -140,6 +141,16 @@ def quiet_noise(
     Raises:
         InputError: Template or recording cannot be used.
     """
+    return _quieted(samples, template, rate_hz, false_alarms_per_hour)[0]
+
+
+def _quieted(
+    samples: Float[np.ndarray, " sample"],
+    template: Float[np.ndarray, " tap"],
+    rate_hz: float,
+    false_alarms_per_hour: float,
+) -> tuple[NoiseSpectrum, Filtered | None]:
+    """Return that noise, and what was heard in it where that is all of the noise."""
     noise = noise_spectrum(samples, rate_hz)
     filtered = matched_filter(samples, template, rate_hz, noise_spectrum=noise)
     threshold = threshold_for(filtered.kernel, false_alarms_per_hour)
@@ -149,8 +160,8 @@ def quiet_noise(
         stop = int(found.time_s * rate_hz) + LENGTHS * template.size
         quiet[start:stop] = False
     if quiet.all() or quiet.mean() < LEAST_QUIET:
-        return noise
-    return noise_spectrum(samples[quiet], rate_hz)
+        return noise, filtered
+    return noise_spectrum(samples[quiet], rate_hz), None
 
 
 def search_as_stream(

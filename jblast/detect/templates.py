@@ -103,7 +103,7 @@ def blast_templates(
         sound_speed_m_s: Of the air [m/s].
         burst: "surface" or "free-air".
     """
-    from jblast.detect.law_pulses import pulse_samples, pulses_by_law
+    from jblast.detect.law_pulses import pulses_by_law, sampled
 
     rate_hz = checked_positive("rate_hz", rate_hz, "Hz")
     mass, distance = (np.asarray(part, float) for part in (masses_kg, ranges_m))
@@ -126,6 +126,6 @@ def blast_templates(
         )
     counts = np.ceil(whole_s * rate_hz).astype(int)
     # a program for each power of two, not for each length
-    edges = np.arange(2 ** int(counts.max() - 1).bit_length() + 1) / rate_hz
-    rows = np.asarray(pulse_samples(pulses, edges), float)
+    longest = 2 ** int(counts.max() - 1).bit_length()
+    rows = np.asarray(sampled(pulses, rate_hz, longest), float)
     return [checked_template(row[:n]) for row, n in zip(rows, counts, strict=True)]

@@ -11,44 +11,13 @@ from collections.abc import Mapping
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from jblast.errors import InputError, nearest
-from jblast.registry import names_for
 from jblast.scene import Air, Scene
+from jblast.sensors.arrivals.laws import DEFAULT_GROUND_LAWS
 from jblast.sensors.layout import Layout
 from jblast.sensors.record import record
 from jblast.waves.propagation.ambient import ambient, sound_speed_of
 from jblast.waves.propagation.atmosphere import air_density
 from jblast.waves.waveform.ground_pulse import GroundPulse, ground_pulse_of
-
-DEFAULT_GROUND_LAWS = {
-    "ground_arrival_s": "wu_hao",
-    "ground_displacement_m": "ground_motion",
-    "ground_peak_velocity_m_s": "ground_motion",
-}
-"""What decides a wave in the ground, and the laws where nothing is said."""
-
-
-def ground_laws(scene: Scene, laws: Mapping[str, str] | None = None) -> dict[str, str]:
-    """Return the law of each quantity: as told, else as the scene says, else these.
-
-    Args:
-        scene: Its `law`; "auto" there leaves a quantity to `DEFAULT_GROUND_LAWS`.
-        laws: By quantity; quantities that no ground wave needs are not looked at.
-
-    Raises:
-        InputError: A law of that name does not give its quantity.
-    """
-    told = {**dict(scene.law), **(laws or {})}
-    found = {}
-    for quantity, default in DEFAULT_GROUND_LAWS.items():
-        name = told.get(quantity, "auto")
-        found[quantity] = default if name == "auto" else name
-        if found[quantity] not in (known := names_for(quantity)):
-            raise InputError(
-                f"law of {quantity}: expected one of {', '.join(known)}, got "
-                f"{name!r}{nearest(name, known)}"
-            )
-    return found
 
 
 def ground_waves(

@@ -10,7 +10,6 @@ from jaxtyping import Array, ArrayLike, Float
 
 from jblast.errors import InputError
 from jblast.scene import Scene
-from jblast.sensors.arrivals.ground_wave import ground_laws
 from jblast.sensors.arrivals.laws import record_laws
 from jblast.sensors.arrivals.meeting import meeting_waves, passing
 from jblast.sensors.arrivals.track import Track
@@ -53,9 +52,7 @@ def heard(
     Example:
         `jblast.sensors.heard(jblast.Scene(), [20.0, 0.0, 1.5])[0].pulse.peak`
     """
-    named = record_laws(scene, laws)
-    if ground:
-        named |= ground_laws(scene, laws)
+    named = record_laws(scene, laws, ground=ground)
     if isinstance(place, Track):
         _check_speed(scene, place)
     else:

@@ -1,6 +1,7 @@
 """The overpressure at a place over time: of every wave that comes there, together."""
 
 from collections.abc import Mapping, Sequence
+from typing import TypeVar
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -11,7 +12,6 @@ from jaxtyping import Array, ArrayLike, Float
 from jblast.errors import InputError
 from jblast.scene import Scene
 from jblast.sensors.arrivals.air_waves import peak_at
-from jblast.sensors.arrivals.ground_wave import ground_laws
 from jblast.sensors.arrivals.heard import Place, place_of, waves_for
 from jblast.sensors.arrivals.laws import record_laws
 from jblast.sensors.arrivals.meeting import phase
@@ -25,6 +25,8 @@ from jblast.waves.waveform.ground_pulse import (
 )
 from jblast.waves.waveform.pulse import Pulse, pulse_mean
 from jblast.waves.waveform.pulse_samples import pulse_samples
+
+AnyPulse = TypeVar("AnyPulse", bound=Pulse | GroundPulse)
 
 
 def overpressure(
@@ -64,9 +66,7 @@ def overpressure(
     edges = as_float_array(edges)
     place = place if isinstance(place, Track) else place_of(place)
     _check_edges(edges)
-    named = record_laws(scene, laws)
-    if ground:
-        named |= ground_laws(scene, laws)
+    named = record_laws(scene, laws, ground=ground)
     return _overpressure(
         low_charges_settled(scene), place, edges, named, reflection, ground, sound
     )
@@ -99,9 +99,7 @@ def even_overpressure(
         InputError: A law is not known, or the place is none.
     """
     place = place_of(place)
-    named = record_laws(scene, laws)
-    if ground:
-        named |= ground_laws(scene, laws)
+    named = record_laws(scene, laws, ground=ground)
     scene, start = low_charges_settled(scene), as_float_array(start)
     return _even(scene, place, start, rate, count, named, reflection, ground)
 
@@ -112,9 +110,7 @@ def _even(scene, place, start, rate, count, laws, reflection, ground):
     for wave in waves_for(scene, place, laws, reflection, ground):
         if wave.kind == "ground":
             edges = jnp.arange(count + 1, dtype=start.dtype) / rate
-            now = wave.pulse.arrival_time
-            now = jnp.where(jnp.isposinf(now), now, now - start)
-            pulse = wave.pulse._replace(arrival_time=now)
+            pulse = counted_from(wave.pulse, start)
             total = total + wave_mean(pulse, edges[:-1], edges[1:])
         else:
             total = total + pulse_samples(wave.pulse, start, rate, count)
@@ -173,6 +169,22 @@ def mean_since(
     """
     now = jnp.zeros((), since.dtype)
     return wave_mean(pulse._replace(arrival_time=now), since[:-1], since[1:])
+
+
+def counted_from(pulse: AnyPulse, *times: Float[Array, ""]) -> AnyPulse:
+    """Return a pulse whose arrival is counted from later.
+
+    Subtracted one by one, so that single precision keeps a sample apart from the next.
+
+    Args:
+        pulse: Its arrival infinite: never.
+        times: Whose sum is where the new clock begins, on its old one [s].
+    """
+    arrival = pulse.arrival_time
+    for time in times:
+        # of what never arrives the slope by time is zero, not NaN
+        arrival = jnp.where(jnp.isposinf(arrival), arrival, arrival - time)
+    return pulse._replace(arrival_time=arrival)
 
 
 def wave_mean(

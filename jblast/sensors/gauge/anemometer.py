@@ -23,8 +23,8 @@ from jaxtyping import Array, ArrayLike, Float, Int, Key
 
 from jblast.errors import InputError, shown
 from jblast.scene import Scene, Sensor
-from jblast.sensors.arrivals.air_waves import Heard
 from jblast.sensors.arrivals.heard import heard
+from jblast.sensors.arrivals.way import Heard
 from jblast.sensors.gauge.mounted import (
     Mounted,
     check_kind,
@@ -43,6 +43,7 @@ from jblast.sensors.signal.blocks import (
 from jblast.sensors.signal.chain import chain_block
 from jblast.waves.propagation.ambient import ambient, sound_speed_of
 from jblast.waves.propagation.atmosphere import air_density
+from jblast.waves.shock.rankine_hugoniot import plane_wave_wind
 from jblast.waves.waveform.pulse import Pulse, pulse_mean
 
 
@@ -211,7 +212,7 @@ def _block(
     for gust in axis.gusts:
         pulse = seen_in_block(gust.pulse, gauge, index)
         x = pulse_mean(pulse, edges[:-1], edges[1:]) / gust.ambient_pressure
-        plane = 5.0 / 7.0 * gust.sound_speed * x / jnp.sqrt(1.0 + 6.0 / 7.0 * x)
+        plane = plane_wave_wind(x, gust.sound_speed)
         middle = 0.5 * (edges[:-1] + edges[1:]) - pulse.arrival_time
         wind = wind + plane + gust.afterflow * _impulse_until(pulse, middle)
     return chain_block(gauge.chain, state, index, wind)

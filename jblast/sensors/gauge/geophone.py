@@ -14,7 +14,8 @@ import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike, Float, Int, Key
 
 from jblast.scene import Scene, Sensor
-from jblast.sensors.arrivals.ground_wave import ground_laws, ground_waves
+from jblast.sensors.arrivals.ground_wave import ground_waves
+from jblast.sensors.arrivals.laws import ground_laws
 from jblast.sensors.gauge.mounted import (
     Mounted,
     check_kind,

@@ -1,6 +1,6 @@
 """What all gauges share: that they are of a kind, stand somewhere and have a clock."""
 
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -10,13 +10,10 @@ from jaxtyping import Array, ArrayLike, Float, Int, Key
 
 from jblast.errors import InputError, shown
 from jblast.scene import Instrument, Sensor
+from jblast.sensors.arrivals.overpressure import AnyPulse, counted_from
 from jblast.sensors.signal.blocks import BLOCK, block_start
 from jblast.sensors.signal.chain import Chain, chain_start, instrument_chain
 from jblast.types import as_float_array
-from jblast.waves.waveform.ground_pulse import GroundPulse
-from jblast.waves.waveform.pulse import Pulse
-
-Wave = TypeVar("Wave", Pulse, GroundPulse)
 
 
 class Mounted(NamedTuple):
@@ -78,13 +75,7 @@ def edges_of(rate: float) -> Float[Array, " edge"]:
     return jnp.arange(BLOCK + 1, dtype=float) / rate
 
 
-def seen_in_block(wave: Wave, gauge: Mounted, index: Int[Array, ""]) -> Wave:
-    """Return a wave whose arrival, on the common clock, counts from a block's start.
-
-    Subtracted one by one, so that single precision keeps a sample apart from the next.
-    """
-    arrival = wave.arrival_time
-    for time in (gauge.begin, *block_start(index, gauge.chain.instrument.rate)):
-        # of what never arrives the slope by time is zero, not NaN
-        arrival = jnp.where(jnp.isposinf(arrival), arrival, arrival - time)
-    return wave._replace(arrival_time=arrival)
+def seen_in_block(wave: AnyPulse, gauge: Mounted, index: Int[Array, ""]) -> AnyPulse:
+    """Return a wave whose arrival, on the common clock, counts from a block's start."""
+    since = block_start(index, gauge.chain.instrument.rate)
+    return counted_from(wave, gauge.begin, *since)

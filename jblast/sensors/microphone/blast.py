@@ -20,7 +20,7 @@ from jblast.scene import Scene
 from jblast.sensors.arrivals.air_waves import peak_at
 from jblast.sensors.arrivals.heard import heard
 from jblast.sensors.arrivals.laws import record_laws
-from jblast.sensors.arrivals.overpressure import wave_mean
+from jblast.sensors.arrivals.overpressure import counted_from, wave_mean
 from jblast.sensors.arrivals.recorded_sound import RecordedSound
 from jblast.sensors.arrivals.track import Track
 from jblast.sensors.arrivals.way import Heard
@@ -64,11 +64,8 @@ class BlastWave(NamedTuple):
     scale: Float[Array, ""] | None = None
 
     def later(self, *times: Float[Array, ""]) -> "BlastWave":
-        """Return it with its arrival counted from later, times subtracted singly."""
-        arrival = self.pulse.arrival_time
-        for time in times:  # of what never arrives the slope by time is zero, not NaN
-            arrival = jnp.where(jnp.isposinf(arrival), arrival, arrival - time)
-        return self._replace(pulse=self.pulse._replace(arrival_time=arrival))
+        """Return it with its arrival counted from later."""
+        return self._replace(pulse=counted_from(self.pulse, *times))
 
 
 def blast_waves(

@@ -71,8 +71,20 @@ def blast_wind(
     p, ambient, sound = as_float_arrays(
         peak_overpressure, ambient_pressure, sound_speed
     )
-    relative = p / ambient
-    return 5.0 / 7.0 * sound * relative / jnp.sqrt(1.0 + 6.0 / 7.0 * relative)
+    return plane_wave_wind(p / ambient, sound)
+
+
+def plane_wave_wind(
+    overpressure: Float[Array, "..."], sound_speed: Float[Array, "..."]
+) -> Float[Array, "..."]:
+    r"""Return $5 c_0 x/(7\sqrt{1 + 6x/7})$ [m/s] of any $x$: suctions draw it back.
+
+    Args:
+        overpressure: $x = p/P_0$ [-], above -7/6.
+        sound_speed: $c_0$, or its share along an axis [m/s].
+    """
+    steep = jnp.sqrt(1.0 + 6.0 / 7.0 * overpressure)
+    return 5.0 / 7.0 * sound_speed * overpressure / steep
 
 
 @checked

@@ -12,7 +12,7 @@ import jblast
 from jblast.errors import InputError
 from jblast.scene import Air, Charge, Instrument, Scene, Sensor
 from jblast.sensors import RecordedSound, Track, microphone
-from jblast.sensors.arrivals.ground_wave import DEFAULT_GROUND_LAWS
+from jblast.sensors.arrivals.laws import DEFAULT_GROUND_LAWS
 from jblast.sensors.microphone import Ways
 from jblast.waves.propagation.absorption_filter import absorb
 

@@ -46,6 +46,7 @@ from jblast.constants import STANDARD_PRESSURE, STANDARD_SOUND_SPEED
 from jblast.waves.curves.hermite import HermiteCurve
 from jblast.waves.curves.log_spline import natural_log_spline
 from jblast.waves.scaling import log_scaled_distance, sachs_time_factor
+from jblast.waves.shock.rankine_hugoniot import plane_wave_wind
 from jblast.waves.waveform.blast_pressure import blast_pulse
 
 FIRST, LAST = 0.07, 1000.0
@@ -209,8 +210,7 @@ def wind_speed(wave: Wave, since_s: Float[Array, "..."]) -> Float[Array, "..."]:
     square = s * s
     negative = 6.75 * (square / 2 - 2 / 3 * s * square + square * square / 4)
     impulse = positive - wave.suction * wave.suction_s * negative
-    pressure = overpressure(wave, since_s)
-    plane = 5 / 7 * wave.sound_speed_m_s * pressure / jnp.sqrt(1 + 6 / 7 * pressure)
+    plane = plane_wave_wind(overpressure(wave, since_s), wave.sound_speed_m_s)
     return plane + wave.afterflow_m_s2 * impulse
 
 
