@@ -67,7 +67,7 @@ COMPILE = $(BIN)/uv pip compile --quiet --universal --python-version 3.11 --gene
 lock: .venv/run
 	echo uv | $(COMPILE) - --output-file .ci/setup.lock
 	$(COMPILE) pyproject.toml --group build --output-file .ci/run.lock
-	$(COMPILE) pyproject.toml --group build --group dev --constraint .ci/run.lock --output-file .ci/dev.lock
+	$(COMPILE) pyproject.toml --all-extras --group build --group dev --constraint .ci/run.lock --output-file .ci/dev.lock
 	$(COMPILE) pyproject.toml --group build --group docs --constraint .ci/dev.lock --output-file .ci/docs.lock
 
 bench-start:

@@ -1,4 +1,4 @@
-"""What `jblast` can do: the verbs, in groups; each is a module beside this one.
+"""What `jblast` can do: the verbs, in groups; a group is a folder, a verb its module.
 
 A table, so that help and one verb need not import the others.
 """
@@ -13,7 +13,7 @@ class Verb(NamedTuple):
 
     Attributes:
         name: What is typed, and the module's name.
-        group: Under which heading the help lists it: one of `GROUPS`.
+        group: Under which heading the help lists it, one of `GROUPS`; its folder.
         help: What it does, in a line.
     """
 
@@ -23,23 +23,18 @@ class Verb(NamedTuple):
 
     def module(self) -> ModuleType:
         """Import what takes its words (`add_arguments`) and does it (`run`)."""
-        return import_module(f"jblast.cli.verbs.{self.name}")
+        return import_module(f"jblast.cli.verbs.{self.group}.{self.name}")
 
 
 GROUPS = {
-    "measure": "what the laws say, and a scene to start from",
+    "prepare": "from what recorders wrote to a log, and a scene to start from",
     "infer": "what a blast was, and what could be told",
     "simulate": "what would be recorded, filmed and flown through",
-    "check": "which method will do, what it costs, where it breaks",
+    "measure": "what the laws say; which method will do, its cost, where it breaks",
 }
 
 VERBS = (
-    Verb(
-        "calc",
-        "measure",
-        "calculate a blast by every law, or the range or mass for a value",
-    ),
-    Verb("scene", "measure", "write a commented starter scene for a log"),
+    Verb("scene", "prepare", "write a commented starter scene for a log"),
     Verb("fit", "infer", "fit a blast to a log of sensor readings"),
     Verb("detect", "infer", "find a bang in recordings of sound, and when it came"),
     Verb("bound", "infer", "say what a planned layout of sensors could tell"),
@@ -65,9 +60,18 @@ VERBS = (
         "simulate",
         "fly a scene's vehicle through its blasts: deviation, recovery, who flies on",
     ),
-    Verb("choose", "check", "name the cheapest method that is good enough for a scene"),
-    Verb("chart", "check", "chart speed against accuracy, measured on this machine"),
     Verb(
-        "stability", "check", "measure where each method breaks, and what is done there"
+        "calc",
+        "measure",
+        "calculate a blast by every law, or the range or mass for a value",
+    ),
+    Verb(
+        "choose", "measure", "name the cheapest method that is good enough for a scene"
+    ),
+    Verb("chart", "measure", "chart speed against accuracy, measured on this machine"),
+    Verb(
+        "stability",
+        "measure",
+        "measure where each method breaks, and what is done there",
     ),
 )

@@ -9,7 +9,13 @@ import pytest
 from PIL import Image
 
 from jblast.sensors.camera.files import png as png_files
-from tests.cli.verbs.render.scenes import AWAY, CAMERA, CHARGE, refused, rendered
+from tests.cli.verbs.simulate.render.scenes import (
+    AWAY,
+    CAMERA,
+    CHARGE,
+    refused,
+    rendered,
+)
 
 SENSOR = """[[sensor]]
 name = "a"

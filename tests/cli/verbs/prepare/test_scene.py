@@ -7,7 +7,7 @@ from jblast.observations import read, starter_scene
 from jblast.scene import read_scene
 from tests.cli.cli_files import HEADER, TWO
 
-DATA = Path(__file__).parents[3] / "calibration" / "data"
+DATA = Path(__file__).parents[4] / "calibration" / "data"
 SOURCE_TABLES = {
     "acoustic_ford2021",
     "charge_200g_incident_2m",

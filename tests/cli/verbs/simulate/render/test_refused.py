@@ -7,7 +7,13 @@ from PIL import Image
 
 from jblast.sensors.camera import film
 from jblast.sensors.camera.files import png as png_files
-from tests.cli.verbs.render.scenes import AWAY, CAMERA, CHARGE, refused, rendered
+from tests.cli.verbs.simulate.render.scenes import (
+    AWAY,
+    CAMERA,
+    CHARGE,
+    refused,
+    rendered,
+)
 
 
 def without(key: str) -> str:

@@ -7,7 +7,7 @@ import pytest
 
 import jblast as front
 from jblast.observations import read
-from tests.cli.verbs.detect.sounds import recording, template, write
+from tests.cli.verbs.infer.detect.sounds import recording, template, write
 
 PLACES = np.array([[60.0, 0, 1.5], [-20, 70, 1.5], [-50, -40, 1.5], [30, -80, 1.5]])
 CHARGE, MASS, BEGAN = np.array([12.0, -7.0, 0.0]), 5.0, 1.5

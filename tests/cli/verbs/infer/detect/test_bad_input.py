@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tests.cli.verbs.detect.sounds import RATE, recording, template, write
+from tests.cli.verbs.infer.detect.sounds import RATE, recording, template, write
 
 
 @pytest.fixture

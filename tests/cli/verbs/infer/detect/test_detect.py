@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import soundfile
 
-from tests.cli.verbs.detect.sounds import RATE, pulse, recording, template, write
+from tests.cli.verbs.infer.detect.sounds import RATE, pulse, recording, template, write
 
 KEYS = ("schema", "detected", "arrivals", "threshold_snr_db", "latency_s")
 

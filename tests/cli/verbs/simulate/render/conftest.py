@@ -3,7 +3,7 @@
 import pytest
 
 from tests.cli.cli_files import Command
-from tests.cli.verbs.render.scenes import CAMERA, CHARGE
+from tests.cli.verbs.simulate.render.scenes import CAMERA, CHARGE
 
 
 @pytest.fixture

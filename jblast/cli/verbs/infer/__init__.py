@@ -1,0 +1,1 @@
+"""What a blast was, and what could be told."""

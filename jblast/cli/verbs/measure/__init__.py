@@ -1,0 +1,1 @@
+"""What the laws say, and how well a method does."""

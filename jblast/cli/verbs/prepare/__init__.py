@@ -1,0 +1,1 @@
+"""From what recorders wrote to a log, and a scene to start from."""

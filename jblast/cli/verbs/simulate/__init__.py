@@ -1,0 +1,1 @@
+"""What would be recorded, filmed and flown through."""
