@@ -1,0 +1,1 @@
+"""Where the charge stood: how far off the answer may be, and how far its shock went."""

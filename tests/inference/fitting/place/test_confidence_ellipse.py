@@ -1,0 +1,122 @@
+"""Ellipses of draws: what they hold, how long they are, which way they point."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, strategies as st
+from scipy.stats import chi2
+
+from jblast.inference.fitting.place.confidence_ellipse import (
+    charge_ellipse,
+    confidence_ellipse,
+    place_draws,
+)
+from tests.report.example import three_parameters
+
+RNG = np.random.default_rng(4)
+
+
+def draws_of(major, minor, azimuth_deg, count=40_000, centre=(300.0, -20.0)):
+    """Normal draws, their sd along and across an azimuth."""
+    turn = np.deg2rad(azimuth_deg)
+    along = np.array([np.sin(turn), np.cos(turn)])
+    across = np.array([np.cos(turn), -np.sin(turn)])
+    z = RNG.standard_normal((count, 2)) * [major, minor]
+    return (np.array(centre) + z @ np.stack([along, across])).T
+
+
+@pytest.mark.parametrize("share", [0.5, 0.9])
+@pytest.mark.parametrize("azimuth", [0.0, 30.0, 90.0, 150.0])
+def test_of_normal_draws_it_is_as_long_as_chi_squared_says(share, azimuth):
+    east, north = draws_of(12.0, 3.0, azimuth)
+    found = confidence_ellipse(east, north, share)
+    length = np.sqrt(chi2.ppf(share, 2))
+    # 40,000 draws know a quantile of d to 0.5 %, an sd to 0.4 %: four of both
+    assert found.major == pytest.approx(12.0 * length, rel=0.03)
+    assert found.minor == pytest.approx(3.0 * length, rel=0.03)
+    off = (found.azimuth_deg - azimuth + 90.0) % 180.0 - 90.0
+    assert abs(off) < 0.6  # sd of the azimuth: 0.076 degrees
+    assert (found.east, found.north) == pytest.approx((300.0, -20.0), abs=0.3)
+
+
+def test_ninety_percent_is_the_quantile_that_tables_print():
+    assert chi2.ppf(0.9, 2) == pytest.approx(4.605, abs=5e-4)
+    east, north = draws_of(1.0, 1.0, 0.0, 200_000)
+    assert confidence_ellipse(east, north).major ** 2 == pytest.approx(4.605, rel=0.02)
+
+
+def shapes(kind, count):
+    """Draws that no normal density makes."""
+    turn = RNG.normal(0.0, 0.8, count)
+    radius = 100.0 + RNG.normal(0.0, 2.0, count)
+    return {
+        "banana": np.stack([radius * np.sin(turn), radius * np.cos(turn)]),
+        "tails": RNG.standard_t(3, (2, count)) * np.array([[5.0], [1.0]]),
+        "two heaps": RNG.normal(0, 1, (2, count)) + 20.0 * (RNG.random(count) < 0.5),
+    }[kind]
+
+
+@pytest.mark.parametrize("share", [0.5, 0.9])
+@pytest.mark.parametrize("kind", ["banana", "tails", "two heaps"])
+def test_it_holds_its_share_of_draws_of_any_shape(kind, share):
+    east, north = shapes(kind, 8000)
+    found = confidence_ellipse(east, north, share)
+    assert found.holds(east, north).mean() == pytest.approx(share, abs=2e-3)
+
+
+@given(
+    far=st.floats(-1e6, 1e6),
+    size=st.floats(1e-3, 1e4),
+    share=st.floats(0.01, 0.99),
+    seed=st.integers(0, 99),
+)
+def test_it_moves_and_grows_with_the_draws(far, size, share, seed):
+    one = np.random.default_rng(seed).normal(0.0, [[2.0], [1.0]], (2, 200))
+    here = confidence_ellipse(one[0], one[1], share)
+    there = confidence_ellipse(far + size * one[0], far + size * one[1], share)
+    # a place of 1e6 m is held to 1e-10 m: a millionth of the smallest ellipse
+    assert there.major == pytest.approx(size * here.major, rel=1e-5)
+    assert there.minor == pytest.approx(size * here.minor, rel=1e-5)
+    assert there.east == pytest.approx(far + size * here.east, abs=1e-6 + 1e-6 * size)
+
+
+def test_its_outline_goes_anticlockwise_around_what_it_holds():
+    found = confidence_ellipse(*draws_of(12.0, 3.0, 70.0))
+    x, y = (found.outline() - [found.east, found.north]).T
+    area = 0.5 * np.sum(x * np.roll(y, -1) - y * np.roll(x, -1))
+    # of 72 corners, 0.13 % less than the ellipse's
+    assert area == pytest.approx(np.pi * found.major * found.minor, rel=2e-3)
+    assert found.holds(x * 0.999 + found.east, y * 0.999 + found.north).all()
+    assert not found.holds(x * 1.001 + found.east, y * 1.001 + found.north).any()
+
+
+def test_one_coordinate_alone_has_a_length_and_no_width():
+    east = RNG.normal(5.0, 2.0, 20_000)
+    found = confidence_ellipse(east, np.full(east.size, 7.0))
+    assert found.minor == 0.0
+    assert found.azimuth_deg == pytest.approx(90.0)
+    # 1.645 sd either way, of one normal number; quantiles of 20,000 draws to 1.5 %
+    assert found.major == pytest.approx(2.0 * 1.645, rel=0.04)
+    assert found.holds(east, np.full(east.size, 7.0)).mean() == pytest.approx(0.9, 2e-3)
+
+
+def with_place(**draws):
+    fit = three_parameters()
+    asked = ("charge_east_m", "charge_north_m")
+    summary = replace(fit.summary, free=(*fit.summary.free, *asked))
+    return replace(fit, summary=summary, draws={**fit.draws, **draws})
+
+
+def test_a_fit_tells_its_ellipse_where_both_coordinates_are_told():
+    east, north = draws_of(12.0, 3.0, 30.0, 2000)
+    fit = with_place(charge_east_m=east, charge_north_m=north)
+    assert charge_ellipse(fit) == confidence_ellipse(east, north)
+
+
+def test_a_place_that_was_given_or_cannot_be_told_has_no_ellipse():
+    assert charge_ellipse(three_parameters()) is None
+    east = RNG.normal(0.0, 1.0, 100)
+    assert place_draws(with_place(charge_east_m=east)) is None
+    spoilt = np.where(np.arange(100) == 3, np.nan, east)
+    assert place_draws(with_place(charge_east_m=east, charge_north_m=spoilt)) is None
