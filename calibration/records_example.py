@@ -1,0 +1,73 @@
+"""Ten records to try `jblast pick` and `jblast fit RECORDS/` on.
+
+    python -m calibration.records_example
+
+writes `calibration/data/records_example`: what ten pressure gauges about 15 kg of TNT
+would record, 50 to 250 m away, by the laws that `jblast listen` takes for the scene
+`calibration/data/records_example_truth.toml`, with white noise (seed 20). Each is kept
+as a triggered recorder keeps it: from 25 ms before the front to 90 ms after it, on the
+clock that all of them share. All is simulated, and says so.
+"""
+
+from pathlib import Path
+
+import numpy as np
+
+from jblast.cli.jax_start import start_jax
+from jblast.files import write_text
+from jblast.report.listen.document import CLOCK
+from jblast.report.listen.files import provenance
+from jblast.report.tables import comma_separated
+from jblast.scene import read_scene
+from jblast.sensors.listening.plan import Listening, instrument_of, plan
+from jblast.sensors.listening.recorders import packets
+
+DATA = Path(__file__).parent / "data"
+TRUTH, FOLDER = DATA / "records_example_truth.toml", DATA / "records_example"
+SEED = 20
+BEFORE_S, AFTER_S = 0.025, 0.09
+
+
+def record_csv(listening: Listening, number: int) -> str:
+    """Return one gauge's record about its front, as CSV with its provenance."""
+    sensor = listening.sensors[number]
+    (samples,) = packets(listening, sensor)
+    rate_hz = instrument_of(sensor).rate
+    arrival = float(listening.truth.values["air_arrival_s"][number, 0])
+    first = int((arrival - BEFORE_S) * rate_hz)
+    stretch = samples[first : first + round((BEFORE_S + AFTER_S) * rate_hz), 0]
+    times = (first + np.arange(stretch.size)) / rate_hz
+    rows = [
+        [f"{t:.5f}", f"{p:.1f}"]
+        for t, p in zip(times.tolist(), stretch.tolist(), strict=True)
+    ]
+    comments = [
+        *(line for line in provenance(listening, TRUTH.name, SEED) if line != CLOCK),
+        "cut from 25 ms before the front to 90 ms after it; one clock for all gauges",
+    ]
+    head = "".join(f"# {line}\n" for line in comments)
+    return head + comma_separated([["time_s", "overpressure_pa"], *rows])
+
+
+def stations_csv(listening: Listening) -> str:
+    """Return where the gauges stood."""
+    rows = [
+        [sensor.name, *(f"{x:g}" for x in np.asarray(sensor.position).tolist())]
+        for sensor in listening.sensors
+    ]
+    head = "# SIMULATED, not measured: where the gauges of records_example stood\n"
+    return head + comma_separated([["sensor", "east_m", "north_m", "up_m"], *rows])
+
+
+def main() -> None:
+    """Write the folder."""
+    start_jax(quick=True)
+    listening = plan(read_scene(TRUTH), SEED, None)
+    FOLDER.mkdir(exist_ok=True)
+    for number, sensor in enumerate(listening.sensors):
+        write_text(FOLDER / f"{sensor.name}.csv", record_csv(listening, number))
+    write_text(FOLDER / "STATIONS.csv", stations_csv(listening))
+
+
+if __name__ == "__main__":
+    main()
