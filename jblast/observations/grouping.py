@@ -11,9 +11,8 @@ from jaxtyping import Int
 from jblast.errors import InputError, argument, shown
 from jblast.observations.table import Observations
 
-PER_ROW = tuple(
-    f.name for f in fields(Observations) if f.name not in ("source", "comments")
-)
+OF_ALL = ("source", "comments", "frame", "epoch")
+PER_ROW = tuple(f.name for f in fields(Observations) if f.name not in OF_ALL)
 """Fields of a log that have one entry a row."""
 
 

@@ -1,10 +1,12 @@
 """What was measured: one row a measurement."""
 
 from dataclasses import dataclass
+from datetime import datetime
 
 import numpy as np
 from jaxtyping import Bool, Float
 
+from jblast.observations.places.frame import Frame
 from jblast.quantities import ADDITIVE, CLOCK_TIMES as CLOCK_TIMES, TIMES as TIMES
 from jblast.quantity_table import QUANTITIES as QUANTITIES
 
@@ -35,6 +37,8 @@ class Observations:
         lower_bound: Whether each value is a lower bound of what was measured, as the
             peak of a record that is clipped; None if none is. Its sigma is that of a
             reading of the value.
+        frame: Where on the Earth positions are counted from, if anybody said.
+        epoch: UTC of clock time zero, if anybody said.
     """
 
     sensor: tuple[str, ...]
@@ -51,6 +55,8 @@ class Observations:
     source: str = ""
     comments: tuple[str, ...] = ()
     lower_bound: Bool[np.ndarray, " row"] | None = None
+    frame: Frame | None = None
+    epoch: datetime | None = None
 
     def __len__(self) -> int:
         return len(self.value)
