@@ -11,7 +11,8 @@ from jaxtyping import Int
 from jblast.errors import InputError, argument, shown
 from jblast.observations.table import Observations
 
-OF_ALL = ("source", "comments", "frame", "epoch")
+OF_ALL = ("source", "comments", "frame", "epoch", "understood")
+"""Fields of a log that are of all its rows."""
 PER_ROW = tuple(f.name for f in fields(Observations) if f.name not in OF_ALL)
 """Fields of a log that have one entry a row."""
 
@@ -63,6 +64,7 @@ def one_event(logs: Sequence[Observations]) -> tuple[Observations, tuple[str, ..
             clock=(name,) * len(log),
             shot=("",) * len(log),
             lower_bound=log.bounds(),
+            record=log.records(),
         )
         for log, name in zip(logs, names, strict=True)
     ]
@@ -78,6 +80,7 @@ def one_event(logs: Sequence[Observations]) -> tuple[Observations, tuple[str, ..
         **joined,
         source=" + ".join(log.source for log in logs),
         comments=tuple(line for log in logs for line in log.comments),
+        understood=tuple(found for log in logs for found in log.understood),
     ), tuple(names[1:])
 
 

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 from jblast.errors import InputError, nearest, read_text, shown
 from jblast.observations.aliases import our_name
+from jblast.observations.faults import Faults
 from jblast.observations.rows import Rows
 from jblast.observations.table import (
     COLUMNS,
@@ -13,6 +14,7 @@ from jblast.observations.table import (
     POSITION,
     QUANTITIES,
     Observations,
+    no_rows,
 )
 from jblast.progress import counted, stages
 
@@ -22,20 +24,31 @@ MANY = 50_000
 """Lines between two reports of how far it is."""
 
 
-def read(path: str | os.PathLike[str]) -> Observations:
+def read(
+    path: str | os.PathLike[str],
+    *,
+    strict: bool = False,
+    wide: bool = False,
+    faults: list[InputError] | None = None,
+) -> Observations:
     """Read a tidy CSV of observations.
 
     Columns are `sensor,quantity,value,sigma`, then either `east_m,north_m,up_m` or
     `range_m`, or neither where the scene says where the sensor stands; `time_s`,
-    `path`, `shot` and `clock` may follow. Their order is free. Lines that begin with #
-    are comments. An empty sigma leaves the law's scatter alone. A value `>0.12` is a
-    lower bound: what was measured is no less.
+    `path`, `shot`, `clock` and `record` may follow. Their order is free. Lines that
+    begin with # are comments. An empty sigma leaves the law's scatter alone. A value
+    `>0.12` is a lower bound: what was measured is no less.
 
     Args:
         path: The file.
+        strict: Whether to take our own columns and units alone.
+        wide: Whether each quantity has a column of its own.
+        faults: Every fault is appended here, and reading goes on with the other rows
+            and columns; None: the first is raised.
 
     Returns:
-        The log: a row a measurement, in SI units.
+        The log: a row a measurement, in SI units. Where faults are gathered, of the
+        rows that have none; it may have no rows.
 
     Raises:
         InputError: The file is not as described; the message says where and how.
@@ -43,6 +56,17 @@ def read(path: str | os.PathLike[str]) -> Observations:
     Example:
         `observations = jblast.read("log.csv")`
     """
+    told = Faults(faults)
+    try:
+        return _read(path, told)
+    except InputError as fault:
+        if faults is None:
+            raise
+        faults.append(fault)
+        return no_rows(str(path))
+
+
+def _read(path: str | os.PathLike[str], faults: Faults) -> Observations:
     begin = stages(STAGES)
     begin("loading")
     text = read_text(path, "a CSV file of observations")
@@ -68,7 +92,7 @@ def read(path: str | os.PathLike[str]) -> Observations:
             "expected one measurement a row"
         )
     begin("checking columns")
-    rows = Rows(str(path), numbers[1:], header, records[1:])
+    rows = Rows(str(path), numbers[1:], header, records[1:], faults)
     return rows.observations(tuple(comments))
 
 

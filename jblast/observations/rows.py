@@ -7,7 +7,9 @@ import numpy as np
 
 from jblast.errors import InputError, nearest, shown
 from jblast.observations.aliases import our_name
-from jblast.observations.table import POSITION, QUANTITIES, Observations
+from jblast.observations.faults import Faults
+from jblast.observations.grouping import some_rows
+from jblast.observations.table import NAMED, POSITION, QUANTITIES, Observations
 from jblast.quantities import ADDITIVE, DIRECTIONS, TIMED
 
 AT_LEAST = ">"
@@ -23,14 +25,17 @@ class Rows:
         lines: Sequence[int],
         header: Sequence[str],
         records: Sequence[Sequence[str]],
+        faults: Faults,
     ):
         self.path = path
         self.lines = lines
+        self.faults = faults
+        self.sound = np.ones(len(records), bool)
         columns = [[field.strip() for field in column] for column in zip(*records)]  # noqa: B905 (checked widths)
         self.texts = dict(zip(header, columns, strict=True))
 
     def observations(self, comments: tuple[str, ...]) -> Observations:
-        """Check every column and put the table together."""
+        """Check every column and put the table together, of the rows that are sound."""
         sensor, quantity = self.text("sensor"), self.text("quantity")
         self.refuse(
             [not name for name in sensor], "sensor", lambda _: "a name, got nothing"
@@ -81,10 +86,12 @@ class Rows:
                 f"{self.texts['time_s'][row]} for {quantity[row]}"
             ),
         )
-        path, shot, clock = map(self.text, ("path", "shot", "clock"))
+        named = {name: self.text(name) for name in NAMED}
         numbers = np.column_stack([value, sigma, position, slant_range, time, bound])
-        self.duplicates(numbers, sensor, quantity, path, shot, clock)
-        return Observations(
+        self.duplicates(numbers, sensor, quantity, *named.values())
+        if not any(named["record"]):
+            named["record"] = ()
+        whole = Observations(
             sensor=sensor,
             quantity=quantity,
             value=value,
@@ -92,13 +99,17 @@ class Rows:
             position=position,
             slant_range=slant_range,
             time=time,
-            path=path,
-            shot=shot,
-            clock=clock,
+            path=named["path"],
+            shot=named["shot"],
+            clock=named["clock"],
+            record=named["record"],
             line=tuple(self.lines),
             source=self.path,
             comments=comments,
             lower_bound=bound if bound.any() else None,
+        )
+        return (
+            whole if self.sound.all() else some_rows(whole, np.flatnonzero(self.sound))
         )
 
     def bounds(self, in_ln: np.ndarray) -> np.ndarray:
@@ -148,20 +159,13 @@ class Rows:
 
     def quantities(self, quantity: tuple[str, ...]) -> None:
         """Refuse a quantity we do not know."""
-        for name in dict.fromkeys(quantity):
-            if name not in QUANTITIES:
-                row = quantity.index(name)
-                ours = our_name(name)
-                advice = (
-                    f"; ours is {ours[0]}: multiply by {ours[1]:g}"
-                    if ours
-                    else nearest(name, QUANTITIES)
-                )
-                raise InputError(
-                    f"{self.path}: line {self.lines[row]}, column quantity: unknown "
-                    f"quantity {shown(name)}{advice}; expected one of "
-                    f"{', '.join(QUANTITIES)}"
-                )
+        unknown = {name for name in set(quantity) if name not in QUANTITIES}
+        if unknown:
+            self.tell(
+                [name in unknown for name in quantity],
+                "quantity",
+                lambda row: _unknown(quantity[row]),
+            )
 
     def places(self, position: np.ndarray, slant_range: np.ndarray) -> None:
         """Refuse half a position, a position beside a range, and a range below zero."""
@@ -190,23 +194,38 @@ class Rows:
         # NaN is unequal to itself, so its bytes are compared instead (and -0 is 0).
         packed = [row.tobytes() for row in numbers + 0.0]
         first: dict[tuple[object, ...], int] = {}
-        for row, key in enumerate(zip(packed, *names, strict=True)):
-            if first.setdefault(key, row) != row:
-                raise InputError(
-                    f"{self.path}: line {self.lines[row]}: expected a new measurement, "
-                    f"got a duplicate of line {self.lines[first[key]]} in every column"
-                )
+        of = np.array(
+            [
+                first.setdefault(key, row)
+                for row, key in enumerate(zip(packed, *names, strict=True))
+            ]
+        )
+        self.refuse(
+            self.sound & (of != np.arange(len(of))),
+            "",
+            lambda row: (
+                "a new measurement, got a duplicate of line "
+                f"{self.lines[of[row]]} in every column"
+            ),
+        )
 
     def refuse(
         self, bad: np.ndarray | list[bool], column: str, expected: Callable[[int], str]
     ) -> None:
-        """Raise for the first bad row, saying what its column should hold."""
-        if np.any(bad):
-            row = int(np.argmax(bad))
-            raise InputError(
-                f"{self.path}: line {self.lines[row]}, column {column}: "
-                f"expected {expected(row)}"
-            )
+        """Tell each bad row, with what its column should hold: it is left out."""
+        self.tell(bad, column, lambda row: f"expected {expected(row)}")
+
+    def tell(
+        self, bad: np.ndarray | list[bool], column: str, said: Callable[[int], str]
+    ) -> None:
+        """Tell each bad row, in words of their own."""
+        if not np.any(bad):
+            return
+        at = f", column {column}" if column else ""
+        for row in map(int, np.flatnonzero(bad)):
+            self.sound[row] = False
+            where = f"{self.path}: line {self.lines[row]}{at}"
+            self.faults.tell(InputError(f"{where}: {said(row)}"))
 
 
 def _number(text: str) -> float:
@@ -215,3 +234,17 @@ def _number(text: str) -> float:
         return float(text)
     except ValueError:
         return math.nan
+
+
+def _unknown(quantity: str) -> str:
+    """Say what to write in place of an unknown quantity."""
+    ours = our_name(quantity)
+    advice = (
+        f"; ours is {ours[0]}: multiply by {ours[1]:g}"
+        if ours
+        else nearest(quantity, QUANTITIES)
+    )
+    return (
+        f"unknown quantity {shown(quantity)}{advice}; expected one of "
+        f"{', '.join(QUANTITIES)}"
+    )

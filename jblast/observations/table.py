@@ -7,12 +7,15 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from jblast.observations.places.frame import Frame
+from jblast.observations.understood import Understood
 from jblast.quantities import ADDITIVE, CLOCK_TIMES as CLOCK_TIMES, TIMES as TIMES
 from jblast.quantity_table import QUANTITIES as QUANTITIES
 
 NEEDED = ("sensor", "quantity", "value", "sigma")
 POSITION = ("east_m", "north_m", "up_m")
-COLUMNS = (*NEEDED, *POSITION, "range_m", "time_s", "path", "shot", "clock")
+NAMED = ("path", "shot", "clock", "record")
+"""Columns of names that a file may leave out."""
+COLUMNS = (*NEEDED, *POSITION, "range_m", "time_s", *NAMED)
 """Every column a file may have, in the order `write` puts them."""
 
 
@@ -39,6 +42,9 @@ class Observations:
             reading of the value.
         frame: Where on the Earth positions are counted from, if anybody said.
         epoch: UTC of clock time zero, if anybody said.
+        record: The file of samples, or the record, that each row came from; "" where
+            unsaid, empty where no row says.
+        understood: What the reader converted, skipped or supplied.
     """
 
     sensor: tuple[str, ...]
@@ -57,6 +63,8 @@ class Observations:
     lower_bound: Bool[np.ndarray, " row"] | None = None
     frame: Frame | None = None
     epoch: datetime | None = None
+    record: tuple[str, ...] = ()
+    understood: tuple[Understood, ...] = ()
 
     def __len__(self) -> int:
         return len(self.value)
@@ -80,6 +88,10 @@ class Observations:
             return np.zeros(len(self), bool)
         return self.lower_bound
 
+    def records(self) -> tuple[str, ...]:
+        """Return the record that each row came from, "" where unsaid."""
+        return self.record or ("",) * len(self)
+
     def clocks(self) -> tuple[str, ...]:
         """Return the name of each row's clock: its recorder, else its sensor."""
         return tuple(c or s for c, s in zip(self.clock, self.sensor, strict=True))
@@ -87,3 +99,11 @@ class Observations:
     def groups(self) -> tuple[str, ...]:
         """Return what the records of a row share: its path, else its sensor."""
         return tuple(p or s for p, s in zip(self.path, self.sensor, strict=True))
+
+
+def no_rows(source: str) -> Observations:
+    """Return the log of a file in which nothing could be read."""
+    none = np.empty(0)
+    return Observations(
+        *((), (), none, none, np.empty((0, 3)), none, none, (), (), ()), source=source
+    )

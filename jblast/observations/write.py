@@ -55,6 +55,7 @@ def _columns(observations: Observations) -> dict[str, list[str]]:
         "path": observations.path,
         "shot": observations.shot,
         "clock": observations.clock,
+        "record": observations.records(),
     }
     texts = {column: [_digits(x) for x in numbers[column]] for column in numbers}
     texts["value"] = [

@@ -1,6 +1,6 @@
 """Which logs a fit is of: one, several, the shots of one, or one event's recordings."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from jblast.cli.arguments.paths import writing
@@ -20,7 +20,11 @@ Logs = dict[str, Observations | InputError]
 
 
 def logs_of(
-    files: Sequence[str], uncertain: UncertainScene, *, together: bool
+    files: Sequence[str],
+    uncertain: UncertainScene,
+    reader: Callable[[str], Observations] = read,
+    *,
+    together: bool,
 ) -> tuple[Logs, UncertainScene]:
     """Read the logs, and take them apart or put them together.
 
@@ -29,6 +33,7 @@ def logs_of(
     Args:
         files: What to read.
         uncertain: The scene of all of them.
+        reader: Reads one of them.
         together: Whether the files are recordings of one event.
 
     Returns:
@@ -43,13 +48,13 @@ def logs_of(
         if Path(file).suffix.lower() == ".toml":
             raise InputError(f"{file}: expected a log; a scene stands after --scene")
     if together:
-        whole, clocks = one_event([read(file) for file in each(files, "files")])
+        whole, clocks = one_event([reader(file) for file in each(files, "files")])
         free = [f"{CLOCK_OFFSET}.{clock}" for clock in clocks]
         return {whole.source: whole}, freed(uncertain, free)
     logs: Logs = {}
     for file, name in zip(each(files, "files"), _names(files), strict=True):
         try:
-            log = read(file)
+            log = reader(file)
         except InputError as error:
             if len(files) == 1:
                 raise

@@ -13,6 +13,7 @@ from jblast.cli.arguments.options import (
     option_for,
 )
 from jblast.cli.arguments.paths import path, writing
+from jblast.cli.arguments.reading import add_reading, read_asked
 
 SMALL = 100_000
 """Bytes of all logs together, about two thousand rows."""
@@ -42,6 +43,7 @@ def add_arguments(verb: argparse.ArgumentParser) -> None:
         help="what is known of the scene; jblast scene writes one to start from "
         "(default: a surface charge of unknown mass at the origin at time 0)",
     )
+    add_reading(verb)
     add_free(verb)
     add_law(verb)
     add_noise(verb)
@@ -78,6 +80,7 @@ def run(asked: argparse.Namespace) -> int:
         quick=asked.posterior in ("weighted", "laplace")
         and _is_small(asked.observations)
     )
+    from functools import partial
     from pathlib import Path
 
     from jblast.cli.arguments.laws import chosen_laws
@@ -93,7 +96,9 @@ def run(asked: argparse.Namespace) -> int:
         check_directory(out, asked.force)
     uncertain = read_scene(asked.scene) if asked.scene else default_scene()
     begin("reading")
-    logs, uncertain = logs_of(asked.observations, uncertain, together=asked.one_event)
+    reader = partial(read_asked, asked=asked)
+    files, together = asked.observations, asked.one_event
+    logs, uncertain = logs_of(files, uncertain, reader, together=together)
     uncertain = freed(uncertain, names_to_free(asked.free))
     readable = {k: log for k, log in logs.items() if not isinstance(log, InputError)}
     held = {quantity for log in readable.values() for quantity in log.quantity}

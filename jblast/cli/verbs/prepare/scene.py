@@ -4,6 +4,7 @@ import argparse
 import sys
 
 from jblast.cli.arguments.paths import path
+from jblast.cli.arguments.reading import add_reading, read_asked
 
 
 def add_arguments(verb: argparse.ArgumentParser) -> None:
@@ -20,6 +21,7 @@ def add_arguments(verb: argparse.ArgumentParser) -> None:
         type=path,
         help="file to write (else printed)",
     )
+    add_reading(verb)
     verb.add_argument(
         "--force", action="store_true", help="overwrite an existing --out"
     )
@@ -31,11 +33,11 @@ def run(asked: argparse.Namespace) -> int:
 
     start_jax(quick=True)
     from jblast.cli.arguments.paths import refuse_existing, save_text
-    from jblast.observations import read, starter_scene
+    from jblast.observations import starter_scene
 
     if asked.out:
         refuse_existing(asked.out, force=asked.force)
-    text = starter_scene(read(asked.observations), freeing="--free")
+    text = starter_scene(read_asked(asked.observations, asked), freeing="--free")
     if asked.out:
         save_text(text, asked.out)
         sys.stdout.write(
