@@ -48,7 +48,7 @@ records = {{ air_arrival_s = 1e-4 }}
 [[sensor]]
 name = "b"
 position_m = [40.0, 0.0, 1.0]
-records = {{ peak_overpressure_pa = 0.05 }}
+records = {{ peak_overpressure_pa = "5%" }}
 """
 
 

@@ -8,6 +8,7 @@ from typing import Any
 
 from jblast.bounds import Bounds
 from jblast.parameter_table import CLOCK, PARAMETERS
+from jblast.quantities import ADDITIVE
 from jblast.quantity_table import QUANTITIES
 from jblast.scene.charge import BURSTS
 from jblast.scene.instrument import FEWEST_BITS, MOST_BITS
@@ -25,6 +26,7 @@ NUMBER = {"type": "number"}
 POSITIVE = {"type": "number", "exclusiveMinimum": 0}
 NOT_NEGATIVE = {"type": "number", "minimum": 0}
 TEXT = {"type": "string"}
+PERCENT = {"type": "string", "pattern": r"^\s*[0-9.]+([eE][+-]?[0-9]+)?\s*%\s*$"}
 TRUTH = {"type": "boolean"}
 SEVERAL = ("charge", "sensor")
 """Tables of which a file may have several."""
@@ -38,7 +40,10 @@ KNOWN: dict[tuple[str, str], dict[str, Any]] = {
     ("sensor", "times_s"): {"type": "array", "items": NUMBER, "minItems": 1},
     ("sensor", "records"): {
         "type": "object",
-        "properties": {quantity: POSITIVE for quantity in QUANTITIES},
+        "properties": {
+            quantity: POSITIVE if quantity in ADDITIVE else PERCENT
+            for quantity in QUANTITIES
+        },
         "additionalProperties": False,
     },
     **{

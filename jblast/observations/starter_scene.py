@@ -8,6 +8,7 @@ import numpy as np
 
 from jblast.observations.table import CLOCK_TIMES, Observations
 from jblast.quantities import ADDITIVE, BY_CAMERA, PLACELESS, TIMED, made_with
+from jblast.scene.reader.records import share_text
 
 _SEEN_AND_HEARD = {"flash_time_s", "air_arrival_s", "bearing_rad"}
 _OF_GROUND = set(made_with("ground_arrival_s"))
@@ -184,7 +185,11 @@ def _sensor(log: _Log) -> str:
         lines.append("# it moves, so its places are left to the log")
     elif log.needs_distance and not log.ranges:
         lines.append("# position_m = [EAST, NORTH, UP]  # the log does not say")
-    records = [f"{q} = {s:.3g}" for q, s in log.sigmas.items() if s > 0]
+    records = [
+        f"{q} = {f'{s:.3g}' if q in ADDITIVE else share_text(s)}"
+        for q, s in log.sigmas.items()
+        if s > 0
+    ]
     if records:
         listed = ", ".join(records)
         lines.append(

@@ -12,11 +12,11 @@ SENSORS = """
 [[sensor]]
 name = "a"
 position_m = [30.0, 0.0, 1.0]
-records = { air_arrival_s = 1e-4, peak_overpressure_pa = 0.05 }
+records = { air_arrival_s = 1e-4, peak_overpressure_pa = "5%" }
 [[sensor]]
 name = "b"
 position_m = [0.0, 60.0, 1.0]
-records = { peak_overpressure_pa = 0.05, positive_impulse_pa_s = 0.05 }
+records = { peak_overpressure_pa = "5%", positive_impulse_pa_s = "5%" }
 """
 
 

@@ -5,12 +5,12 @@ from typing import Any
 
 import numpy as np
 
-from jblast.errors import InputError, nearest, shown
+from jblast.errors import InputError, shown
 from jblast.parameter_table import CLOCK, CLOCK_OFFSET
 from jblast.quantities import TIMED
-from jblast.quantity_table import QUANTITIES
 from jblast.scene.reader.instrument import read_instrument
 from jblast.scene.reader.priors import LISTS, Uncertain, finite, fixed_list, read_number
+from jblast.scene.reader.records import read_records
 from jblast.scene.reader.schema import SENSOR_KINDS
 from jblast.scene.reader.tables import choice, name_of, tables
 from jblast.scene.sensor import Sensor
@@ -50,7 +50,7 @@ def _sensor(name: str, entry: dict[str, Any], where: str) -> Sensor:
     kind = ""
     if "kind" in entry:
         kind = choice(entry["kind"], SENSOR_KINDS, f"{where} kind")
-    records = _records(entry.get("records", {}), f"{where} records")
+    records = read_records(entry.get("records", {}), f"{where} records")
     times = _times(entry["times_s"], f"{where} times_s") if "times_s" in entry else ()
     if times and not any(quantity in TIMED for quantity, _ in records):
         raise InputError(
@@ -82,26 +82,3 @@ def _times(value: Any, where: str) -> tuple[float, ...]:
     if any(late <= early for early, late in pairwise(times)):
         raise InputError(f"{where}: expected {expected}, got {shown(value)}")
     return tuple(times)
-
-
-def _records(records: Any, where: str) -> tuple[tuple[str, float], ...]:
-    if not isinstance(records, dict):
-        raise InputError(
-            f"{where}: expected {{ QUANTITY = sigma }}, got {shown(records)}"
-        )
-    pairs = []
-    for quantity, sigma in records.items():
-        if quantity not in QUANTITIES:
-            raise InputError(
-                f"{where}: unknown quantity {shown(quantity)}"
-                f"{nearest(quantity, QUANTITIES)}; "
-                f"expected one of {', '.join(QUANTITIES)}"
-            )
-        expected = "a positive sigma"
-        number = finite(sigma, f"{where} {quantity}", expected)
-        if number <= 0:
-            raise InputError(
-                f"{where} {quantity}: expected {expected}, got {shown(sigma)}"
-            )
-        pairs.append((quantity, number))
-    return tuple(pairs)

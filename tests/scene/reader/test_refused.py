@@ -205,6 +205,30 @@ BAD = {
         "[[sensor]]\nname = 'a'\nrecords = { air_arrival_s = 0 }\n",
         ["'a' records air_arrival_s", "a positive sigma", "got 0"],
     ),
+    "a plain number where a share is meant": (
+        "[[sensor]]\nname = 'a'\nrecords = { peak_overpressure_pa = 0.05 }\n",
+        ["share of the value", "got 0.05", "multiply by 100", '"5%"', "in Pa"],
+    ),
+    "a share of a time": (
+        "[[sensor]]\nname = 'a'\nrecords = { air_arrival_s = '5%' }\n",
+        ["'a' records air_arrival_s", "sigma in seconds", "got '5%'"],
+    ),
+    "a share of a direction": (
+        "[[sensor]]\nname = 'a'\nrecords = { bearing_rad = '5%' }\n",
+        ["'a' records bearing_rad", "sigma in radians"],
+    ),
+    "a share of nothing": (
+        "[[sensor]]\nname = 'a'\nrecords = { positive_duration_s = '0%' }\n",
+        ["'a' records positive_duration_s", "positive share", "got '0%'"],
+    ),
+    "a share without its sign": (
+        "[[sensor]]\nname = 'a'\nrecords = { positive_duration_s = '5' }\n",
+        ["'a' records positive_duration_s", 'its % sign, as "5%"', "got '5'"],
+    ),
+    "a share past all numbers": (
+        "[[sensor]]\nname = 'a'\nrecords = { positive_duration_s = '1e999%' }\n",
+        ["'a' records positive_duration_s", "got inf"],
+    ),
     "records of words": (
         "[[sensor]]\nname = 'a'\nrecords = 'air_arrival_s'\n",
         ["'a' records", "QUANTITY = sigma"],

@@ -39,7 +39,7 @@ name = "a"
 kind = "pressure"
 position_m = [20.0, 0, 1.5]
 clock_offset_s = 0.5
-records = { air_arrival_s = 1e-3, peak_overpressure_pa = 0.05 }
+records = { air_arrival_s = 1e-3, peak_overpressure_pa = "5%" }
 [[sensor]]
 name = "b"
 clock_offset_s = { normal = [2.0, 0.5] }

@@ -101,9 +101,9 @@ def test_text_and_map_say_the_same_and_fit_the_terminal(jblast, tmp_path):
 @pytest.mark.slow
 def test_what_is_not_identifiable_exits_4_and_is_still_printed(jblast):
     content = FREE.replace('"free"', '"free"\ntime_s = "free"').replace(
-        "peak_overpressure_pa = 0.05, positive_impulse_pa_s = 0.05", "air_arrival_s = 1"
+        'peak_overpressure_pa = "5%", positive_impulse_pa_s = "5%"', "air_arrival_s = 1"
     )
-    content = content.replace(", peak_overpressure_pa = 0.05", "")
+    content = content.replace(', peak_overpressure_pa = "5%"', "")
     content = content.replace("[0.0, 60.0, 1.0]", "[30.0, 0.0, 1.0]")
     scene = jblast.file("plan.toml", content)
     at = ("--at", "charge_mass_kg=15, origin_time_s=0")

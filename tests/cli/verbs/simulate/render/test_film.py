@@ -20,7 +20,7 @@ from tests.cli.verbs.simulate.render.scenes import (
 SENSOR = """[[sensor]]
 name = "a"
 position_m = [30.0, 0.0, 1.0]
-records = { air_arrival_s = 1e-4, peak_overpressure_pa = 0.05 }
+records = { air_arrival_s = 1e-4, peak_overpressure_pa = "5%" }
 """
 
 
