@@ -1,0 +1,1 @@
+"""Times of day and dates as seconds from an epoch."""

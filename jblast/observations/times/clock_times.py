@@ -1,0 +1,126 @@
+"""The column `value_utc`: clock times in place of values."""
+
+from collections.abc import Callable, MutableMapping, Sequence
+from datetime import datetime
+from typing import Protocol
+
+import numpy as np
+from jaxtyping import Bool
+
+from jblast.observations.times.instant import (
+    SECOND,
+    NotAnInstant,
+    day_named,
+    instant,
+    moment,
+    zone_named,
+)
+from jblast.quantities import CLOCK_TIMES
+
+COLUMN = "value_utc"
+HALF_DAY = 12 * 3600 * SECOND
+
+
+class Columns(Protocol):
+    """The columns of a table: `observations.rows.Rows` is one."""
+
+    @property
+    def texts(self) -> MutableMapping[str, list[str]]:
+        """Each column as it was written."""
+        ...
+
+    def refuse(
+        self,
+        bad: Bool[np.ndarray, " row"] | list[bool],
+        column: str,
+        expected: Callable[[int], str],
+    ) -> None:
+        """Tell bad rows, with what the column should hold."""
+        ...
+
+
+def take_clock_times(
+    rows: Columns, date: str | None = None, zone: str | None = None
+) -> datetime | None:
+    """Put seconds since an epoch into column `value` where `value_utc` holds a time.
+
+    The epoch is the whole second before the first of them. They are subtracted as
+    integers: float64 seconds since 1970 are 0.2 us apart.
+
+    Args:
+        rows: The table; its column `value` is changed.
+        date: The day, YYYY-MM-DD, of times of day without one, in their zone.
+        zone: The zone of times without one.
+
+    Returns:
+        The epoch, UTC; None if no row has a clock time.
+
+    Raises:
+        InputError: A time cannot be read, stands beside a value, is given for what is
+            no clock time, or beside clock times in seconds; unless faults are gathered.
+    """
+    day, place = date and day_named(date), zone and zone_named(zone)
+    texts = rows.texts.get(COLUMN)
+    if texts is None or not any(texts):
+        return None
+    quantity = rows.texts["quantity"]
+    values = list(rows.texts.get("value") or [""] * len(texts))
+    told = np.array([bool(text) for text in texts])
+    timed = np.isin(quantity, CLOCK_TIMES)
+    rows.refuse(
+        told & [bool(value) for value in values],
+        COLUMN,
+        lambda _: "either value or value_utc, got both",
+    )
+    rows.refuse(
+        told & ~timed,
+        COLUMN,
+        lambda row: f"nothing, as {quantity[row]} is no time of a clock; use value",
+    )
+    rows.refuse(
+        timed & ~told & [bool(value) for value in values],
+        "value",
+        lambda row: (
+            f"value_utc for {quantity[row]} as in the other rows, got "
+            f"{values[row]} s of an unknown start"
+        ),
+    )
+    rows.refuse(
+        told & [bool(text) for text in rows.texts.get("time_s") or [""] * len(texts)],
+        "time_s",
+        lambda _: "nothing beside value_utc, as its start is unknown",
+    )
+    found: dict[int, int] = {}
+    why: dict[int, str] = {}
+    for row in map(int, np.flatnonzero(told)):
+        try:
+            found[row] = instant(texts[row], day or None, place or None)
+        except NotAnInstant as reason:
+            why[row] = str(reason)
+    rows.refuse([row in why for row in range(len(texts))], COLUMN, why.__getitem__)
+    if not found:
+        return None
+    if day:
+        _refuse_over_midnight(rows, texts, found)
+    first = min(found.values()) // SECOND * SECOND
+    for row, when in found.items():
+        values[row] = repr((when - first) / SECOND)
+    rows.texts["value"] = values
+    return moment(first)
+
+
+def _refuse_over_midnight(
+    rows: Columns, texts: Sequence[str], found: dict[int, int]
+) -> None:
+    """Refuse times of one day that lie at both its ends: midnight was between them."""
+    last = max(found.values())
+    early = [last - found.get(row, last) > HALF_DAY for row in range(len(texts))]
+    late = texts[max(found, key=found.__getitem__)]
+    rows.refuse(
+        [flag and "-" not in texts[row][:8] for row, flag in enumerate(early)],
+        COLUMN,
+        lambda row: (
+            f"times within half a day, got {texts[row]} beside {late}: where midnight "
+            "was between them, write dates, as 2020-08-05T00:00:00.310Z"
+        ),
+    )

@@ -1,0 +1,92 @@
+"""Instants as people write them, against the calendar and the standard library."""
+
+from datetime import UTC, date, datetime, timedelta, timezone
+
+import pytest
+from hypothesis import given, settings, strategies as st
+
+from jblast.errors import InputError
+from jblast.observations.times.instant import (
+    NotAnInstant,
+    day_named,
+    instant,
+    moment,
+    zone_named,
+)
+
+NOON = 1596542400_000_000_000  # 2020-08-04 12:00 UTC
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "2020-08-04T12:00:00Z",
+        "2020-08-04 12:00:00.000000000Z",
+        "2020-08-04T15:00:00+03:00",
+        "2020-08-04T15:00+0300",
+        "2020-08-04T02:00:00,000-10",
+        "15:00:00+03:00",
+        "14:00:00",
+    ],
+)
+def test_one_instant_is_written_in_many_ways(text):
+    assert instant(text, date(2020, 8, 4), zone_named("Europe/Paris")) == NOON
+
+
+def test_nanoseconds_are_kept():
+    assert instant("2020-08-04T12:00:00.123456789Z", None, None) - NOON == 123456789
+    assert instant("2020-08-04T12:00:18,31Z", None, None) - NOON == 18_310_000_000
+
+
+@settings(max_examples=200, deadline=None)
+@given(
+    st.datetimes(datetime(1900, 1, 1), datetime(2200, 1, 1)),
+    st.integers(-14 * 60, 14 * 60),
+)
+def test_the_standard_library_reads_the_same(when, minutes):
+    zone = timezone(timedelta(minutes=minutes))
+    text = when.replace(tzinfo=zone).isoformat()
+    read = instant(text, None, None)
+    assert moment(read) == datetime.fromisoformat(text)
+    assert moment(read).tzinfo is UTC
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("15:08:18", "a date, as in .*date. YYYY-MM-DD for all .and .zone"),
+        ("2020-08-04T15:08:18", "a zone, as in"),
+        ("2016-12-31T23:59:60.5Z", "leap second"),
+        ("2020-02-30T00:00:00Z", "a day of the calendar"),
+        ("2020-08-04T25:00:00Z", "a time of day from"),
+        ("2020-08-04", "a time as"),
+        ("2020-08-04T15:08:18 EST", "an offset"),
+        ("2020-08-04T15:08:18+99:00", "an offset within a day"),
+        ("1596542400.0", "a time as"),
+    ],
+)
+def test_what_is_no_instant_is_told(text, said):
+    with pytest.raises(NotAnInstant, match=said):
+        instant(text, None, None)
+
+
+def test_a_local_time_that_never_was_or_came_twice_is_told():
+    paris = zone_named("Europe/Paris")
+    with pytest.raises(NotAnInstant, match="put forward over it"):
+        instant("2024-03-31T02:30:00", None, paris)
+    with pytest.raises(NotAnInstant, match=r"say \+0200 or \+0100 behind it"):
+        instant("2024-10-27T02:30:00", None, paris)
+    hour = 3600_000_000_000
+    summer = instant("2024-10-27T02:30:00+0200", None, paris)
+    assert instant("2024-10-27T02:30:00+0100", None, paris) - summer == hour
+
+
+def test_zones_and_days_that_are_none_are_told():
+    with pytest.raises(InputError, match="did you mean Europe/Paris"):
+        zone_named("Europe/Pari")
+    for name in ("", "+25:00", "../etc"):
+        with pytest.raises(InputError, match="zone: expected"):
+            zone_named(name)
+    for text in ("4.8.2020", "20200804", "2020-13-01", "2020-8-4"):
+        with pytest.raises(InputError, match="date: expected a day"):
+            day_named(text)
