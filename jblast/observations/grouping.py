@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import fields, replace
+from datetime import datetime
 from pathlib import Path
 from typing import Any
 
@@ -9,12 +10,16 @@ import numpy as np
 from jaxtyping import Int
 
 from jblast.errors import InputError, argument, shown
-from jblast.observations.table import Observations
+from jblast.observations.framed import framed
+from jblast.observations.places.frame import Frame
+from jblast.observations.table import CLOCK_TIMES, Observations
+from jblast.observations.times.since import since
 
 OF_ALL = ("source", "comments", "frame", "epoch", "understood")
 """Fields of a log that are of all its rows."""
 PER_ROW = tuple(f.name for f in fields(Observations) if f.name not in OF_ALL)
 """Fields of a log that have one entry a row."""
+CLOCKS = set(CLOCK_TIMES)
 
 
 def by_shot(observations: Observations) -> dict[str, Observations]:
@@ -58,6 +63,7 @@ def one_event(logs: Sequence[Observations]) -> tuple[Observations, tuple[str, ..
                 f"{log.source}: column shot: {event} is of one shot; expected one "
                 f"name, got {', '.join(map(shown, dict.fromkeys(log.shot)))}"
             )
+    logs, frame, epoch = _on_one_earth(logs)
     clocked = [
         replace(
             log,
@@ -81,7 +87,39 @@ def one_event(logs: Sequence[Observations]) -> tuple[Observations, tuple[str, ..
         source=" + ".join(log.source for log in logs),
         comments=tuple(line for log in logs for line in log.comments),
         understood=tuple(found for log in logs for found in log.understood),
+        frame=frame,
+        epoch=epoch,
     ), tuple(names[1:])
+
+
+def _on_one_earth(
+    logs: Sequence[Observations],
+) -> tuple[list[Observations], Frame | None, datetime | None]:
+    """Return logs whose places and times count from one place and moment.
+
+    Raises:
+        InputError: One log has latitudes, or dates, and another has metres, or seconds.
+    """
+    for what, has, lacks in (
+        (
+            "lat_deg, lon_deg",
+            [log for log in logs if log.frame],
+            [log for log in logs if not (log.frame or np.isnan(log.position).all())],
+        ),
+        (
+            "value_utc",
+            [log for log in logs if log.epoch],
+            [log for log in logs if not log.epoch and set(log.quantity) & CLOCKS],
+        ),
+    ):
+        if has and lacks:
+            raise InputError(
+                f"{lacks[0].source}: expected {what} as in {has[0].source}, got none"
+            )
+    frame = next((log.frame for log in logs if log.frame), None)
+    epoch = min((log.epoch for log in logs if log.epoch), default=None)
+    there = [framed(log, frame) if frame else log for log in logs]
+    return [since(log, epoch) if epoch else log for log in there], frame, epoch
 
 
 def some_rows(observations: Observations, rows: Int[np.ndarray, " _"]) -> Observations:

@@ -10,6 +10,7 @@ from jblast.observations.faults import Faults
 from jblast.observations.rows import Rows
 from jblast.observations.table import (
     COLUMNS,
+    DEGREES,
     NEEDED,
     POSITION,
     QUANTITIES,
@@ -30,14 +31,18 @@ def read(
     strict: bool = False,
     wide: bool = False,
     faults: list[InputError] | None = None,
+    date: str | None = None,
+    zone: str | None = None,
 ) -> Observations:
     """Read a tidy CSV of observations.
 
-    Columns are `sensor,quantity,value,sigma`, then either `east_m,north_m,up_m` or
-    `range_m`, or neither where the scene says where the sensor stands; `time_s`,
-    `path`, `shot`, `clock` and `record` may follow. Their order is free. Lines that
-    begin with # are comments. An empty sigma leaves the law's scatter alone. A value
-    `>0.12` is a lower bound: what was measured is no less.
+    Columns are `sensor,quantity,value,sigma`, then either `east_m,north_m,up_m`,
+    `lat_deg,lon_deg,alt_m` or `range_m`, or neither where the scene says where the
+    sensor stands; `time_s`, `path`, `shot`, `clock` and `record` may follow. Their
+    order is free. Lines that begin with # are comments. An empty sigma leaves the law's
+    scatter alone. A value `>0.12` is a lower bound: what was measured is no less. A
+    clock time may stand in `value_utc`, as 2020-08-04T15:08:18.310Z, in place of
+    `value`.
 
     Args:
         path: The file.
@@ -45,6 +50,8 @@ def read(
         wide: Whether each quantity has a column of its own.
         faults: Every fault is appended here, and reading goes on with the other rows
             and columns; None: the first is raised.
+        date: The day, YYYY-MM-DD, of times in `value_utc` that have none.
+        zone: The zone of those that have none: +02:00, UTC, Asia/Beirut.
 
     Returns:
         The log: a row a measurement, in SI units. Where faults are gathered, of the
@@ -58,7 +65,7 @@ def read(
     """
     told = Faults(faults)
     try:
-        return _read(path, told)
+        return _read(path, told, date, zone)
     except InputError as fault:
         if faults is None:
             raise
@@ -66,7 +73,9 @@ def read(
         return no_rows(str(path))
 
 
-def _read(path: str | os.PathLike[str], faults: Faults) -> Observations:
+def _read(
+    path: str | os.PathLike[str], faults: Faults, date: str | None, zone: str | None
+) -> Observations:
     begin = stages(STAGES)
     begin("loading")
     text = read_text(path, "a CSV file of observations")
@@ -92,7 +101,7 @@ def _read(path: str | os.PathLike[str], faults: Faults) -> Observations:
             "expected one measurement a row"
         )
     begin("checking columns")
-    rows = Rows(str(path), numbers[1:], header, records[1:], faults)
+    rows = Rows(str(path), numbers[1:], header, records[1:], faults, date, zone)
     return rows.observations(tuple(comments))
 
 
@@ -145,14 +154,15 @@ def _header(path: str, record: Sequence[str], line: int) -> list[str]:
             raise InputError(f"{where}: unknown column {shown(name)}{_advice(name)}")
         if header.count(name) > 1:
             raise InputError(f"{where}: expected column {name} once, got it twice")
-    missing = [name for name in NEEDED if name not in header]
+    named = {"value" if name == "value_utc" else name for name in header}
+    missing = [name for name in NEEDED if name not in named]
     if missing:
         raise InputError(
             f"{where}: missing column {', '.join(missing)}; expected "
             f"{', '.join(NEEDED)}; got {', '.join(header)}"
         )
     partial = [name for name in POSITION if name not in header]
-    if 0 < len(partial) < 3:
+    if 0 < len(partial) < 3 and not set(DEGREES) & set(header):
         raise InputError(
             f"{where}: missing column {', '.join(partial)}; expected all of "
             f"{', '.join(POSITION)} or none of them"

@@ -9,7 +9,9 @@ from jblast.errors import InputError, nearest, shown
 from jblast.observations.aliases import our_name
 from jblast.observations.faults import Faults
 from jblast.observations.grouping import some_rows
+from jblast.observations.places.degrees import places_of
 from jblast.observations.table import NAMED, POSITION, QUANTITIES, Observations
+from jblast.observations.times.clock_times import take_clock_times
 from jblast.quantities import ADDITIVE, DIRECTIONS, TIMED
 
 AT_LEAST = ">"
@@ -26,10 +28,13 @@ class Rows:
         header: Sequence[str],
         records: Sequence[Sequence[str]],
         faults: Faults,
+        date: str | None = None,
+        zone: str | None = None,
     ):
         self.path = path
         self.lines = lines
         self.faults = faults
+        self.date, self.zone = date, zone
         self.sound = np.ones(len(records), bool)
         columns = [[field.strip() for field in column] for column in zip(*records)]  # noqa: B905 (checked widths)
         self.texts = dict(zip(header, columns, strict=True))
@@ -41,6 +46,7 @@ class Rows:
             [not name for name in sensor], "sensor", lambda _: "a name, got nothing"
         )
         self.quantities(quantity)
+        epoch = take_clock_times(self, self.date, self.zone)
         kind = np.array(quantity)
         in_ln = ~np.isin(kind, ADDITIVE)
         bound = self.bounds(in_ln)
@@ -68,8 +74,8 @@ class Rows:
                 + self.texts["sigma"][row]
             ),
         )
-        position = np.stack([self.number(name) for name in POSITION], axis=1)
         slant_range = self.number("range_m")
+        position, frame = places_of(self)
         self.places(position, slant_range)
         time = self.number("time_s")
         timed = np.isin(kind, TIMED)
@@ -107,6 +113,8 @@ class Rows:
             source=self.path,
             comments=comments,
             lower_bound=bound if bound.any() else None,
+            frame=frame,
+            epoch=epoch,
         )
         return (
             whole if self.sound.all() else some_rows(whole, np.flatnonzero(self.sound))

@@ -13,9 +13,13 @@ from jblast.quantity_table import QUANTITIES as QUANTITIES
 
 NEEDED = ("sensor", "quantity", "value", "sigma")
 POSITION = ("east_m", "north_m", "up_m")
+DEGREES = ("lat_deg", "lon_deg", "alt_m")
 NAMED = ("path", "shot", "clock", "record")
 """Columns of names that a file may leave out."""
-COLUMNS = (*NEEDED, *POSITION, "range_m", "time_s", *NAMED)
+COLUMNS = (
+    *(*NEEDED[:3], "value_utc", "sigma"),
+    *(*POSITION, *DEGREES, "range_m", "time_s", *NAMED),
+)
 """Every column a file may have, in the order `write` puts them."""
 
 

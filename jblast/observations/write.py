@@ -4,9 +4,19 @@ import math
 import os
 from collections.abc import Sequence
 
+import numpy as np
+
 from jblast.files import write_text
 from jblast.observations.rows import AT_LEAST
-from jblast.observations.table import COLUMNS, NEEDED, Observations
+from jblast.observations.table import (
+    CLOCK_TIMES,
+    COLUMNS,
+    DEGREES,
+    NEEDED,
+    POSITION,
+    Observations,
+)
+from jblast.observations.times.instant import written
 
 
 def write(
@@ -39,13 +49,13 @@ def write(
 
 def _columns(observations: Observations) -> dict[str, list[str]]:
     """Return the text of every column that holds something."""
-    east, north, up = observations.position.T
+    place, columns = observations.position, POSITION
+    if observations.frame is not None:
+        place, columns = observations.frame.to_geodetic(place), DEGREES
     numbers = {
         "value": observations.value,
         "sigma": observations.sigma,
-        "east_m": east,
-        "north_m": north,
-        "up_m": up,
+        **dict(zip(columns, place.T, strict=True)),
         "range_m": observations.slant_range,
         "time_s": observations.time,
     }
@@ -63,7 +73,17 @@ def _columns(observations: Observations) -> dict[str, list[str]]:
         for is_bound, text in zip(observations.bounds(), texts["value"], strict=True)
     ]
     texts |= {column: [_quoted(x) for x in names[column]] for column in names}
-    return {c: texts[c] for c in COLUMNS if c in NEEDED or any(texts[c])}
+    if observations.epoch is not None:
+        told = np.isin(observations.quantity, CLOCK_TIMES)
+        utc = [
+            written(observations.epoch, value) if timed else ""
+            for timed, value in zip(told, observations.value.tolist(), strict=True)
+        ]
+        texts["value_utc"] = utc
+        texts["value"] = [
+            "" if when else text for when, text in zip(utc, texts["value"], strict=True)
+        ]
+    return {c: texts[c] for c in COLUMNS if c in NEEDED or any(texts.get(c, ()))}
 
 
 def _digits(number: float) -> str:

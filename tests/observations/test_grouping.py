@@ -57,3 +57,22 @@ def test_what_makes_no_event_is_refused(log, tmp_path):
         one_event([plain, clocked])
     with pytest.raises(InputError, match="got 'x', 'y'"):
         one_event([log(SHOTS, "s.csv")])
+
+
+def test_recordings_of_one_event_count_from_one_place_and_moment(log):
+    head = "sensor,quantity,value_utc,sigma,lat_deg,lon_deg\n"
+    row = "{},air_arrival_s,2020-08-04T15:08:{},0.1,{},35.5\n"
+    logs = [
+        log(head + row.format("a", "20.25Z", 33.9), "north.csv"),
+        log(head + row.format("b", "18.5Z", 33.902), "south.csv"),
+    ]
+    together, _ = one_event(logs)
+    assert together.frame == logs[0].frame
+    assert together.epoch == logs[1].epoch
+    np.testing.assert_array_equal(together.value, [2.25, 0.5])
+    # two thousandths of a degree of latitude, 110.92 km each
+    np.testing.assert_allclose(together.position[1] - together.position[0],
+                               [0, 221.84, 0], atol=0.01)  # fmt: skip
+    metres = log(f"{HEADER}\na,air_arrival_s,1,.1,300\n", "east.csv")
+    with pytest.raises(InputError, match=r"east.csv: expected value_utc as in .*north"):
+        one_event([*logs, metres])

@@ -21,6 +21,16 @@ def add_reading(verb: argparse.ArgumentParser) -> None:
         help="the log has a column for each quantity, as peak_overpressure_kpa, beside "
         "it perhaps sigma_peak_overpressure_kpa",
     )
+    verb.add_argument(
+        "--date",
+        metavar="YYYY-MM-DD",
+        help="day of the times in value_utc that have none, in their zone",
+    )
+    verb.add_argument(
+        "--zone",
+        metavar="ZONE",
+        help="zone of the times in value_utc that have none: +02:00, UTC, Asia/Beirut",
+    )
 
 
 def read_asked(
@@ -38,4 +48,11 @@ def read_asked(
     """
     from jblast.observations import read
 
-    return read(file, strict=asked.strict, wide=asked.wide, faults=faults)
+    return read(
+        file,
+        strict=asked.strict,
+        wide=asked.wide,
+        faults=faults,
+        date=asked.date,
+        zone=asked.zone,
+    )

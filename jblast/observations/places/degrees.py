@@ -1,7 +1,7 @@
 """The places of a table that gives latitudes and longitudes."""
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -16,6 +16,7 @@ LIMITS = {"lat_deg": (-90.0, 90.0), "lon_deg": (-180.0, 360.0), "alt_m": (-1e3, 
 """What each may be: longitudes are counted from -180 to 180, or from 0 to 360."""
 
 
+@runtime_checkable
 class Columns(Protocol):
     """The columns of a table: `observations.rows.Rows` is one."""
 
@@ -36,6 +37,18 @@ class Columns(Protocol):
     ) -> None:
         """Tell bad rows, with what the column should hold."""
         ...
+
+
+def places_of(rows: Columns) -> tuple[Float[np.ndarray, "row 3"], Frame | None]:
+    """Return east, north, up of rows [m], and what frame of, if they are in degrees.
+
+    Raises:
+        InputError: As `places_in_degrees`.
+    """
+    on_earth = places_in_degrees(rows)
+    if on_earth is not None:
+        return on_earth
+    return np.stack([rows.number(name) for name in (*METRES, "up_m")], axis=1), None
 
 
 def places_in_degrees(

@@ -3,13 +3,19 @@
 import csv
 import math
 import os
+from collections.abc import Callable
 from typing import NamedTuple
 
+import numpy as np
+from jaxtyping import Bool, Float
+
 from jblast.errors import InputError, nearest, read_text, shown
+from jblast.observations.places.degrees import places_in_degrees
+from jblast.observations.places.frame import Frame
 
 PLACE = ("east_m", "north_m", "up_m")
 DEGREES = ("lat_deg", "lon_deg", "alt_m")
-COLUMNS = ("sensor", *PLACE, "clock")
+COLUMNS = ("sensor", *PLACE, *DEGREES, "clock")
 
 
 class Station(NamedTuple):
@@ -18,18 +24,20 @@ class Station(NamedTuple):
     Attributes:
         position: East, north, up [m].
         clock: Its recorder's; "" for the common clock.
+        frame: Where on the Earth that is counted from, of a table in degrees.
     """
 
     position: tuple[float, float, float]
     clock: str
+    frame: Frame | None = None
 
 
 def read_stations(path: str | os.PathLike[str]) -> dict[str, Station]:
     """Return where recorders stood, by name.
 
-    Columns are `sensor,east_m,north_m,up_m` and perhaps `clock`; a sensor is the stem
-    of a file's name, or stem.channel, channels counted from 1. `note` columns and lines
-    that begin with # are comments.
+    Columns are `sensor,east_m,north_m,up_m`, or `sensor,lat_deg,lon_deg,alt_m`, and
+    perhaps `clock`; a sensor is the stem of a file's name, or stem.channel, channels
+    counted from 1. `note` columns and lines that begin with # are comments.
 
     Args:
         path: A CSV file.
@@ -51,32 +59,78 @@ def read_stations(path: str | os.PathLike[str]) -> dict[str, Station]:
         )
     header = [name.strip() for name in next(csv.reader([lines[0][1]]))]
     _check_header(f"{path}: line {lines[0][0]}", header)
-    stations: dict[str, Station] = {}
+    table = _Table(str(path), [number for number, _ in lines[1:]], header)
     for number, line in lines[1:]:
-        where = f"{path}: line {number}"
-        fields = [field.strip() for field in next(csv.reader([line]))]
-        if len(fields) != len(header):
+        table.add(number, next(csv.reader([line])))
+    on_earth = places_in_degrees(table) if set(DEGREES) & set(header) else None
+    if on_earth is None:
+        axes, frame = [table.number(name, optional=False) for name in PLACE], None
+    else:
+        axes, frame = on_earth[0].T, on_earth[1]
+        table.refuse(np.isnan(axes[0]), "lat_deg", lambda _: "a number, got nothing")
+    clocks = table.texts.get("clock") or [""] * len(table.lines)
+    return {
+        name: Station((float(east), float(north), float(up)), clock, frame)
+        for name, east, north, up, clock in zip(
+            table.texts["sensor"], *axes, clocks, strict=True
+        )
+    }
+
+
+class _Table:
+    """The rows of a table of stations by column."""
+
+    def __init__(self, path: str, lines: list[int], header: list[str]):
+        self.path, self.lines = path, lines
+        self.texts: dict[str, list[str]] = {name: [] for name in header}
+
+    def add(self, number: int, fields: list[str]) -> None:
+        """Take the fields of a line."""
+        where = f"{self.path}: line {number}"
+        if len(fields) != len(self.texts):
             raise InputError(
-                f"{where}: expected {len(header)} fields as in the header, "
+                f"{where}: expected {len(self.texts)} fields as in the header, "
                 f"got {len(fields)}"
             )
-        row = dict(zip(header, fields, strict=True))
-        name = row["sensor"]
-        if not name or name in stations:
+        for text, column in zip(fields, self.texts.values(), strict=True):
+            column.append(text.strip())
+        *others, name = self.texts["sensor"]
+        if not name or name in others:
             got = f"{shown(name)} twice" if name else "nothing"
             raise InputError(f"{where}, column sensor: expected a new name, got {got}")
-        east, north, up = (_number(where, key, row[key]) for key in PLACE)
-        stations[name] = Station((east, north, up), row.get("clock", ""))
-    return stations
+
+    def number(
+        self, column: str, *, optional: bool = True
+    ) -> Float[np.ndarray, " row"]:
+        """Return a column of finite numbers; NaN where an optional one is empty."""
+        texts = self.texts.get(column, [""] * len(self.lines))
+        numbers = np.array([_number(text) for text in texts])
+        empty = optional & np.array([not text for text in texts])
+        self.refuse(
+            ~np.isfinite(numbers) & ~empty,
+            column,
+            lambda row: (
+                f"a number, got {shown(texts[row]) if texts[row] else 'nothing'}"
+            ),
+        )
+        return numbers
+
+    def refuse(
+        self,
+        bad: Bool[np.ndarray, " row"] | list[bool],
+        column: str,
+        expected: Callable[[int], str],
+    ) -> None:
+        """Raise for the first bad row."""
+        for row in map(int, np.flatnonzero(bad)):
+            raise InputError(
+                f"{self.path}: line {self.lines[row]}, column {column}: "
+                f"expected {expected(row)}"
+            )
 
 
 def _check_header(where: str, header: list[str]) -> None:
     """Check the names of the columns."""
-    if set(DEGREES[:2]) & set(header):
-        raise InputError(
-            f"{where}: {', '.join(DEGREES)} are not supported yet; expected "
-            f"{', '.join(PLACE)}"
-        )
     for name in header:
         if name not in COLUMNS and not name.startswith("note"):
             raise InputError(
@@ -85,18 +139,14 @@ def _check_header(where: str, header: list[str]) -> None:
             )
         if header.count(name) > 1:
             raise InputError(f"{where}: expected column {name} once, got it twice")
-    missing = [name for name in COLUMNS[:4] if name not in header]
+    needed = DEGREES[:2] if set(DEGREES) & set(header) else PLACE
+    missing = [name for name in ("sensor", *needed) if name not in header]
     if missing:
         raise InputError(f"{where}: missing column {', '.join(missing)}")
 
 
-def _number(where: str, column: str, text: str) -> float:
-    """Return a finite number."""
+def _number(text: str) -> float:
     try:
-        value = float(text)
+        return float(text)
     except ValueError:
-        value = math.nan
-    if not math.isfinite(value):
-        got = shown(text) if text else "nothing"
-        raise InputError(f"{where}, column {column}: expected a number, got {got}")
-    return value
+        return math.nan

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, MutableMapping, Sequence
 from datetime import datetime
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Bool
@@ -21,6 +21,7 @@ COLUMN = "value_utc"
 HALF_DAY = 12 * 3600 * SECOND
 
 
+@runtime_checkable
 class Columns(Protocol):
     """The columns of a table: `observations.rows.Rows` is one."""
 

@@ -95,11 +95,13 @@ def day_named(text: str) -> date:
         InputError: It is none.
     """
     try:
-        return datetime.strptime(text, "%Y-%m-%d").date()
+        if len(text) == 10:
+            return datetime.strptime(text, "%Y-%m-%d").date()
     except ValueError:
-        raise InputError(
-            f"{argument('date')}: expected a day as 2020-08-04, got {shown(text)}"
-        ) from None
+        pass
+    raise InputError(
+        f"{argument('date')}: expected a day as 2020-08-04, got {shown(text)}"
+    )
 
 
 def moment(nanoseconds: int) -> datetime:
@@ -107,6 +109,20 @@ def moment(nanoseconds: int) -> datetime:
     seconds, rest = divmod(nanoseconds, SECOND)
     since = timedelta(seconds=seconds, microseconds=rest // 1000)
     return datetime(1970, 1, 1, tzinfo=UTC) + since
+
+
+def written(epoch: datetime, seconds: float) -> str:
+    """Return an instant as `instant` reads it, to the nanosecond.
+
+    Args:
+        epoch: UTC of time zero.
+        seconds: Since then.
+    """
+    since = epoch - datetime(1970, 1, 1, tzinfo=UTC)
+    whole = since // timedelta(microseconds=1) * 1000
+    nanoseconds = whole + round(seconds * SECOND)
+    text = moment(nanoseconds).strftime("%Y-%m-%dT%H:%M:%S")
+    return f"{text}.{nanoseconds % SECOND:09d}Z"
 
 
 def _day(match: re.Match[str]) -> date:

@@ -21,7 +21,7 @@ def table(tmp_path, text):
 def test_places_and_clocks_are_read(tmp_path):
     stations = read_stations(table(tmp_path, TABLE))
     assert list(stations) == ["gate", "mast.1"]
-    assert stations["gate"] == ((1.5, -2.0, 0.5), "phone")
+    assert stations["gate"] == ((1.5, -2.0, 0.5), "phone", None)
     assert stations["mast.1"].clock == ""
 
 
@@ -38,3 +38,18 @@ def test_places_and_clocks_are_read(tmp_path):
 def test_what_cannot_be_used_is_refused(tmp_path, text, said):
     with pytest.raises(InputError, match=said):
         read_stations(table(tmp_path, text))
+
+
+def test_places_in_degrees_are_metres_about_their_middle(tmp_path):
+    text = "sensor,lat_deg,lon_deg,alt_m\na,33.9,35.5,10\nb,33.902,35.5,20\n"
+    stations = read_stations(table(tmp_path, text))
+    # a degree of latitude is 110.92 km there
+    assert stations["b"].position == pytest.approx((0, 110.92, 5), abs=0.01)
+    assert stations["a"].frame == stations["b"].frame
+    with pytest.raises(InputError, match=r"line 2, column lat_deg: .*swapped"):
+        read_stations(table(tmp_path, text.replace("33.9,", "133.9,")))
+    with pytest.raises(InputError, match=r"line 3, column lat_deg: .*got nothing"):
+        read_stations(table(tmp_path, text.replace("33.902,35.5,20", ",,")))
+    mixed = text.replace("lon_deg,alt_m", "east_m,north_m")
+    with pytest.raises(InputError, match="missing column lon_deg"):
+        read_stations(table(tmp_path, mixed))

@@ -1,0 +1,101 @@
+"""Logs that give latitudes and longitudes."""
+
+import numpy as np
+import pytest
+
+import jblast
+from jblast.errors import InputError
+from jblast.observations import write
+
+HEAD = "sensor,quantity,value,sigma,lat_deg,lon_deg,alt_m\n"
+LOG = HEAD + (
+    "a,air_arrival_s,1.0,0.01,33.9,35.5,10\n"
+    "b,air_arrival_s,1.1,0.01,33.902,35.5,20\n"
+    "b,peak_overpressure_pa,900,90,33.902,35.5,20\n"
+)
+
+
+def read(tmp_path, text, **options):
+    path = tmp_path / "log.csv"
+    path.write_text(text)
+    return jblast.read(path, **options)
+
+
+def test_places_are_metres_about_the_middle_of_the_sensors(tmp_path):
+    log = read(tmp_path, LOG)
+    assert log.frame is not None
+    assert (log.frame.lat_deg, log.frame.alt_m) == pytest.approx((33.901, 15.0))
+    # a degree of latitude is 110.92 km there (6355.2 km, the meridian's radius)
+    assert log.position[:, 1] == pytest.approx([-110.92, 110.92, 110.92], abs=0.01)
+    assert log.position[:, 2] == pytest.approx([-5, 5, 5], abs=0.001)
+
+
+def test_what_is_written_is_read_again(tmp_path):
+    log = read(tmp_path, LOG)
+    write(tmp_path / "again.csv", log)
+    again = jblast.read(tmp_path / "again.csv")
+    assert again.frame is not None
+    assert vars(again.frame) == pytest.approx(vars(log.frame), abs=1e-9)
+    assert again.position == pytest.approx(log.position, abs=1e-6)
+
+
+def test_heights_are_above_the_ground_or_left_out(tmp_path):
+    ground = read(tmp_path, LOG.replace("alt_m", "up_m"))
+    assert ground.frame is not None
+    assert ground.frame.alt_m == 0
+    assert ground.position[:, 2] == pytest.approx([10, 20, 20], abs=0.002)
+    none = read(
+        tmp_path,
+        LOG.replace(",alt_m", "").replace(",10\n", "\n").replace(",20\n", "\n"),
+    )
+    assert none.position[:, 2] == pytest.approx([0, 0, 0], abs=0.002)
+
+
+def test_a_log_of_one_place_stands_at_the_origin(tmp_path):
+    log = read(tmp_path, HEAD + "a,air_arrival_s,1.0,0.01,-89.9999999,180,0\n")
+    assert log.position == pytest.approx(np.zeros((1, 3)), abs=1e-6)
+
+
+def test_longitudes_count_from_either_turn(tmp_path):
+    text = LOG.replace("35.5,10", "-179.999,10").replace("35.5", "180.001")
+    log = read(tmp_path, text)
+    assert np.ptp(log.position[:, 0]) < 1
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("33.9,35.5,10", "133.9,35.5,10", "line 2, column lat_deg: .*swapped"),
+        ("33.9,35.5,10", "33.9,400,10", "line 2, column lon_deg: .*between -180 and"),
+        ("33.9,35.5,10", "33.9,,10", "line 2, column lon_deg: .*got nothing"),
+        ("33.902,35.5,20", "33.902,35.5,", "line 3, column alt_m: .*got nothing"),
+        ("33.9,35.5,10", "33.9,35.5,1e6", "line 2, column alt_m"),
+        ("33.9,35.5,10", "-33.9,35.5,10", "line 2, column lat_deg: .*sign missing"),
+        ("33.9,35.5,10", "N33.9,35.5,10", "line 2, column lat_deg: .*number"),
+    ],
+)  # fmt: skip
+def test_what_is_no_place_is_refused(tmp_path, old, new, said):
+    with pytest.raises(InputError, match=said):
+        read(tmp_path, LOG.replace(old, new))
+
+
+@pytest.mark.parametrize(
+    ("extra", "filled", "said"),
+    [
+        ("east_m,north_m,up_m", "1,2,3", "line 2, column east_m: .*beside degrees"),
+        ("up_m", "3", "line 2, column up_m: .*got both"),
+    ],
+)
+def test_metres_and_degrees_are_not_mixed(tmp_path, extra, filled, said):
+    lines = LOG.splitlines()
+    nothing = "," * filled.count(",")
+    rows = [f"{lines[1]},{filled}", *(f"{line},{nothing}" for line in lines[2:])]
+    with pytest.raises(InputError, match=said):
+        read(tmp_path, "\n".join([f"{lines[0]},{extra}", *rows]))
+
+
+def test_every_fault_is_told_where_they_are_gathered(tmp_path):
+    faults = []
+    log = read(tmp_path, LOG.replace("33.902,35.5", "33.902,500"), faults=faults)
+    assert len(faults) == 2
+    assert len(log) == 1
