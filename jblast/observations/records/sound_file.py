@@ -17,18 +17,16 @@ from jaxtyping import Float
 
 from jblast.errors import InputError
 from jblast.files import replacing
+from jblast.observations.records.opened_sound import opened_sound
 from jblast.observations.records.sound_formats import (
-    EXPECTED,
     MOST_BYTES,
     MOST_CHANNELS,
     SUBTYPES,
     Bits,
-    check_kind,
     encoded,
     format_of,
     whole_rate,
 )
-from jblast.observations.records.wav_header import missing_bytes
 
 
 class SoundRecord(NamedTuple):
@@ -60,25 +58,10 @@ def read_sound(path: str | os.PathLike[str]) -> SoundRecord:
             holds no samples, some that are no finite number, or more than eight
             channels; or it is compressed with a loss.
     """
-    import soundfile  # libsndfile: nobody else need wait for it
-
     path = Path(path)
-    _check_is_file(path)
-    try:
-        with soundfile.SoundFile(path) as file:
-            kind, subtype, promised = file.format, file.subtype, file.frames
-            rate_hz, channels = file.samplerate, file.channels
-            check_kind(path, kind, subtype, channels)
-            if kind != "FLAC" and (missing := missing_bytes(path)):
-                raise InputError(
-                    f"{path}: is cut short: at least {missing:,} bytes are missing at "
-                    "its end"
-                )
-            samples = file.read(dtype="float64", always_2d=True).T
-    except soundfile.LibsndfileError as error:
-        raise InputError(_unreadable(path, error.error_string)) from None
-    if samples.shape[1] == 0:
-        raise InputError(f"{path}: expected a sound file with samples, got none")
+    with opened_sound(path) as file:
+        rate_hz, subtype, promised = file.samplerate, file.subtype, file.frames
+        samples = file.read(dtype="float64", always_2d=True).T
     if samples.shape[1] < promised:
         raise InputError(
             f"{path}: is cut short: {samples.shape[1]:,} samples of the {promised:,} "
@@ -213,17 +196,6 @@ def resampled(
     return resample_poly(samples, ratio.numerator, ratio.denominator, axis=-1)
 
 
-def _check_is_file(path: Path) -> None:
-    if not path.exists():
-        raise InputError(f"{path}: no such file; {EXPECTED}")
-    if path.is_dir():
-        raise InputError(f"{path}: is a directory; {EXPECTED}")
-    if path.is_file() and path.stat().st_size == 0:
-        raise InputError(f"{path}: is empty; {EXPECTED}")
-    if not os.access(path, os.R_OK):
-        raise InputError(f"{path}: may not be read; {EXPECTED}")
-
-
 def _check_finite(
     path: Path, samples: Float[np.ndarray, "channel sample"], rate_hz: int
 ) -> None:
@@ -237,12 +209,3 @@ def _check_finite(
         f"{channel + 1} at {sample / rate_hz:.6g} s (sample {sample + 1}; "
         f"{len(bad):,} of {samples.size:,} are so)"
     )
-
-
-def _unreadable(path: Path, reason: str) -> str:
-    """Say why libsndfile makes nothing of a file."""
-    with path.open("rb") as file:
-        start = file.read(4)
-    if any(mark.startswith(start) for mark in (b"RIFF", b"RF64", b"fLaC")):
-        return f"{path}: is cut short or damaged ({reason.strip().rstrip('.')})"
-    return f"{path}: is no sound file; {EXPECTED}"

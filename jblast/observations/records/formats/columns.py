@@ -1,0 +1,100 @@
+"""Columns of samples by their names: which is time, which pressure, in which unit."""
+
+import re
+from typing import NamedTuple
+
+from jblast.errors import InputError, shown
+from jblast.observations.records.formats.scale import (
+    pressure_factor,
+    time_factor,
+    volts_factor,
+)
+
+IGNORED = ("note", "comment", "index", "sample", "number", "n", "")
+"""Words that a column which holds no measurement begins with, or is."""
+
+
+class Columns(NamedTuple):
+    """What the columns of a table of samples hold.
+
+    Attributes:
+        time: Which column the times stand in.
+        seconds: Seconds a unit of them.
+        pressures: Which columns hold pressure, or volts.
+        units: Of each of these, as it is written.
+        left_out: Names of columns that hold neither.
+    """
+
+    time: int
+    seconds: float
+    pressures: tuple[int, ...]
+    units: tuple[str, ...]
+    left_out: tuple[str, ...]
+
+
+def columns_of(names: list[str], where: str) -> Columns:
+    """Return what columns hold, by the units that their names end in.
+
+    Args:
+        names: `time_ms`, `Pressure (kPa)`, `ch1_mV`, in any order.
+        where: The file and line of the names, for messages.
+
+    Raises:
+        InputError: There is not one column of time, or none of pressure; or one has
+            no unit.
+    """
+    times: list[tuple[int, float]] = []
+    pressures: list[tuple[int, str]] = []
+    left_out: list[str] = []
+    for number, name in enumerate(names):
+        word, unit = word_and_unit(name)
+        seconds = time_factor(unit)
+        if seconds is not None:
+            times.append((number, seconds))
+        elif pressure_factor(unit) is not None or volts_factor(unit) is not None:
+            pressures.append((number, unit))
+        elif re.match(r"(elapsed|time|t)\b", word.lower()) and not unit:
+            raise InputError(
+                f"{where}, column {name}: expected a unit of time in its name, as in "
+                "time_s or time_ms, got none"
+            )
+        elif word.lower().startswith("pressure") or "overpressure" in word.lower():
+            raise InputError(
+                f"{where}, column {name}: expected a unit of pressure in its name, as "
+                f"in pressure_kpa, got {unit or 'none'}"
+            )
+        else:
+            left_out.append(name)
+    if len(times) != 1:
+        got = ", ".join(names[at] for at, _ in times) or shown(", ".join(names))
+        raise InputError(
+            f"{where}: expected one column of time, as time_s or time_ms, got {got}"
+        )
+    if not pressures:
+        raise InputError(
+            f"{where}: expected a column of pressure, as pressure_kpa, or of volts, "
+            f"got {shown(', '.join(names))}"
+        )
+    return Columns(
+        *times[0],
+        tuple(at for at, _ in pressures),
+        tuple(unit for _, unit in pressures),
+        tuple(n for n in left_out if n.split("_")[0].lower() not in IGNORED),
+    )
+
+
+def word_and_unit(name: str) -> tuple[str, str]:
+    """Take a name apart: `Pressure (kPa)` or `pressure_kpa` into word and unit.
+
+    The unit is "" where the name ends in none that we know; a name may be a unit alone.
+    """
+    bracketed = re.fullmatch(r"\s*(.*?)[\s_]*[(\[]\s*([^()\[\]]*?)\s*[)\]]\s*", name)
+    if bracketed:
+        return bracketed[1], bracketed[2]
+    parts = re.split(r"[\s_]+", name.strip())
+    unit = parts[-1]
+    if any(known(unit) is not None for known in (time_factor, pressure_factor)):
+        return " ".join(parts[:-1]), unit
+    if volts_factor(unit) is not None:
+        return " ".join(parts[:-1]), unit
+    return " ".join(parts), ""

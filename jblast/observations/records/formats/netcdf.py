@@ -1,0 +1,147 @@
+"""HDF5 and NetCDF: variables with units as attributes, by xarray.
+
+A variable of pressure or volts has times along its last dimension (or the one that a
+variable of time has), or an attribute `rate_hz` or `sampling_rate`.
+"""
+
+import re
+from collections.abc import Iterator
+from contextlib import contextmanager
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from jaxtyping import Float
+
+from jblast.errors import InputError, shown
+from jblast.observations.records.formats.even_clock import even_clock
+from jblast.observations.records.formats.pieces import (
+    RATES,
+    Clock,
+    Piece,
+    left_out,
+    recordings_of,
+)
+from jblast.observations.records.formats.scale import (
+    Scaling,
+    pressure_factor,
+    time_factor,
+    volts_factor,
+)
+from jblast.observations.records.recording import Recording
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+SINCE = re.compile(r"\s*(\w+)\s+since\s+(.+?)\s*")
+"""How CF conventions write a unit of time with its epoch."""
+
+
+def open_netcdf(path: Path, scaling: Scaling) -> tuple[Recording, ...]:
+    """Return the variables of pressure or volts of a file, read stretch by stretch.
+
+    Raises:
+        InputError: xarray makes nothing of it; no variable holds pressure; or one has
+            no clock.
+    """
+    with _opened(path) as file:
+        units = {
+            str(n): str(v.attrs.get("units", "")) for n, v in file.variables.items()
+        }
+        wanted = [
+            name
+            for name, unit in units.items()
+            if pressure_factor(unit) is not None or volts_factor(unit) is not None
+        ]
+        if not wanted:
+            held = ", ".join(f"{n} ({u or 'no units'})" for n, u in units.items())
+            raise InputError(
+                f"{path}: expected a variable with units of pressure, or of volts, "
+                f"got {shown(held)}"
+            )
+        pieces = [_piece(path, file, name, units) for name in wanted]
+        times = [name for name, unit in units.items() if _seconds(unit) is not None]
+    others = [name for name in units if name not in (*wanted, *times)]
+    return recordings_of(path, pieces, scaling, left_out(others))
+
+
+@contextmanager
+def _opened(path: Path) -> Iterator["xr.Dataset"]:
+    """Open a file, NetCDF 3 by SciPy and all else by h5netcdf."""
+    import xarray as xr
+
+    with path.open("rb") as file:
+        classic = file.read(3) == b"CDF"
+    engine: dict[str, Any] = {"engine": "scipy" if classic else "h5netcdf"}
+    if not classic:
+        engine["phony_dims"] = "sort"
+    try:
+        opened = xr.open_dataset(path, decode_times=False, **engine)
+    except Exception as error:  # of many kinds, by the library below
+        raise InputError(
+            f"{path}: expected HDF5 or NetCDF, which xarray cannot make of it ({error})"
+        ) from None
+    with opened:
+        yield opened
+
+
+def _piece(path: Path, file: "xr.Dataset", name: str, units: dict[str, str]) -> Piece:
+    variable = file[name]
+    times = [
+        other
+        for other, unit in units.items()
+        if _seconds(unit) is not None
+        and file[other].ndim == 1
+        and file[other].dims[0] in variable.dims
+    ]
+    along = str(file[times[0]].dims[0] if times else variable.dims[-1])
+    if variable.ndim > 2 or len(times) > 1:
+        got = f"the dimensions {', '.join(map(str, variable.dims))}"
+        if len(times) > 1:
+            got = f"the times {', '.join(times)}"
+        raise InputError(
+            f"{path}: variable {name}: expected channels against one time, got {got}"
+        )
+
+    def read(start: int, stop: int) -> Float[np.ndarray, "channel sample"]:
+        with _opened(path) as opened:
+            stretch = opened[name].isel({along: slice(start, stop)})
+            return np.atleast_2d(stretch.transpose(..., along).values)
+
+    length = variable.sizes[along]
+    clock = _clock(path, file, name, times, units)
+    channels = variable.size // max(length, 1)
+    return Piece(f"variable {name}", units[name], channels, length, read, clock)
+
+
+def _clock(
+    path: Path, file: "xr.Dataset", name: str, times: list[str], units: dict[str, str]
+) -> Clock:
+    if times:
+        seconds, epoch = _seconds(units[times[0]]) or (1.0, None)
+        start, rate = even_clock(
+            seconds * np.asarray(file[times[0]].values, np.float64),
+            lambda row: f"{path}: variable {times[0]}, row {row + 1}",
+        )
+        return Clock(start, rate, epoch)
+    told = {**file.attrs, **file[name].attrs}
+    rates = [told[key] for key in RATES if key in told]
+    if not rates:
+        raise InputError(
+            f"{path}: variable {name}: expected a variable of time along it, with "
+            "units of time, or an attribute rate_hz; got neither"
+        )
+    return Clock(0.0, float(np.asarray(rates[0]).ravel()[0]))
+
+
+def _seconds(unit: str) -> tuple[float, datetime | None] | None:
+    """Return seconds a unit of time, and its epoch if it has one; None of others."""
+    since = SINCE.fullmatch(unit)
+    factor = time_factor(since[1] if since else unit)
+    if factor is None or not unit:
+        return None
+    if not since:
+        return factor, None
+    epoch = datetime.fromisoformat(since[2].replace(" UTC", "+00:00"))
+    return factor, epoch if epoch.tzinfo else epoch.replace(tzinfo=UTC)

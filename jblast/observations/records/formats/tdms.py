@@ -1,0 +1,120 @@
+"""TDMS, as LabVIEW writes it: channels in groups, units and steps as properties."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+
+from jblast.errors import InputError, shown
+from jblast.observations.records.formats.even_clock import even_clock
+from jblast.observations.records.formats.extras import needed
+from jblast.observations.records.formats.instants import epoch_and_start
+from jblast.observations.records.formats.pieces import (
+    Clock,
+    Piece,
+    left_out,
+    recordings_of,
+)
+from jblast.observations.records.formats.scale import (
+    Scaling,
+    holds_pressure,
+    time_factor,
+)
+from jblast.observations.records.recording import Recording
+
+UNIT, STEP = "unit_string", "wf_increment"
+OFFSET, START = "wf_start_offset", "wf_start_time"
+"""Properties of a wave form, as LabVIEW calls them."""
+Properties = dict[str, Any]
+
+
+def open_tdms(path: Path, scaling: Scaling) -> tuple[Recording, ...]:
+    """Return the channels of pressure or volts of a TDMS file, read stretch by stretch.
+
+    Their clock is that of the wave form's properties, or else a channel of time in the
+    same group.
+
+    Raises:
+        InputError: npTDMS makes nothing of it; no channel holds pressure; one has no
+            clock; or volts of a sensitivity that nobody said.
+    """
+    nptdms = needed("nptdms", "tdms", path, "TDMS")
+    try:
+        with nptdms.TdmsFile.open(path) as file:
+            found = [
+                (channel.group_name, channel.name, dict(channel.properties))
+                for group in file.groups()
+                for channel in group.channels()
+                if len(channel)
+            ]
+            wanted = [one for one in found if _is_pressure(one[2])]
+            if not found:
+                raise InputError(f"{path}: expected TDMS with channels, got none")
+            if not wanted:
+                raise InputError(
+                    f"{path}: expected a channel of pressure or volts, got "
+                    f"{shown(', '.join(_labelled(*one) for one in found))}"
+                )
+            pieces = [_piece(nptdms, path, file, *one) for one in wanted]
+    except InputError:
+        raise
+    except Exception as error:  # npTDMS has no error of its own
+        raise InputError(
+            f"{path}: expected TDMS, which npTDMS cannot make of it ({error})"
+        ) from None
+    others = [_labelled(*one) for one in found if one not in wanted]
+    return recordings_of(path, pieces, scaling, left_out(others))
+
+
+def _piece(
+    nptdms: Any, path: Path, file: Any, group: str, name: str, properties: Properties
+) -> Piece:
+    def read(start: int, stop: int) -> Float[np.ndarray, "1 sample"]:
+        with nptdms.TdmsFile.open(path) as opened:
+            return opened[group][name][start:stop][None]
+
+    return Piece(
+        label=f"channel {group}/{name}",
+        unit=str(properties.get(UNIT, "")),
+        channels=1,
+        length=len(file[group][name]),
+        read=read,
+        clock=_clock(path, file, group, name, properties),
+    )
+
+
+def _is_pressure(properties: Properties) -> bool:
+    return holds_pressure(str(properties.get(UNIT, "")))
+
+
+def _labelled(group: str, name: str, properties: Properties) -> str:
+    unit = properties.get(UNIT, "")
+    return f"{group}/{name}" + (f" ({unit})" if unit else "")
+
+
+def _clock(
+    path: Path, file: Any, group: str, name: str, properties: Properties
+) -> Clock:
+    """Return where a channel starts [s], its rate [Hz], and its epoch."""
+    step = properties.get(STEP)
+    if step:
+        offset, began = float(properties.get(OFFSET, 0.0)), properties.get(START)
+        if began is None:
+            return Clock(offset, 1.0 / float(step))
+        nanoseconds = int(np.datetime64(began, "ns").astype(np.int64))
+        epoch, start = epoch_and_start(nanoseconds)
+        return Clock(start + offset, 1.0 / float(step), epoch)
+    for other in file[group].channels():
+        unit = str(other.properties.get(UNIT, ""))
+        seconds = time_factor(unit) if unit else None
+        if seconds is not None and len(other) == len(file[group][name]):
+            times = seconds * np.asarray(other[:], np.float64)
+            label = f"{path}: channel {group}/{other.name}"
+            return Clock(
+                *even_clock(times, lambda row, at=label: f"{at}, row {row + 1}")
+            )
+    raise InputError(
+        f"{path}: channel {group}/{name}: expected its step as {STEP}, or a channel of "
+        "time beside it, got neither"
+    )

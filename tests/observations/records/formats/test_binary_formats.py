@@ -1,0 +1,191 @@
+"""Files that each format's own library wrote come back: pascals, clock, epoch."""
+
+import warnings
+from datetime import UTC, datetime
+
+import h5netcdf
+import h5py
+import numpy as np
+import pytest
+import scipy.io
+import soundfile
+import xarray as xr
+from nptdms import ChannelObject, TdmsWriter
+
+from jblast.errors import InputError
+from jblast.observations.records.formats import Scaling, open_record
+from tests.observations.records.formats.bangs import RATE_HZ, START_S, pulse, times
+
+with warnings.catch_warnings():  # of its own age
+    warnings.simplefilter("ignore", DeprecationWarning)
+    import obspy
+
+BEGAN = datetime(2026, 3, 1, 12, 0, 7, 250_000, tzinfo=UTC)
+
+
+def only(path, scaling=None):
+    (recording,) = open_record(path, scaling)
+    return recording
+
+
+def check(recording, start_s=START_S, rtol=1e-12):
+    """The pulse came back, whole and in part."""
+    assert recording.rate_hz == pytest.approx(RATE_HZ, rel=1e-12)
+    assert recording.start_s == pytest.approx(start_s, abs=1e-12)
+    assert recording.calibrated
+    whole, atol = recording.samples(0, 400)[0], rtol * 1200
+    np.testing.assert_allclose(whole, pulse(), rtol=rtol, atol=atol)
+    part = recording.record(0, 100, 200)
+    np.testing.assert_allclose(part.samples, pulse()[100:200], rtol=rtol, atol=atol)
+    assert part.start_s == pytest.approx(start_s + 100 / RATE_HZ, abs=1e-12)
+
+
+@pytest.mark.parametrize("ending", ["wav", "flac"])
+def test_sound_is_pascals_where_full_scale_is_told(tmp_path, ending):
+    path = tmp_path / f"phone.{ending}"
+    soundfile.write(path, pulse() / 2000.0, int(RATE_HZ), subtype="PCM_24")
+    recording = only(path, Scaling(full_scale_pa=2000.0))
+    check(recording, start_s=0.0, rtol=2e-7)  # of 24 bits, about full scale
+    assert recording.full_scale == 2000.0 * (1 - 2**-23)
+    plain = only(path)
+    assert not plain.calibrated
+    assert abs(plain.samples(0, 400)).max() < 1.0
+
+
+@pytest.mark.parametrize("kind", ["MSEED", "SAC"])
+def test_traces_begin_at_their_time_of_day(tmp_path, kind):
+    header = {"sampling_rate": RATE_HZ, "starttime": obspy.UTCDateTime(BEGAN)}
+    header |= {"station": "GATE", "channel": "HDF"}
+    path = tmp_path / f"gate.{kind.lower()}"
+    trace = obspy.Trace(pulse().astype(np.float32), header)
+    trace.write(str(path), format=kind)
+    recording = only(path, Scaling(sensitivity=1.0))
+    check(recording, start_s=0.25, rtol=1e-7)  # of float32
+    assert recording.epoch == BEGAN.replace(microsecond=0)
+    assert not only(path).calibrated
+
+
+def test_the_rate_of_sac_is_not_rounded_to_a_microsecond(tmp_path):
+    path = tmp_path / "gate.sac"
+    header = {"sampling_rate": 44100.0}
+    obspy.Trace(np.zeros(100, np.float32), header).write(str(path), format="SAC")
+    assert only(path).rate_hz == 44100.0
+
+
+def test_a_trace_in_pieces_is_refused(tmp_path):
+    first = obspy.Trace(np.arange(100, dtype=np.int32), {"sampling_rate": 100.0})
+    second = first.copy()
+    second.stats.starttime += 1.5
+    path = tmp_path / "gate.mseed"
+    obspy.Stream([first, second]).write(str(path), format="MSEED")
+    with pytest.raises(
+        InputError, match=r"trace \S*: expected one piece, got a gap of 0.5"
+    ):
+        open_record(path)
+
+
+def test_ground_motion_is_no_pressure(tmp_path):
+    path = tmp_path / "ground.sac"
+    trace = obspy.Trace(np.zeros(100, np.float32), {"sampling_rate": 100.0})
+    trace.stats.sac = {"idep": 7}
+    trace.write(str(path), format="SAC")
+    with pytest.raises(InputError, match="expected pressure, got ground velocity"):
+        open_record(path)
+
+
+def test_tdms_is_read_by_its_properties(tmp_path):
+    path = tmp_path / "daq.tdms"
+    wave = {"wf_increment": 1 / RATE_HZ, "wf_start_offset": 0.0}
+    wave |= {"wf_start_time": np.datetime64(BEGAN.replace(tzinfo=None), "us")}
+    with TdmsWriter(path) as writer:
+        writer.write_segment(
+            [
+                ChannelObject("a", "p1", pulse() / 1e3, wave | {"unit_string": "kPa"}),
+                ChannelObject("a", "p2", pulse() / 50, wave | {"unit_string": "V"}),
+                ChannelObject("a", "T", pulse(), wave | {"unit_string": "degC"}),
+            ]
+        )
+    recordings = open_record(path, Scaling(sensitivity=50.0))
+    assert [r.names for r in recordings] == [("daq.1",), ("daq.2",)]
+    for recording in recordings:
+        check(recording, start_s=0.25)
+        assert recording.epoch == BEGAN.replace(microsecond=0)
+        assert recording.notes == ("left out, not pressure: a/T (degC)",)
+    with pytest.raises(InputError, match="channel a/p2: expected pressure, got V"):
+        open_record(path)
+
+
+def test_tdms_with_a_channel_of_time(tmp_path):
+    path = tmp_path / "daq.tdms"
+    with TdmsWriter(path) as writer:
+        writer.write_segment(
+            [
+                ChannelObject("a", "t", 1e3 * times(), {"unit_string": "ms"}),
+                ChannelObject("a", "p", pulse(), {"unit_string": "Pa"}),
+            ]
+        )
+    check(only(path))
+
+
+@pytest.mark.parametrize("engine", ["h5netcdf", "scipy"])
+def test_netcdf_is_read_by_its_units(tmp_path, engine):
+    path = tmp_path / "field.nc"
+    since = "milliseconds since 2026-03-01 12:00:07"
+    data = xr.Dataset(
+        {"p": (("channel", "time"), np.array([pulse(), 2 * pulse()]) / 1e3)},
+        {"time": ("time", 1e3 * times(), {"units": since})},
+    )
+    data.p.attrs["units"] = "kPa"
+    data.to_netcdf(path, engine=engine)
+    recording = only(path)
+    check(recording)
+    assert recording.names == ("field.1", "field.2")
+    assert recording.epoch == BEGAN.replace(microsecond=0)
+    np.testing.assert_allclose(recording.samples(0, 400)[1], 2 * pulse())
+
+
+def test_plain_hdf5_is_read_by_its_attributes(tmp_path):
+    path = tmp_path / "daq.h5"
+    with h5py.File(path, "w") as file:
+        file["p"], file["T"] = pulse() / 100, np.zeros(3)
+        file["p"].attrs.update({"units": "mbar", "rate_hz": RATE_HZ})
+    recording = only(path)
+    check(recording, start_s=0.0)
+    assert recording.notes == ("left out, not pressure: T",)
+    with h5netcdf.File(path, "r", phony_dims="sort") as file:  # another's reading
+        np.testing.assert_allclose(np.asarray(file["p"][:]), pulse() / 100)
+
+
+@pytest.mark.parametrize("seventh", [False, True])
+def test_matlab_is_read_by_its_names(tmp_path, seventh):
+    path = tmp_path / "daq.mat"
+    held = {"time_ms": 1e3 * times()[None], "p_kpa": pulse()[:, None] / 1e3}
+    if seventh:
+        with h5py.File(path, "w", userblock_size=512) as file:
+            for name, array in held.items():
+                file[name] = array.T
+        mark = b"MATLAB 7.3 MAT-file, written by a test".ljust(124) + b"\x00\x02IM"
+        with path.open("r+b") as file:
+            file.write(mark)
+    else:
+        scipy.io.savemat(path, held)
+    check(only(path))
+
+
+@pytest.mark.parametrize(
+    ("held", "said"),
+    [
+        ({"p_pa": [1.0, 2.0]}, "expected one variable of time"),
+        ({"time_s": [0.0, 1.0]}, "expected a variable of pressure"),
+        ({"p_pa": [1.0, 2.0], "fs": [0.0]}, "variable fs: expected one positive"),
+        (
+            {"p_pa": [1.0, 2.0], "time_s": [0.0, 1.0, 2.0]},
+            "expected 3 samples a channel",
+        ),
+    ],
+)
+def test_variables_that_are_no_record_are_refused(tmp_path, held, said):
+    path = tmp_path / "daq.mat"
+    scipy.io.savemat(path, held)
+    with pytest.raises(InputError, match=said):
+        open_record(path)

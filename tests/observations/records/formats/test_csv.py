@@ -1,0 +1,124 @@
+"""Text of samples: any unit, separator and order of columns; what is amiss is named."""
+
+import numpy as np
+import pandas as pd
+import pytest
+from hypothesis import given, settings, strategies as st
+
+from jblast.errors import InputError
+from jblast.observations.records.formats import Scaling, open_record
+from tests.observations.records.formats.bangs import RATE_HZ, START_S, pulse, times
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    return tmp_path_factory.mktemp("texts")
+
+
+@settings(deadline=None, max_examples=40)
+@given(
+    unit=st.sampled_from(
+        [("pa", 1.0), ("kPa", 1e3), ("mbar", 1e2), ("psi", 6894.757293168), ("V", 50.0)]
+    ),
+    clock=st.sampled_from([("s", 1.0), ("ms", 1e-3), ("us", 1e-6)]),
+    dialect=st.sampled_from(
+        [(",", "."), (";", ","), ("\t", ","), (";", "."), (" ", ".")]
+    ),
+    bracket=st.booleans(),
+    encoding=st.sampled_from(["utf-8", "utf-8-sig", "utf-16"]),
+    channels=st.integers(1, 3),
+)
+def test_what_pandas_wrote_is_read(
+    folder, unit, clock, dialect, bracket, encoding, channels
+):
+    path, (separator, decimal) = folder / "gate.csv", dialect
+    blank = separator == " "
+    named = "{}({})" if bracket and blank else "{} [{}]" if bracket else "{}_{}"
+    table = pd.DataFrame({named.format("time", clock[0]): times() / clock[1]})
+    for k in range(channels):
+        table[named.format(f"ch{k}", unit[0])] = (k + 1) * pulse() / unit[1]
+    table.to_csv(path, sep=separator, decimal=decimal, encoding=encoding, index=False)
+    (recording,) = open_record(path, Scaling(sensitivity=50.0))
+    assert (recording.rate_hz, recording.start_s) == (RATE_HZ, pytest.approx(START_S))
+    assert recording.calibrated
+    assert len(recording.names) == channels
+    expected = np.arange(1, channels + 1)[:, None] * pulse()
+    # psi to seven digits in our table
+    np.testing.assert_allclose(
+        recording.samples(0, recording.length), expected, rtol=1e-7, atol=1e-9
+    )
+
+
+def text(tmp_path, body, name="gate.csv"):
+    path = tmp_path / name
+    path.write_text(body)
+    return path
+
+
+def test_a_row_of_units_below_the_names_is_theirs(tmp_path):
+    body = "Time,Channel A\n(ms),(mV)\n0,1\n0.5,2\n1.0,3\n"
+    (recording,) = open_record(text(tmp_path, body), Scaling(sensitivity=1e4))
+    assert recording.rate_hz == 2000.0
+    np.testing.assert_allclose(recording.samples(0, 3), [[10.0, 20.0, 30.0]])
+
+
+def test_columns_of_something_else_are_left_out_and_named(tmp_path):
+    body = "n,time_s,temperature_c,pressure_pa,note\n1,0,20,5,\n2,1,20,6,loud\n"
+    (recording,) = open_record(text(tmp_path, body))
+    np.testing.assert_array_equal(recording.samples(0, 2), [[5.0, 6.0]])
+    assert recording.notes == ("columns left out, not pressure: temperature_c",)
+
+
+def test_times_of_few_digits_give_the_rate_that_all_of_them_tell(tmp_path):
+    rows = "".join(f"{k / 44100:.6f},{k}\n" for k in range(4410))
+    (recording,) = open_record(text(tmp_path, "time_s,pressure_pa\n" + rows))
+    assert recording.rate_hz == pytest.approx(44100.0, rel=1e-7)
+
+
+HEAD = "time_s,pressure_kpa\n"
+
+
+@pytest.mark.parametrize(
+    ("body", "said"),
+    [
+        (HEAD + "0,1\n0.1,2\n0.1,3\n", "line 4, column time_s: .* too few digits"),
+        (HEAD + "0,1\n0.1,2\n0.05,3\n", "line 4, column time_s: expected a time after"),
+        (HEAD + "0,1\n0.1,2\n0.2,3\n0.6,3\n", "line 5.* a gap of 0.4 s after 0.2 s"),
+        (HEAD + "0,1\n# cut\n0.1,\n0.2,3\n", "line 4, column pressure_kpa.*nothing"),
+        (HEAD + "0,1\n0.1,nan\n0.2,3\n", "line 3, column pressure_kpa.*'nan'"),
+        (HEAD + "0,nan\n0.1,nan\n", "column pressure_kpa: .* no number in it"),
+        (HEAD + "0,1\n0.1\n", "line 3: expected 2 fields as in the header, got 1"),
+        (HEAD + "0,1,5\n1,2,7\n", "line 2: expected 2 fields .* got 3"),
+        (HEAD + "0,1\n", "expected two samples at least, got 1"),
+        (HEAD, "got 1 lines"),
+        ("0,1\n1,2\n", "line 1: expected names of columns"),
+        ("time,pressure_pa\n0,1\n", "column time: expected a unit of time"),
+        ("time_s,pressure\n0,1\n", "column pressure: expected a unit of pressure"),
+        ("time_s,pressure_kpx\n0,1\n", "column pressure_kpx: expected a unit"),
+        ("time_s,t_ms,p_pa\n0,1,2\n", "expected one column of time.* time_s, t_ms"),
+        ("p_pa,q_pa\n0,1\n", "expected one column of time"),
+        ("time_s;p_pa\n0,5;1.5\n", "expected a decimal point or a decimal comma"),
+        (
+            "time_s,ch_v\n0,1\n1,2\n",
+            "column ch_v: expected pressure, got v; .*sensitivity",
+        ),
+    ],
+)
+def test_what_is_no_record_is_refused_by_line_and_column(tmp_path, body, said):
+    with pytest.raises(InputError, match=said):
+        open_record(text(tmp_path, body))
+
+
+def test_an_uneven_clock_is_refused_and_a_jittering_one_is_not(tmp_path):
+    rng = np.random.default_rng(1)
+    for share, good in ((0.2, True), (0.4, False)):
+        t = np.arange(1000) + share * rng.uniform(-1, 1, 1000)
+        body = HEAD + "".join(f"{x:.6f},0\n" for x in t)
+        path = text(tmp_path, body)
+        if good:
+            (recording,) = open_record(path)
+            # the line through 1000 times of 0.12 sd: 0.12 sqrt(12 / 1000^3) a step
+            assert recording.rate_hz == pytest.approx(1.0, abs=3e-5)
+            continue
+        with pytest.raises(InputError, match=r"steps off|gap"):
+            open_record(path)
