@@ -11,6 +11,7 @@ from jblast.files import write_bytes, write_text
 from jblast.inference.fitting.result import Fit
 from jblast.report.fit.document import answer_json
 from jblast.report.fit.findings import all_words
+from jblast.report.fit.place.files import PLACE_FILES, write_place
 from jblast.report.fit.reference_values import Accepted
 
 if TYPE_CHECKING:
@@ -18,7 +19,7 @@ if TYPE_CHECKING:
 
 DRAWS = "posterior.nc"
 NAMES = ("fit.json", "recordings.png", "residuals.png", "corner.png", "report.html")
-NAMES += (DRAWS,)
+NAMES += ("map.png", *PLACE_FILES, DRAWS)
 """What a report may consist of."""
 
 
@@ -31,7 +32,9 @@ def write_report(
     """Write a fit's answer, figures and page, the answer first.
 
     A figure that cannot be drawn costs nothing but itself: a warning names it, here
-    and on the page. Where no parameter has a posterior there is no corner.png.
+    and on the page. Where no parameter has a posterior there is no corner.png, where no
+    sensor has a place no map.png, and without a place on the Earth no place.geojson
+    and place.kml.
 
     Args:
         fit: The fit.
@@ -52,6 +55,7 @@ def write_report(
     from jblast.report.fit.figures.recordings import recordings_figure
     from jblast.report.fit.figures.residuals import residuals_figure
     from jblast.report.fit.page import report_page
+    from jblast.report.fit.place.map_figure import map_figure
 
     directory = Path(directory)
     check_directory(directory, force)
@@ -66,8 +70,13 @@ def write_report(
             written.append(_write_draws(fit, directory / DRAWS))
         except Exception as error:
             failures.append(f"{DRAWS} was not written: {error!r}")
+    try:
+        written += write_place(fit, directory, accepted)
+    except Exception as error:
+        failures.append(f"{' and '.join(PLACE_FILES)} were not written: {error!r}")
     figures: dict[str, Figure] = {}
     drawings: dict[str, Callable[[], Figure | None]] = {
+        "map": lambda: map_figure(fit, accepted),
         "recordings": lambda: recordings_figure(fit),
         "residuals": lambda: residuals_figure(fit),
         "corner": lambda: corner_figure(fit, accepted),

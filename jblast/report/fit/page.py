@@ -25,6 +25,7 @@ from jblast.report.fit.goodness import (
 )
 from jblast.report.fit.identifiability import determined_lines
 from jblast.report.fit.laws import laws_used, validity_sentence
+from jblast.report.fit.place.map_words import absent_map_note, map_alt, map_caption
 from jblast.report.fit.reference_values import Accepted, compare
 from jblast.report.fit.rows import log_name, residual_rows
 from jblast.report.words import capitalised, joined, parameter_words, quantity_words
@@ -51,7 +52,8 @@ def report_page(
 
     Args:
         fit: The fit.
-        figures: Those that were drawn, by name: "recordings", "residuals", "corner".
+        figures: Those that were drawn, by name: "map", "recordings", "residuals",
+            "corner".
         accepted: Published values by parameter name, each with where it comes from.
         extra_warnings: What went wrong since the fit, such as a figure not drawn.
     """
@@ -77,6 +79,7 @@ def report_page(
         pictures=[_picture(fit, k, figure) for k, figure in figures.items()],
         has_corner="corner" in figures,
         absent_note=absent_note(fit),
+        absent_map_note="" if "map" in figures else absent_map_note(fit),
         laws=used,
         registered=any(law.source for law in used),
         validity=validity_sentence(fit),
@@ -141,6 +144,7 @@ def _picture(fit: Fit, kind: str, figure: Figure) -> Picture:
         for printed in [printed_estimate(name, fit.summary.estimates[name])]
     )
     heading, alt, caption = {
+        "map": ("Map", map_alt(fit), map_caption(fit)),
         "recordings": (
             f"Recordings against {along}",
             f"Plot of {quantities} against {along}: recordings with error bars, the "

@@ -15,6 +15,8 @@ from jblast.report.fit.figures import residuals
 from tests.report import example
 
 FILES = {"fit.json", "recordings.png", "residuals.png", "corner.png", "report.html"}
+FILES |= {"map.png"}
+LACKS = {"no_draws": {"corner.png"}, "shock_radius": {"map.png"}}
 
 
 class Tags(HTMLParser):
@@ -52,7 +54,7 @@ def test_the_files_are_those_returned(pages):
     for name, paths in written.items():
         there = {p.name for p in (root / name).iterdir()}
         assert there == {p.name for p in paths}
-        assert there == (FILES - {"corner.png"} if name == "no_draws" else FILES)
+        assert there == FILES - LACKS.get(name, set())
         for path in paths:
             if path.suffix == ".png":
                 assert path.read_bytes().startswith(b"\x89PNG\r\n")
@@ -156,7 +158,7 @@ def test_a_file_in_the_place_of_the_directory_is_refused(tmp_path):
 
 
 def test_a_new_directory_is_made_with_its_parents(tmp_path):
-    assert len(write_report(example.no_draws(), tmp_path / "a" / "b")) == 4
+    assert len(write_report(example.no_draws(), tmp_path / "a" / "b")) == 5
 
 
 def test_a_figure_that_fails_costs_only_itself(tmp_path, monkeypatch):
@@ -166,7 +168,8 @@ def test_a_figure_that_fails_costs_only_itself(tmp_path, monkeypatch):
     monkeypatch.setattr(residuals, "residuals_figure", fails)
     with pytest.warns(UserWarning, match=r"residuals.png was not written.*no ink"):
         paths = write_report(example.no_draws(), tmp_path)
-    assert {p.name for p in paths} == {"fit.json", "recordings.png", "report.html"}
+    left = {"fit.json", "map.png", "recordings.png", "report.html"}
+    assert {p.name for p in paths} == left
     page = (tmp_path / "report.html").read_text("utf-8")
     assert re.search(r"residuals.png was not written.*no ink &lt;left&gt;", page)
 

@@ -24,6 +24,8 @@ KURTOSIS = 0.5
 SKEWNESS = 0.15
 """Mardia (1970): how far a normal sample of a few hundred may lie from 8, and from 0;
 within them nothing more is looked at."""
+SPECK = 0.01
+"""A part, or a hole, of less than this share of the largest is chance."""
 TRIES = 2000
 GRID = 160
 
@@ -108,18 +110,24 @@ def _outlines(x, sparse, limit: float, axes, centre):
     places = np.stack(np.meshgrid(across, along), axis=-1)
     field = np.log(sparse(places.reshape(-1, 2)).reshape(GRID, GRID))
     contours = contour_generator(across, along, field, fill_type=FillType.OuterOffset)
-    parts = []
+    found = []
     for points, starts in zip(*contours.filled(-np.inf, np.log(limit)), strict=True):
-        rings = [
-            points[start : stop - 1] @ axes + centre for start, stop in pairwise(starts)
-        ]
-        turned = [_turned(ring, left=k == 0) for k, ring in enumerate(rings)]
-        parts.append((turned[0], tuple(turned[1:])))
-    return tuple(parts)
+        rings = [points[i : j - 1] @ axes + centre for i, j in pairwise(starts)]
+        found.append([_turned(ring, left=k == 0) for k, ring in enumerate(rings)])
+    least = SPECK * max(_area(outer) for outer, *_ in found)
+    return tuple(
+        (outer, tuple(hole for hole in holes if -_area(hole) > least))
+        for outer, *holes in found
+        if _area(outer) > least
+    )
 
 
 def _turned(ring: Float[np.ndarray, "point 2"], left: bool):
     """Return a ring that runs anticlockwise (`left`), or clockwise."""
+    return ring if (_area(ring) > 0.0) == left else ring[::-1]
+
+
+def _area(ring: Float[np.ndarray, "point 2"]) -> float:
+    """Return the area in a ring, negative where it runs clockwise."""
     x, y = (ring - ring[0]).T
-    area = np.sum(x * np.roll(y, -1) - y * np.roll(x, -1))
-    return ring if (area > 0.0) == left else ring[::-1]
+    return float(0.5 * np.sum(x * np.roll(y, -1) - y * np.roll(x, -1)))

@@ -1,0 +1,1 @@
+"""The answer on a map: a figure in metres, GeoJSON and KML in degrees."""
