@@ -15,7 +15,7 @@ from jblast.observations.places.frame import Frame
 from jblast.observations.table import CLOCK_TIMES, Observations
 from jblast.observations.times.since import since
 
-OF_ALL = ("source", "comments", "frame", "epoch", "understood")
+OF_ALL = ("source", "comments", "frame", "epoch", "understood", "covariances")
 """Fields of a log that are of all its rows."""
 PER_ROW = tuple(f.name for f in fields(Observations) if f.name not in OF_ALL)
 """Fields of a log that have one entry a row."""
@@ -74,6 +74,7 @@ def one_event(logs: Sequence[Observations]) -> tuple[Observations, tuple[str, ..
         )
         for log, name in zip(logs, names, strict=True)
     ]
+    clocked = _each_record_once(clocked, names)
     joined: dict[str, Any] = {}
     for column in PER_ROW:
         parts = [getattr(log, column) for log in clocked]
@@ -89,6 +90,7 @@ def one_event(logs: Sequence[Observations]) -> tuple[Observations, tuple[str, ..
         understood=tuple(found for log in logs for found in log.understood),
         frame=frame,
         epoch=epoch,
+        covariances=tuple(of for log in clocked for of in log.covariances),
     ), tuple(names[1:])
 
 
@@ -120,6 +122,25 @@ def _on_one_earth(
     epoch = min((log.epoch for log in logs if log.epoch), default=None)
     there = [framed(log, frame) if frame else log for log in logs]
     return [since(log, epoch) if epoch else log for log in there], frame, epoch
+
+
+def _each_record_once(
+    logs: Sequence[Observations], names: Sequence[str]
+) -> list[Observations]:
+    """Name records after their log, too, where two logs name theirs alike."""
+    told = [name for log in logs for name in {of.record for of in log.covariances}]
+    if len(set(told)) == len(told):
+        return list(logs)
+    return [
+        replace(
+            log,
+            record=tuple(f"{name}/{of}" if of else "" for of in log.record),
+            covariances=tuple(
+                replace(of, record=f"{name}/{of.record}") for of in log.covariances
+            ),
+        )
+        for log, name in zip(logs, names, strict=True)
+    ]
 
 
 def some_rows(observations: Observations, rows: Int[np.ndarray, " _"]) -> Observations:

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from jblast.errors import InputError, nearest, read_text, shown
 from jblast.observations.aliases import our_name
 from jblast.observations.faults import Faults
+from jblast.observations.records.covariances import with_covariances
 from jblast.observations.rows import Rows
 from jblast.observations.table import (
     COLUMNS,
@@ -42,7 +43,8 @@ def read(
     order is free. Lines that begin with # are comments. An empty sigma leaves the law's
     scatter alone. A value `>0.12` is a lower bound: what was measured is no less. A
     clock time may stand in `value_utc`, as 2020-08-04T15:08:18.310Z, in place of
-    `value`.
+    `value`. How the errors of one record go together is read from
+    `LOG.covariance.csv`, if that stands beside `LOG.csv`.
 
     Args:
         path: The file.
@@ -65,7 +67,7 @@ def read(
     """
     told = Faults(faults)
     try:
-        return _read(path, told, date, zone)
+        return with_covariances(_read(path, told, date, zone), told)
     except InputError as fault:
         if faults is None:
             raise

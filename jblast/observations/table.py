@@ -7,6 +7,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from jblast.observations.places.frame import Frame
+from jblast.observations.record_covariance import RecordCovariance
 from jblast.observations.understood import Understood
 from jblast.quantities import ADDITIVE, CLOCK_TIMES as CLOCK_TIMES, TIMES as TIMES
 from jblast.quantity_table import QUANTITIES as QUANTITIES
@@ -49,6 +50,8 @@ class Observations:
         record: The file of samples, or the record, that each row came from; "" where
             unsaid, empty where no row says.
         understood: What the reader converted, skipped or supplied.
+        covariances: How the errors of each record's quantities go together; errors of
+            all else are independent.
     """
 
     sensor: tuple[str, ...]
@@ -69,6 +72,7 @@ class Observations:
     epoch: datetime | None = None
     record: tuple[str, ...] = ()
     understood: tuple[Understood, ...] = ()
+    covariances: tuple[RecordCovariance, ...] = ()
 
     def __len__(self) -> int:
         return len(self.value)

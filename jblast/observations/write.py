@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from jblast.files import write_text
+from jblast.observations.records.covariances import write_covariances
 from jblast.observations.rows import AT_LEAST
 from jblast.observations.table import (
     CLOCK_TIMES,
@@ -27,6 +28,9 @@ def write(
 ) -> None:
     """Write observations as tidy CSV; columns nobody fills are left out.
 
+    Covariances go into the side file, `LOG.covariance.csv` beside `LOG.csv`; an old one
+    is taken away, so that what is read back is what was written.
+
     Args:
         path: The file, replaced if it exists.
         observations: What to write.
@@ -45,6 +49,7 @@ def write(
     lines.append(",".join(columns))
     lines.extend(",".join(row) for row in zip(*columns.values(), strict=True))
     write_text(path, "\n".join(lines) + "\n")
+    write_covariances(path, observations)
 
 
 def _columns(observations: Observations) -> dict[str, list[str]]:

@@ -49,6 +49,7 @@ def observe(
     sigma: Float[Array, " row"],
     *,
     noise: Noise = "student",
+    shared_error: Float[Array, "row effect"] | None = None,
 ) -> Float[Array, " row"]:
     """Draw what each row of a layout reads, errors included.
 
@@ -59,10 +60,14 @@ def observe(
         laws: Name of the law for each of `layout.quantities()`.
         sigma: Instrument error of each row: in its unit for `ADDITIVE`, else relative.
         noise: Distribution of the independent errors.
+        shared_error: What one standard deviation of each error that readings share adds
+            to each, beside `sigma`; None if all are independent.
     """
     recording = record(scene, layout, laws)
     shared_key, own_key = jax.random.split(key)
     loading = loadings(recording, layout)
+    if shared_error is not None:
+        loading = jnp.concatenate([loading, shared_error], axis=1)
     shared = loading @ jax.random.normal(shared_key, (loading.shape[1],))
     if noise == "student":
         own = jax.random.t(own_key, STUDENT_FREEDOM, sigma.shape)

@@ -110,8 +110,7 @@ def fit(
             sure,
             np.asarray(misfit.valid),
             valid_at_depth(solution, draws),
-            left.residual,
-            left.effects,
+            left,
             lambda log: solve(log, uncertain, noise=noise, seed=seed),
         ),
         observations=observations,
@@ -119,7 +118,7 @@ def fit(
         predicted=np.asarray(misfit.predicted),
         distance=distance,
         residual=left.residual,
-        sd=np.asarray(misfit.sd),
+        sd=left.sd,
         shared=left.shared,
         shot=density.layout.shot,
         draws={

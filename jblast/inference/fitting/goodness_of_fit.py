@@ -27,13 +27,21 @@ class ResidualSummary(NamedTuple):
 
     Attributes:
         effects: The most probable shared effects.
-        shared: What they add to each row.
-        residual: What is left of each row beside them, in standard deviations; of a
-            lower bound the least error that keeps it: 0 where the law says more.
+        of_laws: The first of them, which are laws'; the others are errors of records.
+        own: What all of them leave of each row, in standard deviations of its own
+            error; of a lower bound the least error that keeps it: 0 where the law says
+            more.
+        shared: What the effects of laws add to each row.
+        sd: Standard deviation of each row without them: sigma and the law's record
+            scatter in quadrature.
+        residual: What they leave of each row, in these; of a bound as in `own`.
     """
 
     effects: Float[np.ndarray, " effect"]
+    of_laws: Float[np.ndarray, " law_effect"]
+    own: Float[np.ndarray, " row"]
     shared: Float[np.ndarray, " row"]
+    sd: Float[np.ndarray, " row"]
     residual: Float[np.ndarray, " row"]
 
 
@@ -43,10 +51,17 @@ def standardised_residuals(
     """Return what the scene at a place leaves of its log."""
     misfit = posterior.misfit(jnp.asarray(z))
     effects = np.asarray(posterior.effects(jnp.asarray(z)))
-    shared = np.asarray(misfit.loading) @ effects
-    residual = (np.asarray(misfit.residual) - shared) / np.asarray(misfit.sd)
-    residual = least_error(residual, posterior)
-    return ResidualSummary(effects, shared, residual)
+    loading, missed = np.asarray(misfit.loading), np.asarray(misfit.residual)
+    own = least_error((missed - loading @ effects) / np.asarray(misfit.sd), posterior)
+    if posterior.shared_error is None:
+        return ResidualSummary(
+            effects, effects, own, loading @ effects, np.asarray(misfit.sd), own
+        )
+    of_laws = effects[: loading.shape[1] - posterior.shared_error.shape[1]]
+    shared = loading[:, : of_laws.size] @ of_laws
+    sd = np.hypot(misfit.sd, np.linalg.norm(posterior.shared_error, axis=1))
+    residual = least_error((missed - shared) / sd, posterior)
+    return ResidualSummary(effects, of_laws, own, shared, sd, residual)
 
 
 def least_error(
@@ -62,8 +77,7 @@ def least_error(
 def chi_squared(
     posterior: Posterior,
     z: Float[np.ndarray, " free"],
-    residual: Float[np.ndarray, " row"],
-    effects: Float[np.ndarray, " effect"],
+    left: ResidualSummary,
     told: int,
 ) -> tuple[float, int]:
     """Return chi squared and its degrees of freedom.
@@ -75,9 +89,10 @@ def chi_squared(
     neither.
     """
     priors = np.asarray(posterior.parameters.has_prior())
-    scores = normal_scores(residual, posterior.noise)
-    chi2 = float(np.sum(scores**2) + np.sum(effects**2) + np.sum((priors * z) ** 2))
-    heard = len(residual) - int(np.sum(bounds_kept(residual, posterior)))
+    scores = normal_scores(left.own, posterior.noise)
+    shared = np.sum(left.effects**2)
+    chi2 = float(np.sum(scores**2) + shared + np.sum((priors * z) ** 2))
+    heard = len(left.own) - int(np.sum(bounds_kept(left.own, posterior)))
     return chi2, heard + int(priors.sum()) - told
 
 

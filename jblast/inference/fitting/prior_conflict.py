@@ -45,8 +45,7 @@ def against_priors(solution: Solution) -> dict[str, float]:
         *chi_squared(
             posterior,
             z,
-            left.residual,
-            left.effects,
+            left,
             identified.identified_basis.shape[1],
         )
     )

@@ -6,13 +6,14 @@ from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool
 
 from jblast.constants import TNT_SPECIFIC_ENERGY
 from jblast.inference.fitting.findings import WrongSensor
 from jblast.inference.fitting.goodness_of_fit import (
     FITS,
     POOR,
+    ResidualSummary,
     SuspectedOutlier,
     chi_squared,
     p_value,
@@ -111,8 +112,7 @@ def summary_of(
     sure: Uncertainty,
     valid: Bool[np.ndarray, " row"],
     deep: Bool[np.ndarray, " row"],
-    residual: Float[np.ndarray, " row"],
-    effects: Float[np.ndarray, " effect"],
+    left: ResidualSummary,
     refit: Callable[[Observations], Solution],
 ) -> Summary:
     """Put together what a fit found.
@@ -124,8 +124,7 @@ def summary_of(
         sure: How sure it is.
         valid: Whether each row's laws hold at the answer.
         deep: Whether they do as deep as its interval reaches, too.
-        residual: What is left of each row, in standard deviations.
-        effects: The most probable shared effects.
+        left: Residuals and shared effects at the answer.
         refit: Solves for a log of the same rows; asked where no scene fits this one.
     """
     z = solution.laplace.z
@@ -135,8 +134,7 @@ def summary_of(
     chi2, dof = chi_squared(
         solution.posterior,
         z,
-        residual,
-        effects,
+        left,
         solution.identifiability.identified_basis.shape[1],
     )
     p = p_value(chi2, dof)
@@ -164,12 +162,12 @@ def summary_of(
         dof=dof,
         n_observations=len(observations),
         suspected_outliers=suspected_outliers(
-            observations, residual, solution.posterior.noise
+            observations, left.residual, solution.posterior.noise
         ),
         explained_by=wrong,
         warnings=(
             *warnings_of(
-                observations, uncertain, solution, valid & deep, chi2, dof, effects
+                observations, uncertain, solution, valid & deep, chi2, dof, left.of_laws
             ),
             *sure.findings,
         ),

@@ -30,6 +30,7 @@ from jblast.inference.fitting.solution import Solution
 from jblast.inference.mode.laplace import marginals
 from jblast.inference.mode.row_subset import is_long
 from jblast.inference.mode.starts import layout_size
+from jblast.inference.posterior.correlated_errors import own_and_shared_errors
 from jblast.inference.posterior.error_density import log_noise
 from jblast.inference.posterior.fisher_information import (
     whitened_jacobian,
@@ -146,7 +147,10 @@ def _without(observations: Observations, rows: Int[np.ndarray, " out"]) -> Obser
     sigma = observations.sigma.copy()
     given = np.where(np.isfinite(scale), scale / observations.sigma, 1.0)
     sigma[rows] = UNHEARD / given[rows]
-    return replace(observations, sigma=sigma)
+    # what is not heard shares no errors: of equal shares it would tell that they are 0
+    record = np.array(observations.records(), object)
+    record[rows] = ""
+    return replace(observations, sigma=sigma, record=tuple(record))
 
 
 def _likeliest(solution: Solution, possible: Sequence[Suspect]) -> list[Suspect]:
@@ -178,16 +182,20 @@ def _judged(
         return None
     posterior, z = rest.posterior, normal.z
     left = standardised_residuals(posterior, z)
-    chi2, dof = chi_squared(posterior, z, left.residual, left.effects, z.size)
+    chi2, dof = chi_squared(posterior, z, left, z.size)
     dof -= len(suspect.rows) - int(
-        np.sum(bounds_kept(left.residual, posterior)[suspect.rows])
+        np.sum(bounds_kept(left.own, posterior)[suspect.rows])
     )
     p = p_value(chi2, dof)
     if p is None or p < FITS:
         return None
     valid = np.delete(np.asarray(posterior.misfit(jnp.asarray(z)).valid), suspect.rows)
-    scale = np.nan_to_num(observations.error_scale())
-    as_read = replace(posterior, sigma=jnp.asarray(scale))
+    own, shared = own_and_shared_errors(observations)
+    as_read = replace(
+        posterior,
+        sigma=jnp.asarray(own),
+        shared_error=jnp.asarray(shared) if shared.size else None,
+    )
     missed, covariance = _missed(as_read, rest, suspect.rows)
     clock: dict[str, Any] = {}
     if suspect.kind == "clock":

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from jblast.errors import InputError
+from jblast.errors import InputError, shown
 from jblast.inference.posterior.posterior import refuse_exact
 from jblast.observations import Observations, resolve_positions
 from jblast.observations.clocks import refuse_unresolved
@@ -47,7 +47,8 @@ def batch_of(logs: Sequence[Observations], uncertain: UncertainScene) -> Batch:
         uncertain: The scene and what is not known of it, the same for all.
 
     Raises:
-        InputError: There is no log, one has other rows than the first, one and the
+        InputError: There is no log, one has other rows than the first, a lower bound
+            or covariances; one and the
             scene do not go together, or the choice of a law is left open.
     """
     if not logs:
@@ -58,6 +59,7 @@ def batch_of(logs: Sequence[Observations], uncertain: UncertainScene) -> Batch:
     for number, log in enumerate(logs):
         _refuse_other_rows(log, logs[0], number)
         _refuse_bounds(log)
+        _refuse_covariances(log)
         refuse_exact(log, uncertain.scene.scatter, laws)
         refuse_unresolved(log)
     values = np.array([log.value for log in logs])
@@ -85,6 +87,16 @@ def _refuse_bounds(log: Observations) -> None:
         raise InputError(
             f"{log.where(row)}: expected a reading, got the lower bound "
             f">{log.value[row]:g}; fit logs with lower bounds with fit_each"
+        )
+
+
+def _refuse_covariances(log: Observations) -> None:
+    """Refuse a log whose readings share errors, which lanes take as independent."""
+    if log.covariances:
+        raise InputError(
+            f"{log.source or 'observations'}: expected independent errors, got the "
+            f"covariance of record {shown(log.covariances[0].record)}; fit logs whose "
+            "readings share errors with fit_each"
         )
 
 

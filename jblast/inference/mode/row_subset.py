@@ -30,7 +30,11 @@ def is_long(posterior: Posterior) -> bool:
 
 
 def row_subset(posterior: Posterior) -> Posterior:
-    """Keep some rows of every kind: of each quantity, charge and clock that is free."""
+    """Keep some rows of every kind: of each quantity, charge and clock that is free.
+
+    Errors that readings share are taken as independent, of the same sizes.
+    """
+    posterior = posterior.independent()
     paths = MOST_PATHS if _has_path_effects(posterior) else None
     free = [
         name.partition(".")[2]

@@ -5,6 +5,8 @@ unknowns: with normal errors, which reach the right basin from far away, and the
 the Student-t cost, which ignores wild readings; from half of the starts with that
 alone. BFGS, in coordinates whitened by the Fisher information, then climbs the
 posterior itself, in which the effects are integrated out, from the best few ends.
+Errors that readings of one record share are integrated out there alone; until then
+they count as independent.
 A long log is searched by some of its rows (`row_subset`), and then climbed by all.
 
 Starts are run one after another inside one compiled loop: for 64 starts of a small log
@@ -97,7 +99,8 @@ def _searched(key: PRNGKeyArray, posterior: Posterior):
     """Return the optima, and the middle of the starts."""
     scale = start_sd(posterior)
     first = starts(key, posterior, STARTS) / scale[None, :]
-    shape = jax.eval_shape(posterior.misfit, first[0]).loading.shape
+    near = posterior.independent()
+    shape = jax.eval_shape(near.misfit, first[0]).loading.shape
     effects = jnp.zeros((STARTS, shape[1]))
 
     # Half of the starts go through normal errors, which see far; half do not, since
@@ -110,7 +113,7 @@ def _searched(key: PRNGKeyArray, posterior: Posterior):
 
         def with_freedom(y, freedom):
             solution = optx.least_squares(
-                lambda y, freedom: _residuals(posterior, scale, y, freedom),
+                lambda y, freedom: _residuals(near, scale, y, freedom),
                 optx.LevenbergMarquardt(rtol=1e-6, atol=1e-6),
                 y,
                 freedom,

@@ -1,6 +1,7 @@
 """The one log-posterior that every method of inference calls."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -8,6 +9,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from jblast.errors import InputError
+from jblast.inference.posterior.correlated_errors import own_and_shared_errors
 from jblast.inference.posterior.likelihood import log_likelihood
 from jblast.inference.posterior.parameters import Parameters
 from jblast.kept_programs import kept
@@ -18,7 +20,7 @@ from jblast.scene import Scene
 from jblast.sensors import Layout, record
 from jblast.sensors.layout import components
 from jblast.sensors.observe import Noise, loadings
-from jblast.sensors.record import comparable, missed
+from jblast.sensors.record import Recording, comparable, missed
 from jblast.sensors.shared_effects import count_effects
 
 HELD = 30_000_000
@@ -60,6 +62,9 @@ class Posterior(eqx.Module):
         laws: Pairs of quantity and law name.
         noise: Distribution of the independent errors.
         lower_bound: Whether each reading is a lower bound; None if none is.
+        shared_error: What one standard deviation of each error that readings of one
+            record share adds to each; None if all are independent. `sigma` is then
+            what is left of each (see `correlated_errors`).
     """
 
     parameters: Parameters
@@ -69,6 +74,7 @@ class Posterior(eqx.Module):
     laws: tuple[tuple[str, str], ...] = eqx.field(static=True)
     noise: Noise = eqx.field(static=True, default="student")
     lower_bound: Bool[Array, " row"] | None = None
+    shared_error: Float[Array, "row effect"] | None = None
 
     # Jitted, so that each is traced once however many derivatives are taken of it.
 
@@ -85,7 +91,7 @@ class Posterior(eqx.Module):
                 self.layout.quantity,
             ),
             sd=jnp.hypot(self.sigma, recording.record_sd),
-            loading=loadings(recording, self.layout),
+            loading=self._loading(recording),
             predicted=predicted,
             valid=recording.valid,
             slant_range=recording.slant_range,
@@ -110,6 +116,24 @@ class Posterior(eqx.Module):
             misfit.residual, misfit.sd, misfit.loading, self.noise, self.lower_bound
         )
 
+    def _loading(self, recording: Recording) -> Float[Array, "row effect"]:
+        """Return the effects of laws, and after them the errors that records share."""
+        of_laws = loadings(recording, self.layout)
+        if self.shared_error is None:
+            return of_laws
+        return jnp.concatenate([of_laws, self.shared_error], axis=1)
+
+    def independent(self) -> "Posterior":
+        """Return it with errors of the same sizes that no readings share.
+
+        It has its optima near those of the other, and fewer effects to look for.
+        """
+        if self.shared_error is None:
+            return self
+        shared = jnp.sum(jnp.square(self.shared_error), axis=1)
+        sigma = jnp.sqrt(jnp.square(self.sigma) + shared)
+        return replace(self, sigma=sigma, shared_error=None)
+
 
 def posterior_of(
     parameters: Parameters,
@@ -121,21 +145,24 @@ def posterior_of(
     """Put a log, its layout and what is fitted together.
 
     Raises:
-        InputError: A row has no error at all: no sigma, and a law taken as exact. Or
+        InputError: A row has no error at all: no sigma, and a law taken as exact. Or a
+            sigma disagrees with the covariance of its record. Or
             rows times shared effects are more than `HELD`.
     """
     refuse_exact(observations, parameters.scene.scatter, laws)
     refuse_unresolved(observations)
-    _refuse_vast(observations, parameters.scene, layout, laws)
+    sigma, shared = own_and_shared_errors(observations)
+    _refuse_vast(observations, parameters.scene, layout, laws, shared.shape[1])
     bounds = observations.bounds()
     return Posterior(
         parameters=parameters,
         layout=layout,
         measured=comparable(observations.value, observations.quantity),
-        sigma=jnp.asarray(np.nan_to_num(observations.error_scale())),
+        sigma=jnp.asarray(sigma),
         laws=tuple(sorted(laws.items())),
         noise=noise,
         lower_bound=jnp.asarray(bounds) if bounds.any() else None,
+        shared_error=jnp.asarray(shared) if shared.size else None,
     )
 
 
@@ -166,10 +193,15 @@ def refuse_exact(
 
 
 def _refuse_vast(
-    observations: Observations, scene: Scene, layout: Layout, laws: Mapping[str, str]
+    observations: Observations,
+    scene: Scene,
+    layout: Layout,
+    laws: Mapping[str, str],
+    shared_errors: int,
 ) -> None:
     """Refuse a log whose rows and effects of paths no memory holds."""
-    rows, effects = len(observations), count_effects(scene, layout, laws)
+    rows = len(observations)
+    effects = count_effects(scene, layout, laws) + shared_errors
     if rows * effects > HELD or rows * effects**2 > WORK:
         raise InputError(
             f"{observations.source or 'observations'}: {rows} rows of "

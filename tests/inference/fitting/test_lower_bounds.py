@@ -104,7 +104,7 @@ def test_bounds_that_are_kept_are_no_residuals_and_no_degrees_of_freedom():
     left = standardised_residuals(of, z)
     np.testing.assert_array_equal(left.residual[:4], 0.0)
     assert np.all(left.residual[4:] != 0)
-    chi2, dof = chi_squared(of, z, left.residual, left.effects, 1)
+    chi2, dof = chi_squared(of, z, left, 1)
     assert dof == 3
     assert 0 < chi2 < 10
     # one no gauge could have reached counts, and is suspected
@@ -112,7 +112,7 @@ def test_bounds_that_are_kept_are_no_residuals_and_no_degrees_of_freedom():
     wild[0] *= 100
     of = posterior(replace(table, value=wild, sigma=0.05 * wild))
     left = standardised_residuals(of, z)
-    assert chi_squared(of, z, left.residual, left.effects, 1)[1] == 4
+    assert chi_squared(of, z, left, 1)[1] == 4
     outliers = suspected_outliers(table, left.residual, "student")
     assert [outlier.sensor for outlier in outliers] == ["a"]
 
