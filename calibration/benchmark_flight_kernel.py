@@ -109,7 +109,7 @@ def flights(
     hold = Each(PositionHold(state.position_m, gains, jnp.zeros(count)))
 
     def load(mass):
-        return blast_load(Scene(charge=Charge(mass=mass, time=0.05)))
+        return blast_load(Scene(charge=Charge(mass_kg=mass, time_s=0.05)))
 
     loads = (Each(jax.vmap(load)(mass)),) if blasts else ()
 

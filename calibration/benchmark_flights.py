@@ -77,7 +77,7 @@ def models() -> dict[str, dict[str, Any]]:
         "hold, blast": {
             "control": hold,
             "command_step_s": HELD_S,
-            "loads": (blast_load(Scene(charge=Charge(mass=1.0))),),
+            "loads": (blast_load(Scene(charge=Charge(mass_kg=1.0))),),
         },
     }
 
@@ -139,7 +139,7 @@ def gradient_cost(vehicles: int, step_s: float) -> float:
             duration_s=1.0,
             step_s=step_s,
             control=PositionHold(TARGET, own),
-            loads=(blast_load(Scene(charge=Charge(mass=mass))),),
+            loads=(blast_load(Scene(charge=Charge(mass_kg=mass))),),
             store_every=round(1.0 / step_s),
         )
         away = flight.position_m[..., -1, :] - jnp.array(TARGET)

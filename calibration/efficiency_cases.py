@@ -72,9 +72,9 @@ class Case:
         """
         scene = self.scene(scatter=False)
         charge, speed = scene.charge, self.truth.get("air_sound_speed_m_s", 340.0)
-        here = np.array([charge.east, charge.north, charge.up], float)
+        here = np.array(charge.position_m, float)
         near = min(
-            float(np.linalg.norm(np.asarray(sensor.position) - here))
+            float(np.linalg.norm(np.asarray(sensor.position_m) - here))
             for sensor in scene.sensors
         )
         told = {"origin_time_s": near / speed}

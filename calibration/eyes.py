@@ -74,7 +74,7 @@ def landscape(camera: Camera) -> np.ndarray:
 
 def seen_from(distance: float) -> Seen:
     """Return what a camera at a distance sees of the blast."""
-    scene = Scene(charge=Charge(mass=MASS))
+    scene = Scene(charge=Charge(mass_kg=MASS))
     camera = camera_at(distance)
     behind = jnp.asarray(landscape(camera))
     frames = render(scene, camera, INSTANTS, background=behind, supersample=2)

@@ -158,7 +158,11 @@ def jblast_rates() -> Iterator[Rate]:
     vehicle, count, duration = named("crazyflie"), 16384, 0.2
     hold = PositionHold([0.0, 0.0, 5.0], named_gains("crazyflie"))
     blast = blast_load(
-        Scene(charge=Charge(mass=1.0, east=5.0, up=5.0, time=0.1, burst="surface"))
+        Scene(
+            charge=Charge(
+                mass_kg=1.0, position_m=(5.0, 0.0, 5.0), time_s=0.1, burst="surface"
+            )
+        )
     )
     for what, dtype, integrator, step, held, loads in (
         ("rotor speeds, RK4, float64", "float64", "rk4", 5e-4, False, ()),

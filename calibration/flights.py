@@ -72,7 +72,7 @@ def held(
         lambda x: jnp.broadcast_to(x, (count, *x.shape)),
         named_gains(name, integral=integral),
     )
-    charge = Charge(mass=MASS_KG, time=BLAST_S)
+    charge = Charge(mass_kg=MASS_KG, time_s=BLAST_S)
     load = blast_load(Scene(charge=charge, air=Air(wind_north=wind_m_s)), **parts)
     flown = simulate(
         vehicle,

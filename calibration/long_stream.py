@@ -24,7 +24,9 @@ from jblast.sensors import microphone
 SAMPLES = 10_000_000
 RATE = 48_000
 START_S = 12.5
-SCENE = Scene(Charge(mass=15.0, time=200.0), ambient=Ambient(level=0.1, slope=-3.0))
+SCENE = Scene(
+    Charge(mass_kg=15.0, time_s=200.0), ambient=Ambient(level=0.1, slope=-3.0)
+)
 MICROPHONE = Sensor(
     "m",
     np.array([60.0, 0.0, 1.5]),

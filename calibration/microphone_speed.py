@@ -21,8 +21,8 @@ from jblast.sensors import microphone
 
 MICROPHONES = 1000
 DURATION_S = 1.0
-SCENE = Scene(Charge(mass=15.0))
-PINK = Scene(Charge(mass=15.0), ambient=Ambient(level=0.1, slope=-3.0))
+SCENE = Scene(Charge(mass_kg=15.0))
+PINK = Scene(Charge(mass_kg=15.0), ambient=Ambient(level=0.1, slope=-3.0))
 AIR = microphone.Ways(ground=False, absorption=False)
 NOISY = Instrument(full_scale=200.0, noise=0.02, bits=24)
 CASES = {

@@ -35,7 +35,7 @@ PHONE = {"high_pass": 20.0, "low_pass": 20_000.0}
 
 def loudest(mass, distance, corners):
     """Return the largest sample of a record, and the law's peak [Pa]."""
-    scene = Scene(Charge(mass=mass))
+    scene = Scene(Charge(mass_kg=mass))
     place = jnp.stack([distance, jnp.zeros(()), jnp.zeros(())])
     phone = Sensor("phone", place, "microphone", instrument=Instrument(RATE, **corners))
     pulse = heard(scene, place)[0].pulse

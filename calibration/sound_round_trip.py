@@ -88,7 +88,7 @@ class RoundTrip(NamedTuple):
 
 def ambient_pa() -> float:
     """Return the level of the noise, rms [Pa]."""
-    quiet = Scene(charge=Charge(time=np.inf), ambient=Ambient(level=1.0, slope=SLOPE))
+    quiet = Scene(charge=Charge(time_s=np.inf), ambient=Ambient(level=1.0, slope=SLOPE))
     sensor = Sensor("m", np.array(PLACES[0]), instrument=Instrument(RATE_HZ))
     noise = microphone.record(quiet, sensor, 60.0, jax.random.key(SEED))
     spectrum = noise_spectrum(np.asarray(noise), RATE_HZ)
@@ -99,7 +99,7 @@ def ambient_pa() -> float:
 def planned(level_pa: float) -> UncertainScene:
     """Return the scene in noise of a level [Pa], and what is not known of it."""
     scene = Scene(
-        charge=Charge(mass=MASS_KG),
+        charge=Charge(mass_kg=MASS_KG),
         sensors=tuple(
             Sensor(f"m.{n}", np.array(at), "microphone", instrument=Instrument(RATE_HZ))
             for n, at in enumerate(PLACES, start=1)
@@ -128,8 +128,8 @@ def heard(scene: Scene, samples: np.ndarray, *, own: bool) -> list[Searched]:
     mass, ranges = MASS_KG, [RANGE_M] * len(PLACES)
     if own:
         charge = scene.charge
-        at = np.array([float(charge.east), float(charge.north), float(charge.up)])
-        mass = float(charge.mass)
+        at = np.array(charge.position_m, float)
+        mass = float(charge.mass_kg)
         ranges = np.linalg.norm(np.array(PLACES) - at, axis=1).tolist()
     return [
         search(
@@ -167,7 +167,7 @@ def round_trip(scenes: int, level_pa: float, *, own: bool = False) -> RoundTrip:
             log = rows_in(log, order)
         logs.append(log)
         charge = scene.charge
-        truth = [charge.mass, charge.east, charge.north, charge.time]
+        truth = [charge.mass_kg, charge.east, charge.north, charge.time_s]
         truths.append([float(x) for x in truth])
         arrivals.append((log.value - true_arrivals(scene)) / log.sigma)
     table = dict(zip(BELIEFS, np.array(truths).T, strict=True))
@@ -213,7 +213,7 @@ def true_arrivals(scene: Scene) -> Float[np.ndarray, " sensor"]:
     from jblast.sensors import heard as waves
 
     return np.array(
-        [float(waves(scene, s.position)[0].pulse.arrival_time) for s in scene.sensors]
+        [float(waves(scene, s.position_m)[0].pulse.arrival_time) for s in scene.sensors]
     )
 
 

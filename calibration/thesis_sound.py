@@ -83,7 +83,7 @@ class Sounds(NamedTuple):
 def sounds() -> Sounds:
     """Return what is heard."""
     scene = Scene(
-        Charge(mass=MASS_KG, time=TIME_S),
+        Charge(mass_kg=MASS_KG, time_s=TIME_S),
         air=Air(sound_speed=SOUND_SPEED_M_S),
         ground=Ground(p_speed=P_SPEED_M_S, path="thesis"),
         ambient=Ambient(level=BACKGROUND_PA, slope=-3.0),

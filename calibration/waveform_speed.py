@@ -29,7 +29,7 @@ from jblast.waves.waveform.pulse_samples import pulse_samples
 
 MICROPHONES, SAMPLES, RATE = 1000, 48_000, 48e3
 REPEATS = 7
-CHARGE = Charge(mass=15.0, burst="surface")
+CHARGE = Charge(mass_kg=15.0, burst="surface")
 
 
 def main() -> None:

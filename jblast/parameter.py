@@ -43,7 +43,8 @@ class Parameter:
         name: As in answers and on the command line; it ends in the unit.
         unit: SI unit, "1" if there is none.
         words: What a sentence calls it.
-        attribute: Where it lives in a scene of one charge.
+        attribute: Where it lives in a scene of one charge; of a tuple there, the place
+            in it is the key's.
         key: Where it stands in a scene file.
         spread: Of the starts of a search for it.
         default: Where a fit starts if nothing else is said.

@@ -126,7 +126,7 @@ def test_many_logs_are_fitted(known, unknown):
 
 def test_a_layout_reads_what_the_calculator_says():
     scene = jblast.Scene(
-        jblast.Charge(mass=15.0),
+        jblast.Charge(mass_kg=15.0),
         sensors=(
             Sensor("a", np.array([0.0, 20.0, 0.0]), records=(("air_arrival_s", 1e-4),)),
         ),

@@ -98,7 +98,7 @@ def _of_heights(
         quantity: What is measured.
         sensors: Where.
     """
-    place = jnp.stack([sensor.position for sensor in sensors])
+    place = jnp.stack([sensor.position_m for sensor in sensors])
     by_height, notes = [], []
     for n, charge in enumerate(scene.charges):
         if charge.burst is None:

@@ -72,7 +72,7 @@ def standard_path(
         altitude: Above sea level, in the standard atmosphere [m].
     """
     scene = Scene(air=Air(altitude=altitude))
-    charge = dataclasses.replace(scene.charge, mass=jnp.asarray(mass), burst=burst)
+    charge = dataclasses.replace(scene.charge, mass_kg=jnp.asarray(mass), burst=burst)
     nothing = jnp.full(len(z), jnp.nan)
     here = path_between(scene, charge, jnp.zeros((len(z), 3)), nothing, nothing)
     scale = jnp.cbrt(mass * STANDARD_PRESSURE / here.ambient_pressure)

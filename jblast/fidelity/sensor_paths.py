@@ -82,13 +82,13 @@ def paths_in(
         ends = [belief.constrain(score) for score in SCORES]
         cases += [with_values(scene, {name: end}) for end in ends]
     for sensor in sensors:
-        placed = scene.charge.range is not None
-        if not placed and not np.isfinite(sensor.position).all():
+        placed = scene.charge.range_m is not None
+        if not placed and not np.isfinite(sensor.position_m).all():
             raise InputError(
                 f"sensor {sensor.name!r}: expected position_m = [east, north, up] in "
                 "its [[sensor]], got nothing"
             )
-    place = jnp.stack([sensor.position for sensor in sensors])
+    place = jnp.stack([sensor.position_m for sensor in sensors])
     return [
         tnt_path(case, charge, quantity, place)
         for case in cases

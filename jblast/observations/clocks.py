@@ -45,7 +45,7 @@ def check_clocks(
         own = sensors.get(sensor)
         if not clock or clock == sensor or own is None:
             continue
-        if float(own.clock_offset) != 0 or f"{CLOCK_OFFSET}.{sensor}" in beliefs:
+        if float(own.clock_offset_s) != 0 or f"{CLOCK_OFFSET}.{sensor}" in beliefs:
             raise InputError(
                 f"{observations.where(row)}, column clock: got {shown(clock)}, but the "
                 f"scene gives sensor {shown(sensor)} a clock_offset_s of its own; "

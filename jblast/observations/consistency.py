@@ -39,8 +39,8 @@ def check_range(
             "expected one of the two"
         )
     told = None
-    if charge.range is not None:
-        told = float(charge.range)
+    if charge.range_m is not None:
+        told = float(charge.range_m)
     elif not np.isnan(position).any() and "charge_up_m" not in free:
         told = float(np.linalg.norm(position - _place(charge)))
     if told is not None and abs(given - told) > AGREE:
@@ -55,7 +55,7 @@ def refuse_placeless(
 ) -> None:
     """Refuse rows that no distance from the charge can be found for."""
     needs = here & ~np.isin(observations.quantity, PLACELESS)
-    if charge.range is not None:
+    if charge.range_m is not None:
         names = list(dict.fromkeys(np.array(observations.sensor, dtype=object)[needs]))
         if len(names) > 1:
             raise InputError(
@@ -78,7 +78,7 @@ def refuse_aimless(
     observations: Observations, position: np.ndarray, scene: Scene
 ) -> None:
     """Refuse a direction from nowhere: a range alone has none."""
-    ranged = any(charge.range is not None for charge in scene.charges)
+    ranged = any(charge.range_m is not None for charge in scene.charges)
     lost = np.full(len(observations), ranged) | np.isnan(position).any(axis=1)
     lost &= np.isin(observations.quantity, tuple(DIRECTIONS))
     for row in np.flatnonzero(lost):
@@ -96,7 +96,7 @@ def refuse_on_charge(
     here: Bool[np.ndarray, " row"],
 ) -> None:
     """Refuse a sensor where the charge is fixed: no law holds at distance zero."""
-    if charge.range is not None:
+    if charge.range_m is not None:
         return
     at = _place(charge)
     apart = np.linalg.norm(position - at, axis=1)
@@ -132,7 +132,7 @@ def refuse_before_origin(
     That of a wave's arrival has an error, which is allowed for.
     """
     offsets = {name: float(offset) for name, offset in scene.clock_offsets().items()}
-    origin, sigma = float(charge.time), np.nan_to_num(observations.sigma)
+    origin, sigma = float(charge.time_s), np.nan_to_num(observations.sigma)
     clocks = observations.clocks()
     for row in np.flatnonzero(here):
         quantity, clock = observations.quantity[row], clocks[row]
@@ -167,7 +167,7 @@ def refuse_wind_without_place(
     free = {"wind_east_m_s", "wind_north_m_s"} & set(beliefs)
     if not free and wind == (0.0, 0.0):
         return
-    ranged = any(charge.range is not None for charge in scene.charges)
+    ranged = any(charge.range_m is not None for charge in scene.charges)
     lost = np.full(len(observations), ranged) | np.isnan(position).any(axis=1)
     lost &= np.isin(observations.quantity, FEEL_WIND)
     if lost.any():
@@ -180,7 +180,7 @@ def refuse_wind_without_place(
 
 
 def _place(charge: Charge) -> Float[np.ndarray, "3"]:
-    return np.array([float(charge.east), float(charge.north), float(charge.up)])
+    return np.array(charge.position_m, float)
 
 
 def metres(position: np.ndarray) -> str:

@@ -46,7 +46,7 @@ def resolve_positions(
     shots = _shots(observations, scene)
     check_clocks(observations, scene, beliefs)
     position = observations.position.copy()
-    sensors = {sensor.name: np.asarray(sensor.position) for sensor in scene.sensors}
+    sensors = {sensor.name: np.asarray(sensor.position_m) for sensor in scene.sensors}
     sensors = {name: at for name, at in sensors.items() if not np.isnan(at).any()}
     missing = set(np.flatnonzero(np.isnan(position).any(axis=1)).tolist())
     for row, name in enumerate(observations.sensor):

@@ -5,7 +5,6 @@ from jblast.scene.air import Air as Air
 from jblast.scene.ambient import Ambient as Ambient
 from jblast.scene.camera import Camera as Camera
 from jblast.scene.charge import Charge as Charge
-from jblast.scene.clock import Clock as Clock
 from jblast.scene.explosives import EXPLOSIVES as EXPLOSIVES
 from jblast.scene.ground import Ground as Ground
 from jblast.scene.instrument import Instrument as Instrument
@@ -28,7 +27,7 @@ from jblast.scene.priors import (
 )
 from jblast.scene.reader.scene import read_scene as read_scene
 from jblast.scene.scene import Scene as Scene
-from jblast.scene.sensor import Sensor as Sensor
+from jblast.scene.sensor import Clock as Clock, Sensor as Sensor
 from jblast.scene.uncertain import (
     UncertainScene as UncertainScene,
     default_scene as default_scene,

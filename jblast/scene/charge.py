@@ -1,35 +1,51 @@
 """The charge: how big, where, when."""
 
+from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import replace
-from typing import Literal
+from typing import Literal, cast
 
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jax.core import Tracer
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, ArrayLike, Bool, Float
 
-from jblast.errors import InputError
+from jblast.errors import InputError, shown
 from jblast.parameter_table import PARAMETERS
 from jblast.scene.explosives import tnt_factor
+from jblast.scene.keywords import Described
 from jblast.types import as_float_array, as_optional_float_array
 
 Burst = Literal["surface", "free-air"]
 BURSTS: tuple[Burst, ...] = ("surface", "free-air")
 
+Place = tuple[Float[Array, ""], Float[Array, ""], Float[Array, ""]]
+"""East, north and up [m], a leaf each: one may be traced while the others are known."""
 
-class Charge(eqx.Module):
+
+def _place(value: ArrayLike | Sequence[ArrayLike]) -> Place:
+    if getattr(value, "ndim", 1) == 1:  # of rows of places, three would be taken apart
+        with suppress(TypeError, ValueError):
+            east, north, up = cast(Sequence[ArrayLike], value)
+            return as_float_array(east), as_float_array(north), as_float_array(up)
+    raise InputError(
+        "charge position_m: expected three numbers: east, north, up [m]; got "
+        f"{shown(value)}"
+    )
+
+
+class Charge(Described):
     """A point charge.
 
     Attributes:
-        mass: Mass of the explosive [kg].
-        east: Position [m].
-        north: Position [m].
-        up: Height of burst, or minus the depth of burial [m].
-        time: Detonation time on the sensors' common clock [s]; infinite: it never
+        mass_kg: Mass of the explosive [kg].
+        position_m: East, north, up [m]; up is the height of burst, or minus the depth
+            of burial. A tuple: each is a number of its own, fixed or free.
+        time_s: Detonation time on the sensors' common clock [s]; infinite: it never
             happens, and is neither recorded, seen nor felt. So a batch can have a
             varying number of charges.
-        range: Slant distance to the one sensor there is [m]; takes the place of the
+        range_m: Slant distance to the one sensor there is [m]; takes the place of the
             distance from the position. None where positions decide.
         burst: Which curve set holds: "surface" (hemispherical) or "free-air"; None
             leaves it to the height, place by place (`waves/height_of_burst.py`).
@@ -40,21 +56,20 @@ class Charge(eqx.Module):
         name: What tells it from other charges; "" if it is the only one.
 
     Raises:
-        InputError: The time is not a number, or minus infinity. Inside jit it is not
-            looked at.
+        InputError: The position is not three numbers, or the time not a number, or
+            minus infinity. Inside jit the time is not looked at.
+        TypeError: A keyword that no attribute has.
 
     Example:
-        `jblast.Charge(mass=15.0, up=1.5, explosive="C4")`
+        `jblast.Charge(mass_kg=15.0, position_m=(0.0, 0.0, 1.5), explosive="C4")`
     """
 
-    mass: Float[Array, ""] = eqx.field(
+    mass_kg: Float[Array, ""] = eqx.field(
         converter=as_float_array, default=PARAMETERS["charge_mass_kg"].default
     )
-    east: Float[Array, ""] = eqx.field(converter=as_float_array, default=0.0)
-    north: Float[Array, ""] = eqx.field(converter=as_float_array, default=0.0)
-    up: Float[Array, ""] = eqx.field(converter=as_float_array, default=0.0)
-    time: Float[Array, ""] = eqx.field(converter=as_float_array, default=0.0)
-    range: Float[Array, ""] | None = eqx.field(
+    position_m: Place = eqx.field(converter=_place, default=(0.0, 0.0, 0.0))
+    time_s: Float[Array, ""] = eqx.field(converter=as_float_array, default=0.0)
+    range_m: Float[Array, ""] | None = eqx.field(
         converter=as_optional_float_array, default=None
     )
     burst: Burst | None = eqx.field(static=True, default=None)
@@ -66,19 +81,34 @@ class Charge(eqx.Module):
     name: str = eqx.field(static=True, default="")
 
     def __check_init__(self):
-        if isinstance(self.time, Tracer):
+        if isinstance(self.time_s, Tracer):
             return
-        time = np.asarray(self.time)  # what JAX computes inside jit is traced
+        time = np.asarray(self.time_s)  # what JAX computes inside jit is traced
         if not (time > -np.inf).all():
             raise InputError(
-                "charge time: expected a number, or inf for never [s], got "
+                "charge time_s: expected a number, or inf for never [s], got "
                 f"{time.tolist()}"
             )
 
     @property
+    def east(self) -> Float[Array, "..."]:
+        """East of the position [m]."""
+        return self.position_m[0]
+
+    @property
+    def north(self) -> Float[Array, "..."]:
+        """North of the position [m]."""
+        return self.position_m[1]
+
+    @property
+    def up(self) -> Float[Array, "..."]:
+        """Height of burst, or minus the depth of burial [m]."""
+        return self.position_m[2]
+
+    @property
     def never(self) -> Bool[Array, ""]:
         """Whether it never happens."""
-        return jnp.isposinf(self.time)
+        return jnp.isposinf(self.time_s)
 
     def as_if_at_zero(self) -> "Charge":
         """Return a charge that never happens as if it did, at time 0; others as is.
@@ -86,7 +116,7 @@ class Charge(eqx.Module):
         For what is computed before it is masked: an infinite time has gradients that
         are no numbers, masked or not.
         """
-        return replace(self, time=jnp.where(self.never, 0.0, self.time))
+        return replace(self, time_s=jnp.where(self.never, 0.0, self.time_s))
 
     def since(self, time: Float[Array, "..."]) -> Float[Array, "..."]:
         """Return the time since detonation [s]; negative if it never happens.
@@ -94,10 +124,10 @@ class Charge(eqx.Module):
         Args:
             time: On the common clock [s].
         """
-        return jnp.where(self.never, -1.0, time - self.as_if_at_zero().time)
+        return jnp.where(self.never, -1.0, time - self.as_if_at_zero().time_s)
 
     def tnt_mass(self, quantity: str) -> Float[Array, ""]:
         """Return the mass of TNT that makes the same of a quantity [kg]."""
         if self.tnt_factor is not None:
-            return self.mass * self.tnt_factor
-        return self.mass * tnt_factor(self.explosive, quantity)
+            return self.mass_kg * self.tnt_factor
+        return self.mass_kg * tnt_factor(self.explosive, quantity)

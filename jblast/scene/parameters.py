@@ -60,16 +60,18 @@ def leaf_of(scene: Scene, name: str) -> Any:
     if label:
         named = next(charge for charge in scene.charges if charge.name == label)
         holder = SimpleNamespace(charge=named)
-    return attrgetter(PARAMETERS[base].attribute)(holder)
+    one = PARAMETERS[base]
+    leaf, index = attrgetter(one.attribute)(holder), one.key.index
+    return leaf if index is None or not isinstance(leaf, tuple) else leaf[index]
 
 
 def _clock_offset(scene: Scene, name: str) -> Any:
     for clock in _each(scene.clocks):
         if clock.name == name:
-            return clock.offset
+            return clock.offset_s
     for sensor in _each(scene.sensors):
         if sensor.name == name:
-            return sensor.clock_offset
+            return sensor.clock_offset_s
     raise KeyError(name)
 
 

@@ -8,9 +8,8 @@ from jblast.scene.air import Air
 from jblast.scene.ambient import Ambient
 from jblast.scene.camera import Camera
 from jblast.scene.charge import Charge
-from jblast.scene.clock import Clock
 from jblast.scene.ground import Ground
-from jblast.scene.sensor import Sensor
+from jblast.scene.sensor import Clock, Sensor
 from jblast.scene.vehicle import VehicleSpec
 from jblast.types import as_float_array, as_optional_float_array
 
@@ -69,5 +68,5 @@ class Scene(eqx.Module):
 
     def clock_offsets(self) -> dict[str, Float[Array, ""]]:
         """Return the offset of every clock by name: a sensor's own, or a recorder's."""
-        own = {sensor.name: sensor.clock_offset for sensor in self.sensors}
-        return own | {clock.name: clock.offset for clock in self.clocks}
+        own = {sensor.name: sensor.clock_offset_s for sensor in self.sensors}
+        return own | {clock.name: clock.offset_s for clock in self.clocks}

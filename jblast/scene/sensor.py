@@ -1,30 +1,52 @@
-"""A sensor as the scene describes it: plain data."""
+"""A sensor, and the clock that several may share, as the scene describes them."""
 
 import equinox as eqx
 from jaxtyping import Array, Float
 
 from jblast.scene.instrument import Instrument
+from jblast.scene.keywords import Described
 from jblast.types import as_float_array
 
 
-class Sensor(eqx.Module):
+class Sensor(Described):
     """Where a sensor stands and what it writes down.
 
     Attributes:
         name: As in the observation file.
+        position_m: East, north, up [m].
         kind: pressure, microphone, anemometer, geophone, flash or imu; "" if unsaid.
-        position: East, north, up [m].
-        clock_offset: Sensor clock minus common clock [s].
+        clock_offset_s: Sensor clock minus common clock [s].
         records: Pairs of quantity and sigma: seconds for times, radians for directions,
             relative otherwise.
-        times: When it takes what has a time, as radii, by its clock [s].
+        times_s: When it takes what has a time, as radii, by its clock [s].
         instrument: What it does to the signal that it samples, if anyone said.
+
+    Raises:
+        TypeError: A keyword that no attribute has.
+
+    Example:
+        `Sensor("gate", (20.0, 0.0, 1.5), records=(("air_arrival_s", 1e-3),))`
     """
 
     name: str = eqx.field(static=True)
-    position: Float[Array, "3"] = eqx.field(converter=as_float_array)
+    position_m: Float[Array, "3"] = eqx.field(converter=as_float_array)
     kind: str = eqx.field(static=True, default="")
-    clock_offset: Float[Array, ""] = eqx.field(converter=as_float_array, default=0.0)
+    clock_offset_s: Float[Array, ""] = eqx.field(converter=as_float_array, default=0.0)
     records: tuple[tuple[str, float], ...] = eqx.field(static=True, default=())
-    times: tuple[float, ...] = eqx.field(static=True, default=())
+    times_s: tuple[float, ...] = eqx.field(static=True, default=())
     instrument: Instrument | None = None
+
+
+class Clock(Described):
+    """A clock that a log names.
+
+    Attributes:
+        name: As in the log's `clock` column.
+        offset_s: This clock minus the common one [s].
+
+    Raises:
+        TypeError: A keyword that no attribute has.
+    """
+
+    name: str = eqx.field(static=True)
+    offset_s: Float[Array, ""] = eqx.field(converter=as_float_array, default=0.0)

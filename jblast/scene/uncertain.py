@@ -8,7 +8,6 @@ from jaxtyping import PRNGKeyArray
 
 from jblast.errors import InputError, argument, nearest
 from jblast.parameter_table import CLOCK_OFFSET, PARAMETERS
-from jblast.scene.clock import Clock
 from jblast.scene.parameters import (
     names_in,
     place_of,
@@ -17,6 +16,7 @@ from jblast.scene.parameters import (
 )
 from jblast.scene.priors import Belief, Free, draw
 from jblast.scene.scene import Scene
+from jblast.scene.sensor import Clock
 
 NO_SCENE = "the default scene"
 """Source of the scene that is taken where none is given."""

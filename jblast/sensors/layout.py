@@ -155,26 +155,26 @@ def _times(charge: Charge, sensor: Sensor, quantity: str) -> tuple[float, ...]:
     if quantity not in TIMED:
         return (math.nan,)
     where = f"sensor {sensor.name!r} records {quantity}"
-    if not sensor.times:
+    if not sensor.times_s:
         raise InputError(
             f"{where}: expected times_s = [...] in its [[sensor]], got nothing"
         )
-    start = float(charge.time + sensor.clock_offset)
-    if sensor.times[0] <= start:
+    start = float(charge.time_s + sensor.clock_offset_s)
+    if sensor.times_s[0] <= start:
         raise InputError(
             f"{where}: expected times_s after the origin time, {start:g} s on its "
-            f"clock, got {sensor.times[0]:g}"
+            f"clock, got {sensor.times_s[0]:g}"
         )
-    return sensor.times
+    return sensor.times_s
 
 
 def _position(scene: Scene, shot: int, sensor: Sensor, quantity: str) -> Array:
     """Return where a sensor stands: a fireball in an image is seen by the camera."""
-    told = bool(np.isfinite(sensor.position).all())
+    told = bool(np.isfinite(sensor.position_m).all())
     if quantity in BY_CAMERA:
         who = f"sensor {sensor.name!r}"
-        return jnp.asarray(camera_place(scene, sensor.position, who))
-    if scene.charges[shot].range is not None:
+        return jnp.asarray(camera_place(scene, sensor.position_m, who))
+    if scene.charges[shot].range_m is not None:
         if quantity in DIRECTIONS:
             raise InputError(
                 f"sensor {sensor.name!r} records {quantity}: expected [charge] "
@@ -185,4 +185,4 @@ def _position(scene: Scene, shot: int, sensor: Sensor, quantity: str) -> Array:
             f"sensor {sensor.name!r} records {quantity}: expected position_m = "
             "[east, north, up] in its [[sensor]], got nothing"
         )
-    return sensor.position if told else jnp.zeros(3)
+    return sensor.position_m if told else jnp.zeros(3)

@@ -86,7 +86,7 @@ def opaque_constant(rows: np.ndarray) -> np.ndarray | Array:
 def path_to(scene: Scene, layout: Layout, charge: Charge | None = None) -> Path:
     """Return what lies between a charge (the first) and the sensor of each row."""
     charge = charge or scene.charge
-    detonation = charge.as_if_at_zero().time
+    detonation = charge.as_if_at_zero().time_s
     since = layout.time - clock_offsets(scene, layout) - detonation
     path = path_between(scene, charge, layout.position, layout.slant_range, since)
     if charge.burst is None and layout.free_air:
@@ -139,7 +139,7 @@ def record(scene: Scene, layout: Layout, laws: Mapping[str, str]) -> Recording:
         here = shots == shot
         distance = jnp.where(opaque_constant(here), path.slant_range, distance)
         starts = opaque_constant(here & is_clock_time)
-        value = jnp.where(starts, charge.time + offsets, value)
+        value = jnp.where(starts, charge.time_s + offsets, value)
         for quantity in layout.quantities():
             rows, sign = layout.rows(quantity, shot)
             if not rows.size:

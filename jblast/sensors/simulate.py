@@ -80,7 +80,7 @@ def written(
         sensors: Name of each row's sensor.
     """
     n = len(value)
-    placed = {s.name for s in scene.sensors if np.isfinite(s.position).all()}
+    placed = {s.name for s in scene.sensors if np.isfinite(s.position_m).all()}
     told = np.isin(sensors, list(placed))
     told |= np.isin(layout.quantity, BY_CAMERA)  # at the camera
     additive = np.isin(layout.quantity, ADDITIVE)

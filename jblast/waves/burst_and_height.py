@@ -36,7 +36,7 @@ def burst_notes(
     if not free.size:
         return []
     if high <= 0.0:
-        if charge.burst == "free-air" and charge.range is None:
+        if charge.burst == "free-air" and charge.range_m is None:
             return [
                 f"{against}{which} stood on the ground or in it; the free-air curves "
                 f"were used, {asked}"

@@ -32,19 +32,19 @@ def path_between(
         time_since_detonation: When a place is asked about [s]; NaN if at no time.
     """
     air = scene.air
-    source = jnp.stack([charge.east, charge.north, charge.up])[None, :]
+    source = jnp.stack(charge.position_m)[None, :]
     given = jnp.isfinite(told_range)
     slant = slant_range(source, position)
     ground = slant_range(source[:, :2], position[:, :2])
-    if charge.range is not None:
-        slant = ground = jnp.broadcast_to(charge.range, slant.shape)
+    if charge.range_m is not None:
+        slant = ground = jnp.broadcast_to(charge.range_m, slant.shape)
     told = jnp.where(given, told_range, 1.0)
     temperature, pressure = ambient(air)
     sound_speed = sound_speed_of(air)
     wind = jnp.stack([air.wind_east, air.wind_north])
     along = jnp.where(slant > 0, slant, 1.0)[:, None]
     along = (position - source)[:, :2] / along @ wind
-    is_placed = ~given if charge.range is None else jnp.zeros_like(given)
+    is_placed = ~given if charge.range_m is None else jnp.zeros_like(given)
     toward = jnp.where(is_placed[:, None], source - position, 0.0)
     untold = jnp.full((), jnp.nan)
     growth, camera = scene.fireball_growth, scene.camera
@@ -68,7 +68,7 @@ def path_between(
     return Path(
         slant_range=distance,
         ground_range=jnp.where(given, told, ground),
-        charge_mass=charge.mass,
+        charge_mass=charge.mass_kg,
         height_of_burst=charge.up,
         ambient_pressure=pressure,
         sound_speed=effective_sound_speed(

@@ -27,7 +27,7 @@ def test_each_room_has_its_line(between):
 
 
 def test_a_tracer_counts_files_functions_and_calls_between_files():
-    scene, tracer = Scene(Charge(mass=15.0)), Tracer()
+    scene, tracer = Scene(Charge(mass_kg=15.0)), Tracer()
     calculate(scene, [20.0], 15.0)  # so that nothing is imported or tabulated any more
     before = sys.getprofile()
     sys.setprofile(tracer)

@@ -169,8 +169,10 @@ def test_the_end_of_the_reference_belongs_to_it():
 
 
 def test_a_charge_high_up_is_chosen_for_by_the_free_air_curves():
-    sensor = Sensor("a", position=np.array([5.0, 0.0, 12.0]))
-    high = Scene(charge=Charge(mass=1.0, up=12.0), sensors=(sensor,))
+    sensor = Sensor("a", position_m=np.array([5.0, 0.0, 12.0]))
+    high = Scene(
+        charge=Charge(mass_kg=1.0, position_m=(0.0, 0.0, 12.0)), sensors=(sensor,)
+    )
     choice = choose(high, "peak_overpressure_pa", 0.2)
     assert "the height leaves the free-air curves" in choice.reason
     candidates = {c.method: c.valid for c in choice.candidates}
@@ -179,9 +181,9 @@ def test_a_charge_high_up_is_chosen_for_by_the_free_air_curves():
 
 
 def test_a_charge_on_the_ground_does_not_blur_what_is_said_of_one_high_up():
-    sensor = Sensor("a", position=np.array([5.0, 0.0, 12.0]))
-    high = Charge(mass=1.0, up=12.0, name="high")
-    ground = Charge(mass=1.0, east=40.0, name="ground")
+    sensor = Sensor("a", position_m=np.array([5.0, 0.0, 12.0]))
+    high = Charge(mass_kg=1.0, position_m=(0.0, 0.0, 12.0), name="high")
+    ground = Charge(mass_kg=1.0, position_m=(40.0, 0.0, 0.0), name="ground")
     both = Scene(charge=ground, others=(high,), sensors=(sensor,))
     reason = choose(both, "peak_overpressure_pa", 0.2).reason
     assert "the height leaves the free-air curves" in reason
@@ -191,8 +193,8 @@ def test_a_charge_on_the_ground_does_not_blur_what_is_said_of_one_high_up():
 @pytest.mark.parametrize("burst", ["surface", "free-air"])
 @pytest.mark.parametrize("height", [12.0, 0.1])
 def test_a_burst_that_contradicts_the_height_is_marked(burst, height):
-    sensor = Sensor("a", position=np.array([5.0, 0.0, height]))
-    charge = Charge(mass=1.0, up=height, burst=burst)
+    sensor = Sensor("a", position_m=np.array([5.0, 0.0, height]))
+    charge = Charge(mass_kg=1.0, position_m=(0.0, 0.0, height), burst=burst)
     reason = choose(
         Scene(charge=charge, sensors=(sensor,)), "peak_overpressure_pa", 0.2
     ).reason

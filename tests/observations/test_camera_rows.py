@@ -55,12 +55,12 @@ BAD = {
     ),
     "metres at the explosion": (
         HEADER + "c,fireball_radius_m,30,1,2\n",
-        Scene(charge=Charge(time=2.0)),
+        Scene(charge=Charge(time_s=2.0)),
         ["line 2", "column time_s", "after the origin time, 2 s"],
     ),
     "a direction beside a range": (
         PLACED + SEEN,
-        Scene(charge=Charge(range=5.0)),
+        Scene(charge=Charge(range_m=5.0)),
         ["line 2", "bearing_rad", "no direction"],
     ),
     "a direction from nowhere": (
@@ -87,12 +87,12 @@ def test_a_free_origin_time_may_come_before_it_all(tmp_path):
 PLANS = {
     "no times": ({}, None, ["'c' records fireball_radius_m", "times_s", "got nothing"]),
     "times before it": (
-        {"times": (-1.0, 1.0)},
+        {"times_s": (-1.0, 1.0)},
         None,
         ["after the origin time", "got -1"],
     ),
     "no camera": (
-        {"records": (("fireball_radius_px", 0.1),), "times": (1.0,)},
+        {"records": (("fireball_radius_px", 0.1),), "times_s": (1.0,)},
         None,
         ["'c'", "[camera]", "got none"],
     ),
@@ -108,7 +108,7 @@ PLANS = {
 def test_a_plan_that_cannot_be_recorded_is_refused(changed, distance, said):
     given = {"records": (("fireball_radius_m", 0.1),)} | changed
     sensor = Sensor("c", np.array([3.0, 4.0, 0.0]), **given)
-    scene = Scene(charge=Charge(range=distance), sensors=(sensor,))
+    scene = Scene(charge=Charge(range_m=distance), sensors=(sensor,))
     with pytest.raises(InputError) as error:
         planned_layout(scene)
     for words in said:
@@ -117,8 +117,8 @@ def test_a_plan_that_cannot_be_recorded_is_refused(changed, distance, said):
 
 def test_a_plan_has_a_row_for_each_time():
     records = (("fireball_radius_px", 0.1), ("flash_time_s", 1e-3))
-    sensor = Sensor("c", np.full(3, np.nan), records=records, times=(0.1, 0.2))
-    scene = Scene(charge=Charge(range=5.0), sensors=(sensor,), camera=camera())
+    sensor = Sensor("c", np.full(3, np.nan), records=records, times_s=(0.1, 0.2))
+    scene = Scene(charge=Charge(range_m=5.0), sensors=(sensor,), camera=camera())
     layout, sigma, _ = planned_layout(scene)
     np.testing.assert_array_equal(layout.time, [0.1, 0.2, np.nan])
     np.testing.assert_array_equal(sigma, [0.1, 0.1, 1e-3])

@@ -31,7 +31,7 @@ def test_a_clock_the_log_does_not_have_is_named(two):
 
 
 def test_a_sensor_on_a_recorder_has_no_clock_of_its_own(two):
-    own = Sensor("b", np.array([30.0, 0.0, 0.0]), clock_offset=0.5)
+    own = Sensor("b", np.array([30.0, 0.0, 0.0]), clock_offset_s=0.5)
     with pytest.raises(InputError, match=r"line 3, column clock: got 'y'.*'b'"):
         resolve_positions(two, Scene(sensors=(own,)))
 

@@ -59,7 +59,7 @@ def test_sensors_in_a_line_leave_the_place_fixed(start):
 
 def test_one_range_goes_into_the_scene(start):
     observations, uncertain, _ = start(RANGE + "a,positive_impulse_pa_s,70,,276.25\n")
-    assert uncertain.scene.charge.range == 276.25
+    assert uncertain.scene.charge.range_m == 276.25
     placed = resolve_positions(observations, uncertain.scene, uncertain.beliefs)
     assert placed.slant_range[0] == 276.25
 

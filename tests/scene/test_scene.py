@@ -26,8 +26,8 @@ def test_what_is_derived_is_none_until_it_is_given(name):
 def test_several_values_go_in_together_and_the_old_scene_stays():
     scene = Scene()
     changed = with_values(scene, {"air_sound_speed_m_s": 345.0, "charge_mass_kg": 7.0})
-    assert (changed.air.sound_speed, changed.charge.mass) == (345, 7)
-    assert (scene.air.sound_speed, scene.charge.mass) == (None, 1)
+    assert (changed.air.sound_speed, changed.charge.mass_kg) == (345, 7)
+    assert (scene.air.sound_speed, scene.charge.mass_kg) == (None, 1)
 
 
 def test_no_values_change_nothing():

@@ -21,7 +21,7 @@ def test_every_uncertain_number_is_drawn_on_its_own():
     uncertain = UncertainScene(Scene(), beliefs)
     keys = jax.random.split(jax.random.key(1), 2000)
     scenes = jax.vmap(lambda key: draw_scene(key, uncertain))(keys)
-    z_mass = np.log(np.asarray(scenes.charge.mass) / 15.0) / np.log(2.0)
+    z_mass = np.log(np.asarray(scenes.charge.mass_kg) / 15.0) / np.log(2.0)
     z_speed = (np.asarray(scenes.air.sound_speed) - 340.0) / 3.0
     # four standard errors of a mean, and of a correlation, of 2000
     assert abs(z_mass.mean()) < 4 / np.sqrt(2000)
@@ -31,7 +31,7 @@ def test_every_uncertain_number_is_drawn_on_its_own():
 
 def test_a_scene_without_beliefs_draws_itself():
     scene = draw_scene(jax.random.key(0), UncertainScene(Scene()))
-    assert scene.charge.mass == 1
+    assert scene.charge.mass_kg == 1
 
 
 def test_a_free_number_cannot_be_drawn_and_says_so():

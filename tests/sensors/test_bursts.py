@@ -21,11 +21,13 @@ QUANTITY = "positive_impulse_pa_s"
 def scene(up, burst=None, heights=(12.0, 0.0), name=""):
     sensors = tuple(
         Sensor(
-            position=np.array([5.0, 0.0, h]), name=f"s{h}", records=((QUANTITY, 0.05),)
+            position_m=np.array([5.0, 0.0, h]),
+            name=f"s{h}",
+            records=((QUANTITY, 0.05),),
         )
         for h in heights
     )
-    charge = Charge(mass=1.0, up=up, burst=burst, name=name)
+    charge = Charge(mass_kg=1.0, position_m=(0.0, 0.0, up), burst=burst, name=name)
     air = Air(sound_speed=STANDARD_SOUND_SPEED)
     return Scene(charge=charge, air=air, sensors=sensors)
 
@@ -68,7 +70,7 @@ def test_what_is_settled_has_derivatives_across_the_limit():
     assert rows.free_air == (True, False)
 
     def impulse(mass):
-        heavier = replace(fixed, charge=replace(fixed.charge, mass=mass))
+        heavier = replace(fixed, charge=replace(fixed.charge, mass_kg=mass))
         return record(heavier, rows, LAW).value
 
     # at 8 kg the reflection comes within the phase: what was settled stays
@@ -89,7 +91,11 @@ def test_what_is_settled_has_derivatives_across_the_limit():
 )
 @pytest.mark.parametrize("told_by", ["row", "charge"])
 def test_a_range_alone_leaves_a_place_as_low_as_it_allows(told_by, up, distance, free):
-    charge = Charge(mass=1.0, up=up, range=distance if told_by == "charge" else None)
+    charge = Charge(
+        mass_kg=1.0,
+        position_m=(0.0, 0.0, up),
+        range_m=distance if told_by == "charge" else None,
+    )
     told = jnp.array([distance if told_by == "row" else jnp.nan])
     path = path_between(
         Scene(charge=charge),
@@ -123,7 +129,9 @@ def test_curves_settled_before_the_answer_are_named_as_they_were_used(
 
 
 def test_of_a_charge_without_readings_nothing_is_said():
-    charge = Charge(mass=1.0, up=12.0, burst="surface", by_height=True)
+    charge = Charge(
+        mass_kg=1.0, position_m=(0.0, 0.0, 12.0), burst="surface", by_height=True
+    )
     assert burst_notes(charge, (12.0, 12.0), np.zeros(0, bool), "reading") == []
 
 

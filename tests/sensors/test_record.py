@@ -25,7 +25,7 @@ SCENE = with_values(
             Sensor(
                 "a",
                 jnp.array([20.0, 0.0, 0.0]),
-                clock_offset=0.25,
+                clock_offset_s=0.25,
                 records=(
                     ("air_arrival_s", 1e-3),
                     ("ground_arrival_s", 1e-3),
@@ -188,7 +188,7 @@ def test_the_thesis_path_climbs_to_the_sensor_and_the_head_wave_does_not():
         "a", jnp.array([20.0, 0.0, 1.5]), records=(("ground_arrival_s", 1e-3),)
     )
     head = Scene(
-        charge=Charge(mass=15.0),
+        charge=Charge(mass_kg=15.0),
         sensors=(sensor,),
         air=Air(sound_speed=340.0),
         ground=Ground(p_speed=6000.0),
@@ -206,8 +206,8 @@ def test_each_charge_is_worth_its_own_tnt():
         "a", jnp.array([30.0, 0.0, 0.0]), records=(("peak_overpressure_pa", 0.1),)
     )
     scene = Scene(
-        charge=Charge(name="one", mass=10.0, explosive="C4"),
-        others=(Charge(name="two", mass=10.0, tnt_factor=0.5),),
+        charge=Charge(name="one", mass_kg=10.0, explosive="C4"),
+        others=(Charge(name="two", mass_kg=10.0, tnt_factor=0.5),),
         sensors=(sensor,),
     )
     expected = [kingery_bulmash_pressure(30.0, mass) for mass in (13.7, 5.0)]
@@ -224,7 +224,7 @@ def test_a_growth_that_is_no_number_is_not_the_laws_own():
         "a",
         jnp.array([20.0, 0.0, 0.0]),
         records=(("fireball_radius_m", 0.1),),
-        times=(2.001,),
+        times_s=(2.001,),
     )
     scene = dataclasses.replace(SCENE, sensors=(sensor,))
 

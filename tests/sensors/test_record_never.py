@@ -29,11 +29,11 @@ SENSOR = Sensor(
     "a",
     jnp.array([20.0, 0.0, 1.0]),
     records=tuple((quantity, 0.01) for quantity in QUANTITIES),
-    times=(2.001,),
+    times_s=(2.001,),
 )
-ONE = Charge(mass=15.0, time=2.0, name="one")
-OTHER = Charge(mass=3.0, east=4.0, time=1.9, name="other")
-NEVER = dataclasses.replace(OTHER, time=jnp.inf)
+ONE = Charge(mass_kg=15.0, time_s=2.0, name="one")
+OTHER = Charge(mass_kg=3.0, position_m=(4.0, 0.0, 0.0), time_s=1.9, name="other")
+NEVER = dataclasses.replace(OTHER, time_s=jnp.inf)
 SCENE = Scene(charge=ONE, others=(OTHER,), sensors=(SENSOR,))
 LAYOUT, SIGMA, NAMES = planned_layout(SCENE)
 MINE = np.array(LAYOUT.shot) == 0
@@ -65,7 +65,7 @@ def test_a_batch_of_which_some_never_happen_is_its_own_loop():
     times = jnp.array([1.9, jnp.inf, 1.5])
 
     def one(time):
-        return recorded(ONE, dataclasses.replace(OTHER, time=time)).value
+        return recorded(ONE, dataclasses.replace(OTHER, time_s=time)).value
 
     loop = np.stack([one(time) for time in times])
     np.testing.assert_allclose(jax.jit(jax.vmap(one))(times), loop, rtol=1e-14)
@@ -101,7 +101,7 @@ def test_a_simulated_log_has_no_row_of_it():
     log = simulate(UncertainScene(never, {}, "scene.toml"))
     assert set(log.shot) == {"one"}
     assert len(log) == len(QUANTITIES)
-    none = dataclasses.replace(never, charge=dataclasses.replace(ONE, time=jnp.inf))
+    none = dataclasses.replace(never, charge=dataclasses.replace(ONE, time_s=jnp.inf))
     with pytest.raises(
         InputError, match=r"no sensor records anything: .* never happen"
     ):
@@ -120,4 +120,4 @@ def test_a_row_of_a_charge_that_never_happens_is_refused():
 @pytest.mark.parametrize("time", [np.nan, -np.inf])
 def test_a_charge_happens_at_a_time_or_never(time):
     with pytest.raises(InputError, match="charge time: expected a number, or inf"):
-        Charge(time=time)
+        Charge(time_s=time)

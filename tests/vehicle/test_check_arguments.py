@@ -35,7 +35,7 @@ def hold(count: int) -> PositionHold:
 
 def load(count: int):
     def of(mass):
-        return blast_load(Scene(charge=Charge(mass=mass)))
+        return blast_load(Scene(charge=Charge(mass_kg=mass)))
 
     return jax.vmap(of)(jnp.ones(count))
 

@@ -42,7 +42,7 @@ def film_asked(asked: argparse.Namespace, most: int) -> "Film":
         )
     scene = draw_scene(jax.random.key(asked.seed), uncertain)
     for charge in scene.charges:
-        if charge.range is not None:
+        if charge.range_m is not None:
             raise InputError(
                 f"{asked.scene}: [charge] range_m: expected position_m, which a camera "
                 "needs to see it; got a range"
@@ -86,7 +86,7 @@ def _times(
     """Return when the frames begin."""
     from jblast.waves.fireball import fireball_duration
 
-    bursts = [float(charge.time) for charge in scene.charges]
+    bursts = [float(charge.time_s) for charge in scene.charges]
     if asked.times is not None and asked.seconds is not None:
         raise InputError("--times: expected either --times or --seconds, got both")
     start, bound = min(bursts), math.inf
@@ -124,7 +124,7 @@ def _refuse_looking_away(film: "Film", source: str) -> None:
     if in_view(film.scene, film.camera, film.views):
         return
     charge = film.scene.charge
-    place = np.array([charge.east, charge.north, charge.up])
+    place = np.array(charge.position_m)
     sight = place - np.asarray(film.camera.position)
     axis = np.asarray(quaternion_matrix(film.camera.quaternion))[:, 2]
     angle = math.degrees(float(off_axis(film.scene, film.camera)))

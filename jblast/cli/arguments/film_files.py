@@ -111,7 +111,7 @@ class FilmWriter:
         """Write the frames; or look only at those of the contact sheet."""
         film = self.film
         times, digits = film.times, max(4, len(str(len(film.times) - 1)))
-        wanted = sheet_frames(times, [float(c.time) for c in film.scene.charges])
+        wanted = sheet_frames(times, [float(c.time_s) for c in film.scene.charges])
         if self.mode == "events":
             few = sorted(wanted)
             images = film.some(few)
@@ -177,7 +177,7 @@ class FilmWriter:
 
     def write_sheet(self) -> None:
         """Write the contact sheet of the frames that were kept."""
-        first = min(float(charge.time) for charge in self.film.scene.charges)
+        first = min(float(charge.time_s) for charge in self.film.scene.charges)
         numbers = sorted(self.shown)
         labels = [time_label(float(self.film.times[n]) - first) for n in numbers]
         write_contact_sheet(self.out / SHEET, [self.shown[n] for n in numbers], labels)

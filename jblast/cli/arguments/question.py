@@ -171,7 +171,7 @@ def _scene(asked: argparse.Namespace) -> Scene:
     explosive = "TNT"
     if asked.explosive is not None:
         explosive = explosive_named(asked.explosive, "--explosive")
-    charge = Charge(up=height, burst=burst, explosive=explosive)
+    charge = Charge(position_m=(0.0, 0.0, height), burst=burst, explosive=explosive)
     mixed = replace(Air(), **DRY | air)
     _check_vapour(mixed)
     return Scene(charge=charge, air=mixed, ground=ground)

@@ -86,7 +86,7 @@ def _entry(datum: Datum, plan: Planned, laws, holds, target, left) -> AddedDatum
     return AddedDatum(
         quantity=datum.quantity,
         sensor=datum.sensor,
-        position=datum.position if charge.range is None else None,
+        position=datum.position if charge.range_m is None else None,
         charge=charge.name,
         sigma=datum.sigma,
         is_default=datum.is_default,
@@ -118,7 +118,7 @@ def candidates(plan: Planned) -> list[Datum]:
             for name in (ranked[k] for k in picked)
             for i in (rows[name],)
         ]
-        if charge.range is None:
+        if charge.range_m is None:
             reach = float(np.median(distance))
             places.append(
                 (aside(posterior, reach), "", max(layout.group) + 1 + shot, "")

@@ -131,7 +131,7 @@ def _as_seen(uncertain: UncertainScene) -> UncertainScene:
         (quantity, time)
         for sensor in uncertain.scene.sensors
         for quantity, _ in sensor.records
-        for time in sensor.times
+        for time in sensor.times_s
     ]
     quantity, time = zip(*planned, strict=True) if planned else ((), ())
     return as_seen(uncertain, quantity, np.array(time, float))

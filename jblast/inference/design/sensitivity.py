@@ -70,7 +70,7 @@ def mass_exponents(plan: Planned) -> dict[str, tuple[float, float]]:
         return {}
     i = parameters.names.index("charge_mass_kg")
     there = parameters.scene_at(z)
-    start = np.asarray(clock_offsets(there, layout) + there.charge.time)
+    start = np.asarray(clock_offsets(there, layout) + there.charge.time_s)
     value, moved, grown = map(np.asarray, _mass_slopes(posterior, z, i))
     told = [q for q in layout.quantities() if q == "air_arrival_s" or q not in ADDITIVE]
     answer = {}

@@ -76,7 +76,7 @@ def bound_map(bound: Bound, points: int = POINTS) -> BoundMap:
     parameters, layout = posterior.parameters, posterior.layout
     scene = parameters.scene_at(z)
     mass, place = _wanted(bound)
-    if any(charge.range is not None for charge in scene.charges):
+    if any(charge.range_m is not None for charge in scene.charges):
         raise InputError(
             f"{log.source}: a map needs places: expected [charge] position_m, got a "
             "range alone"

@@ -46,7 +46,7 @@ def valid_at_depth(
         label = at.label(charge)
         known = {
             f"charge_up_m{label}": charge.up,
-            f"charge_mass_kg{label}": charge.mass,
+            f"charge_mass_kg{label}": charge.mass_kg,
         }
         up, mass = (
             np.asarray(drawn.get(name, np.full(len(draws), float(fixed))))

@@ -55,7 +55,7 @@ def bands(
             continue
         is_radius = quantity in TIMED
         # times count from the explosion, which clocks may show at any time
-        start = float(answered.charges[of].time) if is_radius else 0.0
+        start = float(answered.charges[of].time_s) if is_radius else 0.0
         reach = (observations.time - start if is_radius else distance)[rows]
         positive = reach[reach > 0]
         if positive.size == 0:

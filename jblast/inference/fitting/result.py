@@ -85,7 +85,7 @@ class Fit:
     @property
     def origin_time(self) -> Float[np.ndarray, " row"]:
         """When the charge of each row exploded, on the common clock [s]."""
-        times = np.array([float(charge.time) for charge in self.scene.charges])
+        times = np.array([float(charge.time_s) for charge in self.scene.charges])
         return times[list(self.shot)]
 
     @property

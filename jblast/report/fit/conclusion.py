@@ -93,7 +93,7 @@ def given_sentence(fit: Fit) -> str:
     names = []
     for charge in scene.charges:
         label = scene.label(charge)
-        place = CHARGE_POSITION if charge.range is None else ("charge_range_m",)
+        place = CHARGE_POSITION if charge.range_m is None else ("charge_range_m",)
         names += [f"{n}{label}" for n in ("charge_mass_kg", *place, "origin_time_s")]
         if charge.tnt_factor is not None:
             names.append(f"tnt_factor{label}")

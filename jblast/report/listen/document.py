@@ -104,7 +104,7 @@ def truth_csv(
     head += ["law_valid", "clipped", "file", "rate_hz", "samples", "full_scale_pa"]
     rows: list[list[str]] = [head]
     for number, track in enumerate(tracks):
-        place = [f"{x:.12g}" for x in np.asarray(track.sensor.position).tolist()]
+        place = [f"{x:.12g}" for x in np.asarray(track.sensor.position_m).tolist()]
         sound = track.sensor.kind == "microphone"
         for n, shot in enumerate(truth.shots):
             values = [f"{told[number, n]:.12g}" for told in truth.values.values()]

@@ -58,7 +58,7 @@ def write_tracks(
     tracks = []
     for sensor in each(listening.sensors, "sensors"):
         track = Track(listening, sensor, names[sensor.name])
-        place = ", ".join(f"{x:g}" for x in np.asarray(sensor.position).tolist())
+        place = ", ".join(f"{x:g}" for x in np.asarray(sensor.position_m).tolist())
         own = f"{sensor.kind} {sensor.name!r} at ({place}) m east, north, up"
         track.write(
             directory / track.file,

@@ -98,7 +98,7 @@ def holds_at(law: Law) -> Bool[np.ndarray, " point"]:
 
 def _holds(law: Law, burst: Burst) -> Bool[np.ndarray, " point"]:
     distance = jnp.asarray(Z * MASS ** (1.0 / 3.0))
-    path = scene_path(Scene(charge=Charge(mass=MASS, burst=burst)))
+    path = scene_path(Scene(charge=Charge(mass_kg=MASS, burst=burst)))
     path = with_rows(path, distance, jnp.full(distance.shape, MASS))
     # when the strong shock of a point source is there
     energy = sedov_taylor_energy(distance, 1.0, path.air_density, path.sedov_gamma)

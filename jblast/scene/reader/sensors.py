@@ -60,10 +60,10 @@ def _sensor(name: str, entry: dict[str, Any], where: str) -> Sensor:
     position = _position(entry, f"{where} position_m")
     return Sensor(
         name=name,
-        position=position,
+        position_m=position,
         kind=kind,
         records=records,
-        times=times,
+        times_s=times,
         instrument=read_instrument(entry, kind, position, where),
     )
 

@@ -66,8 +66,8 @@ def wave_at(
         amplitude=loudness * motion.amplitude,
     )
     charge = seen.charge
-    source = jnp.stack([charge.east, charge.north, charge.up])
+    source = jnp.stack(charge.position_m)
     distance = slant_range(source, place)
-    if charge.range is not None:
-        distance = charge.range
+    if charge.range_m is not None:
+        distance = charge.range_m
     return Heard(pulse, way, shot, distance, jnp.zeros((), bool))

@@ -77,7 +77,7 @@ def arrival_time(
 
 def _may_be_high(charge: Charge) -> bool:
     """Whether a charge may stand above the ground and be taken by free-air curves."""
-    if charge.range is not None or charge.burst == "surface":
+    if charge.range_m is not None or charge.burst == "surface":
         return False
     return not _stands_low(charge)
 

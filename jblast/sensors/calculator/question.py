@@ -55,7 +55,7 @@ def charge_radius(charge_mass: Float[ArrayLike, "..."]) -> Float[np.ndarray, "..
 
 def tnt_factor_in(scene: Scene, quantity: str) -> Float[Array, ""]:
     """Return the TNT mass of a scene's charge over its mass, for a quantity [-]."""
-    return scene.charge.tnt_mass(quantity) / scene.charge.mass
+    return scene.charge.tnt_mass(quantity) / scene.charge.mass_kg
 
 
 @kept

@@ -58,7 +58,7 @@ def first_instants(film: Film) -> Float[np.ndarray, " time"]:
     """
     start, stop = float(film.times[0]), float(film.times[-1])
     charges = film.scene.charges
-    bursts = np.array([float(charge.time) for charge in charges])
+    bursts = np.array([float(charge.time_s) for charge in charges])
     masses = [charge.tnt_mass("fireball_radius_m") for charge in charges]
     step = min(float(fireball_duration(mass)) for mass in masses) / PER_LIFE
     found = [bursts]

@@ -153,13 +153,13 @@ def _start(
     laws: Mapping[str, str] | None,
 ) -> tuple[list[Axis], list[Any]]:
     check_kind(anemometer, "anemometer", above=True)
-    if any(charge.range is not None for charge in scene.charges):
+    if any(charge.range_m is not None for charge in scene.charges):
         raise InputError(
             f"sensor {shown(anemometer.name)}: expected charges that have a place, for "
             "wind has a direction, got one told by its range"
         )
-    waves = heard(scene, anemometer.position, laws)
-    gusts = _gusts(scene, anemometer.position, waves)
+    waves = heard(scene, anemometer.position_m, laws)
+    gusts = _gusts(scene, anemometer.position_m, waves)
     air = scene.air
     winds = (air.wind_east, air.wind_north, jnp.zeros_like(air.wind_east))
     gauges = [mounted(anemometer, one, start_s) for one in jax.random.split(key, 3)]

@@ -114,7 +114,7 @@ def _start(
 ) -> tuple[Geophone, Any]:
     check_kind(geophone, "geophone", above=False)
     gauge, state = mounted(geophone, key, start_s)
-    waves = _waves(scene, geophone.position, ground_laws(scene, laws))
+    waves = _waves(scene, geophone.position_m, ground_laws(scene, laws))
     return Geophone(gauge, waves), state
 
 

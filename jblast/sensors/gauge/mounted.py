@@ -44,9 +44,9 @@ def check_kind(sensor: Sensor, kind: str, *, above: bool) -> None:
         raise InputError(
             f"{where}: expected a sensor of kind {kind}, got {shown(sensor.kind)}"
         )
-    if isinstance(sensor.position, Tracer):
+    if isinstance(sensor.position_m, Tracer):
         return
-    up = float(np.asarray(sensor.position)[2])
+    up = float(np.asarray(sensor.position_m)[2])
     if not (up >= 0 if above else up <= 0):
         side = "above" if above else "in"
         raise InputError(
@@ -66,7 +66,7 @@ def mounted(
         start_s: When the first sample begins, by the gauge's clock [s].
     """
     chain = instrument_chain(sensor.instrument or Instrument(), key)
-    begin = as_float_array(start_s) - sensor.clock_offset
+    begin = as_float_array(start_s) - sensor.clock_offset_s
     return Mounted(chain, begin), chain_start(chain)
 
 

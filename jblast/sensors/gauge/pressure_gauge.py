@@ -131,7 +131,7 @@ def _start(
     if mounting not in ("side-on", "face-on"):
         raise ValueError(f"mounting must be 'side-on' or 'face-on', got {mounting!r}")
     gauge, state = mounted(sensor, key, start_s)
-    waves = tuple(wave.pulse for wave in heard(scene, sensor.position, laws))
+    waves = tuple(wave.pulse for wave in heard(scene, sensor.position_m, laws))
     pressure = None if mounting == "side-on" else ambient(scene.air)[1]
     return PressureGauge(gauge, waves, pressure, as_float_array(drift)), state
 

@@ -81,7 +81,7 @@ def plan(
     source = uncertain.source or "scene"
     sensors, skipped = _heard(uncertain.scene, source)
     scene = draw_scene(scene_key, uncertain)
-    if any(charge.range is not None for charge in scene.charges):
+    if any(charge.range_m is not None for charge in scene.charges):
         raise InputError(
             f"{source}: [charge] range_m: expected position_m, from which sound comes "
             "to every sensor, got a distance alone"
@@ -119,7 +119,7 @@ def _heard(scene: Scene, source: str) -> tuple[list[Sensor], dict[str, str]]:
             f"{source}: expected at least one {expected}; of sensor {name!r}, {why}"
         )
     for sensor in heard:
-        if not np.isfinite(sensor.position).all():
+        if not np.isfinite(sensor.position_m).all():
             raise InputError(
                 f"{source}: [[sensor]] {sensor.name!r}: expected position_m = "
                 "[east, north, up], got nothing"

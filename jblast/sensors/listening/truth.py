@@ -65,7 +65,7 @@ def truth_of(scene: Scene, sensors: tuple[Sensor, ...]) -> tuple[Scene, Truth]:
     rows = [(q, s, i) for q in quantities for s in range(shots) for i in sensors]
     layout = Layout(
         quantity=tuple(quantity for quantity, _, _ in rows),
-        position=jnp.stack([sensor.position for _, _, sensor in rows]),
+        position=jnp.stack([sensor.position_m for _, _, sensor in rows]),
         slant_range=jnp.full(len(rows), jnp.nan),
         time=jnp.full(len(rows), jnp.nan),
         group=tuple(range(len(rows))),

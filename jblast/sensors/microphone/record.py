@@ -121,7 +121,7 @@ def _start(
             f"{where}: expected a sensor of kind microphone, "
             f"got {shown(microphone.kind)}"
         )
-    places = microphone.position if track is None else track.position
+    places = microphone.position_m if track is None else track.position
     if not isinstance(places, Tracer):
         up = np.asarray(places)[..., 2].min()
         if not up >= 0:
@@ -131,7 +131,7 @@ def _start(
     start = as_float_array(start_s)
     if not isinstance(start, Tracer) and not np.isfinite(np.asarray(start)):
         raise InputError(f"{where}: expected a finite start_s, got {float(start):g} s")
-    place = microphone.position if track is None else track
+    place = microphone.position_m if track is None else track
     rate = (microphone.instrument or Instrument()).rate
     # outside jit, where it compiles in parts, leaves out waves that nothing can make,
     # and says what is wrong with the rest

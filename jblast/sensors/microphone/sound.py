@@ -95,8 +95,8 @@ def set_up(
     """
     instrument = microphone.instrument or Instrument()
     keys = jax.random.split(key, 4)
-    begin = start_s - microphone.clock_offset
-    place = microphone.position if track is None else track
+    begin = start_s - microphone.clock_offset_s
+    place = microphone.position_m if track is None else track
     ambient = wind = None
     if scene.ambient is not None:
         ambient = ambient_sound(scene.ambient, instrument.rate, keys[0])

@@ -75,7 +75,7 @@ def peak_log(
         quantity=("peak_overpressure_pa",) * n,
         value=np.array([float(reading.value) for reading in readings]),
         sigma=np.array([float(reading.sigma) for reading in readings]),
-        position=np.array([sensor.position for sensor in sensors]).reshape(n, 3),
+        position=np.array([sensor.position_m for sensor in sensors]).reshape(n, 3),
         slant_range=unknown,
         time=unknown,
         path=nothing,

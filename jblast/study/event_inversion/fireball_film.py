@@ -46,7 +46,9 @@ def log_frames(
 ) -> Float[Array, "frame height width"]:
     """Return the logarithm of the light for some `coordinates`."""
     mass, start = jnp.exp(values[0]), 0.1 * values[1]
-    charge = dataclasses.replace(Charge(up=1.5), mass=mass, time=start)
+    charge = dataclasses.replace(
+        Charge(position_m=(0.0, 0.0, 1.5)), mass_kg=mass, time_s=start
+    )
     frames = render(Scene(charge=charge), film_camera(), times, exposures=1)
     return log_intensity(luminance(frames))
 

@@ -37,7 +37,7 @@ def checked_scene(
             f"vehicles: expected a whole number from 1 to {MOST_VEHICLES:,}, "
             f"got {vehicles}"
         )
-    if any(charge.range is not None for charge in scene.charges):
+    if any(charge.range_m is not None for charge in scene.charges):
         raise InputError(
             f"{source}: [charge] range_m: expected position_m, from which the "
             "vehicle's own distance follows, got a range"

@@ -64,9 +64,9 @@ def load_of(scene: Scene, profile: Profile | None) -> FlightLoad:
         moment_point_m=profile.moment_point_m,
         vehicle=None if scene.vehicle is None else vehicle_of(scene.vehicle),
     )
-    place = jnp.stack([charge.east, charge.north, charge.up])
+    place = jnp.stack(charge.position_m)
     return eqx.tree_at(
-        lambda p: (p.charge_m, p.time_s), load, (place, charge.time + 0 * load.time_s)
+        lambda p: (p.charge_m, p.time_s), load, (place, charge.time_s + 0 * load.time_s)
     )
 
 

@@ -104,9 +104,7 @@ def fly(
         count=vehicles,
         drawn=drawn_values(uncertain, scenes),
         blasts=tuple(charge.name for charge in charges),
-        places_m=np.stack(
-            [np.stack([c.east, c.north, c.up], axis=-1) for c in charges], axis=-2
-        ),
+        places_m=np.stack([np.stack(c.position_m, axis=-1) for c in charges], axis=-2),
         wind_m_s=np.stack([scenes.air.wind_east, scenes.air.wind_north], axis=-1),
         holds={name: _joined(parts, vehicles) for name, parts in flown.items()},
         own=own,

@@ -86,7 +86,11 @@ def cases(count: int = VEHICLES) -> list[Case]:
     held = State(home + away, still, level, still, hover)
     hold = PositionHold(HOME, named_gains("crazyflie"))
     blast = blast_load(
-        Scene(charge=Charge(mass=1.0, east=8.0, up=1.0, time=0.1, burst="surface"))
+        Scene(
+            charge=Charge(
+                mass_kg=1.0, position_m=(8.0, 0.0, 1.0), time_s=0.1, burst="surface"
+            )
+        )
     )
     return [
         Case("swinging wind", thrown, STEPS, {"wind": swinging_wind}),

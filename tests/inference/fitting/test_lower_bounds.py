@@ -53,7 +53,7 @@ def read():
 
 
 def replace_mass(charge):
-    return replace(charge, mass=jnp.asarray(TRUTH))
+    return replace(charge, mass_kg=jnp.asarray(TRUTH))
 
 
 def clipped():

@@ -27,7 +27,9 @@ def test_seismic_rows_weigh_a_charge_as_well_as_rocks_are_alike():
             PLACES.items(), np.asarray(law(distance, 300.0, BURIED)), strict=True
         )
     ]
-    scene = Scene(charge=Charge(mass=jnp.asarray(100.0), up=BURIED))
+    scene = Scene(
+        charge=Charge(mass_kg=jnp.asarray(100.0), position_m=(0.0, 0.0, BURIED))
+    )
     free = freed(UncertainScene(scene), ["charge_mass_kg"])
     answer = fit(log(*rows), free, posterior="laplace").summary
     mass = answer.estimates["charge_mass_kg"]

@@ -83,7 +83,7 @@ def test_a_shared_effect_of_one_charge_does_not_touch_the_other():
         for p in [float(kingery_bulmash_pressure(float(np.linalg.norm(place)), 15.0))]
     ]
     made = of_shots(log(*rows), ["one"] * 4 + ["two"] * 4)
-    scene = Scene(charge=Charge(name="one", mass=15.0), others=(Charge(name="two"),))
+    scene = Scene(charge=Charge(name="one", mass_kg=15.0), others=(Charge(name="two"),))
     uncertain = UncertainScene(scene, {"charge_mass_kg.two": Free(positive=True)})
     result = fit(made, uncertain)
     # one loading for each charge: 10 % of its own rows and none of the other's
@@ -106,7 +106,7 @@ def test_a_recorder_that_runs_late_is_found_and_the_blast_with_it():
         for i, place in enumerate([*RING, (25.0, 25.0, 0.0), (-30.0, -30.0, 0.0)])
     ]
     made = dataclasses.replace(log(*rows), clock=("x", "y") * 3)
-    scene = Scene(charge=Charge(mass=mass), air=AIR, scatter=False)
+    scene = Scene(charge=Charge(mass_kg=mass), air=AIR, scatter=False)
     where = ["charge_east_m", "charge_north_m", "origin_time_s"]
     uncertain = freed(UncertainScene(scene), [*where, "clock_offset_s.y"])
     answer = fit(made, uncertain).summary
@@ -130,7 +130,9 @@ def test_a_clock_free_beside_the_origin_time_alone_is_a_null_direction():
             RING[0],
         )
     )
-    scene = Scene(charge=Charge(mass=15.0), sensors=(Sensor("a", np.array(RING[0])),))
+    scene = Scene(
+        charge=Charge(mass_kg=15.0), sensors=(Sensor("a", np.array(RING[0])),)
+    )
     uncertain = freed(UncertainScene(scene), ["origin_time_s", "clock_offset_s.a"])
     answer = fit(made, uncertain).summary
     (null,) = answer.null_directions
@@ -146,7 +148,7 @@ def test_wind_is_found_from_arrivals_around_the_charge():
         along = float(wind @ np.array(place[:2]) / distance)
         reading = arrival(place, (0.0, 0.0, 0.0), 15.0, 0.0, c=C + along)
         rows.append((f"s{i}", "air_arrival_s", reading, 1e-5, place))
-    scene = Scene(charge=Charge(mass=15.0), air=AIR, scatter=False)
+    scene = Scene(charge=Charge(mass_kg=15.0), air=AIR, scatter=False)
     uncertain = freed(UncertainScene(scene), ["wind_east_m_s", "wind_north_m_s"])
     estimates = fit(log(*rows), uncertain).summary.estimates
     assert estimates["wind_east_m_s"].value == pytest.approx(6.0, abs=1e-4)
@@ -200,8 +202,8 @@ def test_a_simulated_log_of_two_charges_reads_back_with_their_names():
         for i, place in enumerate(RING)
     )
     scene = Scene(
-        charge=Charge(name="one", mass=3.0),
-        others=(Charge(name="two", mass=9.0, time=2.0),),
+        charge=Charge(name="one", mass_kg=3.0),
+        others=(Charge(name="two", mass_kg=9.0, time_s=2.0),),
         sensors=sensors,
         clocks=(Clock("unused"),),
     )

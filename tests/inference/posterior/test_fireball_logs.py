@@ -38,8 +38,8 @@ def camera() -> Camera:
 
 def scene_of(records, times=TIMES, mass=MASS) -> Scene:
     return Scene(
-        charge=Charge(mass=mass, range=RANGE),
-        sensors=(Sensor("cam", np.full(3, np.nan), records=records, times=times),),
+        charge=Charge(mass_kg=mass, range_m=RANGE),
+        sensors=(Sensor("cam", np.full(3, np.nan), records=records, times_s=times),),
         camera=camera(),
         law=tuple(LAWS.items()),
     )
@@ -166,7 +166,7 @@ def test_a_line_of_sight_is_a_null_direction_of_a_charge_anywhere(tmp_path):
     (null,) = found.summary.null_directions
     along = [null.parameters[f"charge_{side}_m"] for side in ("east", "north", "up")]
     charge = found.scene.charge
-    away = np.array([charge.east, charge.north, charge.up]) - [150.0, -200.0, 1.5]
+    away = np.array(charge.position_m) - [150.0, -200.0, 1.5]
     np.testing.assert_allclose(3 * np.array(along), away, rtol=1e-4)
     assert "an air arrival (the bang" in cure_words(null.cure)
 

@@ -46,7 +46,7 @@ def test_an_arrival_at_the_speed_of_sound_reduces_to_zero():
     less = reduction(fit, "air_arrival_s", 0)
     assert less is not None
     r = np.array([10.0, 1000.0])
-    origin = float(fit.scene.charge.time)
+    origin = float(fit.scene.charge.time_s)
     assert less(r * less.slowness + origin, r) == pytest.approx([0, 0], abs=1e-12)
     assert reduction(fit, "peak_overpressure_pa", 0) is None
 

@@ -15,7 +15,7 @@ DENSITY_TIMES_SPEED = 413.0  # of air at 20 C [kg/m2/s]
 
 def scene(path: GroundPath = "thesis", **charge):
     return Scene(
-        Charge(mass=15.0, burst="surface", **charge),
+        Charge(mass_kg=15.0, burst="surface", **charge),
         air=Air(temperature=293.15),
         ground=Ground(path=path),
     )
@@ -55,7 +55,7 @@ def test_it_comes_when_record_says_with_the_velocity_that_record_says(path):
 def test_off_it_is_not_there_and_never_is_silent():
     edges = np.linspace(0.0, 0.1, 300)
     assert np.all(np.asarray(overpressure(scene(), PLACE, edges)) == 0.0)
-    never = scene(time=jnp.inf)
+    never = scene(time_s=jnp.inf)
     heard_of_it = overpressure(never, PLACE, edges, ground=True)
     assert np.all(np.asarray(heard_of_it) == 0.0)
     assert np.isposinf(heard(never, PLACE, ground=True)[1].pulse.arrival_time)

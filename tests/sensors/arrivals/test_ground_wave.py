@@ -15,8 +15,8 @@ PLACE = jnp.array([300.0, 400.0, 2.0])
 
 
 def test_a_wave_has_the_arrival_and_the_velocity_of_the_laws():
-    never = Charge(mass=50.0, time=math.inf, name="never")
-    first = Charge(mass=50.0, time=0.25, name="first")
+    never = Charge(mass_kg=50.0, time_s=math.inf, name="never")
+    first = Charge(mass_kg=50.0, time_s=0.25, name="first")
     scene = Scene(first, others=(never,), ground=Ground(p_speed=5000.0))
     wave, nothing = ground_waves(scene, PLACE, ground_laws(scene))
     # the way along the ground, by the law itself
@@ -34,7 +34,9 @@ def test_a_wave_has_the_arrival_and_the_velocity_of_the_laws():
 def test_by_the_thesis_it_climbs_to_the_microphone():
     near, laws = jnp.array([30.0, 40.0, 2.0]), ground_laws(Scene())
     along, up = (
-        ground_waves(Scene(Charge(mass=50.0), ground=Ground(path=path)), near, laws)[0]
+        ground_waves(Scene(Charge(mass_kg=50.0), ground=Ground(path=path)), near, laws)[
+            0
+        ]
         for path in ("head", "thesis")
     )
     # 2 m at the mean speed of the air shock, which is faster than sound there

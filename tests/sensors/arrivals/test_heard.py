@@ -9,7 +9,7 @@ from jblast.scene import Charge, Scene
 from jblast.sensors import RecordedSound, heard, overpressure, record_laws
 from jblast.sensors.arrivals.laws import DEFAULT_RECORD_LAWS
 
-SCENE = Scene(Charge(mass=15.0))
+SCENE = Scene(Charge(mass_kg=15.0))
 PLACE = [20.0, 0.0, 1.5]
 
 
@@ -38,7 +38,7 @@ def test_a_place_at_the_charge_or_nowhere_is_refused(place):
 
 def test_laws_that_make_no_pulse_are_refused():
     """The impulse on the ground is 1.2 times the free-air peak times its duration."""
-    near = Scene(Charge(mass=1.0, burst="free-air"))
+    near = Scene(Charge(mass_kg=1.0, burst="free-air"))
     laws = {"positive_impulse_pa_s": "ford_2021"}
     with pytest.raises(InputError, match="expected laws whose impulse"):
         heard(near, [0.3, 0.0, 0.0], laws)

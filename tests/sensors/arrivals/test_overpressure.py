@@ -18,8 +18,8 @@ from jblast.sensors import (
 from jblast.sensors.arrivals.laws import AIR_QUANTITIES, DEFAULT_RECORD_LAWS
 
 PLACE = jnp.array([18.0, 5.0, 1.5])
-ON_GROUND = Scene(Charge(mass=15.0, time=0.7, burst="surface"))
-LIFTED = Scene(Charge(mass=0.5, up=15.0, burst="free-air"))
+ON_GROUND = Scene(Charge(mass_kg=15.0, time_s=0.7, burst="surface"))
+LIFTED = Scene(Charge(mass_kg=0.5, position_m=(0.0, 0.0, 15.0), burst="free-air"))
 OTHER_LAWS = {
     "air_arrival_s": "kingery_bulmash",
     "peak_overpressure_pa": "kinney_graham",
@@ -99,7 +99,7 @@ def test_heard_and_record_agree_to_the_last_digit():
     )
 
 
-NEVER = Charge(mass=50.0, time=jnp.inf, name="b", burst="surface")
+NEVER = Charge(mass_kg=50.0, time_s=jnp.inf, name="b", burst="surface")
 WITH_NEVER = replace(
     ON_GROUND, charge=replace(ON_GROUND.charge, name="a"), others=(NEVER,)
 )
@@ -118,7 +118,7 @@ def test_a_charge_that_never_happens_is_silent_and_leaves_the_other_alone():
 @pytest.mark.slow  # compiles for long
 def test_nothing_depends_on_a_charge_that_never_happens():
     def energy(mass):
-        scene = replace(WITH_NEVER, others=(replace(NEVER, mass=mass),))
+        scene = replace(WITH_NEVER, others=(replace(NEVER, mass_kg=mass),))
         return jnp.sum(overpressure(scene, PLACE, jnp.linspace(0.7, 0.8, 2001)) ** 2)
 
     assert jax.jit(jax.grad(energy))(50.0) == 0.0
@@ -178,7 +178,7 @@ def test_gradients_by_mass_range_and_arrival_are_those_of_differences():
     edges = wave.pulse.arrival_time + jnp.linspace(-1e-3, 0.06, 201)
 
     def samples(mass, distance, time):
-        charge = replace(ON_GROUND.charge, mass=mass, time=time)
+        charge = replace(ON_GROUND.charge, mass_kg=mass, time_s=time)
         there = jnp.stack([distance, 0.0 * distance, 1.0 + 0.0 * distance])
         return overpressure(replace(ON_GROUND, charge=charge), there, edges)
 

@@ -16,7 +16,9 @@ from jblast.waves import (
 )
 
 SOUND = 340.0
-HIGH = Scene(Charge(mass=1.0, up=20.0), air=Air(sound_speed=SOUND))
+HIGH = Scene(
+    Charge(mass_kg=1.0, position_m=(0.0, 0.0, 20.0)), air=Air(sound_speed=SOUND)
+)
 PLACE = jnp.array([20.0, 0.0, 12.0])
 IMAGE = float(np.hypot(20.0, 32.0))
 FIRST_REFLECTED = 0.05
@@ -63,9 +65,9 @@ def test_turned_off_it_is_not_there_and_the_direct_wave_is_what_it_was():
     ("charge", "place"),
     [
         (replace(HIGH.charge, burst="surface"), PLACE),
-        (replace(HIGH.charge, up=jnp.asarray(0.0)), PLACE),
+        (replace(HIGH.charge, position_m=(0.0, 0.0, 0.0)), PLACE),
         (HIGH.charge, PLACE * jnp.array([1.0, 1.0, 0.0])),
-        (replace(HIGH.charge, up=jnp.asarray(0.5)), PLACE),
+        (replace(HIGH.charge, position_m=(0.0, 0.0, 0.5)), PLACE),
     ],
     ids=["surface curves", "on the ground", "place on the ground", "too low"],
 )
@@ -80,7 +82,9 @@ def test_gradients_are_finite_where_both_ways_become_one():
     edges = jnp.linspace(0.03, 0.2, 100)
 
     def energy(up, charge_up):
-        scene = replace(HIGH, charge=replace(HIGH.charge, up=charge_up))
+        scene = replace(
+            HIGH, charge=replace(HIGH.charge, position_m=(0.0, 0.0, charge_up))
+        )
         place = jnp.stack([jnp.asarray(20.0), jnp.asarray(0.0), up])
         return jnp.sum(overpressure(scene, place, edges) ** 2)
 

@@ -11,7 +11,9 @@ from jblast.sensors import Track, heard, overpressure
 from jblast.waves.waveform.pulse import pulse_mean
 
 SOUND, START, SPEED = 340.0, 100.0, 34.0
-SCENE = Scene(Charge(mass=2.0, time=1.0, burst="surface"), air=Air(sound_speed=SOUND))
+SCENE = Scene(
+    Charge(mass_kg=2.0, time_s=1.0, burst="surface"), air=Air(sound_speed=SOUND)
+)
 ACOUSTIC = {"air_arrival_s": "acoustic"}
 
 

@@ -108,9 +108,9 @@ def test_the_height_of_burst_reaches_the_law_that_takes_it():
     law = law_for("positive_impulse_pa_s", "ford_2021")
     assert "height_of_burst" in law.arguments()
     low, high = (
-        calculate(scene_with(up=up, burst="surface"), RANGES, MASSES)[
-            "positive_impulse_pa_s"
-        ]
+        calculate(
+            scene_with(position_m=(0.0, 0.0, up), burst="surface"), RANGES, MASSES
+        )["positive_impulse_pa_s"]
         for up in (0.0, 1.0)
     )
     assert (low["ford_2021"].value < high["ford_2021"].value).all()

@@ -35,7 +35,7 @@ def small_camera(
 
 
 def one_charge(mass: Any = 100.0, up: Any = 2.0, **changed: Any) -> Scene:
-    return Scene(charge=Charge(mass=mass, up=up, **changed))
+    return Scene(charge=Charge(mass_kg=mass, position_m=(0.0, 0.0, up), **changed))
 
 
 def shifted(camera: Camera, along: float) -> Camera:

@@ -16,7 +16,7 @@ from jblast.sensors.gauge import anemometer, geophone, pressure_gauge
 from jblast.waves import blast_wind, normally_reflected_pressure
 
 RATE, KEY = 20_000.0, jax.random.key(3)
-SCENE = Scene(Charge(mass=15.0, time=0.5))
+SCENE = Scene(Charge(mass_kg=15.0, time_s=0.5))
 PLACE = np.array([40.0, 30.0, 0.0])
 IDEAL = Instrument(rate=RATE)
 REAL = Instrument(
@@ -36,7 +36,7 @@ every_gauge = pytest.mark.parametrize("kind", GAUGES)
 
 
 def sensor_of(kind, instrument=IDEAL, offset=0.0):
-    return Sensor("s", PLACE, kind, clock_offset=offset, instrument=instrument)
+    return Sensor("s", PLACE, kind, clock_offset_s=offset, instrument=instrument)
 
 
 def read_off(laws, scene=SCENE):
@@ -70,7 +70,7 @@ def test_a_pressure_gauge_has_arrival_peak_and_impulse_of_the_laws():
 
 
 def test_the_zero_of_a_gauge_drifts_by_its_own_clock():
-    sensor, silent = sensor_of("pressure"), Scene(Charge(time=np.inf))
+    sensor, silent = sensor_of("pressure"), Scene(Charge(time_s=np.inf))
     samples = pressure_gauge.record(silent, sensor, 0.5, KEY, start_s=9.0, drift=4.0)
     np.testing.assert_allclose(
         samples, 4.0 * (np.arange(10_000) + 0.5) / RATE, rtol=1e-12
@@ -131,7 +131,7 @@ def test_a_stream_is_the_record_to_the_last_bit(kind):
 @every_gauge
 def test_what_never_happens_is_silence_with_slopes(kind):
     def loudness(mass, time):
-        scene = Scene(Charge(mass=mass, time=time))
+        scene = Scene(Charge(mass_kg=mass, time_s=time))
         return jnp.sum(GAUGES[kind].record(scene, sensor_of(kind), 0.01, KEY) ** 2)
 
     value, slopes = jax.value_and_grad(loudness, (0, 1))(
@@ -146,7 +146,7 @@ def test_sensors_of_another_kind_or_on_the_other_side_of_the_ground_are_refused(
     with pytest.raises(InputError, match=f"kind {kind}, got 'microphone'"):
         GAUGES[kind].record(SCENE, other, 0.1, KEY)
     up = 1.0 if kind == "geophone" else -1.0
-    wrong = replace(sensor_of(kind), position=np.array([9.0, 0.0, up]))
+    wrong = replace(sensor_of(kind), position_m=np.array([9.0, 0.0, up]))
     with pytest.raises(InputError, match=f"'s': expected a {kind} on the ground or"):
         GAUGES[kind].record(SCENE, wrong, 0.1, KEY)
 
@@ -154,6 +154,6 @@ def test_sensors_of_another_kind_or_on_the_other_side_of_the_ground_are_refused(
 def test_what_a_gauge_cannot_be_told_is_refused():
     with pytest.raises(ValueError, match="mounting must be 'side-on' or 'face-on'"):
         pressure_gauge.record(SCENE, sensor_of("pressure"), 0.1, KEY, mounting="up")
-    ranged = Scene(Charge(mass=15.0, range=50.0))
+    ranged = Scene(Charge(mass_kg=15.0, range_m=50.0))
     with pytest.raises(InputError, match="wind has a direction"):
         anemometer.record(ranged, sensor_of("anemometer"), 0.1, KEY)

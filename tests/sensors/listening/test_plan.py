@@ -23,7 +23,7 @@ PHONE = Sensor(
     "phone",
     np.array([20.0, 0.0, 1.5]),
     "microphone",
-    clock_offset=0.125,
+    clock_offset_s=0.125,
     records=RECORDS,
 )
 GAUGE = Sensor("gauge", np.array([5.0, 12.0, 0.0]), "pressure", records=RECORDS)
@@ -31,7 +31,7 @@ FLASH = Sensor("light", np.array([9.0, 9.0, 0.0]), "flash")
 
 
 def scene_of(*sensors: Sensor, **others) -> UncertainScene:
-    charge = Charge(mass=15.0, time=0.25, east=1.0, north=2.0)
+    charge = Charge(mass_kg=15.0, time_s=0.25, position_m=(1.0, 2.0, 0.0))
     return UncertainScene(Scene(charge, sensors=sensors, scatter=False, **others))
 
 
@@ -64,7 +64,7 @@ def test_a_record_lasts_until_the_blast_has_gone_by():
 
 
 def test_without_a_blast_a_second_is_heard():
-    never = replace(scene_of(PHONE).scene.charge, time=math.inf)
+    never = replace(scene_of(PHONE).scene.charge, time_s=math.inf)
     scene = replace(scene_of(PHONE).scene, charge=never)
     listening = plan(UncertainScene(scene))
     assert listening.seconds == 1.0
@@ -72,7 +72,7 @@ def test_without_a_blast_a_second_is_heard():
 
 
 def test_a_second_charge_has_a_column_of_its_own():
-    late = Charge(mass=1.0, time=3.0, name="late")
+    late = Charge(mass_kg=1.0, time_s=3.0, name="late")
     first = replace(scene_of(PHONE).scene.charge, name="first")
     scene = replace(scene_of(PHONE, GAUGE).scene, charge=first, others=(late,))
     truth = plan(UncertainScene(scene)).truth
@@ -86,8 +86,8 @@ def test_a_second_charge_has_a_column_of_its_own():
 def test_what_cannot_be_recorded_is_refused():
     nowhere = Sensor("lost", np.full(3, math.nan), "microphone")
     odd = replace(PHONE, instrument=Instrument(rate=44100.5))
-    ranged = replace(scene_of(PHONE).scene, charge=Charge(mass=15.0, range=30.0))
-    late = replace(scene_of(PHONE).scene, charge=Charge(mass=15.0, time=1e5))
+    ranged = replace(scene_of(PHONE).scene, charge=Charge(mass_kg=15.0, range_m=30.0))
+    late = replace(scene_of(PHONE).scene, charge=Charge(mass_kg=15.0, time_s=1e5))
     cases = {
         "at least one [[sensor]] of kind pressure, microphone": (scene_of(), None),
         "of sensor 'light', kind flash writes": (scene_of(FLASH), None),

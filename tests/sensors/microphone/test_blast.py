@@ -17,7 +17,7 @@ from jblast.sensors.microphone import Ways
 from jblast.waves.propagation.absorption_filter import absorb
 
 RATE, KEY = 20_000.0, jax.random.key(3)
-SCENE = Scene(Charge(mass=15.0))
+SCENE = Scene(Charge(mass_kg=15.0))
 MICROPHONE = Sensor(
     "m", np.array([300.0, 0.0, 20.0]), "microphone", instrument=Instrument(RATE)
 )
@@ -42,7 +42,9 @@ def test_the_wave_in_the_ground_comes_first_as_the_laws_of_ground_motion_say():
         first = np.flatnonzero(both)[0]
         assert first == np.floor(arrival * RATE)
         # the ground's pressure is rho c v, some 415 Pa s/m, a mean over the sample
-        below = replace(sensor, position=sensor.position * np.array([1.0, 1.0, 0.0]))
+        below = replace(
+            sensor, position_m=sensor.position_m * np.array([1.0, 1.0, 0.0])
+        )
         layout, *_ = jblast.sensors.planned_layout(replace(scene, sensors=(below,)))
         velocity = jblast.record(scene, layout, DEFAULT_GROUND_LAWS).value[1]
         assert both.max() / float(velocity) == pytest.approx(1.225 * 340.3, rel=0.02)
@@ -100,7 +102,7 @@ def test_a_recorded_sound_stands_for_the_pulse_scaled_by_the_law():
     first = np.flatnonzero(plain)[0]
     assert np.flatnonzero(samples)[0] == first
     assert samples[first : first + 6].sum() == pytest.approx(recorded.sum(), rel=1e-6)
-    track = Track(np.array([0.0, 1.0]), np.tile(MICROPHONE.position, (2, 1)))
+    track = Track(np.array([0.0, 1.0]), np.tile(MICROPHONE.position_m, (2, 1)))
     with pytest.raises(InputError, match="a place at rest for a recorded one"):
         heard(ways=Ways(sound=sound), track=track)
 
@@ -126,8 +128,8 @@ def test_one_who_comes_nearer_hears_all_of_it_sooner_and_shorter():
 
 
 def test_never_is_never_by_any_way():
-    never = Scene(Charge(time=np.inf), air=Air(absorption=True))
+    never = Scene(Charge(time_s=np.inf), air=Air(absorption=True))
     for ways in (Ways(), Ways(sound=RecordedSound(np.ones(9), RATE, 10.0))):
         assert not heard(never, ways).any()
-    track = Track(np.array([0.0, 1.0]), np.tile(MICROPHONE.position, (2, 1)))
+    track = Track(np.array([0.0, 1.0]), np.tile(MICROPHONE.position_m, (2, 1)))
     assert not heard(never, Ways(), track=track).any()

@@ -19,12 +19,12 @@ from jblast.sensors.arrivals.track import Track
 RATE, KEY = 20_000.0, jax.random.key(3)
 AIR = microphone.Ways(ground=False)
 IDEAL = Instrument(rate=RATE)
-SCENE = Scene(Charge(mass=15.0, time=0.5))
+SCENE = Scene(Charge(mass_kg=15.0, time_s=0.5))
 MICROPHONE = Sensor("m", np.array([40.0, 30.0, 1.5]), "microphone", instrument=IDEAL)
-LATE = replace(MICROPHONE, clock_offset=np.array(7.25))
+LATE = replace(MICROPHONE, clock_offset_s=np.array(7.25))
 DURATION_S = 0.4
 LOUD = Scene(
-    Charge(mass=15.0, time=0.5),
+    Charge(mass_kg=15.0, time_s=0.5),
     air=jblast.scene.Air(wind_east=8.0),
     ambient=Ambient(loop=np.sin(np.arange(5000.0) ** 1.5), loop_rate=16_000.0),
 )
@@ -99,7 +99,7 @@ def test_a_stream_is_the_record_to_the_last_bit_whatever_is_heard():
 
 
 def heard_of(mass, place, time, dtype: Any = float, start_s=0.55, ways=AIR):
-    charge = Charge(mass=mass, time=time)
+    charge = Charge(mass_kg=mass, time_s=time)
     sensor = Sensor("m", jnp.asarray(place, dtype), "microphone", instrument=IDEAL)
     options: dict[str, Any] = {"start_s": start_s, "ways": ways}
     return microphone.record(Scene(charge), sensor, 0.2, KEY, **options)
@@ -160,7 +160,7 @@ def test_ambient_sound_falls_with_height_and_wind_is_as_its_speed_squared():
 
     noisy = replace(SCENE, ambient=Ambient(level=0.3, slope=0.0, height=20.0))
     low, high = (
-        level(noisy, replace(MICROPHONE, position=np.array([40.0, 30.0, up])))
+        level(noisy, replace(MICROPHONE, position_m=np.array([40.0, 30.0, up])))
         for up in (0.0, 40.0)
     )
     assert low == pytest.approx(0.3, rel=5 / (DURATION_S * RATE) ** 0.5)
@@ -178,17 +178,17 @@ def test_ambient_sound_falls_with_height_and_wind_is_as_its_speed_squared():
 
 def test_a_track_that_stands_still_is_a_place_and_ambient_sound_follows_one():
     options: dict[str, Any] = {"start_s": 0.55}
-    track = Track(np.array([0.0, 1.0]), np.tile(MICROPHONE.position, (2, 1)))
+    track = Track(np.array([0.0, 1.0]), np.tile(MICROPHONE.position_m, (2, 1)))
     stands = microphone.record(SCENE, MICROPHONE, 0.2, KEY, **options)
     moves = microphone.record(SCENE, MICROPHONE, 0.2, KEY, track=track, **options)
     peak = np.abs(stands).max()
     assert np.abs(moves - stands).max() < 1e-6 * peak
-    noisy = Scene(Charge(time=np.inf), ambient=Ambient(level=0.3, height=20.0))
+    noisy = Scene(Charge(time_s=np.inf), ambient=Ambient(level=0.3, height=20.0))
     climb = Track(np.array([0.0, 10.0]), np.array([[9.0, 9, 0], [9.0, 9, 100]]))
     samples = np.asarray(
         microphone.record(noisy, MICROPHONE, DURATION_S, KEY, start_s=0.0, track=climb)
     )
-    alone = replace(MICROPHONE, position=np.array([9.0, 9.0, 0.0]))
+    alone = replace(MICROPHONE, position_m=np.array([9.0, 9.0, 0.0]))
     ground = np.asarray(microphone.record(noisy, alone, DURATION_S, KEY))
     middle = (np.arange(samples.size) + 0.5) / RATE
     assert samples == pytest.approx(ground * np.exp(-middle * 10 / 20), rel=1e-9)
@@ -197,9 +197,9 @@ def test_a_track_that_stands_still_is_a_place_and_ambient_sound_follows_one():
 def test_what_is_no_microphone_or_in_no_place_for_one_is_refused():
     for sensor, said in (
         (replace(MICROPHONE, kind="geophone"), "'m': expected .* microphone, got 'geo"),
-        (replace(MICROPHONE, position=np.array([9.0, 9.0, -1.0])), "got -1 m up"),
-        (replace(MICROPHONE, position=np.full(3, np.nan)), "got nan m up"),
-        (replace(MICROPHONE, position=np.zeros(3)), "a place away"),
+        (replace(MICROPHONE, position_m=np.array([9.0, 9.0, -1.0])), "got -1 m up"),
+        (replace(MICROPHONE, position_m=np.full(3, np.nan)), "got nan m up"),
+        (replace(MICROPHONE, position_m=np.zeros(3)), "a place away"),
     ):
         with pytest.raises(InputError, match=said):
             microphone.record(SCENE, sensor, 0.1, KEY)

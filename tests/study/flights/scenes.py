@@ -16,7 +16,7 @@ SHORT = Options(seconds=0.6, step_s=2e-3)
 
 
 def scene(spec: VehicleSpec | None = SPEC, **parts) -> UncertainScene:
-    charge = parts.pop("charge", Charge(mass=1.0))
+    charge = parts.pop("charge", Charge(mass_kg=1.0))
     beliefs = parts.pop("beliefs", {})
     made = Scene(charge=charge, vehicle=spec, **parts)
     return UncertainScene(made, beliefs, "scene.toml")

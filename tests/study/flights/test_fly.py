@@ -75,7 +75,7 @@ def test_the_scenes_own_hold_comes_first():
 
 
 def test_wind_before_the_blast_is_told_apart():
-    windy = scene(air=Air(wind_east=8.0), charge=Charge(mass=1.0, time=0.5))
+    windy = scene(air=Air(wind_east=8.0), charge=Charge(mass_kg=1.0, time_s=0.5))
     flights = fly(windy, SHORT)
     for flown in flights.holds.values():
         assert flown.error_at_blast_m > 0.05
@@ -84,10 +84,10 @@ def test_wind_before_the_blast_is_told_apart():
 
 
 def test_a_flight_lasts_five_seconds_past_the_last_blast():
-    one = scene(charge=Charge(mass=1.0, time=2.0, name="a"))
+    one = scene(charge=Charge(mass_kg=1.0, time_s=2.0, name="a"))
     both = scene(
-        charge=Charge(mass=1.0, time=2.0, name="a"),
-        others=(Charge(mass=1.0, time=3.0, name="b"),),
+        charge=Charge(mass_kg=1.0, time_s=2.0, name="a"),
+        others=(Charge(mass_kg=1.0, time_s=3.0, name="b"),),
     )
     for uncertain, blast in ((one, 2.0), (both, 3.0)):
         arrival = blast + 0.0092  # at 5.4 m
@@ -98,8 +98,8 @@ def test_a_flight_lasts_five_seconds_past_the_last_blast():
 
 
 def test_a_charge_that_never_happens_changes_nothing(flights):
-    never = Charge(mass=5.0, east=4.0, time=np.inf, name="b")
-    both = scene(charge=Charge(mass=1.0, name="a"), others=(never,))
+    never = Charge(mass_kg=5.0, position_m=(4.0, 0.0, 0.0), time_s=np.inf, name="b")
+    both = scene(charge=Charge(mass_kg=1.0, name="a"), others=(never,))
     found = fly(both, SHORT)
     for name, flown in found.holds.items():
         expected = flights.holds[name]
@@ -139,7 +139,7 @@ def test_a_long_flight_has_as_fine_rows_as_a_short_one(monkeypatch):
     sizes = []
 
     def noted(scenes, spec, hold, seconds, vehicles, options):
-        sizes.append(scenes.charge.mass.shape[0])
+        sizes.append(scenes.charge.mass_kg.shape[0])
         raise InputError("enough")
 
     monkeypatch.setattr(fly_module, "_flown", noted)
@@ -165,7 +165,7 @@ def test_the_interval_of_a_share_is_an_interval_about_the_share():
 
 def test_a_custom_profile_takes_the_place_of_the_charge():
     case = np.array([0.01, 8.0, np.pi / 2, np.pi, 1e-3, 0.0, 0.0, 0.0, 0.0, 0.0])
-    made = Scene(charge=Charge(mass=1.0, east=-3.0, up=2.0, time=0.3))
+    made = Scene(charge=Charge(mass_kg=1.0, position_m=(-3.0, 0.0, 2.0), time_s=0.3))
     load = load_of(made, Profile(case[None]))
     level = jnp.array([0.0, 0.0, 0.0, 1.0])
     encounter = encounter_at(load, PLACE, level)

@@ -19,13 +19,13 @@ from tests.study.flights.scenes import SHORT, SPEC, scene
 
 REFUSED = {
     "charges that never happen": (
-        lambda: scene(charge=Charge(mass=1.0, time=np.inf)),
+        lambda: scene(charge=Charge(mass_kg=1.0, time_s=np.inf)),
         {},
         ["scene.toml: [charge] time_s: expected a blast that comes", "never"],
     ),
     "no vehicle": (lambda: scene(None), {}, ["[vehicle]", "got none"]),
     "a charge without a place": (
-        lambda: scene(charge=Charge(mass=1.0, range=10.0)),
+        lambda: scene(charge=Charge(mass_kg=1.0, range_m=10.0)),
         {},
         ["[charge] range_m", "expected position_m"],
     ),
@@ -47,7 +47,7 @@ REFUSED = {
     "several alike": (scene, {"vehicles": 3}, ["with a prior", "all vehicles"]),
     "none": (scene, {"vehicles": 0}, ["vehicles", "got 0"]),
     "a blast that is over": (
-        lambda: scene(charge=Charge(mass=1.0, time=-1.0)),
+        lambda: scene(charge=Charge(mass_kg=1.0, time_s=-1.0)),
         {},
         ["[charge] time_s", "after its flight begins", "-0.9908 s"],
     ),

@@ -59,7 +59,7 @@ def everything(*others: Charge) -> dict:
     when = jnp.linspace(0.01, 0.02, BATCH)
 
     def loads(mass):
-        return blast_load(Scene(charge=Charge(mass=mass, name="a"), others=others))
+        return blast_load(Scene(charge=Charge(mass_kg=mass, name="a"), others=others))
 
     return {
         "control": Each(
@@ -98,7 +98,9 @@ def test_same_flights_with_everything_at_once():
 
 @pytest.mark.slow
 def test_same_flights_in_single_precision_through_two_blasts():
-    second = Charge(mass=2.0, east=9.0, time=0.01, burst="free-air", name="b")
+    second = Charge(
+        mass_kg=2.0, position_m=(9.0, 0.0, 0.0), time_s=0.01, burst="free-air", name="b"
+    )
     agree(CRAFT, start("float32"), **everything(second))
 
 
@@ -127,8 +129,14 @@ def test_same_flights_in_each_gust_by_a_table_of_commands(wind):
 def test_same_flights_of_two_axes_with_parts_of_loads_that_all_share():
     """One blast at once, one before the flight; the last step is a shorter one."""
     state = jax.tree.map(lambda x: jnp.stack([x, x * 1.01]), start())
-    second = Charge(mass=2.0, east=9.0, time=-0.012, burst="free-air", name="b")
-    made = Scene(charge=Charge(mass=1.0, name="a"), others=(second,))
+    second = Charge(
+        mass_kg=2.0,
+        position_m=(9.0, 0.0, 0.0),
+        time_s=-0.012,
+        burst="free-air",
+        name="b",
+    )
+    made = Scene(charge=Charge(mass_kg=1.0, name="a"), others=(second,))
     agree(
         CRAFT,
         state,
@@ -147,8 +155,8 @@ def test_same_flights_of_two_axes_with_parts_of_loads_that_all_share():
 
 def test_more_blasts_than_an_integer_has_bits():
     """A blast pushes as much at the end of a long list as at its beginning."""
-    strong = Charge(mass=1.0, name="strong")
-    weak = tuple(Charge(mass=1e-3, time=n / 1000, name=f"{n}") for n in range(35))
+    strong = Charge(mass_kg=1.0, name="strong")
+    weak = tuple(Charge(mass_kg=1e-3, time_s=n / 1000, name=f"{n}") for n in range(35))
     alone = at_hover(CRAFT, position=(5.0, 0.0, 4.0))
     ends = []
     for charge, *others in ((strong, *weak), (*weak, strong)):
@@ -237,7 +245,7 @@ def test_auto_takes_the_kernel_on_a_gpu_but_for_double_precision(monkeypatch):
 
 def test_no_blast_without_a_body():
     bare = dataclasses.replace(CRAFT, body=None)
-    load = (blast_load(Scene(charge=Charge(mass=1.0))),)
+    load = (blast_load(Scene(charge=Charge(mass_kg=1.0))),)
     for backend in ("jax", "warp:cpu"):
         with pytest.raises(InputError, match="vehicle: expected one with body_area"):
             simulate(bare, start(), duration_s=0.001, loads=load, backend=backend)
@@ -246,7 +254,7 @@ def test_no_blast_without_a_body():
 def squared_deviation(mass, backend):
     """Return how far a held vehicle is from its place after a blast."""
     state = at_hover(CRAFT, position=(5.0, 0.0, 4.0))
-    load = blast_load(Scene(charge=Charge(mass=mass)), rotors=False)
+    load = blast_load(Scene(charge=Charge(mass_kg=mass)), rotors=False)
     flown = simulate(
         CRAFT,
         state,

@@ -59,7 +59,7 @@ def _panel(axes: Axes, fit: Fit, quantity: str, shot: int) -> None:
     against_time = quantity in TIMED
     less = reduction(fit, quantity, shot)
     clock = common_clock(fit)[rows]
-    t0 = float(fit.scene.charges[shot].time)
+    t0 = float(fit.scene.charges[shot].time_s)
     if against_time:
         x, value = table.time[rows] - clock - t0, table.value[rows]
         band_x = None if band is None else band.x - t0

@@ -50,7 +50,7 @@ def axis_sound_speed(fit: Fit) -> float:
 
 def reduction(fit: Fit, quantity: str, shot: int) -> Reduction | None:
     """Return what a plot takes off a quantity; None where it shows the value itself."""
-    t0 = float(fit.scene.charges[shot].time)
+    t0 = float(fit.scene.charges[shot].time_s)
     air = axis_sound_speed(fit)
     ground = float(fit.scene.ground.p_speed)
     if quantity == "air_arrival_s":

@@ -135,7 +135,7 @@ def billboard(views: Views, rays: Rays, charge: Charge) -> Billboard:
         rays: Of a camera.
         charge: Where it bursts, and how large it is.
     """
-    sight = jnp.stack([charge.east, charge.north, charge.up]) - rays.origin
+    sight = jnp.stack(charge.position_m) - rays.origin
     apart = jnp.any(sight != 0.0)
     sight = jnp.where(apart, sight, 1.0)
     far = jnp.sqrt(jnp.sum(jnp.square(sight)))
@@ -193,7 +193,7 @@ def _seen(
     views: Views, charge: Charge, rays: Rays, time: Float[Array, ""]
 ) -> tuple[Float[Array, "4 row column"], Float[Array, ""]]:
     """Return the premultiplied light of one charge's picture, and how far it is."""
-    burst = jnp.stack([charge.east, charge.north, charge.up])
+    burst = jnp.stack(charge.position_m)
     board = billboard(views, rays, charge)
     since = charge.since(time) / views.stretch(charge)
     layer = resampled(_picture(views, board.view, since), board.x, board.y)

@@ -47,9 +47,7 @@ def _in_view(scene: Scene, camera: Camera, views: Views | None) -> Bool[Array, "
 def off_axis(scene: Scene, camera: Camera) -> Float[Array, ""]:
     """Angle between the camera's axis and the first charge, 0 to pi [rad]."""
     charge = scene.charge
-    right, down, ahead = to_camera(
-        camera, jnp.stack([charge.east, charge.north, charge.up])
-    )
+    right, down, ahead = to_camera(camera, jnp.stack(charge.position_m))
     return jnp.arctan2(jnp.hypot(right, down), ahead)
 
 
@@ -61,7 +59,7 @@ def _meets(
     life = fireball_duration(charge.tnt_mass("fireball_radius_m"))
 
     def at(part):
-        ball = cloud(scene, charge, charge.time + part * life)
+        ball = cloud(scene, charge, charge.time_s + part * life)
         offset = ball.centre - rays.origin
         along = jnp.tensordot(offset, rays.direction, 1)
         square = jnp.sum(jnp.square(offset))

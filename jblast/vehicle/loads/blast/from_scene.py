@@ -68,14 +68,14 @@ def _burst(charge: Charge, scene: Scene) -> Burst:
 
 
 def _blast(charge: Charge, scene: Scene) -> Blast:
-    if charge.range is not None:
+    if charge.range_m is not None:
         raise InputError(
             "charge range: expected a position of the charge, from which a vehicle's "
             "own distance follows, got a distance"
         )
     return Blast(
-        position_m=jnp.stack([charge.east, charge.north, charge.up]),
-        time_s=charge.time,
+        position_m=jnp.stack(charge.position_m),
+        time_s=charge.time_s,
         mass_kg=charge.tnt_mass("peak_overpressure_pa"),
         impulse_mass_kg=charge.tnt_mass("positive_impulse_pa_s"),
         burst=_burst(charge, scene),

@@ -34,7 +34,7 @@ CHARGES = np.geomspace(1.0, 1000.0, 31)
 
 def near_impulses() -> tuple[Float[np.ndarray, " place"], Bool[np.ndarray, " place"]]:
     """Return the impulses 1 kg gives a Crazyflie at `NEAR` [N s], and the marks."""
-    load = blast_load(Scene(charge=Charge(mass=1.0)))
+    load = blast_load(Scene(charge=Charge(mass_kg=1.0)))
     level = hovering(named("crazyflie"))
 
     def given(distance):
@@ -50,7 +50,7 @@ def near_impulses() -> tuple[Float[np.ndarray, " place"], Bool[np.ndarray, " pla
 def near_failure() -> FailureMode:
     """Measure from where on a load is no longer by the laws."""
     sizes, held = near_impulses()
-    load = blast_load(Scene(charge=Charge(mass=1.0)))
+    load = blast_load(Scene(charge=Charge(mass_kg=1.0)))
 
     def inside(distance: float) -> float:
         place = jnp.array([distance, 0.0, 0.0])
@@ -84,7 +84,7 @@ def fly_on() -> tuple[
     vehicles, holds, loads = [], [], []
     for name in NAMES:
         for mass in CHARGES:
-            charge = Charge(mass=mass, east=5.0, up=5.0, burst="free-air")
+            charge = Charge(mass_kg=mass, position_m=(5.0, 0.0, 5.0), burst="free-air")
             vehicles.append(dataclasses.replace(named(name), name=""))
             holds.append(PositionHold(HOME, named_gains(name)))
             loads.append(blast_load(Scene(charge=charge)))

@@ -41,7 +41,9 @@ def impulse_errors() -> tuple[
     from 1 kg of TNT.
     """
     load = blast_load(
-        Scene(charge=Charge(mass=1.0, east=5.0)), front=False, rotors=False
+        Scene(charge=Charge(mass_kg=1.0, position_m=(5.0, 0.0, 0.0))),
+        front=False,
+        rotors=False,
     )
     heavy = eqx.tree_at(lambda v: v.mass_kg, named("crazyflie"), jnp.asarray(1e9))
     state = hovering(heavy)

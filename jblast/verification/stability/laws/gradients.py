@@ -168,7 +168,7 @@ def _laws_at_zero() -> FailureMode:
 
 def laws_without_slope() -> list[str]:
     """Name the laws whose value or slope inside jit is not finite at distance 0."""
-    path = scene_path(Scene(charge=Charge(mass=1.0)))
+    path = scene_path(Scene(charge=Charge(mass_kg=1.0)))
 
     def values(distance):
         way = with_rows(path, distance[None], jnp.ones(1))

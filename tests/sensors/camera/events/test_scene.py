@@ -17,7 +17,7 @@ from jblast.sensors.camera import (
 )
 
 TIMES = jnp.linspace(0.0, 11e-3, 12)
-SCENE = Scene(charge=Charge(mass=100.0, up=1.5, time=2.3e-3))
+SCENE = Scene(charge=Charge(mass_kg=100.0, position_m=(0.0, 0.0, 1.5), time_s=2.3e-3))
 ROOM = 1024
 
 
@@ -36,7 +36,7 @@ def camera():
 
 
 def with_mass(mass):
-    return replace(SCENE, charge=replace(SCENE.charge, mass=mass))
+    return replace(SCENE, charge=replace(SCENE.charge, mass_kg=mass))
 
 
 def test_events_are_those_of_the_frames_at_instants(camera):

@@ -35,7 +35,9 @@ def alpha_of(scene, camera, time=WHEN, **options):
 
 
 def ball_at(scene, time=WHEN):
-    ball = fireball(scene.charge.mass, time - scene.charge.time, scene.air.temperature)
+    ball = fireball(
+        scene.charge.mass_kg, time - scene.charge.time_s, scene.air.temperature
+    )
     return float(ball.radius), float(scene.charge.up + ball.rise)
 
 
@@ -209,8 +211,8 @@ def test_pixels_that_show_no_direction_show_no_fireball():
 
 
 def test_the_nearer_of_two_charges_hides_the_farther():
-    near = Charge(mass=30.0, north=-10.0, up=3.0)
-    far = Charge(mass=200.0, north=20.0, up=3.0, time=0.25)
+    near = Charge(mass_kg=30.0, position_m=(0.0, -10.0, 3.0))
+    far = Charge(mass_kg=200.0, position_m=(0.0, 20.0, 3.0), time_s=0.25)
     camera = small_camera()
     one, two = (layer_of(Scene(charge=charge), camera) for charge in (near, far))
     for first, second in ((near, far), (far, near)):

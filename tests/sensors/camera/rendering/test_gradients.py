@@ -25,7 +25,7 @@ WEIGHTS = np.random.default_rng(7).normal(size=(4, 18, 24, 3))
 
 def frames(unknown, **options):
     east, north, up, mass, start = unknown[:5]
-    charge = Charge(mass=mass, east=east, north=north, up=up, time=start)
+    charge = Charge(mass_kg=mass, position_m=(east, north, up), time_s=start)
     camera = dataclasses.replace(CAMERA, position=unknown[5:8], quaternion=unknown[8:])
     return render(Scene(charge=charge), camera, TIMES, **options)
 

@@ -16,21 +16,21 @@ from jblast.sensors.camera.rendering.visibility import in_view
 from tests.sensors.camera.fireball_scenes import small_camera
 
 CAMERA = small_camera()
-REAL = Charge(mass=100.0, up=2.0, time=0.01, name="real")
-OTHER = Charge(mass=60.0, north=-20.0, up=3.0, time=0.005, name="other")
-NEVER = dataclasses.replace(OTHER, time=jnp.inf)
+REAL = Charge(mass_kg=100.0, position_m=(0.0, 0.0, 2.0), time_s=0.01, name="real")
+OTHER = Charge(mass_kg=60.0, position_m=(0.0, -20.0, 3.0), time_s=0.005, name="other")
+NEVER = dataclasses.replace(OTHER, time_s=jnp.inf)
 ALONE = Scene(charge=dataclasses.replace(REAL, name=""))
 TIMES = jnp.linspace(0.0, 0.03, 4)
 
 
 @jax.jit
 def events_of(time):
-    scene = Scene(charge=REAL, others=(dataclasses.replace(OTHER, time=time),))
+    scene = Scene(charge=REAL, others=(dataclasses.replace(OTHER, time_s=time),))
     return events(scene, CAMERA, TIMES, capacity=4096)
 
 
 def test_its_events_are_those_of_the_scene_without_it():
-    found, both = events_of(jnp.inf), events_of(OTHER.time)
+    found, both = events_of(jnp.inf), events_of(OTHER.time_s)
     expected = events(ALONE, CAMERA, TIMES, capacity=4096)
     assert int(expected.count) > 100
     assert int(both.count) != int(expected.count)
@@ -60,7 +60,7 @@ def test_gradients_are_those_without_it_and_none_is_its_own():
     for here, there in zip(*map(jax.tree.leaves, (of_real, expected)), strict=True):
         np.testing.assert_allclose(here, there, rtol=1e-9)
     assert [float(x) for x in jax.tree.leaves(of_never)] == [0.0] * 5
-    assert abs(float(expected.mass)) > 1e-6
+    assert abs(float(expected.mass_kg)) > 1e-6
 
 
 def test_pictures_show_nothing_of_it():

@@ -46,7 +46,7 @@ def hovering(vehicle, position, velocity=(0.0, 0.0, 0.0)) -> State:
 
 
 def scene(mass=1.0, **charge) -> Scene:
-    return Scene(charge=Charge(mass=mass, **charge))
+    return Scene(charge=Charge(mass_kg=mass, **charge))
 
 
 def held(state, vehicle, load: BlastLoad, steps) -> np.ndarray:

@@ -61,7 +61,7 @@ def test_drag_of_a_body_that_stays_is_the_integral_of_its_wind():
 
 def test_the_wave_pushes_away_from_the_charge_and_turns_about_the_pressure_centre():
     vehicle = named("iris")
-    load = blast_load(scene(east=1.0, north=2.0, up=0.5, burst="surface"), rotors=False)
+    load = blast_load(scene(position_m=(1.0, 2.0, 0.5), burst="surface"), rotors=False)
     state = hovering(vehicle, (4.0, 6.0, 0.5))
     push, turn = load.impulse(jnp.asarray(0.0), jnp.asarray(0.012), state, vehicle)
     np.testing.assert_allclose(push[1] / push[0], 4 / 3, rtol=1e-3)
@@ -86,7 +86,10 @@ def test_rotors_in_a_still_wave_add_nothing_and_in_a_wind_their_drag():
 
 
 def test_several_charges_add_up_each_at_its_own_time():
-    first, second = Charge(mass=1.0, name="a"), Charge(2.0, north=9.0, name="b", time=1)
+    first, second = (
+        Charge(mass_kg=1.0, name="a"),
+        Charge(2.0, position_m=(0.0, 9.0, 0.0), name="b", time_s=1),
+    )
     together = blast_load(Scene(charge=first, others=(second,)))
     alone = [blast_load(Scene(charge=c)) for c in (first, second)]
     state = hovering(CRAZYFLIE, (5.0, 0.0, 2.0))
@@ -122,7 +125,7 @@ def test_range_is_marked_and_outside_the_load_is_finite():
 
 def deviation(mass, east, step=1e-3):
     vehicle = plain(CRAZYFLIE)
-    load = blast_load(scene(mass, east=east))
+    load = blast_load(scene(mass, position_m=(east, 0.0, 0.0)))
     flight = simulate(
         vehicle,
         hovering(vehicle, (6.0, 0.0, 2.0)),
@@ -180,7 +183,7 @@ def test_single_precision_flies_the_same():
 
 def test_a_charge_without_a_place_is_refused():
     with pytest.raises(InputError, match=r"charge range: expected a position"):
-        blast_load(scene(range=5.0))
+        blast_load(scene(range_m=5.0))
 
 
 def test_a_vehicle_of_unknown_body_is_refused():

@@ -13,9 +13,9 @@ from jblast.vehicle.loads.impulse_table.table import custom_profile
 from tests.vehicle.flights import at_hover
 
 CRAFT = named("hummingbird")
-REAL = Charge(mass=2.0, time=0.01, name="real")
-OTHER = Charge(mass=5.0, east=11.0, north=2.0, time=0.004, name="other")
-NEVER = dataclasses.replace(OTHER, time=jnp.inf)
+REAL = Charge(mass_kg=2.0, time_s=0.01, name="real")
+OTHER = Charge(mass_kg=5.0, position_m=(11.0, 2.0, 0.0), time_s=0.004, name="other")
+NEVER = dataclasses.replace(OTHER, time_s=jnp.inf)
 PLACE = np.array([5.0, 0.0, 4.0])
 SECONDS, STEP = 0.05, 5e-4
 SPAN = jnp.array(0.012), jnp.array(0.022)
@@ -64,7 +64,7 @@ def test_a_batch_with_a_varying_number_of_charges_is_its_own_loop():
 
     def loads(pair):
         first, second = (
-            dataclasses.replace(charge, time=time)
+            dataclasses.replace(charge, time_s=time)
             for charge, time in zip((REAL, OTHER), pair, strict=True)
         )
         return blast_load(Scene(charge=first, others=(second,)))
@@ -92,7 +92,7 @@ def test_gradients_are_those_without_it_and_none_is_its_own():
     for here, there in zip(*map(jax.tree.leaves, (of_real, expected)), strict=True):
         np.testing.assert_allclose(here, there, rtol=1e-9, atol=1e-15)
     assert [float(x) for x in jax.tree.leaves(of_never)] == [0.0] * 5
-    assert abs(float(expected.mass)) > 1e-6
+    assert abs(float(expected.mass_kg)) > 1e-6
 
 
 def test_its_wave_never_comes_and_has_no_pressure():

@@ -67,7 +67,7 @@ SENSOR = Sensor(
 
 def test_a_scene_is_recorded_by_the_law_and_a_buried_charge_reads_more():
     def log_values(height):
-        charge = Charge(mass=100.0, up=height)
+        charge = Charge(mass_kg=100.0, position_m=(0.0, 0.0, height))
         scene = Scene(charge=charge, sensors=(SENSOR,))
         layout, _, _ = planned_layout(scene)
         laws = law_names(resolve_laws(scene, layout))
@@ -78,7 +78,7 @@ def test_a_scene_is_recorded_by_the_law_and_a_buried_charge_reads_more():
 
 
 def test_what_never_happens_moves_nothing():
-    scene = Scene(charge=Charge(mass=100.0), sensors=(SENSOR,))
+    scene = Scene(charge=Charge(mass_kg=100.0), sensors=(SENSOR,))
     layout, _, _ = planned_layout(scene)
     scene = with_values(scene, {"origin_time_s": np.inf})
     laws = dict.fromkeys(RECORDED, "ground_motion")

@@ -115,7 +115,7 @@ def test_recorders_with_clocks_of_their_own_keep_them(jblast):
 
 @pytest.mark.slow
 def test_a_fit_takes_the_log_as_it_stands_and_finds_the_charge(jblast):
-    scene = front.Scene(front.Charge(mass=MASS))
+    scene = front.Scene(front.Charge(mass_kg=MASS))
     ranges = np.linalg.norm(PLACES - CHARGE, axis=1)
     laws = front.calculate(scene, ranges, MASS)["air_arrival_s"]
     times = BEGAN + np.asarray(laws["kingery_bulmash"].value)

@@ -45,7 +45,9 @@ def camera():
 
 @pytest.fixture(scope="module")
 def scene():
-    return Scene(charge=Charge(mass=100.0, up=1.5, time=0.0103))
+    return Scene(
+        charge=Charge(mass_kg=100.0, position_m=(0.0, 0.0, 1.5), time_s=0.0103)
+    )
 
 
 def fields(events):
@@ -97,7 +99,7 @@ def test_events_of_frames_come_nearer_by_the_square_of_their_interval(
 
 def test_times_have_gradients_in_the_charge(scene, camera, solved):
     def moved(mass):
-        charge = dataclasses.replace(scene.charge, mass=jnp.asarray(mass))
+        charge = dataclasses.replace(scene.charge, mass_kg=jnp.asarray(mass))
         return dataclasses.replace(scene, charge=charge)
 
     def by_newton(mass):
@@ -123,7 +125,9 @@ def test_nothing_before_the_background_and_nothing_below_the_ground(scene, camer
     near = jnp.full((HEIGHT, WIDTH), 50.0)
     events = render_events(scene, camera, samples(100), depth=near)
     assert int(events.count) == 0
-    buried = dataclasses.replace(scene, charge=Charge(mass=1.0, up=-20.0))
+    buried = dataclasses.replace(
+        scene, charge=Charge(mass_kg=1.0, position_m=(0.0, 0.0, -20.0))
+    )
     assert int(render_events(buried, camera, samples(100)).count) == 0
 
 

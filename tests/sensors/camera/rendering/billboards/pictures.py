@@ -75,7 +75,7 @@ def views_of(*frames, **changed) -> Views:
 
 def scene_of(burst=BURST, mass=MASS, **charge) -> Scene:
     east, north, up = burst
-    return Scene(charge=Charge(mass=mass, east=east, north=north, up=up, **charge))
+    return Scene(charge=Charge(mass_kg=mass, position_m=(east, north, up), **charge))
 
 
 def layer(views, scene, camera, time=0.0, depth: ArrayLike = jnp.inf, ground=False):

@@ -87,7 +87,7 @@ def test_a_pixel_beyond_the_fold_sees_nothing_and_leaves_gradients_finite():
 def test_the_nearer_of_two_charges_is_in_front():
     red, green = np.full((41, 41, 4), 255), np.full((41, 41, 4), 255)
     red[..., 1:3], green[..., [0, 2]] = 0, 0
-    near, far = scene_of().charge, scene_of(1.5 * BURST, time=-0.1).charge
+    near, far = scene_of().charge, scene_of(1.5 * BURST, time_s=-0.1).charge
     # a charge of 0.1 s ago shows the second frame
     for charges in ((near, far), (far, near)):
         scene = Scene(
@@ -112,7 +112,7 @@ def test_gradients_are_those_of_differences():
             (camera().position + z[:3], camera().quaternion + z[3:7]),
         )
         views = views_of(blob(), 0.5 * blob(), metres_per_pixel=SCALE * jnp.exp(z[7:8]))
-        scene = scene_of(jnp.asarray(BURST) + z[8:11], time=-0.05 + z[11])
+        scene = scene_of(jnp.asarray(BURST) + z[8:11], time_s=-0.05 + z[11])
         seen = layer(views, scene, eye)
         return jnp.sum(weights * seen[..., 3:] * seen)
 

@@ -167,7 +167,7 @@ def test_srgb_pictures_are_decoded():
 
 def test_time_runs_from_the_burst_and_is_linear_between_frames():
     frames = [np.full((41, 41, 4), 255 * share) for share in (0.2, 1.0)]
-    scene = scene_of(time=5.0)
+    scene = scene_of(time_s=5.0)
 
     def alpha(time):
         return float(layer(views_of(*frames), scene, camera(), time)[..., 3].max())
