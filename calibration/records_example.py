@@ -52,7 +52,7 @@ def record_csv(listening: Listening, number: int) -> str:
 def stations_csv(listening: Listening) -> str:
     """Return where the gauges stood."""
     rows = [
-        [sensor.name, *(f"{x:g}" for x in np.asarray(sensor.position).tolist())]
+        [sensor.name, *(f"{x:g}" for x in np.asarray(sensor.position_m).tolist())]
         for sensor in listening.sensors
     ]
     head = "# SIMULATED, not measured: where the gauges of records_example stood\n"

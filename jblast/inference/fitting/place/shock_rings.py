@@ -57,10 +57,10 @@ def shock_rings(
     law = peak_law(fit)
     charge = fit.scene.charges[shot]
     mass = f"charge_mass_kg{fit.scene.label(charge)}"
-    masses = [float(charge.mass)] * 3
+    masses = [float(charge.mass_kg)] * 3
     if mass in fit.summary.free:
         estimate = fit.summary.estimates[mass]
-        masses = [estimate.q05, float(charge.mass), estimate.q95]
+        masses = [estimate.q05, float(charge.mass_kg), estimate.q95]
     if law is None or not np.isfinite(masses).all() or not min(masses) > 0.0:
         return ()
     alone = replace(fit.scene, charge=charge, others=())

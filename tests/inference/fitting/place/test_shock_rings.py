@@ -25,7 +25,7 @@ MASS = 209.0
 
 
 def test_the_calculator_finds_the_same_ranges():
-    scene = Scene(charge=Charge(mass=MASS, burst="surface"))
+    scene = Scene(charge=Charge(mass_kg=MASS, burst="surface"))
     law = law_for(PEAK, "kingery_bulmash")
     found, valid = ranges_at(scene, law, [MASS], [5e3])
     by_bisection = roots(Question(scene, (), (MASS,), PEAK, 5e3))["kingery_bulmash"]
@@ -66,10 +66,16 @@ def test_rings_grow_with_the_cube_root_of_the_mass():
 def test_a_charge_above_the_ground_has_narrower_rings():
     fit = three_parameters()
     low = shock_rings(fit, levels=[100e3])[0].range_m
-    raised = replace(fit.scene, charge=Charge(mass=MASS, up=10.0, burst="surface"))
+    raised = replace(
+        fit.scene,
+        charge=Charge(mass_kg=MASS, position_m=(0.0, 0.0, 10.0), burst="surface"),
+    )
     high = shock_rings(replace(fit, scene=raised), levels=[100e3])[0].range_m
     assert high == pytest.approx(np.sqrt(low**2 - 100.0), rel=1e-5)
-    raised = replace(fit.scene, charge=Charge(mass=MASS, up=500.0, burst="surface"))
+    raised = replace(
+        fit.scene,
+        charge=Charge(mass_kg=MASS, position_m=(0.0, 0.0, 500.0), burst="surface"),
+    )
     assert shock_rings(replace(fit, scene=raised), levels=[100e3]) == ()
 
 
