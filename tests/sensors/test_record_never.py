@@ -119,5 +119,5 @@ def test_a_row_of_a_charge_that_never_happens_is_refused():
 
 @pytest.mark.parametrize("time", [np.nan, -np.inf])
 def test_a_charge_happens_at_a_time_or_never(time):
-    with pytest.raises(InputError, match="charge time: expected a number, or inf"):
+    with pytest.raises(InputError, match="charge time_s: expected a number, or inf"):
         Charge(time_s=time)
