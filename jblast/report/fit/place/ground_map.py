@@ -139,7 +139,7 @@ def _charge(fit: Fit, shot: int, accepted: Accepted | None) -> ChargePlace | Non
     asked = not set(names).isdisjoint(fit.summary.free)
     pair = place_draws(fit, shot)
     untold = asked and pair is None
-    if untold or charge.range is not None or bool(charge.never):
+    if untold or charge.range_m is not None or bool(charge.never):
         return None
     draws = None if pair is None else np.stack(pair, axis=-1)
     ellipses, regions = (), ()
