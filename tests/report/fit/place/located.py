@@ -88,7 +88,7 @@ def located(
         ),
         scene=Scene(
             charge=Charge(
-                mass=mass, east=centre[0], north=centre[1], up=up, burst="surface"
+                mass_kg=mass, position_m=(centre[0], centre[1], up), burst="surface"
             ),
             air=Air(wind_east=wind[0], wind_north=wind[1]),
             sensors=tuple(Sensor(name, jnp.zeros(3)) for name in names),
