@@ -35,7 +35,7 @@ class Scene(eqx.Module):
             the law.
 
     Example:
-        `jblast.Scene(jblast.Charge(mass_kg=15.0), air=jblast.scene.Air(altitude=800.0))`
+        `jblast.Scene(jblast.Charge(15.0), air=jblast.scene.Air(altitude=800.0))`
     """
 
     charge: Charge = eqx.field(default_factory=Charge)
