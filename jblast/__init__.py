@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from jblast.fidelity import choose as choose
     from jblast.inference import bound as bound, fit as fit, fit_many as fit_many
+    from jblast.inference.picks import pick as pick
     from jblast.observations import read as read
     from jblast.scene import Charge as Charge, Scene as Scene, read_scene as read_scene
     from jblast.sensors import (
@@ -39,6 +40,7 @@ __all__ = [
     "fit",
     "fit_many",
     "fly",
+    "pick",
     "read",
     "read_scene",
     "record",
@@ -56,6 +58,7 @@ _HOMES = {
     "fit": "jblast.inference",
     "fit_many": "jblast.inference",
     "fly": "jblast.study.flights.fly",
+    "pick": "jblast.inference.picks",
     "read": "jblast.observations",
     "read_scene": "jblast.scene",
     "record": "jblast.sensors",

@@ -18,7 +18,7 @@ from jblast.study.flights.fly import Options
 
 NAMES = (
     *("fit", "fit_many", "read", "read_scene", "simulate", "record", "calculate"),
-    *("bound", "choose", "render", "events", "fly", "Scene", "Charge"),
+    *("bound", "choose", "render", "events", "fly", "pick", "Scene", "Charge"),
 )
 TOML = """
 [charge]

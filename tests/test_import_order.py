@@ -41,7 +41,7 @@ ROOMS = {
     "vehicle": ("quadrotor", "dynamics", "control", "loads", "rollout", "warp"),
     "sensors.camera": ("image", "geometry", "rendering", "events", "files"),
     "inference": (
-        *("posterior", "mode", "identifiability", "importance", "mcmc"),
+        *("posterior", "picks", "mode", "identifiability", "importance", "mcmc"),
         *("fitting", "design"),
     ),
     "inference.many": ("solver", "residuals", "starts"),

@@ -1,0 +1,1 @@
+"""The fit: model, optimum, posterior, of some records at once."""

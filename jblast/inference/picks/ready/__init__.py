@@ -1,0 +1,1 @@
+"""A record made ready: its front, its noise, its bins, where a fit begins."""

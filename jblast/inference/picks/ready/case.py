@@ -1,0 +1,136 @@
+"""A record made ready for the fit: its means over bins, whitened, and weights."""
+
+from typing import NamedTuple
+
+import jax.numpy as jnp
+import numpy as np
+from jax import lax
+from jaxtyping import Array, Bool, Float, Int
+
+from jblast.inference.picks.ready.bins import Bins, bins_within, means_in_bins
+from jblast.inference.picks.ready.front import Front, first_front
+from jblast.inference.picks.ready.noise import ORDER, Noise, noise_before, whitened
+from jblast.inference.picks.ready.start import BEFORE, Bank, start_of
+
+REACH = 4.5
+"""The stretch that is fitted ends as many durations behind the front: past the negative
+phase of the priors."""
+
+LEAST_REACH = 48
+"""And at least as many samples."""
+
+
+class Case(NamedTuple):
+    """One record for the fit. Integers are kept as floats, which have a zero slope.
+
+    Attributes:
+        white: Whitened means, in standard deviations.
+        weight: Bins' weights: square root of their samples over sigma, zero: unused.
+        noise: What made them white.
+        level: Clipped at [share of the largest]; in bins where `clipped`.
+        clipped: +1 where the pressure was at least the level, -1 at most minus it.
+        span: Half of the stretch, for the drift [samples].
+        middle: Its middle [samples].
+    """
+
+    white: Float[Array, " bin"]
+    weight: Float[Array, " bin"]
+    noise: Noise
+    level: Float[Array, ""]
+    clipped: Float[Array, " bin"]
+    span: Float[Array, ""]
+    middle: Float[Array, ""]
+
+
+class Prepared(NamedTuple):
+    """A case, and what it was made of.
+
+    Attributes:
+        case: For the fit.
+        start: Unknowns to begin with.
+        front: As seen at first.
+        offset: What was taken off the samples.
+        scale: And what they were then divided by.
+        quiet: Samples before the front.
+        many_clipped: How many samples were clipped.
+        last: Of the stretch, in samples of the record.
+    """
+
+    case: Case
+    start: Float[Array, " unknown"]
+    front: Front
+    offset: Float[Array, ""]
+    scale: Float[Array, ""]
+    quiet: Int[Array, ""]
+    many_clipped: Int[Array, ""]
+    last: Int[Array, ""]
+
+
+def prepared(
+    bins: Bins,
+    bank: Bank,
+    samples: Float[Array, " sample"],
+    clipped: Float[Array, " sample"],
+    count: Int[Array, ""],
+) -> Prepared:
+    """Make a record ready.
+
+    Args:
+        bins: About the front.
+        bank: To begin with.
+        samples: Overpressure, finite.
+        clipped: +1 where a sample is a lower bound, -1 an upper one, else 0.
+        count: How many samples are the record's: the last of those repeats behind it.
+    """
+    front = first_front(lax.stop_gradient(samples - samples[0]))
+    offset = _mean_of_first(samples, jnp.maximum(front.sample - 2, 1))
+    moved = samples - offset
+    scale = jnp.max(jnp.abs(moved))
+    scale = jnp.where(scale > 0, scale, 1.0)
+    share = moved / scale
+    means = means_in_bins(bins, share, front.sample)
+    start, duration = start_of(bank, lax.stop_gradient(means))
+    toe = 3.0 + 1.5 * jnp.exp(start[4]) + 0.02 * duration
+    kept = jnp.maximum(front.sample - toe.astype(front.sample.dtype), front.sample // 2)
+    noise = noise_before(share, kept)
+    before = jnp.maximum(BEFORE * duration, 64.0).astype(front.sample.dtype)
+    reach = jnp.maximum(REACH * duration, LEAST_REACH).astype(front.sample.dtype)
+    first = jnp.maximum(front.sample - before, ORDER)
+    last = jnp.minimum(front.sample + reach, count)
+    used = bins_within(bins, front.sample, first, last)
+    bound, unusable = _clipped_bins(bins, clipped, front.sample)
+    white = means_in_bins(bins, whitened(noise, share), front.sample)
+    root = np.sqrt(bins.width).astype(samples.dtype)
+    weight = jnp.where(used & ~unusable, root / noise.sigma, 0.0)
+    case = Case(
+        white=weight * white,
+        weight=weight,
+        noise=noise,
+        level=jnp.max(jnp.abs(share)),
+        clipped=jnp.where(used, bound, 0.0),
+        span=0.5 * (last - first).astype(samples.dtype),
+        middle=0.5 * (last + first).astype(samples.dtype)
+        - front.sample.astype(samples.dtype),
+    )
+    many = jnp.sum(clipped != 0)
+    return Prepared(case, start, front, offset, scale, kept, many, last)
+
+
+def _mean_of_first(samples, count):
+    """Return the mean of the first samples."""
+    inside = (jnp.arange(samples.shape[0]) < count).astype(samples.dtype)
+    first = samples[0]
+    return first + jnp.sum((samples - first) * inside) / count.astype(samples.dtype)
+
+
+def _clipped_bins(
+    bins: Bins, clipped: Float[Array, " sample"], front: Int[Array, ""]
+) -> tuple[Float[Array, " bin"], Bool[Array, " bin"]]:
+    """Return which bins bound the pressure, and which cannot be whitened."""
+    whole = means_in_bins(bins, clipped, front)
+    bound = jnp.where(jnp.abs(whole) > 1.0 - 1e-6, jnp.sign(whole), 0.0)
+    size = jnp.abs(clipped)
+    near = size
+    for k in range(1, ORDER + 1):
+        near = jnp.maximum(near, jnp.concatenate([jnp.zeros(k, size.dtype), size[:-k]]))
+    return bound, means_in_bins(bins, near, front) > 1e-9

@@ -1,0 +1,129 @@
+"""Picks of recordings, many at a time, whatever their lengths and rates."""
+
+from collections import defaultdict
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Float
+
+from jblast.errors import InputError
+from jblast.inference.picks.pick import LEAST_SAMPLES, pick_of, picked_lanes
+from jblast.inference.picks.quality import NoteKind, Quality, notes_of, quality_of
+from jblast.inference.picks.result import Pick
+from jblast.observations.records.pressure_record import PressureRecord
+
+SHORTEST, LONGEST = 512, 65536
+"""Lengths [samples] that records are filled up to are the powers of two from one to the
+other; of a longer record the stretch about its largest sample is picked."""
+
+BEFORE = 0.25
+"""Share of that stretch that lies before the largest sample."""
+
+
+@dataclass(frozen=True)
+class RecordPick:
+    """What was picked of a recording.
+
+    Attributes:
+        record: The recording.
+        pick: Its pulse, on the recorder's clock; every array without a batch.
+        quality: How far it may be trusted.
+        notes: Why, and what else was seen.
+    """
+
+    record: PressureRecord
+    pick: Pick
+    quality: Quality
+    notes: tuple[NoteKind, ...]
+
+
+def pick_records(records: Sequence[PressureRecord]) -> list[RecordPick]:
+    """Return what each recording holds.
+
+    Where nobody said what a sample is in pascals, peak and impulse are in the samples'
+    own unit, and only the times mean something.
+
+    Args:
+        records: The recordings.
+
+    Raises:
+        InputError: One of them has too few samples, or one that is not finite.
+    """
+    groups: dict[tuple, list[int]] = defaultdict(list)
+    for place, record in enumerate(records):
+        _check(record)
+        high_pass = (record.high_pass_hz or 0.0) / record.rate_hz
+        groups[_length(record), record.full_scale is not None, high_pass].append(place)
+    found: dict[int, Pick] = {}
+    for (length, scaled, _), places in groups.items():
+        found |= _picked([records[i] for i in places], places, length, scaled)
+    return [
+        RecordPick(record, found[i], quality_of(found[i]), notes_of(found[i]))
+        for i, record in enumerate(records)
+    ]
+
+
+def _picked(
+    records: list[PressureRecord], places: list[int], length: int, scaled: bool
+) -> dict[int, Pick]:
+    """Return the picks of records that are filled up to one length."""
+    begins = [_begin(record, length) for record in records]
+    cut = [
+        record.samples[begin : begin + length]
+        for record, begin in zip(records, begins, strict=True)
+    ]
+    counts = jnp.asarray([x.size for x in cut])
+    filled = jnp.asarray(np.stack([_filled(x, length) for x in cut]))
+    scales = [record.full_scale for record in records] if scaled else None
+    lanes = picked_lanes(
+        filled, counts, None if scales is None else np.array(scales, float)
+    )
+    step = np.array([1.0 / record.rate_hz for record in records])
+    start = np.array([record.start_s for record in records]) + np.array(begins) * step
+    kind = filled.dtype
+    many = pick_of(
+        lanes, jnp.asarray(start).astype(kind), jnp.asarray(step).astype(kind)
+    )
+    many = jax.tree.map(np.asarray, many)
+    return {
+        place: jax.tree.map(lambda x, k=k: x[k], many) for k, place in enumerate(places)
+    }
+
+
+def _length(record: PressureRecord) -> int:
+    """Return the length that a record is filled up to."""
+    size = min(record.samples.size, LONGEST)
+    return max(SHORTEST, 1 << (size - 1).bit_length())
+
+
+def _begin(record: PressureRecord, length: int) -> int:
+    """Return the first sample of the stretch that is picked."""
+    spare = record.samples.size - length
+    if spare <= 0:
+        return 0
+    largest = int(np.argmax(np.abs(record.samples - np.median(record.samples))))
+    return int(np.clip(largest - int(BEFORE * length), 0, spare))
+
+
+def _filled(samples: Float[np.ndarray, " sample"], length: int):
+    """Return samples and then the last one again."""
+    return np.pad(samples, (0, length - samples.size), mode="edge")
+
+
+def _check(record: PressureRecord) -> None:
+    """Refuse what cannot be picked, by name."""
+    name = record.source or record.name
+    if record.samples.size < LEAST_SAMPLES:
+        raise InputError(
+            f"{name}: {record.name}: expected {LEAST_SAMPLES} samples or more, got "
+            f"{record.samples.size}"
+        )
+    bad = np.flatnonzero(~np.isfinite(record.samples))
+    if bad.size:
+        raise InputError(
+            f"{name}: {record.name}: expected finite samples, got "
+            f"{record.samples[bad[0]]} at sample {bad[0]} and {bad.size - 1} more"
+        )

@@ -1,0 +1,104 @@
+r"""What of a record is unknown, and what is believed of it beforehand.
+
+Times are counted in samples from the front's, pressures in the record's largest: so a
+record in another unit, or on another clock, is picked as the same. All that is positive
+is unknown by its logarithm:
+
+| unknown | believed |
+|---|---|
+| arrival, $\ln P$, $\ln t_d$ | anything |
+| $\operatorname{logit}\,k/(e-2)$ | 0.2, sd 1 |
+| $\ln \tau'$ | one sample, sd 2 |
+| $\ln P^-/P$ | 0.3, sd 0.7 |
+| $\ln t^-/t_d$ | 2.4, sd 0.5 |
+| drift's level, slope, bend | 0, sd 1, 0.5, 0.3 |
+
+Here $k = i/(P t_d)$ behind the rise. Between Z = 2 and 300 the laws (shock kinematics
+on the ground) have it from 0.23 to 0.44, $P^-/P$ from 0.12 to 0.49 and $t^-/t_d$ from
+1.8 to 4.5; above $k = e - 2$ no decay starts falling. A weak shock rises in 0.2 us to
+0.2 ms (`rise_time.py`), and instruments add about a sample. The standard deviations are
+twice what these ranges ask for: what a record tells goes before what laws say.
+
+The rise is $\tau = \tau'/(1 + \tau'/t_d)$ of the unknown $\tau'$: never longer than the
+positive phase.
+"""
+
+from typing import NamedTuple
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from jblast.waves.waveform.friedlander_integrals import decay_of_fraction
+from jblast.waves.waveform.pulse import LEVEL, Pulse
+
+NAMES = (
+    "arrival",
+    "ln_peak",
+    "ln_duration",
+    "logit_fraction",
+    "ln_rise",
+    "ln_suction",
+    "ln_suction_duration",
+    "level",
+    "slope",
+    "bend",
+)
+CENTRE = np.array([0.0, 0.0, 3.0, 0.2, 0.0, np.log(0.3), np.log(2.4), 0.0, 0.0, 0.0])
+SPREAD = np.array([1e3, 5.0, 5.0, 1.0, 2.0, 0.7, 0.5, 1.0, 0.5, 0.3])
+PULSE_UNKNOWNS = 7
+
+
+class Natural(NamedTuple):
+    """A pulse in the words of a log, times in samples.
+
+    Attributes:
+        arrival: When it departs from zero.
+        peak: Overpressure.
+        duration: Of the positive phase.
+        impulse: Of the positive phase.
+        decay: Friedlander's $b$ behind the rise.
+        rise: From zero to the peak.
+        suction: Greatest underpressure.
+        suction_duration: Of the negative phase.
+    """
+
+    arrival: Float[Array, ""]
+    peak: Float[Array, ""]
+    duration: Float[Array, ""]
+    impulse: Float[Array, ""]
+    decay: Float[Array, ""]
+    rise: Float[Array, ""]
+    suction: Float[Array, ""]
+    suction_duration: Float[Array, ""]
+
+
+def natural_of(y: Float[Array, " unknown"]) -> Natural:
+    """Return a pulse by its unknowns."""
+    peak, duration, free = jnp.exp(y[1]), jnp.exp(y[2]), jnp.exp(y[4])
+    fraction = LEVEL / (1.0 + jnp.exp(-y[3]))
+    rise = free * duration / (free + duration)
+    return Natural(
+        arrival=y[0],
+        peak=peak,
+        duration=duration,
+        impulse=peak * (0.5 * rise + (duration - rise) * fraction),
+        decay=decay_of_fraction(fraction),
+        rise=rise,
+        suction=peak * jnp.exp(y[5]),
+        suction_duration=duration * jnp.exp(y[6]),
+    )
+
+
+def pulse_by(natural: Natural) -> Pulse:
+    """Return the wave of a pulse."""
+    return Pulse(
+        arrival_time=natural.arrival,
+        peak=natural.peak,
+        rise_time=natural.rise,
+        duration=natural.duration,
+        decay=natural.decay,
+        suction=natural.suction,
+        suction_duration=natural.suction_duration,
+        hold_time=jnp.zeros_like(natural.peak),
+    )

@@ -1,0 +1,117 @@
+"""The pick of a record: exact without noise, and as sure as repetitions say."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from jblast.errors import InputError
+from jblast.inference.picks import pick
+from tests.inference.picks.simulated import (
+    RATE,
+    SAMPLES,
+    TIME,
+    Truth,
+    noisy,
+    samples_of,
+)
+
+TRUTH = Truth()
+MANY = 32
+VALUES = {
+    "air_arrival_s": TRUTH.arrival,
+    "peak_overpressure_pa": TRUTH.peak,
+    "positive_duration_s": TRUTH.duration,
+    "positive_impulse_pa_s": TRUTH.impulse,
+    "rise_time_s": TRUTH.rise,
+    "decay": TRUTH.decay,
+    "negative_pressure_pa": TRUTH.suction,
+    "negative_duration_s": TRUTH.suction_duration,
+}
+
+
+@pytest.fixture(scope="module")
+def repeated():
+    """Picks of one pulse under noise of 1 % of its peak, again and again."""
+    return pick(TIME, noisy(TRUTH, 0.01 * TRUTH.peak, MANY))
+
+
+@pytest.fixture(scope="module")
+def exact():
+    """The pick of the same without noise."""
+    return pick(TIME, noisy(TRUTH, 0.0, MANY))
+
+
+@pytest.mark.parametrize("name", VALUES)
+def test_without_noise_the_truth_comes_back(name, exact):
+    # means of 64 instants are off by 1e-4 of what changes within a sample
+    np.testing.assert_allclose(getattr(exact, name)[0], VALUES[name], rtol=1e-3)
+    assert bool(exact.found.all())
+
+
+@pytest.mark.parametrize("name", VALUES)
+def test_errors_are_as_large_as_repetitions_say(name, repeated):
+    apart = (getattr(repeated, name) - VALUES[name]) / repeated.sd(name)
+    # 32 repetitions: the mean of one to 0.18, their standard deviation to 0.13
+    assert abs(float(jnp.mean(apart))) < 4 * 0.18
+    assert 0.55 < float(jnp.std(apart)) < 1.5
+
+
+def test_the_covariance_is_that_of_repetitions(repeated):
+    of_record = jnp.stack(
+        [
+            repeated.air_arrival_s,
+            jnp.log(repeated.peak_overpressure_pa),
+            jnp.log(repeated.positive_duration_s),
+            jnp.log(repeated.positive_impulse_pa_s),
+        ]
+    )
+    seen = np.corrcoef(np.asarray(of_record))
+    mean = np.asarray(repeated.covariance).mean(axis=0)
+    sd = np.sqrt(np.diag(mean))
+    # a correlation of 32 pairs has a standard error of 0.18 at most
+    np.testing.assert_allclose(mean / np.outer(sd, sd), seen, atol=4 * 0.18)
+
+
+@pytest.mark.slow  # a second derivative of the model is compiled
+def test_slopes_by_the_samples_are_those_of_differences(repeated):
+    samples = jnp.asarray(noisy(TRUTH, 0.01 * TRUTH.peak, MANY))
+    way = np.random.default_rng(1).standard_normal(samples.shape)
+
+    def values(samples):
+        found = pick(TIME, samples)
+        return jnp.log(found.positive_impulse_pa_s), found.air_arrival_s * RATE
+
+    _, slopes = jax.jvp(values, (samples,), (jnp.asarray(way),))
+    step = 3.0  # Pa, of noise of 300: the search ends within 1e-3 sd of the optimum
+    ahead, behind = values(samples + step * way), values(samples - step * way)
+    for slope, plus, minus in zip(slopes, ahead, behind, strict=True):
+        numeric = (plus - minus) / (2 * step)
+        np.testing.assert_allclose(slope, numeric, atol=0.02 * float(jnp.std(numeric)))
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (
+            lambda t, p: (t, np.where(t > 4e-3, np.nan, p)),
+            r"pressure_pa: .* nan at \[4",
+        ),
+        (lambda t, p: (t[::-1], p), "time_s: expected rising times"),
+        (lambda t, p: (t[:-1], p), "got .1024,. and .1023,"),
+        (lambda t, p: (np.where(t > 4e-3, t + 1e-3, t), p), "time_s: expected even"),
+        (lambda t, p: (t[:9], p[:9]), "16 samples or more, got 9"),
+    ],
+)
+def test_what_can_be_no_record_is_refused_by_name(change, message):
+    with pytest.raises(InputError, match=message):
+        pick(*change(TIME, samples_of(TRUTH)))
+
+
+def test_in_noise_alone_and_in_nothing_nothing_is_found():
+    noise = np.random.default_rng(2).standard_normal((MANY, SAMPLES))
+    noise[0] = 0.0
+    noise[1] = 101325.0
+    found = pick(TIME, noise)
+    assert int(found.found.sum()) == 0
+    assert np.isnan(np.asarray(found.air_arrival_s)).all()
