@@ -1,6 +1,7 @@
 """How far a method is off at a place, read from what was measured."""
 
 import math
+from itertools import product
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -76,13 +77,24 @@ def _log_loss(quantity: str, burst: str, log_z, log_mass, log_pressure) -> np.nd
     far = log_z > math.log(KINGERY_BULMASH_END)
     if not (lossy and far.any()):
         return np.zeros_like(log_z)
-    from scipy.interpolate import RegularGridInterpolator  # half as slow as all of JAX
-
     table = error_tables.losses(burst)
     axes = (table.log_z, table.log_mass, table.log_pressure)
     places = [
         np.clip(x, axis[0], axis[-1])
         for x, axis in zip((log_z, log_mass, log_pressure), axes, strict=True)
     ]
-    loss = RegularGridInterpolator(axes, table.log_loss)(np.stack(places, axis=-1))
+    loss = _trilinear(axes, table.log_loss, places)
     return np.where(far & (log_z <= math.log(END)), loss, 0.0)
+
+
+def _trilinear(axes, values, places) -> np.ndarray:
+    """Interpolate a table within its axes; SciPy's takes half an `import jax`."""
+    total, cells = np.zeros_like(places[0]), []
+    for x, axis in zip(places, axes, strict=True):
+        left = np.clip(np.searchsorted(axis, x) - 1, 0, len(axis) - 2)
+        share = (x - axis[left]) / (axis[left + 1] - axis[left])
+        cells.append(((left, 1.0 - share), (left + 1, share)))
+    for corner in product(*cells):
+        at, weights = zip(*corner, strict=True)
+        total = total + np.prod(weights, axis=0) * values[at]
+    return total

@@ -3,6 +3,7 @@
 import io
 import os
 import warnings
+from dataclasses import dataclass
 from pathlib import Path
 
 from matplotlib.figure import Figure
@@ -18,6 +19,24 @@ def write_figure(figure: Figure, path: str | os.PathLike[str]) -> None:
     """
     with replacing(path) as temporary:
         figure.savefig(temporary, format=Path(path).suffix[1:])
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A figure as a PNG file, drawn once for whoever shows it.
+
+    Attributes:
+        png: The file.
+        width: How wide it is on a page [1/96 inch].
+    """
+
+    png: bytes
+    width: int
+
+
+def picture_of(figure: Figure) -> Picture:
+    """Draw a figure."""
+    return Picture(image_bytes(figure, "png"), round(96 * figure.get_figwidth()))
 
 
 def image_bytes(figure: Figure, kind: str) -> bytes:

@@ -50,7 +50,7 @@ def write_report(
         InputError: The directory holds files and `force` is not set, or is a file.
     """
     # here, so that an answer in words alone need not wait for Matplotlib
-    from jblast.report.figure_files import image_bytes
+    from jblast.report.figure_files import Picture, picture_of
     from jblast.report.fit.figures.corner_plot import corner_figure
     from jblast.report.fit.figures.recordings import recordings_figure
     from jblast.report.fit.figures.residuals import residuals_figure
@@ -74,7 +74,7 @@ def write_report(
         written += write_place(fit, directory, accepted)
     except Exception as error:
         failures.append(f"{' and '.join(PLACE_FILES)} were not written: {error!r}")
-    figures: dict[str, Figure] = {}
+    pictures: dict[str, Picture] = {}
     drawings: dict[str, Callable[[], Figure | None]] = {
         "map": lambda: map_figure(fit, accepted),
         "recordings": lambda: recordings_figure(fit),
@@ -85,16 +85,17 @@ def write_report(
         try:
             figure = draw()
             if figure is not None:
-                picture = directory / f"{kind}.png"
-                write_bytes(picture, image_bytes(figure, "png"))
-                written.append(picture)
-                figures[kind] = figure
+                picture = picture_of(figure)
+                path = directory / f"{kind}.png"
+                write_bytes(path, picture.png)
+                written.append(path)
+                pictures[kind] = picture
         except Exception as error:
             # whatever went wrong with a picture, the computed answer is kept
             failures.append(f"{kind}.png was not written: {error!r}")
     try:
         page = directory / "report.html"
-        write_text(page, report_page(fit, figures, accepted, failures))
+        write_text(page, report_page(fit, pictures, accepted, failures))
         written.append(page)
     except Exception as error:
         failures.append(f"report.html was not written: {error!r}")

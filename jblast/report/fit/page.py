@@ -7,13 +7,12 @@ from importlib.resources import files
 from typing import Any
 
 from jinja2 import Environment, StrictUndefined
-from matplotlib.figure import Figure
 
 import jblast
 from jblast.inference.fitting.result import Fit
 from jblast.inference.fitting.summary import Summary
 from jblast.report.estimates import printed_estimate
-from jblast.report.figure_files import image_bytes
+from jblast.report.figure_files import Picture
 from jblast.report.fit.conclusion import SAFETY, accepted_not_fitted, conclusion, limits
 from jblast.report.fit.figures.corner_plot import absent_note
 from jblast.report.fit.findings import all_words
@@ -32,8 +31,8 @@ from jblast.report.words import capitalised, joined, parameter_words, quantity_w
 
 
 @dataclass(frozen=True)
-class Picture:
-    """A figure on the page: where its pixels are, and what it shows in words."""
+class Shown:
+    """A picture on the page: where its pixels are, and what it shows in words."""
 
     heading: str
     source: str
@@ -44,7 +43,7 @@ class Picture:
 
 def report_page(
     fit: Fit,
-    figures: Mapping[str, Figure],
+    pictures: Mapping[str, Picture],
     accepted: Accepted | None = None,
     extra_warnings: Sequence[str] = (),
 ) -> str:
@@ -52,7 +51,7 @@ def report_page(
 
     Args:
         fit: The fit.
-        figures: Those that were drawn, by name: "map", "recordings", "residuals",
+        pictures: Those that were drawn, by name: "map", "recordings", "residuals",
             "corner".
         accepted: Published values by parameter name, each with where it comes from.
         extra_warnings: What went wrong since the fit, such as a figure not drawn.
@@ -76,10 +75,10 @@ def report_page(
         has_accepted=bool(accepted),
         not_fitted=accepted_not_fitted(fit, accepted),
         determined=determined_lines(found.determined),
-        pictures=[_picture(fit, k, figure) for k, figure in figures.items()],
-        has_corner="corner" in figures,
+        pictures=[_shown(fit, kind, picture) for kind, picture in pictures.items()],
+        has_corner="corner" in pictures,
         absent_note=absent_note(fit),
-        absent_map_note="" if "map" in figures else absent_map_note(fit),
+        absent_map_note="" if "map" in pictures else absent_map_note(fit),
         laws=used,
         registered=any(law.source for law in used),
         validity=validity_sentence(fit),
@@ -135,7 +134,7 @@ def _estimates(found: Summary, accepted: Accepted | None) -> list[dict[str, Any]
     return rows
 
 
-def _picture(fit: Fit, kind: str, figure: Figure) -> Picture:
+def _shown(fit: Fit, kind: str, picture: Picture) -> Shown:
     quantities = joined([quantity_words(q) for q in fit.summary.law])
     along = "time" if list(fit.summary.law) == ["shock_radius_m"] else "range"
     values = "; ".join(
@@ -167,15 +166,6 @@ def _picture(fit: Fit, kind: str, figure: Figure) -> Picture:
             "together with it.",
         ),
     }[kind]
-    width = round(96 * figure.get_figwidth())  # pixels of a page are 1/96 inch
-    return Picture(heading, data_uri(figure), alt, caption, width)
-
-
-def data_uri(figure: Figure) -> str:
-    """Return a figure as a data URI: SVG or PNG, whichever is smaller."""
-    vector = image_bytes(figure, "svg")
-    raster = image_bytes(figure, "png")
-    kind, data = min(
-        [("svg+xml", vector), ("png", raster)], key=lambda pair: len(pair[1])
-    )
-    return f"data:image/{kind};base64,{base64.b64encode(data).decode('ascii')}"
+    data = base64.b64encode(picture.png).decode("ascii")
+    source = f"data:image/png;base64,{data}"
+    return Shown(heading, source, alt, caption, picture.width)
