@@ -66,8 +66,17 @@ def read_text(path: str | os.PathLike[str], expected: str) -> str:
     Raises:
         InputError: There is no such file, it cannot be read, or is no UTF-8 text.
     """
+    return decoded(read_bytes(path, expected), path, expected)
+
+
+def read_bytes(path: str | os.PathLike[str], expected: str) -> bytes:
+    """Return what a file holds.
+
+    Raises:
+        InputError: There is no such file, or it cannot be read.
+    """
     try:
-        data = Path(path).read_bytes()
+        return Path(path).read_bytes()
     except FileNotFoundError:
         raise InputError(f"{path}: no such file; expected {expected}") from None
     except IsADirectoryError:
@@ -77,6 +86,31 @@ def read_text(path: str | os.PathLike[str], expected: str) -> str:
         raise InputError(
             f"{os.fspath(path)!r}: cannot be read ({reason}); expected {expected}"
         ) from None
+
+
+def decoded(
+    data: bytes,
+    path: str | os.PathLike[str],
+    expected: str,
+    *,
+    utf16: bool = False,
+) -> str:
+    r"""Return what bytes say, line ends made `\n`, without byte order mark.
+
+    Args:
+        data: UTF-8, marked or not.
+        path: Where they come from, for the messages.
+        expected: What they should be, for the messages.
+        utf16: Whether UTF-16 with its mark is taken, too.
+
+    Raises:
+        InputError: They are no such text.
+    """
+    if utf16 and data.startswith((b"\xff\xfe", b"\xfe\xff")):
+        try:
+            data = data.decode("utf-16").encode()
+        except UnicodeError as error:
+            raise InputError(f"{path}: expected UTF-16 text, got {error}") from None
     if data.startswith((b"\xff\xfe", b"\xfe\xff")):
         raise InputError(
             f"{path}: line 1: expected UTF-8 text, got UTF-16; save it as UTF-8"

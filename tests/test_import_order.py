@@ -18,6 +18,7 @@ ORDER = [
     ("types", "constants", "bounds", "registry", "errors", "progress"),
     ("files", "json_values"),
     ("parameter", "parameter_table", "quantity", "quantity_table", "quantities"),
+    ("units",),
     ("program_words",),
     ("kept_programs",),
     ("scene",),

@@ -21,6 +21,7 @@ from jblast.inference.identifiability.findings import (
     OtherMode,
 )
 from jblast.inference.posterior.finding import Finding
+from jblast.observations.understood import Understood
 from jblast.report.discovery.answer import DiscoveryAnswer
 from jblast.report.flights.answer import FlightsAnswer
 from jblast.verification.stability.failure import KEYS as FAILURE_KEYS, FailureMode
@@ -161,6 +162,7 @@ def _added(schema: Schema) -> Schema:
 WORDED: dict[type, Callable[[Schema], Schema]] = {
     Cure: lambda _: {"type": "string"},
     Finding: lambda _: {"type": "string"},
+    Understood: lambda _: {"type": "string"},
     OtherMode: _other_mode,
     EstimableCombination: _combination,
     WrongSensor: _wrong,

@@ -1,7 +1,6 @@
 """Tables of the log and of the scene file, from those that their readers go by."""
 
 from jblast.bounds import UNBOUNDED
-from jblast.observations.aliases import UNITS
 from jblast.observations.table import COLUMNS, NEEDED
 from jblast.parameter_table import PARAMETERS
 from jblast.quantities import ADDITIVE, TIMED
@@ -16,6 +15,7 @@ from jblast.scene.reader.schema import (
     SENSOR_KINDS,
     VEHICLE_MODELS,
 )
+from jblast.units import SUFFIXES
 
 
 def quantities() -> str:
@@ -40,10 +40,14 @@ def columns() -> str:
 
 
 def units() -> str:
-    """Write the units that names of other tools may end in."""
+    """Write the units that names of columns and quantities may end in."""
+    made = {
+        "impulse": "one of pressure, `_`, one of time: `psi_ms`",
+        "speed": "one of length, `_`, one of time: `mm_s`, `mph`, `kmh`, `kn`",
+    }
     rows = [
-        f"| {dimension} | {', '.join(f'`{unit}`' for unit in units)} |"
-        for dimension, units in UNITS.items()
+        f"| {of} | {made.get(of) or ', '.join(f'`{unit}`' for unit in endings)} |"
+        for of, endings in SUFFIXES.items()
     ]
     return "\n".join(["| of | endings |", "|---|---|", *rows])
 

@@ -1,33 +1,31 @@
-"""The reader of observation files: tidy CSV, one measurement a row."""
+"""The reader of logs: one measurement a row, however it is written."""
 
-import csv
-import os
-from collections.abc import Sequence
+from typing import Any
 
-from jblast.errors import InputError, nearest, read_text, shown
-from jblast.observations.aliases import our_name
+from jblast.errors import InputError
+from jblast.observations.dialects.decimals import take_decimal_commas
+from jblast.observations.dialects.header import read_header, refuse_wide
+from jblast.observations.dialects.series import refuse_series
+from jblast.observations.dialects.sources import source_name, table_of
+from jblast.observations.dialects.tidying import (
+    UnitOf,
+    drop_blanks,
+    refuse_two_tables,
+    take_units_row,
+)
+from jblast.observations.dialects.wide import made_long
 from jblast.observations.faults import Faults
 from jblast.observations.records.covariances import with_covariances
 from jblast.observations.rows import Rows
-from jblast.observations.table import (
-    COLUMNS,
-    DEGREES,
-    NEEDED,
-    POSITION,
-    QUANTITIES,
-    Observations,
-    no_rows,
-)
-from jblast.progress import counted, stages
+from jblast.observations.table import NUMBERS, Observations, no_rows
+from jblast.progress import stages
 
 STAGES = {"loading": 1.0, "taking lines apart": 4.0, "checking columns": 8.0}
 """Of reading, and about how long each takes, in seconds a million rows."""
-MANY = 50_000
-"""Lines between two reports of how far it is."""
 
 
 def read(
-    path: str | os.PathLike[str],
+    source: Any,
     *,
     strict: bool = False,
     wide: bool = False,
@@ -35,7 +33,7 @@ def read(
     date: str | None = None,
     zone: str | None = None,
 ) -> Observations:
-    """Read a tidy CSV of observations.
+    """Read a log of observations: one measurement a row.
 
     Columns are `sensor,quantity,value,sigma`, then either `east_m,north_m,up_m`,
     `lat_deg,lon_deg,alt_m` or `range_m`, or neither where the scene says where the
@@ -46,9 +44,15 @@ def read(
     `value`. How the errors of one record go together is read from
     `LOG.covariance.csv`, if that stands beside `LOG.csv`.
 
+    Other dialects are recognised by what can be read one way only, never guessed:
+    units in the names of columns and quantities, separators, decimal commas, encodings,
+    spreadsheets, empty fields. What was converted, skipped or supplied is told in
+    `understood`.
+
     Args:
-        path: The file.
-        strict: Whether to take our own columns and units alone.
+        source: A path (text, .xlsx, .ods, .parquet), an open file or buffer of text or
+            bytes, or a `pandas.DataFrame`.
+        strict: Whether to take UTF-8 text with commas, our own columns and units alone.
         wide: Whether each quantity has a column of its own.
         faults: Every fault is appended here, and reading goes on with the other rows
             and columns; None: the first is raised.
@@ -67,120 +71,51 @@ def read(
     """
     told = Faults(faults)
     try:
-        return with_covariances(_read(path, told, date, zone), told)
+        log = _read(source, told, strict=strict, wide=wide, date=date, zone=zone)
+        return with_covariances(log, told)
     except InputError as fault:
         if faults is None:
             raise
         faults.append(fault)
-        return no_rows(str(path))
+        return no_rows(source_name(source))
 
 
 def _read(
-    path: str | os.PathLike[str], faults: Faults, date: str | None, zone: str | None
+    source: Any,
+    faults: Faults,
+    *,
+    strict: bool,
+    wide: bool,
+    date: str | None,
+    zone: str | None,
 ) -> Observations:
     begin = stages(STAGES)
     begin("loading")
-    text = read_text(path, "a CSV file of observations")
+    table = table_of(source, faults, strict=strict)
     begin("taking lines apart")
-    comments, lines, numbers = [], [], []
-    for number, line in enumerate(text.split("\n"), start=1):
-        stripped = line.strip()
-        if stripped.startswith("#"):
-            comments.append(stripped[1:].strip())
-        elif stripped:
-            lines.append(line)
-            numbers.append(number)
-    if not lines:
-        raise InputError(
-            f"{path}: line 1: the file is empty; expected a header "
-            f"{','.join(NEEDED)} and one measurement a row"
-        )
-    records = _records(str(path), lines, numbers)
-    header = _header(str(path), records[0], numbers[0])
-    if len(records) == 1:
-        raise InputError(
-            f"{path}: line {numbers[0]}: nothing after the header; "
-            "expected one measurement a row"
-        )
+    where = table.at(table.header_line)
+    nothing = f"{where}: nothing after the header; expected one measurement a row"
+    units_row: dict[str, UnitOf] = {}
+    if not strict:
+        drop_blanks(table)
+        units_row = take_units_row(table)
+    if wide:
+        table = made_long(table, units_row)
+    else:
+        refuse_series(table)
+        if not strict:
+            refuse_wide(table)
+    header = read_header(table, faults, units_row, strict=strict)
+    if not len(table.lines):
+        raise InputError(nothing)
+    refuse_two_tables(table, [header.theirs.get(name, name) for name in table.header])
+    if not strict:
+        take_decimal_commas(table, NUMBERS)
     begin("checking columns")
-    rows = Rows(str(path), numbers[1:], header, records[1:], faults, date, zone)
-    return rows.observations(tuple(comments))
-
-
-def _records(path: str, lines: list[str], numbers: list[int]) -> list[list[str]]:
-    """Split lines into fields; each line is one record, as wide as the header."""
-    reader = csv.reader(lines, skipinitialspace=True, strict=True)
-    records: list[list[str]] = []
-    through = counted(len(lines), "lines")
-    try:
-        for record in reader:
-            records.append(record)
-            if reader.line_num != len(records):
-                break
-            if not len(records) % MANY:
-                through(len(records))
-    except csv.Error as error:
+    rows = Rows(table, header, faults, strict=strict, date=date, zone=zone)
+    if not rows.lines:
         raise InputError(
-            f"{path}: line {numbers[len(records)]}: expected comma-separated fields, "
-            f"got a stray or unclosed quote ({error})"
-        ) from None
-    if reader.line_num != len(records):
-        raise InputError(
-            f"{path}: line {numbers[len(records) - 1]}: expected one measurement a "
-            "line, got a quote that is not closed on it"
+            f"{table.source}: expected a measurement at least, got "
+            f"{len(rows.skipped)} rows without a value"
         )
-    width = len(records[0])
-    for number, record in zip(numbers, records, strict=True):
-        if len(record) != width:
-            raise InputError(
-                f"{path}: line {number}: expected {width} fields as in the header, "
-                f"got {len(record)}"
-                + ("; is a decimal comma among them?" if len(record) > width else "")
-            )
-    return records
-
-
-def _header(path: str, record: Sequence[str], line: int) -> list[str]:
-    """Check the names of the columns."""
-    where = f"{path}: line {line}"
-    if len(record) == 1:
-        for separator, name in ((";", "semicolons"), ("\t", "tabs")):
-            if separator in record[0]:
-                raise InputError(
-                    f"{where}: expected columns separated by commas, got {name}; "
-                    "save the file with commas (and decimal points)"
-                )
-    header = [name.strip() for name in record]
-    for name in header:
-        if name not in COLUMNS:
-            raise InputError(f"{where}: unknown column {shown(name)}{_advice(name)}")
-        if header.count(name) > 1:
-            raise InputError(f"{where}: expected column {name} once, got it twice")
-    named = {"value" if name == "value_utc" else name for name in header}
-    missing = [name for name in NEEDED if name not in named]
-    if missing:
-        raise InputError(
-            f"{where}: missing column {', '.join(missing)}; expected "
-            f"{', '.join(NEEDED)}; got {', '.join(header)}"
-        )
-    partial = [name for name in POSITION if name not in header]
-    if 0 < len(partial) < 3 and not set(DEGREES) & set(header):
-        raise InputError(
-            f"{where}: missing column {', '.join(partial)}; expected all of "
-            f"{', '.join(POSITION)} or none of them"
-        )
-    return header
-
-
-def _advice(name: str) -> str:
-    """Say what to write in place of an unknown column."""
-    if name in QUANTITIES:
-        return (
-            "; it is a quantity, not a column: put it into column quantity, "
-            "one measurement a row"
-        )
-    ours = our_name(name)
-    if ours is None:
-        return (nearest(name, COLUMNS)) + f"; expected some of {', '.join(COLUMNS)}"
-    column = "column" if ours[0] in COLUMNS else "quantity"
-    return f"; ours is {column} {ours[0]}: multiply by {ours[1]:g}"
+    return rows.observations()

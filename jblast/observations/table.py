@@ -6,6 +6,7 @@ from datetime import datetime
 import numpy as np
 from jaxtyping import Bool, Float
 
+from jblast.observations.formats import row_word
 from jblast.observations.places.frame import Frame
 from jblast.observations.record_covariance import RecordCovariance
 from jblast.observations.understood import Understood
@@ -22,6 +23,8 @@ COLUMNS = (
     *(*POSITION, *DEGREES, "range_m", "time_s", *NAMED),
 )
 """Every column a file may have, in the order `write` puts them."""
+NUMBERS = ("value", "sigma", *POSITION, *DEGREES, "range_m", "time_s")
+"""Columns that hold numbers."""
 
 
 @dataclass(frozen=True)
@@ -81,7 +84,7 @@ class Observations:
         """Name the file and line of a row, or the row of a table made here."""
         source = self.source or "observations"
         if self.line:
-            return f"{source}: line {self.line[row]}"
+            return f"{source}: {row_word(source)} {self.line[row]}"
         return f"{source}: row {row + 1}"
 
     def error_scale(self) -> Float[np.ndarray, " row"]:

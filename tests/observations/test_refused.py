@@ -13,6 +13,15 @@ from tests.observations.rows import HEADER, ROW
 
 FRONT = "sensor,quantity,value,sigma,time_s\n"
 BAD = {
+    "column of another tool": (
+        "sensor,range_m,impulse_kPa_ms\na,1,2\n",
+        [
+            "line 1",
+            "'impulse_kPa_ms'",
+            "positive_impulse_pa_s",
+            "write positive_impulse_kpa_ms",
+        ],
+    ),
     "empty file": ("", ["line 1", "empty", "sensor,quantity,value,sigma"]),
     "comments only": ("# nothing\n\n", ["line 1", "empty"]),
     "header only": ("# c\n" + HEADER, ["line 2", "after the header", "measurement"]),
@@ -28,23 +37,10 @@ BAD = {
         HEADER.replace("up_m", "north_m") + ROW,
         ["line 1", "north_m once", "twice"],
     ),
-    "column in kilometres": (
-        "sensor,quantity,value,sigma,range_km\na,air_arrival_s,1,,1\n",
-        ["line 1", "'range_km'", "column range_m", "multiply by 1000"],
-    ),
     "wide table": (
         "sensor,peak_overpressure_pa\na,1\n",
         ["line 1", "'peak_overpressure_pa'", "quantity, not a column"],
     ),
-    "column of another tool": (
-        "sensor,range_m,impulse_kPa_ms\na,1,2\n",
-        ["line 1", "'impulse_kPa_ms'", "positive_impulse_pa_s", "multiply by 1"],
-    ),
-    "semicolons": (
-        (HEADER + ROW).replace(",", ";"),
-        ["line 1", "separated by commas", "got semicolons"],
-    ),
-    "tabs": ((HEADER + ROW).replace(",", "\t"), ["line 1", "commas", "got tabs"]),
     "part of a position, by column": (
         "sensor,quantity,value,sigma,east_m,up_m\na,air_arrival_s,1,,2,3\n",
         ["line 1", "missing column north_m", "east_m, north_m, up_m"],
@@ -65,14 +61,6 @@ BAD = {
         HEADER + ROW + ROW.replace("air_arrival_s", "air_arival_s"),
         ["line 3", "column quantity", "'air_arival_s'", "did you mean air_arrival_s?"],
     ),
-    "quantity in kilopascal": (
-        HEADER + ROW.replace("air_arrival_s", "overpressure_kPa"),
-        ["line 2", "'overpressure_kPa'", "peak_overpressure_pa", "multiply by 1000"],
-    ),
-    "quantity in milliseconds": (
-        HEADER + ROW.replace("air_arrival_s", "arrival_ms"),
-        ["line 2", "'arrival_ms'", "ours is air_arrival_s", "multiply by 0.001"],
-    ),
     "no quantity": (
         HEADER + ROW.replace("air_arrival_s", ""),
         ["line 2", "column quantity", "unknown quantity ''"],
@@ -85,22 +73,9 @@ BAD = {
         HEADER + ROW.replace("0.05", "fast"),
         ["line 2", "column value", "a finite number", "got 'fast'"],
     ),
-    "no value": (
-        HEADER + ROW.replace("0.05", ""),
-        ["line 2", "column value", "a finite number", "got nothing"],
-    ),
-    "decimal comma": (
-        HEADER + ROW.replace("0.05", '"0,05"'),
-        ["line 2", "column value", "'0,05'", "decimal point"],
-    ),
     "Python's underscore": (
         HEADER + ROW.replace("0.05", "1_000"),
         ["line 2", "column value", "'1_000'"],
-    ),
-    "NaN": (HEADER + ROW.replace("0.05", "NaN"), ["line 2", "column value", "'NaN'"]),
-    "NaN sigma": (
-        HEADER + ROW.replace("0.001", "nan"),
-        ["line 2", "column sigma", "'nan'"],
     ),
     "infinity": (
         HEADER + ROW.replace("20", "-inf"),
@@ -164,7 +139,6 @@ BAD = {
         (HEADER + ROW + ROW.replace("a,", "caf\u00e9,", 1)).encode("latin-1"),
         ["line 3", "UTF-8", "0xe9"],
     ),
-    "UTF-16": ((HEADER + ROW).encode("utf-16"), ["line 1", "UTF-8", "got UTF-16"]),
     "UTF-16 unmarked": ((HEADER + ROW).encode("utf-16-le"), ["line 1", "0x00"]),
     "binary": (
         HEADER.encode() + b"\x7fELF\x00\x01",
@@ -172,12 +146,58 @@ BAD = {
     ),
     "workbook": (b"PK\x03\x04\x14\x00", ["line 1", "zip archive", "plain text"]),
 }
+NOT_OURS = {
+    "column in kilometres": (
+        "sensor,quantity,value,sigma,range_km\na,air_arrival_s,1,,1\n",
+        ["line 1", "'range_km'", "column range_m", "multiply by 1000"],
+    ),
+    "semicolons": (
+        (HEADER + ROW).replace(",", ";"),
+        ["line 1", "separated by commas", "got semicolons"],
+    ),
+    "tabs": ((HEADER + ROW).replace(",", "\t"), ["line 1", "commas", "got tabs"]),
+    "quantity in kilopascal": (
+        HEADER + ROW.replace("air_arrival_s", "overpressure_kPa"),
+        ["line 2", "'overpressure_kPa'", "peak_overpressure_pa", "multiply by 1000"],
+    ),
+    "quantity in milliseconds": (
+        HEADER + ROW.replace("air_arrival_s", "arrival_ms"),
+        ["line 2", "'arrival_ms'", "ours is air_arrival_s", "multiply by 0.001"],
+    ),
+    "no value": (
+        HEADER + ROW.replace("0.05", ""),
+        ["line 2", "column value", "a finite number", "got nothing"],
+    ),
+    "decimal comma": (
+        HEADER + ROW.replace("0.05", '"0,05"'),
+        ["line 2", "column value", "'0,05'", "decimal point"],
+    ),
+    "NaN": (HEADER + ROW.replace("0.05", "NaN"), ["line 2", "column value", "'NaN'"]),
+    "NaN sigma": (
+        HEADER + ROW.replace("0.001", "nan"),
+        ["line 2", "column sigma", "'nan'"],
+    ),
+    "UTF-16": ((HEADER + ROW).encode("utf-16"), ["line 1", "UTF-8", "got UTF-16"]),
+}
+"""What is read, but where only our own dialect is asked for."""
 
 
+@pytest.mark.parametrize("strict", [False, True], ids=["generous", "strict"])
 @pytest.mark.parametrize(("content", "said"), BAD.values(), ids=BAD.keys())
-def test_bad_input_is_told_by_file_line_column_expectation_and_find(log, content, said):
+def test_bad_input_is_told_by_file_line_column_expectation_and_find(
+    log, content, said, strict
+):
+    refused(log(content), said, strict=strict)
+
+
+@pytest.mark.parametrize(("content", "said"), NOT_OURS.values(), ids=NOT_OURS.keys())
+def test_where_we_are_strict_no_other_dialect_is_read(log, content, said):
+    refused(log(content), said, strict=True)
+
+
+def refused(path, said, *, strict):
     with pytest.raises(InputError) as caught:
-        read(log(content))
+        read(path, strict=strict)
     message = str(caught.value)
     assert "log.csv: " in message
     for words in said:

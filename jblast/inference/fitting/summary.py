@@ -37,6 +37,7 @@ from jblast.inference.posterior.estimate import Estimate
 from jblast.inference.posterior.finding import Finding
 from jblast.json_values import plain
 from jblast.observations import Observations
+from jblast.observations.understood import Understood
 from jblast.scene import UncertainScene
 
 TNT_MASS_BY = {
@@ -72,6 +73,7 @@ class Summary:
         explained_by: Clocks and sensors without one of which the log fits.
         warnings: What is to be told beside the numbers, the gravest first.
         n_lower_bounds: Rows of the log that are lower bounds.
+        understood: What of the log was converted, skipped or supplied to read it.
     """
 
     law: Mapping[str, str]
@@ -94,6 +96,7 @@ class Summary:
     explained_by: tuple[WrongSensor, ...]
     warnings: tuple[Finding, ...]
     n_lower_bounds: int = 0
+    understood: tuple[Understood, ...] = ()
 
     @property
     def unidentified(self) -> tuple[str, ...]:
@@ -172,6 +175,7 @@ def summary_of(
             *sure.findings,
         ),
         n_lower_bounds=int(observations.bounds().sum()),
+        understood=observations.understood,
     )
 
 

@@ -16,6 +16,7 @@ from jblast.inference.posterior.estimate import Estimate
 from jblast.json_values import plain
 from jblast.report.fit.cures import cure_words, datum_words, reason_words
 from jblast.report.fit.findings import all_words
+from jblast.report.understood import understood_lines
 
 
 def fit_document(fit: Fit) -> dict[str, Any]:
@@ -44,6 +45,7 @@ def fit_document(fit: Fit) -> dict[str, Any]:
             "suspected_outliers": [asdict(o) for o in found.suspected_outliers],
             "explained_by": [_explanation(wrong) for wrong in found.explained_by],
             "warnings": all_words(found.warnings),
+            "understood": understood_lines(found.understood),
         }
     )
 

@@ -27,6 +27,7 @@ from jblast.report.fit.laws import laws_used, validity_sentence
 from jblast.report.fit.place.map_words import absent_map_note, map_alt, map_caption
 from jblast.report.fit.reference_values import Accepted, compare
 from jblast.report.fit.rows import log_name, residual_rows
+from jblast.report.understood import understood_lines
 from jblast.report.words import capitalised, joined, parameter_words, quantity_words
 
 
@@ -87,6 +88,7 @@ def report_page(
         rows=residual_rows(fit),
         n_rows=len(fit.observations),
         warnings=[*_warnings(fit), *extra_warnings],
+        understood=understood_lines(found.understood),
         limits=limits(fit),
         provenance=f"Log: {name}." if name else "The log was made in memory.",
         comments="\n".join(fit.observations.comments),

@@ -26,6 +26,7 @@ from jblast.report.fit.laws import laws_used, validity_sentence
 from jblast.report.fit.reference_values import Accepted, compare
 from jblast.report.fit.rows import log_name, lower_bound_sentence
 from jblast.report.tables import GAP, aligned
+from jblast.report.understood import understood_lines
 from jblast.report.words import joined, parameter_words
 
 WIDTH = 96
@@ -71,6 +72,7 @@ def summary(
     lines += section("What the recordings cannot tell", untold)
     lines += section("What they do tell", determined_lines(found.determined))
     lines += section("Suspected outliers", outlier_lines(found.suspected_outliers))
+    lines += section("How the log was read", understood_lines(found.understood))
     lines += section("Warnings", all_words(found.warnings))
     if out is not None:
         lines += ["", f"Report and figures: {out}"]

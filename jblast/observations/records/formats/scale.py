@@ -4,18 +4,16 @@ import re
 from typing import NamedTuple
 
 from jblast.errors import InputError, argument, nearest, shown
-from jblast.observations.aliases import UNITS
+from jblast.units import si_factor, unit_spelt
 
 VOLTS = {"v": 1.0, "volt": 1.0, "volts": 1.0, "mv": 1e-3, "uv": 1e-6}
-PRESSURES = UNITS["pressure"] | {"pascal": 1.0, "pascals": 1.0, "upa": 1e-6}
-TIMES = UNITS["time"] | {
+PRESSURES = {"pascal": 1.0, "pascals": 1.0}
+TIMES = {
     "second": 1.0, "milliseconds": 1e-3, "microseconds": 1e-6, "nanoseconds": 1e-9,
     "seconds": 1.0, "minutes": 60.0, "hours": 3600.0,
 }  # fmt: skip
 UNSAID = {"", "1", "count", "counts", "none", "unknown", "dimensionless", "fs"}
 """What files write where they name no unit, or one that nobody can convert."""
-MILLIPASCAL = "mPa"
-"""The one unit whose capitals matter: MPa is a thousand million of it."""
 
 
 class Scaling(NamedTuple):
@@ -40,15 +38,12 @@ class Scale(NamedTuple):
 def plain_unit(text: str) -> str:
     """Return a unit as the tables have it: `m/s` is m_s."""
     text = text.strip().replace("µ", "u").replace("μ", "u")
-    if text == MILLIPASCAL:
-        return "millipascal"
     return re.sub(r"[^a-z0-9]+", "_", text.lower()).strip("_")
 
 
 def pressure_factor(unit: str) -> float | None:
-    """Return pascals a unit; None if it is none of pressure."""
-    plain = plain_unit(unit)
-    return 1e-3 if plain == "millipascal" else PRESSURES.get(plain)
+    """Return pascals a unit; None if it is none of pressure, or mpa in lower case."""
+    return PRESSURES.get(plain_unit(unit)) or _factor(unit, "pressure")
 
 
 def volts_factor(unit: str) -> float | None:
@@ -58,7 +53,13 @@ def volts_factor(unit: str) -> float | None:
 
 def time_factor(unit: str) -> float | None:
     """Return seconds a unit; None if it is none of time."""
-    return TIMES.get(plain_unit(unit))
+    return TIMES.get(plain_unit(unit)) or _factor(unit, "time")
+
+
+def _factor(unit: str, dimension: str) -> float | None:
+    """Return what a unit is in ours; None if it is of another dimension, or of two."""
+    meant = [of for of in unit_spelt(unit) if of.dimension == dimension]
+    return si_factor(meant[0].suffix) if len(meant) == 1 else None
 
 
 def holds_pressure(unit: str) -> bool:

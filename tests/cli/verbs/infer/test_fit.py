@@ -30,6 +30,7 @@ ANSWER = {
     "suspected_outliers": list,
     "explained_by": list,
     "warnings": list,
+    "understood": list,
 }
 ESTIMATE = ("value", "sd", "log_sd", "q05", "q50", "q95")
 FLASH = HEADER + "a,flash_time_s,0.001,0.0001,300,0,1\n"

@@ -1,0 +1,1 @@
+"""How logs of other programs are written: text of many kinds, spreadsheets, frames."""

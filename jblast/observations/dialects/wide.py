@@ -1,0 +1,102 @@
+"""Wide tables, a column for each quantity, made long: a row for each measurement."""
+
+from collections.abc import Callable
+
+from jblast.errors import InputError, shown
+from jblast.observations.dialects.header import is_quantity
+from jblast.observations.dialects.table import Table
+from jblast.observations.dialects.tidying import UnitOf, is_empty
+from jblast.observations.understood import MadeLong
+from jblast.quantities import TIMED
+from jblast.units import our_name
+from jblast.units.spelling import spelt
+
+
+def made_long(table: Table, units_row: dict[str, UnitOf]) -> Table:
+    """Return a wide table as one measurement a row, sensor by sensor.
+
+    A column `sigma_QUANTITY` or `QUANTITY_sigma` holds the errors of QUANTITY in the
+    same unit; without one its rows have no sigma. An empty cell is no measurement.
+
+    Args:
+        table: Has a column for each quantity, as `peak_overpressure_kpa`.
+        units_row: Units told by a row of the table; those of quantities are taken.
+
+    Raises:
+        InputError: It has no such column, or has `quantity` or `value` besides.
+    """
+    where = table.at(table.header_line)
+    keys = [spelt(name) for name in table.header]
+    long = [name for name in ("quantity", "value", "sigma") if name in keys]
+    if long:
+        raise InputError(
+            f"{where}: expected a wide table, a column for each quantity; got a column "
+            f"{long[0]}, as long ones have"
+        )
+    names = [_with_unit(name, units_row) for name in table.header]
+    held = {i: name for i, name in enumerate(names) if is_quantity(name)}
+    if not held:
+        raise InputError(
+            f"{where}: expected a wide table, a column for each quantity; got "
+            f"{', '.join(map(shown, table.header))}"
+        )
+    sigmas = _sigmas(keys, {i: spelt(table.header[i]) for i in held})
+    others = [i for i in range(len(keys)) if i not in held and i not in sigmas.values()]
+    picked: list[tuple[int, int]] = [
+        (row, i)
+        for row in range(len(table.lines))
+        for i in held
+        if not is_empty(table.columns[i][row])
+    ]
+
+    def field(of: Callable[[int, int], str]) -> list[str]:
+        return [of(row, i) for row, i in picked]
+
+    timed = {i for i, name in held.items() if _ours(name) in TIMED}
+    columns = []
+    for other in others:
+        cells, is_time = table.columns[other], keys[other].startswith("time")
+        columns.append(
+            [cells[row] if not is_time or i in timed else "" for row, i in picked]
+        )
+    header = [table.header[i] for i in others]
+    without = tuple(name for i, name in held.items() if i not in sigmas)
+    return Table(
+        source=table.source,
+        header=[*header, "quantity", "value", "sigma"],
+        columns=[
+            *columns,
+            field(lambda _, i: held[i]),
+            field(lambda row, i: table.columns[i][row]),
+            field(lambda row, i: table.columns[sigmas[i]][row] if i in sigmas else ""),
+        ],
+        lines=[table.lines[row] for row, _ in picked],
+        header_line=table.header_line,
+        comments=table.comments,
+        understood=(*table.understood, MadeLong(tuple(held.values()), without)),
+    )
+
+
+def _with_unit(name: str, units_row: dict[str, UnitOf]) -> str:
+    """Return a name with the unit that a row of units told, if a quantity has it."""
+    told = units_row.get(name)
+    if told is None or is_quantity(name):
+        return name
+    with_unit = f"{name}_{told.suffix}"
+    return with_unit if is_quantity(with_unit) else name
+
+
+def _sigmas(keys: list[str], held: dict[int, str]) -> dict[int, int]:
+    """Return which column holds the errors of which."""
+    return {
+        i: keys.index(name)
+        for i, key in held.items()
+        for name in (f"sigma_{key}", f"{key}_sigma")
+        if name in keys
+    }
+
+
+def _ours(name: str) -> str:
+    """Return which of our quantities a column is."""
+    found = our_name(name)
+    return found.name if found else name

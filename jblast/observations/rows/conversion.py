@@ -1,0 +1,213 @@
+"""What was measured, from the units of a log to ours, with its sigma.
+
+The value is in the unit of its column (`value_kpa`), else in the one that its quantity
+ends in; the sigma in that of its column (`sigma_percent`), else in that of its value.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from jblast.errors import nearest, shown
+from jblast.observations.rows.fields import Fields
+from jblast.observations.understood import (
+    Converted,
+    LevelConverted,
+    Renamed,
+    Understood,
+)
+from jblast.quantities import ADDITIVE
+from jblast.quantity_table import QUANTITIES
+from jblast.units import LN_PER_DB, OurName, our_name, overpressure, what_to_write
+from jblast.units.names import dimension_of
+
+LEVEL, SHARE = "level", "share"
+
+
+@dataclass
+class Measured:
+    """Which of our quantities each row holds, and in which unit.
+
+    Attributes:
+        theirs: Quantities as written.
+        quantity: Ours.
+        units: Of quantities in another unit than ours, as written.
+        columns: Units of columns that have one of their own.
+    """
+
+    theirs: tuple[str, ...]
+    quantity: tuple[str, ...]
+    units: dict[str, OurName]
+    columns: Mapping[str, OurName]
+    understood: list[Understood] = field(default_factory=list)
+
+    def factors(self) -> Float[np.ndarray, " row"]:
+        """Return what values are multiplied by; 1 for levels."""
+        own = self.columns.get("value")
+        if own is not None:
+            return np.full(len(self.theirs), own.factor)
+        by_name = {
+            name: 1.0 if unit.dimension == LEVEL else unit.factor
+            for name, unit in self.units.items()
+        }
+        return np.array([by_name.get(name, 1.0) for name in self.theirs])
+
+    def levels(self) -> Bool[np.ndarray, " row"]:
+        """Return which values are peak levels in dB."""
+        named = {n for n, unit in self.units.items() if unit.dimension == LEVEL}
+        return np.array([name in named for name in self.theirs], bool)
+
+    def converts(self) -> bool:
+        """Return whether anything has to be converted."""
+        return bool(self.units) or bool(self.columns.keys() & {"value", "sigma"})
+
+    def converted(
+        self, value: Float[np.ndarray, " row"], sigma: Float[np.ndarray, " row"]
+    ) -> tuple[Float[np.ndarray, " row"], Float[np.ndarray, " row"]]:
+        """Return values and sigmas in our units."""
+        if not self.converts():
+            return value, sigma
+        factor, level = self.factors(), self.levels()
+        with np.errstate(over="ignore"):  # what is too large is refused by its row
+            ours = np.where(level, overpressure(np.where(level, value, 0.0)), 0.0)
+            ours = np.where(level, ours, value * factor)
+        own = self.columns.get("sigma")
+        if own is None:
+            return ours, sigma * np.where(level, ours * LN_PER_DB, factor)
+        if own.dimension == SHARE:
+            return ours, sigma * own.factor * np.abs(ours)
+        if own.dimension == LEVEL:
+            return ours, sigma * LN_PER_DB * ours
+        return ours, sigma * own.factor
+
+
+def measured(rows: Fields, *, strict: bool) -> Measured:
+    """Find which of our quantities each row holds, and refuse what is none.
+
+    Args:
+        rows: The log.
+        strict: Whether quantities have to be ours to the letter.
+    """
+    theirs, columns = rows.text("quantity"), rows.units
+    names = {name: name for name in QUANTITIES}
+    units: dict[str, OurName] = {}
+    unknown: set[str] = set()
+    for name in dict.fromkeys(theirs):
+        if name in names:
+            continue
+        found = None if strict else _meant(name, columns.get("value"))
+        if found is None:
+            unknown.add(name)
+            names[name] = name
+        else:
+            names[name] = found.name
+            units[name] = found
+    if unknown:
+        rows.tell(
+            [name in unknown for name in theirs],
+            "quantity",
+            lambda row: _unknown(theirs[row], strict=strict),
+        )
+    quantity = tuple(names[name] for name in theirs) if units else theirs
+    found = Measured(theirs, quantity, units, columns)
+    _refuse_two_units(rows, found)
+    _tell(found)
+    return found
+
+
+def _meant(name: str, value: OurName | None) -> OurName | None:
+    """Return which of our quantities a name means; its unit may be the column's."""
+    found = our_name(name)
+    if found is None and value is not None:
+        found = our_name(f"{name}_{value.unit}")
+    return found if found is not None and found.name in QUANTITIES else None
+
+
+def _refuse_two_units(rows: Fields, found: Measured) -> None:
+    """Refuse values whose column and quantity are in different units, or dimensions."""
+    own, sigma = found.columns.get("value"), found.columns.get("sigma")
+    if own is not None:
+        odd = {
+            name
+            for name, ours in set(zip(found.theirs, found.quantity, strict=True))
+            if dimension_of(ours) != own.dimension
+            or (name in found.units and not _same(found.units[name], own))
+        }
+        rows.refuse(
+            [name in odd for name in found.theirs],
+            "quantity",
+            lambda row: (
+                f"a quantity in {own.unit}, the unit of column "
+                f"{rows.theirs['value']}, got {found.theirs[row]}: two units for one "
+                "column"
+            ),
+        )
+    if sigma is None:
+        return
+    empty = [not text for text in rows.text("sigma")]
+    relative = sigma.dimension in (SHARE, LEVEL)
+    odd = {
+        ours
+        for ours in set(found.quantity)
+        if (ours in ADDITIVE if relative else dimension_of(ours) != sigma.dimension)
+    }
+    rows.refuse(
+        [
+            ours in odd and not nothing
+            for ours, nothing in zip(found.quantity, empty, strict=True)
+        ],
+        "sigma",
+        lambda row: (
+            f"a sigma in the unit of {found.theirs[row]}"
+            + (", whose errors are no share of it" if relative else "")
+            + f", got one in {sigma.unit}"
+        ),
+    )
+
+
+def _same(a: OurName, b: OurName) -> bool:
+    return (a.dimension, a.factor) == (b.dimension, b.factor)
+
+
+def _tell(found: Measured) -> None:
+    """Note what is converted, once for each name."""
+    for name, unit in found.units.items():
+        rows = found.theirs.count(name)
+        if unit.dimension == LEVEL:
+            found.understood.append(LevelConverted(name, rows))
+        elif unit.factor == 1.0:
+            found.understood.append(Renamed(name, unit.name))
+        elif "value" not in found.columns:
+            found.understood.append(
+                Converted(name, unit.name, unit.unit, unit.factor, rows)
+            )
+
+
+def told_columns(rows: Fields) -> list[Understood]:
+    """Return what is converted by column."""
+    told: list[Understood] = []
+    for name, unit in rows.units.items():
+        filled = sum(1 for text in rows.texts[name] if text)
+        if unit.dimension == LEVEL:
+            told.append(LevelConverted(rows.theirs[name], filled))
+        elif unit.factor != 1.0:
+            theirs = rows.theirs[name]
+            told.append(Converted(theirs, name, unit.unit, unit.factor, filled))
+    return told
+
+
+def _unknown(quantity: str, *, strict: bool) -> str:
+    """Say what to write in place of an unknown quantity."""
+    ours = our_name(quantity) if strict else None
+    if ours is not None:
+        level = ours.dimension == LEVEL
+        advice = f"; ours is {ours.name}"
+        advice += "" if level else f": multiply by {ours.factor:.9g}"
+    else:
+        advice = what_to_write(quantity) or nearest(quantity, QUANTITIES)
+    return (
+        f"unknown quantity {shown(quantity)}{advice}; expected one of "
+        f"{', '.join(QUANTITIES)}"
+    )

@@ -1,0 +1,105 @@
+"""The fields of a log by column, and how what is wrong with one is told."""
+
+import math
+import re
+from collections.abc import Callable
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from jblast.errors import InputError, shown
+from jblast.observations.dialects.header import PER_ROW, Header
+from jblast.observations.dialects.table import Table
+from jblast.observations.faults import Faults
+from jblast.observations.formats import row_word
+
+DATE = re.compile(r"\d{4}-\d{2}-\d{2}")
+
+
+class Fields:
+    """The body of a table by column, as text.
+
+    Attributes:
+        texts: Fields by column.
+        lines: Where each row stood.
+        units: Of columns that are in another unit than ours.
+        sound: Whether nothing is wrong with a row so far.
+    """
+
+    def __init__(self, table: Table, header: Header, faults: Faults):
+        self.path = table.source
+        self.lines = table.lines
+        self.word = row_word(table.source)
+        self.faults = faults
+        self.texts = dict(zip(table.header, table.columns, strict=True))
+        self.theirs, self.units = header.theirs, header.units
+        self.sound = np.ones(len(self.lines), bool)
+
+    def text(self, column: str) -> tuple[str, ...]:
+        """Return a column of names; "" where the file has no such column."""
+        return tuple(self.texts.get(column) or [""] * len(self.lines))
+
+    def number(
+        self, column: str, *, optional: bool = True
+    ) -> Float[np.ndarray, " row"]:
+        """Return a column of finite numbers; NaN where an optional one is empty.
+
+        In our unit, but for `value` and `sigma`, whose rows may have many.
+        """
+        if column not in self.texts:
+            return np.full(len(self.lines), np.nan)
+        texts = self.texts[column]
+        try:
+            numbers = np.array([float(text) if text else np.nan for text in texts])
+        except ValueError:
+            numbers = np.array([_number(text) for text in texts])
+        empty = np.array([not text for text in texts], bool)
+        odd = np.array(["_" in text for text in texts], bool)  # 1_000 is Python
+        self.refuse(
+            odd | (~np.isfinite(numbers) & ~(empty & optional)),
+            column,
+            lambda row: f"a finite number, got {_told(texts[row])}",
+        )
+        own = None if column in PER_ROW else self.units.get(column)
+        return numbers if own is None else numbers * own.factor
+
+    def refuse(
+        self,
+        bad: Bool[np.ndarray, " row"] | list[bool],
+        column: str,
+        expected: Callable[[int], str],
+    ) -> None:
+        """Tell each bad row, with what its column should hold: it is left out."""
+        self.tell(bad, column, lambda row: f"expected {expected(row)}")
+
+    def tell(
+        self,
+        bad: Bool[np.ndarray, " row"] | list[bool],
+        column: str,
+        said: Callable[[int], str],
+    ) -> None:
+        """Tell each bad row, in words of their own."""
+        if not np.any(bad):
+            return
+        at = f", column {self.theirs.get(column, column)}" if column else ""
+        for row in map(int, np.flatnonzero(bad)):
+            self.sound[row] = False
+            where = f"{self.path}: {self.word} {self.lines[row]}{at}"
+            self.faults.tell(InputError(f"{where}: {said(row)}"))
+
+
+def _told(text: str) -> str:
+    """Say what came in place of a number, and what may be wrong with it."""
+    if not text:
+        return "nothing"
+    if DATE.match(text):
+        return f"{shown(text)}: a date, as spreadsheets make of 3.5 or 1-2"
+    return shown(text) + ("; write a decimal point" if "," in text else "")
+
+
+def _number(text: str) -> float:
+    """Return what a field says; NaN for what is no number."""
+    try:
+        return float(text)
+    except ValueError:
+        return math.nan

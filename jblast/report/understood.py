@@ -1,0 +1,115 @@
+"""What a reader understood of a log, in words: each conversion, once."""
+
+from collections.abc import Sequence
+from functools import singledispatch
+
+from jblast.observations import understood as of
+from jblast.observations.understood import Understood
+from jblast.report.words import joined
+
+NAMED = 5
+"""Lines, or names, that a sentence gives one by one."""
+WAYS = {"CSV": "text"}
+
+
+def understood_lines(understood: Sequence[Understood]) -> list[str]:
+    """Return a sentence for each thing that was not as we write it."""
+    return [text for found in understood if (text := understood_words(found))]
+
+
+@singledispatch
+def understood_words(found: Understood) -> str:
+    """Say what was converted, skipped or supplied, or "" where that is no news."""
+    raise NotImplementedError(type(found).__name__)
+
+
+@understood_words.register
+def _(found: of.Dialect) -> str:
+    if found.format == "data frame":
+        return ""
+    parts = []
+    if found.separator:
+        parts.append(f"fields separated by {_separator(found.separator)}")
+    if found.encoding:
+        parts.append(found.encoding)
+    if found.sheet:
+        parts.append(f"sheet {found.sheet!r}")
+    named = WAYS.get(found.format, found.format)
+    return f"read as {named}" + (f": {', '.join(parts)}" if parts else "")
+
+
+@understood_words.register
+def _(found: of.DecimalComma) -> str:
+    return f"numbers have a decimal comma, as {found.text} in line {found.line} shows"
+
+
+@understood_words.register
+def _(found: of.Renamed) -> str:
+    return f"{found.theirs} was taken for {found.ours}"
+
+
+@understood_words.register
+def _(found: of.Converted) -> str:
+    if found.unit == "percent":
+        return f"{found.theirs}: per cent of each value ({_rows(found.rows)})"
+    return (
+        f"{found.theirs} was converted to {found.ours}: times {found.factor:.9g} "
+        f"({_rows(found.rows)})"
+    )
+
+
+@understood_words.register
+def _(found: of.LevelConverted) -> str:
+    if found.theirs.lower().startswith("sigma"):
+        return (
+            f"{found.theirs}: 1 dB is ln(10)/20 = 11.5 % of each value "
+            f"({_rows(found.rows)})"
+        )
+    return (
+        f"{found.theirs} was converted to peak_overpressure_pa: 20 uPa times "
+        f"10^(dB/20), its sigma of 1 dB is ln(10)/20 = 11.5 % ({_rows(found.rows)})"
+    )
+
+
+@understood_words.register
+def _(found: of.EmptySkipped) -> str:
+    n = len(found.lines)
+    which = [str(line) for line in found.lines[:NAMED]]
+    more = [f"{n - NAMED} more"] if n > NAMED else []
+    lines = "line" if n == 1 else "lines"
+    return f"{_rows(n)} without a value left out: {lines} {joined([*which, *more])}"
+
+
+@understood_words.register
+def _(found: of.HeightTaken) -> str:
+    return f"no column up_m: sensors taken to stand at up = 0 ({_rows(found.rows)})"
+
+
+@understood_words.register
+def _(found: of.ColumnsIgnored) -> str:
+    columns = "column" if len(found.names) == 1 else "columns"
+    return f"{columns} {joined(list(found.names))} left aside as notes"
+
+
+@understood_words.register
+def _(found: of.UnitsRow) -> str:
+    return f"line {found.line} was read as the units of the columns"
+
+
+@understood_words.register
+def _(found: of.MadeLong) -> str:
+    text = f"a wide table, a column for each of {joined(list(found.quantities))}"
+    if not found.without_sigma:
+        return text
+    return (
+        f"{text}; without a column of errors for {joined(list(found.without_sigma))}: "
+        "the law's scatter alone"
+    )
+
+
+def _separator(name: str) -> str:
+    return f"{name}s" if name in ("semicolon", "tab") else repr(name)
+
+
+def _rows(n: int) -> str:
+    return f"{n:,} row" if n == 1 else f"{n:,} rows"

@@ -1,0 +1,166 @@
+"""Text of other programs is read as it was meant, or refused with both readings."""
+
+import io
+
+import numpy as np
+import pytest
+
+from jblast.errors import InputError
+from jblast.observations import read
+from jblast.observations.understood import (
+    ColumnsIgnored,
+    DecimalComma,
+    Dialect,
+    EmptySkipped,
+    HeightTaken,
+)
+from tests.observations.rows import HEADER, ROW
+
+SEMICOLONS = (HEADER + ROW).replace(",", ";")
+
+
+def found(log, kind):
+    return [one for one in log.understood if isinstance(one, kind)]
+
+
+@pytest.mark.parametrize(
+    ("content", "told"),
+    [
+        (SEMICOLONS, Dialect(separator="semicolon")),
+        (SEMICOLONS.replace(";", "\t"), Dialect(separator="tab")),
+        ("sep=;\r\n" + SEMICOLONS, Dialect(separator="semicolon")),
+        ((HEADER + ROW).encode("utf-16"), Dialect(encoding="UTF-16 (little-endian)")),
+        (
+            b"\xfe\xff" + SEMICOLONS.encode("utf-16-be"),
+            Dialect(separator="semicolon", encoding="UTF-16 (big-endian)"),
+        ),
+        ("\ufeff" + HEADER + ROW.replace("\n", "\r\n"), None),
+        (HEADER.replace("sensor", '"sensor"') + ROW, None),
+        (" Sensor , QUANTITY,Value,SIGMA\u00a0,East_m,north M, up_m\n" + ROW, None),
+    ],
+)
+def test_a_dialect_is_recognised_and_named(log, content, told):
+    log = read(log(content))
+    assert (log.sensor, log.value[0], log.sigma[0]) == (("a",), 0.05, 0.001)
+    np.testing.assert_array_equal(log.position, [[20, 0, 1.5]])
+    assert found(log, Dialect) == ([told] if told else [])
+
+
+def test_decimal_commas_are_read_where_one_number_shows_them(log):
+    text = SEMICOLONS.replace(".", ",") + "b;air_arrival_s;1,234;0,5;1,5;0;0\n"
+    log = read(log(text))
+    np.testing.assert_array_equal(log.value, [0.05, 1.234])
+    assert found(log, DecimalComma) == [DecimalComma(2, "0,05")]
+
+
+def test_quoted_decimal_commas_are_read_between_commas(log):
+    text = HEADER + 'a,air_arrival_s,"0,05","0,001",20,0,"1,5"\n'
+    assert read(log(text)).value[0] == 0.05
+
+
+@pytest.mark.parametrize(
+    ("value", "sigma", "said"),
+    [
+        ("1,234", "1", "may be 1.234 or 1234"),
+        ("1.234", "1", "may be 1.234 or 1234"),
+        ("1,234", "0.5", "no mark between thousands, and decimals as in 0.5"),
+        ("1.234", "0,5", "no mark between thousands, and decimals as in 0,5"),
+        ("1.234,5", "1", "without marks between thousands"),
+        ("1,234,567", "1", "without marks between thousands"),
+        ("0,25", "0.5", "one decimal mark in the file"),
+        ("1 234", "1", "a finite number, got '1 234'"),
+        ("1\u00a0234", "1", "a finite number"),
+        ("1'234", "1", "a finite number"),
+    ],
+)
+def test_what_can_be_read_two_ways_is_refused_with_both(log, value, sigma, said):
+    text = f"sensor;quantity;value;sigma;range_m\na;air_arrival_s;{value};{sigma};20\n"
+    with pytest.raises(InputError, match="line 2, column value.*" + said):
+        read(log(text))
+
+
+def test_empty_values_are_left_out_and_counted(log):
+    words = ("", "NA", "n/a", "NaN", "-", "null", "Empty", "None")
+    rows = [f"a,air_arrival_s,{word},1,1,2,3\n" for word in words]
+    log = read(log(HEADER + "".join(rows[:4]) + ROW + "".join(rows[4:])))
+    assert len(log) == 1
+    assert found(log, EmptySkipped) == [EmptySkipped((2, 3, 4, 5, 7, 8, 9, 10))]
+
+
+def test_a_word_for_nothing_elsewhere_is_an_empty_field(log):
+    log = read(log(HEADER + "a,air_arrival_s,1,NA,-,n/a,NaN\n"))
+    assert np.isnan(log.sigma).all()
+    assert np.isnan(log.position).all()
+
+
+def test_a_height_left_out_is_zero_and_said(log):
+    head = "sensor,quantity,value,sigma,east_m,north_m\n"
+    log = read(log(head + "a,air_arrival_s,1,,2,3\nb,air_arrival_s,1,,,\n"))
+    np.testing.assert_array_equal(log.position, [[2, 3, 0], [np.nan] * 3])
+    assert found(log, HeightTaken) == [HeightTaken(1)]
+
+
+def test_notes_empty_columns_and_empty_lines_are_left_aside(log):
+    text = (
+        "sensor;quantity;value;sigma;Note;\n"
+        "# by hand;;;;;\n;;;;;\n"
+        "a;air_arrival_s;1;;windy, loud;\n;;;;;\n"
+    )
+    log = read(log(text))
+    assert len(log) == 1
+    assert found(log, ColumnsIgnored) == [ColumnsIgnored(("Note",))]
+
+
+def test_a_separator_within_quotes_is_none(log):
+    text = SEMICOLONS.replace("\na;", '\n"a;b";')
+    assert read(log(text)).sensor == ("a;b",)
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        (
+            HEADER + ROW + HEADER + ROW,
+            "line 3: expected one table, got its header again",
+        ),
+        ("time_s,pressure_pa\n0,1\n0.1,2\n0.2,5\n", "a record of samples.*jblast pick"),
+        ("Time (ms);p\n0;1\n0,1;2\n0,2;5\n", "a record of samples"),
+        ("0.0,1.0\n0.1,2\n0.2,5\n0.3,5\n", "a record of samples"),
+        ("sensor,peak_overpressure_kpa,range_m\na,1,2\n", "a wide table"),
+        (HEADER + ROW.replace("0.05", "True"), "a finite number, got 'True'"),
+        (HEADER + ROW.replace("0.05", "2026-03-01"), "a date, as spreadsheets make"),
+        (HEADER + "a,air_arrival_s,NA,,1,2,3\n", "got 1 rows without a value"),
+    ],
+)
+def test_what_is_no_log_is_told_what_it_is(log, text, said):
+    with pytest.raises(InputError, match=said):
+        read(log(text))
+
+
+def test_buffers_of_text_and_of_bytes_are_read(log):
+    for source in (io.StringIO(SEMICOLONS), io.BytesIO(SEMICOLONS.encode("utf-16"))):
+        assert read(source).value[0] == 0.05
+    with log(HEADER + ROW).open(encoding="utf-8") as file:
+        assert read(file).source.endswith("log.csv")
+
+
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [
+        ("log.docx", "expected a log in one of .csv"),
+        ("shot.wav", "is a recording, not a log"),
+        ("shot.xls", "expected a log in one of"),
+    ],
+)
+def test_a_name_that_says_it_is_no_table_is_refused(tmp_path, name, said):
+    (tmp_path / name).write_text(HEADER + ROW)
+    with pytest.raises(InputError, match=said):
+        read(tmp_path / name)
+
+
+def test_a_file_that_is_too_large_is_refused_unread(tmp_path):
+    path = tmp_path / "log.csv"
+    with path.open("wb") as file:
+        file.truncate(10_000_000_000)  # sparse: holds nothing
+    with pytest.raises(InputError, match=r"1 GB at most.*got 10 GB"):
+        read(path)

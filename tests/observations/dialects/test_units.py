@@ -1,0 +1,163 @@
+"""Values, errors, places and times in other units are ours afterwards, and told."""
+
+import math
+
+import numpy as np
+import pytest
+
+from jblast.errors import InputError
+from jblast.observations import read
+from jblast.observations.understood import Converted, LevelConverted
+
+PSI = 6894.757293168361
+HEAD = "sensor,quantity,value,sigma,range_m\n"
+
+
+def of(log, *rows, head=HEAD):
+    return read(log(head + "\n".join(rows) + "\n"))
+
+
+@pytest.mark.parametrize(
+    ("quantity", "value", "sigma", "ours", "in_ours", "sigma_in_ours"),
+    [
+        ("peak_overpressure_psi", 2, 0.1, "peak_overpressure_pa", 2 * PSI, 0.1 * PSI),
+        (
+            "positive_impulse_psi_ms",
+            2,
+            1,
+            "positive_impulse_pa_s",
+            PSI / 500,
+            PSI / 1e3,
+        ),
+        ("positive_duration_ms", 12.5, 0.5, "positive_duration_s", 0.0125, 0.0005),
+        ("Air Arrival (ms)", 120, 1, "air_arrival_s", 0.12, 0.001),
+        ("bearing_deg", 350, 2, "bearing_rad", math.radians(350), math.radians(2)),
+        ("bearing_deg", -10, 2, "bearing_rad", math.radians(-10), math.radians(2)),
+    ],
+)
+def test_a_quantity_may_end_in_another_unit(
+    log, quantity, value, sigma, ours, in_ours, sigma_in_ours
+):
+    found = of(log, f"a,{quantity},{value},{sigma},20")
+    assert found.quantity == (ours,)
+    np.testing.assert_allclose(found.value, in_ours, rtol=4e-16)
+    np.testing.assert_allclose(found.sigma, sigma_in_ours, rtol=4e-16)
+    (told,) = found.understood
+    assert isinstance(told, Converted)
+    assert (told.theirs, told.ours, told.rows) == (quantity, ours, 1)
+
+
+def test_a_column_may_be_in_another_unit_and_its_sigma_with_it(log):
+    head = "sensor,quantity,value_kpa,sigma,range_ft\n"
+    found = of(log, "a,peak_overpressure_pa,5,0.25,100", head=head)
+    np.testing.assert_allclose(found.value, 5000)
+    np.testing.assert_allclose(found.sigma, 250)
+    np.testing.assert_allclose(found.slant_range, 30.48)
+    converted = [told for told in found.understood if isinstance(told, Converted)]
+    assert {told.theirs for told in converted} == {"value_kpa", "range_ft"}
+
+
+@pytest.mark.parametrize("quantity", ["peak_overpressure", "peak_overpressure_kpa"])
+def test_a_quantity_beside_a_column_with_a_unit_needs_none_or_the_same(log, quantity):
+    head = "sensor,quantity,Value (kPa),sigma,range_m\n"
+    found = of(log, f"a,{quantity},5,,100", head=head)
+    assert found.quantity == ("peak_overpressure_pa",)
+    np.testing.assert_allclose(found.value, 5000)
+
+
+@pytest.mark.parametrize(
+    ("head", "row", "said"),
+    [
+        ("value_kpa,sigma", "a,peak_overpressure_psi,5,,1", "two units for one column"),
+        ("value_kpa,sigma", "a,air_arrival_s,5,,1", "two units for one column"),
+        ("value,sigma_percent", "a,air_arrival_s,5,1,1", "no share of it"),
+        ("value,sigma_ms", "a,peak_overpressure_pa,5,1,1", "got one in ms"),
+        ("value,sigma", "a,peak_overpressure_mpa,5,1,1", "MPa or mPa"),
+        ("value,sigma", "a,peak_overpressure_psia,5,1,1", "absolute"),
+        ("value,sigma", "a,peak_overpressure_kpb,5,1,1", "did you mean kpa"),
+        ("value,sigma", "a,level_dba,150,1,1", "unknown quantity"),
+        ("value,sigma", "a,bearing_deg,361,1,1", "bearing_deg within 360 either way"),
+        ("value,sigma", "a,elevation_deg,91,1,1", "elevation_deg within 90"),
+        (
+            "value,sigma",
+            "a,peak_overpressure_kpa,-5,1,1",
+            "positive peak_overpressure_k",
+        ),
+    ],
+)
+def test_what_does_not_go_together_is_refused(log, head, row, said):
+    with pytest.raises(InputError, match=said):
+        of(log, row, head=f"sensor,quantity,{head},range_m\n")
+
+
+@pytest.mark.parametrize(
+    ("columns", "said"),
+    [
+        ("value,value_kpa,sigma,range_m", "two units for one column"),
+        ("value,Value,sigma,range_m", "column value once, got 'value' and 'Value'"),
+        ("value,sigma,range_m,range_ft", "two units for one column"),
+        ("value,sigma,sigma_percent,range_m", "two units for one column"),
+        ("value,sigma,range_furlong", "'furlong' is no unit of length"),
+        ("value_parsec,sigma,range_m", "'parsec' is no unit"),
+    ],
+)
+def test_two_units_for_a_column_and_unknown_ones_are_refused(log, columns, said):
+    row = ",".join(["a,air_arrival_s", *"1234"[: columns.count(",") + 1]])
+    with pytest.raises(InputError, match=said):
+        of(log, row, head=f"sensor,quantity,{columns}\n")
+
+
+def test_an_error_may_be_a_share_of_its_value(log):
+    head = "sensor,quantity,value,Sigma (%),range_m\n"
+    rows = "a,peak_overpressure_kpa,5,8,1", "b,peak_overpressure_pa,9,,1"
+    found = of(log, *rows, head=head)
+    np.testing.assert_allclose(found.sigma, [400, np.nan])
+
+
+def test_a_clock_time_may_have_its_error_in_milliseconds(log):
+    head = "sensor,quantity,value,sigma_ms,range_m\n"
+    np.testing.assert_allclose(of(log, "a,air_arrival_s,5,8,1", head=head).sigma, 0.008)
+
+
+def test_a_peak_level_is_a_pressure_and_its_decibels_a_share(log):
+    found = of(log, "a,peak_level_db,154,1,90", "b,Peak level (dB),>160,2,90")
+    assert set(found.quantity) == {"peak_overpressure_pa"}
+    np.testing.assert_allclose(found.value, [1002.374, 2000.0], rtol=1e-6)
+    np.testing.assert_allclose(
+        found.error_scale(), np.array([1, 2]) * math.log(10) / 20, rtol=1e-12
+    )
+    assert found.bounds().tolist() == [False, True]
+    assert all(isinstance(told, LevelConverted) for told in found.understood)
+
+
+def test_a_level_may_have_its_error_per_cent_and_a_pressure_its_in_decibels(log):
+    head = "sensor,quantity,value,sigma_percent,range_m\n"
+    found = of(log, "a,peak_level_db,154,8,1", head=head)
+    np.testing.assert_allclose(found.error_scale(), 0.08)
+    head = "sensor,quantity,value,sigma_db,range_m\n"
+    found = of(log, "a,peak_overpressure_kpa,1,1,1", head=head)
+    np.testing.assert_allclose(found.error_scale(), math.log(10) / 20)
+
+
+def test_places_and_times_may_be_in_other_units(log):
+    head = "sensor,quantity,value,sigma,east_ft,north_ft,up_ft,time_ms\n"
+    found = of(log, "c,shock_radius_ft,10,1,1,2,3,0.5", head=head)
+    np.testing.assert_allclose(found.position, [[0.3048, 0.6096, 0.9144]])
+    np.testing.assert_allclose(found.time, 0.0005)
+    np.testing.assert_allclose(found.value, 3.048)
+
+
+def test_a_row_of_units_is_heeded_second_or_last(log):
+    head = "sensor,quantity,value,sigma,range\n"
+    rows = "a,peak_overpressure,5,1,30", "b,peak_overpressure,4,1,40"
+    units = ",,kPa,[kPa],(ft)"
+    for body in ((units, *rows), (*rows, units)):
+        found = of(log, *body, head=head)
+        np.testing.assert_allclose(found.value, [5000, 4000])
+        np.testing.assert_allclose(found.sigma, 1000)
+        np.testing.assert_allclose(found.slant_range, [9.144, 12.192])
+
+
+def test_a_row_of_units_may_not_contradict_a_name(log):
+    with pytest.raises(InputError, match="one unit a column, got m in its name and ft"):
+        of(log, ",,s,s,ft", "a,air_arrival_s,1,1,30")

@@ -1,0 +1,105 @@
+"""A name of another tool is one of ours in a unit, or it is none."""
+
+import subprocess
+import sys
+
+import pytest
+
+from jblast.observations.table import COLUMNS
+from jblast.quantity_table import QUANTITIES
+from jblast.units import our_name, what_to_write
+from jblast.units.names import dimension_of
+from jblast.units.vocabulary import SUFFIXES
+from jblast.units.words import CALLED
+
+PSI = 4.4482216152605 / 0.0254**2  # a pound's weight on a square inch, both exact
+MEANT = [
+    ("overpressure_kPa", "peak_overpressure_pa", 1e3),
+    ("Peak Overpressure (psi)", "peak_overpressure_pa", PSI),
+    ("peak_overpressure_psig", "peak_overpressure_pa", PSI),
+    (" PEAK OVERPRESSURE [hPa] ", "peak_overpressure_pa", 1e2),
+    ("Peak\u00a0Overpressure\u00a0(kPa)", "peak_overpressure_pa", 1e3),
+    ("reflected_pressure_MPa", "reflected_pressure_pa", 1e6),
+    ("reflected_pressure_mPa", "reflected_pressure_pa", 1e-3),
+    ("positive_impulse_psi_ms", "positive_impulse_pa_s", PSI * 1e-3),
+    ("reflected impulse psi-ms", "reflected_impulse_pa_s", PSI * 1e-3),
+    ("positive_impulse (kPa\u00b7ms)", "positive_impulse_pa_s", 1.0),
+    ("arrival_ms", "air_arrival_s", 1e-3),
+    ("TOA [ms]", "air_arrival_s", 1e-3),
+    ("positive_duration_ms", "positive_duration_s", 1e-3),
+    ("time_\u00b5s", "time_s", 1e-6),
+    ("time_\u03bcs", "time_s", 1e-6),
+    ("range_ft", "range_m", 0.3048),
+    ("east_ft", "east_m", 0.3048),
+    ("up_cm", "up_m", 1e-2),
+    ("ground_displacement_nm", "ground_displacement_m", 1e-9),
+    ("ground_peak_velocity_mm_s", "ground_peak_velocity_m_s", 1e-3),
+    ("Peak ground velocity (mm/s)", "ground_peak_velocity_m_s", 1e-3),
+    ("bearing_deg", "bearing_rad", 3.141592653589793 / 180),
+    ("elevation (\u00b0)", "elevation_rad", 3.141592653589793 / 180),
+    ("value_kpa", "value", 1e3),
+    ("sigma_ms", "sigma", 1e-3),
+    ("sigma (%)", "sigma", 1e-2),
+]
+
+
+@pytest.mark.parametrize(("theirs", "ours", "factor"), MEANT)
+def test_a_name_of_another_tool_is_one_of_ours_in_a_unit(theirs, ours, factor):
+    found = our_name(theirs)
+    assert found is not None
+    # PSI's own rounding is the only one
+    assert (found.name, found.factor) == (ours, pytest.approx(factor, rel=3e-16))
+    assert ours in (*QUANTITIES, *COLUMNS)
+
+
+@pytest.mark.parametrize(
+    ("theirs", "said"),
+    [
+        ("peak_overpressure_mpa", "may be MPa or mPa"),
+        ("PEAK_OVERPRESSURE_MPA", "may be MPa or mPa"),
+        ("peak_overpressure_kpaa", "absolute"),
+        ("peak_overpressure_psia", "absolute"),
+        ("peak_overpressure_kpal", "'kpal' is no unit of pressure; did you mean kpa?"),
+        ("peak_overpressure", "has no unit: expected peak_overpressure_pa"),
+        ("value_parsec", "'parsec' is no unit"),
+        ("impulse_kPa_ms", "if positive_impulse_pa_s is meant, write"),
+        ("distance_ft", "write range_ft (times 0.3048)"),
+        ("radius_cm", "if shock_radius_m is meant"),
+        ("level_db", "peak_level_db, of the unweighted peak"),
+        ("velocity_mm_s", "if ground_peak_velocity_m_s is meant"),
+        ("latitude_deg", "did you mean lat_deg?"),
+        ("positive_impulse_psi_per_ms", "no unit of impulse"),
+        ("weather", ""),
+        ("kPa", ""),
+        ("x_y_z", ""),
+        ("", ""),
+    ],
+)
+def test_what_could_mean_two_things_means_none_and_is_told(theirs, said):
+    assert our_name(theirs) is None
+    assert said in what_to_write(theirs)
+
+
+def test_every_quantity_and_column_with_a_unit_is_its_own_name():
+    for name in QUANTITIES:
+        found = our_name(name)
+        assert found is not None
+        assert (found.name, found.factor) == (name, 1.0)
+        assert found.dimension == dimension_of(name)
+
+
+def test_what_is_called_otherwise_leads_to_ours_of_its_dimension():
+    for dimension, called in CALLED.items():
+        assert dimension in SUFFIXES
+        for ours in called.values():
+            of = dimension_of(ours)
+            assert of == ("pressure" if dimension == "level" else dimension)
+
+
+def test_names_in_si_need_no_pint():
+    code = (
+        "import sys; from jblast.units import our_name; "
+        "our_name('peak_overpressure_pa'); our_name('Air arrival (s)'); "
+        "sys.exit('pint' in sys.modules)"
+    )
+    assert subprocess.run([sys.executable, "-c", code]).returncode == 0
