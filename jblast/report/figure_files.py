@@ -46,5 +46,14 @@ def image_bytes(figure: Figure, kind: str) -> bytes:
     with warnings.catch_warnings():
         # a sensor's name may hold signs the font lacks; it is drawn with boxes
         warnings.filterwarnings("ignore", message=r"Glyph \d+ .*missing from font")
+        _laid_out(figure)
         figure.savefig(buffer, format=kind, facecolor="white", metadata=no_date)
     return buffer.getvalue()
+
+
+def _laid_out(figure: Figure) -> None:
+    """Lay a figure out, once; Matplotlib does it twice for each file it writes."""
+    engine = figure.get_layout_engine()
+    if engine is not None:
+        engine.execute(figure)
+        figure.set_layout_engine(None)

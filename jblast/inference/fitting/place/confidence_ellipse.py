@@ -118,7 +118,7 @@ def place_draws(
     count = len(fit.draws[told[0]])
     east, north = (
         fit.draws[name] if name in told else np.full(count, float(known))
-        for name, known in zip(asked, (charge.east, charge.north), strict=True)
+        for name, known in zip(asked, np.asarray(charge.position_m)[:2], strict=True)
     )
     return east, north
 

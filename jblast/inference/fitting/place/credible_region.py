@@ -7,6 +7,7 @@ square of the distance to its k-th nearest draw (Loftsgaarden and Quesenberry, 1
 which follows a thin curve as well as a broad heap.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -46,34 +47,39 @@ class CredibleRegion:
     ]
 
 
-def credible_region(
+def credible_regions(
     east: Float[np.ndarray, " draw"],
     north: Float[np.ndarray, " draw"],
-    share: float = 0.9,
-) -> CredibleRegion | None:
-    """Return the region of highest density where an ellipse would mislead, else None.
+    shares: Sequence[float] = (0.5, 0.9),
+) -> tuple[CredibleRegion, ...]:
+    """Return regions of highest density where an ellipse would mislead, else none.
 
     Args:
         east: Draws of the place [m].
         north: Likewise.
-        share: Of the draws to be held.
+        shares: Of the draws to be held, a region each.
     """
     ellipse = confidence_ellipse(east, north)
     if not ellipse.minor > 0.0:
-        return None
+        return ()
     turned = np.linalg.inv(ellipse.axes())
     centre = np.array([ellipse.east, ellipse.north])
     x = (np.stack([east, north], axis=-1) - centre) @ turned  # the ellipse: |x| = 1
     if _seems_normal(x):
-        return None
+        return ()
     sparse = _sparseness(x)
-    found = sparse(x)
     tries = np.random.default_rng(0).uniform(-1.0, 1.0, (TRIES, 2))
     tries = tries[np.sum(tries**2, axis=1) < 1.0]
+    found = sparse(x)
     if np.mean(sparse(tries) <= np.quantile(found, ellipse.share)) >= FILLED:
-        return None
-    limit = float(np.quantile(found, share))
-    return CredibleRegion(share, _outlines(x, sparse, limit, ellipse.axes(), centre))
+        return ()
+    regions = []
+    for share in shares:
+        limit = float(np.quantile(found, share))
+        inside = x[found <= limit]
+        parts = _outlines(inside, sparse, limit, ellipse.axes(), centre)
+        regions.append(CredibleRegion(share, parts))
+    return tuple(regions)
 
 
 def _seems_normal(x: Float[np.ndarray, "draw 2"]) -> bool:
@@ -97,15 +103,11 @@ def _sparseness(x: Float[np.ndarray, "draw 2"]):
     return lambda at: tree.query(at, nearest)[0][..., -1]
 
 
-def _outlines(x, sparse, limit: float, axes, centre):
-    """Return the rings about where draws are no sparser than a limit."""
+def _outlines(inside, sparse, limit: float, axes, centre):
+    """Return the rings about draws that are no sparser than a limit."""
     from contourpy import FillType, contour_generator
 
-    low, high = x.min(axis=0) - 0.1, x.max(axis=0) + 0.1
-    inside = x[sparse(x) <= limit]
-    low, high = (
-        np.clip(e, inside.min(0) - 0.3, inside.max(0) + 0.3) for e in (low, high)
-    )
+    low, high = inside.min(axis=0) - 0.3, inside.max(axis=0) + 0.3
     across, along = (np.linspace(low[k], high[k], GRID) for k in (0, 1))
     places = np.stack(np.meshgrid(across, along), axis=-1)
     field = np.log(sparse(places.reshape(-1, 2)).reshape(GRID, GRID))

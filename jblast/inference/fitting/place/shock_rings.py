@@ -65,7 +65,7 @@ def shock_rings(
         return ()
     alone = replace(fit.scene, charge=charge, others=())
     ranges, valid = ranges_at(alone, law, masses, levels)
-    height = float(charge.up)
+    height = float(np.asarray(charge.position_m)[2])
     along = np.sqrt(np.maximum(ranges**2 - height**2, 0.0))
     return tuple(
         ShockRing(

@@ -12,7 +12,7 @@ from jblast.inference.fitting.place.confidence_ellipse import (
 )
 from jblast.inference.fitting.place.credible_region import (
     CredibleRegion,
-    credible_region,
+    credible_regions,
 )
 from jblast.inference.fitting.place.shock_rings import ShockRing, shock_rings
 from jblast.inference.fitting.result import Fit
@@ -134,19 +134,18 @@ def _stations(fit: Fit) -> tuple[Station, ...]:
 def _charge(fit: Fit, shot: int, accepted: Accepted | None) -> ChargePlace | None:
     """Return one charge; None where the log cannot tell its place, or it never went."""
     charge = fit.scene.charges[shot]
-    position = np.array([float(charge.east), float(charge.north), float(charge.up)])
+    position = np.asarray(charge.position_m, float)
     names = [f"charge_{axis}_m{fit.scene.label(charge)}" for axis in ("east", "north")]
     asked = not set(names).isdisjoint(fit.summary.free)
     pair = place_draws(fit, shot)
     untold = asked and pair is None
-    if untold or charge.range_m is not None or bool(charge.never):
+    if untold or charge.range_m is not None or bool(np.isinf(charge.time_s)):
         return None
     draws = None if pair is None else np.stack(pair, axis=-1)
     ellipses, regions = (), ()
     if pair is not None:
         ellipses = tuple(confidence_ellipse(*pair, share) for share in SHARES)
-        shapes = (credible_region(*pair, share) for share in SHARES)
-        regions = tuple(region for region in shapes if region is not None)
+        regions = credible_regions(*pair, SHARES)
     known = [accepted[name][0] for name in names if accepted and name in accepted]
     return ChargePlace(
         name=charge.name,
