@@ -12,6 +12,7 @@ from jblast.quantities import ADDITIVE
 from jblast.quantity_table import QUANTITIES
 from jblast.scene.charge import BURSTS
 from jblast.scene.instrument import FEWEST_BITS, MOST_BITS
+from jblast.scene.place import LIMITS
 from jblast.scene.reader.ambient import STEEPEST
 from jblast.scene.reader.priors import LISTS, PRIORS
 from jblast.scene.reader.schema import (
@@ -28,7 +29,7 @@ NOT_NEGATIVE = {"type": "number", "minimum": 0}
 TEXT = {"type": "string"}
 PERCENT = {"type": "string", "pattern": r"^\s*[0-9.]+([eE][+-]?[0-9]+)?\s*%\s*$"}
 TRUTH = {"type": "boolean"}
-SEVERAL = ("charge", "sensor")
+SEVERAL = ("charge", "sensor", "clock")
 """Tables of which a file may have several."""
 ONE_FOR_BOTH = ("focal_px", "threshold")
 """Lists of two for which one number may stand."""
@@ -105,7 +106,7 @@ def _table(name: str) -> dict[str, Any]:
     if name not in SEVERAL:
         return one
     many = {"type": "array", "items": one}
-    return many if name == "sensor" else {"anyOf": [one, many]}
+    return many if name != "charge" else {"anyOf": [one, many]}
 
 
 def _key(table: str, key: str) -> dict[str, Any]:
@@ -113,6 +114,10 @@ def _key(table: str, key: str) -> dict[str, Any]:
         return KNOWN[table, key]
     if key in KEYS:
         return _table(key)
+    if (table, key) == ("clock", "offset_s"):
+        return _uncertain(CLOCK.bounds)
+    if table == "place":
+        return NUMBER | _limits(LIMITS[key])
     parameters = [
         one
         for one in (*PARAMETERS.values(), CLOCK)
@@ -132,14 +137,7 @@ def _key(table: str, key: str) -> dict[str, Any]:
 
 def _uncertain(bounds: Bounds) -> dict[str, Any]:
     """Return what a number may be: fixed, free, or a prior."""
-    fixed: dict[str, Any] = dict(NUMBER)
-    for word, bound in (
-        ("exclusiveMinimum", bounds.above),
-        ("minimum", bounds.at_least),
-        ("maximum", bounds.at_most),
-    ):
-        if abs(bound) != float("inf"):
-            fixed[word] = bound
+    fixed = NUMBER | _limits(bounds)
     pair = {"type": "array", "items": NUMBER, **_length(2)}
     prior = {
         "type": "object",
@@ -149,6 +147,19 @@ def _uncertain(bounds: Bounds) -> dict[str, Any]:
         "maxProperties": 1,
     }
     return {"anyOf": [fixed, {"const": "free"}, prior]}
+
+
+def _limits(bounds: Bounds) -> dict[str, float]:
+    """Return how a schema writes bounds."""
+    limits = {}
+    for word, bound in (
+        ("exclusiveMinimum", bounds.above),
+        ("minimum", bounds.at_least),
+        ("maximum", bounds.at_most),
+    ):
+        if abs(bound) != float("inf"):
+            limits[word] = bound
+    return limits
 
 
 def _length(numbers: int) -> dict[str, int]:

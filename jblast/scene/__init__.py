@@ -13,6 +13,7 @@ from jblast.scene.parameters import (
     value_of as value_of,
     with_values as with_values,
 )
+from jblast.scene.place import Place as Place
 from jblast.scene.pose import (
     look_at as look_at,
     matrix_quaternion as matrix_quaternion,

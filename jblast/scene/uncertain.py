@@ -14,6 +14,7 @@ from jblast.scene.parameters import (
     value_of,
     with_values,
 )
+from jblast.scene.place import Place
 from jblast.scene.priors import Belief, Free, draw
 from jblast.scene.scene import Scene
 from jblast.scene.sensor import Clock
@@ -32,11 +33,13 @@ class UncertainScene:
         beliefs: By name of `scene.PARAMETERS`. What is not named is fixed.
         source: The file it was read from; `NO_SCENE` for the default one, "" for one
             made in Python.
+        place: Where on the Earth its origin lies, if anybody said.
     """
 
     scene: Scene
     beliefs: Mapping[str, Belief] = field(default_factory=dict)
     source: str = ""
+    place: Place | None = None
 
 
 def default_scene() -> UncertainScene:

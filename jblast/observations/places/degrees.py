@@ -7,13 +7,12 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from jblast.observations.places.frame import FARTHEST, Frame, mean_frame
+from jblast.scene.place import LIMITS
 
 METRES = ("east_m", "north_m")
 DEGREES = ("lat_deg", "lon_deg")
 HEIGHTS = ("alt_m", "up_m")
 """Above the one datum of all heights, and above the ground there."""
-LIMITS = {"lat_deg": (-90.0, 90.0), "lon_deg": (-180.0, 360.0), "alt_m": (-1e3, 1e5)}
-"""What each may be: longitudes are counted from -180 to 180, or from 0 to 360."""
 
 
 @runtime_checkable
@@ -75,7 +74,7 @@ def places_in_degrees(
     if not degrees.any():
         return None
     _refuse_mixed(rows, given)
-    lat, lon, alt = (_within(rows, name, *LIMITS[name]) for name in LIMITS)
+    lat, lon, alt = (_within(rows, name) for name in LIMITS)
     for name in DEGREES:
         rows.refuse(
             degrees & ~given[name], name, lambda _: "lat_deg and lon_deg, got nothing"
@@ -149,10 +148,9 @@ def _refuse_mixed(rows: Columns, given: Mapping[str, np.ndarray]) -> None:
     )
 
 
-def _within(
-    rows: Columns, column: str, least: float, most: float
-) -> Float[np.ndarray, " row"]:
+def _within(rows: Columns, column: str) -> Float[np.ndarray, " row"]:
     """Return a column, NaN where it is out of what a place on Earth may have."""
+    least, most = LIMITS[column].at_least, LIMITS[column].at_most
     numbers = rows.number(column)
     swapped = "; are lat_deg and lon_deg swapped?" if column == "lat_deg" else ""
     bad = (numbers < least) | (numbers > most)

@@ -12,6 +12,8 @@ from jblast.scene.parameters import with_values
 from jblast.scene.reader.ambient import read_ambient
 from jblast.scene.reader.camera import read_camera
 from jblast.scene.reader.charges import read_charges
+from jblast.scene.reader.clocks import read_clocks
+from jblast.scene.reader.place import read_place
 from jblast.scene.reader.priors import read_numbers
 from jblast.scene.reader.schema import GROUND_PATHS, LAW_NAMES_LATER
 from jblast.scene.reader.sensors import read_sensors
@@ -80,12 +82,14 @@ def scene_from_document(document: dict[str, Any], source: str) -> UncertainScene
     absorption = true_or_false(
         single["air"].get("absorption", False), f"{source}: [air] absorption"
     )
-    sensors, clocks = read_sensors(document, source)
+    sensors, offsets = read_sensors(document, source)
+    own = [name.partition(".")[2] for name in offsets]
+    clocks, clock_offsets = read_clocks(document, source, own)
     charges, numbers = read_charges(document, source, len(sensors))
     law, scatter = _law(single["law"], f"{source}: [law]")
     for name, entry in single.items():
         numbers |= read_numbers(entry, name, f"{source}: [{name}]")
-    numbers |= clocks
+    numbers |= offsets | clock_offsets
     scene = Scene(
         charge=charges[0],
         others=charges[1:],
@@ -95,6 +99,7 @@ def scene_from_document(document: dict[str, Any], source: str) -> UncertainScene
         ambient=read_ambient(document, source),
         camera=read_camera(document, source),
         vehicle=read_vehicle(document, source),
+        clocks=clocks,
         law=law,
         scatter=scatter,
     )
@@ -102,7 +107,8 @@ def scene_from_document(document: dict[str, Any], source: str) -> UncertainScene
     beliefs = {
         name: belief for name, (_, belief) in numbers.items() if belief is not None
     }
-    return UncertainScene(with_values(scene, values), beliefs, source)
+    place = read_place(document, source)
+    return UncertainScene(with_values(scene, values), beliefs, source, place)
 
 
 def _law(law: dict[str, Any], where: str) -> tuple[tuple[tuple[str, str], ...], bool]:

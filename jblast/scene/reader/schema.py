@@ -21,6 +21,8 @@ KEYS: dict[str, tuple[str, ...]] = {
         "air",
         "ground",
         "sensor",
+        "clock",
+        "place",
         "ambient",
         "camera",
         "vehicle",
@@ -55,6 +57,8 @@ KEYS: dict[str, tuple[str, ...]] = {
         "times_s",
         *INSTRUMENT_KEYS,
     ),
+    "clock": ("name", "offset_s"),
+    "place": ("lat_deg", "lon_deg", "alt_m"),
     "ambient": ("file", "full_scale_pa", "level_pa", "slope_db_octave", "height_m"),
     "camera": (
         "position_m",
