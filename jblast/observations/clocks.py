@@ -18,7 +18,8 @@ def check_clocks(
 ) -> None:
     """Refuse clocks that the log does not have, that nothing sets, or set twice.
 
-    The first clock of the log is the common one: all others are set by it.
+    The first clock of the log is the common one, by which all others are set; or that
+    of the rows whose column `clock` is empty, where others name theirs.
 
     Raises:
         InputError: As said; the message names the clock.
@@ -33,7 +34,11 @@ def check_clocks(
                 f"{CLOCK_OFFSET}.{clock.name}: {source} has no such clock"
                 f"{nearest(clock.name, known)}; expected one of {', '.join(known)}"
             )
-    if named and f"{CLOCK_OFFSET}.{named[0]}" in beliefs:
+    if (
+        named
+        and f"{CLOCK_OFFSET}.{named[0]}" in beliefs
+        and not has_common_clock(observations)
+    ):
         others = " or ".join(f"{CLOCK_OFFSET}.{other}" for other in named[1:])
         raise InputError(
             f"{CLOCK_OFFSET}.{named[0]}: {shown(named[0])} is the first clock of "
@@ -51,6 +56,13 @@ def check_clocks(
                 f"scene gives sensor {shown(sensor)} a clock_offset_s of its own; "
                 "expected one of the two"
             )
+
+
+def has_common_clock(observations: Observations) -> bool:
+    """Return whether some clock times are on the common clock, others on named ones."""
+    timed = np.isin(observations.quantity, CLOCK_TIMES)
+    named = np.array([bool(clock) for clock in observations.clock])
+    return bool(named.any() and (timed & ~named).any())
 
 
 def refuse_unresolved(

@@ -132,7 +132,15 @@ class BurstsUnsettled(Finding):
 
 @dataclass(frozen=True)
 class NoScene(Finding):
-    """No scene was given, so the default one was taken."""
+    """No scene was given, so the default one was taken.
+
+    Attributes:
+        freed: What the log left free in it beside the mass.
+        altitude_m: Of the sensors, whose standard atmosphere was taken [m].
+    """
+
+    freed: tuple[str, ...] = ()
+    altitude_m: float = 0.0
 
 
 @dataclass(frozen=True)

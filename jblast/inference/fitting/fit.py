@@ -31,6 +31,8 @@ from jblast.inference.posterior.fireball_growth import as_seen
 from jblast.inference.posterior.parameters import parameters_of
 from jblast.inference.posterior.posterior import Posterior, posterior_of
 from jblast.observations import Observations, resolve_positions
+from jblast.observations.default_scene import for_log
+from jblast.observations.located import located
 from jblast.progress import stages
 from jblast.scene import UncertainScene, default_scene
 from jblast.sensors import layout_of
@@ -62,8 +64,9 @@ def fit(
     Args:
         observations: The log.
         uncertain: The scene and what is not known of it; without one, a surface charge
-            of unknown mass at the origin at time 0, in sea-level air. A fireball's
-            growth time is free unless the scene says otherwise.
+            of unknown mass at the origin at time 0, in sea-level air; of a log in
+            degrees, or with dates, place and time are free (`default_scene.for_log`). A
+            fireball's growth time is free unless the scene says otherwise.
         noise: Distribution of the independent errors.
         posterior: How intervals are found: "weighted" (draws of a normal approximation,
             weighted by the posterior), "laplace" (that approximation alone), "emcee"
@@ -81,7 +84,8 @@ def fit(
     Example:
         `jblast.fit(jblast.read("log.csv"), jblast.read_scene("scene.toml"))`
     """
-    uncertain = uncertain or default_scene()
+    uncertain = for_log(uncertain or default_scene(), observations)
+    observations = located(observations, uncertain)
     uncertain = as_seen(uncertain, observations.quantity, observations.time)
     observations = resolve_positions(observations, uncertain.scene, uncertain.beliefs)
     begin = stages(STAGES)

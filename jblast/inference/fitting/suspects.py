@@ -38,6 +38,7 @@ from jblast.inference.posterior.fisher_information import (
 )
 from jblast.inference.posterior.posterior import Posterior
 from jblast.observations import CLOCK_TIMES, Observations
+from jblast.observations.clocks import has_common_clock
 from jblast.parameter_table import CLOCK_OFFSET
 from jblast.progress import each
 
@@ -210,7 +211,7 @@ def _judged(
             return None
         rarity = float(tail_probability(np.array([offset / sd]), posterior.noise)[0])
         first = next((clock for clock in observations.clock if clock), "")
-        is_set = bool(first) and suspect.name == first
+        is_set = suspect.name == first and not has_common_clock(observations)
         parameter = None if is_set else f"{CLOCK_OFFSET}.{suspect.name}"
         clock = {"offset_s": offset, "offset_sd": sd, "parameter": parameter}
     else:

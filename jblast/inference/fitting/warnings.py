@@ -75,7 +75,7 @@ def warnings_of(
     if not solution.bursts_settled:
         told.append(BurstsUnsettled())
     if blind:
-        told.append(NoScene())
+        told.append(_without_scene(observations, uncertain))
     told += _unlearned(solution, against)
     if np.abs(effects).max(initial=0.0) > FAR:
         told.append(FarFromItsLaw(float(np.abs(effects).max())))
@@ -108,6 +108,16 @@ def outside(observations, solution: Solution, valid) -> LawOutOfRange:
         ranges=tuple(ranges),
         is_deeper=bool(at[rows].any()),
     )
+
+
+def _without_scene(observations: Observations, uncertain: UncertainScene) -> NoScene:
+    """Return what the default scene was taken to be for this log."""
+    frame = observations.frame
+    if not (frame or observations.epoch):
+        return NoScene()
+    known = ("charge_mass_kg", "fireball_growth_s")  # free in any default scene
+    free = tuple(name for name in uncertain.beliefs if name not in known)
+    return NoScene(free, frame.alt_m if frame else 0.0)
 
 
 def _unlearned(solution: Solution, against: Collection[str]) -> list[Finding]:

@@ -10,6 +10,7 @@ from jblast.errors import InputError, shown
 from jblast.inference.posterior.posterior import refuse_exact
 from jblast.observations import Observations, resolve_positions
 from jblast.observations.clocks import refuse_unresolved
+from jblast.observations.located import located
 from jblast.registry import names_for
 from jblast.scene import Scene, UncertainScene
 from jblast.sensors import Layout, layout_of, resolve_laws
@@ -53,7 +54,8 @@ def batch_of(logs: Sequence[Observations], uncertain: UncertainScene) -> Batch:
     """
     if not logs:
         raise InputError("logs: expected at least one, got none")
-    first = resolve_positions(logs[0], uncertain.scene, uncertain.beliefs)
+    first = located(logs[0], uncertain)
+    first = resolve_positions(first, uncertain.scene, uncertain.beliefs)
     layout = layout_of(first, uncertain.scene)
     laws = _named_laws(uncertain.scene, layout)
     for number, log in enumerate(logs):

@@ -7,6 +7,7 @@ from jblast.inference.fitting import findings as fitting
 from jblast.inference.fitting.still_air import StillAir, WindPassesForSoundSpeed
 from jblast.inference.posterior.finding import Finding
 from jblast.report.fit.posterior_findings import posterior_words
+from jblast.report.words import joined, parameter_words
 
 
 def all_words(findings: Iterable[Finding]) -> list[str]:
@@ -83,9 +84,16 @@ def _(finding: fitting.BurstsUnsettled) -> str:
 
 @words.register
 def _(finding: fitting.NoScene) -> str:
+    air = "sea-level air"
+    if finding.altitude_m:
+        air = f"the standard atmosphere at {finding.altitude_m:.0f} m"
+    if not finding.freed:
+        place = "at the origin at time 0, in"
+        return f"no scene was given: a surface charge of TNT {place} {air}"
+    free = joined([parameter_words(name) for name in finding.freed])
     return (
-        "no scene was given: a surface charge of TNT at the origin at time 0, in "
-        "sea-level air"
+        f"no scene was given: a surface charge of TNT in {air}; free, since the log "
+        f"leaves them open: {free}"
     )
 
 
