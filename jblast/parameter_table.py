@@ -25,6 +25,13 @@ TEMPERATURES = Bounds(at_least=150.0, at_most=400.0)
 ALTITUDES = Bounds(at_least=-500.0, at_most=11_000.0)
 WINDS = Bounds(at_least=-100.0, at_most=100.0)
 
+PLACE_LIMITS = {
+    "lat_deg": Bounds(at_least=-90.0, at_most=90.0),
+    "lon_deg": Bounds(at_least=-180.0, at_most=360.0),
+    "alt_m": Bounds(at_least=-1e3, at_most=1e5),
+}
+"""What latitudes, longitudes (-180 to 180, or 0 to 360) and heights may be."""
+
 _ROWS = (
     Parameter(
         name="charge_mass_kg",

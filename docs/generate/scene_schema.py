@@ -7,12 +7,11 @@ another, whether names are unique, whether a law of that name exists.
 from typing import Any
 
 from jblast.bounds import Bounds
-from jblast.parameter_table import CLOCK, PARAMETERS
+from jblast.parameter_table import CLOCK, PARAMETERS, PLACE_LIMITS
 from jblast.quantities import ADDITIVE
 from jblast.quantity_table import QUANTITIES
 from jblast.scene.charge import BURSTS
 from jblast.scene.instrument import FEWEST_BITS, MOST_BITS
-from jblast.scene.place import LIMITS
 from jblast.scene.reader.ambient import STEEPEST
 from jblast.scene.reader.priors import LISTS, PRIORS
 from jblast.scene.reader.schema import (
@@ -117,7 +116,7 @@ def _key(table: str, key: str) -> dict[str, Any]:
     if (table, key) == ("clock", "offset_s"):
         return _uncertain(CLOCK.bounds)
     if table == "place":
-        return NUMBER | _limits(LIMITS[key])
+        return NUMBER | _limits(PLACE_LIMITS[key])
     parameters = [
         one
         for one in (*PARAMETERS.values(), CLOCK)

@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from jblast.observations.clocks import has_common_clock
 from jblast.observations.table import CLOCK_TIMES, Observations
+from jblast.observations.times.clocks import has_common_clock
 from jblast.parameter_table import ALTITUDES, CLOCK_OFFSET
 from jblast.scene import UncertainScene, freed, with_values
 from jblast.scene.uncertain import NO_SCENE

@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Int
 
 from jblast.errors import InputError, argument, shown
-from jblast.observations.framed import framed
+from jblast.observations.located import framed
 from jblast.observations.places.frame import Frame
 from jblast.observations.table import CLOCK_TIMES, Observations
 from jblast.observations.times.since import since

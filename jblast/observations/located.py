@@ -1,12 +1,31 @@
-"""A log where its scene has its origin."""
+"""A log about another origin: that of its scene, or of another log."""
+
+from dataclasses import replace
 
 import numpy as np
 
 from jblast.errors import InputError
-from jblast.observations.framed import framed
 from jblast.observations.places.frame import FARTHEST, Frame
 from jblast.observations.table import Observations
 from jblast.scene import UncertainScene
+
+
+def framed(observations: Observations, frame: Frame) -> Observations:
+    """Return a log whose positions count from a frame's origin.
+
+    Of a log in metres they do already, as nobody said from where else.
+
+    Args:
+        observations: The log.
+        frame: Where east, north, up are zero.
+    """
+    if observations.frame is None or observations.frame == frame:
+        return replace(observations, frame=frame)
+    position = observations.position.copy()
+    known = ~np.isnan(position).any(axis=1)
+    there = observations.frame.to_geodetic(position[known])
+    position[known] = frame.to_enu(*there.T)
+    return replace(observations, position=position, frame=frame)
 
 
 def located(observations: Observations, uncertain: UncertainScene) -> Observations:

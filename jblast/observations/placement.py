@@ -7,7 +7,6 @@ import numpy as np
 from jaxtyping import ArrayLike, Float, Int
 
 from jblast.errors import InputError, shown
-from jblast.observations.clocks import check_clocks
 from jblast.observations.consistency import (
     AGREE,
     check_range,
@@ -20,6 +19,7 @@ from jblast.observations.consistency import (
     refuse_wind_without_place,
 )
 from jblast.observations.table import Observations
+from jblast.observations.times.clocks import check_clocks
 from jblast.parameter_table import CHARGE_POSITION, PARAMETERS
 from jblast.quantities import BY_CAMERA
 from jblast.scene import Scene

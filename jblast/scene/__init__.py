@@ -13,7 +13,6 @@ from jblast.scene.parameters import (
     value_of as value_of,
     with_values as with_values,
 )
-from jblast.scene.place import Place as Place
 from jblast.scene.pose import (
     look_at as look_at,
     matrix_quaternion as matrix_quaternion,
@@ -30,6 +29,7 @@ from jblast.scene.reader.scene import read_scene as read_scene
 from jblast.scene.scene import Scene as Scene
 from jblast.scene.sensor import Clock as Clock, Sensor as Sensor
 from jblast.scene.uncertain import (
+    Place as Place,
     UncertainScene as UncertainScene,
     default_scene as default_scene,
     draw_scene as draw_scene,

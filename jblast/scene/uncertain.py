@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import jax
 from jaxtyping import PRNGKeyArray
@@ -14,13 +15,27 @@ from jblast.scene.parameters import (
     value_of,
     with_values,
 )
-from jblast.scene.place import Place
 from jblast.scene.priors import Belief, Free, draw
 from jblast.scene.scene import Scene
 from jblast.scene.sensor import Clock
 
 NO_SCENE = "the default scene"
 """Source of the scene that is taken where none is given."""
+
+
+class Place(NamedTuple):
+    """A place on the Earth, WGS84.
+
+    Attributes:
+        lat_deg: Geodetic latitude [degree].
+        lon_deg: Longitude, east positive [degree].
+        alt_m: Height above the ellipsoid, or above the one datum that all heights are
+            counted from [m].
+    """
+
+    lat_deg: float
+    lon_deg: float
+    alt_m: float = 0.0
 
 
 @dataclass(frozen=True)

@@ -9,8 +9,8 @@ from jaxtyping import Float
 from jblast.errors import InputError, shown
 from jblast.inference.posterior.posterior import refuse_exact
 from jblast.observations import Observations, resolve_positions
-from jblast.observations.clocks import refuse_unresolved
 from jblast.observations.located import located
+from jblast.observations.times.clocks import refuse_unresolved
 from jblast.registry import names_for
 from jblast.scene import Scene, UncertainScene
 from jblast.sensors import Layout, layout_of, resolve_laws

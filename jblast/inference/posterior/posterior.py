@@ -14,7 +14,7 @@ from jblast.inference.posterior.likelihood import log_likelihood
 from jblast.inference.posterior.parameters import Parameters
 from jblast.kept_programs import kept
 from jblast.observations import Observations
-from jblast.observations.clocks import refuse_unresolved
+from jblast.observations.times.clocks import refuse_unresolved
 from jblast.registry import law_for
 from jblast.scene import Scene
 from jblast.sensors import Layout, record

@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from jblast.observations.places.frame import FARTHEST, Frame, mean_frame
-from jblast.scene.place import LIMITS
+from jblast.parameter_table import PLACE_LIMITS
 
 METRES = ("east_m", "north_m")
 DEGREES = ("lat_deg", "lon_deg")
@@ -74,7 +74,7 @@ def places_in_degrees(
     if not degrees.any():
         return None
     _refuse_mixed(rows, given)
-    lat, lon, alt = (_within(rows, name) for name in LIMITS)
+    lat, lon, alt = (_within(rows, name) for name in PLACE_LIMITS)
     for name in DEGREES:
         rows.refuse(
             degrees & ~given[name], name, lambda _: "lat_deg and lon_deg, got nothing"
@@ -150,7 +150,7 @@ def _refuse_mixed(rows: Columns, given: Mapping[str, np.ndarray]) -> None:
 
 def _within(rows: Columns, column: str) -> Float[np.ndarray, " row"]:
     """Return a column, NaN where it is out of what a place on Earth may have."""
-    least, most = LIMITS[column].at_least, LIMITS[column].at_most
+    least, most = PLACE_LIMITS[column].at_least, PLACE_LIMITS[column].at_most
     numbers = rows.number(column)
     swapped = "; are lat_deg and lon_deg swapped?" if column == "lat_deg" else ""
     bad = (numbers < least) | (numbers > most)

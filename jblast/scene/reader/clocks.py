@@ -5,9 +5,9 @@ from typing import Any
 
 from jblast.errors import InputError, shown
 from jblast.parameter_table import CLOCK, CLOCK_OFFSET
-from jblast.scene.clock import Clock
 from jblast.scene.reader.priors import Uncertain, read_number
 from jblast.scene.reader.tables import name_of, tables
+from jblast.scene.sensor import Clock
 
 
 def read_clocks(

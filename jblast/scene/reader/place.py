@@ -3,9 +3,10 @@
 from typing import Any
 
 from jblast.errors import InputError, shown
-from jblast.scene.place import LIMITS, Place
+from jblast.parameter_table import PLACE_LIMITS
 from jblast.scene.reader.priors import fixed_number
 from jblast.scene.reader.tables import table
+from jblast.scene.uncertain import Place
 
 
 def read_place(document: dict[str, Any], source: str) -> Place | None:
@@ -22,10 +23,10 @@ def read_place(document: dict[str, Any], source: str) -> Place | None:
             raise InputError(f"{where} {key}: expected a number, got nothing")
     numbers = {key: fixed_number(entry[key], f"{where} {key}") for key in entry}
     for key, number in numbers.items():
-        if not LIMITS[key].allows(number):
+        if not PLACE_LIMITS[key].allows(number):
             swapped = "; are lat_deg and lon_deg swapped?" if key == "lat_deg" else ""
+            expected = f"a number that is {PLACE_LIMITS[key].words()}"
             raise InputError(
-                f"{where} {key}: expected a number that is {LIMITS[key].words()}, got "
-                f"{shown(number)}{swapped}"
+                f"{where} {key}: expected {expected}, got {shown(number)}{swapped}"
             )
     return Place(**numbers)

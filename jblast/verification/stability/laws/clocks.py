@@ -8,7 +8,7 @@ import numpy as np
 
 from jblast.errors import InputError
 from jblast.observations import Observations
-from jblast.observations.clocks import refuse_unresolved
+from jblast.observations.times.clocks import refuse_unresolved
 from jblast.verification.stability.failure import FailureMode, verified
 
 SIGMA = 1e-3

@@ -1,0 +1,76 @@
+"""What the default scene leaves free for a log of the Earth, and where a scene is."""
+
+import numpy as np
+import pytest
+
+import jblast
+from jblast.errors import InputError
+from jblast.observations.default_scene import clocks_to_free, for_log
+from jblast.observations.located import located
+from jblast.scene import Place, Scene, UncertainScene, default_scene
+
+HEAD = "sensor,quantity,value,sigma,clock,lat_deg,lon_deg,alt_m\n"
+PLACES = {"a": "33.9,35.5,1500", "b": "33.902,35.5,1500", "c": "33.9,35.503,1500"}
+
+
+def log(tmp_path, readings, clocks=("a", "b", "c"), flash=(1.0, 2.0, 3.0)):
+    rows = []
+    for (name, place), clock, seen in zip(PLACES.items(), clocks, flash, strict=True):
+        for quantity in readings:
+            value = {"flash_time_s": seen, "air_arrival_s": seen + 1}.get(quantity, 500)
+            rows.append(f"{name},{quantity},{value},0.01,{clock},{place}")
+    path = tmp_path / "log.csv"
+    path.write_text(HEAD + "\n".join(rows))
+    return jblast.read(path)
+
+
+SEEN_AND_HEARD = ("flash_time_s", "air_arrival_s")
+
+
+def test_place_time_and_clocks_tied_by_a_flash_are_free(tmp_path):
+    uncertain = for_log(default_scene(), log(tmp_path, SEEN_AND_HEARD))
+    assert list(uncertain.beliefs) == [
+        *("charge_mass_kg", "charge_east_m", "charge_north_m", "origin_time_s"),
+        *("clock_offset_s.b", "clock_offset_s.c"),
+    ]
+    # ISO 2533, table 5: 278.402 K and 84.5597 kPa at 1500 m
+    assert float(uncertain.scene.air.temperature) == pytest.approx(278.40, abs=0.01)
+    assert float(uncertain.scene.air.pressure) == pytest.approx(84560, rel=1e-4)
+
+
+def test_a_clock_that_heard_alone_is_taken_to_agree(tmp_path):
+    assert clocks_to_free(log(tmp_path, ("air_arrival_s",))) == []
+
+
+def test_rows_without_a_clock_beside_others_are_on_the_common_one(tmp_path):
+    clocks = ("", "gps", "phone")
+    assert clocks_to_free(log(tmp_path, SEEN_AND_HEARD, clocks)) == ["gps", "phone"]
+
+
+def test_without_a_column_of_clocks_flashes_tell_whether_they_agree(tmp_path):
+    clocks = ("", "", "")
+    apart = log(tmp_path, SEEN_AND_HEARD, clocks)
+    assert clocks_to_free(apart) == ["b", "c"]
+    agreed = log(tmp_path, SEEN_AND_HEARD, clocks, flash=(1.0, 1.01, 0.99))
+    assert clocks_to_free(agreed) == []
+
+
+def test_a_log_in_metres_and_a_scene_that_was_given_stay_as_they_are(tmp_path):
+    given = UncertainScene(Scene(), {}, "scene.toml")
+    readings = log(tmp_path, SEEN_AND_HEARD)
+    assert for_log(given, readings) is given
+    path = tmp_path / "metres.csv"
+    path.write_text("sensor,quantity,value,sigma,range_m\na,air_arrival_s,1,.1,300\n")
+    assert for_log(default_scene(), jblast.read(path)).beliefs.keys() == {
+        "charge_mass_kg"
+    }
+
+
+def test_positions_count_from_the_place_of_the_scene(tmp_path):
+    readings = log(tmp_path, SEEN_AND_HEARD)
+    there = located(readings, UncertainScene(Scene(), place=Place(33.9, 35.5, 1400)))
+    assert there.position[0] == pytest.approx([0, 0, 100], abs=1e-6)
+    apart = [np.ptp(of.position, axis=0) for of in (readings, there)]
+    assert apart[0] == pytest.approx(apart[1], abs=1e-3)
+    with pytest.raises(InputError, match=r"line 2: the sensor stands .* km from"):
+        located(readings, UncertainScene(Scene(), place=Place(-33.9, 35.5)))
