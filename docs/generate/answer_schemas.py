@@ -14,6 +14,7 @@ from docs.generate.attributes import attributes
 from jblast.fidelity import Choice
 from jblast.inference.design.summary import AddedDatum, BoundSummary
 from jblast.inference.fitting.findings import WrongSensor
+from jblast.inference.fitting.place.on_earth import OnEarth
 from jblast.inference.fitting.summary import Summary
 from jblast.inference.identifiability.findings import (
     Cure,
@@ -40,7 +41,8 @@ Schema = dict[str, Any]
 
 def fit() -> Schema:
     """Return the schema of what `jblast fit --json` prints of one log."""
-    return _document("An answer of jblast fit", schema_of(Summary))
+    both = schema_of(Summary)["properties"] | schema_of(OnEarth)["properties"]
+    return _document("An answer of jblast fit", _object(both))
 
 
 def bound() -> Schema:

@@ -70,7 +70,9 @@ def test_positions_count_from_the_place_of_the_scene(tmp_path):
     readings = log(tmp_path, SEEN_AND_HEARD)
     there = located(readings, UncertainScene(Scene(), place=Place(33.9, 35.5, 1400.0)))
     assert there.position[0] == pytest.approx([0, 0, 100], abs=1e-6)
-    apart = [np.ptp(of.position, axis=0) for of in (readings, there)]
-    assert apart[0] == pytest.approx(apart[1], abs=1e-3)
+    apart = [
+        np.linalg.norm(of.position[0] - of.position[2]) for of in (readings, there)
+    ]
+    assert apart[0] == pytest.approx(apart[1], abs=1e-6)
     with pytest.raises(InputError, match=r"line 2: the sensor stands .* km from"):
         located(readings, UncertainScene(Scene(), place=Place(-33.9, 35.5)))

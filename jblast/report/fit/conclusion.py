@@ -19,6 +19,7 @@ from jblast.report.fit.identifiability import (
     practically_unidentified,
 )
 from jblast.report.fit.laws import law_sentence, validity_sentence
+from jblast.report.fit.place.earth_words import earth_lines
 from jblast.report.fit.reference_values import (
     Accepted,
     compare,
@@ -53,6 +54,7 @@ def conclusion(fit: Fit, accepted: Accepted | None = None) -> list[str]:
         if estimate.is_identified and not _repeats(name, found):
             made_of = fit.scene.charge.explosive if name == "charge_mass_kg" else ""
             said.append(_estimate_sentence(name, estimate, accepted, made_of))
+    said += earth_lines(fit)
     said += doubts
     said.append(goodness_sentence(found))
     if bounds := lower_bound_sentence(fit):

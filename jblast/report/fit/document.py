@@ -6,6 +6,7 @@ from dataclasses import asdict
 from typing import Any
 
 from jblast.inference.fitting.findings import WrongClock, WrongSensor
+from jblast.inference.fitting.place.on_earth import on_earth
 from jblast.inference.fitting.result import Fit
 from jblast.inference.identifiability.findings import (
     EstimableCombination,
@@ -46,6 +47,7 @@ def fit_document(fit: Fit) -> dict[str, Any]:
             "explained_by": [_explanation(wrong) for wrong in found.explained_by],
             "warnings": all_words(found.warnings),
             "understood": understood_lines(found.understood),
+            **asdict(on_earth(fit)),
         }
     )
 

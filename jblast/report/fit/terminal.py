@@ -23,6 +23,7 @@ from jblast.report.fit.identifiability import (
     practically_unidentified,
 )
 from jblast.report.fit.laws import laws_used, validity_sentence
+from jblast.report.fit.place.earth_words import earth_lines
 from jblast.report.fit.reference_values import Accepted, compare
 from jblast.report.fit.rows import log_name, lower_bound_sentence
 from jblast.report.tables import GAP, aligned
@@ -54,6 +55,7 @@ def summary(
         lines[1:1] = ["", *said, ""]
     lines += _estimate_table(found, accepted)
     lines += section("", accepted_not_fitted(fit, accepted))
+    lines += section("Where and when", earth_lines(fit))
     lines += ["", "Laws"]
     used = laws_used(fit)
     column = max((len(law.quantity) for law in used), default=0) + 2
