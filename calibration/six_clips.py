@@ -37,6 +37,8 @@ FRAME = 1 / 30
 ORIGIN = Frame(33.9, 35.5, 20.0)
 NOON = datetime(2024, 5, 17, 12, tzinfo=UTC)
 DATE, ZONE = "2024-05-17", "UTC"
+REFERENCE = 20e-6
+"""Of a level [Pa]."""
 LOUD = (1, 4)
 """Clips whose peak is known."""
 HEADER = "sensor;quantity;value_utc;value;sigma;lat_deg;lon_deg;alt_m;clock"
@@ -76,14 +78,15 @@ def drawn(seed: int) -> tuple[str, dict[str, float]]:
             value += float(rng.uniform(-0.5, 0.5)) * FRAME
             sigma = FRAME / 12**0.5
         if quantity == "peak_overpressure_pa":
-            told = f"{value:.0f}"
+            quantity = "peak_level_db"
+            told = f"{20.0 * np.log10(value / REFERENCE):.1f}"
+            sigma *= 20.0 / np.log(10.0) / value
         else:
             told, moment = "", NOON + timedelta(seconds=value + offsets[number])
             when = moment.strftime("%H:%M:%S.%f")[:12]
         lat, lon, alt = ORIGIN.to_geodetic(log.position[row])
-        sigma_text = f"{sigma:.0f}" if told else f"{sigma:.4f}"
         place = f"{lat:.6f};{lon:.6f};{alt:.1f}"
-        fields = f"{sensor};{quantity};{when};{told};{sigma_text};{place};{sensor}"
+        fields = f"{sensor};{quantity};{when};{told};{sigma:.4f};{place};{sensor}"
         lines.append(fields.replace(".", ","))
     truth = (mass, east, north, 5.0 + float(offsets[0]))
     return "\n".join(lines) + "\n", dict(zip(TOLD, truth, strict=True))
