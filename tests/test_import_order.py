@@ -42,7 +42,15 @@ ROOMS = {
     "vehicle": ("quadrotor", "dynamics", "control", "loads", "rollout", "warp"),
     "sensors.camera": ("image", "geometry", "rendering", "events", "files"),
     "inference": (
-        *("posterior", "picks", "mode", "identifiability", "importance", "mcmc"),
+        *(
+            "posterior",
+            "picks",
+            "records",
+            "mode",
+            "identifiability",
+            "importance",
+            "mcmc",
+        ),
         *("fitting", "design"),
     ),
     "inference.many": ("solver", "residuals", "starts"),

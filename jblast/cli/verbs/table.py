@@ -34,6 +34,9 @@ GROUPS = {
 }
 
 VERBS = (
+    Verb(
+        "pick", "prepare", "pick blasts from records of pressure: a log, from samples"
+    ),
     Verb("scene", "prepare", "write a commented starter scene for a log"),
     Verb("fit", "infer", "fit a blast to a log of sensor readings"),
     Verb("detect", "infer", "find a bang in recordings of sound, and when it came"),

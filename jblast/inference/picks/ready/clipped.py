@@ -15,13 +15,13 @@ the quiet, told in few bits."""
 
 
 def clipped_samples(
-    samples: Float[Array, "*batch sample"], full_scale: Float[Array, ""] | None
+    samples: Float[Array, "*batch sample"], full_scale: Float[Array, "..."] | None
 ) -> Float[Array, "*batch sample"]:
     """Return +1 where a sample is only a lower bound, -1 where an upper one, else 0.
 
     Args:
         samples: Overpressure.
-        full_scale: Largest size of a sample; None: nobody said.
+        full_scale: Largest size of a sample, of all or [*batch, 1]; None: nobody said.
     """
     if full_scale is not None:
         high = samples >= NEAR * full_scale

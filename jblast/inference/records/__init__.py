@@ -1,0 +1,8 @@
+"""From files of samples to picks, and to rows of a log."""
+
+from jblast.inference.records.gathered import (
+    Gathered as Gathered,
+    gathered as gathered,
+)
+from jblast.inference.records.log import PickLog as PickLog, log_of as log_of
+from jblast.inference.records.told import Told as Told, told as told

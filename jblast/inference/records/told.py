@@ -1,0 +1,30 @@
+"""What a pick of one record tells: a value and its standard deviation, as numbers."""
+
+from typing import NamedTuple
+
+from jblast.inference.picks import NAMES, RecordPick
+
+ADDITIVE = ("air_arrival_s", "decay")
+"""Their spread is in their own unit; that of the others is of their logarithm."""
+IN_PASCALS = ("peak_overpressure_pa", "positive_impulse_pa_s", "negative_pressure_pa")
+"""What samples that nobody scaled do not tell."""
+
+
+class Told(NamedTuple):
+    """A value and its standard deviation, in its unit."""
+
+    value: float
+    sd: float
+
+
+def told(one: RecordPick, name: str) -> Told | None:
+    """Return a value of a pick; None where samples are no pascals and it is in them.
+
+    Args:
+        one: The pick of one record.
+        name: One of `NAMES`.
+    """
+    if name in IN_PASCALS and not one.record.calibrated:
+        return None
+    value, spread = float(getattr(one.pick, name)), one.pick.spread[NAMES.index(name)]
+    return Told(value, float(spread) * (1.0 if name in ADDITIVE else abs(value)))

@@ -1,0 +1,1 @@
+"""What was picked of records: words, JSON, pictures, page, files."""

@@ -1,0 +1,91 @@
+"""A picked record drawn: samples, fitted pulse, residual, and what was picked."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from jblast.inference.picks import RecordPick
+from jblast.report.figure_style import (
+    BLUE,
+    COLOURS,
+    INK,
+    MUTED,
+    VERMILLION,
+    new_figure,
+    quiet,
+    titled,
+)
+from jblast.report.numbers import Unit, unit_for
+from jblast.report.picks.curves import Curve, curves
+from jblast.report.picks.text import estimate_words
+
+MOST = 24
+"""Records of one picture."""
+COLUMNS = 2
+SHARE = Unit("full scale", 1.0)
+
+
+def records_figure(names: Sequence[str], picks: Sequence[RecordPick]) -> Figure:
+    """Draw picks, each record above its residual, two beside each other.
+
+    Args:
+        names: What to call each.
+        picks: They keep their samples; the first `MOST` are drawn.
+    """
+    shown = picks[:MOST]
+    rows = -(-len(shown) // COLUMNS)
+    columns = min(COLUMNS, len(shown))
+    figure = new_figure(5.4 * columns, 0.3 + 2.9 * rows)
+    heights = [2.6, 1.0] * rows
+    grid = figure.subplots(
+        2 * rows, columns, squeeze=False, gridspec_kw={"height_ratios": heights}
+    )
+    for axes in grid.ravel():
+        axes.set_visible(False)
+    made = zip(names, shown, curves(shown), strict=False)
+    for nth, (name, one, curve) in enumerate(made):
+        row, column = divmod(nth, columns)
+        above, below = grid[2 * row, column], grid[2 * row + 1, column]
+        _draw(above, below, name, one, curve)
+        if nth + columns >= len(shown):
+            below.set_xlabel("time [s]")
+    if len(picks) > MOST:
+        figure.supxlabel(f"{len(picks) - MOST} more are not drawn", fontsize=9)
+    return figure
+
+
+def _draw(above: Axes, below: Axes, name: str, one: RecordPick, curve: Curve) -> None:
+    """Draw one record."""
+    unit = SHARE
+    if one.record.calibrated:
+        unit = unit_for("peak_overpressure_pa", float(one.pick.peak_overpressure_pa))
+    low, high, fitted = (x / unit.size for x in (curve.low, curve.high, curve.fitted))
+    residual = (curve.samples - curve.fitted) / unit.size
+    for axes in (above, below):
+        axes.set_visible(True)
+        quiet(axes)
+        axes.set_xlim(curve.time[0], curve.time[-1])
+        axes.axhline(0.0, color=MUTED, linewidth=0.7)
+    above.fill_between(curve.time, low, high, color="#9a9a9a", linewidth=0.8)
+    above.plot(curve.time, fitted, color=BLUE, linewidth=1.4)
+    arrival = float(one.pick.air_arrival_s)
+    end = arrival + float(one.pick.positive_duration_s)
+    above.axvline(arrival, color=VERMILLION, linewidth=1.0, zorder=0)
+    above.axvline(end, color=VERMILLION, linewidth=1.0, linestyle=":", zorder=0)
+    for later in np.asarray(one.pick.later_arrivals_s):
+        if np.isfinite(later):
+            above.axvline(later, color=COLOURS[4], linewidth=1.0, zorder=0)
+    clipped = float(one.pick.clipped_at_pa)
+    if np.isfinite(clipped):
+        level = (clipped - float(one.pick.baseline_pa)) / unit.size
+        above.axhline(level, color=INK, linewidth=0.8, linestyle="--")
+    below.plot(curve.time, residual, color=INK, linewidth=0.7)
+    largest = float(np.nanmax(np.abs(residual), initial=0.0))
+    below.set_ylim(-1.15 * largest or -1.0, 1.15 * largest or 1.0)
+    above.tick_params(labelbottom=False)
+    above.set_ylabel(f"[{unit.symbol}]")
+    told = [estimate_words(one, "peak_overpressure_pa") or "uncalibrated"]
+    told.append(estimate_words(one, "positive_duration_s"))
+    titled(above, name, ", ".join(told))

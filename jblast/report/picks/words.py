@@ -1,0 +1,47 @@
+"""What is said of a pick: its notes and why something stands in no row, in words."""
+
+from jblast.inference.picks import NoteKind, RecordPick
+from jblast.report.numbers import printed_number
+from jblast.report.words import joined
+
+NOTES: dict[NoteKind, str] = {
+    "nothing_found": "nothing found",
+    "not_converged": "the fit of the pulse did not converge",
+    "clipped": "clipped at {clipped_at}",
+    "misfit": "the samples are not of a blast pulse's form (misfit {misfit}, where "
+    "chance gives 1)",
+    "few_quiet_samples": "too few quiet samples before the front to know the noise by",
+    "under_sampled": "fewer than eight samples make the positive phase",
+    "sharp_front": "the front rises within a sample",
+    "cut_short": "the record ends before the positive phase does",
+    "drifting": "the baseline drifts",
+    "resonating": "the record rings at a frequency of its own",
+    "high_passed": "what follows the pulse looks high-passed, and no corner was given",
+    "later_arrival": "further fronts at {later}",
+    "duration_unsure": "the duration is hardly told",
+    "faint": "the pulse is faint",
+}
+"""Of what a pick's notes say."""
+REASONS = {
+    "poor": "a poor pick",
+    "uncalibrated": "nobody said how many pascals a sample stands for",
+    "high_passed": "a high-pass of unknown corner changes them",
+    "cut_short": "the record ends too early",
+    "weaker": "weaker than another of the same bang there: an echo, perhaps",
+}
+"""Why something stands in no row of the log."""
+
+
+def note_words(one: RecordPick) -> list[str]:
+    """Return what is to be said of a pick."""
+    later = [float(time) for time in one.pick.later_arrivals_s if time == time]
+    scale = float(one.pick.clipped_at_pa)
+    level = f"{scale:.3g} of full scale"
+    if one.record.calibrated and scale == scale:
+        level = printed_number("clipped_at_pa", scale, 3)
+    told = {
+        "clipped_at": level,
+        "misfit": f"{float(one.pick.misfit):.3g}",
+        "later": f"{joined([f'{time:.6g}' for time in later])} s",
+    }
+    return [NOTES[kind].format(**told) for kind in one.notes]

@@ -1,0 +1,117 @@
+"""`jblast pick`: from records to a log, and what it says where it cannot."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+import soundfile
+
+from jblast.observations import read
+
+EXAMPLE = Path(__file__).parents[4] / "calibration" / "data" / "records_example"
+SILENT = "time_s,pressure_pa\n" + "".join(f"{k},0\n" for k in range(20))
+
+
+def wav(jblast, name, samples, rate=1000):
+    path = jblast.path(name)
+    soundfile.write(path, samples, rate, subtype="PCM_16")
+    return path
+
+
+def test_silence_is_nothing_found(jblast):
+    code, out, err = jblast("pick", jblast.file("a.csv", SILENT))
+    assert (code, err) == (3, "")
+    assert out == "Nothing found in 1 record\n"
+    code, out, _ = jblast("pick", jblast.path("a.csv"), "--json")
+    assert code == 3
+    document = json.loads(out)
+    assert document["picks"] == []
+    assert document["nothing_found"] == ["a"]
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "said"),
+    [
+        ("a.mp3", "ID3", "a.mp3: expected a record of samples, its name ending in"),
+        (
+            "a.csv",
+            "time_s,p_v\n0,1\n1,2\n",
+            "a.csv: column p_v: expected pressure",
+        ),
+        (
+            "a.csv",
+            "time_s,p_pa\n0,1\n1,\n",
+            "a.csv: line 3, column p_pa: expected",
+        ),
+        ("a.wav", "", "a.wav: is empty"),
+    ],
+)
+def test_what_cannot_be_read_is_one_message(jblast, name, content, said):
+    assert said in jblast.refused("pick", jblast.file(name, content))
+
+
+def test_volts_are_told_the_option_by_its_name(jblast):
+    volts = jblast.file("a.csv", "time_s,p_v\n0,1\n1,2\n")
+    assert "is told by --sensitivity" in jblast.refused("pick", volts)
+
+
+def test_what_exists_is_not_overwritten_unasked(jblast):
+    record, log = jblast.file("a.csv", SILENT), jblast.file("log.csv", "mine")
+    assert "--force" in jblast.refused("pick", record, "--out", log)
+    assert jblast.text("log.csv") == "mine"
+
+
+def test_a_bad_file_costs_the_others_nothing(jblast):
+    good, bad = jblast.file("a.csv", SILENT), jblast.file("b.csv", "time_s,p_pa\n0,1\n")
+    code, out, err = jblast("pick", good, bad)
+    assert code == 2
+    assert out == "Nothing found in 1 record\n"
+    assert "b.csv: line 2, column time_s: expected two samples at least" in err
+    several = jblast.refused("pick", bad, jblast.file("c.csv", "x\n"))
+    assert "2 files cannot be read: " in several
+
+
+@pytest.mark.slow  # the fit of a pulse is compiled
+def test_the_example_becomes_a_log_a_page_and_an_answer(jblast):
+    stations, log = str(EXAMPLE / "STATIONS.csv"), jblast.path("picks.csv")
+    report = jblast.path("report")
+    words = ("pick", str(EXAMPLE), "--positions", stations, "--out", log)
+    code, out, _ = jblast(*words, "--report", report, "--json")
+    assert code == 0
+    document = json.loads(out)
+    assert [pick["record"] for pick in document["picks"]] == [
+        f"g{k:02d}" for k in range(1, 11)
+    ]
+    rows = read(log)
+    assert len(rows) >= 36  # a pick that is poor gives no rows
+    truth = np.loadtxt(EXAMPLE / "STATIONS.csv", delimiter=",", skiprows=2, usecols=1)
+    assert {float(x) for x in rows.position[:, 0]} <= set(truth.tolist())
+    names = {path.name for path in Path(report).iterdir()}
+    assert names >= {"picks.json", "picks.csv", "report.html", "records_1.png"}
+    page = (Path(report) / "report.html").read_text()
+    assert "g10" in page
+    assert "SIMULATED" not in page
+    free = "charge_east_m,charge_north_m,origin_time_s"
+    code, out, _ = jblast("fit", log, "--free", free, "--json")
+    assert code == 0
+    mass = json.loads(out)["estimates"]["charge_mass_kg"]
+    assert mass["q05"] < 15.0 < mass["q95"]
+
+
+@pytest.mark.slow  # the fit of a pulse is compiled
+def test_sound_without_full_scale_tells_times_alone(jblast):
+    clock = np.arange(8000) / 8000.0 - 0.3
+    pulse = np.where(clock > 0, 0.8 * (1 - clock / 0.02) * np.exp(-clock / 0.02), 0.0)
+    rng = np.random.default_rng(2)
+    samples = pulse + 1e-3 * rng.standard_normal(clock.size)
+    path = wav(jblast, "phone.wav", np.clip(samples, -0.99, 0.99), 8000)
+    code, out, _ = jblast("pick", path, "--json", "--out", jblast.path("log.csv"))
+    assert code == 0
+    (told,) = json.loads(out)["picks"]
+    assert told["peak_overpressure_pa"] is None
+    assert told["air_arrival_s"]["value"] == pytest.approx(0.3, abs=1e-3)
+    assert read(jblast.path("log.csv")).quantity == ("air_arrival_s",)
+    code, out, _ = jblast("pick", path, "--full-scale", "200", "--json")
+    (told,) = json.loads(out)["picks"]
+    assert told["peak_overpressure_pa"]["value"] == pytest.approx(160.0, rel=0.02)

@@ -1,0 +1,94 @@
+"""Files of samples to picks: whatever one file holds, the others are picked."""
+
+import warnings
+from datetime import UTC, datetime
+from importlib import import_module
+
+import numpy as np
+import pytest
+import soundfile
+
+from jblast.inference.records import gathered
+from jblast.observations.records.formats import Scaling
+from tests.inference.records.made import picked_at_its_peak
+
+with warnings.catch_warnings():  # of its own age
+    warnings.simplefilter("ignore", DeprecationWarning)
+    import obspy
+
+RATE = 1000
+
+
+@pytest.fixture(autouse=True)
+def _no_fits(monkeypatch):
+    module = import_module("jblast.inference.records.gathered")
+    monkeypatch.setattr(module, "pick_records", picked_at_its_peak)
+
+
+def sound(tmp_path, name, bangs, seconds=10.0):
+    """White noise with bangs: (time [s], size)."""
+    rng = np.random.default_rng(4)
+    samples = 1e-3 * rng.standard_normal((round(seconds * RATE), len(bangs)))
+    for channel, of in enumerate(bangs):
+        for at, size in of:
+            samples[round(at * RATE) : round(at * RATE) + 10, channel] += size
+    path = tmp_path / name
+    soundfile.write(path, samples, RATE, subtype="FLOAT")
+    return path
+
+
+def test_each_bang_of_each_channel_is_a_pick_told_apart_by_its_order(tmp_path):
+    first = sound(tmp_path, "a.wav", [[(3.0, 20.0), (7.0, 10.0)], [(5.0, 30.0)]])
+    second = sound(tmp_path, "b.wav", [[(4.0, 20.0)]], seconds=1.0 + 4.0)
+    found = gathered([first, second], Scaling(full_scale_pa=1.0))
+    assert found.named() == ("a.1#1", "a.1#2", "a.2", "b")
+    times = [float(one.pick.air_arrival_s) for one in found.picks]
+    np.testing.assert_allclose(times, [3.0, 7.0, 5.0, 4.0], atol=0.01)
+    assert (found.channels, found.silent, found.refused) == (3, (), ())
+
+
+def test_what_cannot_be_read_is_named_and_the_rest_picked(tmp_path):
+    good = sound(tmp_path, "a.wav", [[(3.0, 20.0)]])
+    silent = sound(tmp_path, "quiet.wav", [[]])
+    dead = sound(tmp_path, "dead.wav", [[]])
+    soundfile.write(dead, np.zeros(5000), RATE)
+    short = tmp_path / "short.wav"
+    soundfile.write(short, np.zeros(1), RATE)
+    (tmp_path / "other").mkdir()
+    twin = sound(tmp_path / "other", "a.wav", [[(3.0, 20.0)]])
+    broken = tmp_path / "broken.csv"
+    broken.write_text("time_s,p_pa\n0,1\n1,x\n")
+    found = gathered([broken, good, silent, dead, short, twin])
+    assert [one.record.name for one in found.picks] == ["a"]
+    assert found.silent == ("quiet", "dead")
+    said = [str(error) for error in found.refused]
+    assert len(said) == 3
+    assert "broken.csv: line 3, column p_pa: expected a number, got 'x'" in said[0]
+    assert "short.wav: channel 1: expected 16 samples or more, got 1" in said[1]
+    assert "expected records of names that differ, got a twice" in said[2]
+
+
+def test_times_of_day_share_the_clock_of_the_first(tmp_path):
+    paths, began = [], datetime(2026, 3, 1, 23, 59, 58, 500_000, tzinfo=UTC)
+    for k, later in enumerate((0.0, 3.25, 2 * 86400.0)):
+        samples = np.zeros(1000, np.float32)
+        samples[500:510] = 9.0
+        header = {"sampling_rate": RATE, "starttime": obspy.UTCDateTime(began) + later}
+        paths.append(tmp_path / f"s{k}.mseed")
+        obspy.Trace(samples, header).write(str(paths[-1]), format="MSEED")
+    wav = sound(tmp_path, "phone.wav", [[(3.0, 20.0)]])
+    found = gathered([*paths, wav])
+    assert found.epoch == began.replace(microsecond=0)
+    times = [float(one.pick.air_arrival_s) for one in found.picks]
+    np.testing.assert_allclose(times, [1.0, 4.25, 1.0 + 2 * 86400.0], rtol=0, atol=1e-9)
+    (error,) = found.refused
+    assert "phone.wav: expected to begin at a time of day, as" in str(error)
+
+
+def test_samples_are_kept_only_where_they_are_to_be_drawn(tmp_path):
+    path = sound(tmp_path, "a.wav", [[(3.0, 20.0)]])
+    (kept,) = gathered([path]).picks
+    (bare,) = gathered([path], keep_samples=False, high_pass_hz=2.0).picks
+    assert kept.record.samples.size > 0
+    assert bare.record.samples.size == 0
+    assert bare.record.high_pass_hz == 2.0
