@@ -38,6 +38,7 @@ VERBS = (
         "pick", "prepare", "pick blasts from records of pressure: a log, from samples"
     ),
     Verb("scene", "prepare", "write a commented starter scene for a log"),
+    Verb("check", "prepare", "say everything that is wrong with a log at once"),
     Verb("fit", "infer", "fit a blast to a log of sensor readings"),
     Verb("detect", "infer", "find a bang in recordings of sound, and when it came"),
     Verb("bound", "infer", "say what a planned layout of sensors could tell"),

@@ -1,0 +1,82 @@
+"""Say everything that is wrong with a log at once, before it is fitted.
+
+What a fit would refuse is a fault (exit code 2); what no blast does, or what looks like
+a slip of a unit, a clock or a place, is a warning and stops nothing.
+"""
+
+import argparse
+import sys
+
+from jblast.cli.arguments.paths import path
+from jblast.cli.arguments.reading import add_reading
+
+
+def add_arguments(verb: argparse.ArgumentParser) -> None:
+    """Say what the verb takes."""
+    verb.add_argument("observations", metavar="LOG", type=path, help="the log")
+    verb.add_argument(
+        "--scene",
+        metavar="SCENE.toml",
+        type=path,
+        help="what is known of the scene (default: as fit takes it, but rows may agree "
+        "on a charge anywhere)",
+    )
+    add_reading(verb)
+    verb.add_argument(
+        "--out",
+        metavar="LOG.csv",
+        type=path,
+        help="write the log in our columns and units, if nothing stops a fit",
+    )
+    verb.add_argument("--json", action="store_true", help="print the answer as JSON")
+    verb.add_argument(
+        "--force", action="store_true", help="overwrite an existing --out"
+    )
+
+
+def run(asked: argparse.Namespace) -> int:
+    """Check, print, perhaps write; return the exit code."""
+    from jblast.cli.jax_start import start_jax
+    from jblast.progress import stages
+
+    begin = stages({"starting": 2.0, "reading": 0.3, "checking": 2.0})
+    begin("starting")
+    start_jax(quick=True)
+    import json
+
+    import jblast.waves as _waves  # noqa: F401  which laws there are is asked below
+    from jblast.cli.arguments.options import option_for
+    from jblast.cli.arguments.paths import refuse_existing, writing
+    from jblast.cli.arguments.reading import read_asked
+    from jblast.errors import InputError
+    from jblast.inference.sanity import doubts
+    from jblast.json_values import plain
+    from jblast.observations import write
+    from jblast.observations.check.refusals import refusals, with_places
+    from jblast.report.check.answer import check_answer
+    from jblast.report.check.text import check_text
+    from jblast.scene import default_scene, read_scene
+
+    if asked.out:
+        refuse_existing(asked.out, force=asked.force)
+    uncertain = read_scene(asked.scene) if asked.scene else default_scene()
+    begin("reading")
+    faults: list[InputError] = []
+    log = read_asked(asked.observations, asked, faults)
+    if not len(log) and len(faults) == 1:
+        raise faults[0]  # no file, or no table: one message says it
+    begin("checking")
+    faults += refusals(log, uncertain) if len(log) else []
+    odd = doubts(with_places(log, uncertain.scene), uncertain) if len(log) else []
+    worded = [InputError(fault.worded(option_for)) for fault in faults]
+    answer = check_answer(log, worded, odd)
+    if asked.json:
+        document = {"schema": 1} | plain(answer)
+        text = json.dumps(document, indent=1, ensure_ascii=False, allow_nan=False)
+        sys.stdout.write(text + "\n")
+    else:
+        sys.stdout.write(check_text(answer))
+    if asked.out and not faults:
+        with writing(asked.out):
+            write(asked.out, log)
+    return answer.exit_code

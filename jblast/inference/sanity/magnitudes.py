@@ -1,0 +1,102 @@
+"""Readings that no blast gives where they were taken, whatever its mass."""
+
+from itertools import pairwise
+
+import numpy as np
+from jaxtyping import Float
+
+from jblast.inference.sanity.readings import Readings
+from jblast.inference.sanity.scaled_laws import LARGEST, SMALLEST, ScaledLaws
+from jblast.observations import Observations
+from jblast.observations.check.doubt import Doubt
+from jblast.quantities import TIMED
+from jblast.waves.fireball import LARGEST_RADIUS
+
+IN_THE_FIREBALL = 1e4
+"""Within the fireball of more than this [kg] nobody sets a gauge (declared)."""
+RISES = 2.0
+"""A pressure this much larger farther away is no scatter of records (10 to 20 %)."""
+FARTHER = 1.3
+"""Ranges nearer to each other than this ratio are not compared."""
+
+
+def magnitudes_doubted(
+    readings: Readings, laws: ScaledLaws, distance: Float[np.ndarray, " n"]
+) -> list[Doubt]:
+    """Return readings that need a charge that there is not, or one they stand in.
+
+    Args:
+        readings: The rows of a shot.
+        laws: Of a kilogram.
+        distance: From the charge of each [m].
+    """
+    found = []
+    for i, quantity in enumerate(readings.quantity):
+        if readings.timed[i] or readings.bound[i] or not distance[i] > 0:
+            continue
+        at, value = float(distance[i]), float(np.exp(readings.value[i]))
+        row = (int(readings.row[i]),)
+        masses = laws.masses(quantity, value, at)
+        numbers = {"value": value, "distance_m": at}
+        if not masses.size:
+            numbers["largest"] = laws.largest(quantity, at)
+            found.append(Doubt("no_mass_gives_it", row, numbers, (quantity,)))
+            continue
+        mass = float(masses.min())
+        reach = LARGEST_RADIUS * float(np.cbrt(mass))
+        numbers |= {"mass_kg": mass, "fireball_m": reach}
+        if mass > LARGEST or masses.max() < SMALLEST:
+            found.append(Doubt("mass_of_no_blast", row, numbers, (quantity,)))
+        elif reach > at and mass > IN_THE_FIREBALL:
+            found.append(Doubt("in_the_fireball", row, numbers, (quantity,)))
+    return found
+
+
+def rising_peaks(readings: Readings, distance: Float[np.ndarray, " n"]) -> list[Doubt]:
+    """Return peaks that are larger than one taken nearer to the charge."""
+    found = []
+    for quantity in ("peak_overpressure_pa", "reflected_pressure_pa"):
+        here = [
+            i
+            for i, q in enumerate(readings.quantity)
+            if q == quantity and not readings.bound[i]
+        ]
+        here.sort(key=lambda i: distance[i])
+        for j in here:
+            nearer = [i for i in here if distance[i] * FARTHER < distance[j]]
+            if not nearer:
+                continue
+            i = min(nearer, key=lambda i: readings.value[i])
+            error = float(np.hypot(readings.error[i], readings.error[j]))
+            if readings.value[j] - readings.value[i] > np.log(RISES) + error:
+                numbers = {
+                    "value": float(np.exp(readings.value[j])),
+                    "distance_m": float(distance[j]),
+                    "nearer": float(np.exp(readings.value[i])),
+                    "nearer_m": float(distance[i]),
+                }
+                rows = int(readings.row[j]), int(readings.row[i])
+                found.append(Doubt("peak_rises", rows, numbers, (quantity,)))
+                break
+    return found
+
+
+def radii_doubted(observations: Observations) -> list[Doubt]:
+    """Return radii of one sensor that shrink while time goes on."""
+    found = []
+    rows: dict[tuple[str, str, str], list[int]] = {}
+    for row, quantity in enumerate(observations.quantity):
+        if quantity == "shock_radius_m" and quantity in TIMED:
+            key = observations.sensor[row], quantity, observations.shot[row]
+            rows.setdefault(key, []).append(row)
+    for its in rows.values():
+        its.sort(key=lambda row: observations.time[row])
+        for early, late in pairwise(its):
+            if RISES * observations.value[late] < observations.value[early]:
+                numbers = {
+                    "value": float(observations.value[late]),
+                    "before": float(observations.value[early]),
+                }
+                found.append(Doubt("radius_shrinks", (late, early), numbers))
+                break
+    return found

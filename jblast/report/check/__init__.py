@@ -1,0 +1,1 @@
+"""What is said of a log before it is fitted."""
