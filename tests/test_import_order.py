@@ -42,16 +42,8 @@ ROOMS = {
     "vehicle": ("quadrotor", "dynamics", "control", "loads", "rollout", "warp"),
     "sensors.camera": ("image", "geometry", "rendering", "events", "files"),
     "inference": (
-        *(
-            "posterior",
-            "picks",
-            "records",
-            "mode",
-            "identifiability",
-            "importance",
-            "mcmc",
-        ),
-        *("fitting", "design"),
+        *("sanity", "posterior", "picks", "records", "mode", "identifiability"),
+        *("importance", "mcmc", "fitting", "design"),
     ),
     "inference.many": ("solver", "residuals", "starts"),
     "verification": ("cases", "stability", "benchmark"),

@@ -26,6 +26,8 @@ from jblast.inference.identifiability.findings import (
 )
 from jblast.inference.posterior.estimate import Estimate, Spread
 from jblast.json_values import plain
+from jblast.observations.check.doubt import Doubt
+from jblast.report.check.answer import check_answer
 from jblast.report.design.document import bound_document
 from jblast.report.discovery.answer import (
     DiscoveryAnswer,
@@ -41,6 +43,7 @@ from jblast.verification.stability.failure import FailureMode
 from tests.report import example
 
 ROOT = Path(__file__).parents[1]
+LOG = str(ROOT / "calibration" / "data" / "hta_1.csv")
 DATUM = ResolvingDatum("air_arrival_s", "aside")
 NULL = NullDirection({"charge_mass_kg": 1.0}, "ln", Cure(("origin_time_s",), (DATUM,)))
 OTHER = OtherMode({"charge_mass_kg": 2.0}, ("charge_mass_kg",), 0.3, DATUM)
@@ -173,6 +176,14 @@ def test_the_schema_of_a_discovery_takes_what_was_found_and_what_was_not():
     assert not Draft202012Validator(schema).is_valid(unasked)
 
 
+def test_the_schema_of_a_check_takes_faults_and_warnings():
+    log = jblast.read(LOG)
+    odd = [Doubt("clock_of_one_row", (0,), {}, ("phone",))]
+    for faults in ([], [InputError(f"{LOG}: line 3, column value: expected a number")]):
+        answer = check_answer(log, faults, odd, ["2 values in kPa"])
+        check(answer_schemas.check(), {"schema": 1} | plain(answer))
+
+
 def test_the_schema_of_failure_modes_takes_one():
     mode = FailureMode("laws", "a law", "it ends", math.inf, "m", "", "marks", "so")
     document = {"schema": 1, "areas": {"laws": [mode.to_dict()]}}
@@ -180,7 +191,7 @@ def test_the_schema_of_failure_modes_takes_one():
 
 
 @pytest.mark.parametrize(
-    "name", ["fit", "bound", "choose", "fly", "discover", "stability"]
+    "name", ["fit", "bound", "check", "choose", "fly", "discover", "stability"]
 )
 def test_every_key_of_an_answer_is_told(name):
     table = getattr(answer_tables, name)()

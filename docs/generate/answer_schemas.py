@@ -23,6 +23,7 @@ from jblast.inference.identifiability.findings import (
 )
 from jblast.inference.posterior.finding import Finding
 from jblast.observations.understood import Understood
+from jblast.report.check.answer import CheckAnswer
 from jblast.report.discovery.answer import DiscoveryAnswer
 from jblast.report.flights.answer import FlightsAnswer
 from jblast.verification.stability.failure import KEYS as FAILURE_KEYS, FailureMode
@@ -65,6 +66,11 @@ def discover() -> Schema:
 def fly() -> Schema:
     """Return the schema of what `jblast fly --json` prints."""
     return _document("An answer of jblast fly", schema_of(FlightsAnswer))
+
+
+def check() -> Schema:
+    """Return the schema of what `jblast check --json` prints."""
+    return _document("An answer of jblast check", schema_of(CheckAnswer))
 
 
 def stability() -> Schema:

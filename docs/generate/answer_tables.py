@@ -31,6 +31,11 @@ def fly() -> str:
     return keys_of(answer_schemas.fly())
 
 
+def check() -> str:
+    """Write the keys of a check's answer."""
+    return keys_of(answer_schemas.check())
+
+
 def stability() -> str:
     """Write the keys of each failure mode."""
     areas = answer_schemas.stability()["properties"]["areas"]

@@ -17,6 +17,7 @@ BLOCKS: dict[str, Callable[[], str]] = {
     "answer_of_choose": answer_tables.choose,
     "answer_of_fly": answer_tables.fly,
     "answer_of_discover": answer_tables.discover,
+    "answer_of_check": answer_tables.check,
     "answer_of_stability": answer_tables.stability,
     "quantities": scene_tables.quantities,
     "units": scene_tables.units,

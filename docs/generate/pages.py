@@ -19,6 +19,7 @@ SCHEMAS = {
     "scene": scene_schema.scene_schema,
     "fit": answer_schemas.fit,
     "bound": answer_schemas.bound,
+    "check": answer_schemas.check,
     "choose": answer_schemas.choose,
     "fly": answer_schemas.fly,
     "discover": answer_schemas.discover,

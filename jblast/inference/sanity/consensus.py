@@ -55,6 +55,10 @@ class Agreement:
         """Return whether no row is off."""
         return not (self.told & self.off).any()
 
+    def is_believable(self) -> bool:
+        """Return whether as many rows agree as numbers were found, and two at least."""
+        return int((self.told & ~self.off).sum()) >= max(self.unknowns, 2)
+
     def price(self) -> int:
         """Return what it costs to believe it: three numbers for a row that is off."""
         return 3 * int((self.told & self.off).sum()) + self.unknowns

@@ -14,9 +14,9 @@ from jblast.inference.sanity.readings import Readings, readings_of
 from jblast.inference.sanity.scaled_laws import ScaledLaws, scaled_laws
 from jblast.inference.sanity.slips import (
     slip_of_clock,
+    slip_of_quantity,
     slip_of_sensor,
     slip_of_value,
-    slips_of_columns,
 )
 from jblast.inference.sanity.speeds import slow_between, speeds_doubted
 from jblast.inference.sanity.supposed import supposed_blast
@@ -42,22 +42,27 @@ def doubts(observations: Observations, uncertain: UncertainScene) -> list[Doubt]
     Returns:
         Doubts in the order of the log's lines.
     """
-    plain = [
-        *places_doubted(observations),
-        *clocks_doubted(observations),
-        *sigmas_doubted(observations),
-        *radii_doubted(observations),
-    ]
-    physical: list[Doubt] = []
-    laws = scaled_laws(uncertain.scene)
+    with np.errstate(all="ignore"):  # past all numbers is far off, and nothing else
+        found = [
+            *degrees_swapped(observations),
+            *_physical(observations, uncertain),
+            *places_doubted(observations),
+            *clocks_doubted(observations),
+            *sigmas_doubted(observations),
+            *radii_doubted(observations),
+        ]
+    return sorted(_once(found), key=lambda doubt: doubt.rows[0])
+
+
+def _physical(observations: Observations, uncertain: UncertainScene) -> list[Doubt]:
+    """Return what no blast explains, shot by shot."""
+    scene, doubted = uncertain.scene, []
+    laws = scaled_laws(scene)
     for rows, charge, label in _shots(observations, uncertain):
-        readings = readings_of(observations, uncertain.scene, rows, uncertain.beliefs)
+        readings = readings_of(observations, scene, rows, uncertain.beliefs)
         if len(readings.row):
-            physical += _of_shot(observations, readings, laws, charge, uncertain, label)
-    return sorted(
-        _once([*degrees_swapped(observations), *physical, *plain]),
-        key=lambda doubt: doubt.rows[0],
-    )
+            doubted += _of_shot(observations, readings, laws, charge, uncertain, label)
+    return doubted
 
 
 def _shots(observations: Observations, uncertain: UncertainScene):
@@ -81,11 +86,11 @@ def _of_shot(
     """Return what is odd about the rows of one shot."""
     supposed = supposed_blast(readings, laws, charge, uncertain, label)
     readings, found = supposed.readings, supposed.found
-    doubted = [supposed.doubt] if supposed.doubt else []
-    if found is not None and not doubted:
-        column = slips_of_columns(readings, laws, found, supposed.origin)
+    if supposed.said is not None:
+        column = slip_of_quantity(readings, laws, supposed.said, supposed.said_origin)
         if column is not None:
             return [column, *slow_between(readings)]
+    doubted = [supposed.doubt] if supposed.doubt else []
     if found is not None and found.holds():
         doubted += _named(observations, readings, laws, found)
     elif found is not None and not doubted:
@@ -160,7 +165,9 @@ def _divided(readings: Readings, found: Agreement) -> list[Doubt]:
         return []
     off = np.flatnonzero(found.off & found.told)
     rows = tuple(int(readings.row[i]) for i in off)
-    return [Doubt("of_no_one_blast", rows, {"agree": agree, "rows": told})]
+    return [
+        Doubt("of_no_one_blast", rows, {"agree": float(agree), "rows": float(told)})
+    ]
 
 
 def _once(found: list[Doubt]) -> list[Doubt]:

@@ -135,7 +135,7 @@ def readings_of(
         value=value,
         position=place[used],
         slant_range=observations.slant_range[used],
-        clock=np.where(timed, [number[name] for name in names], NO_CLOCK),
+        clock=np.where(timed, np.array([number[n] for n in names], int), NO_CLOCK),
         error=error,
         bound=observations.bounds()[used],
     )

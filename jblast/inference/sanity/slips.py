@@ -20,6 +20,9 @@ HALF_HOUR = 1800.0
 LATEST = 26 * 3600.0
 """The largest difference of two zones (UTC-12 and UTC+14) [s]."""
 
+PRICE = 3
+"""Of a slip, in numbers that are found from the rows: that of a row that is off."""
+
 _MILLI = {"a thousand times": 1e3, "a thousandth of": 1e-3}
 _PSI = {
     "as kPa what is psi:": 1e3 / POUND_FORCE_PER_INCH2,
@@ -106,7 +109,7 @@ def slip_of_value(
     return best[1:] if best else None
 
 
-def slips_of_columns(
+def slip_of_quantity(
     readings: Readings,
     laws: ScaledLaws,
     before: Agreement,
@@ -116,20 +119,17 @@ def slips_of_columns(
     kinds = [q for q in dict.fromkeys(readings.quantity) if q != "flash_time_s"]
     if len(kinds) < 2 or not before.off.any():
         return None
-    best: tuple[float, Doubt] | None = None
     for quantity, name, factor in _columns(kinds):
         here = np.array([q == quantity for q in readings.quantity])
         if here.sum() < 2:
             continue
         changed = _rescaled(readings, here, factor)
         after = at_place(changed, laws, before.place, origin)
-        gained = after.share() - before.share()
-        if after.share() < 0.9 or gained < 0.3 or (best and gained <= best[0]):
-            continue
-        rows = tuple(int(row) for row in readings.row[here])
-        doubt = Doubt("units_of_a_quantity", rows, {"factor": factor}, (quantity, name))
-        best = gained, doubt
-    return best[1] if best else None
+        if after.all_agree() and after.price() + PRICE < before.price():
+            rows = tuple(int(row) for row in readings.row[here])
+            numbers = {"factor": factor}
+            return Doubt("units_of_a_quantity", rows, numbers, (quantity, name))
+    return None
 
 
 def _columns(kinds: list[str]) -> Iterator[tuple[str, str, float]]:

@@ -4,7 +4,7 @@ A scene says where and when, or leaves it open. Without a scene a fit takes the 
 and time 0; rows that agree better on another place or time are held against that.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float
@@ -27,6 +27,9 @@ class Supposed:
         found: What the blast explains; None where nothing could be told.
         distance: From the charge of each [m]; NaN where its place was not said.
         origin: Time of the shot on the common clock [s]; None where it was not said.
+        said: What the blast explains that a fit would suppose; None where the scene
+            leaves its place open.
+        said_origin: Time of that one on the common clock [s].
         doubt: That it is another blast than a fit would suppose.
     """
 
@@ -34,6 +37,8 @@ class Supposed:
     found: Agreement | None
     distance: Float[np.ndarray, " n"]
     origin: float | None
+    said: Agreement | None = None
+    said_origin: float | None = None
     doubt: Doubt | None = None
 
 
@@ -54,10 +59,10 @@ def supposed_blast(
         label: What the names of the charge's numbers end in.
     """
     free = set(uncertain.beliefs)
-    origin = None if "origin_time_s" + label in free else float(charge.time)
-    place = np.array([float(charge.east), float(charge.north), float(charge.up)])
-    if charge.range is not None:
-        told = np.full(len(readings.row), float(charge.range))
+    origin = None if "origin_time_s" + label in free else float(charge.time_s)
+    place = np.array([float(x) for x in charge.position_m])
+    if charge.range_m is not None:
+        told = np.full(len(readings.row), float(charge.range_m))
         ranged = "charge_range_m" + label not in free
         readings = readings.but(slant_range=told if ranged else np.nan * told)
         place = None if not ranged else place
@@ -71,7 +76,7 @@ def supposed_blast(
         return Supposed(readings, found, nowhere, origin)
     found = at_place(readings, laws, place, origin)
     distance = readings.distances(place[None])[0]
-    said = Supposed(readings, found, distance, origin)
+    said = Supposed(readings, found, distance, origin, found, origin)
     if uncertain.source != NO_SCENE or found.all_agree():
         return said
     return _another(said, laws, charge, place)
@@ -88,17 +93,19 @@ def _another(
     best = said
     if found is None or _better(later, found):
         doubt = Doubt("not_at_time_0", (first,))
-        best = Supposed(readings, later, said.distance, None, doubt)
+        best = replace(said, found=later, origin=None, doubt=doubt)
     if elsewhere is not None and (best.found is None or _better(elsewhere, best.found)):
         east, north, _ = elsewhere.place.tolist()
         doubt = Doubt("not_at_the_origin", (first,), {"east_m": east, "north_m": north})
         far = np.where(np.isnan(readings.slant_range), np.nan, said.distance)
-        best = Supposed(readings, elsewhere, far, None, doubt)
+        best = replace(said, found=elsewhere, distance=far, origin=None, doubt=doubt)
     return best
 
 
 def _better(one: Agreement, other: Agreement) -> bool:
     """Return whether one agreement says more with less."""
+    if not one.is_believable():
+        return False
     if one.price() == other.price():
         return one.holds() and not other.holds()
     return one.price() < other.price()
@@ -112,4 +119,4 @@ def _anywhere(readings: Readings, laws: ScaledLaws, charge: Charge) -> Agreement
     flash = np.array([quantity == "flash_time_s" for quantity in readings.quantity])
     if len(places) < 3 or not (placed & untold)[~flash].all():
         return None
-    return anywhere(readings, laws, float(charge.up))
+    return anywhere(readings, laws, float(charge.position_m[2]))

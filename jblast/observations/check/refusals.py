@@ -32,7 +32,7 @@ def refusals(observations: Observations, uncertain: UncertainScene) -> list[Inpu
 
 def with_places(observations: Observations, scene: Scene) -> Observations:
     """Return a log with the places that the scene gives sensors without one."""
-    known = {sensor.name: np.asarray(sensor.position) for sensor in scene.sensors}
+    known = {sensor.name: np.asarray(sensor.position_m) for sensor in scene.sensors}
     position = observations.position.copy()
     for row in np.flatnonzero(np.isnan(position).any(axis=1)):
         position[row] = known.get(observations.sensor[row], position[row])

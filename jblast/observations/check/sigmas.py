@@ -15,7 +15,7 @@ def sigmas_doubted(observations: Observations) -> list[Doubt]:
     """Return rows whose sigma cannot be what was meant."""
     value, sigma = observations.value, observations.sigma
     in_ln = ~np.isin(observations.quantity, ADDITIVE)
-    told = in_ln & ~np.isnan(sigma)
+    told = in_ln & ~np.isnan(sigma) & (value > 0)
     share = np.full(len(value), np.nan)
     share[told] = sigma[told] / value[told]
     found = []

@@ -101,7 +101,7 @@ def check_answer(
 
 
 def _line(fault: str) -> int:
-    """Return the line that a message names; 0, before all lines, where it names none."""
+    """Return the line that a message names; 0, before all, where it names none."""
     told = re.search(r": line (\d+)[:,]", fault)
     return int(told.group(1)) if told else 0
 

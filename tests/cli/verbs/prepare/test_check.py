@@ -1,0 +1,67 @@
+"""The verb that says everything that is wrong with a log at once."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from jblast.observations import read
+from tests.cli.cli_files import HEADER, TWO
+
+DATA = Path(__file__).parents[4] / "calibration" / "data"
+BAD = (
+    HEADER
+    + "a,air_arrival_s,0.25,-1,120,0,0\n"
+    + "b,air_arrival_s,0.5,0.001,0,200,0\n"
+    + "c,air_arrival_s,0.72,0.001,-280,0,0\n"
+    + "d,air_arrival_s,3600.95,0.001,-280,-220,0\n"
+    + "e,air_arrival_s,soon,0.001,100,-220,0\n"
+)
+
+
+def test_a_clean_log_exits_0_and_is_written_as_it_was_understood(jblast):
+    log, out = jblast.file("log.csv", TWO), jblast.path("out.csv")
+    code, text, err = jblast("check", log, "--out", out)
+    assert (code, err) == (0, "")
+    assert text.endswith("Nothing is wrong.\n")
+    assert read(out).value.tolist() == read(log).value.tolist()
+    code, _, err = jblast("check", log, "--out", out)
+    assert code == 2
+    assert "exists already" in err
+
+
+def test_faults_and_warnings_are_all_told_in_one_go(jblast):
+    log, out = jblast.file("log.csv", BAD), jblast.path("out.csv")
+    code, text, err = jblast("check", log, "--out", out)
+    assert (code, err) == (2, "")
+    assert "line 2, column sigma" in text
+    assert "line 6, column value" in text
+    assert "line 5: the clock of d looks 1 h fast" in " ".join(text.split())
+    assert not Path(out).exists()
+    assert max(map(len, text.splitlines())) <= 79
+
+
+def test_the_json_has_every_line_that_the_text_has(jblast):
+    code, text, _ = jblast("check", jblast.file("log.csv", BAD), "--json")
+    document = json.loads(text)
+    assert (code, document["schema"], document["rows"]) == (2, 1, 3)
+    assert len(document["faults"]) == 2
+    (warning,) = document["warnings"]
+    assert warning["kind"] == "clock_of_another_zone"
+    assert (warning["lines"], warning["sensors"]) == ([5], ["d"])
+
+
+def test_no_file_is_one_message(jblast):
+    code, text, err = jblast("check", jblast.path("none.csv"))
+    assert (code, text) == (2, "")
+    assert "no such file" in err
+
+
+@pytest.mark.parametrize(
+    "name", ["five_microphones", "camera_and_bang", "hri_2", "hta_1", "trinity"]
+)
+def test_logs_that_ship_are_not_doubted(jblast, name):
+    code, text, _ = jblast(
+        "check", str(DATA / f"{name}.csv"), "--scene", str(DATA / f"{name}.toml")
+    )
+    assert (code, text.splitlines()[-1]) == (0, "Nothing is wrong.")

@@ -1,0 +1,172 @@
+"""What is doubted of a log, and what is not."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings, strategies as st
+
+from jblast.inference.sanity import doubts
+from jblast.observations import Observations, some_rows
+from jblast.observations.places.frame import Frame
+from jblast.scene import default_scene, freed
+from tests.inference.sanity.made import (
+    ARRIVAL,
+    IMPULSE,
+    MASS,
+    PEAK,
+    PLACES,
+    log_of,
+    with_value,
+)
+
+SCENE = default_scene()
+BOTH = log_of(ARRIVAL, PEAK)
+
+
+def kinds(log: Observations, scene=SCENE) -> list[str]:
+    return [doubt.kind for doubt in doubts(log, scene)]
+
+
+@pytest.mark.parametrize("quantities", [(ARRIVAL,), (PEAK,), (ARRIVAL, PEAK, IMPULSE)])
+def test_an_honest_log_is_not_doubted(quantities):
+    assert kinds(log_of(*quantities)) == []
+
+
+@pytest.mark.parametrize("factor", [1e3, 1e-3, 6.894757, 1 / 6.894757])
+def test_a_peak_in_another_unit_is_named_with_its_factor(factor):
+    """By laws that differ from those it is checked by, so only the unit is exact."""
+    (doubt,) = doubts(with_value(BOTH, 7, factor), SCENE)
+    assert (doubt.kind, doubt.rows) == ("unit_slip", (7,))
+    assert doubt.numbers["factor"] == pytest.approx(factor, rel=0.01)
+    # the mass that all others agree on: laws differ by a factor 2 in mass at most
+    assert MASS / 3 < doubt.numbers["mass_kg"] < 3 * MASS
+
+
+def test_a_whole_column_in_another_unit_is_named_once():
+    log = BOTH
+    for row in range(5, 10):
+        log = with_value(log, row, 1e-3)
+    (doubt,) = doubts(log, SCENE)
+    assert (doubt.kind, doubt.rows) == ("units_of_a_quantity", (5, 6, 7, 8, 9))
+    assert doubt.numbers["factor"] == 1e-3
+
+
+@pytest.mark.parametrize("hours", [1.0, -1.0, 5.5])
+def test_a_clock_of_another_zone_is_named(hours):
+    log = replace(BOTH, value=BOTH.value + 3600 * hours * (np.arange(10) == 3))
+    (doubt,) = doubts(log, SCENE)
+    assert (doubt.kind, doubt.rows) == ("clock_of_another_zone", (3,))
+    assert doubt.numbers["late_s"] == 3600 * hours
+
+
+def test_minutes_for_seconds_are_named():
+    (doubt,) = doubts(with_value(BOTH, 4, 1 / 60), SCENE)
+    assert (doubt.kind, doubt.rows) == ("unit_slip", (4,))
+    assert doubt.names[1] == "as seconds what is minutes:"
+
+
+def test_east_and_north_swapped_are_named_where_that_moves_the_sensor():
+    """The charge is at (150, -90) of the log's axes, so its range changes."""
+    uncertain = freed(SCENE, ["charge_east_m", "charge_north_m", "origin_time_s"])
+    uncertain = replace(uncertain, source="scene.toml")
+    log = log_of(ARRIVAL, PEAK, IMPULSE, shift=(150.0, -90.0), since=7.0)
+    assert kinds(log, uncertain) == []
+    position = log.position.copy()
+    its = np.array([sensor == "s4" for sensor in log.sensor])
+    position[its] = position[its][:, [1, 0, 2]]
+    (doubt,) = doubts(replace(log, position=position), uncertain)
+    assert doubt.kind in ("east_north_swapped", "off_in_time")
+    assert log.sensor[doubt.rows[0]] == "s4"
+
+
+def test_latitude_and_longitude_swapped_are_named():
+    frame = Frame(33.9, 35.5, 10.0)
+    position = BOTH.position.copy()
+    its = np.array([sensor == "s2" for sensor in BOTH.sensor])
+    lat, lon, alt = np.moveaxis(frame.to_geodetic(position[its]), -1, 0)
+    position[its] = frame.to_enu(lon, lat, alt)
+    (doubt,) = doubts(replace(BOTH, position=position, frame=frame), SCENE)
+    assert (doubt.kind, doubt.rows) == ("lat_lon_swapped", (2, 7))
+
+
+def test_a_log_of_another_place_and_time_says_so_and_doubts_no_row():
+    log = log_of(ARRIVAL, PEAK, IMPULSE, shift=(400.0, -300.0), since=12.0)
+    (doubt,) = doubts(log, SCENE)
+    assert doubt.kind == "not_at_the_origin"
+    found = np.array([doubt.numbers["east_m"], doubt.numbers["north_m"]])
+    # laws differ by some per cent of the 200 m to the farthest sensor
+    assert np.linalg.norm(found - [400.0, -300.0]) < 20.0
+
+
+def test_a_later_shot_says_so():
+    assert kinds(log_of(ARRIVAL, PEAK, since=12.0)) in (
+        ["not_at_time_0"],
+        ["not_at_the_origin"],
+    )
+
+
+def test_arrivals_too_far_apart_need_no_charge():
+    """No wave in air takes 3 s over 100 m, wherever it comes from."""
+    uncertain = freed(SCENE, ["charge_east_m", "charge_north_m", "origin_time_s"])
+    log = some_rows(BOTH, np.array([0, 1]))
+    log = replace(log, value=np.array([1.0, 4.0]))
+    (doubt,) = doubts(log, uncertain)
+    assert doubt.kind == "too_slow_between"
+    assert doubt.numbers["apart_m"] == pytest.approx(
+        np.linalg.norm(PLACES[1] - PLACES[0])
+    )
+
+
+@pytest.mark.parametrize(
+    ("quantity", "value", "distance", "kind"),
+    [
+        (PEAK, 9.01e6, 50.0, "in_the_fireball"),
+        (PEAK, 1e9, 50.0, "no_mass_gives_it"),
+        (PEAK, 9.01e3, 50.0, None),
+        ("positive_duration_s", 10.0, 100.0, "no_mass_gives_it"),
+        ("positive_duration_s", 0.02, 100.0, None),
+        (ARRIVAL, 10.0, 100.0, "too_slow"),
+        (ARRIVAL, 1e-3, 100.0, "too_fast"),
+        (ARRIVAL, 0.25, 100.0, None),
+    ],
+)
+def test_one_reading_alone_is_doubted_where_no_blast_gives_it(
+    quantity, value, distance, kind
+):
+    one = some_rows(BOTH, np.array([0]))
+    log = replace(
+        one,
+        quantity=(quantity,),
+        value=np.array([value]),
+        sigma=np.array([np.nan]),
+        slant_range=np.array([distance]),
+        position=np.full((1, 3), np.nan),
+    )
+    found = kinds(log)
+    assert found == ([kind] if kind else [])
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.floats(0.75, 1.35), st.integers(0, 9))
+def test_scatter_is_not_doubted(factor, row):
+    """Laws scatter by 14 % a record: 0.75 to 1.35 is two of that; arrivals by 1.4 %."""
+    share = factor if row >= 5 else 1 + 0.05 * (factor - 1)
+    assert kinds(with_value(BOTH, row, share)) == []
+
+
+@settings(max_examples=12, deadline=None)
+@given(
+    st.lists(
+        st.floats(allow_nan=False, allow_infinity=False, min_value=1e-300), min_size=10,
+        max_size=10,
+    )
+)  # fmt: skip
+def test_whatever_stands_in_a_log_is_told_or_not_but_never_breaks(values):
+    doubts(replace(BOTH, value=np.array(values)), SCENE)
+
+
+def test_no_rows_and_rows_without_places_are_taken():
+    assert kinds(some_rows(BOTH, np.array([], int))) == []
+    nowhere = replace(BOTH, position=np.full((10, 3), np.nan))
+    assert kinds(nowhere) == []

@@ -1,0 +1,101 @@
+"""Doubts that need no physics, and all faults of a log beside a scene."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from jblast.observations import read
+from jblast.observations.check.clocks import clocks_doubted
+from jblast.observations.check.places import places_doubted
+from jblast.observations.check.refusals import refusals
+from jblast.observations.check.sigmas import sigmas_doubted
+from jblast.scene import Scene, Sensor, default_scene
+from tests.observations.rows import HEADER
+
+
+def log(tmp_path, *rows, header=HEADER):
+    path = tmp_path / "log.csv"
+    path.write_text(header + "".join(f"{row}\n" for row in rows))
+    return read(path)
+
+
+PLACES = {
+    "sensor_copied": ["a,air_arrival_s,0.05,,20,0,1", "b,air_arrival_s,0.05,,20,0,1"],
+    "two_sensors_at_one_place": [
+        "a,air_arrival_s,0.05,1e-4,20,0,1",
+        "b,air_arrival_s,0.06,1e-4,20,0,1",
+    ],
+    "sensor_at_two_places": [
+        "a,air_arrival_s,0.05,,20,0,1",
+        "a,peak_overpressure_pa,5e3,,20,1,1",
+    ],
+}
+
+
+@pytest.mark.parametrize("kind", PLACES)
+def test_places_are_doubted(tmp_path, kind):
+    (doubt,) = places_doubted(log(tmp_path, *PLACES[kind]))
+    assert (doubt.kind, doubt.rows) == (kind, (1, 0))
+
+
+@pytest.mark.parametrize(
+    "rows",
+    [
+        ["a,air_arrival_s,0.05,1e-3,20,0,1", "b,air_arrival_s,0.052,1e-3,20,0,1"],
+        ["a,peak_overpressure_pa,5e3,,9,0,1", "b,peak_overpressure_pa,7e3,,9,0,1"],
+        ["a,peak_overpressure_pa,5e3,,9,0,1", "b,air_arrival_s,0.05,,9,0,1"],
+        ["a,air_arrival_s,0.05,,20,0,1", "a,air_arrival_s,0.05,1e-3,20,0,1"],
+    ],
+)
+def test_sensors_that_agree_are_not_doubted(tmp_path, rows):
+    assert places_doubted(log(tmp_path, *rows)) == []
+
+
+def test_clocks_and_shots_are_doubted(tmp_path):
+    header = "sensor,quantity,value,sigma,range_m,shot,clock\n"
+    table = log(
+        tmp_path,
+        "a,flash_time_s,1.0,0.001,50,one,phone",
+        "a,air_arrival_s,0.9,0.001,50,one,phone",
+        "b,air_arrival_s,1.2,0.001,60,one,watch",
+        "a,flash_time_s,7.0,0.001,50,two,phone",
+        header=header,
+    )
+    found = {doubt.kind: doubt for doubt in clocks_doubted(table)}
+    assert found["shot_unheard"].names == ("two",)
+    assert found["clock_of_one_row"].rows == (2,)
+    assert found["arrival_before_flash"].rows == (1, 0)
+    assert found["arrival_before_flash"].numbers["early_s"] == pytest.approx(0.1)
+    assert len(found) == 3
+    # a flash by another sensor's own clock tells nothing of this one's
+    apart = replace(table, clock=("", "", "", ""), sensor=("a", "c", "b", "a"))
+    assert [doubt.kind for doubt in clocks_doubted(apart)] == ["shot_unheard"]
+
+
+def test_errors_are_doubted(tmp_path):
+    table = log(
+        tmp_path,
+        "a,peak_overpressure_pa,5000,5001,20,0,1",
+        "b,peak_overpressure_pa,5000,0.004,30,0,1",
+        "c,peak_overpressure_pa,5000,250,40,0,1",
+        "d,air_arrival_s,0.1,0.2,40,0,2",
+    )
+    found = [(doubt.kind, doubt.rows) for doubt in sigmas_doubted(table)]
+    assert found == [("sigma_too_fine", (1,)), ("sigma_large", (0,))]
+
+
+def test_all_faults_beside_a_scene_are_told_not_the_first_alone(tmp_path):
+    table = log(
+        tmp_path,
+        "a,air_arrival_s,0.05,,20,0,1",
+        "b,air_arrival_s,0.05,,,,",
+        "c,air_arrival_s,-0.05,1e-3,40,0,1",
+        "d,air_arrival_s,0.05,,0,0,0",
+    )
+    there = Sensor("a", position_m=np.array([21.0, 0.0, 1.0]))
+    uncertain = replace(default_scene(), scene=Scene(sensors=(there,)))
+    lines = sorted(
+        str(fault).split("log.csv: ")[1] for fault in refusals(table, uncertain)
+    )
+    assert [line[:6] for line in lines] == ["line 2", "line 3", "line 4", "line 5"]
