@@ -6,6 +6,7 @@ from typing import Any
 from jblast.errors import InputError, nearest, shown
 from jblast.quantities import ADDITIVE, DIRECTIONS
 from jblast.quantity_table import QUANTITIES
+from jblast.scene.reader.foreign_keys import in_other_unit
 from jblast.scene.reader.priors import finite
 
 SHARE = re.compile(r"\s*(\d+\.?\d*(?:e[+-]?\d+)?|\.\d+(?:e[+-]?\d+)?)\s*%\s*", re.I)
@@ -36,9 +37,10 @@ def read_records(records: Any, where: str) -> tuple[tuple[str, float], ...]:
     pairs = []
     for quantity, sigma in records.items():
         if quantity not in QUANTITIES:
+            other = in_other_unit(quantity, QUANTITIES)
             raise InputError(
                 f"{where}: unknown quantity {shown(quantity)}"
-                f"{nearest(quantity, QUANTITIES)}; "
+                f"{other or nearest(quantity, QUANTITIES)}; "
                 f"expected one of {', '.join(QUANTITIES)}"
             )
         read = _additive if quantity in ADDITIVE else _share

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from jblast.errors import InputError, nearest, shown
+from jblast.scene.reader.foreign_keys import in_other_unit
 from jblast.scene.reader.schema import KEYS, LATER
 
 
@@ -47,10 +48,11 @@ def known_keys(entry: dict[str, Any], name: str, where: str) -> None:
             place = (
                 f"{where} {shown_key(key)}" if name else f"{where}: {shown_key(key)}"
             )
+            other = in_other_unit(key, known)
+            advice = other or nearest(key, (*known, *later))
             kind = "table" if isinstance(entry[key], dict) else "key"
             raise InputError(
-                f"{place}: unknown {kind}{nearest(key, (*known, *later))}; "
-                f"expected one of {', '.join(known)}"
+                f"{place}: unknown {kind}{advice}; expected one of {', '.join(known)}"
             )
 
 

@@ -229,6 +229,38 @@ BAD = {
         "[[sensor]]\nname = 'a'\nrecords = { positive_duration_s = '1e999%' }\n",
         ["'a' records positive_duration_s", "got inf"],
     ),
+    "a mass in pounds": (
+        "[charge]\nmass_lb = 33\n",
+        ["[charge] mass_lb", "ours is mass_kg: multiply by 0.45359237"],
+    ),
+    "a place in feet": (
+        "[[sensor]]\nname = 'a'\nposition_ft = [0, 9, 0]\n",
+        ["position_ft", "ours is position_m: multiply by 0.3048"],
+    ),
+    "a temperature in Celsius": (
+        "[air]\ntemperature_c = 15\n",
+        ["[air] temperature_c", "ours is temperature_k: add 273.15"],
+    ),
+    "a temperature in Fahrenheit": (
+        "[air]\ntemperature_F = 59\n",
+        ["subtract 32, multiply by 5/9 and add 273.15"],
+    ),
+    "a wind in km/h": (
+        "[air]\nwind_km_h = [3.6, 0]\n",
+        ["ours is wind_m_s: multiply by 0.277777778"],
+    ),
+    "a humidity in per cent": (
+        "[air]\nrelative_humidity_percent = 50\n",
+        ["ours is relative_humidity, a share: multiply by 0.01"],
+    ),
+    "a pressure that is milli or mega": (
+        "[air]\npressure_mpa = 0.1\n",
+        ["ours is pressure_pa", "MPa or mPa"],
+    ),
+    "an arrival in milliseconds": (
+        "[[sensor]]\nname = 'a'\nrecords = { air_arrival_ms = 1 }\n",
+        ["'a' records", "ours is air_arrival_s: multiply by 0.001"],
+    ),
     "records of words": (
         "[[sensor]]\nname = 'a'\nrecords = 'air_arrival_s'\n",
         ["'a' records", "QUANTITY = sigma"],

@@ -55,6 +55,7 @@ def run(asked: argparse.Namespace) -> int:
     from jblast.observations.check.refusals import refusals, with_places
     from jblast.report.check.answer import check_answer
     from jblast.report.check.text import check_text
+    from jblast.report.understood import understood_lines
     from jblast.scene import default_scene, read_scene
 
     if asked.out:
@@ -69,7 +70,7 @@ def run(asked: argparse.Namespace) -> int:
     faults += refusals(log, uncertain) if len(log) else []
     odd = doubts(with_places(log, uncertain.scene), uncertain) if len(log) else []
     worded = [InputError(fault.worded(option_for)) for fault in faults]
-    answer = check_answer(log, worded, odd)
+    answer = check_answer(log, worded, odd, understood_lines(log.understood))
     if asked.json:
         document = {"schema": 1} | plain(answer)
         text = json.dumps(document, indent=1, ensure_ascii=False, allow_nan=False)
