@@ -2,10 +2,13 @@
 
 from dataclasses import dataclass
 from datetime import datetime
+from importlib import import_module
+from typing import Any
 
 import numpy as np
 from jaxtyping import Bool, Float
 
+from jblast.errors import InputError
 from jblast.observations.formats import row_word
 from jblast.observations.places.frame import Frame
 from jblast.observations.record_covariance import RecordCovariance
@@ -107,9 +110,59 @@ class Observations:
         """Return the name of each row's clock: its recorder, else its sensor."""
         return tuple(c or s for c, s in zip(self.clock, self.sensor, strict=True))
 
+    @classmethod
+    def from_pandas(
+        cls,
+        frame: Any,
+        *,
+        strict: bool = False,
+        wide: bool = False,
+        faults: list[InputError] | None = None,
+        date: str | None = None,
+        zone: str | None = None,
+    ) -> "Observations":
+        """Return the log that a data frame holds, read as a file of it would be.
+
+        Args:
+            frame: A `pandas.DataFrame`; levels of its index that have names are
+                columns. A column `lower_bound` says which values are no less.
+            strict: As `read` takes it, and so all below.
+            wide: Whether each quantity has a column of its own.
+            faults: Every fault is appended here.
+            date: The day of times without one.
+            zone: The zone of times without one.
+
+        Raises:
+            InputError: It is no log.
+        """
+        told = {"strict": strict, "wide": wide, "date": date, "zone": zone}
+        return _exchange().from_pandas(frame, faults=faults, **told)
+
+    def to_pandas(self) -> Any:
+        """Return the log as a `pandas.DataFrame`, columns as `write` writes them.
+
+        Lower bounds are told by a column `lower_bound`; comments, the source and the
+        units of columns stand in `attrs`. `from_pandas` takes it.
+        """
+        return _exchange().to_pandas(self)
+
+    def to_xarray(self) -> Any:
+        """Return the log as an `xarray.Dataset` along `row`.
+
+        Each quantity is a variable, NaN where a row is of another one, with
+        `sigma_QUANTITY` beside it; who measured and where are coordinates; `units` and
+        `long_name` are attributes.
+        """
+        return _exchange().to_xarray(self)
+
     def groups(self) -> tuple[str, ...]:
         """Return what the records of a row share: its path, else its sensor."""
         return tuple(p or s for p, s in zip(self.path, self.sensor, strict=True))
+
+
+def _exchange() -> Any:
+    """Import the reader and the writer, which make what stands here, when asked."""
+    return import_module("jblast.observations.exchange")
 
 
 def no_rows(source: str) -> Observations:

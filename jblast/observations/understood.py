@@ -16,8 +16,7 @@ class Dialect(Understood):
     """How a file was written, where it is not as we write it.
 
     Attributes:
-        format: "CSV", "Excel workbook", "OpenDocument spreadsheet", "Parquet" or
-            "data frame".
+        format: "CSV", "Excel workbook", "OpenDocument spreadsheet" or "Parquet".
         separator: Between the fields of a line, if not the comma: "semicolon" or "tab".
         encoding: Of the text, if not UTF-8.
         sheet: The sheet of a workbook.
@@ -100,13 +99,7 @@ class EmptySkipped(Understood):
 
 @dataclass(frozen=True)
 class HeightTaken(Understood):
-    """Sensors without a height, taken to stand at up = 0.
-
-    Attributes:
-        rows: How many.
-    """
-
-    rows: int
+    """Sensors without a height, taken to stand at up = 0."""
 
 
 @dataclass(frozen=True)

@@ -5,6 +5,7 @@ import os
 from collections.abc import Sequence
 
 import numpy as np
+from jaxtyping import Float
 
 from jblast.files import write_text
 from jblast.observations.records.covariances import write_covariances
@@ -40,6 +41,12 @@ def write(
         ValueError: There are no rows, or a name or comment would not read back: it has
             line breaks, control characters or outer spaces.
     """
+    write_text(path, log_text(observations, comments))
+    write_covariances(path, observations)
+
+
+def log_text(observations: Observations, comments: Sequence[str] = ()) -> str:
+    """Return what `write` writes into the file, and raise as it does."""
     if not len(observations):
         raise ValueError("observations has no rows; an empty file would not read back")
     lines = [
@@ -48,47 +55,64 @@ def write(
     columns = _columns(observations)
     lines.append(",".join(columns))
     lines.extend(",".join(row) for row in zip(*columns.values(), strict=True))
-    write_text(path, "\n".join(lines) + "\n")
-    write_covariances(path, observations)
+    return "\n".join(lines) + "\n"
 
 
 def _columns(observations: Observations) -> dict[str, list[str]]:
     """Return the text of every column that holds something."""
-    place, columns = observations.position, POSITION
-    if observations.frame is not None:
-        place, columns = observations.frame.to_geodetic(place), DEGREES
-    numbers = {
-        "value": observations.value,
-        "sigma": observations.sigma,
-        **dict(zip(columns, place.T, strict=True)),
-        "range_m": observations.slant_range,
-        "time_s": observations.time,
+    texts = {
+        name: [_digits(x) for x in column]
+        if isinstance(column, np.ndarray)
+        else [_quoted(x) for x in column]
+        for name, column in typed_columns(observations).items()
     }
-    names = {
+    bounds = observations.bounds()
+    texts["value"] = [
+        (AT_LEAST if is_bound else "") + text
+        for is_bound, text in zip(bounds, texts["value"], strict=True)
+    ]
+    return texts
+
+
+def typed_columns(
+    observations: Observations,
+) -> dict[str, Float[np.ndarray, " row"] | tuple[str, ...]]:
+    """Return every column that is needed or holds something, in the order of a file.
+
+    Positions and clock times are degrees and UTC where the log says where on the Earth
+    it counts from, and from when; a value is NaN beside a `value_utc`.
+    """
+    place, names = observations.position, POSITION
+    if observations.frame is not None:
+        place, names = observations.frame.to_geodetic(place), DEGREES
+    columns = {
         "sensor": observations.sensor,
         "quantity": observations.quantity,
+        "value": observations.value,
+        "sigma": observations.sigma,
+        **dict(zip(names, place.T, strict=True)),
+        "range_m": observations.slant_range,
+        "time_s": observations.time,
         "path": observations.path,
         "shot": observations.shot,
         "clock": observations.clock,
         "record": observations.records(),
     }
-    texts = {column: [_digits(x) for x in numbers[column]] for column in numbers}
-    texts["value"] = [
-        (AT_LEAST if is_bound else "") + text
-        for is_bound, text in zip(observations.bounds(), texts["value"], strict=True)
-    ]
-    texts |= {column: [_quoted(x) for x in names[column]] for column in names}
     if observations.epoch is not None:
         told = np.isin(observations.quantity, CLOCK_TIMES)
-        utc = [
+        columns["value_utc"] = tuple(
             written(observations.epoch, value) if timed else ""
             for timed, value in zip(told, observations.value.tolist(), strict=True)
-        ]
-        texts["value_utc"] = utc
-        texts["value"] = [
-            "" if when else text for when, text in zip(utc, texts["value"], strict=True)
-        ]
-    return {c: texts[c] for c in COLUMNS if c in NEEDED or any(texts.get(c, ()))}
+        )
+        columns["value"] = np.where(told, np.nan, observations.value)
+    return {c: columns[c] for c in COLUMNS if c in NEEDED or _holds(columns.get(c, ()))}
+
+
+def _holds(column: Float[np.ndarray, " row"] | tuple[str, ...]) -> bool:
+    """Return whether a column holds anything."""
+    if isinstance(column, np.ndarray):
+        return not np.isnan(column).all()
+    return any(column)
 
 
 def _digits(number: float) -> str:

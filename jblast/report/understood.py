@@ -14,19 +14,17 @@ WAYS = {"CSV": "text"}
 
 def understood_lines(understood: Sequence[Understood]) -> list[str]:
     """Return a sentence for each thing that was not as we write it."""
-    return [text for found in understood if (text := understood_words(found))]
+    return [understood_words(found) for found in understood]
 
 
 @singledispatch
 def understood_words(found: Understood) -> str:
-    """Say what was converted, skipped or supplied, or "" where that is no news."""
+    """Say what was converted, skipped or supplied."""
     raise NotImplementedError(type(found).__name__)
 
 
 @understood_words.register
 def _(found: of.Dialect) -> str:
-    if found.format == "data frame":
-        return ""
     parts = []
     if found.separator:
         parts.append(f"fields separated by {_separator(found.separator)}")
@@ -81,8 +79,8 @@ def _(found: of.EmptySkipped) -> str:
 
 
 @understood_words.register
-def _(found: of.HeightTaken) -> str:
-    return f"no column up_m: sensors taken to stand at up = 0 ({_rows(found.rows)})"
+def _(_: of.HeightTaken) -> str:
+    return "no column up_m: sensors taken to stand at up = 0"
 
 
 @understood_words.register

@@ -37,6 +37,7 @@ VERBS = (
     Verb(
         "pick", "prepare", "pick blasts from records of pressure: a log, from samples"
     ),
+    Verb("convert", "prepare", "write a log in our columns and units, from others"),
     Verb("scene", "prepare", "write a commented starter scene for a log"),
     Verb("check", "prepare", "say everything that is wrong with a log at once"),
     Verb("fit", "infer", "fit a blast to a log of sensor readings"),

@@ -20,8 +20,8 @@ def cell_text(value: Any) -> str:
 
     What was never filled in is empty; a date is ISO 8601, whoever made one of it.
     """
-    if isinstance(value, str):
-        return value.strip()
+    if isinstance(value, str):  # a line break within a cell is a blank
+        return value.strip() if value.isprintable() else " ".join(value.split())
     if value is None:
         return ""
     if isinstance(value, (bool, np.bool_)):

@@ -159,8 +159,7 @@ def _check_all_there(table: Table, where: str, *, strict: bool) -> None:
         table.header.append("up_m")
         east = table.columns[got.index("east_m")]
         table.columns.append(["0" if text else "" for text in east])
-        taken = HeightTaken(sum(1 for text in east if text))
-        table.understood = (*table.understood, taken)
+        table.understood = (*table.understood, HeightTaken())
     elif 0 < len(partial) < 3 and not set(DEGREES) & set(got):
         raise InputError(
             f"{where}: missing column {', '.join(partial)}; expected all of "

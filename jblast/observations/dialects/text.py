@@ -53,10 +53,10 @@ def text_table(
             f"{','.join(NEEDED)} and one measurement a row"
         )
     separator = told or ("," if strict else separator_of(lines[0]))
+    if separator not in lines[0]:
+        _refuse_other_separator(f"{source}: line {numbers[0]}", lines[0])
     records = _records(source, lines, numbers, separator, faults)
     header = [name.strip() for name in records[0]]
-    if len(header) == 1:
-        _refuse_other_separator(f"{source}: line {numbers[0]}", header[0])
     columns = [[field.strip() for field in column] for column in zip(*records[1:])]  # noqa: B905 (checked widths)
     found = Dialect(separator=SEPARATORS.get(separator, separator), encoding=encoding)
     return Table(

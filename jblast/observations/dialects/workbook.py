@@ -5,11 +5,13 @@ from pathlib import PurePath
 from typing import Any
 
 from jblast.errors import InputError, shown
-from jblast.observations.dialects.cells import table_of_cells
+from jblast.observations.dialects.cells import cell_text, table_of_cells
 from jblast.observations.dialects.table import Table
 from jblast.observations.formats import FRAME, WORKBOOKS
 from jblast.observations.understood import Dialect
 
+LOWER_BOUND = "lower_bound"
+"""Column of a data frame that says whether a value is one: numbers have no sign > ."""
 FORMATS = {"openpyxl": "Excel workbook", "odf": "OpenDocument spreadsheet"}
 
 
@@ -89,9 +91,15 @@ def frame_table(frame: Any, source: str = FRAME, format: str = FRAME) -> Table:
     comments = tuple(frame.attrs.get("comments", ()))
     if any(name is not None for name in frame.index.names):
         frame = frame.reset_index()
+    if LOWER_BOUND in frame.columns:
+        bound = frame[LOWER_BOUND].astype(bool)
+        value = frame["value"].astype(object)
+        value = value.where(~bound, ">" + frame["value"].map(cell_text))
+        frame = frame.drop(columns=LOWER_BOUND).assign(value=value)
     header = [str(name) for name in frame.columns]
     rows = [header, *frame.astype(object).to_numpy(object).tolist()]
-    table = table_of_cells(source, rows, 0, (Dialect(format=format),))
+    found = (Dialect(format=format),) if format != FRAME else ()
+    table = table_of_cells(source, rows, 0, found)
     table.comments = (*comments, *table.comments)
     return table
 

@@ -97,7 +97,7 @@ def test_a_height_left_out_is_zero_and_said(log):
     head = "sensor,quantity,value,sigma,east_m,north_m\n"
     log = read(log(head + "a,air_arrival_s,1,,2,3\nb,air_arrival_s,1,,,\n"))
     np.testing.assert_array_equal(log.position, [[2, 3, 0], [np.nan] * 3])
-    assert found(log, HeightTaken) == [HeightTaken(1)]
+    assert found(log, HeightTaken) == [HeightTaken()]
 
 
 def test_notes_empty_columns_and_empty_lines_are_left_aside(log):

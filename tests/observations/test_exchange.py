@@ -1,0 +1,72 @@
+"""A log goes to pandas and back as it was, and to xarray with its units."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from jblast.errors import InputError
+from jblast.observations import Observations, read
+from tests.observations.rows import HEADER, ROW
+from tests.observations.test_write import assert_equal
+
+LOG = (
+    "# by hand\n"
+    + HEADER.replace("\n", ",time_s,clock,record\n")
+    + ROW.replace("\n", ",,c,r\n")
+    + "b,peak_overpressure_pa,>2e4,0.1,1,2,3,,,\n"
+    + "b,peak_overpressure_pa,3e3,,1,2,3,,c,\n"
+    + "film,shock_radius_m,11.1,0.1,,,,1e-4,,\n"
+)
+
+
+def test_a_log_comes_back_from_a_data_frame_as_it_was(log):
+    ours = read(log(LOG))
+    frame = ours.to_pandas()
+    assert frame["value"].dtype == float
+    assert frame.attrs["units"]["east_m"] == "m"
+    back = Observations.from_pandas(frame)
+    assert_equal(back, ours)
+    assert back.source == "data frame"
+
+
+def test_a_log_in_degrees_and_utc_comes_back(log):
+    text = (
+        "sensor,quantity,value,value_utc,sigma,lat_deg,lon_deg,alt_m\n"
+        "a,air_arrival_s,,2020-08-04T15:08:18.310004Z,0.001,33.9,35.5,10\n"
+        "b,air_arrival_s,,2020-08-04T15:08:19.5Z,0.001,33.902,35.5,20\n"
+        "b,peak_overpressure_pa,900,,9,33.902,35.5,20\n"
+    )
+    ours = read(log(text))
+    back = Observations.from_pandas(ours.to_pandas())
+    np.testing.assert_allclose(back.position, ours.position, atol=1e-6)
+    np.testing.assert_allclose(back.value, ours.value, rtol=1e-12, atol=1e-6)
+    assert back.epoch == ours.epoch
+
+
+def test_a_named_index_is_a_column_and_levels_of_columns_are_refused():
+    frame = pd.DataFrame(
+        {
+            "quantity": ["air_arrival_ms"],
+            "value": [5.0],
+            "sigma": [1.0],
+            "range_m": [2],
+        },
+        index=pd.Index([7], name="sensor"),
+    )
+    assert Observations.from_pandas(frame).sensor == ("7",)
+    frame.columns = pd.MultiIndex.from_product([["x"], frame.columns])
+    with pytest.raises(InputError, match="columns of one level"):
+        Observations.from_pandas(frame)
+
+
+def test_a_data_set_has_a_variable_a_quantity_with_its_unit(log, tmp_path):
+    ours = read(log(LOG))
+    data = ours.to_xarray()
+    assert data["peak_overpressure_pa"].attrs["units"] == "Pa"
+    assert data["east_m"].attrs["units"] == "m"
+    np.testing.assert_array_equal(
+        data["peak_overpressure_pa"].values, [np.nan, 2e4, 3e3, np.nan]
+    )
+    np.testing.assert_array_equal(data["sigma_shock_radius_m"].values[3], 0.1)
+    assert data["lower_bound"].values.tolist() == [False, True, False, False]
+    data.to_netcdf(tmp_path / "log.nc", engine="h5netcdf")
