@@ -236,7 +236,7 @@ def test_laws_pull_in_neither_warp_nor_pysindy_nor_matplotlib(tmp_path):
 
 def test_the_calculator_pulls_in_neither_inference_nor_slow_parts_of_scipy(tmp_path):
     calculation = (
-        "import jblast.report.calculator.terminal, jblast.cli.arguments.question"
+        "import jblast.report.calculator.terminal, jblast.cli.arguments.calc.question"
     )
     loaded = modules_after(calculation, tmp_path)
     assert "jblast.waves" in loaded

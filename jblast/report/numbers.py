@@ -2,9 +2,13 @@
 
 import math
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal
 
 from jblast.report.words import split_name
+from jblast.units import si_factor
+
+System = Literal["si", "us"]
+"""Which units a reader wants: ours, or feet, pounds and pounds per square inch."""
 
 
 @dataclass(frozen=True)
@@ -53,13 +57,33 @@ def finite(number: Any) -> float | None:
     return None if number is None or not math.isfinite(number) else float(number)
 
 
-def unit_for(name: str, *numbers: float | None) -> Unit:
+CUSTOMARY = {
+    "_kg": ((0.0, "lb"),),
+    "_m": ((0.0, "in"), (0.1, "ft")),
+    "_m_s": ((0.0, "in_s"), (0.3, "ft_s")),
+    "_pa": ((0.0, "psi"),),
+    "_pa_s": ((0.0, "psi_ms"),),
+}
+"""The same of what Americans have units of their own for, by the endings of names."""
+SYMBOLS: dict[str, str] = {"in_s": "in/s", "ft_s": "ft/s", "psi_ms": "psi ms"}
+
+
+def unit_for(name: str, *numbers: float | None, system: System = "si") -> Unit:
     """Choose the unit for numbers of one parameter or quantity, by the largest."""
-    ladder = LADDERS[split_name(name)[1]]
+    ladder = _ladder(split_name(name)[1], system)
     largest = max((abs(n) for n in numbers if n is not None), default=0.0)
     if largest == 0.0:
-        return next(unit for _, unit in ladder if unit.size == 1.0)
+        return next((u for _, u in ladder if u.size == 1.0), ladder[-1][1])
     return [unit for start, unit in ladder if largest >= start][-1]
+
+
+def _ladder(suffix: str, system: System) -> tuple[tuple[float, Unit], ...]:
+    if system == "si" or suffix not in CUSTOMARY:
+        return LADDERS[suffix]
+    return tuple(
+        (start, Unit(SYMBOLS.get(ending) or ending, si_factor(ending)))
+        for start, ending in CUSTOMARY[suffix]
+    )
 
 
 def rounded(number: float, sd: float) -> str:
@@ -91,10 +115,12 @@ def scientific(number: float, decimals: int) -> str:
     return f"{mantissa}e{int(exponent)}"
 
 
-def printed_number(name: str, value: float | int, digits: int = 4) -> str:
+def printed_number(
+    name: str, value: float | int, digits: int = 4, system: System = "si"
+) -> str:
     """Print a number with its unit where no uncertainty is known."""
     value = float(value)
-    unit = unit_for(name, value)
+    unit = unit_for(name, value, system=system)
     text = significant(value / unit.size, digits)
     if "." in text and "e" not in text:
         text = text.rstrip("0").rstrip(".")

@@ -5,6 +5,7 @@ argparse names the option; `parsers.VerbParser` makes one message of it.
 
 import math
 from argparse import ArgumentTypeError
+from collections.abc import Callable
 
 from jblast.errors import shown
 
@@ -54,8 +55,12 @@ def positive_of_any_size(text: str) -> float:
     return value
 
 
-def several(text: str) -> tuple[float, ...]:
+def several(text: str, one: Callable[[str], float] = positive) -> tuple[float, ...]:
     """Return the values of `1`, `1,2,5` or `1:100:20`, all positive.
+
+    Args:
+        text: As written.
+        one: What reads one of the numbers.
 
     Raises:
         ArgumentTypeError: The text is none of these.
@@ -63,9 +68,9 @@ def several(text: str) -> tuple[float, ...]:
     values: list[float] = []
     for word in text.split(","):
         if ":" in word:
-            values += _evenly_in_ln(word)
+            values += _evenly_in_ln(word, one)
         else:
-            values.append(positive(word))
+            values.append(one(word))
     return tuple(values)
 
 
@@ -147,7 +152,7 @@ def seed(text: str) -> int:
     return value
 
 
-def _evenly_in_ln(word: str) -> list[float]:
+def _evenly_in_ln(word: str, one: Callable[[str], float]) -> list[float]:
     """Return the numbers of FROM:TO:COUNT."""
     import numpy as np  # not for --help
 
@@ -158,7 +163,7 @@ def _evenly_in_ln(word: str) -> list[float]:
             f"expected FROM:TO:COUNT with a COUNT of 2 to {MOST_ROWS}, "
             f"got {shown(word)}"
         )
-    low, high = (positive(end) for end in ends[:2])
+    low, high = (one(end) for end in ends[:2])
     return np.geomspace(low, high, int(count)).tolist()
 
 

@@ -22,23 +22,24 @@ from jblast.report.figure_style import (
     quiet,
     titled,
 )
-from jblast.report.numbers import unit_for
+from jblast.report.numbers import System, unit_for
 from jblast.report.words import capitalised, quantity_words
-from jblast.sensors.calculator.forward import Calculated, calculate
+from jblast.sensors.calculator.forward import Calculated, calculate, only
 from jblast.sensors.calculator.question import Question, charge_radius
 
 POINTS = 512
 
 
-def calculator_figure(question: Question) -> Figure:
+def calculator_figure(question: Question, law: str = "") -> Figure:
     """Draw every quantity against range; a lone range is marked, a decade to each side.
 
     Args:
         question: Of one mass and one or more ranges.
+        law: This one alone; "" for all.
     """
     ranges = _ranges(question)
     masses = np.full_like(ranges, question.charge_mass[0])
-    answer = calculate(question.scene, ranges, masses)
+    answer = only(calculate(question.scene, ranges, masses), law=law)
     panels = [
         (quantity, by_law)
         for quantity, by_law in answer.items()
@@ -50,9 +51,9 @@ def calculator_figure(question: Question) -> Figure:
     figure = new_figure(6.0 * columns, 3.7 * rows + 0.6)
     grid = figure.subplots(rows, columns, squeeze=False)
     for axes, (quantity, by_law) in zip(grid.flat, panels, strict=False):
-        _panel(axes, quantity, by_law, ranges, colours)
+        _panel(axes, quantity, by_law, ranges, colours, question.units)
         if len(question.slant_range) == 1:
-            axes.axvline(question.slant_range[0], color=MUTED, linewidth=0.8, zorder=1)
+            axes.axvline(_x(question), color=MUTED, linewidth=0.8, zorder=1)
     for axes in list(grid.flat)[len(panels) :]:
         axes.set_axis_off()
     burst = question.scene.charge.burst or "surface or free-air"
@@ -62,6 +63,10 @@ def calculator_figure(question: Question) -> Figure:
     key = "solid: where the law holds    dashed: outside its range"
     figure.supxlabel(key, fontsize=9, color=MUTED)
     return figure
+
+
+def _x(question: Question) -> float:
+    return question.slant_range[0] / unit_for("_m", 1.0, system=question.units).size
 
 
 def _ranges(question: Question) -> Float[np.ndarray, " point"]:
@@ -78,19 +83,22 @@ def _panel(
     by_law: Mapping[str, Calculated],
     ranges: Float[np.ndarray, " point"],
     colours: Mapping[str, str],
+    system: System,
 ) -> None:
+    across = unit_for("_m", 1.0, system=system)
+    x = ranges / across.size
     drawn = [of_law.value[of_law.valid] for of_law in by_law.values()]
     seen = np.concatenate(drawn)
     if not len(seen):  # no law holds anywhere here
         seen = np.concatenate([of_law.value for of_law in by_law.values()])
     logarithmic = bool(np.all(seen > 0))
-    unit = unit_for(quantity, float(np.median(np.abs(seen))))
+    unit = unit_for(quantity, float(np.median(np.abs(seen))), system=system)
     for name, of_law in by_law.items():
         value = of_law.value / unit.size
-        draw_curve(axes, ranges, value, of_law.valid, colours[name])
+        draw_curve(axes, x, value, of_law.valid, colours[name])
     quiet(axes)
     axes.set_xscale("log")
-    axes.set_xlim(ranges[0], ranges[-1])
+    axes.set_xlim(x[0], x[-1])
     low, high = float(seen.min()) / unit.size, float(seen.max()) / unit.size
     if logarithmic:
         axes.set_yscale("log")
@@ -100,11 +108,11 @@ def _panel(
         margin = 0.08 * max(high - low, 1e-9)
         axes.set_ylim(low - margin, high + margin)
     log_ticks(axes.xaxis, axes.get_xlim())
-    axes.set_xlabel("slant range (m)")
+    axes.set_xlabel(f"slant range ({across.symbol})")
     axes.set_ylabel(unit.symbol)
     titled(axes, capitalised(quantity_words(quantity)))
     ends = {
-        name: (float(ranges[-1]), float(of_law.value[-1]) / unit.size)
+        name: (float(x[-1]), float(of_law.value[-1]) / unit.size)
         for name, of_law in by_law.items()
     }
     nowhere = [name for name, of_law in by_law.items() if not of_law.valid.any()]

@@ -16,6 +16,7 @@ from jblast.sensors.calculator.disagreement import Disagreement
 from jblast.sensors.calculator.forward import Calculated, Calculation
 from jblast.sensors.calculator.inverse import Roots
 from jblast.sensors.calculator.question import Question
+from jblast.sensors.calculator.recommended import Recommended
 
 
 def calculation_json(
@@ -23,6 +24,7 @@ def calculation_json(
     answer: Calculation,
     other: Calculation | None = None,
     apart: Sequence[Disagreement] = (),
+    told: Recommended | None = None,
 ) -> str:
     """Return inputs and quantities; lists by row where there are several rows.
 
@@ -31,6 +33,7 @@ def calculation_json(
         answer: What the laws say.
         other: What those of two curve sets say by the other set, if that is of use.
         apart: Where laws that hold disagree.
+        told: The answer, where one question was asked.
     """
     quantities: dict[str, dict[str, Any]] = {}
     for quantity, by_law in answer.items():
@@ -40,12 +43,13 @@ def calculation_json(
             if other is not None and of_law.two_sets:
                 entry["other_burst"] = _value(other[quantity][name])
             quantities[quantity][name] = entry
-    told = {"inputs": inputs(question), "quantities": quantities}
-    return _json(told | {"disagreements": [asdict(one) for one in apart]})
+    whole = {"inputs": inputs(question), "quantities": quantities}
+    answered = {"recommended": asdict(told)} if told else {}
+    return _json(whole | answered | {"disagreements": [asdict(one) for one in apart]})
 
 
-def roots_json(question: Question, answer: dict[str, Roots]) -> str:
-    """Return inputs, and by law the best root and all of them."""
+def roots_json(question: Question, answer: dict[str, Roots], told: Recommended) -> str:
+    """Return inputs, the answer, and by law the best root and all of them."""
     by_law = {}
     for name, found in answer.items():
         value, valid = found.best() or (None, False)
@@ -57,7 +61,10 @@ def roots_json(question: Question, answer: dict[str, Roots]) -> str:
             "range": found.law.range,
         }
     asked = inputs(question)
-    return _json({"inputs": asked, "quantities": {asked["asked"]: by_law}})
+    quantities = {asked["asked"]: by_law}
+    return _json(
+        {"inputs": asked, "recommended": asdict(told), "quantities": quantities}
+    )
 
 
 def calculation_csv(
@@ -73,7 +80,7 @@ def calculation_csv(
                 row = (repr(float(r)), repr(float(m)), quantity, name, value)
                 lines.append((*row, str(valid).lower()))
     said = "".join(
-        f"# {one.quantity}: {disagreement_words(one, len(ranges))}\n" for one in apart
+        f"# {one.quantity}: {disagreement_words(one, question)}\n" for one in apart
     )
     return _comments(question) + said + comma_separated(lines)
 

@@ -1,9 +1,12 @@
 """The question and what it was answered with, defaults named, for a terminal."""
 
+from collections.abc import Mapping
+from typing import Any
+
 import numpy as np
 
 from jblast.report.calculator.inputs import inputs
-from jblast.report.numbers import printed_number
+from jblast.report.numbers import System, printed_number, unit_for
 from jblast.report.words import quantity_words
 from jblast.sensors.calculator.question import Question
 
@@ -12,6 +15,7 @@ def header(question: Question) -> list[tuple[str, str]]:
     """Return the inputs as labels and words, for a terminal."""
     given = inputs(question)
     charge, defaults = question.scene.charge, question.defaults
+    system = question.units
     lines = []
     if charge.explosive != "TNT":
         factors = given["tnt_factor"]
@@ -21,29 +25,29 @@ def header(question: Question) -> list[tuple[str, str]]:
     if question.charge_mass and question.slant_range:
         z = np.atleast_1d(given["scaled_distance_m_kg13"])
         radius = np.atleast_1d(given["charge_radius_m"])
-        lines.append(("scaled distance", f"{_span(z)} m/kg^(1/3)"))
-        lines.append(("charge radius", f"{_span(radius)} m (TNT at 1630 kg/m3)"))
+        text = f"{_span(z)} m/kg^(1/3)"
+        foot, pound = (unit_for(name, 1.0, system="us") for name in ("_m", "_kg"))
+        if system == "us":  # beside ours, in which the laws' ranges are told
+            text += f", {_span(z * pound.size ** (1 / 3) / foot.size)} ft/lb^(1/3)"
+        lines.append(("scaled distance", text))
+        unit = unit_for("_m", 1.0, system=system)
+        text = f"{_span(radius / unit.size)} {unit.symbol} (TNT at 1630 kg/m3)"
+        lines.append(("charge radius", text))
         if charge.burst == "surface":
             factor = np.atleast_1d(given["ground_factor"])
             text = f"{_span(factor)} times the mass makes the same in free air"
             lines.append(("ground factor", text))
     height = given["height_m"]
-    place = "" if not height else f", {printed_number('_m', abs(height))} "
+    place = (
+        "" if not height else f", {printed_number('_m', abs(height), system=system)} "
+    )
     place += "" if not height else "above ground" if height > 0 else "deep"
     burst = charge.burst or "each range by its height"
     lines.append(("burst", f"{burst}{_default('burst', defaults)}{place}"))
-    air = [
-        f"{given['temperature_k']:.2f} K",
-        f"{given['pressure_pa'] / 1e3:.3f} kPa",
-        f"humidity {given['relative_humidity']:g}"
-        if given["relative_humidity"]
-        else "dry",
-        f"sound {given['sound_speed_m_s']:.2f} m/s",
-    ]
-    if given["altitude_m"] is not None:
-        air.insert(0, f"standard atmosphere at {given['altitude_m']:g} m")
-    lines.append(("air", ", ".join(air) + _default("air", defaults, "at sea level")))
-    rock = f"P wave {given['p_speed_m_s']:g} m/s"
+    lines.append(
+        ("air", _air(given, system) + _default("air", defaults, "at sea level"))
+    )
+    rock = f"P wave {_speed(given['p_speed_m_s'], system, 'g')}"
     lines.append(("ground", rock + _default("ground", defaults, "granite")))
     return lines
 
@@ -51,13 +55,13 @@ def header(question: Question) -> list[tuple[str, str]]:
 def title(question: Question) -> str:
     """Return the question in words."""
     ranges, masses = (
-        _values(name, x)
+        _values(name, x, question.units)
         for name, x in (("_m", question.slant_range), ("_kg", question.charge_mass))
     )
     explosive = question.scene.charge.explosive
     if not question.quantity:
         return f"{masses} of {explosive} at {ranges}"
-    target = printed_number(question.quantity, question.target)
+    target = printed_number(question.quantity, question.target, system=question.units)
     words = quantity_words(question.quantity)
     what = f"{'an' if words[0] in 'aeiou' else 'a'} {words} of {target}"
     if masses:
@@ -65,10 +69,39 @@ def title(question: Question) -> str:
     return f"Mass of {explosive} that makes {what} at {ranges}"
 
 
-def _values(name: str, values: tuple[float, ...]) -> str:
+def _air(given: Mapping[str, Any], system: System) -> str:
+    pressure = f"{given['pressure_pa'] / 1e3:.3f} kPa"
+    if system == "us":
+        pressure = printed_number("_pa", given["pressure_pa"], system=system)
+    words = [
+        f"{given['temperature_k']:.2f} K",
+        pressure,
+        f"humidity {given['relative_humidity']:g}"
+        if given["relative_humidity"]
+        else "dry",
+        f"sound {_speed(given['sound_speed_m_s'], system, '.2f')}",
+    ]
+    if given["altitude_m"] is not None:
+        altitude = given["altitude_m"]
+        shown = f"{altitude:g} m"
+        if system == "us":
+            shown = printed_number("_m", altitude, system=system)
+        words.insert(0, f"standard atmosphere at {shown}")
+    return ", ".join(words)
+
+
+def _speed(value: float, system: System, digits: str) -> str:
+    if system == "us":
+        return printed_number("_m_s", value, system=system)
+    return f"{value:{digits}} m/s"
+
+
+def _values(name: str, values: tuple[float, ...], system: System) -> str:
     if len(values) < 4:
-        return ", ".join(printed_number(name, v) for v in values)
-    first, last = (printed_number(name, v) for v in (min(values), max(values)))
+        return ", ".join(printed_number(name, v, system=system) for v in values)
+    first, last = (
+        printed_number(name, v, system=system) for v in (min(values), max(values))
+    )
     return f"{first} to {last} ({len(values)} values)"
 
 

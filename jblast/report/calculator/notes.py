@@ -50,11 +50,11 @@ def notes(question: Question, *, beside: bool = True) -> list[str]:
     return said
 
 
-def disagreement_words(found: Disagreement, rows: int) -> str:
+def disagreement_words(found: Disagreement, question: Question) -> str:
     """Say that laws of a quantity that hold disagree, and which one we would take."""
-    where = ""
+    where, rows = "", len(question.rows()[0])
     if rows > 1:
-        place = printed_number("_m", found.range_m)
+        place = printed_number("_m", found.range_m, system=question.units)
         where = f" at {found.rows} of {rows} rows, most at {place}"
     taken = f"we would take {found.taken}: {found.reason}"
     return (

@@ -41,36 +41,45 @@ def calculation_text(
     lines = _head(question)
     words = {one.quantity: one for one in apart}
     one_row = len(question.rows()[0]) == 1
-    column = _law_column(name for by_law in answer.values() for name in by_law)
+    column = law_column(name for by_law in answer.values() for name in by_law)
     for quantity, by_law in answer.items():
         lines.append("")
         if one_row:
             lines.append(capitalised(quantity_words(quantity)))
             beside = {} if other is None else other[quantity]
-            burst = question.scene.charge.burst
-            lines += _list(quantity, by_law, beside, burst, column)
+            lines += _list(question, quantity, by_law, beside, column)
         else:
             lines += _table(question, quantity, by_law)
         if quantity in words:
-            said = disagreement_words(words[quantity], len(question.rows()[0]))
-            lines += _hanging("  ! ", said)
+            said = disagreement_words(words[quantity], question)
+            lines += hanging("  ! ", said)
     return "\n".join(line.rstrip() for line in lines) + "\n"
 
 
 def roots_text(question: Question, answer: Mapping[str, Roots]) -> str:
     """Return the ranges or masses where the laws give the value."""
-    name = "range_m" if question.charge_mass else "charge_mass_kg"
     lines = [*_head(question), "", "Range" if question.charge_mass else "Mass"]
-    column = _law_column(answer)
+    column = law_column(answer)
     for law, found in answer.items():
-        rows = [
-            (printed_number(name, value, 5) + "  ", "" if valid else OUTSIDE)
-            for value, valid in zip(found.value, found.valid, strict=True)
-        ]
-        for i, (value, mark) in enumerate(rows or [("none  ", "")]):
-            text = "" if i else found.law.range
-            lines += _entry("" if i else law, value, mark, text, column)
+        lines += root_entries(question, law, found, column)
     return "\n".join(line.rstrip() for line in lines) + "\n"
+
+
+def root_entries(
+    question: Question, law: str, found: Roots, column: int
+) -> Iterable[str]:
+    """Return a line for each range or mass at which one law gives the value."""
+    name = "range_m" if question.charge_mass else "charge_mass_kg"
+    rows = [
+        (
+            printed_number(name, value, 5, question.units) + "  ",
+            "" if valid else OUTSIDE,
+        )
+        for value, valid in zip(found.value, found.valid, strict=True)
+    ]
+    for i, (value, mark) in enumerate(rows or [("none  ", "")]):
+        text = "" if i else found.law.range
+        yield from entry("" if i else law, value, mark, text, column)
 
 
 def _head(question: Question) -> Lines:
@@ -78,48 +87,56 @@ def _head(question: Question) -> Lines:
     label = max(len(name) for name, _ in facts) + 4
     lines = [title(question), ""]
     for name, text in facts:
-        lines += _hanging(f"  {name}".ljust(label), text)
+        lines += hanging(f"  {name}".ljust(label), text)
     for note in notes(question):
-        lines += ["", *_hanging("Note: ", note)]
+        lines += ["", *hanging("Note: ", note)]
     return lines
 
 
 def _list(
+    question: Question,
     quantity: str,
     by_law: Mapping[str, Calculated],
     other: Mapping[str, Calculated],
-    burst: str | None,
     column: int,
 ) -> Lines:
     """Return a line a law: value, mark, range; `other` is of the other burst."""
     lines = []
+    burst = question.scene.charge.burst
     other_burst = "surface" if burst == "free-air" else "free-air"
-    unit = _unit(quantity, by_law)
+    unit = one_unit(question, quantity, by_law)
     for name, of_law in by_law.items():
-        value, mark = _value(of_law, unit)
-        lines += _entry(name, value, mark, of_law.range, column)
+        value, mark = printed_value(of_law, unit)
+        lines += entry(name, value, mark, of_law.range, column)
         if name in other and of_law.two_sets:
-            value, mark = _value(other[name], unit)
-            lines += _entry(f"  ({other_burst})", value, mark, "", column)
+            value, mark = printed_value(other[name], unit)
+            lines += entry(f"  ({other_burst})", value, mark, "", column)
     return lines
 
 
-def _unit(quantity: str, by_law: Mapping[str, Calculated]) -> Unit:
+def one_unit(
+    question: Question, quantity: str, by_law: Mapping[str, Calculated]
+) -> Unit:
     """Return one unit for all, by the value in the middle."""
     values = np.concatenate([of_law.value for of_law in by_law.values()])
-    return unit_for(quantity, float(np.nanmedian(np.abs(values))))
+    middle = float(np.nanmedian(np.abs(values)))
+    return unit_for(quantity, middle, system=question.units)
 
 
-def _value(of_law: Calculated, unit: Unit) -> tuple[str, str]:
+def printed_value(of_law: Calculated, unit: Unit) -> tuple[str, str]:
+    """Return a value of one row in a unit, and its mark."""
     value = f"{significant(of_law.value[0] / unit.size, 4):>8} {unit.symbol:<6}"
     return value, "" if of_law.valid[0] else OUTSIDE
 
 
-def _entry(name: str, value: str, mark: str, text: str, column: int) -> Lines:
-    return _hanging(f"  {name:<{column}}{value:>15}{mark:<9}", text)
+def entry(name: str, value: str, mark: str, text: str, column: int) -> Lines:
+    """Return what one law says: name, value, mark, and its range beside them."""
+    gap = "" if value.endswith(" ") else " "  # after "psi ms"
+    return hanging(f"  {name:<{column}}{value:>15}{gap}{mark:<9}", text)
 
 
-def _law_column(names: Iterable[str]) -> int:
+def law_column(names: Iterable[str]) -> int:
+    """Return how wide the column of some laws' names is."""
     return max(17, *(len(name) + 1 for name in names))
 
 
@@ -128,12 +145,15 @@ def _table(
 ) -> Lines:
     """Return a row a range and mass, a column a law, and the laws' ranges below."""
     ranges, masses = question.rows()
-    unit = _unit(quantity, by_law)
+    system = question.units
+    unit = one_unit(question, quantity, by_law)
     symbol = f" [{unit.symbol}]" if unit.symbol else ""
     lines = [capitalised(quantity_words(quantity)) + symbol]
-    places = [["range", *(printed_number("_m", r) for r in ranges)]]
+    places = [["range", *(printed_number("_m", r, system=system) for r in ranges)]]
     if len(question.charge_mass) > 1:
-        places.append(["mass", *(printed_number("_kg", m) for m in masses)])
+        places.append(
+            ["mass", *(printed_number("_kg", m, system=system) for m in masses)]
+        )
     columns = [
         [name]
         + [
@@ -151,7 +171,7 @@ def _table(
         lines += [""] if columns else []
     for name, of_law in by_law.items():
         left = "" if of_law.valid.all() else "* outside: "
-        lines += _hanging(f"  {name}: ", left + of_law.range)
+        lines += hanging(f"  {name}: ", left + of_law.range)
     return lines
 
 
@@ -167,7 +187,8 @@ def _beside_places(places: Columns, columns: Columns) -> Lines:
     return aligned(rows, right=range(len(whole)), least=least)
 
 
-def _hanging(start: str, text: str) -> Lines:
+def hanging(start: str, text: str) -> Lines:
+    """Return a text behind a start, wrapped, later lines below its beginning."""
     for unit in (" m/kg", " %", " kg", " m "):  # a number keeps its unit beside it
         text = text.replace(unit, "\xa0" + unit[1:])
     lines = textwrap.wrap(

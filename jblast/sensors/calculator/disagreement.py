@@ -5,13 +5,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from itertools import combinations
 
-import jax
 import numpy as np
 from jaxtyping import Bool, Float
 
 from jblast.registry import LAWS, call
 from jblast.sensors.calculator.forward import Calculated, Calculation
 from jblast.sensors.calculator.question import Question, path_of_rows
+from jblast.sensors.calculator.recommended import law_taken
 from jblast.waves.paths import Path
 
 BEYOND = 1.645
@@ -112,10 +112,7 @@ def _sds_apart(
 
 def _taken(question: Question, quantity: str, row: int) -> tuple[str, str]:
     """Return the law that `jblast choose` would take at a row for the best there is."""
-    # what is stored of methods is read where laws disagree, and only there
-    from jblast.fidelity import choose_for
-    from jblast.fidelity.conditions import jitted_conditions
-    from jblast.fidelity.reference import REFERENCES
+    from jblast.fidelity.reference import REFERENCES  # read only where laws disagree
 
     if quantity not in REFERENCES:
         return "", "nothing here tells which of them is nearer to nature"
@@ -125,10 +122,4 @@ def _taken(question: Question, quantity: str, row: int) -> tuple[str, str]:
         slant_range=(float(ranges[row]),),
         charge_mass=(float(masses[row]),),
     )
-    path = path_of_rows(here, quantity)
-    if path.burst is None:
-        burst = "free-air" if bool(np.asarray(path.free_air)[0]) else "surface"
-        path = path.at_burst(burst)
-    conditions = jax.tree.map(np.asarray, jitted_conditions(quantity, path))
-    choice = choose_for(quantity, [conditions], 0.0)
-    return choice.method, choice.reason.removeprefix(f"{choice.method}: ")
+    return law_taken(here, quantity)

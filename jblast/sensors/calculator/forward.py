@@ -102,6 +102,19 @@ def calculate(
     return answer
 
 
+def only(answer: Calculation, quantity: str = "", law: str = "") -> Calculation:
+    """Return what was asked for of a calculation alone; "" leaves quantity or law open.
+
+    Quantities that the law does not give are left out.
+    """
+    kept = {
+        name: {of: one for of, one in by_law.items() if law in ("", of)}
+        for name, by_law in answer.items()
+        if quantity in ("", name)
+    }
+    return {name: by_law for name, by_law in kept.items() if by_law}
+
+
 def with_other_burst(scene: Scene) -> Scene:
     """Return the scene with the other of the two curve sets."""
     other: Burst = "surface" if scene.charge.burst == "free-air" else "free-air"

@@ -3,6 +3,7 @@
 import dataclasses
 import math
 from dataclasses import dataclass
+from typing import Literal
 
 import jax.numpy as jnp
 import numpy as np
@@ -28,6 +29,7 @@ class Question:
         quantity: What was measured instead of the one that is asked for; "" if none.
         target: Its value, in its unit.
         defaults: What was not said, by field: "air", "burst", "explosive", "ground".
+        units: What the answer is printed in: "si", or "us": feet, pounds, psi.
     """
 
     scene: Scene
@@ -36,6 +38,7 @@ class Question:
     quantity: str = ""
     target: float = math.nan
     defaults: frozenset[str] = frozenset()
+    units: Literal["si", "us"] = "si"
 
     def rows(self) -> tuple[np.ndarray, np.ndarray]:
         """Return ranges and masses of all combinations, the ranges running faster."""

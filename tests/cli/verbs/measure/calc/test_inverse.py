@@ -83,7 +83,7 @@ def test_an_inverse_of_an_explosive_gives_its_own_mass(numbers):
     ],
 )
 def test_an_inverse_is_titled_in_a_sentence(calc, words, said):
-    assert said in calc(f"--mass 15 {words}").splitlines()[0]
+    assert said in calc(f"--mass 15 {words} --table").splitlines()[0]
 
 
 def test_all_roots_and_laws_without_one_are_shown(numbers, calc):

@@ -66,7 +66,24 @@ BAD = {
     "json and csv": ("--mass 5 --range 9 --json --csv", ["--json or --csv"]),
     "a plot of no kind": ("--mass 5 --range 9 --plot a.doc", [".png, .svg, .pdf"]),
     "a plot of masses": ("--mass 5 6 --range 9 --plot a.png", ["one --mass"]),
-    "a plot of roots": ("--mass 5 --impulse 9 --plot a.png", ["--plot"]),
+    "a unit of something else": ("--mass 5ft --range 9", ["unit of mass", "33lb"]),
+    "no unit": ("--mass 5lbs --range 9", ["did you mean lb", "33lb"]),
+    "a quantity unknown": (
+        "--mass 5 --range 9 --quantity peak_overpresure_pa",
+        ["--quantity", "did you mean peak_overpressure_pa"],
+    ),
+    "a quantity of what is asked for": (
+        "--mass 5 --impulse 9 --quantity impulse",
+        ["--quantity", "--mass and --range", "--impulse"],
+    ),
+    "a law unknown": ("--mass 5 --range 9 --law swisdac", ["did you mean swisdak"]),
+    "a law of something else": (
+        "--mass 5 --range 9 --quantity ground_arrival_s --law swisdak",
+        ["--law", "expected one of wu_hao"],
+    ),
+    "units of nowhere": ("--mass 5 --range 9 --units cgs", ["si or us", "'cgs'"]),
+    "pounds in JSON": ("--mass 5 --range 9 --units us --json", ["--units", "--json"]),
+    "a table in CSV": ("--mass 5 --range 9 --table --csv", ["--table", "--csv"]),
     "a plot nowhere": ("--mass 5 --range 9 --plot no/a.png", ["cannot be written"]),
 }
 

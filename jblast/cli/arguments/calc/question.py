@@ -7,7 +7,7 @@ from dataclasses import replace
 from itertools import chain
 from typing import Any
 
-from jblast.cli.arguments.calculator import MEASURED
+from jblast.cli.arguments.calc.options import MEASURED
 from jblast.cli.arguments.numbers import MOST_ROWS
 from jblast.errors import InputError, nearest, shown
 from jblast.parameter_table import PARAMETERS
@@ -52,6 +52,7 @@ def question_of(asked: argparse.Namespace) -> Question:
         quantity=quantity,
         target=target,
         defaults=frozenset(defaults),
+        units=asked.units or "si",
     )
     _check_rows(question, measured)
     return with_burst(question)
@@ -63,7 +64,7 @@ def check_plot(question: Question) -> None:
     Raises:
         InputError: It is.
     """
-    if question.quantity or len(question.charge_mass) != 1:
+    if not question.quantity and len(question.charge_mass) != 1:
         raise InputError(
             "--plot: it draws all laws against range; expected one --mass, and --range"
         )
@@ -79,11 +80,12 @@ def check_roots(question: Question, found: dict[str, Roots]) -> None:
         return
     spans = [root.attained for root in found.values() if root.attained]
     option = next(name for name, (q, _) in MEASURED.items() if q == question.quantity)
-    target = printed_number(question.quantity, question.target)
+    units = question.units
+    target = printed_number(question.quantity, question.target, system=units)
     if not spans:
         raise InputError(f"--{option}: no law that holds here gives it; got {target}")
-    low = printed_number(question.quantity, min(low for low, _ in spans), 3)
-    high = printed_number(question.quantity, max(high for _, high in spans), 3)
+    low = printed_number(question.quantity, min(low for low, _ in spans), 3, units)
+    high = printed_number(question.quantity, max(high for _, high in spans), 3, units)
     raise InputError(
         f"--{option}: expected a value that some law takes inside its range, "
         f"from {low} to {high}; got {target}"
@@ -114,6 +116,15 @@ def _check_options(asked: argparse.Namespace, measured: Sequence[str]) -> None:
         )
     if asked.json and asked.csv:
         raise InputError("expected --json or --csv, got both")
+    if asked.units not in (None, "si", "us"):
+        raise InputError(f"--units: expected si or us; got {shown(asked.units)}")
+    for other in ("json", "csv"):
+        if asked.units == "us" and _given(asked, other):
+            raise InputError(
+                f"--units: expected si beside --{other}, whose names end in SI units"
+            )
+        if asked.table and _given(asked, other):
+            raise InputError(f"expected --table or --{other}, got both")
     for rival in ("pressure", "temperature"):
         if asked.altitude is not None and _given(asked, rival) is not None:
             raise InputError(

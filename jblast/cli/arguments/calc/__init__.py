@@ -1,0 +1,1 @@
+"""What `jblast calc` takes: options, numbers with units, and the question they make."""

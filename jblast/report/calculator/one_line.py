@@ -1,0 +1,93 @@
+"""One question, one line: the answer by the law we take; what else there is below."""
+
+from collections.abc import Mapping
+
+from jblast.report.calculator.header import header, title
+from jblast.report.calculator.notes import notes
+from jblast.report.calculator.terminal import (
+    entry,
+    hanging,
+    law_column,
+    one_unit,
+    printed_value,
+    root_entries,
+)
+from jblast.report.numbers import printed_number
+from jblast.report.words import quantity_words
+from jblast.sensors.calculator.forward import Calculated
+from jblast.sensors.calculator.inverse import Roots
+from jblast.sensors.calculator.question import Question
+from jblast.sensors.calculator.recommended import Recommended
+
+LINE = 60
+"""How long the line is that other laws stand below."""
+SAID = ("as TNT", "burst", "air")
+"""Of what it was answered with, what one answer says again."""
+
+
+def value_line(
+    question: Question, told: Recommended, by_law: Mapping[str, Calculated]
+) -> str:
+    """Return one quantity at one range from one charge by the law we take.
+
+    Args:
+        question: Of one range and one mass.
+        told: The answer.
+        by_law: What all laws say.
+    """
+    words = quantity_words(told.quantity)
+    value = printed_number(told.quantity, told.value, system=question.units)
+    unit = one_unit(question, told.quantity, by_law)
+    others = [
+        line
+        for name, of_law in by_law.items()
+        if name != told.law
+        for line in entry(
+            name, *printed_value(of_law, unit), of_law.range, law_column(by_law)
+        )
+    ]
+    first = f"{title(question)}: {words} {value}, {_sure(told)}"
+    return _whole(first, others, question, told, by_law[told.law].range)
+
+
+def root_line(
+    question: Question, told: Recommended, by_law: Mapping[str, Roots]
+) -> str:
+    """Return the range or mass at which a quantity takes its value.
+
+    Args:
+        question: Of the quantity, and of one range or one mass.
+        told: The answer.
+        by_law: What all laws say.
+    """
+    target = printed_number(question.quantity, question.target, system=question.units)
+    value = printed_number(told.quantity, told.value, system=question.units)
+    others = [
+        line
+        for name, found in by_law.items()
+        if name != told.law
+        for line in root_entries(question, name, found, law_column(by_law))
+    ]
+    first = f"{target}: {value}, {_sure(told)}"
+    return _whole(first, others, question, told, by_law[told.law].law.range)
+
+
+def _sure(told: Recommended) -> str:
+    """Say by which law, whether it holds, and how far nature departs from it."""
+    holds = "holds there" if told.valid else "outside its range"
+    scatter = f", scatter {100.0 * told.scatter:.2g} %" if told.scatter > 0.0 else ""
+    return f"{told.law} ({holds}{scatter})"
+
+
+def _whole(
+    first: str, others: list[str], question: Question, told: Recommended, range_: str
+) -> str:
+    lines = [first, "-" * LINE, *others]
+    lines += [""] if others else []
+    facts = [("by", f"{told.law}: {told.reason or range_}")]
+    facts += [("asked", title(question))] if question.quantity else []
+    facts += [fact for fact in header(question) if fact[0] in SAID]
+    facts += [("note", note) for note in notes(question)]
+    for name, text in facts:
+        lines += hanging(f"  {name}".ljust(10), text)
+    return "\n".join(line.rstrip() for line in lines) + "\n"

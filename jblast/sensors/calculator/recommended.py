@@ -1,0 +1,157 @@
+"""The law that one question is answered with: what `auto` takes there, and how sure."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import jax
+import numpy as np
+
+from jblast.registry import LAWS, call, names_for
+from jblast.sensors.calculator.combined import COMBINATIONS
+from jblast.sensors.calculator.forward import Calculated, evaluate
+from jblast.sensors.calculator.inverse import Roots
+from jblast.sensors.calculator.question import Question, path_of_rows
+
+STEP = 1e-3
+"""In ln of a range or a mass: differences over it are a law's slope."""
+
+
+@dataclass(frozen=True)
+class Recommended:
+    """One answer to one question.
+
+    Attributes:
+        quantity: What was asked for: a quantity, `range_m` or `charge_mass_kg`.
+        law: By which law; "" where none gives it.
+        value: In SI.
+        valid: Whether the law holds there.
+        scatter: One standard deviation of nature about it, in ln of what was asked for;
+            NaN where it is not known.
+        reason: Why this law; "" where there is no other.
+    """
+
+    quantity: str
+    law: str
+    value: float
+    valid: bool
+    scatter: float
+    reason: str
+
+
+def law_taken(question: Question, quantity: str) -> tuple[str, str]:
+    """Return the law, and why, that `auto` takes of a quantity at a question's one row.
+
+    The best there is: nothing is said of how near is near enough.
+    """
+    # what is stored of methods is read where one answer is wanted, and only there
+    from jblast.fidelity import choose_for
+    from jblast.fidelity.conditions import jitted_conditions
+
+    path = path_of_rows(question, quantity)
+    if path.burst is None:
+        burst = "free-air" if bool(np.asarray(path.free_air)[0]) else "surface"
+        path = path.at_burst(burst)
+    conditions = jax.tree.map(np.asarray, jitted_conditions(quantity, path))
+    choice = choose_for(quantity, [conditions], 0.0)
+    return choice.method, choice.reason.removeprefix(f"{choice.method}: ")
+
+
+def recommended_value(
+    question: Question, quantity: str, by_law: Mapping[str, Calculated]
+) -> Recommended:
+    """Return the answer to a question of one range, one mass and one quantity.
+
+    Args:
+        question: What was asked.
+        quantity: Which.
+        by_law: What the laws say of it.
+    """
+    law, reason = _of(question, quantity, tuple(by_law))
+    found = by_law[law]
+    return Recommended(
+        quantity=quantity,
+        law=law,
+        value=float(found.value[0]),
+        valid=bool(found.valid[0]),
+        scatter=law_scatter(question, quantity, law),
+        reason=reason,
+    )
+
+
+def recommended_root(question: Question, by_law: Mapping[str, Roots]) -> Recommended:
+    """Return the range or mass at which a quantity takes its value.
+
+    The law is chosen where most laws that hold say that it is; one that does not give
+    the value there gives way to the first that does.
+
+    Args:
+        question: Of a quantity, its target, and one range or one mass.
+        by_law: From `inverse.roots`.
+    """
+    asked = "range_m" if question.charge_mass else "charge_mass_kg"
+    best = {name: found.best() for name, found in by_law.items()}
+    best = {name: root for name, root in best.items() if root is not None}
+    holding = {name: value for name, (value, valid) in best.items() if valid}
+    if not holding:
+        return Recommended(asked, "", math.nan, False, math.nan, "")
+    middle = math.exp(float(np.median(np.log(list(holding.values())))))
+    law, reason = _of(_at(question, middle), question.quantity, tuple(by_law))
+    if law not in holding:
+        law = min(holding, key=lambda name: abs(math.log(holding[name] / middle)))
+        reason = "the nearest to the others of those that give it where they hold"
+    value = holding[law]
+    scatter = law_scatter(_at(question, value), question.quantity, law)
+    slope = _slope(question, value, law)
+    return Recommended(
+        quantity=asked,
+        law=law,
+        value=value,
+        valid=True,
+        scatter=scatter / abs(slope) if slope else math.nan,
+        reason=reason,
+    )
+
+
+def law_scatter(question: Question, quantity: str, law: str) -> float:
+    """Return one standard deviation of nature about a law, in ln, at a question's row.
+
+    NaN of what is combined of several laws.
+    """
+    if (quantity, law) not in LAWS:
+        return math.nan
+    parts = call(LAWS[quantity, law].scatter, path_of_rows(question, quantity))
+    square = sum(np.square(np.asarray(part)) for part in parts)
+    return math.sqrt(float(np.ravel(square)[0]))
+
+
+def _of(question: Question, quantity: str, names: tuple[str, ...]) -> tuple[str, str]:
+    """Return which of some laws is taken, and why."""
+    if len(names) == 1:
+        return names[0], ""
+    parts = COMBINATIONS[quantity].parts if quantity in COMBINATIONS else (quantity,)
+    for part in parts:
+        if names_for(part):
+            law, reason = law_taken(question, part)
+            if law in names:
+                return law, reason
+    return names[0], ""
+
+
+def _at(question: Question, value: float) -> Question:
+    """Return a question with the range or the mass that it asks for put in."""
+    if question.charge_mass:
+        return replace(question, slant_range=(value,))
+    return replace(question, charge_mass=(value,))
+
+
+def _slope(question: Question, value: float, law: str) -> float:
+    """Return the slope of ln quantity against ln of what is asked for."""
+    values = value * np.exp([-STEP, STEP])
+    if question.charge_mass:
+        ranges, masses = values, np.full(2, question.charge_mass[0])
+    else:
+        ranges, masses = np.full(2, question.slant_range[0]), values
+    found, _ = evaluate(question.scene, ranges, masses, (LAWS[question.quantity, law],))
+    low, high = np.log(found[0])
+    return float((high - low) / (2.0 * STEP))
