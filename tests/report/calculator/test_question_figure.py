@@ -1,3 +1,5 @@
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -10,7 +12,7 @@ from jblast.sensors.calculator.recommended import recommended_value
 PRESSURE = "peak_overpressure_pa"
 
 
-def said(value, valid=True):
+def said(value, valid: Any = True):
     value = np.asarray(value, float)
     return Calculated(value, np.broadcast_to(valid, value.shape), "", two_sets=False)
 
