@@ -1,16 +1,21 @@
 """Records of samples that a command names, and what is said of their recorders."""
 
 import argparse
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from jblast.cli.arguments.numbers import positive
 from jblast.cli.arguments.paths import path
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
     from jblast.errors import InputError
     from jblast.inference.records import Gathered, PickLog
+    from jblast.observations import Observations
     from jblast.observations.records.folders import RecordFiles
+    from jblast.scene import UncertainScene
 
 
 def add_records(verb: argparse.ArgumentParser) -> None:
@@ -74,6 +79,110 @@ def picked(
         raise refusal(found)
     log = log_of(found, stations, _provenance(found_files.files, asked))
     return found, log, found_files
+
+
+class FromRecords(NamedTuple):
+    """A log that was picked, and what it was picked from.
+
+    Attributes:
+        log: The rows.
+        found: The picks.
+        text: What was picked, in words.
+    """
+
+    log: "PickLog"
+    found: "Gathered"
+    text: str
+
+    def figure(self) -> "Figure":
+        """Draw the records."""
+        from jblast.report.picks.figure import records_figure
+
+        return records_figure(self.found.named(), self.found.picks)
+
+    def write(self, directory: Path) -> None:
+        """Write log and document into a folder of a report.
+
+        Raises:
+            InputError: It cannot be written.
+        """
+        import json
+
+        from jblast.cli.arguments.paths import writing
+        from jblast.files import write_text
+        from jblast.observations import write
+        from jblast.report.picks.document import picks_document
+
+        document = picks_document(self.found, self.log)
+        text = json.dumps(document, indent=2, ensure_ascii=False, allow_nan=False)
+        with writing(directory):
+            directory.mkdir(parents=True, exist_ok=True)
+            write(directory / "picks.csv", self.log.observations)
+            write_text(directory / "picks.json", text + "\n")
+
+
+def check_folders(named: list[str], asked: argparse.Namespace) -> None:
+    """Refuse a folder of records without positions, before anything is started.
+
+    Raises:
+        InputError: As said.
+    """
+    folders = [name for name in named if Path(name).is_dir()]
+    if folders and asked.positions is None:
+        from jblast.errors import InputError
+
+        raise InputError(
+            f"{folders[0]}: is a folder; of records it takes --positions STATIONS.csv "
+            "beside it, where they stood"
+        )
+
+
+def from_records(named: list[str], asked: argparse.Namespace) -> FromRecords | None:
+    """Return the log of records that a fit is asked of; None if it is asked of logs.
+
+    It is asked of records where positions are given.
+
+    Raises:
+        InputError: A record cannot be read, or none holds a bang.
+    """
+    if asked.positions is None:
+        return None
+    from jblast.errors import InputError
+    from jblast.report.picks.text import picks_text
+
+    found, log, files = picked(named, asked, keep_samples=asked.out is not None)
+    if found.refused:
+        raise refusal(found)
+    text = picks_text(found, log, tuple(path.name for path in files.left_out))
+    if not len(log.observations):
+        what = "nothing found" if not found.picks else "only poor picks"
+        raise InputError(
+            f"{', '.join(named)}: expected records of a blast, got {what} in "
+            f"{found.channels} of them"
+        )
+    name = Path(named[0]).resolve().name
+    observations = replace(log.observations, source=name)
+    return FromRecords(log._replace(observations=observations), found, text)
+
+
+def scene_of_records(log: "Observations") -> "UncertainScene":
+    """Return the default scene, with what the stations can tell free.
+
+    What that is, is what a scene to start from would leave free (`starter_scene`).
+    """
+    import tomllib
+
+    from jblast.observations import starter_scene
+    from jblast.observations.grouping import by_shot
+    from jblast.scene import Free, default_scene, freed
+    from jblast.scene.reader.scene import scene_from_document
+
+    one = max(by_shot(log).values(), key=len)
+    alone = replace(one, shot=("",) * len(one))
+    told = scene_from_document(tomllib.loads(starter_scene(alone)), "starter scene")
+    free = [name for name, belief in told.beliefs.items() if isinstance(belief, Free)]
+    default = default_scene()
+    return freed(default, [name for name in free if name not in default.beliefs])
 
 
 def refusal(found: "Gathered") -> "InputError":

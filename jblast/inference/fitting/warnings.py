@@ -113,8 +113,6 @@ def outside(observations, solution: Solution, valid) -> LawOutOfRange:
 def _without_scene(observations: Observations, uncertain: UncertainScene) -> NoScene:
     """Return what the default scene was taken to be for this log."""
     frame = observations.frame
-    if not (frame or observations.epoch):
-        return NoScene()
     known = ("charge_mass_kg", "fireball_growth_s")  # free in any default scene
     free = tuple(name for name in uncertain.beliefs if name not in known)
     return NoScene(free, frame.alt_m if frame else 0.0)

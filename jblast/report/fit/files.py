@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 DRAWS = "posterior.nc"
 NAMES = ("fit.json", "recordings.png", "residuals.png", "corner.png", "report.html")
-NAMES += ("map.png", *PLACE_FILES, DRAWS)
+NAMES += ("map.png", "records.png", *PLACE_FILES, DRAWS)
 """What a report may consist of."""
 
 
@@ -28,6 +28,7 @@ def write_report(
     directory: str | Path,
     accepted: Accepted | None = None,
     force: bool = False,
+    records: "Callable[[], Figure] | None" = None,
 ) -> list[Path]:
     """Write a fit's answer, figures and page, the answer first.
 
@@ -42,6 +43,7 @@ def write_report(
         accepted: Published values by parameter name, each with where it comes from.
         force: Whether to write into a directory that holds files. Those of an earlier
             report are replaced or removed, others left alone.
+        records: Draws the records that the log was picked from.
 
     Returns:
         The files written.
@@ -77,6 +79,7 @@ def write_report(
     pictures: dict[str, Picture] = {}
     drawings: dict[str, Callable[[], Figure | None]] = {
         "map": lambda: map_figure(fit, accepted),
+        "records": lambda: records() if records else None,
         "recordings": lambda: recordings_figure(fit),
         "residuals": lambda: residuals_figure(fit),
         "corner": lambda: corner_figure(fit, accepted),

@@ -91,10 +91,7 @@ def _(finding: fitting.NoScene) -> str:
         place = "at the origin at time 0, in"
         return f"no scene was given: a surface charge of TNT {place} {air}"
     free = joined([parameter_words(name) for name in finding.freed])
-    return (
-        f"no scene was given: a surface charge of TNT in {air}; free, since the log "
-        f"leaves them open: {free}"
-    )
+    return f"no scene was given: a surface charge of TNT in {air}; free with it: {free}"
 
 
 @words.register

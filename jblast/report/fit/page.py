@@ -27,6 +27,7 @@ from jblast.report.fit.laws import laws_used, validity_sentence
 from jblast.report.fit.place.map_words import absent_map_note, map_alt, map_caption
 from jblast.report.fit.reference_values import Accepted, compare
 from jblast.report.fit.rows import log_name, residual_rows
+from jblast.report.picks.words import RECORDS_ALT, RECORDS_CAPTION
 from jblast.report.understood import understood_lines
 from jblast.report.words import capitalised, joined, parameter_words, quantity_words
 
@@ -146,6 +147,7 @@ def _shown(fit: Fit, kind: str, picture: Picture) -> Shown:
     )
     heading, alt, caption = {
         "map": ("Map", map_alt(fit), map_caption(fit)),
+        "records": ("Records", RECORDS_ALT, RECORDS_CAPTION),
         "recordings": (
             f"Recordings against {along}",
             f"Plot of {quantities} against {along}: recordings with error bars, the "

@@ -12,17 +12,11 @@ from jblast.inference.picks import NAMES
 from jblast.inference.records import Gathered
 from jblast.report.figure_files import image_bytes
 from jblast.report.picks.text import estimate_words
-from jblast.report.picks.words import note_words
+from jblast.report.picks.words import RECORDS_ALT, RECORDS_CAPTION, note_words
 from jblast.report.words import capitalised, quantity_words
 
 TITLES = {"decay": "Decay", "rise_time_s": "Rise time"}
 """Of what stands in no table of quantities."""
-CAPTION = (
-    "Grey: samples, their range where several fall on one point. Blue: fitted pulse. "
-    "Red: its arrival and, dotted, the end of its positive phase; orange: further "
-    "fronts; dashed: where the record clips. Below each: samples less pulse, means of "
-    "what falls on one point."
-)
 
 
 def picks_page(
@@ -59,7 +53,7 @@ def picks_page(
         columns=[TITLES.get(q) or capitalised(quantity_words(q)) for q in NAMES],
         rows=rows,
         pictures=[_picture(figure) for figure in pictures],
-        caption=CAPTION,
+        caption=RECORDS_CAPTION,
         lines=lines,
         comments="\n".join(comments),
         version=jblast.__version__,
@@ -70,6 +64,6 @@ def _picture(figure: Figure) -> dict[str, str | int]:
     data = base64.b64encode(image_bytes(figure, "png")).decode("ascii")
     return {
         "source": f"data:image/png;base64,{data}",
-        "alt": "Records with their fitted pulses, and residuals.",
+        "alt": RECORDS_ALT,
         "width": round(96 * figure.get_figwidth()),
     }

@@ -30,6 +30,13 @@ REASONS = {
     "weaker": "weaker than another of the same bang there: an echo, perhaps",
 }
 """Why something stands in no row of the log."""
+RECORDS_ALT = "Records with their fitted pulses, and residuals."
+RECORDS_CAPTION = (
+    "Grey: samples, their range where several fall on one point. Blue: fitted pulse. "
+    "Red: its arrival and, dotted, the end of its positive phase; orange: further "
+    "fronts; dashed: where the record clips. Below each: samples less pulse, means of "
+    "what falls on one point."
+)
 
 
 def note_words(one: RecordPick) -> list[str]:

@@ -14,6 +14,12 @@ from jblast.cli.arguments.options import (
 )
 from jblast.cli.arguments.paths import path, writing
 from jblast.cli.arguments.reading import add_reading, read_asked
+from jblast.cli.arguments.records import (
+    add_records,
+    check_folders,
+    from_records,
+    scene_of_records,
+)
 
 SMALL = 100_000
 """Bytes of all logs together, about two thousand rows."""
@@ -28,7 +34,8 @@ def add_arguments(verb: argparse.ArgumentParser) -> None:
         type=path,
         help="one measurement a row: sensor,quantity,value,sigma and where it stood: "
         "east_m,north_m,up_m or range_m; several files, or a column shot, are as many "
-        "logs and give one table",
+        "logs and give one table. With --positions records of pressure, or a folder of "
+        "them, as jblast pick takes them",
     )
     verb.add_argument(
         "--one-event",
@@ -44,6 +51,7 @@ def add_arguments(verb: argparse.ArgumentParser) -> None:
         "(default: a surface charge of unknown mass at the origin at time 0)",
     )
     add_reading(verb)
+    add_records(verb)
     add_free(verb)
     add_law(verb)
     add_noise(verb)
@@ -73,7 +81,9 @@ def run(asked: argparse.Namespace) -> int:
     from jblast.cli.jax_start import start_jax
     from jblast.progress import stages
 
-    shares = {"starting": 3.0, "reading": 0.3, "fitting": 9.0}
+    check_folders(asked.observations, asked)
+    picking = 6.0 if asked.positions else 0.3
+    shares = {"starting": 3.0, "reading": picking, "fitting": 9.0}
     begin = stages(shares | ({"writing": 3.0} if asked.out else {}))
     begin("starting")
     start_jax(
@@ -98,6 +108,11 @@ def run(asked: argparse.Namespace) -> int:
     begin("reading")
     reader = partial(read_asked, asked=asked)
     files, together = asked.observations, asked.one_event
+    recorded = from_records(files, asked)
+    if recorded:
+        rows = recorded.log.observations
+        files, reader = [rows.source], lambda _: rows
+        uncertain = uncertain if asked.scene else scene_of_records(rows)
     logs, uncertain = logs_of(files, uncertain, reader, together=together)
     uncertain = freed(uncertain, names_to_free(asked.free))
     readable = {k: log for k, log in logs.items() if not isinstance(log, InputError)}
@@ -124,7 +139,13 @@ def run(asked: argparse.Namespace) -> int:
     if out:
         begin("writing")
         with writing(out):
-            write_report(answer, out, force=asked.force or only_a_walk(out))
+            figure = recorded.figure if recorded else None
+            force = asked.force or only_a_walk(out)
+            write_report(answer, out, force=force, records=figure)
+            if recorded:
+                recorded.write(out / "picks")
+    if recorded and not asked.json:
+        sys.stdout.write(recorded.text + "\n")
     if not asked.json:
         sys.stdout.write(summary(answer, out=out) + "\n")
     return answer.exit_code

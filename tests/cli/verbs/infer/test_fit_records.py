@@ -1,0 +1,50 @@
+"""`jblast fit` of records: picks and fits in one go."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from jblast.observations import read
+
+EXAMPLE = Path(__file__).parents[4] / "calibration" / "data" / "records_example"
+STATIONS = "sensor,east_m,north_m,up_m\na,10,0,0\n"
+SILENT = "time_s,pressure_pa\n" + "".join(f"{k},0\n" for k in range(20))
+
+
+def test_a_folder_without_positions_is_refused(jblast):
+    said = jblast.refused("fit", str(EXAMPLE))
+    assert "records_example: is a folder; of records it takes --positions" in said
+
+
+def test_records_without_a_bang_are_refused(jblast):
+    words = ("fit", jblast.file("a.csv", SILENT))
+    said = jblast.refused(*words, "--positions", jblast.file("stations", STATIONS))
+    assert "a.csv: expected records of a blast, got nothing found in 1 of them" in said
+
+
+def test_a_record_that_cannot_be_read_is_not_left_out_in_silence(jblast):
+    bad = jblast.file("b.csv", "time_s,p_pa\n0,1\n1,\n")
+    words = ("fit", jblast.file("a.csv", SILENT), bad)
+    said = jblast.refused(*words, "--positions", jblast.file("stations", STATIONS))
+    assert "b.csv: line 3, column p_pa: expected a number, got nothing" in said
+
+
+@pytest.mark.slow  # the fit of a pulse is compiled
+def test_ten_records_tell_mass_place_and_time(jblast):
+    out = jblast.path("out")
+    words = ("fit", str(EXAMPLE), "--positions", str(EXAMPLE / "STATIONS.csv"))
+    code, said, _ = jblast(*words, "--out", out)
+    assert code == 0
+    assert "10 picks in 10 records" in said
+    assert "free with it: charge east, charge north" in " ".join(said.split())
+    told = json.loads((Path(out) / "fit.json").read_text())["estimates"]
+    # what `calibration/data/records_example_truth.toml` says
+    truth = {"charge_mass_kg": 15.0, "charge_east_m": 14.0, "charge_north_m": -9.0}
+    for name, value in (truth | {"origin_time_s": 0.05}).items():
+        assert told[name]["q05"] < value < told[name]["q95"], name
+    assert (Path(out) / "records.png").stat().st_size > 10_000
+    page = (Path(out) / "report.html").read_text()
+    assert "<h2>Records</h2>" in page
+    kept = read(Path(out) / "picks" / "picks.csv")
+    assert len(kept.covariances) >= 9
