@@ -124,6 +124,8 @@ def _twice(name: str, first: str, second: str) -> str:
 
 def _advice(name: str, *, strict: bool) -> str:
     """Say what to write in place of an unknown column."""
+    if not name:
+        return "; expected a name above every column that holds something"
     if name in QUANTITIES:
         return (
             "; it is a quantity, not a column: put it into column quantity, "

@@ -1,0 +1,121 @@
+"""Spreadsheets and Parquet hold one table; what is in the way is told by its place."""
+
+import datetime
+import io
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from jblast.errors import InputError
+from jblast.observations import read
+from jblast.observations.understood import Dialect
+
+FRAME = pd.DataFrame(
+    {
+        "Sensor": ["a", "b", "c"],
+        "quantity": ["peak_overpressure_kpa", "air_arrival_ms", "air_arrival_ms"],
+        "Value": [1 / 3, 12.5, 20],
+        "sigma": [0.1, np.nan, 1],
+        "range (ft)": [100, 200, 300],
+    }
+)
+ENGINES = {"log.xlsx": "openpyxl", "log.ods": "odf"}
+
+
+def saved(path, *parts, **where):
+    """A workbook of frames, each where it is said to be."""
+    with pd.ExcelWriter(path, engine=ENGINES[path.name]) as book:
+        for frame, at in parts:
+            frame.to_excel(book, index=False, **at)
+    return path
+
+
+@pytest.mark.parametrize("name", ["log.xlsx", "log.ods", "log.parquet"])
+def test_a_table_is_read_to_the_last_digit(tmp_path, name):
+    path = tmp_path / name
+    if name in ENGINES:
+        saved(path, (FRAME, {}))
+    else:
+        FRAME.to_parquet(path)
+    for source in (path, io.BytesIO(path.read_bytes())):
+        log = read(source)
+        np.testing.assert_array_equal(log.value, [1e3 / 3, 12.5e-3, 20e-3])
+        np.testing.assert_allclose(log.slant_range, [30.48, 60.96, 91.44])
+        assert isinstance(log.understood[0], Dialect)
+    with pytest.raises(InputError):
+        read(path, strict=True)
+
+
+@pytest.mark.parametrize("name", ENGINES)
+def test_two_sheets_are_refused(tmp_path, name):
+    parts = [(FRAME, {"sheet_name": "x"}), (FRAME, {"sheet_name": "y"})]
+    with pytest.raises(InputError, match="'x', 'y'"):
+        read(saved(tmp_path / name, *parts))
+
+
+NAMES = FRAME[["quantity"]]
+
+
+@pytest.mark.parametrize(
+    ("parts", "said"),
+    [
+        ([(FRAME, {}), (FRAME, {"startrow": 6})], "row 7: .*its header again"),
+        (
+            [(FRAME, {}), (FRAME[["quantity"]], {"startrow": 6})],
+            "row 7: .*another head",
+        ),
+        ([(FRAME, {}), (FRAME, {"startcol": 6})], "row 1: .*two tables side by side"),
+        ([(pd.DataFrame(), {})], "none that holds anything"),
+    ],
+)
+def test_two_tables_or_none_are_refused(tmp_path, parts, said):
+    with pytest.raises(InputError, match=f"log.xlsx: .*{said}"):
+        read(saved(tmp_path / "log.xlsx", *parts))
+
+
+@pytest.mark.parametrize(
+    ("value", "said"),
+    [
+        (
+            datetime.datetime(2026, 5, 3),
+            "row 3, column Value: .*a date, as",
+        ),
+        (True, "row 3, column Value: .*got 'True'"),
+        ("1 234", "row 3, column Value: .*got '1 234'"),
+        ("0,5", "one decimal mark"),
+    ],
+)
+def test_a_cell_that_is_no_number_is_named(tmp_path, value, said):
+    frame = FRAME.astype(object)
+    frame.loc[1, "Value"] = value
+    with pytest.raises(InputError, match=said):
+        read(saved(tmp_path / "log.xlsx", (frame, {})))
+
+
+@pytest.mark.parametrize("name", ["log.xlsx", "log.ods", "log.parquet"])
+def test_a_damaged_file_is_told(tmp_path, name):
+    (tmp_path / name).write_bytes(b"PK\x03\x04 and no more")
+    with pytest.raises(InputError, match="cannot be read as one"):
+        read(tmp_path / name)
+
+
+def test_a_workbook_under_the_name_of_text_is_told(tmp_path):
+    path = saved(tmp_path / "log.xlsx", (FRAME, {}))
+    path = path.rename(tmp_path / "log.csv")
+    with pytest.raises(InputError, match="a zip archive"):
+        read(path)
+
+
+def test_comments_above_the_header_and_line_breaks_in_cells_are_read(tmp_path):
+    title = pd.DataFrame({"# shot 12,\nat noon": []})
+    frame = FRAME.rename(columns={"range (ft)": "range\n(ft)"})
+    path = saved(tmp_path / "log.xlsx", (title, {}), (frame, {"startrow": 2}))
+    log = read(path)
+    assert log.comments == ("shot 12, at noon",)
+    assert log.where(0).endswith("row 4")
+
+
+def test_numbers_as_names_are_whole():
+    frame = FRAME.assign(Sensor=[1.0, 2.0, np.nan]).fillna({"Sensor": 3})
+    assert read(frame).sensor == ("1", "2", "3")

@@ -1,0 +1,47 @@
+"""Each thing that a reader understood has a sentence."""
+
+import pytest
+
+from jblast.observations import understood as of
+from jblast.observations.understood import Understood
+from jblast.report.understood import understood_lines, understood_words
+
+SAID = [
+    (of.Dialect("Excel workbook", sheet="a"), "read as Excel workbook: sheet 'a'"),
+    (
+        of.Dialect(separator="tab", encoding="UTF-16 (big-endian)"),
+        "read as text: fields separated by tabs, UTF-16 (big-endian)",
+    ),
+    (of.DecimalComma(3, "0,5"), "decimal comma, as 0,5 in line 3 shows"),
+    (of.Renamed("toa_s", "air_arrival_s"), "toa_s was taken for air_arrival_s"),
+    (
+        of.Converted("range_ft", "range_m", "ft", 0.3048, 2),
+        "range_ft was converted to range_m: times 0.3048 (2 rows)",
+    ),
+    (of.Converted("Sigma (%)", "sigma", "percent", 0.01, 1), "per cent of each value"),
+    (of.LevelConverted("peak_level_db", 1), "20 uPa times 10^(dB/20)"),
+    (of.LevelConverted("sigma_db", 2), "1 dB is ln(10)/20 = 11.5 %"),
+    (of.EmptySkipped((4,)), "1 row without a value left out: line 4"),
+    (of.EmptySkipped(tuple(range(9))), "lines 0, 1, 2, 3, 4 and 4 more"),
+    (of.HeightTaken(), "sensors taken to stand at up = 0"),
+    (of.ColumnsIgnored(("Note",)), "column Note left aside"),
+    (of.UnitsRow(2), "line 2 was read as the units"),
+    (of.MadeLong(("a", "b"), ("b",)), "for b: the law's scatter alone"),
+]
+
+
+@pytest.mark.parametrize(("found", "said"), SAID)
+def test_each_finding_has_a_sentence(found, said):
+    assert said in understood_words(found)
+
+
+def test_none_is_without_one():
+    told = {type(found) for found, _ in SAID}
+    assert told == {k for k in vars(of).values() if _is_finding(k)}
+    assert understood_lines([found for found, _ in SAID])
+
+
+def _is_finding(kind):
+    return (
+        isinstance(kind, type) and issubclass(kind, Understood) and kind != Understood
+    )
