@@ -99,6 +99,9 @@ def take_clock_times(
         except NotAnInstant as reason:
             why[row] = str(reason)
     rows.refuse([row in why for row in range(len(texts))], COLUMN, why.__getitem__)
+    for row in why:
+        values[row] = "0"  # that it has no time is told, and the row is left out
+    rows.texts["value"] = values
     if not found:
         return None
     if day:
