@@ -25,14 +25,14 @@ PRICE = 3
 
 _MILLI = {"a thousand times": 1e3, "a thousandth of": 1e-3}
 _PSI = {
-    "as kPa what is psi:": 1e3 / POUND_FORCE_PER_INCH2,
-    "as psi what is kPa:": POUND_FORCE_PER_INCH2 / 1e3,
-    "as Pa what is psi:": 1 / POUND_FORCE_PER_INCH2,
-    "as psi what is Pa:": POUND_FORCE_PER_INCH2,
+    "psi written as kPa": 1e3 / POUND_FORCE_PER_INCH2,
+    "kPa written as psi": POUND_FORCE_PER_INCH2 / 1e3,
+    "psi written as Pa": 1 / POUND_FORCE_PER_INCH2,
+    "Pa written as psi": POUND_FORCE_PER_INCH2,
 }
-_PRESSURE = {"as Pa what is mbar:": 1e-2, "as mbar what is Pa:": 1e2}
-_BAR = {"as Pa what is bar:": 1e-5, "as bar what is Pa:": 1e5}
-_TIME = {"as seconds what is minutes:": 1 / 60, "as minutes what is seconds:": 60.0}
+_PRESSURE = {"mbar written as Pa": 1e-2, "Pa written as mbar": 1e2}
+_BAR = {"bar written as Pa": 1e-5, "Pa written as bar": 1e5}
+_TIME = {"minutes written as seconds": 1 / 60, "seconds written as minutes": 60.0}
 FACTORS: dict[str, dict[str, float]] = {
     "pressure": {**_MILLI, **_PSI, **_PRESSURE, **_BAR},
     "impulse": {**_MILLI, **_PSI},

@@ -23,8 +23,8 @@ def _units(doubt: Doubt, log: Observations) -> str:
 
 
 def _as_if(name: str) -> str:
-    if name.endswith(":"):
-        return f"looks written {name.rstrip(':')}"
+    if "written" in name:
+        return f"looks like {name}"
     return f"looks {name} what it should be"
 
 

@@ -63,7 +63,7 @@ def test_a_clock_of_another_zone_is_named(hours):
 def test_minutes_for_seconds_are_named():
     (doubt,) = doubts(with_value(BOTH, 4, 1 / 60), SCENE)
     assert (doubt.kind, doubt.rows) == ("unit_slip", (4,))
-    assert doubt.names[1] == "as seconds what is minutes:"
+    assert doubt.names[1] == "minutes written as seconds"
 
 
 def test_east_and_north_swapped_are_named_where_that_moves_the_sensor():

@@ -55,6 +55,7 @@ def run(asked: argparse.Namespace) -> int:
     from jblast.observations.check.refusals import refusals, with_places
     from jblast.report.check.answer import check_answer
     from jblast.report.check.text import check_text
+    from jblast.report.conversion import conversion_comments
     from jblast.report.understood import understood_lines
     from jblast.scene import default_scene, read_scene
 
@@ -64,7 +65,7 @@ def run(asked: argparse.Namespace) -> int:
     begin("reading")
     faults: list[InputError] = []
     log = read_asked(asked.observations, asked, faults)
-    if not len(log) and len(faults) == 1:
+    if not len(log) and len(faults) == 1 and not asked.json:
         raise faults[0]  # no file, or no table: one message says it
     begin("checking")
     faults += refusals(log, uncertain) if len(log) else []
@@ -79,5 +80,5 @@ def run(asked: argparse.Namespace) -> int:
         sys.stdout.write(check_text(answer))
     if asked.out and not faults:
         with writing(asked.out):
-            write(asked.out, log)
+            write(asked.out, log, comments=conversion_comments(log))
     return answer.exit_code

@@ -1,0 +1,163 @@
+"""Logs and records as people have them, and may not: one message that says where.
+
+Each names the file, the row and the column where there is one, what was expected and
+what came.
+"""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+PLACED = "sensor,quantity,value,sigma,{}\n"
+DEGREES = "lat_deg,lon_deg,alt_m"
+BOTH = f"{DEGREES},east_m,north_m,up_m"
+UTC = f"sensor,quantity,value_utc,sigma,{DEGREES}\n"
+
+LOGS = {
+    "two units for one column": (
+        "sensor,quantity,value_kpa,value_psi,sigma,range_m\n"
+        "a,peak_overpressure,5,0.7,1,20\n",
+        ["line 1", "'value_kpa' and 'value_psi'", "two units for one column"],
+    ),
+    "two units for one distance": (
+        PLACED.format("range_m,range_ft") + "a,air_arrival_s,0.05,0.001,20,66\n",
+        ["line 1", "range_m once", "'range_m' and 'range_ft'"],
+    ),
+    "latitudes in one row and metres in another": (
+        PLACED.format(BOTH)
+        + "a,air_arrival_s,0.5,0.01,33.9,35.5,10,,,\n"
+        + "b,air_arrival_s,0.5,0.01,,,,100,0,0\n",
+        ["line 3, column east_m", "expected all places", "got metres here"],
+    ),
+    "latitudes and metres in one row": (
+        PLACED.format(BOTH) + "a,air_arrival_s,0.5,0.01,33.9,35.5,10,3,4,5\n",
+        ["line 2, column east_m", "got metres beside degrees"],
+    ),
+    "a time without date": (
+        UTC + "a,air_arrival_s,15:08:18.3,0.01,33.9,35.5,10\n",
+        ["line 2, column value_utc", "expected a date", "got '15:08:18.3'"],
+    ),
+    "a time without zone": (
+        UTC + "a,air_arrival_s,2020-08-04T15:08:18.3,0.01,33.9,35.5,10\n",
+        ["line 2, column value_utc", "expected a zone", "got '2020-08-04T15:08:18.3'"],
+    ),
+    "a number that could be two": (
+        PLACED.format("range_m") + 'a,peak_overpressure_pa,"1,234",9,20\n',
+        ["line 2, column value", "1,234"],
+    ),
+    "a record of samples": (
+        "time_s,pressure_pa\n" + "".join(f"{i / 100},{i % 7}\n" for i in range(50)),
+        ["line 1", "time_s, pressure_pa", "a record of samples"],
+    ),
+    "an unknown unit": (
+        PLACED.format("range_m") + "a,peak_overpressure_furlong,5,1,20\n",
+        ["line 2, column quantity", "furlong"],
+    ),
+}
+
+
+@pytest.mark.parametrize(("content", "said"), LOGS.values(), ids=LOGS.keys())
+def test_a_bad_log_is_told_by_row_and_column(jblast, content, said):
+    log = jblast.file("log.csv", content)
+    message = jblast.refused("fit", log)
+    assert message.count("\n") == 1
+    assert all(word in message for word in ["log.csv", *said]), message
+    code, out, err = jblast("check", log)
+    assert code == 2
+    told = " ".join(f"{out} {err}".split())
+    assert all(word in told for word in ["log.csv", *said]), told
+
+
+def test_a_workbook_with_two_tables_is_told_by_sheet_and_row(jblast):
+    pandas = pytest.importorskip("pandas")
+    pytest.importorskip("openpyxl")
+    row = {"sensor": "a", "quantity": "air_arrival_s", "value": 0.05, "sigma": 1e-3}
+    table = pandas.DataFrame([row | {"range_m": 30.0}])
+    sheets, one = jblast.path("sheets.xlsx"), jblast.path("one.xlsx")
+    with pandas.ExcelWriter(sheets) as book:
+        for name in "AB":
+            table.to_excel(book, sheet_name=name, index=False)
+    with pandas.ExcelWriter(one) as book:
+        for start in (0, 5):
+            table.to_excel(book, index=False, startrow=start)
+    message = jblast.refused("fit", sheets)
+    assert "expected one sheet with one table, got 'A', 'B'" in message
+    assert "row 6: expected one table" in jblast.refused("fit", one)
+
+
+@pytest.mark.parametrize("verb", ["fit", "check", "scene", "convert", "pick"])
+def test_a_name_that_ends_in_nothing_we_know_is_told(jblast, verb):
+    message = jblast.refused(verb, jblast.file("log.xyz", "hello"))
+    assert "log.xyz: expected" in message
+    assert ".csv" in message
+
+
+@pytest.mark.parametrize("verb", ["fit", "check", "pick"])
+def test_ten_gigabytes_are_refused_before_they_are_read(jblast, verb):
+    path = Path(jblast.path("huge.csv"))
+    with path.open("wb") as file:
+        file.truncate(10 * 1024**3)  # a hole: it takes no room on the disk
+    message = jblast.refused(verb, str(path))
+    assert "expected" in message
+    assert "got 10.7 GB" in message
+
+
+TIME = np.arange(400) * 1e-3
+PULSE = np.where(TIME >= 0.2, 900.0 * np.exp(-(TIME - 0.2) / 0.02), 0.0)
+
+
+def record(time=TIME, pressure=PULSE, header="time_s,pressure_pa"):
+    rows = zip(time, pressure, strict=True)
+    return header + "\n" + "".join(f"{t:.6f},{p:.3f}\n" for t, p in rows)
+
+
+def changed(values, index, value):
+    values = values.copy()
+    values[index] = value
+    return values
+
+
+RECORDS = {
+    "a time twice": (
+        record(changed(TIME, 100, TIME[99])),
+        ["line 102, column time_s", "expected a time after", "got 0.099 s"],
+    ),
+    "a time that goes back": (
+        record(changed(TIME, 100, TIME[50])),
+        ["line 102, column time_s", "expected a time after", "got 0.05 s"],
+    ),
+    "a gap": (
+        record(np.delete(TIME, range(100, 120)), np.delete(PULSE, range(100, 120))),
+        ["line 102, column time_s", "a sample every 0.001 s", "a gap of 0.021 s"],
+    ),
+    "a channel of NaN": (
+        record(pressure=np.full(400, np.nan)),
+        ["column pressure_pa", "expected samples", "got no number"],
+    ),
+    "a few NaN": (
+        record(pressure=changed(PULSE, 100, np.nan)),
+        ["line 102, column pressure_pa", "expected a number", "got 'nan'"],
+    ),
+    "volts without a sensitivity": (
+        record(header="time_s,voltage_v"),
+        ["column voltage_v", "expected pressure", "--sensitivity"],
+    ),
+}
+
+
+@pytest.mark.parametrize(("content", "said"), RECORDS.values(), ids=RECORDS.keys())
+def test_a_bad_record_is_told_by_row_and_column(jblast, content, said):
+    message = jblast.refused("pick", jblast.file("rec.csv", content))
+    assert message.count("\n") == 1
+    assert all(word in message for word in ["rec.csv", *said]), message
+
+
+def test_all_bad_records_are_told_in_one_message(jblast):
+    """That others beside them are picked, and kept, stands in `test_pick`."""
+    files = [
+        jblast.file(f"r{i}.csv", text) for i, (text, _) in enumerate(RECORDS.values())
+    ]
+    message = jblast.refused("pick", *files)
+    assert message.count("\n") == 1
+    assert all(file in message for file in files)
