@@ -1,5 +1,6 @@
 """JSON Schemas of the manual: they take what is read and printed, and nothing else."""
 
+import json
 import math
 import tomllib
 from dataclasses import replace
@@ -37,13 +38,15 @@ from jblast.report.discovery.answer import (
     LeftOutTerm,
     NominalInterval,
 )
-from jblast.report.fit.document import fit_document
+from jblast.report.fit.document import answer_json, fit_document
+from jblast.report.provenance import provenance_of
 from jblast.scene.reader.scene import scene_from_document
 from jblast.verification.stability.failure import FailureMode
 from tests.report import example
 
 ROOT = Path(__file__).parents[1]
 LOG = str(ROOT / "calibration" / "data" / "hta_1.csv")
+SCENE = ROOT / "calibration" / "scenes" / "arrivals.toml"
 DATUM = ResolvingDatum("air_arrival_s", "aside")
 NULL = NullDirection({"charge_mass_kg": 1.0}, "ln", Cure(("origin_time_s",), (DATUM,)))
 OTHER = OtherMode({"charge_mass_kg": 2.0}, ("charge_mass_kg",), 0.3, DATUM)
@@ -94,6 +97,11 @@ def test_the_schema_of_a_fit_takes_every_answer():
     made = (fit, example.three_parameters(), example.with_outliers())
     for one in (*made, replace(fit, summary=full)):
         check(answer_schemas.fit(), fit_document(one))
+    written = json.loads(
+        answer_json(fit, provenance_of([LOG], SCENE, ("jblast", "fit")))
+    )
+    assert written["provenance"]["scene"]
+    check(answer_schemas.fit(), written)
 
 
 def test_the_schema_of_a_bound_takes_every_answer():

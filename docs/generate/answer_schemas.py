@@ -26,6 +26,7 @@ from jblast.observations.understood import Understood
 from jblast.report.check.answer import CheckAnswer
 from jblast.report.discovery.answer import DiscoveryAnswer
 from jblast.report.flights.answer import FlightsAnswer
+from jblast.report.provenance import Provenance
 from jblast.verification.stability.failure import KEYS as FAILURE_KEYS, FailureMode
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
@@ -41,9 +42,14 @@ Schema = dict[str, Any]
 
 
 def fit() -> Schema:
-    """Return the schema of what `jblast fit --json` prints of one log."""
+    """Return the schema of what `jblast fit --json` prints of one log, and of fit.json.
+
+    What it was made of stands in the file alone.
+    """
     both = schema_of(Summary)["properties"] | schema_of(OnEarth)["properties"]
-    return _document("An answer of jblast fit", _object(both))
+    told = _document("An answer of jblast fit", _object(both))
+    told["properties"]["provenance"] = schema_of(Provenance)
+    return told
 
 
 def bound() -> Schema:

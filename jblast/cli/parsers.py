@@ -88,6 +88,7 @@ def parsed(words: Sequence[str]) -> argparse.Namespace:
     asked, unknown = parser.parse_known_args(words[1:])
     if unknown:
         parser.refuse(unknown)
+    asked.words = ("jblast", *words)
     return asked
 
 

@@ -17,6 +17,7 @@ from jblast.inference.posterior.estimate import Estimate
 from jblast.json_values import plain
 from jblast.report.fit.cures import cure_words, datum_words, reason_words
 from jblast.report.fit.findings import all_words
+from jblast.report.provenance import Provenance
 from jblast.report.understood import understood_lines
 
 
@@ -52,9 +53,12 @@ def fit_document(fit: Fit) -> dict[str, Any]:
     )
 
 
-def answer_json(fit: Fit) -> str:
-    """Return the answer as the text of `fit.json`."""
-    document = fit_document(fit)
+def answer_json(fit: Fit, made: Provenance) -> str:
+    """Return the answer, and what it was made of, as the text of `fit.json`.
+
+    What is printed has no provenance, so that the same run prints the same.
+    """
+    document = fit_document(fit) | {"provenance": plain(asdict(made))}
     return json.dumps(document, indent=2, allow_nan=False, ensure_ascii=False) + "\n"
 
 

@@ -13,6 +13,7 @@ from jblast.report.fit.document import answer_json
 from jblast.report.fit.findings import all_words
 from jblast.report.fit.place.files import PLACE_FILES, write_place
 from jblast.report.fit.reference_values import Accepted
+from jblast.report.provenance import Provenance, provenance_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -29,6 +30,7 @@ def write_report(
     accepted: Accepted | None = None,
     force: bool = False,
     records: "Callable[[], Figure] | None" = None,
+    made: Provenance | None = None,
 ) -> list[Path]:
     """Write a fit's answer, figures and page, the answer first.
 
@@ -44,6 +46,7 @@ def write_report(
         force: Whether to write into a directory that holds files. Those of an earlier
             report are replaced or removed, others left alone.
         records: Draws the records that the log was picked from.
+        made: What the answer was made of; None: the log's file, and no command.
 
     Returns:
         The files written.
@@ -64,8 +67,9 @@ def write_report(
     directory.mkdir(parents=True, exist_ok=True)
     for name in NAMES:  # a stale corner plot would look like this fit's
         (directory / name).unlink(missing_ok=True)
+    made = made or provenance_of([fit.observations.source])
     written = [directory / "fit.json"]
-    write_text(written[0], answer_json(fit))
+    write_text(written[0], answer_json(fit, made))
     failures: list[str] = []
     if fit.ensemble is not None:
         try:
@@ -98,7 +102,7 @@ def write_report(
             failures.append(f"{kind}.png was not written: {error!r}")
     try:
         page = directory / "report.html"
-        write_text(page, report_page(fit, pictures, accepted, failures))
+        write_text(page, report_page(fit, pictures, made, accepted, failures))
         written.append(page)
     except Exception as error:
         failures.append(f"report.html was not written: {error!r}")

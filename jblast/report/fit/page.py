@@ -28,6 +28,7 @@ from jblast.report.fit.place.map_words import absent_map_note, map_alt, map_capt
 from jblast.report.fit.reference_values import Accepted, compare
 from jblast.report.fit.rows import log_name, residual_rows
 from jblast.report.picks.words import RECORDS_ALT, RECORDS_CAPTION
+from jblast.report.provenance import Provenance, provenance_lines
 from jblast.report.understood import understood_lines
 from jblast.report.words import capitalised, joined, parameter_words, quantity_words
 
@@ -46,6 +47,7 @@ class Shown:
 def report_page(
     fit: Fit,
     pictures: Mapping[str, Picture],
+    made: Provenance,
     accepted: Accepted | None = None,
     extra_warnings: Sequence[str] = (),
 ) -> str:
@@ -55,6 +57,7 @@ def report_page(
         fit: The fit.
         pictures: Those that were drawn, by name: "map", "recordings", "residuals",
             "corner".
+        made: What the answer was made of.
         accepted: Published values by parameter name, each with where it comes from.
         extra_warnings: What went wrong since the fit, such as a figure not drawn.
     """
@@ -91,7 +94,8 @@ def report_page(
         warnings=[*_warnings(fit), *extra_warnings],
         understood=understood_lines(found.understood),
         limits=limits(fit),
-        provenance=f"Log: {name}." if name else "The log was made in memory.",
+        provenance=provenance_lines(made),
+        scene_text=made.scene_text,
         comments="\n".join(fit.observations.comments),
         safety=SAFETY,
         version=jblast.__version__,

@@ -64,7 +64,9 @@ def test_the_json_is_the_answer(pages):
     root, _ = pages
     for make in example.EVERY[:-1]:
         text = (root / make.__name__ / "fit.json").read_text("utf-8")
-        assert json.loads(text) == fit_document(make())
+        told = json.loads(text)
+        assert told.pop("provenance")["scene"] is None
+        assert told == fit_document(make())
 
 
 def test_the_json_holds_null_for_nan(pages):

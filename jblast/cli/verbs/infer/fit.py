@@ -99,12 +99,17 @@ def run(asked: argparse.Namespace) -> int:
     from jblast.inference import fit, fit_each
     from jblast.report import check_directory, summary, write_report
     from jblast.report.fit.document import fit_document
+    from jblast.report.provenance import provenance_of
     from jblast.scene import default_scene, freed, read_scene, with_laws
 
     out = Path(asked.out) if asked.out else None
     if out and not only_a_walk(out):
         check_directory(out, asked.force)
     uncertain = read_scene(asked.scene) if asked.scene else default_scene()
+    made = None
+    if out:
+        files = [*asked.observations, *([asked.positions] if asked.positions else [])]
+        made = provenance_of(files, asked.scene or "", asked.words)
     begin("reading")
     reader = partial(read_asked, asked=asked)
     files, together = asked.observations, asked.one_event
@@ -141,7 +146,7 @@ def run(asked: argparse.Namespace) -> int:
         with writing(out):
             figure = recorded.figure if recorded else None
             force = asked.force or only_a_walk(out)
-            write_report(answer, out, force=force, records=figure)
+            write_report(answer, out, force=force, records=figure, made=made)
             if recorded:
                 recorded.write(out / "picks")
     if recorded and not asked.json:

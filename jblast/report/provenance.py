@@ -1,0 +1,115 @@
+"""What a report was made of: command, date, versions, and files by their SHA-256."""
+
+import hashlib
+import platform
+import shlex
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+
+import jax
+
+import jblast
+
+
+@dataclass(frozen=True)
+class SourceFile:
+    """A file that went into an answer.
+
+    Attributes:
+        name: Its name, without its folder: others will read the report.
+        sha256: Of its bytes as they were read, in hexadecimal digits.
+    """
+
+    name: str
+    sha256: str
+
+
+@dataclass(frozen=True)
+class Provenance:
+    """What an answer was made of.
+
+    Attributes:
+        command: What was typed; "" where it was called from Python.
+        date: When it was begun, UTC, by ISO 8601.
+        versions: Of jblast, jax and python.
+        logs: The log, or the recordings that it was made of; none where it was made in
+            memory.
+        scene: The scene; null where none was read from a file.
+        scene_text: All that the scene's file says; "" where there is none.
+    """
+
+    command: str
+    date: str
+    versions: Mapping[str, str]
+    logs: tuple[SourceFile, ...]
+    scene: SourceFile | None
+    scene_text: str
+
+
+def provenance_of(
+    logs: Sequence[str | Path] = (),
+    scene: str | Path = "",
+    command: Sequence[str] = (),
+) -> Provenance:
+    """Return what an answer is made of; call it before a long fit, of files as read.
+
+    Args:
+        logs: The log's file, or files, or the folder that holds them.
+        scene: The scene's file; "" where there is none.
+        command: The words that were typed, the program first.
+    """
+    told = _bytes(scene)
+    files = [file for path in logs for file in _files(path)]
+    found = [_source(file, _bytes(file)) for file in files]
+    return Provenance(
+        command=shlex.join(command),
+        date=datetime.now(UTC).isoformat(timespec="seconds"),
+        versions={
+            "jblast": jblast.__version__,
+            "jax": jax.__version__,
+            "python": platform.python_version(),
+        },
+        logs=tuple(file for file in found if file is not None),
+        scene=_source(scene, told),
+        scene_text="" if told is None else told.decode("utf-8", "replace"),
+    )
+
+
+def provenance_lines(made: Provenance) -> list[str]:
+    """Return it in words, but for the text of the scene."""
+    of = ", ".join(f"{name} {version}" for name, version in made.versions.items())
+    lines = [f"Command: {made.command}"] if made.command else []
+    lines.append(f"Made {made.date} by {of}.")
+    if not made.logs:
+        lines.append("The log was made in memory.")
+    lines += [f"Log: {_words(file)}" for file in made.logs]
+    return lines + ([f"Scene: {_words(made.scene)}"] if made.scene else [])
+
+
+def _words(file: SourceFile) -> str:
+    return f"{file.name}, SHA-256 {file.sha256}"
+
+
+def _files(path: str | Path) -> list[Path]:
+    """Return a file, or those that a folder holds, by name."""
+    try:
+        path = Path(path)
+        return sorted(path.iterdir()) if path.is_dir() else [path]
+    except OSError:
+        return []
+
+
+def _bytes(path: str | Path) -> bytes | None:
+    """Return what a file holds; None of what is no file that can be read again."""
+    try:
+        return Path(path).read_bytes() if path and Path(path).is_file() else None
+    except OSError:
+        return None
+
+
+def _source(path: str | Path, held: bytes | None) -> SourceFile | None:
+    if held is None:
+        return None
+    return SourceFile(Path(path).name, hashlib.sha256(held).hexdigest())

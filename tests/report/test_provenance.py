@@ -1,0 +1,81 @@
+import hashlib
+import html
+import json
+import platform
+import re
+from datetime import UTC, datetime
+
+import jax
+
+import jblast
+from jblast.report import write_report
+from jblast.report.provenance import provenance_lines, provenance_of
+from tests.report import example
+
+SCENE = '[charge]\nmass_kg = "free"  # <of one & another>\n'
+
+
+def test_files_are_told_by_name_and_sha256(tmp_path):
+    log, scene = tmp_path / "a b.csv", tmp_path / "scene.toml"
+    log.write_bytes(b"sensor,quantity\r\n")
+    scene.write_text(SCENE, "utf-8")
+    made = provenance_of([log], str(scene), ["jblast", "fit", "a b.csv"])
+    assert made.command == "jblast fit 'a b.csv'"
+    (told,) = made.logs
+    assert told.name == "a b.csv"
+    assert told.sha256 == hashlib.sha256(b"sensor,quantity\r\n").hexdigest()
+    assert made.scene is not None
+    assert made.scene.sha256 == hashlib.sha256(SCENE.encode()).hexdigest()
+    assert made.scene_text == SCENE
+    said = "\n".join(provenance_lines(made))
+    assert told.sha256 in said
+    assert str(tmp_path) not in said
+
+
+def test_versions_and_date_are_those_of_now():
+    made = provenance_of()
+    assert made.versions == {
+        "jblast": jblast.__version__,
+        "jax": jax.__version__,
+        "python": platform.python_version(),
+    }
+    since = datetime.now(UTC) - datetime.fromisoformat(made.date)
+    assert -1.0 < since.total_seconds() < 60.0
+    assert (made.logs, made.scene, made.scene_text, made.command) == ((), None, "", "")
+    assert "The log was made in memory." in provenance_lines(made)
+
+
+def test_every_file_of_a_folder_is_told_and_what_is_no_file_is_not(tmp_path):
+    for name in ("b.wav", "a.wav"):
+        (tmp_path / name).write_text(name)
+    (tmp_path / "folder").mkdir()
+    made = provenance_of([tmp_path, "", tmp_path / "none.csv"], tmp_path / "none.toml")
+    assert [file.name for file in made.logs] == ["a.wav", "b.wav"]
+    assert made.scene is None
+
+
+def test_the_page_and_the_answer_hold_all_of_it(tmp_path):
+    scene = tmp_path / "scene.toml"
+    scene.write_text(SCENE, "utf-8")
+    made = provenance_of(scene=scene, command=["jblast", "fit"])
+    assert made.scene is not None
+    write_report(example.no_draws(), tmp_path / "out", made=made)
+    page = (tmp_path / "out" / "report.html").read_text("utf-8")
+    told = json.loads((tmp_path / "out" / "fit.json").read_text("utf-8"))["provenance"]
+    assert told["scene"]["sha256"] == made.scene.sha256
+    assert told["command"] == "jblast fit"
+    for words in (made.scene.sha256, made.date, "Command: jblast fit"):
+        assert words in page
+    (shown,) = re.findall(
+        r"<summary>The scene</summary>\s*<pre>(.*?)</pre>", page, re.S
+    )
+    assert html.unescape(shown).strip() == SCENE.strip()
+
+
+def test_long_reasons_are_folded_and_whole(tmp_path):
+    fit = example.three_parameters()
+    write_report(fit, tmp_path)
+    page = html.unescape((tmp_path / "report.html").read_text("utf-8"))
+    reason = fit.summary.law_reason["air_arrival_s"]
+    assert len(reason) > 90
+    assert re.search(rf"</summary>{re.escape(reason)}</details>", page)
