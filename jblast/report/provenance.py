@@ -61,7 +61,7 @@ def provenance_of(
         command: The words that were typed, the program first.
     """
     told = _bytes(scene)
-    files = [file for path in logs for file in _files(path)]
+    files = [file for path in logs if path for file in _files(path)]
     found = [_source(file, _bytes(file)) for file in files]
     return Provenance(
         command=shlex.join(command),
