@@ -4,7 +4,7 @@ from typing import Any
 
 from jblast.errors import InputError
 from jblast.observations.dialects.decimals import take_decimal_commas
-from jblast.observations.dialects.header import read_header, refuse_wide
+from jblast.observations.dialects.header import read_header
 from jblast.observations.dialects.series import refuse_series
 from jblast.observations.dialects.sources import source_name, table_of
 from jblast.observations.dialects.tidying import (
@@ -13,7 +13,7 @@ from jblast.observations.dialects.tidying import (
     refuse_two_tables,
     take_units_row,
 )
-from jblast.observations.dialects.wide import made_long
+from jblast.observations.dialects.wide import made_long, refuse_wide
 from jblast.observations.faults import Faults
 from jblast.observations.records.covariances import with_covariances
 from jblast.observations.rows import Rows
@@ -104,7 +104,7 @@ def _read(
     else:
         refuse_series(table)
         if not strict:
-            refuse_wide(table)
+            refuse_wide(table, units_row)
     header = read_header(table, faults, units_row, strict=strict)
     if not len(table.lines):
         raise InputError(nothing)

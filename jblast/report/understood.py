@@ -50,8 +50,9 @@ def _(found: of.Renamed) -> str:
 def _(found: of.Converted) -> str:
     if found.unit == "percent":
         return f"{found.theirs}: per cent of each value ({_rows(found.rows)})"
+    ours = "SI" if found.ours in ("value", "sigma") else found.ours
     return (
-        f"{found.theirs} was converted to {found.ours}: times {found.factor:.9g} "
+        f"{found.theirs} was converted to {ours}: times {found.factor:.9g} "
         f"({_rows(found.rows)})"
     )
 

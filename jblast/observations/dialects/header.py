@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from jblast.errors import InputError, argument, nearest, shown
+from jblast.errors import InputError, nearest, shown
 from jblast.observations.dialects.table import Table
 from jblast.observations.dialects.tidying import UnitOf
 from jblast.observations.faults import Faults
@@ -167,25 +167,6 @@ def _check_all_there(table: Table, where: str, *, strict: bool) -> None:
             f"{where}: missing column {', '.join(partial)}; expected all of "
             f"{', '.join(POSITION)} or none of them"
         )
-
-
-def refuse_wide(table: Table) -> None:
-    """Refuse a table with a column for each quantity, and say how it is made long.
-
-    Raises:
-        InputError: It is one.
-    """
-    held = [name for name in table.header if is_quantity(name)]
-    keys = [spelt(name) for name in table.header]
-    if not held or "quantity" in keys or any(k.startswith("value") for k in keys):
-        return
-    one = held[0]
-    raise InputError(
-        f"{table.at(table.header_line)}: column {shown(one)} is a quantity, not a "
-        f"column: a wide table, with {len(held)} of them; expected a measurement a "
-        f"row, {shown(one)} in column quantity and its number in column value; or read "
-        f"it with {argument('wide')}"
-    )
 
 
 def is_quantity(name: str) -> bool:

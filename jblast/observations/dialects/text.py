@@ -4,7 +4,7 @@ import csv
 import re
 from collections.abc import Sequence
 
-from jblast.errors import InputError
+from jblast.errors import InputError, shown
 from jblast.observations.dialects.table import Table
 from jblast.observations.faults import Faults
 from jblast.observations.table import COLUMNS, NEEDED
@@ -57,6 +57,11 @@ def text_table(
         _refuse_other_separator(f"{source}: line {numbers[0]}", lines[0])
     records = _records(source, lines, numbers, separator, faults)
     header = [name.strip() for name in records[0]]
+    if len(header) == 1 and not strict:
+        raise InputError(
+            f"{source}: line {numbers[0]}: expected columns separated by commas, "
+            f"semicolons or tabs, got one column {shown(header[0])}"
+        )
     columns = [[field.strip() for field in column] for column in zip(*records[1:])]  # noqa: B905 (checked widths)
     found = Dialect(separator=SEPARATORS.get(separator, separator), encoding=encoding)
     return Table(

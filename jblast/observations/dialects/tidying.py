@@ -8,8 +8,8 @@ from jblast.observations.understood import ColumnsIgnored, UnitsRow
 from jblast.units import unit_spelt
 from jblast.units.spelling import spelt
 
-NOTE = "note"
-"""Columns that begin so are for people."""
+NOTES = ("note", "notes")
+"""First words of columns that are for people."""
 NA_WORDS = frozenset(
     {"", "na", "n/a", "nan", "-", "--", "null", "none", "empty", "#n/a", "n.a."}
 )
@@ -48,7 +48,11 @@ def drop_blanks(table: Table) -> None:
         for index, name in enumerate(table.header)
         if not name and not any(table.columns[index])
     }
-    notes = {i for i, name in enumerate(table.header) if spelt(name).startswith(NOTE)}
+    notes = {
+        index
+        for index, name in enumerate(table.header)
+        if spelt(name).partition("_")[0] in NOTES
+    }
     if notes:
         names = tuple(table.header[index] for index in sorted(notes))
         table.understood = (*table.understood, ColumnsIgnored(names))

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 
-from jblast.errors import InputError, shown
+from jblast.errors import InputError, argument, shown
 from jblast.observations.dialects.header import is_quantity
 from jblast.observations.dialects.table import Table
 from jblast.observations.dialects.tidying import UnitOf, is_empty
@@ -10,6 +10,27 @@ from jblast.observations.understood import MadeLong
 from jblast.quantities import TIMED
 from jblast.units import our_name
 from jblast.units.spelling import spelt
+
+
+def refuse_wide(table: Table, units_row: dict[str, UnitOf]) -> None:
+    """Refuse a table with a column for each quantity, and say how it is made long.
+
+    Raises:
+        InputError: It is one.
+    """
+    keys = [spelt(name) for name in table.header]
+    if "quantity" in keys or any(key.startswith("value") for key in keys):
+        return
+    held = [n for n in table.header if is_quantity(_with_unit(n, units_row))]
+    if not held:
+        return
+    one = shown(held[0])
+    raise InputError(
+        f"{table.at(table.header_line)}: column {one} is a quantity, not a column: a "
+        f"wide table, with {len(held)} of them; expected a measurement a row, {one} in "
+        f"column quantity and its number in column value; or read it with "
+        f"{argument('wide')}"
+    )
 
 
 def made_long(table: Table, units_row: dict[str, UnitOf]) -> Table:
@@ -42,6 +63,14 @@ def made_long(table: Table, units_row: dict[str, UnitOf]) -> Table:
         )
     sigmas = _sigmas(keys, {i: spelt(table.header[i]) for i in held})
     others = [i for i in range(len(keys)) if i not in held and i not in sigmas.values()]
+    _refuse_twice(where, held)
+    for i in others:
+        if keys[i].startswith("sigma") or keys[i].endswith("_sigma"):
+            raise InputError(
+                f"{where}: expected sigma_ and the name of a quantity's column, as "
+                f"sigma_{spelt(table.header[min(held)])}, in its unit; got "
+                f"{shown(table.header[i])}"
+            )
     picked: list[tuple[int, int]] = [
         (row, i)
         for row in range(len(table.lines))
@@ -84,6 +113,18 @@ def _with_unit(name: str, units_row: dict[str, UnitOf]) -> str:
         return name
     with_unit = f"{name}_{told.suffix}"
     return with_unit if is_quantity(with_unit) else name
+
+
+def _refuse_twice(where: str, held: dict[int, str]) -> None:
+    """Refuse two columns of one quantity."""
+    first: dict[str, str] = {}
+    for name in held.values():
+        other = first.setdefault(_ours(name), name)
+        if other != name:
+            raise InputError(
+                f"{where}: expected a column for each quantity, got {shown(other)} and "
+                f"{shown(name)}: two units for one column"
+            )
 
 
 def _sigmas(keys: list[str], held: dict[int, str]) -> dict[int, int]:

@@ -14,6 +14,8 @@ from jblast.observations.faults import Faults
 from jblast.observations.formats import row_word
 
 DATE = re.compile(r"\d{4}-\d{2}-\d{2}")
+TIME_OF_DAY = re.compile(r"\d{1,2}:\d{2}")
+WITH_UNIT = re.compile(r"[+-]?\d[\d.,]*(?:[eE][+-]?\d+)?\s*[%A-Za-zµ°].*")
 
 
 class Fields:
@@ -94,6 +96,10 @@ def _told(text: str) -> str:
         return "nothing"
     if DATE.match(text):
         return f"{shown(text)}: a date, as spreadsheets make of 3.5 or 1-2"
+    if TIME_OF_DAY.match(text):
+        return f"{shown(text)}; a time of day stands in column value_utc"
+    if WITH_UNIT.fullmatch(text):
+        return f"{shown(text)}; a unit stands in the name of the column or quantity"
     return shown(text) + ("; write a decimal point" if "," in text else "")
 
 

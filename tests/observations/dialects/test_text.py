@@ -129,6 +129,9 @@ def test_a_separator_within_quotes_is_none(log):
         ("sensor,peak_overpressure_kpa,range_m\na,1,2\n", "a wide table"),
         (HEADER + ROW.replace("0.05", "True"), "a finite number, got 'True'"),
         (HEADER + ROW.replace("0.05", "2026-03-01"), "a date, as spreadsheets make"),
+        (HEADER + ROW.replace("0.05", "5 kPa"), "a unit stands in the name"),
+        (HEADER + ROW.replace("0.05", "12:30:01"), "a time of day stands in column"),
+        (HEADER.replace(",", "|") + "a|b\n", "commas, semicolons or tabs, got one col"),
         (HEADER + "a,air_arrival_s,NA,,1,2,3\n", "got 1 rows without a value"),
     ],
 )
