@@ -1,12 +1,15 @@
 """The posterior: how the fitted numbers spread, and how they move together."""
 
+import sys
 import textwrap
+import warnings
+from types import ModuleType
+from typing import cast
 
 import numpy as np
 from jaxtyping import Float
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import MaxNLocator
 
 from jblast.inference.fitting.result import Fit
 from jblast.report.estimates import WIDE_LOG_SD, printed_estimate
@@ -20,11 +23,6 @@ from jblast.report.figure_style import (
     new_figure,
     quiet,
     titled,
-)
-from jblast.report.fit.figures.density_panels import (
-    draw_contours,
-    draw_curve,
-    edges_of,
 )
 from jblast.report.fit.reference_values import Accepted
 from jblast.report.numbers import Unit, finite, unit_for
@@ -144,72 +142,67 @@ def _corner(
     units: dict[str, Unit],
     truths: dict[str, float],
 ) -> Figure:
+    corner = _corner_package()
     count = len(names)
     side = max(2.3 * count + 0.6, 5.4)
     figure = Figure(figsize=(side, side), dpi=DPI)
     scales = ["log" if _wide(fit, n) else "linear" for n in names]
-    edges = [
-        edges_of(draws[n], scale == "log")
-        for n, scale in zip(names, scales, strict=True)
-    ]
-    grid = figure.subplots(count, count, squeeze=False)
-    for k, axes in enumerate(grid.flat):
-        i, j = divmod(k, count)
-        if j > i:
-            axes.set_axis_off()
-            continue
-        axes.set(xscale=scales[j], xlim=edges[j][[0, -1]])
-        if i == j:
-            draw_curve(axes, draws[names[i]], edges[i])
-        else:
-            axes.set(yscale=scales[i], ylim=edges[i][[0, -1]])
-            here = edges[j], edges[i]
-            draw_contours(axes, draws[names[j]], draws[names[i]], here)
-        _ticks(axes, scales, units, names, (i, j))
+    with warnings.catch_warnings():
+        # corner says so of few draws; contours of those are merely rough
+        warnings.filterwarnings("ignore", message="Too few points")
+        corner.corner(
+            np.stack([draws[n] for n in names], axis=1),
+            fig=figure,
+            labels=[_label(n, units[n]) for n in names],
+            color=BLUE,
+            bins=30,
+            smooth=1.0,
+            levels=(0.5, 0.9),
+            plot_datapoints=False,
+            plot_density=False,
+            fill_contours=True,
+            contourf_kwargs={"colors": ["white", "#cfe3f0", "#8dbfdf"]},
+            smooth1d=1.0,
+            axes_scale=scales,  # pyright: ignore[reportArgumentType]  a list will do
+            max_n_ticks=3,
+            label_kwargs={"fontsize": 10, "color": INK},
+        )
+    grid = np.array(figure.axes).reshape(count, count)
     for i, name in enumerate(names):
         _diagonal(grid[i, i], fit, name, units[name])
         if name in truths:
             _accepted_lines(grid, i, truths[name])
+        if scales[i] == "log":
+            log_ticks(grid[-1, i].xaxis, grid[-1, i].get_xlim())
+            if i:
+                log_ticks(grid[i, 0].yaxis, grid[i, 0].get_ylim())
+    for axes in figure.axes:
+        axes.tick_params(labelsize=8.5, color=MUTED, labelrotation=0)
+        axes.xaxis.set_label_coords(0.5, -0.17)
+        axes.yaxis.set_label_coords(-0.28, 0.5)
+        axes.spines[:].set_color(MUTED)
     figure.subplots_adjust(
-        left=0.95 / side,
-        right=1 - 0.15 / side,
-        bottom=0.65 / side,
-        top=1 - 0.5 / side,
-        wspace=0.06,
-        hspace=0.06,
+        left=0.95 / side, right=1 - 0.15 / side, bottom=0.65 / side, top=1 - 0.5 / side
     )
     return figure
 
 
-def _ticks(
-    axes: Axes,
-    scales: list[str],
-    units: dict[str, Unit],
-    names: list[str],
-    place: tuple[int, int],
-) -> None:
-    """Name and number the axes at the left and at the bottom of the grid alone."""
-    i, j = place
-    for axis, of, outer in (
-        (axes.xaxis, j, i == len(names) - 1),
-        (axes.yaxis, i, j == 0 and i > 0),
-    ):
-        if axis is axes.yaxis and i == j:
-            axis.set_ticks([])
-            continue
-        if scales[of] == "log":
-            log_ticks(axis, axis.get_view_interval())
-        else:
-            axis.set_major_locator(MaxNLocator(3, prune="lower"))
-        axis.set_tick_params(labelbottom=outer, labelleft=outer)
-        if outer:
-            axis.set_label_text(
-                _label(names[of], units[names[of]]), fontsize=10, color=INK
-            )
-    axes.tick_params(labelsize=8.5, color=MUTED)
-    axes.xaxis.set_label_coords(0.5, -0.17)
-    axes.yaxis.set_label_coords(-0.28, 0.5)
-    axes.spines[:].set_color(MUTED)
+def _corner_package():
+    """Import corner without ArviZ, which it does without where that is absent.
+
+    Draws come as arrays here, and importing ArviZ takes longer than drawing all the
+    figures. Whoever imports corner elsewhere gets all of it.
+    """
+    if "corner" in sys.modules or "arviz" in sys.modules:
+        import corner
+
+        return corner
+    sys.modules["corner.arviz_corner"] = cast(ModuleType, None)
+    import corner
+
+    for name in [name for name in sys.modules if name.partition(".")[0] == "corner"]:
+        del sys.modules[name]
+    return corner
 
 
 def _accepted_lines(grid: np.ndarray, i: int, truth: float) -> None:
