@@ -1,4 +1,8 @@
-"""Records of a batch in chunks, over all devices: what is in hand stays in cache."""
+"""Records of a batch in chunks, over all devices: what is in hand stays in cache.
+
+Each device runs a program of its own, side by side: partitioned as one program, the
+small systems of equations of the search would be gathered from all devices.
+"""
 
 from collections.abc import Callable
 from functools import cache
@@ -7,10 +11,9 @@ from typing import Any, TypeVar
 import jax
 import jax.numpy as jnp
 from jax.core import Tracer
-from jax.sharding import AxisType, PartitionSpec
 
 LANES = 32
-"""Records that are picked together, on each device."""
+"""Records that are picked together."""
 
 Made = TypeVar("Made")
 
@@ -24,35 +27,33 @@ def in_chunks(made_of: Callable[..., Made], arrays: tuple[Any, ...]) -> Made:
     """
     count = arrays[0].shape[0]
     traced = any(isinstance(x, Tracer) for x in arrays)
-    devices = 1 if traced or count <= LANES else len(jax.devices())
-    program = _program(made_of, devices)
+    devices = jax.devices()[:1] if traced or count <= LANES else jax.devices()
     each = min(LANES, 1 << (max(count, 1) - 1).bit_length())
-    block = each * devices
-    chunks = -(-count // block)
-    # few sizes are compiled: of a long batch, blocks of as many chunks at a time
-    filled = [_filled(x, chunks * block, (chunks * devices, each)) for x in arrays]
-    made = program(*filled)
-    return jax.tree.map(lambda x: x.reshape(-1, *x.shape[2:])[:count], made)
+    chunks = -(-count // (each * len(devices)))
+    filled = [_filled(x, (len(devices), chunks, each)) for x in arrays]
+    program = _program(made_of)
+    if traced:
+        parts = [program(*(x[0] for x in filled))]
+    else:
+        # none is waited for before the next has begun
+        parts = [
+            program(*(jax.device_put(x[k], device) for x in filled))
+            for k, device in enumerate(devices)
+        ]
+        parts = jax.device_put(parts, devices[0])
+    flat = [jax.tree.map(lambda x: x.reshape(-1, *x.shape[2:]), one) for one in parts]
+    return jax.tree.map(lambda *x: jnp.concatenate(x)[:count], *flat)
 
 
-def _filled(x, size: int, shape: tuple[int, int]):
-    """Return lanes in chunks, the last one again where there are none."""
+def _filled(x, shape: tuple[int, int, int]):
+    """Return lanes by device and chunk, the last one again where there are none."""
     x = jnp.asarray(x)
-    last = jnp.broadcast_to(x[-1:], (size - x.shape[0], *x.shape[1:]))
+    spare = shape[0] * shape[1] * shape[2] - x.shape[0]
+    last = jnp.broadcast_to(x[-1:], (spare, *x.shape[1:]))
     return jnp.concatenate([x, last]).reshape(*shape, *x.shape[1:])
 
 
 @cache
-def _program(made_of: Callable[..., Any], devices: int) -> Callable[..., Any]:
-    """Return what goes through chunks one by one, on each device its share."""
-
-    def here(*arrays):
-        return jax.lax.map(lambda one: made_of(*one), arrays)
-
-    if devices == 1:
-        return jax.jit(here)
-    mesh = jax.make_mesh((devices,), ("lane",), axis_types=(AxisType.Auto,))
-    lane = PartitionSpec("lane")
-    return jax.jit(
-        jax.shard_map(here, mesh=mesh, in_specs=lane, out_specs=lane, check_vma=False)
-    )
+def _program(made_of: Callable[..., Any]) -> Callable[..., Any]:
+    """Return what goes through chunks one by one."""
+    return jax.jit(lambda *arrays: jax.lax.map(lambda one: made_of(*one), arrays))

@@ -27,6 +27,10 @@ digits that they are written in)."""
 FEW_SAMPLES = 8.0
 """Fewer samples of positive phase are few."""
 
+LONG_SUCTION = 6.0
+"""A negative phase of as many positive ones is rather a high-pass: laws have 1.8 to
+4.5."""
+
 UNTOLD = 0.05
 """A clipped peak whose ln is known no better than this is a lower bound."""
 
@@ -68,9 +72,13 @@ def pick(
     step = (time[-1] - time[0]) / (n - 1)
     flat = jnp.reshape(pressure, (-1, n))
     counts = jnp.full(flat.shape[0], n)
-    if high_pass_hz is not None:
-        raise NotImplementedError("high_pass_hz")
-    lanes = picked_lanes(flat, counts, full_scale_pa)
+    if high_pass_hz is not None and not (0 < high_pass_hz < np.inf):
+        raise InputError(
+            f"{argument('high_pass_hz')}: expected a positive corner, got "
+            f"{high_pass_hz:g} Hz"
+        )
+    corner = None if high_pass_hz is None else step * high_pass_hz
+    lanes = picked_lanes(flat, counts, full_scale_pa, corner)
     kind = flat.dtype
     start, step = jnp.asarray(time[0]).astype(kind), jnp.asarray(step).astype(kind)
     made = pick_of(lanes, start, step)
@@ -81,6 +89,7 @@ def picked_lanes(
     samples: Float[Array, "lane sample"],
     counts: Array,
     full_scale: Float[ArrayLike, "..."] | None,
+    high_pass: Float[ArrayLike, "..."] | None,
 ) -> LanePicks:
     """Return the picks of records in samples.
 
@@ -89,13 +98,19 @@ def picked_lanes(
         counts: How many samples each has.
         full_scale: Largest size of a sample, one for all or one for each; None: nobody
             said.
+        high_pass: Corner of a first-order high-pass, in cycles a sample, one for all or
+            one for each; None: there is none.
     """
     if full_scale is not None:
         full_scale = jnp.broadcast_to(
             jnp.asarray(full_scale).astype(samples.dtype), samples.shape[:1]
         )[:, None]
     clipped = clipped_samples(samples, full_scale)
-    return in_chunks(pick_lanes, (samples, clipped, counts))
+    if high_pass is None:
+        return in_chunks(pick_lanes, (samples, clipped, counts))
+    corner = 2.0 * np.pi * jnp.asarray(high_pass).astype(samples.dtype)
+    corners = jnp.broadcast_to(corner, samples.shape[:1])
+    return in_chunks(pick_lanes, (samples, clipped, counts, corners))
 
 
 def pick_of(
@@ -122,8 +137,7 @@ def pick_of(
     )
     spread = jnp.sqrt(jnp.diagonal(covariance, axis1=1, axis2=2))
     front = lanes.front.astype(scale.dtype)
-    none = jnp.full((*scale.shape, 2), jnp.nan, scale.dtype)
-    never = jnp.zeros(scale.shape, bool)
+    longer = natural.suction_duration > LONG_SUCTION * natural.duration
     return Pick(
         air_arrival_s=told(start + step * (front + natural.arrival)),
         peak_overpressure_pa=told(scale * natural.peak),
@@ -143,13 +157,18 @@ def pick_of(
         ),
         under_sampled=natural.duration < FEW_SAMPLES,
         sharp=natural.rise < 1.0,
-        high_passed=never,
-        resonating=never,
+        high_passed=lanes.passed | (lanes.found & longer),
+        resonating=lanes.rings,
+        resonance_hz=jnp.where(
+            lanes.rings, lanes.frequency / (2.0 * np.pi) / seconds, jnp.nan
+        ),
         drifting=lanes.drifting,
         cut_short=lanes.cut_short,
         noise_known=lanes.noise_known,
-        later_arrivals_s=none,
-        later_sigmas_s=none,
+        later_arrivals_s=told(start + step * (front + lanes.later))[:, None],
+        later_sigmas_s=told(
+            jnp.where(jnp.isnan(lanes.later), jnp.nan, step * lanes.later_sd)
+        )[:, None],
         misfit=lanes.misfit,
         noise_pa=scale * lanes.noise,
         baseline_pa=lanes.offset + scale * lanes.level,

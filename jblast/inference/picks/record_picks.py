@@ -52,14 +52,15 @@ def pick_records(records: Sequence[PressureRecord]) -> list[RecordPick]:
     Raises:
         InputError: One of them has too few samples, or one that is not finite.
     """
-    groups: dict[tuple, list[int]] = defaultdict(list)
+    groups: dict[tuple[int, bool, bool], list[int]] = defaultdict(list)
     for place, record in enumerate(records):
         _check(record)
-        high_pass = (record.high_pass_hz or 0.0) / record.rate_hz
-        groups[_length(record), record.full_scale is not None, high_pass].append(place)
+        known = record.full_scale is not None, record.high_pass_hz is not None
+        groups[_length(record), *known].append(place)
     found: dict[int, Pick] = {}
-    for (length, scaled, _), places in groups.items():
-        found |= _picked([records[i] for i in places], places, length, scaled)
+    for (length, scaled, passed), places in groups.items():
+        some = [records[i] for i in places]
+        found |= _picked(some, places, length, scaled, passed)
     return [
         RecordPick(record, found[i], quality_of(found[i]), notes_of(found[i]))
         for i, record in enumerate(records)
@@ -67,7 +68,11 @@ def pick_records(records: Sequence[PressureRecord]) -> list[RecordPick]:
 
 
 def _picked(
-    records: list[PressureRecord], places: list[int], length: int, scaled: bool
+    records: list[PressureRecord],
+    places: list[int],
+    length: int,
+    scaled: bool,
+    high_passed: bool,
 ) -> dict[int, Pick]:
     """Return the picks of records that are filled up to one length."""
     begins = [_begin(record, length) for record in records]
@@ -77,10 +82,13 @@ def _picked(
     ]
     counts = jnp.asarray([x.size for x in cut])
     filled = jnp.asarray(np.stack([_filled(x, length) for x in cut]))
-    scales = [record.full_scale for record in records] if scaled else None
-    lanes = picked_lanes(
-        filled, counts, None if scales is None else np.array(scales, float)
+    scales = np.array([record.full_scale for record in records]) if scaled else None
+    corners = (
+        np.array([(record.high_pass_hz or 0.0) / record.rate_hz for record in records])
+        if high_passed
+        else None
     )
+    lanes = picked_lanes(filled, counts, scales, corners)
     step = np.array([1.0 / record.rate_hz for record in records])
     start = np.array([record.start_s for record in records]) + np.array(begins) * step
     kind = filled.dtype

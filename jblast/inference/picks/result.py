@@ -52,7 +52,9 @@ class Pick(eqx.Module):
         drifting: Whether the baseline moves by more than a fiftieth of the peak.
         cut_short: Whether the record ends before the positive phase does.
         noise_known: Whether enough quiet samples came before the front.
-        later_arrivals_s: Of further fronts, earliest first; NaN: none [s].
+        resonance_hz: At what frequency it rings, undamped; NaN: it does not [Hz].
+        later_arrivals_s: Of a further front within the stretch that is fitted, one at
+            most; NaN: none [s].
         later_sigmas_s: Their standard deviations [s].
         misfit: Squared misfit by degree of freedom: about 1 where the model holds [-].
             Above what chance gives, errors are widened by its root.
@@ -81,8 +83,9 @@ class Pick(eqx.Module):
     drifting: Bool[Array, "*batch"]
     cut_short: Bool[Array, "*batch"]
     noise_known: Bool[Array, "*batch"]
-    later_arrivals_s: Float[Array, "*batch 2"]
-    later_sigmas_s: Float[Array, "*batch 2"]
+    resonance_hz: Float[Array, "*batch"]
+    later_arrivals_s: Float[Array, "*batch later"]
+    later_sigmas_s: Float[Array, "*batch later"]
     misfit: Float[Array, "*batch"]
     noise_pa: Float[Array, "*batch"]
     baseline_pa: Float[Array, "*batch"]

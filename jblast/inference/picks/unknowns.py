@@ -7,15 +7,15 @@ is unknown by its logarithm:
 | unknown | believed |
 |---|---|
 | arrival, $\ln P$, $\ln t_d$ | anything |
-| $\operatorname{logit}\,k/(e-2)$ | 0.2, sd 1 |
+| $\ln(1 + b)$ | 0.6, sd 0.7 |
 | $\ln \tau'$ | one sample, sd 2 |
 | $\ln P^-/P$ | 0.3, sd 0.7 |
 | $\ln t^-/t_d$ | 2.4, sd 0.5 |
 | drift's level, slope, bend | 0, sd 1, 0.5, 0.3 |
 
-Here $k = i/(P t_d)$ behind the rise. Between Z = 2 and 300 the laws (shock kinematics
-on the ground) have it from 0.23 to 0.44, $P^-/P$ from 0.12 to 0.49 and $t^-/t_d$ from
-1.8 to 4.5; above $k = e - 2$ no decay starts falling. A weak shock rises in 0.2 us to
+Between Z = 2 and 300 the laws (shock kinematics on the ground) have the decay $b$ from
+0.4 to 2.9, $P^-/P$ from 0.12 to 0.49 and $t^-/t_d$ from 1.8 to 4.5; below $b = -1$ a
+pulse would rise behind its front. A weak shock rises in 0.2 us to
 0.2 ms (`rise_time.py`), and instruments add about a sample. The standard deviations are
 twice what these ranges ask for: what a record tells goes before what laws say.
 
@@ -29,14 +29,14 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from jblast.waves.waveform.friedlander_integrals import decay_of_fraction
-from jblast.waves.waveform.pulse import LEVEL, Pulse
+from jblast.waves.waveform.friedlander_integrals import impulse_fraction
+from jblast.waves.waveform.pulse import Pulse
 
 NAMES = (
     "arrival",
     "ln_peak",
     "ln_duration",
-    "logit_fraction",
+    "ln_one_and_decay",
     "ln_rise",
     "ln_suction",
     "ln_suction_duration",
@@ -44,9 +44,21 @@ NAMES = (
     "slope",
     "bend",
 )
-CENTRE = np.array([0.0, 0.0, 3.0, 0.2, 0.0, np.log(0.3), np.log(2.4), 0.0, 0.0, 0.0])
-SPREAD = np.array([1e3, 5.0, 5.0, 1.0, 2.0, 0.7, 0.5, 1.0, 0.5, 0.3])
+CENTRE = np.array([0.0, 0.0, 3.0, 0.6, 0.0, np.log(0.3), np.log(2.4), 0.0, 0.0, 0.0])
+SPREAD = np.array([1e3, 5.0, 5.0, 0.7, 2.0, 0.7, 0.5, 1.0, 0.5, 0.3])
 PULSE_UNKNOWNS = 7
+
+FURTHER = (
+    *("ln_omega", "logit_damping", "ln_lag", "ln_height", "ln_stretch"),
+    "ln_corner",
+)
+"""Unknown only where a record shows a sign of them: frequency [rad/sample] and damping
+of a sensor that rings; lag [samples], peak and duration, both over the first one's, of
+a further front; corner of a high-pass that nobody told of [1/sample]."""
+
+FURTHER_CENTRE = np.array([0.0, -3.0, 3.0, np.log(0.5), 0.0, -5.0])
+FURTHER_SPREAD = np.array([0.3, 1.0, 0.7, 1.0, 0.3, 1.5])
+"""Frequency and lag are believed to be where they are seen."""
 
 
 class Natural(NamedTuple):
@@ -76,17 +88,36 @@ class Natural(NamedTuple):
 def natural_of(y: Float[Array, " unknown"]) -> Natural:
     """Return a pulse by its unknowns."""
     peak, duration, free = jnp.exp(y[1]), jnp.exp(y[2]), jnp.exp(y[4])
-    fraction = LEVEL / (1.0 + jnp.exp(-y[3]))
+    decay = jnp.expm1(y[3])
     rise = free * duration / (free + duration)
     return Natural(
         arrival=y[0],
         peak=peak,
         duration=duration,
-        impulse=peak * (0.5 * rise + (duration - rise) * fraction),
-        decay=decay_of_fraction(fraction),
+        impulse=peak * (0.5 * rise + (duration - rise) * impulse_fraction(decay)),
+        decay=decay,
         rise=rise,
         suction=peak * jnp.exp(y[5]),
         suction_duration=duration * jnp.exp(y[6]),
+    )
+
+
+def following(natural: Natural, further: Float[Array, "6"]) -> Natural:
+    """Return the pulse of a further front: of the first one's form.
+
+    Args:
+        natural: The first.
+        further: See `FURTHER`.
+    """
+    height, stretch = jnp.exp(further[3]), jnp.exp(further[4])
+    return natural._replace(
+        arrival=natural.arrival + jnp.exp(further[2]),
+        peak=natural.peak * height,
+        duration=natural.duration * stretch,
+        impulse=natural.impulse * height * stretch,
+        rise=natural.rise * stretch,
+        suction=natural.suction * height,
+        suction_duration=natural.suction_duration * stretch,
     )
 
 

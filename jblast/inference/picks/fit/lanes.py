@@ -5,21 +5,26 @@ from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
+from jax import lax
 from jaxtyping import Array, Bool, Float, Int
 
 from jblast.inference.picks.fit.model import data_misfit, misfit, readings
-from jblast.inference.picks.fit.optimum import optimum_of
+from jblast.inference.picks.fit.optimum import Optimum, optimum_of
 from jblast.inference.picks.fit.posterior import values_of
-from jblast.inference.picks.ready.bins import bins_about_front
-from jblast.inference.picks.ready.case import prepared
+from jblast.inference.picks.fit.signs import signs_in
+from jblast.inference.picks.ready.bins import Bins, bins_about_front
+from jblast.inference.picks.ready.case import Case, prepared
 from jblast.inference.picks.ready.start import bank_of
-from jblast.inference.picks.unknowns import CENTRE, Natural
+from jblast.inference.picks.unknowns import CENTRE, FURTHER_CENTRE, Natural, natural_of
 
 LEAST_SIGNAL = 5.0
 """A pulse is found where its peak is so many of its standard deviations."""
 
 CHANCE = 3.0
 """A misfit that so many of its standard deviations leave to chance widens nothing."""
+
+BETTER = 15.0
+"""A ring or a further front is there if it raises ln posterior by as much."""
 
 
 class LanePicks(NamedTuple):
@@ -40,12 +45,18 @@ class LanePicks(NamedTuple):
     drifting: Bool[Array, " lane"]
     cut_short: Bool[Array, " lane"]
     misfit: Float[Array, " lane"]
+    rings: Bool[Array, " lane"]
+    passed: Bool[Array, " lane"]
+    frequency: Float[Array, " lane"]
+    later: Float[Array, " lane"]
+    later_sd: Float[Array, " lane"]
 
 
 def pick_lanes(
     samples: Float[Array, "lane sample"],
     clipped: Float[Array, "lane sample"],
     count: Int[Array, " lane"],
+    high_pass: Float[Array, " lane"] | None = None,
 ) -> LanePicks:
     """Pick records of one length.
 
@@ -53,25 +64,31 @@ def pick_lanes(
         samples: Overpressure in any unit, finite.
         clipped: +1 where a sample is a lower bound, -1 an upper one, else 0.
         count: Samples of each record; the last of them repeats behind it.
+        high_pass: Corner of a first-order high-pass [1/sample]; None: there is none.
     """
     bins = bins_about_front(samples.shape[1])
     bank = bank_of(bins, samples.shape[1])
-    ready = jax.vmap(partial(prepared, bins, bank))(samples, clipped, count)
-    of_record = partial(misfit, bins)
-    best = optimum_of(of_record, ready.start, ready.case)
-    apart = jax.vmap(of_record)(best.y, ready.case)
-    freedom = jnp.maximum(jax.vmap(readings)(ready.case) - CENTRE.size, 1.0)
-    ratio = jax.vmap(data_misfit)(apart) / freedom
+    ready = jax.vmap(partial(prepared, bins, bank))(samples, clipped, count, high_pass)
+    one = optimum_of(partial(misfit, bins), ready.start, ready.case)
+    best, case = _with_what_shows(bins, one, ready.case)
+    apart = jax.vmap(partial(misfit, bins))(best.y, case)
+    freedom = jnp.maximum(jax.vmap(readings)(case) - float(CENTRE.size), 1.0)
+    ratio = jax.vmap(partial(data_misfit, bins=bins.first.size))(apart) / freedom
     chance = 1.0 + CHANCE * jnp.sqrt(2.0 / freedom)
     widened = jnp.where(ratio > chance, ratio, 1.0)
-    values = jax.vmap(values_of)(best.y, best.covariance, widened)
-    natural, covariance = values
-    x = (natural.arrival - ready.case.middle) / ready.case.span
+    natural, covariance = jax.vmap(values_of)(best.y, best.covariance, widened)
+    x = (natural.arrival - case.middle) / case.span
     level, slope, bend = best.y[:, 7], best.y[:, 8], best.y[:, 9]
     drift = jnp.maximum(jnp.abs(slope), jnp.abs(bend))
     held = jnp.any(clipped > 0, axis=1)
     seen = LEAST_SIGNAL * jnp.sqrt(covariance[:, 1, 1]) < 1.0
     left = (count - ready.front.sample).astype(samples.dtype)
+    lag = jnp.exp(best.y[:, 12])
+    later_variance = (
+        best.covariance[:, 0, 0]
+        + 2.0 * lag * best.covariance[:, 0, 12]
+        + lag * lag * best.covariance[:, 12, 12]
+    )
     return LanePicks(
         natural=natural,
         covariance=covariance,
@@ -79,13 +96,85 @@ def pick_lanes(
         offset=ready.offset,
         scale=ready.scale,
         level=level + x * (slope + x * bend),
-        noise=ready.case.noise.marginal,
-        noise_known=ready.case.noise.known,
+        noise=case.noise.marginal,
+        noise_known=case.noise.known,
         clipped=held,
-        clipped_level=ready.case.level,
+        clipped_level=case.level,
         converged=best.converged,
         found=jnp.isfinite(covariance[:, 1, 1]) & (seen | held),
         drifting=drift > 0.02 * natural.peak,
         cut_short=natural.arrival + natural.duration > left,
         misfit=ratio,
+        rings=case.rings > 0,
+        passed=case.passed > 0,
+        frequency=jnp.exp(best.y[:, 10]),
+        later=jnp.where(case.follows > 0, natural.arrival + lag, jnp.nan),
+        later_sd=jnp.sqrt(widened * later_variance),
     )
+
+
+def _with_what_shows(bins: Bins, one: Optimum, case: Case) -> tuple[Optimum, Case]:
+    """Return the optima with a ring, a further front or a high-pass where one shows.
+
+    Each is tried where there is a sign of it in any record of the lanes, and of those
+    that raise ln posterior by `BETTER` the best is taken.
+    """
+    of_record = jax.vmap(partial(misfit, bins))
+    apart = of_record(one.y, case)
+    signs = lax.stop_gradient(
+        jax.vmap(partial(signs_in, bins))(
+            apart[:, : bins.first.size], case, jax.vmap(natural_of)(one.y)
+        )
+    )
+    none = jnp.zeros_like(signs.rings)
+    centre = _beside(case.centre, signs.start)
+    plain = case._replace(centre=centre)
+    unmoved = Optimum(
+        _beside(one.y, signs.start), _with_block(one.covariance), one.converged
+    )
+
+    def tried(best, asked):
+        more = plain._replace(rings=asked[0], follows=asked[1], passed=asked[2])
+        shown = jnp.sum(asked, axis=0) > 0
+
+        def anew():
+            return optimum_of(partial(misfit, bins), unmoved.y, more)
+
+        found = lax.cond(jnp.any(shown), anew, lambda: unmoved)
+        cost = _cost(of_record(lax.stop_gradient(found.y), more))
+        taken = shown & (cost < best[0])
+
+        def chosen(new, old):
+            return jnp.where(taken.reshape(-1, *[1] * (new.ndim - 1)), new, old)
+
+        return jax.tree.map(chosen, (cost, found, more), best), None
+
+    asked = jnp.stack(
+        [
+            jnp.stack([signs.rings, none, none]),
+            jnp.stack([none, signs.follows, none]),
+            jnp.stack([none, none, signs.passed]),
+        ]
+    )
+    best = (lax.stop_gradient(_cost(apart)) - BETTER, unmoved, plain)
+    (_, found, chosen_case), _ = lax.scan(tried, best, asked)
+    return found, chosen_case
+
+
+def _cost(apart: Float[Array, "lane term"]) -> Float[Array, " lane"]:
+    """Return minus ln posterior."""
+    return 0.5 * jnp.sum(apart * apart, axis=1)
+
+
+def _beside(first, second):
+    """Return unknowns and further ones."""
+    return jnp.concatenate([first, second], axis=1)
+
+
+def _with_block(covariance: Float[Array, "lane unknown unknown"]):
+    """Return a covariance with further unknowns, of which nothing is known."""
+    more = FURTHER_CENTRE.size
+    wider = jnp.pad(covariance, [(0, 0), (0, more), (0, more)])
+    n = covariance.shape[1]
+    index = jnp.arange(n, n + more)
+    return wider.at[:, index, index].set(1.0)

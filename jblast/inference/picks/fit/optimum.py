@@ -19,7 +19,9 @@ MOST_STEPS = 40
 TOLERANCE = 1e-3
 """Ends where the way left to an optimum is this long [standard deviations]."""
 
-FIRST_DAMPING, LEAST_DAMPING, MOST_DAMPING = 1e-2, 1e-10, 1e6
+FIRST_DAMPING, LEAST_DAMPING, MOST_DAMPING = 1e-1, 1e-10, 1e6
+SMALL_DAMPING = 1e-3
+"""Of a unit diagonal: no end is seen from a step that is damped more."""
 
 Misfit = Callable[[Float[Array, " unknown"], Case], Float[Array, " term"]]
 
@@ -61,6 +63,7 @@ class _State(NamedTuple):
     """What the search carries; each array has a first axis of lanes, but the count."""
 
     y: Float[Array, "lane unknown"]
+    tried: Float[Array, "lane unknown"]
     damping: Float[Array, " lane"]
     here: "_Expansion"
     done: Bool[Array, " lane"]
@@ -100,51 +103,51 @@ def _expansion(misfit: Misfit, y, case: Case) -> _Expansion:
 def _search(misfit: Misfit, start, case: Case):
     """Return the optima, found by Levenberg-Marquardt over lanes."""
     expand = jax.vmap(lambda y, one: _expansion(misfit, y, one))
-    unit = jnp.eye(start.shape[1], dtype=start.dtype)
+    lanes, unknowns = start.shape
+    unit = jnp.eye(unknowns, dtype=start.dtype)
     eps = jnp.finfo(start.dtype).eps
     # what rounding makes of the cost, and of a slope in standard deviations
     rounding = 4.0 * eps * jnp.sqrt(jnp.sum(jnp.square(case.weight), axis=1))
 
-    def gain(here: _Expansion, damping):
-        matrix = here.information + damping[:, None, None] * unit[None]
-        move = -jnp.linalg.solve(matrix, here.slope[..., None])[..., 0]
-        promised = -jnp.sum(move * (here.slope + 0.5 * damping[:, None] * move), axis=1)
-        return move * here.scale, promised
-
     def step(state: _State) -> _State:
-        move, _ = gain(state.here, state.damping)
-        tried = state.y + jnp.where(jnp.isfinite(move), move, 0.0)
-        there = expand(tried, case)
-        slack = rounding * (jnp.sqrt(2.0 * state.here.cost) + rounding)
+        there = expand(state.tried, case)
+        slack = rounding * (jnp.sqrt(2.0 * jnp.abs(there.cost)) + rounding)
         better = there.cost <= state.here.cost + slack
         taken = better & ~state.done
         here = jax.tree.map(
-            lambda new, old: jnp.where(
-                taken.reshape(-1, *[1] * (new.ndim - 1)), new, old
-            ),
-            there,
-            state.here,
+            lambda new, old: jnp.where(_along(taken, new), new, old), there, state.here
         )
+        y = jnp.where(taken[:, None], state.tried, state.y)
         damping = jnp.where(better, 0.1 * state.damping, 10.0 * state.damping)
         damping = jnp.clip(damping, LEAST_DAMPING, MOST_DAMPING)
-        _, left = gain(here, jnp.full_like(damping, LEAST_DAMPING))
-        near = 2.0 * left <= jnp.square(jnp.maximum(TOLERANCE, rounding))
+        matrix = here.information + damping[:, None, None] * unit[None]
+        move = -jnp.linalg.solve(matrix, here.slope[..., None])[..., 0]
+        left = -jnp.sum(move * (2.0 * here.slope + damping[:, None] * move), axis=1)
+        near = left <= jnp.square(jnp.maximum(TOLERANCE, rounding))
+        move = jnp.where(jnp.isfinite(move), move, 0.0)
         return _State(
-            y=jnp.where(taken[:, None], tried, state.y),
+            y=y,
+            tried=y + move * here.scale,
             damping=jnp.where(state.done, state.damping, damping),
             here=here,
-            done=state.done | near,
+            done=state.done | (near & (damping <= SMALL_DAMPING)),
             steps=state.steps + 1,
         )
 
     def going(state: _State):
         return jnp.any(~state.done) & (state.steps < MOST_STEPS)
 
-    lanes = start.shape[0]
+    nothing = _Expansion(
+        cost=jnp.full(lanes, jnp.inf, start.dtype),
+        slope=jnp.zeros_like(start),
+        information=jnp.broadcast_to(unit, (lanes, *unit.shape)),
+        scale=jnp.ones_like(start),
+    )
     state = _State(
         y=start,
+        tried=start,
         damping=jnp.full(lanes, FIRST_DAMPING, start.dtype),
-        here=expand(start, case),
+        here=nothing,
         done=jnp.zeros(lanes, bool),
         steps=jnp.asarray(0),
     )
@@ -153,6 +156,11 @@ def _search(misfit: Misfit, start, case: Case):
     scale = state.here.scale
     covariance = inverse * scale[:, :, None] * scale[:, None, :]
     return state.y, covariance, state.done
+
+
+def _along(lanes, other):
+    """Return numbers of lanes in the shape of another array of lanes."""
+    return lanes.reshape(-1, *[1] * (other.ndim - 1))
 
 
 def _slope(misfit: Misfit, y, case: Case):

@@ -11,6 +11,7 @@ from jblast.inference.picks.ready.bins import Bins, bins_within, means_in_bins
 from jblast.inference.picks.ready.front import Front, first_front
 from jblast.inference.picks.ready.noise import ORDER, Noise, noise_before, whitened
 from jblast.inference.picks.ready.start import BEFORE, Bank, start_of
+from jblast.inference.picks.unknowns import CENTRE
 
 REACH = 4.5
 """The stretch that is fitted ends as many durations behind the front: past the negative
@@ -31,6 +32,11 @@ class Case(NamedTuple):
         clipped: +1 where the pressure was at least the level, -1 at most minus it.
         span: Half of the stretch, for the drift [samples].
         middle: Its middle [samples].
+        centre: Where the unknowns are believed to be.
+        rings: 1 where the sensor rings, else 0.
+        follows: 1 where a further front does, else 0.
+        passed: 1 where an untold high-pass is looked for, else 0.
+        high_pass: Corner of a high-pass [1/sample]; None: there is none.
     """
 
     white: Float[Array, " bin"]
@@ -40,6 +46,11 @@ class Case(NamedTuple):
     clipped: Float[Array, " bin"]
     span: Float[Array, ""]
     middle: Float[Array, ""]
+    centre: Float[Array, " unknown"]
+    rings: Float[Array, ""]
+    follows: Float[Array, ""]
+    passed: Float[Array, ""]
+    high_pass: Float[Array, ""] | None
 
 
 class Prepared(NamedTuple):
@@ -72,6 +83,7 @@ def prepared(
     samples: Float[Array, " sample"],
     clipped: Float[Array, " sample"],
     count: Int[Array, ""],
+    high_pass: Float[Array, ""] | None,
 ) -> Prepared:
     """Make a record ready.
 
@@ -81,6 +93,7 @@ def prepared(
         samples: Overpressure, finite.
         clipped: +1 where a sample is a lower bound, -1 an upper one, else 0.
         count: How many samples are the record's: the last of those repeats behind it.
+        high_pass: Corner of a first-order high-pass [1/sample].
     """
     front = first_front(lax.stop_gradient(samples - samples[0]))
     offset = _mean_of_first(samples, jnp.maximum(front.sample - 2, 1))
@@ -111,6 +124,11 @@ def prepared(
         span=0.5 * (last - first).astype(samples.dtype),
         middle=0.5 * (last + first).astype(samples.dtype)
         - front.sample.astype(samples.dtype),
+        centre=jnp.asarray(CENTRE, samples.dtype),
+        rings=jnp.zeros_like(scale),
+        follows=jnp.zeros_like(scale),
+        passed=jnp.zeros_like(scale),
+        high_pass=high_pass,
     )
     many = jnp.sum(clipped != 0)
     return Prepared(case, start, front, offset, scale, kept, many, last)

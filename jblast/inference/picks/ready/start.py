@@ -33,14 +33,14 @@ class Bank(NamedTuple):
 
     Attributes:
         duration: Of each [samples].
-        fraction: Impulse over peak and duration behind the rise.
+        decay: Of each.
         rise: Of each [samples].
         filters: Times the record's means over bins: the peak of each.
         energy: By peak squared: how much it lowers the weighted sum of squares.
     """
 
     duration: Float[np.ndarray, " member"]
-    fraction: Float[np.ndarray, " member"]
+    decay: Float[np.ndarray, " member"]
     rise: Float[np.ndarray, " member"]
     filters: Float[np.ndarray, "member bin"]
     energy: Float[np.ndarray, " member"]
@@ -57,7 +57,7 @@ def bank_of(bins: Bins, samples: int) -> Bank:
     durations = SHORTEST * STEP ** np.arange(count)
     members = [(d, b, r * d) for d in durations for b in DECAYS for r in RISES]
     x, weight = bins.middle.astype(float), bins.width.astype(float)
-    filters, energy, fractions = [], [], []
+    filters, energy = [], []
     for duration, decay, rise in members:
         shape = _shape(x, duration, decay, rise)
         inside = (x > -max(BEFORE * duration, 16.0)) & (x < BEHIND * duration)
@@ -68,11 +68,9 @@ def bank_of(bins: Bins, samples: int) -> Bank:
         size = float(np.sum(w * left * left))
         filters.append(w * left / size)
         energy.append(size)
-        fractions.append((decay - 1.0 + np.exp(-decay)) / decay**2)
     columns = np.array(members).T
-    return Bank(
-        columns[0], np.array(fractions), columns[2], np.array(filters), np.array(energy)
-    )
+    duration, decay, rise = columns
+    return Bank(duration, decay, rise, np.array(filters), np.array(energy))
 
 
 def start_of(
@@ -90,12 +88,11 @@ def start_of(
     best = jnp.argmax(lowered)
     duration = jnp.asarray(bank.duration, kind)[best]
     rise = jnp.asarray(bank.rise, kind)[best]
-    share = jnp.asarray(bank.fraction, kind)[best] / (np.e - 2.0)
     y = jnp.asarray(CENTRE, kind)
     y = y.at[0].set(-0.5 - 0.5 * rise)
     y = y.at[1].set(jnp.log(jnp.maximum(peak[best], 0.05)))
     y = y.at[2].set(jnp.log(duration))
-    y = y.at[3].set(jnp.log(share / (1.0 - share)))
+    y = y.at[3].set(jnp.log1p(jnp.asarray(bank.decay, kind)[best]))
     return y.at[4].set(jnp.log(jnp.maximum(rise, 1.0))), duration
 
 

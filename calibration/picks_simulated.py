@@ -1,0 +1,175 @@
+"""Are picks as sure as they say? A thousand simulated records, and rules of the eye.
+
+    python -m calibration.picks_simulated > calibration/results/picks_simulated.txt
+
+Z from 2 to 300, 10 to 500 kHz, SNR (peak over the noise of a sample) from 5 to 1000,
+all log-uniform; half of the records drift by 2 to 30 % of the peak, in half the noise
+is coloured (an autoregression of 0.3 to 0.9), a quarter come from a sensor that rings.
+`picks_records.py` makes them, and shares nothing with the fit.
+"""
+
+import sys
+
+import numpy as np
+
+from calibration.picks_records import SAMPLES, arrival_bound, drawn, noise_of, signal_of
+from jblast.cli.jax_start import start_jax
+from jblast.inference.picks import eye_pick, pick
+from jblast.report.tables import aligned
+
+MANY, SEED = 1000, 20
+BOUNDED = 300
+"""Of so many records the Cramer-Rao bound is computed."""
+
+NORMAL_90 = 1.6449
+NAMES = ("arrival", "peak", "duration", "impulse")
+
+
+def main(many: int = MANY) -> None:
+    """Print the tables."""
+    start_jax(all_cores=True)
+    rng = np.random.default_rng(SEED)
+    made = drawn(many, rng)
+    samples = np.array([signal_of(one) + noise_of(one, rng) for one in made])
+    time = np.arange(SAMPLES, dtype=float)
+    # in samples, whatever the rate: nothing in a pick depends on the unit of time
+    found = pick(time, samples)
+    truth = np.array([[o.arrival, o.peak, o.duration, o.impulse] for o in made]).T
+    picked = np.array(
+        [
+            found.air_arrival_s,
+            found.peak_overpressure_pa,
+            found.positive_duration_s,
+            found.positive_impulse_pa_s,
+        ]
+    )
+    error = np.concatenate([picked[:1] - truth[:1], np.log(picked[1:] / truth[1:])])
+    sd = np.asarray(found.spread).T[:4]
+    bound = np.full(many, np.nan)
+    bound[:BOUNDED] = [arrival_bound(one) for one in made[:BOUNDED]]
+    eye = np.array([eye_pick(time, x) for x in samples]).T
+    with np.errstate(invalid="ignore", divide="ignore"):
+        eye_error = np.concatenate([eye[:1] - truth[:1], np.log(eye[1:] / truth[1:])])
+    groups = _groups(made, found)
+    print(f"{many} records of {SAMPLES} samples, seed {SEED}\n")
+    print("Bias in standard deviations, share of 90 % intervals that hold the truth")
+    rows = [
+        ["", "records", "found", *(f"{n} {w}" for n in NAMES for w in ("bias", "90 %"))]
+    ]
+    for name, inside in groups.items():
+        rows.append([name, str(int(inside.sum())), *_honesty(inside, found, error, sd)])
+    print(aligned(rows), end="\n\n")
+    print("Rms error of the arrival over what it is held against")
+    rows = [["", "records", "rms/bound", "median rms/bound"]]
+    rows += _arrivals(made, found, error, bound)
+    print(aligned(rows), end="\n\n")
+    print("Errors (68 % are below): arrival in samples, ln of the rest")
+    rows = [["", *(f"{n} {w}" for n in NAMES for w in ("pick", "eye"))]]
+    for name, inside in groups.items():
+        rows.append([name, *_against_eye(inside, error, eye_error)])
+    print(aligned(rows))
+    _worst(made, found, error, sd)
+
+
+def _groups(made, found):
+    """Return which records are of each kind."""
+    snr, z = (
+        np.array([o.snr for o in made]),
+        np.array([o.scaled_distance for o in made]),
+    )
+    length, rise = (
+        np.array([o.duration for o in made]),
+        np.array([o.rise for o in made]),
+    )
+    drift = np.array([o.drift > 0 for o in made])
+    colour = np.array([o.colour > 0 for o in made])
+    rings = np.array([o.resonance > 0 for o in made])
+    return {
+        "all": np.ones(len(made), bool),
+        "white, steady, no ring": ~drift & ~colour & ~rings,
+        "drift": drift,
+        "coloured noise": colour,
+        "sensor rings": rings,
+        "SNR below 20": snr < 20,
+        "SNR above 200": snr > 200,
+        "Z below 10": z < 10,
+        "Z above 60": z > 60,
+        "rise of 2 samples or more": rise >= 2,
+        "rise below 2 samples": rise < 2,
+        "below 20 samples": length < 20,
+        "ring was found": np.asarray(found.resonating),
+        "further front was told": np.isfinite(np.asarray(found.later_arrivals_s)[:, 0]),
+        "high-pass was told": np.asarray(found.high_passed),
+    }
+
+
+def _honesty(inside, found, error, sd):
+    """Return cells of bias and coverage."""
+    some = inside & np.asarray(found.found)
+    cells = [f"{100 * some.sum() / max(inside.sum(), 1):.1f} %"]
+    for e, s in zip(error, sd, strict=True):
+        z = (e / s)[some]
+        held = np.mean(np.abs(z) < NORMAL_90) if z.size else np.nan
+        # the median is the bias of most; a mean is that of the few that went astray
+        cells += [f"{np.median(z):+.2f}" if z.size else "-", f"{100 * held:.1f}"]
+    return cells
+
+
+def _arrivals(made, found, error, bound):
+    """Return rows of the arrival's errors over their bounds."""
+    rise = np.array([o.rise for o in made])
+    sound = np.asarray(found.found)
+    wide, sharp = sound & (rise >= 2) & np.isfinite(bound), sound & (rise < 2)
+    rows = []
+    for name, some, against in (
+        ("rise of 2 samples or more, Cramer-Rao", wide, bound),
+        ("rise below 2 samples, dt/sqrt(12)", sharp, np.full_like(bound, 12**-0.5)),
+    ):
+        ratio = np.abs(error[0] / against)[some]
+        low = ratio[ratio < np.quantile(ratio, 0.99)]
+        rows.append(
+            [
+                name,
+                str(int(some.sum())),
+                f"{np.sqrt(np.mean(low**2)):.2f}",
+                f"{np.median(ratio) / 0.6745:.2f}",
+            ]
+        )
+    return rows
+
+
+def _against_eye(inside, error, eye_error):
+    """Return cells of errors by either."""
+    cells = []
+    for one, other in zip(error, eye_error, strict=True):
+        for e in (one, other):
+            size = np.abs(e[inside])
+            cells.append(f"{np.quantile(size[np.isfinite(size)], 0.68):.3g}")
+    return cells
+
+
+def _worst(made, found, error, sd) -> None:
+    """Tell on the other stream which records went most astray."""
+    z = np.nanmax(np.abs(error / sd), axis=0)
+    for k in np.argsort(-np.nan_to_num(z))[:25]:
+        told = " ".join(
+            f"{e / s:+.1f}" for e, s in zip(error[:, k], sd[:, k], strict=True)
+        )
+        later = float(found.later_arrivals_s[k, 0])
+        print(
+            f"{k}: {told}; misfit {float(found.misfit[k]):.2f}, rings "
+            f"{bool(found.resonating[k])}, later {later:.1f}, converged "
+            f"{bool(found.converged[k])}, high-passed {bool(found.high_passed[k])}, "
+            f"{made[k]}",
+            file=sys.stderr,
+        )
+    lost = np.flatnonzero(~np.asarray(found.found))
+    print(
+        "not found",
+        [(int(k), made[k].snr, made[k].duration) for k in lost],
+        file=sys.stderr,
+    )
+
+
+if __name__ == "__main__":
+    main(*(int(word) for word in sys.argv[1:2]))
