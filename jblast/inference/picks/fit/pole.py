@@ -69,33 +69,42 @@ def pole_response(
     s = jnp.clip((since - rise) / length, 0.0, 1.0)
     q = jnp.clip((since - pulse.duration) / fall, 0.0, 1.0)
     over = jnp.maximum(since - pulse.duration - fall, 0.0)
-    up = _through_rise(x, pole * rise) * (pulse.peak * rise)
-    top = _through_rise(jnp.ones_like(rise), pole * rise) * (pulse.peak * rise)
-    down = _through_decay(s, pole * length, pulse.decay) * (pulse.peak * length)
-    first = _through_decay(jnp.zeros_like(rise), pole * length, pulse.decay)
-    last = _through_decay(jnp.ones_like(rise), pole * length, pulse.decay)
-    kept = top - first * (pulse.peak * length)
+    after = since > pulse.duration + fall
+    x, s, q, over, rise, length, fall, peak, suction, decay = (
+        number.astype(pole.dtype)
+        for number in (
+            *(x, s, q, over, rise, length, fall),
+            *(pulse.peak, pulse.suction, pulse.decay),
+        )
+    )
+    up = _through_rise(x, pole * rise) * (peak * rise)
+    top = _through_rise(jnp.ones_like(rise), pole * rise) * (peak * rise)
+    down = _through_decay(s, pole * length, decay) * (peak * length)
+    first = _through_decay(jnp.zeros_like(rise), pole * length, decay)
+    last = _through_decay(jnp.ones_like(rise), pole * length, decay)
+    kept = top - first * (peak * length)
     down = down + kept * jnp.exp(pole * length * s)
-    end = last * (pulse.peak * length) + kept * jnp.exp(pole * length)
-    depth = -6.75 * pulse.suction * fall
+    end = last * (peak * length) + kept * jnp.exp(pole * length)
+    depth = -6.75 * suction * fall
     low = _through_suction(q, pole * fall) * depth
     kept = end - _through_suction(jnp.zeros_like(rise), pole * fall) * depth
     low = low + kept * jnp.exp(pole * fall * q)
     still = _through_suction(jnp.ones_like(rise), pole * fall) * depth
     still = (still + kept * jnp.exp(pole * fall)) * jnp.exp(pole * over)
-    behind = jnp.where(since < pulse.duration, down, jnp.where(over > 0, still, low))
-    return jnp.where(since < 0, 0.0, jnp.where(since < rise, up, behind))
+    behind = jnp.where(since < pulse.duration, down, jnp.where(after, still, low))
+    none = jnp.zeros_like(low)
+    return jnp.where(since < 0, none, jnp.where(since < pulse.rise_time, up, behind))
 
 
 def _through_rise(x, pole):
     """Return the integral of the smooth step through a pole, of a rise of length 1."""
     small = jnp.abs(pole) < 1.0
-    near = jnp.where(small, pole, 0.0)
+    near = jnp.where(small, pole, jnp.zeros_like(pole))
     series = jnp.zeros_like(x * near)
     for m in reversed(range(TERMS)):
         first, second = 6.0 / math.factorial(m + 3), 12.0 / math.factorial(m + 4)
         series = series * (near * x) + (first - second * x)
-    far = jnp.where(small, 1.0, pole)
+    far = jnp.where(small, jnp.ones_like(pole), pole)
     inverse = 1.0 / far
     steps = (x * x * (3.0 - 2.0 * x), 6.0 * x * (1.0 - x), 6.0 - 12.0 * x)
     held = ((-12.0 * inverse + steps[2]) * inverse + steps[1]) * inverse + steps[0]
