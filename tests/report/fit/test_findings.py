@@ -75,7 +75,7 @@ def test_what_was_found_is_json_for_a_user_of_python():
     document = json.loads(json.dumps(found.to_dict(), allow_nan=False))
     assert document["estimates"]["charge_mass_kg"]["value"] == 1000.0
     assert document["warnings"] == [
-        {"code": "no_scene"},
+        {"code": "no_scene", "freed": [], "altitude_m": 0.0},
         {
             "code": "normal_intervals",
             "because": {
