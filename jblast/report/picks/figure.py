@@ -24,6 +24,8 @@ from jblast.report.picks.text import estimate_words
 MOST = 24
 """Records of one picture."""
 COLUMNS = 2
+NEAR = 1e-3
+"""A sample within this share of where a record clips is clipped."""
 SHARE = Unit("full scale", 1.0)
 
 
@@ -81,8 +83,9 @@ def _draw(above: Axes, below: Axes, name: str, one: RecordPick, curve: Curve) ->
     if np.isfinite(clipped):
         level = (clipped - float(one.pick.baseline_pa)) / unit.size
         above.axhline(level, color=INK, linewidth=0.8, linestyle="--")
+        residual[high >= (1.0 - NEAR) * level] = np.nan  # only bounds the pressure
     below.plot(curve.time, residual, color=INK, linewidth=0.7)
-    largest = float(np.nanmax(np.abs(residual), initial=0.0))
+    largest = float(np.abs(residual[np.isfinite(residual)]).max(initial=0.0))
     below.set_ylim(-1.15 * largest or -1.0, 1.15 * largest or 1.0)
     above.tick_params(labelbottom=False)
     above.set_ylabel(f"[{unit.symbol}]")
