@@ -6,6 +6,12 @@ from pathlib import Path
 
 import numpy as np
 
+from jblast.observations.starter_earth import (
+    air_table,
+    clock_tables,
+    place_tables,
+    toml_text,
+)
 from jblast.observations.table import CLOCK_TIMES, Observations
 from jblast.quantities import ADDITIVE, BY_CAMERA, PLACELESS, TIMED, made_with
 from jblast.scene.reader.records import share_text
@@ -14,16 +20,17 @@ _SEEN_AND_HEARD = {"flash_time_s", "air_arrival_s", "bearing_rad"}
 _OF_GROUND = set(made_with("ground_arrival_s"))
 
 
-def starter_scene(observations: Observations, freeing: str = "freed") -> str:
+def starter_scene(observations: Observations) -> str:
     """Return a commented scene file for a log.
 
     The mass is free. The place is free too if at least three sensors that do not stand
     in a line, and four rows, can tell it, or a bearing, a flash and an arrival; the
     origin time then if three rows are clock readings, and always if a flash was seen.
+    In a log in degrees, or with dates, place and time are always free: its origin, and
+    its time zero, mean nothing. Clocks that a flash and a bang set are free.
 
     Args:
         observations: The log.
-        freeing: What the reader frees numbers by, which a scene cannot say of clocks.
     """
     rows: dict[str, list[int]] = {}
     for row, name in enumerate(observations.sensor):
@@ -33,11 +40,12 @@ def starter_scene(observations: Observations, freeing: str = "freed") -> str:
     parts = [
         _head(observations),
         *(_charge(observations, logs, shot) for shot in shots),
-        _AIR,
+        air_table(observations),
         *([_CAMERA] if set(BY_CAMERA) & set(observations.quantity) else []),
         *([_GROUND] if set(observations.quantity) & _OF_GROUND else []),
         *(_sensor(log) for log in logs),
-        *_clocks(observations, freeing),
+        *clock_tables(observations),
+        *place_tables(observations),
         _LAW,
     ]
     return "\n".join(parts)
@@ -93,7 +101,7 @@ def _charge(observations: Observations, logs: list[_Log], shot: str) -> str:
     logs = [log for log in logs if log.needs_distance]
     lines = ["[charge]"]
     if len(set(observations.shot)) > 1:
-        lines = ["[[charge]]", f"name = {_toml_text(shot)}  # as the log's shot"]
+        lines = ["[[charge]]", f"name = {toml_text(shot)}  # as the log's shot"]
     quantities = [
         quantity
         for quantity, of in zip(observations.quantity, observations.shot, strict=True)
@@ -105,7 +113,8 @@ def _charge(observations: Observations, logs: list[_Log], shot: str) -> str:
     ranges = {slant_range for log in logs for slant_range in log.ranges}
     seen = places and not ranges and set(quantities) >= _SEEN_AND_HEARD
     free = len(quantities) >= 4 and not ranges and _in_no_line(places)
-    if free or seen:
+    on_earth = bool(places) and observations.frame is not None and not ranges
+    if free or seen or on_earth:
         lines.append('position_m = ["free", "free", 0.0]  # or where it was')
     elif len(logs) == 1 and len(ranges) == 1:
         lines.append(f"range_m = {ranges.pop()!r}  # as the log says")
@@ -113,27 +122,20 @@ def _charge(observations: Observations, logs: list[_Log], shot: str) -> str:
         lines.append('range_m = "free"  # slant range to the one sensor')
     else:
         lines.append("position_m = [0.0, 0.0, 0.0]  # the log cannot tell it")
+        lines.append('# position_m = ["free", "free", 0.0]  # or a prior of each')
     clocks = sum(quantity in CLOCK_TIMES for quantity in quantities)
-    if (free and clocks >= 3) or "flash_time_s" in quantities:
-        lines.append('time_s = "free"  # on the clock of the sensors')
+    dated = bool(clocks) and (on_earth or observations.epoch is not None)
+    if (free and clocks >= 3) or "flash_time_s" in quantities or dated:
+        since = ""
+        if observations.epoch is not None:
+            since = f", in seconds since {observations.epoch:%Y-%m-%dT%H:%M:%SZ}"
+        lines.append(f'time_s = "free"  # on the clock of the sensors{since}')
     else:
         lines.append('time_s = 0.0  # on the clock of the sensors; or "free"')
     lines.append(
         '# burst = "surface"  # or "free-air"; if not said, the height decides'
     )
     return "\n".join(lines) + "\n"
-
-
-def _clocks(observations: Observations, freeing: str) -> list[str]:
-    """Say how the clocks of several recorders are fitted: a scene cannot."""
-    named = list(dict.fromkeys(clock for clock in observations.clock if clock))
-    if len(named) < 2:
-        return []
-    free = ",".join(f"clock_offset_s.{clock}" for clock in named[1:])
-    return [
-        f"# The clocks {', '.join(named)} are taken to agree; if they do not, "
-        f"fit with\n# {freeing} {free}\n"
-    ]
 
 
 def _in_no_line(places: set[tuple[float, ...]]) -> bool:
@@ -144,16 +146,6 @@ def _in_no_line(places: set[tuple[float, ...]]) -> bool:
     spread = np.linalg.svd(plan - plan.mean(axis=0), compute_uv=False)
     return bool(spread[1] > 1e-3 * spread[0])
 
-
-_AIR = """\
-[air]
-temperature_k = 288.15
-pressure_pa = 101325.0
-relative_humidity = 0.5
-# altitude_m = 1500  # instead of the temperature and pressure above
-# sound_speed_m_s = "free"  # only where it was measured, or is to be fitted
-wind_m_s = [0.0, 0.0]  # towards east, north; each may be free
-"""
 
 _CAMERA = """\
 # [camera]  # that saw fireball_radius_px: it is needed, and the log does not tell it
@@ -178,7 +170,7 @@ _LAW = """\
 
 
 def _sensor(log: _Log) -> str:
-    lines = ["[[sensor]]", f"name = {_toml_text(log.name)}"]
+    lines = ["[[sensor]]", f"name = {toml_text(log.name)}"]
     if len(log.places) == 1:
         lines.append(f"position_m = [{', '.join(map(repr, log.places[0]))}]")
     elif log.places:
@@ -202,8 +194,3 @@ def _sensor(log: _Log) -> str:
     if silent:
         lines.append(f"# the log gives no sigma for {', '.join(silent)}")
     return "\n".join(lines) + "\n"
-
-
-def _toml_text(text: str) -> str:
-    """Return text as a TOML string: JSON's escapes, and one that JSON leaves out."""
-    return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")

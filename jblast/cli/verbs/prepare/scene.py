@@ -4,7 +4,7 @@ import argparse
 import sys
 
 from jblast.cli.arguments.paths import path
-from jblast.cli.arguments.reading import add_reading, read_asked
+from jblast.cli.arguments.reading import add_reading, read_asked, reading_words
 
 
 def add_arguments(verb: argparse.ArgumentParser) -> None:
@@ -37,13 +37,12 @@ def run(asked: argparse.Namespace) -> int:
 
     if asked.out:
         refuse_existing(asked.out, force=asked.force)
-    text = starter_scene(read_asked(asked.observations, asked), freeing="--free")
+    text = starter_scene(read_asked(asked.observations, asked))
     if asked.out:
         save_text(text, asked.out)
-        sys.stdout.write(
-            f"wrote {asked.out}; edit it, then: "
-            f"jblast fit {asked.observations} --scene {asked.out}\n"
-        )
+        fit = f"jblast fit {asked.observations} --scene {asked.out}"
+        again = reading_words(asked)
+        sys.stdout.write(f"wrote {asked.out}; edit it, then: {fit}{again}\n")
     else:
         sys.stdout.write(text)
     return 0
