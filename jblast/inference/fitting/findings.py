@@ -203,6 +203,23 @@ class NoPointSource(Finding):
 
 
 @dataclass(frozen=True)
+class MoreToFree(Finding):
+    """No default scene fits the log, but one with more numbers free does.
+
+    Attributes:
+        parameters: Which.
+        p_value: Chance of a larger chi squared with them free.
+        estimates: What the log says then, by parameter.
+        clock: The clock among them that is wrong, "" if none alone is.
+    """
+
+    parameters: tuple[str, ...]
+    p_value: float
+    estimates: Mapping[str, Estimate]
+    clock: str = ""
+
+
+@dataclass(frozen=True)
 class ClocksTakenToAgree(Finding):
     """Clocks were taken to agree that nobody left open.
 

@@ -34,7 +34,7 @@ from jblast.observations import Observations, resolve_positions
 from jblast.observations.default_scene import for_log
 from jblast.observations.located import located
 from jblast.progress import stages
-from jblast.scene import UncertainScene, default_scene
+from jblast.scene import UncertainScene, default_scene, freed
 from jblast.sensors import layout_of
 from jblast.sensors.law_choice import law_names
 from jblast.sensors.observe import Noise
@@ -115,7 +115,9 @@ def fit(
             np.asarray(misfit.valid),
             valid_at_depth(solution, draws),
             left,
-            lambda log: solve(log, uncertain, noise=noise, seed=seed),
+            lambda log, names: solve(
+                log, freed(uncertain, names), noise=noise, seed=seed
+            ),
         ),
         observations=observations,
         scene=parameters.scene_at(jnp.asarray(z)),

@@ -1,6 +1,6 @@
 """What a fit found, as values: numbers, what they leave open, what is doubtful."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields
 from typing import Any
 
@@ -19,6 +19,7 @@ from jblast.inference.fitting.goodness_of_fit import (
     p_value,
     suspected_outliers,
 )
+from jblast.inference.fitting.place.left_fixed import more_to_free
 from jblast.inference.fitting.solution import Solution
 from jblast.inference.fitting.suspects import explained_by, lies_far
 from jblast.inference.fitting.uncertainty import Uncertainty
@@ -116,7 +117,7 @@ def summary_of(
     valid: Bool[np.ndarray, " row"],
     deep: Bool[np.ndarray, " row"],
     left: ResidualSummary,
-    refit: Callable[[Observations], Solution],
+    refit: Callable[[Observations, Sequence[str]], Solution],
 ) -> Summary:
     """Put together what a fit found.
 
@@ -128,7 +129,8 @@ def summary_of(
         valid: Whether each row's laws hold at the answer.
         deep: Whether they do as deep as its interval reaches, too.
         left: Residuals and shared effects at the answer.
-        refit: Solves for a log of the same rows; asked where no scene fits this one.
+        refit: Solves for a log of the same rows with more numbers free; asked where no
+            scene fits this one.
     """
     z = solution.laplace.z
     estimates = _estimates(solution, sure)
@@ -146,7 +148,13 @@ def summary_of(
     answered = converged and not null and bool(valid.any()) and not poor
     wrong: tuple[WrongSensor, ...] = ()
     if not answered or lies_far(solution) or (p is not None and p < FITS):
-        wrong = explained_by(observations, solution, answered, refit)
+        wrong = explained_by(
+            observations, solution, answered, lambda log: refit(log, ())
+        )
+    more: tuple[Finding, ...] = ()
+    if poor and not wrong:
+        found = more_to_free(observations, uncertain, solution, refit)
+        more = (found,) if found else ()
     return Summary(
         law={quantity: name for quantity, (name, _) in solution.laws.items()},
         law_reason={q: reason for q, (_, reason) in solution.laws.items()},
@@ -169,6 +177,7 @@ def summary_of(
         ),
         explained_by=wrong,
         warnings=(
+            *more,
             *warnings_of(
                 observations, uncertain, solution, valid & deep, chi2, dof, left.of_laws
             ),

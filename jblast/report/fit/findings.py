@@ -43,6 +43,14 @@ def _(finding: fitting.PoorFit) -> str:
 
 
 @words.register
+def _(finding: fitting.MoreToFree) -> str:
+    return (
+        f"the recordings fit (p {finding.p_value:.2g}) with more numbers free: "
+        f"--free {','.join(finding.parameters)}"
+    )
+
+
+@words.register
 def _(finding: fitting.PriorConflict) -> str:
     at = ", ".join(f"{name} = {value:.4g}" for name, value in finding.values.items())
     return (

@@ -1,7 +1,10 @@
 """What stands above every number: that there is no answer, why, and what would help."""
 
-from jblast.inference.fitting.findings import WrongClock, WrongSensor
+from collections.abc import Mapping
+
+from jblast.inference.fitting.findings import MoreToFree, WrongClock, WrongSensor
 from jblast.inference.fitting.result import Fit
+from jblast.inference.posterior.estimate import Estimate
 from jblast.report.estimates import printed_estimate
 from jblast.report.fit.goodness import goodness_p, printed_p
 from jblast.report.numbers import printed_number
@@ -31,7 +34,34 @@ def headline(fit: Fit) -> list[str]:
     if len(found.explained_by) > 1:
         names = " or ".join(wrong.name for wrong in found.explained_by)
         lines.append(f"{names} is wrong; the log cannot say which.")
-    return [*lines, *(explanation(wrong) for wrong in found.explained_by)]
+    lines += [explanation(wrong) for wrong in found.explained_by]
+    more = (one for one in found.warnings if isinstance(one, MoreToFree))
+    return lines + [freeing(one) for one in more]
+
+
+def freeing(more: MoreToFree) -> str:
+    """Say what a log tells with more numbers free, and what to type."""
+    names = ",".join(more.parameters)
+    free = joined([parameter_words(name) for name in more.parameters])
+    clock = f", as the clock of {more.clock} is wrong," if more.clock else ""
+    told = _mass(more.estimates)
+    return (
+        f"With {free} free{clock} the recordings fit (p {printed_p(more.p_value)}"
+        f"{f': {told}' if told else ''}). Type the command again and behind it: "
+        f"--free {names}"
+    )
+
+
+def _mass(estimates: Mapping[str, Estimate]) -> str:
+    """Return what is told of masses."""
+    return joined(
+        [
+            f"{parameter_words(number)} {printed.value} (90 %: {printed.interval})"
+            for number, estimate in estimates.items()
+            if number.partition(".")[0] == MASS
+            for printed in [printed_estimate(number, estimate)]
+        ]
+    )
 
 
 def explanation(wrong: WrongSensor) -> str:
@@ -47,15 +77,9 @@ def explanation(wrong: WrongSensor) -> str:
         )
     else:
         said = f"Without the sensor {name} {fits}."
-    told = [
-        f"{parameter_words(number)} {printed.value} (90 %: {printed.interval})"
-        for number, estimate in wrong.estimates.items()
-        if number.partition(".")[0] == MASS
-        for printed in [printed_estimate(number, estimate)]
-    ]
-    if told:
+    if told := _mass(wrong.estimates):
         outside = "" if wrong.law_valid_rows else ", outside the laws"
-        said += f" Without it: {joined(told)}{outside}."
+        said += f" Without it: {told}{outside}."
     if isinstance(wrong, WrongClock) and wrong.parameter:
         return f"{said} To fit its clock: --free {wrong.parameter}."
     return f"{said} To leave it out, put a # before its rows."

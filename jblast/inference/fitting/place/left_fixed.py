@@ -1,0 +1,103 @@
+"""What the default scene holds fixed, and without which no scene fits a log."""
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from jblast.errors import InputError
+from jblast.inference.fitting.findings import MoreToFree, WrongClock
+from jblast.inference.fitting.goodness_of_fit import (
+    FITS,
+    chi_squared,
+    p_value,
+    standardised_residuals,
+)
+from jblast.inference.fitting.solution import Solution
+from jblast.inference.fitting.suspects import explained_by
+from jblast.inference.mode.laplace import marginals
+from jblast.inference.mode.row_subset import is_long
+from jblast.observations import Observations
+from jblast.observations.default_scene import PLACE, clocks_to_free
+from jblast.parameter_table import CLOCK_OFFSET
+from jblast.progress import each
+from jblast.quantities import ARRIVALS, CLOCK_TIMES
+from jblast.scene import UncertainScene
+from jblast.scene.uncertain import NO_SCENE
+
+FEWEST = 4
+"""Arrivals, of which three tell a place and a time."""
+Refit = Callable[[Observations, Sequence[str]], Solution]
+
+
+def more_to_free(
+    observations: Observations,
+    uncertain: UncertainScene,
+    solution: Solution,
+    refit: Refit,
+) -> MoreToFree | None:
+    """Return what to free beside the mass so that a log fits; None if nothing does.
+
+    Tried are the origin time, then the place too, then clocks that a flash and a bang
+    set. Where none of these is enough, a clock that is wrong may be: it is free, too.
+
+    Args:
+        observations: The log, which the default scene does not fit.
+        uncertain: The scene.
+        solution: What was found with it.
+        refit: Solves for a log with more numbers free.
+    """
+    arrivals = np.isin(observations.quantity, ARRIVALS).sum()
+    blind = uncertain.source == NO_SCENE
+    if not blind or arrivals < FEWEST or is_long(solution.posterior):
+        return None
+    last: tuple[tuple[str, ...], Solution] | None = None
+    for names in each(_candidates(observations, uncertain), "sets of numbers freed"):
+        try:
+            freed = refit(observations, names)
+        except InputError:  # the scene then leaves nothing a probability
+            continue
+        if found := _judged(freed, names):
+            return found
+        last = names, freed
+    if last is None:
+        return None
+    names, freed = last
+    wrong = explained_by(observations, freed, False, lambda log: refit(log, names))
+    if wrong and isinstance(wrong[0], WrongClock) and wrong[0].parameter:
+        first, both = wrong[0], (*names, wrong[0].parameter)
+        return MoreToFree(both, first.p_value, first.estimates, first.name)
+    return None
+
+
+def _candidates(
+    observations: Observations, uncertain: UncertainScene
+) -> list[tuple[str, ...]]:
+    """Return what might be freed, the least first, as far as rows can tell it."""
+    timed = bool(set(CLOCK_TIMES) & set(observations.quantity))
+    origin = ("origin_time_s",) if timed else ()
+    placed = bool(np.isnan(observations.slant_range).all())
+    spread = np.unique(observations.position, axis=0)
+    place = PLACE if placed and len(spread) >= 3 else ()
+    clocks = tuple(f"{CLOCK_OFFSET}.{name}" for name in clocks_to_free(observations))
+    found: list[tuple[str, ...]] = []
+    for names in (origin, place, (*place, *origin), (*place, *origin, *clocks)):
+        new = tuple(name for name in names if name not in uncertain.beliefs)
+        spare = len(observations) - len(uncertain.beliefs) - len(new)
+        if new and new not in found and spare > 0:
+            found.append(new)
+    if place and len(found) > 2 and found[1] == place:
+        del found[1]  # a place at a known time is no more likely, and costs as much
+    return found
+
+
+def _judged(freed: Solution, names: tuple[str, ...]) -> MoreToFree | None:
+    """Return what is to be told of a solution, None if it is no answer."""
+    normal = freed.laplace
+    if not (normal.converged and all(freed.identifiability.determined)):
+        return None
+    posterior, z = freed.posterior, normal.z
+    left = standardised_residuals(posterior, z)
+    p = p_value(*chi_squared(posterior, z, left, z.size))
+    if p is None or p < FITS:
+        return None
+    return MoreToFree(names, p, marginals(posterior.parameters, normal))

@@ -1,0 +1,51 @@
+"""Of a log that the default scene does not fit: what to free, and which clock."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import jblast
+from jblast.inference.fitting.findings import MoreToFree
+from jblast.report import summary
+from jblast.scene import Charge, Scene, Sensor, UncertainScene
+from jblast.sensors import simulate
+
+PLACES = ((-180, 240), (310, 150), (420, -260), (60, -390), (-350, -120), (-90, 520))
+RECORDS = (("air_arrival_s", 0.002), ("peak_overpressure_pa", 0.1))
+
+
+def log(clock_off=0.0):
+    """Return six sensors' log of a charge off the origin at 3 s."""
+    sensors = tuple(
+        Sensor(f"m{i}", (float(east), float(north), 0.0), records=RECORDS)
+        for i, (east, north) in enumerate(PLACES)
+    )
+    charge = Charge(mass_kg=100.0, position_m=(80.0, -50.0, 0.0), time_s=3.0)
+    made = simulate(UncertainScene(Scene(charge, sensors=sensors)), 1)
+    heard = np.isin(made.quantity, "air_arrival_s") & np.isin(made.sensor, "m4")
+    return replace(made, value=made.value + clock_off * heard)
+
+
+def told(found):
+    return [one for one in found.summary.warnings if isinstance(one, MoreToFree)]
+
+
+@pytest.mark.slow
+def test_a_charge_elsewhere_at_another_time_is_told_by_what_to_free():
+    found = jblast.fit(log())
+    assert found.exit_code == 4
+    (more,) = told(found)
+    assert more.parameters == ("charge_east_m", "charge_north_m", "origin_time_s")
+    mass = more.estimates["charge_mass_kg"]
+    assert abs(np.log(mass.value / 100.0)) < 4 * mass.log_sd
+    said = " ".join(summary(found).split())
+    assert "--free charge_east_m,charge_north_m,origin_time_s" in said
+    assert said.index("--free") < said.index("Estimates")
+
+
+@pytest.mark.slow
+def test_a_wrong_clock_beside_is_named():
+    (more,) = told(jblast.fit(log(clock_off=-1.0)))
+    assert more.clock == "m4"
+    assert more.parameters[-1] == "clock_offset_s.m4"
