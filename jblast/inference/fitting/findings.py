@@ -220,6 +220,25 @@ class MoreToFree(Finding):
 
 
 @dataclass(frozen=True)
+class FlatGround(Finding):
+    """The Earth is round enough to matter.
+
+    Attributes:
+        sensor: Whose reading is furthest off by it.
+        quantity: Of what.
+        range_m: How far from the charge [m].
+        error_m: How far off that distance is [m].
+        sigmas: That in sigmas of the reading.
+    """
+
+    sensor: str
+    quantity: str
+    range_m: float
+    error_m: float
+    sigmas: float
+
+
+@dataclass(frozen=True)
 class ClocksTakenToAgree(Finding):
     """Clocks were taken to agree that nobody left open.
 

@@ -23,6 +23,7 @@ from jblast.inference.fitting.findings import (
     PriorConflict,
 )
 from jblast.inference.fitting.goodness_of_fit import POOR, p_value
+from jblast.inference.fitting.place.flatness import flat_ground
 from jblast.inference.fitting.prior_conflict import against_priors
 from jblast.inference.fitting.solution import Solution
 from jblast.inference.fitting.still_air import still_air
@@ -84,9 +85,22 @@ def warnings_of(
         told += height_beside_the_curves(solution, charge)
         told += charge_is_no_point([name for name, _ in solution.laws.values()], charge)
     told += _clocks_taken_as_right(observations, uncertain)
+    told += _round_earth(observations, solution)
     if still := still_air(solution):
         told.append(still)
     return told
+
+
+def _round_earth(observations: Observations, solution: Solution) -> list[Finding]:
+    """Return what the flat ground is off by, where that is noticed."""
+    if observations.frame is None:
+        return []
+    z, posterior = jnp.asarray(solution.laplace.z), solution.posterior
+    charges = posterior.parameters.scene_at(z).charges
+    places = np.array([[float(x) for x in charge.position_m] for charge in charges])
+    ranges = np.asarray(posterior.misfit(z).slant_range)
+    found = flat_ground(observations, places[list(posterior.layout.shot)], ranges)
+    return [found] if found else []
 
 
 def outside(observations, solution: Solution, valid) -> LawOutOfRange:

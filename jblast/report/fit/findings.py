@@ -7,6 +7,7 @@ from jblast.inference.fitting import findings as fitting
 from jblast.inference.fitting.still_air import StillAir, WindPassesForSoundSpeed
 from jblast.inference.posterior.finding import Finding
 from jblast.report.fit.posterior_findings import posterior_words
+from jblast.report.numbers import printed_number
 from jblast.report.words import joined, parameter_words
 
 
@@ -47,6 +48,15 @@ def _(finding: fitting.MoreToFree) -> str:
     return (
         f"the recordings fit (p {finding.p_value:.2g}) with more numbers free: "
         f"--free {','.join(finding.parameters)}"
+    )
+
+
+@words.register
+def _(finding: fitting.FlatGround) -> str:
+    far, off = (printed_number("_m", x, 2) for x in (finding.range_m, finding.error_m))
+    return (
+        f"the ground was taken as flat: the distance of {finding.sensor}, {far}, is "
+        f"{off} off by that, {finding.sigmas:.2g} sigma of its {finding.quantity}"
     )
 
 

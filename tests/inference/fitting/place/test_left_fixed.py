@@ -18,7 +18,7 @@ RECORDS = (("air_arrival_s", 0.002), ("peak_overpressure_pa", 0.1))
 def log(clock_off=0.0):
     """Return six sensors' log of a charge off the origin at 3 s."""
     sensors = tuple(
-        Sensor(f"m{i}", (float(east), float(north), 0.0), records=RECORDS)
+        Sensor(f"m{i}", np.array([east, north, 0.0]), records=RECORDS)
         for i, (east, north) in enumerate(PLACES)
     )
     charge = Charge(mass_kg=100.0, position_m=(80.0, -50.0, 0.0), time_s=3.0)
