@@ -42,6 +42,12 @@ REFERENCE = 20e-6
 LOUD = (1, 4)
 """Clips whose peak is known."""
 HEADER = "sensor;quantity;value_utc;value;sigma;lat_deg;lon_deg;alt_m;clock"
+EXAMPLE = f"""\
+# SIMULATED, not measured: python -m calibration.six_clips example
+# Six phone clips of one charge: flash and bang by each phone's own clock, two levels.
+# Times of day of {DATE}, {ZONE}. East and north about {ORIGIN.lat_deg} N,
+# {ORIGIN.lon_deg} E; the origin time is on the clock of clip_1, since 12:00.
+"""
 TOLD = ("charge_mass_kg", "charge_east_m", "charge_north_m", "origin_time_s")
 
 
@@ -160,6 +166,13 @@ def main(count: int = LOGS) -> None:
 if __name__ == "__main__":
     start_jax()
     if sys.argv[1:] == ["example"]:
-        sys.stdout.write(drawn(0)[0])
+        text, truth = drawn(0)
+        sys.stdout.write(
+            EXAMPLE
+            + "".join(
+                f"# truth: {name} = {value:.6g}\n" for name, value in truth.items()
+            )
+            + text
+        )
     else:
         main(*map(int, sys.argv[1:]))

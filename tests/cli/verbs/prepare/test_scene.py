@@ -19,6 +19,9 @@ SOURCE_TABLES = {
 }
 """No logs, but what calibration scripts read."""
 
+ASKED = {"six_clips": {"date": "2024-05-17", "zone": "UTC"}}
+"""What the logs do not say themselves."""
+
 PLACELESS = "sensor,quantity,value,sigma\n"
 LOGS = {
     "a flash and its shock": HEADER
@@ -60,7 +63,8 @@ def test_a_bad_log_exits_2(jblast):
     ids=lambda log: log.stem,
 )
 def test_the_scene_of_a_real_log_reads_back(tmp_path, log):
-    (tmp_path / "scene.toml").write_text(starter_scene(read(log)))
+    text = starter_scene(read(log, **ASKED.get(log.stem, {})))
+    (tmp_path / "scene.toml").write_text(text)
     assert "charge_mass_kg" in read_scene(tmp_path / "scene.toml").beliefs
 
 

@@ -1,0 +1,45 @@
+"""Six phone clips, as people have them: from the file alone to a place on the Earth."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from jblast.observations.places.frame import Frame
+
+CLIPS = Path(__file__).parents[4] / "calibration" / "data" / "six_clips.csv"
+TRUTH = {
+    line.split()[2]: float(line.split()[4])
+    for line in CLIPS.read_text().splitlines()
+    if line.startswith("# truth")
+}
+ABOUT = Frame(33.9, 35.5, 20.0)
+
+
+def test_the_file_alone_is_refused_with_what_to_type_and_then_answered(jblast):
+    refused = jblast.refused("fit", str(CLIPS))
+    assert "line 10, column value_utc" in refused
+    assert "--date YYYY-MM-DD" in refused
+    assert "--zone" in refused
+    asked = ("--date", "2024-05-17", "--zone", "UTC", "--json")
+    code, out, _ = jblast("fit", str(CLIPS), *asked)
+    assert code == 0
+    answer = json.loads(out)
+    mass = answer["estimates"]["charge_mass_kg"]
+    assert mass["q05"] < TRUTH["charge_mass_kg"] < mass["q95"]
+    place = answer["place"]
+    found = ABOUT.to_enu(
+        *(np.array(place[key]) for key in ("lat_deg", "lon_deg", "alt_m"))
+    )
+    true = np.array([TRUTH["charge_east_m"], TRUTH["charge_north_m"]])
+    major, minor, azimuth = place["ellipse_90_m"]
+    along = np.array([np.sin(azimuth), np.cos(azimuth)])
+    away = found[:2] - true
+    across = away - (away @ along) * along
+    # three times as wide an ellipse holds all but 1 in 1e8 of normal draws
+    assert (away @ along / major) ** 2 + (across @ across) / minor**2 < 9
+    seconds = answer["origin_time_utc"].removeprefix("2024-05-17T11:53:").rstrip("Z")
+    # a frame is 33 ms long
+    assert float(seconds) == pytest.approx(TRUTH["origin_time_s"] + 420, abs=0.034)
+    assert answer["origin_clock"] == "clip_1"
