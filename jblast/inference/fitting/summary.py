@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Bool
 
 from jblast.constants import TNT_SPECIFIC_ENERGY
+from jblast.inference.fitting.doubts.left_fixed import more_to_free
 from jblast.inference.fitting.findings import WrongSensor
 from jblast.inference.fitting.goodness_of_fit import (
     FITS,
@@ -19,7 +20,6 @@ from jblast.inference.fitting.goodness_of_fit import (
     p_value,
     suspected_outliers,
 )
-from jblast.inference.fitting.place.left_fixed import more_to_free
 from jblast.inference.fitting.solution import Solution
 from jblast.inference.fitting.suspects import explained_by, lies_far
 from jblast.inference.fitting.uncertainty import Uncertainty

@@ -7,6 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Bool, Float
 
+from jblast.inference.fitting.doubts.flatness import flat_ground
 from jblast.inference.fitting.findings import (
     BurstsUnsettled,
     ClocksTakenToAgree,
@@ -23,7 +24,6 @@ from jblast.inference.fitting.findings import (
     PriorConflict,
 )
 from jblast.inference.fitting.goodness_of_fit import POOR, p_value
-from jblast.inference.fitting.place.flatness import flat_ground
 from jblast.inference.fitting.prior_conflict import against_priors
 from jblast.inference.fitting.solution import Solution
 from jblast.inference.fitting.still_air import still_air
