@@ -35,7 +35,7 @@ def take_decimal_commas(table: Table, numbers: Collection[str]) -> None:
     separated = next((f for f in table.understood if isinstance(f, Dialect)), None)
     semicolons = separated is not None and separated.separator == SEPARATORS[";"]
     columns = [table.columns[i] for i in held]
-    if not semicolons and not any("," in text for column in columns for text in column):
+    if not semicolons and not any("," in "".join(column) for column in columns):
         return
     sure, unsure = _marks(table, held)
     if "," in sure and "." in sure:

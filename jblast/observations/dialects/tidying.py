@@ -34,7 +34,7 @@ def drop_blanks(table: Table) -> None:
     first = table.columns[0] if table.columns else []
     empty: set[int] = set()
     comments = []
-    for row, text in enumerate(first):
+    for row, text in enumerate(first if "" in first or "#" in "".join(first) else ()):
         if text and not text.startswith("#"):
             continue
         if not any(column[row] for column in table.columns[1:]):

@@ -97,9 +97,10 @@ def places_in_degrees(
 
 def _given(rows: Columns, column: str) -> Bool[np.ndarray, " row"]:
     """Return where a column holds something."""
-    length = len(next(iter(rows.texts.values())))
-    texts = rows.texts.get(column) or [""] * length
-    return np.array([bool(text) for text in texts])
+    texts = rows.texts.get(column)
+    if texts is None:
+        return np.zeros(len(next(iter(rows.texts.values()))), bool)
+    return np.array([bool(text) for text in texts], bool)
 
 
 def _refuse_mixed(rows: Columns, given: Mapping[str, np.ndarray]) -> None:

@@ -48,6 +48,8 @@ class Measured:
         own = self.columns.get("value")
         if own is not None:
             return np.full(len(self.theirs), own.factor)
+        if not self.units:
+            return np.ones(len(self.theirs))
         by_name = {
             name: 1.0 if unit.dimension == LEVEL else unit.factor
             for name, unit in self.units.items()

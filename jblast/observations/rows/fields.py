@@ -55,12 +55,13 @@ class Fields:
             numbers = np.array([float(text) if text else np.nan for text in texts])
         except ValueError:
             numbers = np.array([_number(text) for text in texts])
-        empty = np.array([not text for text in texts], bool)
-        odd = np.array(["_" in text for text in texts], bool)  # 1_000 is Python
+        odd = ~np.isfinite(numbers)
+        if optional and odd.any():
+            odd &= np.array([bool(text) for text in texts], bool)
+        if "_" in "".join(texts):  # 1_000 is Python
+            odd |= np.array(["_" in text for text in texts], bool)
         self.refuse(
-            odd | (~np.isfinite(numbers) & ~(empty & optional)),
-            column,
-            lambda row: f"a finite number, got {_told(texts[row])}",
+            odd, column, lambda row: f"a finite number, got {_told(texts[row])}"
         )
         own = None if column in PER_ROW else self.units.get(column)
         return numbers if own is None else numbers * own.factor

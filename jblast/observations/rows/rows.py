@@ -54,7 +54,9 @@ class Rows(Fields):
         )
         held = measured(self, strict=self.strict)
         self.texts["quantity"] = list(held.quantity)
-        told = np.array([bool(text) for text in self.text(VALUE_UTC)], bool)
+        told = np.zeros(len(self.lines), bool)
+        if VALUE_UTC in self.texts:
+            told = np.array([bool(text) for text in self.texts[VALUE_UTC]], bool)
         self.texts.setdefault("value", [""] * len(told))
         epoch = take_clock_times(self, self.date, self.zone)
         kind = np.array(held.quantity)
@@ -159,6 +161,9 @@ class Rows(Fields):
     def bounds(self, in_ln: Bool[np.ndarray, " row"]) -> Bool[np.ndarray, " row"]:
         """Take the marks of lower bounds off the values, and return which had one."""
         texts = self.texts["value"]
+        written = "".join(texts)
+        if AT_LEAST not in written and "<" not in written:
+            return np.zeros(len(texts), bool)
         bound = np.array([text.startswith(AT_LEAST) for text in texts], bool)
         self.refuse(
             bound & ~in_ln,
