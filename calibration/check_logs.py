@@ -139,7 +139,6 @@ def _log(rows: list, ranged: bool) -> Observations:
         path=("",) * n,
         shot=("",) * n,
         clock=("",) * n,
-        frame=FRAME,
     )
 
 
@@ -186,7 +185,8 @@ def moved(change: Callable[[np.ndarray, Observations], np.ndarray]) -> Callable:
         its = np.array([s == sensor for s in log.sensor])
         position = log.position.copy()
         position[its] = change(position[its], log)
-        return replace(log, position=position)
+        frame = FRAME if change is swapped_degrees else None
+        return replace(log, position=position, frame=frame)
 
     return slip
 

@@ -20,11 +20,12 @@ from jblast.inference.sanity.slips import (
 )
 from jblast.inference.sanity.speeds import slow_between, speeds_doubted
 from jblast.inference.sanity.supposed import supposed_blast
-from jblast.observations import Observations
+from jblast.observations import Observations, some_rows
 from jblast.observations.check.clocks import clocks_doubted
 from jblast.observations.check.doubt import Doubt
 from jblast.observations.check.places import degrees_swapped, places_doubted
 from jblast.observations.check.sigmas import sigmas_doubted
+from jblast.observations.default_scene import for_log
 from jblast.scene import Charge, UncertainScene
 
 
@@ -45,9 +46,9 @@ def doubts(observations: Observations, uncertain: UncertainScene) -> list[Doubt]
     with np.errstate(all="ignore"):  # past all numbers is far off, and nothing else
         found = [
             *degrees_swapped(observations),
+            *clocks_doubted(observations),
             *_physical(observations, uncertain),
             *places_doubted(observations),
-            *clocks_doubted(observations),
             *sigmas_doubted(observations),
             *radii_doubted(observations),
         ]
@@ -56,12 +57,13 @@ def doubts(observations: Observations, uncertain: UncertainScene) -> list[Doubt]
 
 def _physical(observations: Observations, uncertain: UncertainScene) -> list[Doubt]:
     """Return what no blast explains, shot by shot."""
-    scene, doubted = uncertain.scene, []
-    laws = scaled_laws(scene)
+    doubted = []
+    laws = scaled_laws(uncertain.scene)
     for rows, charge, label in _shots(observations, uncertain):
-        readings = readings_of(observations, scene, rows, uncertain.beliefs)
+        its = for_log(uncertain, some_rows(observations, rows))
+        readings = readings_of(observations, its.scene, rows, its.beliefs)
         if len(readings.row):
-            doubted += _of_shot(observations, readings, laws, charge, uncertain, label)
+            doubted += _of_shot(observations, readings, laws, charge, its, label)
     return doubted
 
 
@@ -191,7 +193,6 @@ TWO_SIDED: Mapping[str, str] = {
     "too_slow_between": "the other arrival",
     "peak_rises": "the nearer peak",
     "two_sensors_at_one_place": "the other sensor",
-    "arrival_before_flash": "the flash",
     "sensor_at_two_places": "its first place",
     "radius_shrinks": "the radius before",
 }

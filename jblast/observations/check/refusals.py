@@ -1,16 +1,19 @@
 """All that a log and a scene may not say together, where a fit tells the first."""
 
+from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
 
 from jblast.errors import InputError
+from jblast.observations.default_scene import for_log
 from jblast.observations.grouping import by_shot, some_rows
+from jblast.observations.located import located
 from jblast.observations.placement import resolve_positions
 from jblast.observations.table import Observations
 from jblast.quantities import components
 from jblast.registry import names_for
-from jblast.scene import Scene, UncertainScene
+from jblast.scene import UncertainScene
 
 MOST = 200
 """Faults of one log that are told; past them the log is another one altogether."""
@@ -30,9 +33,12 @@ def refusals(observations: Observations, uncertain: UncertainScene) -> list[Inpu
     return list(found.values())
 
 
-def with_places(observations: Observations, scene: Scene) -> Observations:
-    """Return a log with the places that the scene gives sensors without one."""
-    known = {sensor.name: np.asarray(sensor.position_m) for sensor in scene.sensors}
+def with_places(observations: Observations, uncertain: UncertainScene) -> Observations:
+    """Return a log about the scene's place, with the places that it gives sensors."""
+    with suppress(InputError):  # from another continent, which `refusals` tells
+        observations = located(observations, uncertain)
+    sensors = uncertain.scene.sensors
+    known = {sensor.name: np.asarray(sensor.position_m) for sensor in sensors}
     position = observations.position.copy()
     for row in np.flatnonzero(np.isnan(position).any(axis=1)):
         position[row] = known.get(observations.sensor[row], position[row])
@@ -56,8 +62,11 @@ def _of_log(log: Observations, uncertain: UncertainScene) -> list[InputError]:
     """Take row after row out of the log that places and times are refused for."""
     found: list[InputError] = []
     while len(log) and len(found) < MOST:
+        uncertain = for_log(uncertain, log)
         try:
-            resolve_positions(log, uncertain.scene, uncertain.beliefs)
+            resolve_positions(
+                located(log, uncertain), uncertain.scene, uncertain.beliefs
+            )
         except InputError as fault:
             row = _row_of(fault, log)
             if row is None:  # of the whole log; less of it says nothing new

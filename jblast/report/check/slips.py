@@ -37,23 +37,14 @@ def _zone(doubt: Doubt, _: Observations) -> str:
     )
 
 
-def _swapped(doubt: Doubt, _: Observations) -> str:
-    return (
-        f"{doubt.names[0]} reads as if it stood at {place(doubt)}: are east and north "
-        "swapped?"
-    )
+def _moved(asked: str) -> Callable[[Doubt, Observations], str]:
+    """Say where a sensor reads as if it stood, and ask what that may come from."""
 
+    def sentence(doubt: Doubt, log: Observations) -> str:
+        sensor = doubt.names[0]
+        return f"{sensor} reads as if it stood at {place(doubt, log)}: {asked}?"
 
-def _in_feet(doubt: Doubt, _: Observations) -> str:
-    return f"{doubt.names[0]} reads as if it stood at {place(doubt)}: is it in feet?"
-
-
-def _in_km(doubt: Doubt, _: Observations) -> str:
-    return f"{doubt.names[0]} reads as if it stood at {place(doubt)}: is it in km?"
-
-
-def _sign(doubt: Doubt, _: Observations) -> str:
-    return f"{doubt.names[0]} reads as if it stood at {place(doubt)}: is a sign wrong?"
+    return sentence
 
 
 def _late(doubt: Doubt, log: Observations) -> str:
@@ -84,10 +75,10 @@ def _divided(doubt: Doubt, log: Observations) -> str:
     )
 
 
-def _elsewhere(doubt: Doubt, _: Observations) -> str:
+def _elsewhere(doubt: Doubt, log: Observations) -> str:
     return (
         "the log is not of a charge at the origin at time 0, but agrees with one near "
-        f"{place(doubt)}: a scene, or freeing place and time, has to say so"
+        f"{place(doubt, log)}: a scene, or freeing place and time, has to say so"
     )
 
 
@@ -102,11 +93,11 @@ SENTENCES: dict[str, Callable[[Doubt, Observations], str]] = {
     "unit_slip": _unit,
     "units_of_a_quantity": _units,
     "clock_of_another_zone": _zone,
-    "east_north_swapped": _swapped,
-    "place_in_feet": _in_feet,
-    "place_in_km": _in_km,
-    "sign_of_east": _sign,
-    "sign_of_north": _sign,
+    "east_north_swapped": _moved("are east and north swapped"),
+    "place_in_feet": _moved("is it in feet"),
+    "place_in_km": _moved("is it in km"),
+    "sign_of_east": _moved("is a sign wrong"),
+    "sign_of_north": _moved("is a sign wrong"),
     "off_in_time": _late,
     "off_by_factor": _factor,
     "of_no_one_blast": _divided,

@@ -54,6 +54,7 @@ def run(asked: argparse.Namespace) -> int:
     from jblast.observations import write
     from jblast.observations.check.refusals import refusals, with_places
     from jblast.report.check.answer import check_answer
+    from jblast.report.check.setting import setting_lines
     from jblast.report.check.text import check_text
     from jblast.report.conversion import conversion_comments
     from jblast.report.understood import understood_lines
@@ -69,9 +70,11 @@ def run(asked: argparse.Namespace) -> int:
         raise faults[0]  # no file, or no table: one message says it
     begin("checking")
     faults += refusals(log, uncertain) if len(log) else []
-    odd = doubts(with_places(log, uncertain.scene), uncertain) if len(log) else []
+    placed = with_places(log, uncertain)
+    odd = doubts(placed, uncertain) if len(log) else []
     worded = [InputError(fault.worded(option_for)) for fault in faults]
-    answer = check_answer(log, worded, odd, understood_lines(log.understood))
+    understood = [*understood_lines(log.understood), *setting_lines(placed, uncertain)]
+    answer = check_answer(placed, worded, odd, understood)
     if asked.json:
         document = {"schema": 1} | plain(answer)
         text = json.dumps(document, indent=1, ensure_ascii=False, allow_nan=False)
