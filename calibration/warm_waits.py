@@ -3,10 +3,9 @@
     python -m calibration.warm_waits [--runs 5]
 
 Each command runs in a process of its own, with programs and compiled code kept in a
-folder made for this: once to fill it, then a few times, of which the least counts. What
-is counted is processor time of the process, on a shared machine the steadier figure; the
-unit J is that of `import jax`, taken between the runs. No random numbers beside those
-of the commands.
+folder made for this: once to fill it, then a few times, of which the least counts.
+Counted is processor time, on a shared machine the steadier figure; the unit J is that
+of `import jax`, taken between the runs. No random numbers beside those of the commands.
 """
 
 import argparse
@@ -105,7 +104,8 @@ def main() -> None:
             continue
         seconds, wall = min(used)[0], min(took for _, took in used)
         text.append(
-            f"{seconds:9.2f} s  {wall:5.1f} s  {seconds / unit:5.1f}  {wanted:>5s}  {what}"
+            f"{seconds:9.2f} s  {wall:5.1f} s  {seconds / unit:5.1f}  {wanted:>5s}  "
+            f"{what}"
         )
     print("\n".join(text))
     RESULT.write_text("\n".join(text) + "\n")

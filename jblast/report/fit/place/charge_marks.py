@@ -21,7 +21,12 @@ TINY = 0.05
 
 
 def draw_charge(
-    axes: Axes, charge: ChargePlace, view: View, close: bool = False
+    axes: Axes,
+    charge: ChargePlace,
+    view: View,
+    *,
+    close: bool = False,
+    with_accepted: bool = True,
 ) -> None:
     """Draw a charge's place, its ellipses or regions, and its rings.
 
@@ -29,7 +34,8 @@ def draw_charge(
         axes: Of a map.
         charge: The charge.
         view: What the axes show.
-        close: Whether they show the place alone: draws of it, and the accepted one.
+        close: Whether they show the place alone, and draws of it.
+        with_accepted: Whether to mark the accepted place.
     """
     east, north, _ = charge.position
     for ring in charge.rings:
@@ -62,7 +68,7 @@ def draw_charge(
     for there in charge.elsewhere:
         if view.holds(*there):
             axes.plot(*there, "X", color=VERMILLION, markersize=8, alpha=0.6, zorder=5)
-    if charge.accepted is not None and view.holds(*charge.accepted):
+    if with_accepted and charge.accepted is not None and view.holds(*charge.accepted):
         axes.plot(*charge.accepted, "+", color=INK, markersize=12, mew=2, zorder=6)
 
 

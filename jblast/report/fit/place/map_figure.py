@@ -64,7 +64,7 @@ def map_figure(fit: Fit, accepted: Accepted | None = None) -> Figure | None:
     grid = figure.subplots(
         1, 1 + len(near), squeeze=False, width_ratios=[WIDE + KEY] + [CLOSE] * len(near)
     )[0]
-    _map(grid[0], shown, view)
+    _map(grid[0], shown, view, {charge.shot for charge, _ in near})
     for charge, close in near:
         _frame(grid[1], close)
         draw_charge(grid[1], charge, close, close=True)
@@ -75,10 +75,11 @@ def map_figure(fit: Fit, accepted: Accepted | None = None) -> Figure | None:
     return figure
 
 
-def _map(axes: Axes, shown: GroundMap, view: View) -> None:
+def _map(axes: Axes, shown: GroundMap, view: View, larger: set[int]) -> None:
     _frame(axes, view)
     for charge in shown.charges:
-        draw_charge(axes, charge, view)
+        # where its place is drawn larger, a cross would only hide it here
+        draw_charge(axes, charge, view, with_accepted=charge.shot not in larger)
     for station in shown.stations:
         _sensor(axes, station)
     labels = [

@@ -73,9 +73,9 @@ def ring_lines(charge: ChargePlace) -> list[str]:
     reach = ", ".join(told).replace(" kPa", "\u00a0kPa").replace(" m", "\u00a0m")
     outside = "; * outside the law, dashed" * any(not r.valid for r in charge.rings)
     law = law_words(charge.rings[0].law)
-    return [
-        f"grey: peak overpressure{of} by {law}, with its 90 % band: {reach}{outside}"
-    ]
+    wide = any(ring.range_q05_m < ring.range_q95_m for ring in charge.rings)
+    band = ", with its 90 % band" if wide else ""
+    return [f"grey: peak overpressure{of} by {law}{band}: {reach}{outside}"]
 
 
 def degrees(lat: float, lon: float) -> str:

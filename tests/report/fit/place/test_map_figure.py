@@ -158,7 +158,8 @@ def test_other_optima_and_the_accepted_place_are_marked():
     assert "accepted place" in said
     marks = {
         line.get_marker(): tuple(np.asarray(line.get_xydata(), float)[0])
-        for line in figure.axes[0].lines
+        for axes in figure.axes
+        for line in axes.lines
     }
     assert marks["X"] == (150.0, 60.0)
     assert marks["+"] == (15.0, -28.0)
