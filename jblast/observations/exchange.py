@@ -40,6 +40,8 @@ def to_xarray(observations: Observations) -> Any:
     quantity = np.array(observations.quantity)
     variables: dict[str, Any] = {}
     for name in dict.fromkeys(observations.quantity):
+        if name not in QUANTITIES:  # samples, which stand in files of their own
+            continue
         one, here = QUANTITIES[name], quantity == name
         variables[name] = (
             "row",

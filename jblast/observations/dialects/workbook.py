@@ -12,6 +12,7 @@ from jblast.observations.understood import Dialect
 
 LOWER_BOUND = "lower_bound"
 """Column of a data frame that says whether a value is one: numbers have no sign > ."""
+PACKAGES = {"openpyxl": "openpyxl", "odf": "odfpy"}
 FORMATS = {"openpyxl": "Excel workbook", "odf": "OpenDocument spreadsheet"}
 
 
@@ -33,8 +34,8 @@ def workbook_table(data: bytes, source: str) -> Table:
             na_filter=False,
             engine=engine,
         )
-    except ImportError as error:
-        raise InputError(_absent(source, "spreadsheet", error)) from None
+    except ImportError:
+        raise InputError(_absent(source, PACKAGES[engine], "spreadsheet")) from None
     except Exception as error:  # what a damaged archive raises is anybody's guess
         raise InputError(
             f"{source}: expected an {FORMATS[engine]}, got what cannot be read as one "
@@ -63,8 +64,8 @@ def parquet_table(data: bytes, source: str) -> Table:
 
     try:
         frame = pandas.read_parquet(io.BytesIO(data), engine="pyarrow")
-    except ImportError as error:
-        raise InputError(_absent(source, "parquet", error)) from None
+    except ImportError:
+        raise InputError(_absent(source, "pyarrow", "parquet")) from None
     except Exception as error:  # as of a damaged archive
         raise InputError(
             f"{source}: expected a Parquet file, got what cannot be read as one "
@@ -123,9 +124,9 @@ def _refuse_side_by_side(table: Table) -> None:
         )
 
 
-def _absent(source: str, extra: str, error: ImportError) -> str:
+def _absent(source: str, package: str, extra: str) -> str:
     """Say which extra reads a format."""
     return (
-        f"{source}: reading it needs {error.name or 'a package'}, which is not "
-        f"installed: pip install 'jblast[{extra}]'"
+        f"{source}: reading it needs {package}, which is not installed: "
+        f"pip install 'jblast[{extra}]'"
     )
