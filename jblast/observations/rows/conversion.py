@@ -46,7 +46,7 @@ class Measured:
     def factors(self) -> Float[np.ndarray, " row"]:
         """Return what values are multiplied by; 1 for levels."""
         own = self.columns.get("value")
-        if own is not None:
+        if own is not None and own.dimension != LEVEL:
             return np.full(len(self.theirs), own.factor)
         if not self.units:
             return np.ones(len(self.theirs))
@@ -134,8 +134,7 @@ def _refuse_two_units(rows: Fields, found: Measured) -> None:
         odd = {
             name
             for name, ours in set(zip(found.theirs, found.quantity, strict=True))
-            if dimension_of(ours) != own.dimension
-            or (name in found.units and not _same(found.units[name], own))
+            if not _go_together(ours, found.units.get(name), own)
         }
         rows.refuse(
             [name in odd for name in found.theirs],
@@ -169,8 +168,13 @@ def _refuse_two_units(rows: Fields, found: Measured) -> None:
     )
 
 
-def _same(a: OurName, b: OurName) -> bool:
-    return (a.dimension, a.factor) == (b.dimension, b.factor)
+def _go_together(ours: str, unit: OurName | None, column: OurName) -> bool:
+    """Return whether a quantity, in a unit of its own or none, fits its column's."""
+    if column.dimension == LEVEL:
+        return unit is not None and unit.dimension == LEVEL
+    if unit is None:
+        return dimension_of(ours) == column.dimension
+    return (unit.dimension, unit.factor) == (column.dimension, column.factor)
 
 
 def _tell(found: Measured) -> None:

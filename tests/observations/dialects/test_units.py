@@ -1,6 +1,8 @@
 """Values, errors, places and times in other units are ours afterwards, and told."""
 
 import math
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -137,6 +139,26 @@ def test_a_level_may_have_its_error_per_cent_and_a_pressure_its_in_decibels(log)
     head = "sensor,quantity,value,sigma_db,range_m\n"
     found = of(log, "a,peak_overpressure_kpa,1,1,1", head=head)
     np.testing.assert_allclose(found.error_scale(), math.log(10) / 20)
+
+
+def test_a_column_of_levels_holds_levels_alone(log):
+    head = "sensor,quantity,value_db,sigma,range_m\n"
+    for quantity in ("peak_level", "peak_level_db"):
+        found = of(log, f"a,{quantity},154,1,1", head=head)
+        np.testing.assert_allclose(found.value, 1002.374, rtol=1e-6)
+        np.testing.assert_allclose(found.error_scale(), math.log(10) / 20)
+    for quantity in ("peak_overpressure_pa", "air_arrival_s"):
+        with pytest.raises(InputError, match="two units for one column"):
+            of(log, f"a,{quantity},154,1,1", head=head)
+
+
+def test_our_own_dialect_needs_neither_pint_nor_pandas(log):
+    path = log(HEAD + "a,air_arrival_s,1,0.1,20\n")
+    code = (
+        f"import sys; from jblast.observations import read; read({str(path)!r}); "
+        "sys.exit(bool({'pint', 'pandas'} & set(sys.modules)))"
+    )
+    assert subprocess.run([sys.executable, "-c", code]).returncode == 0
 
 
 def test_places_and_times_may_be_in_other_units(log):
