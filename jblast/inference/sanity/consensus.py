@@ -18,6 +18,8 @@ SIDE, FEW_MASSES, ROUNDS = 25, 28, 5
 """Places along each side of the grid, masses at each, and how often it is narrowed."""
 MOST = 60
 """Rows that a place is looked for by; all are then held against it."""
+AT_ONCE = 250_000
+"""Readings times tries that are held in memory."""
 SPREADS = 4.0
 """How far from the sensors a charge is looked for, in their median distances."""
 SPEED = 340.0
@@ -158,8 +160,9 @@ def _misfit(
 ) -> tuple[Float[np.ndarray, "try n"], Float[np.ndarray, " try"]]:
     """Return residuals over what is allowed, and a cost that counts who is off."""
     scores, costs = [], []
-    for start in range(0, len(masses), 4096):
-        part = slice(start, start + 4096)
+    step = max(1, AT_ONCE // max(len(readings.row), 1))
+    for start in range(0, len(masses), step):
+        part = slice(start, start + step)
         residual, _, allowed = _residuals(
             readings, laws, places[part], masses[part], origin
         )
@@ -206,14 +209,4 @@ def _thinned(readings: Readings) -> Readings:
     n = len(readings.row)
     if n <= MOST:
         return readings
-    kept = np.unique(np.linspace(0, n - 1, MOST).astype(int))
-    return Readings(
-        row=readings.row[kept],
-        quantity=tuple(readings.quantity[i] for i in kept),
-        value=readings.value[kept],
-        position=readings.position[kept],
-        slant_range=readings.slant_range[kept],
-        clock=readings.clock[kept],
-        error=readings.error[kept],
-        bound=readings.bound[kept],
-    )
+    return readings.only(np.unique(np.linspace(0, n - 1, MOST).astype(int)))

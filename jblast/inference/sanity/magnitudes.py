@@ -30,9 +30,9 @@ def magnitudes_doubted(
         laws: Of a kilogram.
         distance: From the charge of each [m].
     """
-    found = []
+    found, timed = [], readings.timed
     for i, quantity in enumerate(readings.quantity):
-        if readings.timed[i] or readings.bound[i] or not distance[i] > 0:
+        if timed[i] or readings.bound[i] or not distance[i] > 0:
             continue
         at, value = float(distance[i]), float(np.exp(readings.value[i]))
         row = (int(readings.row[i]),)
@@ -53,31 +53,31 @@ def magnitudes_doubted(
 
 
 def rising_peaks(readings: Readings, distance: Float[np.ndarray, " n"]) -> list[Doubt]:
-    """Return peaks that are larger than one taken nearer to the charge."""
+    """Return peaks that are larger than one taken nearer to the charge, one a kind."""
     found = []
     for quantity in ("peak_overpressure_pa", "reflected_pressure_pa"):
-        here = [
-            i
-            for i, q in enumerate(readings.quantity)
-            if q == quantity and not readings.bound[i]
-        ]
-        here.sort(key=lambda i: distance[i])
-        for j in here:
-            nearer = [i for i in here if distance[i] * FARTHER < distance[j]]
-            if not nearer:
-                continue
-            i = min(nearer, key=lambda i: readings.value[i])
-            error = float(np.hypot(readings.error[i], readings.error[j]))
-            if readings.value[j] - readings.value[i] > np.log(RISES) + error:
-                numbers = {
-                    "value": float(np.exp(readings.value[j])),
-                    "distance_m": float(distance[j]),
-                    "nearer": float(np.exp(readings.value[i])),
-                    "nearer_m": float(distance[i]),
-                }
-                rows = int(readings.row[j]), int(readings.row[i])
-                found.append(Doubt("peak_rises", rows, numbers, (quantity,)))
-                break
+        kind = np.array([q == quantity for q in readings.quantity], bool)
+        here = np.flatnonzero(kind & ~readings.bound & ~np.isnan(distance))
+        here = here[np.argsort(distance[here], kind="stable")]
+        if not here.size:
+            continue
+        far, value, error = distance[here], readings.value[here], readings.error[here]
+        least = np.minimum.accumulate(value)  # of all that are nearer, and its place
+        at = np.maximum.accumulate(np.where(value == least, np.arange(len(here)), 0))
+        nearer = np.searchsorted(far, far / FARTHER, side="left") - 1
+        low = at[np.maximum(nearer, 0)]
+        allowed = np.log(RISES) + np.hypot(error, error[low])
+        rising = np.flatnonzero((nearer >= 0) & (value - value[low] > allowed))
+        if rising.size:
+            j, i = int(rising[0]), int(low[rising[0]])
+            numbers = {
+                "value": float(np.exp(value[j])),
+                "distance_m": float(far[j]),
+                "nearer": float(np.exp(value[i])),
+                "nearer_m": float(far[i]),
+            }
+            rows = int(readings.row[here[j]]), int(readings.row[here[i]])
+            found.append(Doubt("peak_rises", rows, numbers, (quantity,)))
     return found
 
 

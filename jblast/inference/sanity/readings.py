@@ -85,6 +85,19 @@ class Readings:
         times = CLOCK_STEP + share * told
         return self.error + np.where(self.timed, times, np.log(FACTOR))
 
+    def only(self, kept: Int[np.ndarray, " _"]) -> "Readings":
+        """Return some of the readings, by number."""
+        return Readings(
+            row=self.row[kept],
+            quantity=tuple(self.quantity[i] for i in kept),
+            value=self.value[kept],
+            position=self.position[kept],
+            slant_range=self.slant_range[kept],
+            clock=self.clock[kept],
+            error=self.error[kept],
+            bound=self.bound[kept],
+        )
+
     def but(self, **changed: object) -> "Readings":
         """Return the same with some fields changed."""
         return replace(self, **changed)  # pyright: ignore[reportArgumentType]  fields

@@ -71,10 +71,10 @@ def slip_of_sensor(
     for kind, place in others.items():
         if np.linalg.norm(place - at) < 1.0:
             continue
-        position = readings.position.copy()
-        position[sensor] = place
-        score = _scores(readings.but(position=position), laws, found)
-        if (np.abs(score[sensor]) <= NEAR).all():
+        its = readings.only(np.array(sensor))
+        its = its.but(position=np.broadcast_to(place, its.position.shape))
+        score = _scores(its, laws, found, found.offset[sensor])
+        if (np.abs(score) <= NEAR).all():
             return kind, float(place[0]), float(place[1])
     return None
 
@@ -95,15 +95,11 @@ def slip_of_value(
     readings: Readings, laws: ScaledLaws, found: Agreement, i: int
 ) -> tuple[str, float] | None:
     """Name the unit in which a reading would agree, and its factor; None if in none."""
-    quantity = readings.quantity[i]
+    its = readings.only(np.array([i]))
     best: tuple[float, str, float] | None = None
-    for name, factor in FACTORS.get(QUANTITIES[quantity].kind, {}).items():
-        value = readings.value.copy()
-        if readings.timed[i]:
-            value[i] = value[i] / factor
-        else:
-            value[i] -= np.log(factor)
-        left = abs(float(_scores(readings.but(value=value), laws, found)[i]))
+    for name, factor in FACTORS.get(QUANTITIES[its.quantity[0]].kind, {}).items():
+        changed = _rescaled(its, np.array([True]), factor)
+        left = abs(float(_scores(changed, laws, found, found.offset[[i]])[0]))
         if left <= NEAR and (best is None or left < best[0]):
             best = left, name, factor
     return best[1:] if best else None
@@ -149,11 +145,14 @@ def _rescaled(
 
 
 def _scores(
-    readings: Readings, laws: ScaledLaws, found: Agreement
+    readings: Readings,
+    laws: ScaledLaws,
+    found: Agreement,
+    offset: Float[np.ndarray, " n"],
 ) -> Float[np.ndarray, " n"]:
     """Hold changed readings against the blast that was found, its clocks kept."""
     place, mass = found.place[None], np.array([found.mass])
     distance = readings.distances(place)
     told = readings.travelled(laws, distance, mass)
     allowed = readings.allowed(np.where(readings.timed, told, 0.0), distance)
-    return ((readings.value - told - found.offset) / allowed)[0]
+    return ((readings.value - told - offset) / allowed)[0]

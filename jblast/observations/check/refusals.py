@@ -17,6 +17,8 @@ from jblast.scene import UncertainScene
 
 MOST = 200
 """Faults of one log that are told; past them the log is another one altogether."""
+ROWS = 400_000
+"""Rows that are looked through again for the next fault: fewer faults of a long log."""
 
 
 def refusals(observations: Observations, uncertain: UncertainScene) -> list[InputError]:
@@ -61,7 +63,8 @@ def _lawless(log: Observations) -> list[InputError]:
 def _of_log(log: Observations, uncertain: UncertainScene) -> list[InputError]:
     """Take row after row out of the log that places and times are refused for."""
     found: list[InputError] = []
-    while len(log) and len(found) < MOST:
+    most = min(MOST, 1 + ROWS // max(len(log), 1))
+    while len(log) and len(found) < most:
         uncertain = for_log(uncertain, log)
         try:
             resolve_positions(

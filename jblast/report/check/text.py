@@ -10,6 +10,8 @@ from jblast.report.words import joined, quantity_words
 WIDTH = 79
 MOST_LINES = 5
 """Lines that are named of one warning, or of one fault."""
+MOST_WARNINGS = 40
+"""Warnings that are told one by one; a document has them all."""
 LINE = re.compile(r"line (\d+)([:,].*)", re.DOTALL)
 """How a message of one line of the file begins."""
 
@@ -22,6 +24,8 @@ def check_text(answer: CheckAnswer) -> str:
         for found, word in ((answer.faults, "fault"), (answer.warnings, "warning"))
     )
     odd = [f"{_lines([str(n) for n in w.lines])}: {w.message}" for w in answer.warnings]
+    if len(odd) > MOST_WARNINGS:
+        odd[MOST_WARNINGS:] = [f"and {len(odd) - MOST_WARNINGS:,} more"]
     for title, lines in (
         ("Understood", answer.understood),
         (f"A fit would refuse it: {faults}", _folded(answer.faults, answer.source)),

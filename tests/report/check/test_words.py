@@ -78,7 +78,7 @@ def test_what_is_said_of_many_lines_is_said_once():
 @pytest.mark.parametrize("value", [1e-300, 1.0, 1e300])
 def test_numbers_of_any_size_are_printed(value):
     log = replace(LOG, value=np.full(len(LOG), value))
-    numbers = dict.fromkeys(NUMBERS, value)
+    numbers = {name: value for name in NUMBERS}
     for kind in SENTENCES:
         name = "peak_overpressure_pa"
         doubt = Doubt(kind, (5, 6), numbers, (name, "a thousandth of"))
