@@ -10,6 +10,7 @@ Quality = Literal["good", "doubtful", "poor"]
 
 NoteKind = Literal[
     "nothing_found",
+    "onset_alone",
     "not_converged",
     "clipped",
     "misfit",
@@ -45,6 +46,8 @@ def notes_of(pick: Pick) -> tuple[NoteKind, ...]:
     """Return what is to be said of the pick of one record."""
     if not bool(pick.found):
         return ("nothing_found",)
+    if np.isnan(pick.peak_overpressure_pa):
+        return ("onset_alone",)
     spread = np.asarray(pick.spread)
     said: dict[NoteKind, bool] = {
         "not_converged": not bool(pick.converged),
@@ -67,6 +70,8 @@ def notes_of(pick: Pick) -> tuple[NoteKind, ...]:
 def quality_of(pick: Pick) -> Quality:
     """Return how far the pick of one record may be trusted."""
     notes = set(notes_of(pick))
+    if "onset_alone" in notes:
+        return "doubtful"
     if notes & POOR or float(pick.misfit) > HOPELESS_MISFIT:
         return "poor"
     return "doubtful" if notes - HARMLESS else "good"

@@ -4,15 +4,17 @@ from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
 from jblast.errors import InputError
+from jblast.inference.picks.onset import onset_of
 from jblast.inference.picks.pick import LEAST_SAMPLES, pick_of, picked_lanes
 from jblast.inference.picks.quality import NoteKind, Quality, notes_of, quality_of
-from jblast.inference.picks.result import Pick
+from jblast.inference.picks.result import IN_LOG, Pick
 from jblast.observations.records.pressure_record import PressureRecord
 
 SHORTEST, LONGEST = 512, 65536
@@ -44,7 +46,8 @@ def pick_records(records: Sequence[PressureRecord]) -> list[RecordPick]:
     """Return what each recording holds.
 
     Where nobody said what a sample is in pascals, peak and impulse are in the samples'
-    own unit, and only the times mean something.
+    own unit, and only the times mean something. Of a record that is suddenly loud and
+    that no pulse fits, the arrival is its onset (`onset.py`) and all else NaN.
 
     Args:
         records: The recordings.
@@ -96,9 +99,36 @@ def _picked(
         lanes, jnp.asarray(start).astype(kind), jnp.asarray(step).astype(kind)
     )
     many = jax.tree.map(np.asarray, many)
+    picks = [jax.tree.map(lambda x, k=k: x[k], many) for k in range(len(places))]
     return {
-        place: jax.tree.map(lambda x, k=k: x[k], many) for k, place in enumerate(places)
+        place: pick if pick.found else _began(pick, samples, float(first), float(each))
+        for place, pick, samples, first, each in zip(
+            places, picks, cut, start, step, strict=True
+        )
     }
+
+
+def _began(
+    pick: Pick, samples: Float[np.ndarray, " sample"], start: float, step: float
+) -> Pick:
+    """Return what is told of a record that no pulse fits: when it became loud."""
+    onset = onset_of(samples)
+    if onset is None:
+        return pick
+    sigma = step * onset.sigma
+    spread, covariance = np.full(8, np.nan), np.full((IN_LOG, IN_LOG), np.nan)
+    spread[0], covariance[0, 0] = sigma, sigma**2
+    return eqx.tree_at(
+        lambda p: (p.air_arrival_s, p.spread, p.covariance, p.found, p.baseline_pa),
+        pick,
+        (
+            np.array(start + step * onset.sample),
+            spread,
+            covariance,
+            np.array(True),
+            np.array(samples[: int(onset.sample)].mean()),
+        ),
+    )
 
 
 def _length(record: PressureRecord) -> int:

@@ -33,8 +33,8 @@ class LeftOut(NamedTuple):
     Attributes:
         record: Which pick.
         quantities: What.
-        reason: "poor", "uncalibrated", "high_passed", "cut_short" or "weaker": than
-            another of the same bang at this sensor.
+        reason: "poor", "onset_alone", "uncalibrated", "high_passed", "cut_short" or
+            "weaker": than another of the same bang at this sensor.
     """
 
     record: str
@@ -133,6 +133,8 @@ def _untold(one: RecordPick) -> Iterator[tuple[str, tuple[str, ...]]]:
     """Give why a pick does not tell some quantities."""
     if one.quality == "poor":
         yield "poor", TOLD
+    if "onset_alone" in one.notes:
+        yield "onset_alone", (PEAK, DURATION, IMPULSE)
     if not one.record.calibrated:
         yield "uncalibrated", (PEAK, DURATION, IMPULSE)
     if one.pick.high_passed:

@@ -2,6 +2,8 @@
 
 from typing import NamedTuple
 
+import numpy as np
+
 from jblast.inference.picks import NAMES, RecordPick
 
 ADDITIVE = ("air_arrival_s", "decay")
@@ -20,6 +22,8 @@ class Told(NamedTuple):
 def told(one: RecordPick, name: str) -> Told | None:
     """Return a value of a pick; None where samples are no pascals and it is in them.
 
+    None, too, where only the onset is told.
+
     Args:
         one: The pick of one record.
         name: One of `NAMES`.
@@ -27,4 +31,6 @@ def told(one: RecordPick, name: str) -> Told | None:
     if name in IN_PASCALS and not one.record.calibrated:
         return None
     value, spread = float(getattr(one.pick, name)), one.pick.spread[NAMES.index(name)]
+    if np.isnan(value):
+        return None
     return Told(value, float(spread) * (1.0 if name in ADDITIVE else abs(value)))

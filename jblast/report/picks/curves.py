@@ -81,6 +81,8 @@ def _edges(one: RecordPick) -> np.ndarray:
     """Return the samples that bins begin and end at: at most `BINS` bins of a size."""
     pick, record = one.pick, one.record
     arrival, duration = float(pick.air_arrival_s), float(pick.positive_duration_s)
+    if np.isnan(duration):  # an onset alone: all of the record
+        arrival, duration = record.start_s, record.seconds
     wave = duration + float(np.nan_to_num(pick.negative_duration_s))
     first = int((arrival - BEFORE * duration - record.start_s) * record.rate_hz) - 1
     last = int((arrival + AFTER * wave - record.start_s) * record.rate_hz) + 2

@@ -26,7 +26,7 @@ MOST = 24
 COLUMNS = 2
 NEAR = 1e-3
 """A sample within this share of where a record clips is clipped."""
-SHARE = Unit("full scale", 1.0)
+UNSCALED = Unit("sample", 1.0)
 
 
 def records_figure(names: Sequence[str], picks: Sequence[RecordPick]) -> Figure:
@@ -60,9 +60,11 @@ def records_figure(names: Sequence[str], picks: Sequence[RecordPick]) -> Figure:
 
 def _draw(above: Axes, below: Axes, name: str, one: RecordPick, curve: Curve) -> None:
     """Draw one record."""
-    unit = SHARE
+    unit, alone = UNSCALED, "onset_alone" in one.notes
     if one.record.calibrated:
-        unit = unit_for("peak_overpressure_pa", float(one.pick.peak_overpressure_pa))
+        largest = np.abs([curve.low, curve.high]).max()
+        size = largest if alone else one.pick.peak_overpressure_pa
+        unit = unit_for("peak_overpressure_pa", float(size))
     low, high, fitted = (x / unit.size for x in (curve.low, curve.high, curve.fitted))
     residual = (curve.samples - curve.fitted) / unit.size
     for axes in (above, below):
@@ -91,4 +93,4 @@ def _draw(above: Axes, below: Axes, name: str, one: RecordPick, curve: Curve) ->
     above.set_ylabel(f"[{unit.symbol}]")
     told = [estimate_words(one, "peak_overpressure_pa") or "uncalibrated"]
     told.append(estimate_words(one, "positive_duration_s"))
-    titled(above, name, ", ".join(told))
+    titled(above, name, "onset alone" if alone else ", ".join(filter(None, told)))

@@ -6,6 +6,7 @@ from jblast.report.words import joined
 
 NOTES: dict[NoteKind, str] = {
     "nothing_found": "nothing found",
+    "onset_alone": "no blast pulse fits the samples: when they became loud is told",
     "not_converged": "the fit of the pulse did not converge",
     "clipped": "clipped at {clipped_at}",
     "misfit": "the samples are not of a blast pulse's form (misfit {misfit}, where "
@@ -24,6 +25,7 @@ NOTES: dict[NoteKind, str] = {
 """Of what a pick's notes say."""
 REASONS = {
     "poor": "a poor pick",
+    "onset_alone": "no pulse fits the samples",
     "uncalibrated": "nobody said how many pascals a sample stands for",
     "high_passed": "a high-pass of unknown corner changes them",
     "cut_short": "the record ends too early",
