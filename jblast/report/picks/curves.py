@@ -6,7 +6,7 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Int
 
 from jblast.inference.picks import Pick, RecordPick
 from jblast.kept_programs import kept
@@ -77,7 +77,7 @@ def _pulses(picks: Sequence[Pick]) -> Pulse:
     )
 
 
-def _edges(one: RecordPick) -> np.ndarray:
+def _edges(one: RecordPick) -> Int[np.ndarray, " edge"]:
     """Return the samples that bins begin and end at: at most `BINS` bins of a size."""
     pick, record = one.pick, one.record
     arrival, duration = float(pick.air_arrival_s), float(pick.positive_duration_s)
@@ -92,7 +92,11 @@ def _edges(one: RecordPick) -> np.ndarray:
     return np.arange(first, last + 1, size)
 
 
-def _curve(one: RecordPick, edges: np.ndarray, fitted: np.ndarray) -> Curve:
+def _curve(
+    one: RecordPick,
+    edges: Int[np.ndarray, " edge"],
+    fitted: Float[np.ndarray, " bins"],
+) -> Curve:
     record = one.record
     own = record.samples[edges[0] : edges[-1]] - float(one.pick.baseline_pa)
     bins = own.reshape(edges.size - 1, -1)
@@ -102,5 +106,25 @@ def _curve(one: RecordPick, edges: np.ndarray, fitted: np.ndarray) -> Curve:
         bins.mean(axis=1),
         bins.min(axis=1),
         bins.max(axis=1),
-        fitted[: len(bins)],
+        _through_high_pass(one, fitted[: len(bins)], int(edges[1] - edges[0])),
     )
+
+
+def _through_high_pass(
+    one: RecordPick, fitted: Float[np.ndarray, " bin"], samples: int
+) -> Float[np.ndarray, " bin"]:
+    """Return the pulse as the recorder's first-order high-pass shows it, if it has one.
+
+    Args:
+        one: The pick.
+        fitted: The pulse in bins, still at the first.
+        samples: Of a bin.
+    """
+    if not one.record.high_pass_hz:
+        return fitted
+    from scipy.signal import lfilter
+
+    step = samples / one.record.rate_hz
+    kept = np.exp(-2.0 * np.pi * one.record.high_pass_hz * step)
+    gain = 0.5 * (1.0 + kept)
+    return np.asarray(lfilter([gain, -gain], [1.0, -kept], fitted))

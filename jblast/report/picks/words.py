@@ -16,7 +16,7 @@ NOTES: dict[NoteKind, str] = {
     "sharp_front": "the front rises within a sample",
     "cut_short": "the record ends before the positive phase does",
     "drifting": "the baseline drifts",
-    "resonating": "the record rings at a frequency of its own",
+    "resonating": "the sensor rings at {rings}",
     "high_passed": "what follows the pulse looks high-passed, and no corner was given",
     "later_arrival": "further fronts at {later}",
     "duration_unsure": "the duration is hardly told",
@@ -37,7 +37,8 @@ RECORDS_CAPTION = (
     "Grey: samples, their range where several fall on one point. Blue: fitted pulse. "
     "Red: its arrival and, dotted, the end of its positive phase; orange: further "
     "fronts; dashed: where the record clips. Below each: samples less pulse, means of "
-    "what falls on one point."
+    "what falls on one point. A recorder's high-pass is drawn where its corner was "
+    "given, what rings or comes later is not."
 )
 
 
@@ -50,6 +51,7 @@ def note_words(one: RecordPick) -> list[str]:
         level = printed_number("clipped_at_pa", scale, 3)
     told = {
         "clipped_at": level,
+        "rings": f"{float(one.pick.resonance_hz):.3g} Hz",
         "misfit": f"{float(one.pick.misfit):.3g}",
         "later": f"{joined([f'{time:.6g}' for time in later])} s",
     }

@@ -1,0 +1,143 @@
+"""What was picked, in words, JSON and pictures."""
+
+import json
+from dataclasses import replace
+from datetime import UTC, datetime
+from typing import get_args
+
+import numpy as np
+import pytest
+
+from jblast.inference.picks import NoteKind
+from jblast.inference.records import Gathered, log_of
+from jblast.observations.records.pressure_record import PressureRecord
+from jblast.report.picks.curves import BINS, curves
+from jblast.report.picks.document import picks_document
+from jblast.report.picks.figure import records_figure
+from jblast.report.picks.files import write_picks
+from jblast.report.picks.text import picks_text
+from jblast.report.picks.words import NOTES
+from tests.inference.records.made import record_pick
+
+RATE, START = 1e4, 5.0
+
+
+def friedlander(samples: int = 2000) -> np.ndarray:
+    """The pulse of `made.pick`, at 5.05 s: its samples are means over a hundred."""
+    fine = (np.arange(100 * samples) + 0.5) / 100 - 0.5
+    since = fine / RATE - 0.05 - 1e-4
+    s, q = since / (0.01 - 1e-4), (since + 1e-4 - 0.01) / 0.03
+    rise = np.clip(since / 1e-4 + 1.0, 0.0, 1.0)
+    pressure = 1000.0 * (3 * rise**2 - 2 * rise**3)
+    decay = 1000.0 * (1 - np.clip(s, 0, 1)) * np.exp(-np.clip(s, 0, 1))
+    suction = -6.75 * 300.0 * np.clip(q, 0, 1) * (1 - np.clip(q, 0, 1)) ** 2
+    pressure = np.where(since > 0, decay + suction, pressure)
+    return pressure.reshape(samples, 100).mean(axis=1) + 5.0  # the baseline
+
+
+def found(*changes) -> Gathered:
+    """Picks of the pulse, each with what is changed."""
+    picks = []
+    for k, changed in enumerate(changes):
+        calibrated = changed.pop("calibrated", True)
+        record = PressureRecord(
+            f"g{k}",
+            friedlander(),
+            RATE,
+            START,
+            calibrated=calibrated,
+            source=f"g{k}.wav",
+        )
+        picks.append(record_pick(record, **({"air_arrival_s": 5.05} | changed)))
+    orders = (1,) * len(picks)
+    return Gathered(
+        tuple(picks), orders, ("dead",), {"g0": 2}, (), None, len(picks) + 1
+    )
+
+
+def test_the_fitted_curve_is_the_pulse_that_the_samples_hold():
+    (curve,) = curves(found({}).picks)
+    assert curve.time.size <= BINS
+    # means over bins of a few samples; a hundred instants a sample, and the decay's
+    # join behind the rise
+    np.testing.assert_allclose(curve.fitted, curve.samples, atol=2.0)
+    assert curve.samples.max() > 900.0
+    assert (curve.low <= curve.samples).all()
+    assert (curve.samples <= curve.high).all()
+
+
+def test_words_say_each_thing_once():
+    two = found({"sharp": True}, {"sharp": True, "calibrated": False})
+    text = picks_text(two, log_of(two), ("notes.md",))
+    assert text.splitlines()[0] == "2 picks in 3 records"
+    row = next(line for line in text.splitlines() if line.startswith("g0 "))
+    assert row.split() == [
+        *("g0", "5.050", "±", "0.010", "s", "1.000", "±", "0.010", "kPa"),
+        *("10.00", "±", "0.10", "ms", "4.000", "±", "0.040", "Pa", "s", "good"),
+    ]
+    assert "g0 and g1: the front rises within a sample" in text
+    assert "not in the log: peak overpressure, positive duration and positive" in text
+    assert "nothing found in dead" in text
+    assert "g0: 2 quieter onsets not looked at" in text
+    assert "no records, left out: notes.md" in text
+
+
+def test_a_clipped_peak_is_printed_as_a_bound_and_named():
+    clipped = found({"lower_bound": True, "clipped_at_pa": 800.0})
+    text = picks_text(clipped, log_of(clipped))
+    assert "> 1.000 ± 0.010 kPa" in text
+    assert "g0: clipped at 800 Pa" in text
+
+
+def test_times_of_day_are_told():
+    day = datetime(2026, 3, 1, 12, 0, 7, tzinfo=UTC)
+    of_day = found({})._replace(epoch=day)
+    assert "times count from 2026-03-01 12:00:07 UTC" in picks_text(
+        of_day, log_of(of_day)
+    )
+    document = picks_document(of_day, log_of(of_day))
+    assert document["epoch_utc"] == "2026-03-01T12:00:07+00:00"
+
+
+def test_the_document_is_json_and_holds_what_was_picked():
+    one = found({"later_arrivals_s": np.array([5.08, np.nan]), "calibrated": False})
+    document = json.loads(json.dumps(picks_document(one, log_of(one))))
+    (told,) = document["picks"]
+    assert (told["record"], told["file"], told["bang"]) == ("g0", "g0.wav", 1)
+    assert told["air_arrival_s"] == {"value": 5.05, "sd": pytest.approx(0.01)}
+    assert told["peak_overpressure_pa"] is None
+    assert [later["value"] for later in told["later_arrivals_s"]] == [5.08]
+    assert document["not_in_log"][0]["reason"] == "uncalibrated"
+
+
+def test_pictures_and_page_are_written_and_clipped_samples_have_no_residual(tmp_path):
+    some = found({}, {"clipped_at_pa": 800.0, "lower_bound": True}, {})
+    figure = records_figure(some.named(), some.picks)
+    residual = figure.axes[3].lines[-1].get_ydata()
+    assert np.isnan(np.asarray(residual, float)).any()
+    log = log_of(some)
+    stale = tmp_path / "records_7.png"
+    stale.write_text("old")
+    written = write_picks(tmp_path, some, log, picks_document(some, log), ["a fault"])
+    assert sorted(path.name for path in tmp_path.iterdir()) == sorted(
+        [*written, "picks.covariance.csv"]
+    )
+    page = (tmp_path / "report.html").read_text()
+    assert "a fault" in page
+    assert page.count('<tr><th scope="row">') == 3
+
+
+def test_every_note_of_a_pick_has_words():
+    assert set(NOTES) == set(get_args(NoteKind))
+
+
+def test_a_high_pass_takes_the_mean_of_a_long_pulse():
+    (plain,) = found({}).picks
+    passed = replace(plain, record=replace(plain.record, high_pass_hz=20.0))
+    (without,), (with_it,) = curves([plain]), curves([passed])
+    # dy/dt = dp/dt - 2 pi f y by Euler's method, a step a bin
+    step = without.time[1] - without.time[0]
+    y, before = 0.0, without.fitted[0]
+    for p, told in zip(without.fitted[1:], with_it.fitted[1:], strict=True):
+        y, before = (y + p - before) / (1 + 2 * np.pi * 20.0 * step), p
+        assert told == pytest.approx(y, abs=0.05 * 1000.0)
