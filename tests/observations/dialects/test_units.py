@@ -141,6 +141,14 @@ def test_a_level_may_have_its_error_per_cent_and_a_pressure_its_in_decibels(log)
     np.testing.assert_allclose(found.error_scale(), math.log(10) / 20)
 
 
+def test_a_date_is_no_number_to_convert_but_its_error_is(log):
+    head = "sensor,quantity,value_utc,sigma,range_m\n"
+    rows = [f"{t},arrival_ms,2026-03-01T12:00:0{t}.5Z,2,20" for t in (1, 3)]
+    found = of(log, *rows, head=head)
+    np.testing.assert_allclose(found.value, [0.5, 2.5])
+    np.testing.assert_allclose(found.sigma, 0.002)
+
+
 def test_a_column_of_levels_holds_levels_alone(log):
     head = "sensor,quantity,value_db,sigma,range_m\n"
     for quantity in ("peak_level", "peak_level_db"):
