@@ -10,6 +10,8 @@ from jblast.report.words import joined, quantity_words
 WIDTH = 79
 MOST_LINES = 5
 """Lines that are named of one warning, or of one fault."""
+KNOWN = re.compile(r"; expected (?:one|some) of [\w, ]+$")
+"""A list of all that could have been meant, at the end of a message."""
 MOST_WARNINGS = 40
 """Warnings that are told one by one; a document has them all."""
 LINE = re.compile(r"line (\d+)([:,].*)", re.DOTALL)
@@ -78,11 +80,20 @@ def _item(line: str) -> str:
 
 
 def _folded(faults: Sequence[str], source: str) -> list[str]:
-    """Tell once what is said of many lines; the name of the file stands above."""
+    """Tell once what is said of many lines, and each list of all that is known.
+
+    The name of the file stands above.
+    """
     lines: dict[str, list[str]] = {}
+    lists: set[str] = set()
     for fault in faults:
         told = LINE.fullmatch(fault.removeprefix(f"{source}: "))
         what = told.group(2) if told else fault.removeprefix(f"{source}: ")
+        known = KNOWN.search(what)
+        if known and known.group() in lists and what not in lines:
+            what = what.removesuffix(known.group())
+        elif known:
+            lists.add(known.group())
         lines.setdefault(what, []).extend([told.group(1)] if told else [])
     return [_lines(numbers) + what for what, numbers in lines.items()]
 

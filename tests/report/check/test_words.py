@@ -70,6 +70,14 @@ def test_what_is_said_of_many_lines_is_said_once():
     assert "A fit would refuse it: 7 faults" in text
     assert text.count("expected more") == 1
     assert "lines 4, 5, 6, 7, 8 and 2 more: expected more" in " ".join(text.split())
+    known = "; expected one of a, b"
+    faults = [
+        jblast.errors.InputError(f"{LOG.source}: line {i}: no {i}{known}")
+        for i in (4, 5, 6)
+    ]
+    text = check_text(check_answer(LOG, faults, []))
+    assert text.count("expected one of") == 1
+    assert "no 4; expected one of a, b" in text
     many = Doubt("units_of_a_quantity", tuple(range(10)), {}, ("air_arrival_s", "x"))
     text = check_text(check_answer(LOG, [], [many]))
     assert "and 5 more: every air arrival (10 rows)" in " ".join(text.split())
