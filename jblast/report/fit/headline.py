@@ -1,5 +1,6 @@
 """What stands above every number: that there is no answer, why, and what would help."""
 
+import math
 from collections.abc import Mapping
 
 from jblast.inference.fitting.findings import MoreToFree, WrongClock, WrongSensor
@@ -70,7 +71,9 @@ def explanation(wrong: WrongSensor) -> str:
     if isinstance(wrong, WrongClock):
         offset = wrong.offset_s
         ahead = "ahead" if offset > 0 else "behind"
-        off, sd = (printed_number("_s", x, 2) for x in (abs(offset), wrong.offset_sd))
+        sd = printed_number("_s", wrong.offset_sd, 2)
+        more = math.log10(max(abs(offset) / wrong.offset_sd, 1.0))
+        off = printed_number("_s", abs(offset), min(2 + int(more), 9))
         said = (
             f"Without the times of {name} {fits}: its clock is {off} {ahead} "
             f"(± {sd}), or they were read wrong."

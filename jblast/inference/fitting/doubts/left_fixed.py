@@ -13,7 +13,7 @@ from jblast.inference.fitting.goodness_of_fit import (
     standardised_residuals,
 )
 from jblast.inference.fitting.solution import Solution
-from jblast.inference.fitting.suspects import explained_by
+from jblast.inference.fitting.suspects import explained_by, lies_far
 from jblast.inference.mode.laplace import marginals
 from jblast.inference.mode.row_subset import is_long
 from jblast.observations import Observations
@@ -94,6 +94,8 @@ def _judged(freed: Solution, names: tuple[str, ...]) -> MoreToFree | None:
     """Return what is to be told of a solution, None if it is no answer."""
     normal = freed.laplace
     if not (normal.converged and all(freed.identifiability.determined)):
+        return None
+    if lies_far(freed):  # where every log fits
         return None
     posterior, z = freed.posterior, normal.z
     left = standardised_residuals(posterior, z)
