@@ -10,6 +10,7 @@ stays apart where its times contradict a plane wave.
 """
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -108,7 +109,9 @@ def log_of(
             place = np.array(station.position)
             when = (arrival.time_s, arrival.sigma_s)
             rows.append(_Row(name, "air_arrival_s", *when, place, shot, station.clock))
-    return Log(_observations(rows, comments), tuple(arrays), told.left_out)
+    frame = next((stations[name].frame for name in of if stations[name].frame), None)
+    log = replace(_observations(rows, comments), frame=frame)
+    return Log(log, tuple(arrays), told.left_out)
 
 
 def _arrays(
