@@ -57,6 +57,9 @@ def test_what_is_not_identified_is_null_and_every_key_is_there():
         ("explained_by", []),
         ("warnings", []),
         ("understood", []),
+        ("place", None),
+        ("origin_time_utc", None),
+        ("origin_clock", None),
     ]
 
 

@@ -31,6 +31,9 @@ ANSWER = {
     "explained_by": list,
     "warnings": list,
     "understood": list,
+    "place": type(None),
+    "origin_time_utc": type(None),
+    "origin_clock": type(None),
 }
 ESTIMATE = ("value", "sd", "log_sd", "q05", "q50", "q95")
 FLASH = HEADER + "a,flash_time_s,0.001,0.0001,300,0,1\n"
