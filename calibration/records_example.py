@@ -6,7 +6,8 @@ writes `calibration/data/records_example`: what ten pressure gauges about 15 kg 
 would record, 50 to 250 m away, by the laws that `jblast listen` takes for the scene
 `calibration/data/records_example_truth.toml`, with white noise (seed 20). Each is kept
 as a triggered recorder keeps it: from 25 ms before the front to 90 ms after it, on the
-clock that all of them share. All is simulated, and says so.
+clock that all of them share. All is simulated, and says so. `STATIONS_degrees.csv` has
+the same places as latitudes and longitudes: the scene's origin is put at `ORIGIN`.
 """
 
 from pathlib import Path
@@ -15,6 +16,7 @@ import numpy as np
 
 from jblast.cli.jax_start import start_jax
 from jblast.files import write_text
+from jblast.observations.places.frame import Frame
 from jblast.report.listen.document import CLOCK
 from jblast.report.listen.files import provenance
 from jblast.report.tables import comma_separated
@@ -25,7 +27,10 @@ from jblast.sensors.listening.recorders import packets
 DATA = Path(__file__).parent / "data"
 TRUTH, FOLDER = DATA / "records_example_truth.toml", DATA / "records_example"
 SEED = 20
+ORIGIN = Frame(52.0, 5.0, 10.0)
+"""Where on the Earth the scene is put: flat land, a little above the sea."""
 BEFORE_S, AFTER_S = 0.025, 0.09
+HEAD = "# SIMULATED, not measured: where the gauges of records_example stood\n"
 
 
 def record_csv(listening: Listening, number: int) -> str:
@@ -50,13 +55,23 @@ def record_csv(listening: Listening, number: int) -> str:
 
 
 def stations_csv(listening: Listening) -> str:
-    """Return where the gauges stood."""
+    """Return where the gauges stood, in metres."""
     rows = [
         [sensor.name, *(f"{x:g}" for x in np.asarray(sensor.position_m).tolist())]
         for sensor in listening.sensors
     ]
-    head = "# SIMULATED, not measured: where the gauges of records_example stood\n"
-    return head + comma_separated([["sensor", "east_m", "north_m", "up_m"], *rows])
+    return HEAD + comma_separated([["sensor", "east_m", "north_m", "up_m"], *rows])
+
+
+def stations_degrees_csv(listening: Listening) -> str:
+    """Return where the gauges stood, in degrees: eight digits are a millimetre."""
+    positions = np.array([sensor.position_m for sensor in listening.sensors])
+    places = ORIGIN.to_geodetic(positions).tolist()
+    rows = [
+        [sensor.name, f"{lat:.8f}", f"{lon:.8f}", f"{alt:.3f}"]
+        for sensor, (lat, lon, alt) in zip(listening.sensors, places, strict=True)
+    ]
+    return HEAD + comma_separated([["sensor", "lat_deg", "lon_deg", "alt_m"], *rows])
 
 
 def main() -> None:
@@ -67,6 +82,7 @@ def main() -> None:
     for number, sensor in enumerate(listening.sensors):
         write_text(FOLDER / f"{sensor.name}.csv", record_csv(listening, number))
     write_text(FOLDER / "STATIONS.csv", stations_csv(listening))
+    write_text(FOLDER / "STATIONS_degrees.csv", stations_degrees_csv(listening))
 
 
 if __name__ == "__main__":
