@@ -33,7 +33,7 @@ def add_arguments(verb: argparse.ArgumentParser) -> None:
         nargs="+",
         type=path,
         help="one measurement a row: sensor,quantity,value,sigma and where it stood: "
-        "east_m,north_m,up_m or range_m; several files, or a column shot, are as many "
+        "east_m,north_m,up_m, lat_deg,lon_deg,alt_m or range_m; several files, or a column shot, are as many "
         "logs and give one table. With --positions records of pressure, or a folder of "
         "them, as jblast pick takes them",
     )
@@ -48,7 +48,8 @@ def add_arguments(verb: argparse.ArgumentParser) -> None:
         metavar="SCENE.toml",
         type=path,
         help="what is known of the scene; jblast scene writes one to start from "
-        "(default: a surface charge of unknown mass at the origin at time 0)",
+        "(default: a surface charge of unknown mass at the origin at time 0; of a log "
+        "in degrees, or with dates, anywhere at any time)",
     )
     add_reading(verb)
     add_records(verb)

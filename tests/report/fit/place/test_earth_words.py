@@ -1,0 +1,90 @@
+"""Where and when, in degrees and by the calendar: numbers and words."""
+
+import math
+from dataclasses import replace
+from datetime import UTC, datetime
+
+import numpy as np
+import pytest
+
+from jblast.inference.fitting.place.on_earth import on_earth
+from jblast.inference.posterior.estimate import Estimate
+from jblast.report.fit.document import fit_document
+from jblast.report.fit.place.earth_words import earth_lines
+from jblast.scene import Charge
+from tests.report.fit.place.located import BEIRUT, located
+
+SENSORS = [(300, 0), (0, 300), (-300, -100)]
+EPOCH = datetime(2020, 8, 4, 15, 8, 18, tzinfo=UTC)
+
+
+def placed():
+    """Return a fit 100 m north of the origin, known to 4 m east and 2 m north."""
+    rng = np.random.default_rng(2)
+    draws = np.array([0.0, 100.0]) + rng.normal(size=(20_000, 2)) * [4.0, 2.0]
+    return located(SENSORS, draws, centre=(0.0, 100.0), frame=BEIRUT)
+
+
+def dated(fit, value=0.3104, half=0.02, clocks=()):
+    told = Estimate(value, half / 1.645, math.nan, value - half, value, value + half)
+    estimates = dict(fit.summary.estimates) | {"origin_time_s": told}
+    free = (*fit.summary.free, "origin_time_s", *clocks)
+    return replace(
+        fit,
+        summary=replace(fit.summary, estimates=estimates, free=free),
+        observations=replace(fit.observations, epoch=EPOCH),
+        scene=replace(
+            fit.scene,
+            charge=Charge(
+                mass_kg=20.0, position_m=fit.scene.charge.position_m, time_s=value
+            ),
+        ),
+    )
+
+
+def test_a_place_is_told_in_degrees_within_an_ellipse():
+    place = on_earth(placed()).place
+    assert place is not None
+    # 100 m of the meridian, 110.92 km a degree at this latitude
+    assert place.lat_deg == pytest.approx(BEIRUT.lat_deg + 100 / 110920, abs=1e-7)
+    assert place.lon_deg == pytest.approx(BEIRUT.lon_deg, abs=1e-9)
+    major, minor, azimuth = place.ellipse_90_m or (0.0, 0.0, 0.0)
+    # sqrt(chi2_2 at 0.9) = 2.146; 20,000 draws tell an sd to 0.5 %
+    assert (major, minor) == pytest.approx((2.146 * 4, 2.146 * 2), rel=0.03)
+    assert azimuth == pytest.approx(math.pi / 2, abs=0.02)
+
+
+def test_a_time_is_told_by_the_calendar_as_finely_as_it_is_known():
+    fit = dated(placed())
+    document = fit_document(fit)
+    assert document["origin_time_utc"] == "2020-08-04T15:08:18.310400Z"
+    assert document["place"]["ellipse_90_m"] is not None
+    (line,) = earth_lines(fit)
+    assert line.startswith("It stood at 33.90210° N, 35.51890° E, 90 % within")
+    assert line.endswith(
+        "; it exploded at 2020-08-04 15:08:18.310 UTC ± 0.020 s (90 %)."
+    )
+    (coarse,) = earth_lines(dated(placed(), value=41.7, half=30.0))
+    assert "2020-08-04 15:09:00 UTC ± 30 s" in coarse
+
+
+def test_whose_clock_it_is_by_is_said_where_others_are_free():
+    free = [f"clock_offset_s.m{number}" for number in (2, 3)]
+    fit = dated(placed(), clocks=free)
+    assert on_earth(fit).origin_clock == "m1"
+    assert earth_lines(fit)[0].endswith("(90 %) by the clock m1.")
+
+
+def test_a_log_in_metres_and_seconds_has_neither():
+    fit = located(SENSORS)
+    assert on_earth(fit).place is None
+    assert earth_lines(fit) == []
+    document = fit_document(fit)
+    assert document["place"] is None
+    assert document["origin_time_utc"] is None
+
+
+def test_a_place_that_was_given_has_no_ellipse():
+    place = on_earth(located(SENSORS, frame=BEIRUT)).place
+    assert place is not None
+    assert place.ellipse_90_m is None
