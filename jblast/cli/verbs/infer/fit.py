@@ -34,8 +34,8 @@ def add_arguments(verb: argparse.ArgumentParser) -> None:
         type=path,
         help="one measurement a row: sensor,quantity,value,sigma and where it stood: "
         "east_m,north_m,up_m, lat_deg,lon_deg,alt_m or range_m; several files, or a "
-        "column shot, are as many logs and give one table. With --positions records of pressure, or a folder of "
-        "them, as jblast pick takes them",
+        "column shot, are as many logs and give one table. With --positions records of "
+        "pressure, or a folder of them, as jblast pick takes them",
     )
     verb.add_argument(
         "--one-event",
