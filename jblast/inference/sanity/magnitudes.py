@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Float
 
 from jblast.inference.sanity.readings import Readings
-from jblast.inference.sanity.scaled_laws import LARGEST, SMALLEST, ScaledLaws
+from jblast.inference.sanity.scaled_laws import LARGEST, SMALLEST, WITH_MASS, ScaledLaws
 from jblast.observations import Observations
 from jblast.observations.check.doubt import Doubt
 from jblast.quantities import TIMED
@@ -28,14 +28,19 @@ def magnitudes_doubted(
     Args:
         readings: The rows of a shot.
         laws: Of a kilogram.
-        distance: From the charge of each [m].
+        distance: From the charge of each [m]; NaN where it is not known.
     """
     found, timed = [], readings.timed
     for i, quantity in enumerate(readings.quantity):
-        if timed[i] or readings.bound[i] or not distance[i] > 0:
+        if timed[i] or readings.bound[i]:
             continue
         at, value = float(distance[i]), float(np.exp(readings.value[i]))
         row = (int(readings.row[i]),)
+        if not at > 0:  # of an unknown place: what a law gives next to the charge
+            if quantity not in WITH_MASS and value > laws.largest(quantity, 1.0):
+                numbers = {"value": value, "largest": laws.largest(quantity, 1.0)}
+                found.append(Doubt("no_mass_gives_it", row, numbers, (quantity,)))
+            continue
         masses = laws.masses(quantity, value, at)
         numbers = {"value": value, "distance_m": at}
         if not masses.size:

@@ -10,6 +10,8 @@ from jblast.report.numbers import significant
 
 def _no_mass(doubt: Doubt, log: Observations) -> str:
     largest = value_of(doubt, "largest")
+    if "distance_m" not in doubt.numbers:
+        return f"{reading(doubt, log)}: no charge gives that; laws end at {largest}"
     return (
         f"{reading(doubt, log)} at {metres(doubt.numbers['distance_m'])}: no charge "
         f"gives that; laws end at {largest} there"

@@ -147,6 +147,13 @@ def test_one_reading_alone_is_doubted_where_no_blast_gives_it(
     assert found == ([kind] if kind else [])
 
 
+@pytest.mark.parametrize(("peak", "odd"), [(9.01e9, True), (9.01e6, False)])
+def test_a_peak_past_the_charge_itself_needs_no_place(peak, odd):
+    uncertain = freed(SCENE, ["charge_east_m", "charge_north_m"])
+    log = replace(some_rows(BOTH, np.array([5])), value=np.array([peak]))
+    assert kinds(log, uncertain) == (["no_mass_gives_it"] if odd else [])
+
+
 @settings(max_examples=30, deadline=None)
 @given(st.floats(0.75, 1.35), st.integers(0, 9))
 def test_scatter_is_not_doubted(factor, row):
