@@ -6,7 +6,10 @@
 import re
 import tomllib
 from pathlib import Path
+from typing import Any
 
+import jax
+import numpy as np
 import pytest
 from jsonschema import Draft202012Validator
 
@@ -158,11 +161,27 @@ def test_readme_tells_of_every_name_of_the_front_door():
 def test_the_python_in_readme_runs(monkeypatch, capsys):
     """What it prints is what the picture's caption says."""
     monkeypatch.chdir(ROOT)
-    (block,) = python_blocks(ROOT / "README.md")
+    block, _ = python_blocks(ROOT / "README.md")
     exec(block, {})
     assert capsys.readouterr().out == "243 kg, 90 % interval 173 to 341 kg\n"
     caption = " ".join(text(ROOT / "README.md").split())
     assert "243 kg, 90 % interval 173 to 341 kg" in caption
+
+
+def test_ten_thousand_scenes_of_readme_are_those_one_by_one(monkeypatch):
+    monkeypatch.chdir(ROOT)
+    names: dict[str, Any] = {"jax": jax, "jblast": jblast}
+    exec(python_blocks(ROOT / "README.md")[1], names)
+    masses, easts = (np.asarray(names[name]) for name in ("masses", "easts"))
+    assert names["times"].shape == (10_000, 8)
+    place = np.array([sensor.position_m for sensor in names["scene"].sensors])
+    surface = jblast.Scene(jblast.Charge(burst="surface"))
+    for n in (0, 4321, 9999):
+        away = np.abs(place[:, 0] - easts[n])  # all stand on one line
+        told = jblast.calculate(surface, away, masses[n])["air_arrival_s"]
+        np.testing.assert_allclose(
+            names["times"][n], told["kingery_bulmash"].value, rtol=1e-9
+        )
 
 
 def test_contributing_lists_the_rooms_that_there_are_in_their_order():

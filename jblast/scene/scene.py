@@ -66,7 +66,7 @@ class Scene(eqx.Module):
         """Return what follows a number's name to say of which charge; "" if of one."""
         return f".{charge.name}" if self.others else ""
 
-    def clock_offsets(self) -> dict[str, Float[Array, ""]]:
+    def clock_offsets(self) -> dict[str, Float[Array, "..."]]:
         """Return the offset of every clock by name: a sensor's own, or a recorder's."""
         own = {sensor.name: sensor.clock_offset_s for sensor in self.sensors}
         return own | {clock.name: clock.offset_s for clock in self.clocks}

@@ -1,11 +1,18 @@
 """A sensor, and the clock that several may share, as the scene describes them."""
 
+from collections.abc import Sequence
+
 import equinox as eqx
-from jaxtyping import Array, Float
+import jax.numpy as jnp
+from jaxtyping import Array, ArrayLike, Float
 
 from jblast.scene.instrument import Instrument
 from jblast.scene.keywords import Described
 from jblast.types import as_float_array
+
+
+def _vector(value: ArrayLike | Sequence[ArrayLike]) -> Float[Array, "..."]:
+    return as_float_array(jnp.asarray(value))
 
 
 class Sensor(Described):
@@ -29,7 +36,7 @@ class Sensor(Described):
     """
 
     name: str = eqx.field(static=True)
-    position_m: Float[Array, "3"] = eqx.field(converter=as_float_array)
+    position_m: Float[Array, "3"] = eqx.field(converter=_vector)
     kind: str = eqx.field(static=True, default="")
     clock_offset_s: Float[Array, ""] = eqx.field(converter=as_float_array, default=0.0)
     records: tuple[tuple[str, float], ...] = eqx.field(static=True, default=())

@@ -21,6 +21,7 @@ from jblast.quantities import ADDITIVE, CIRCULAR, CLOCK_TIMES, TIMES
 from jblast.registry import call, law_for
 from jblast.scene import Charge, Scene
 from jblast.sensors.layout import Layout
+from jblast.sensors.shapes import check_laws, check_layout, check_scene
 from jblast.waves.path_between import path_between
 from jblast.waves.paths import Path
 
@@ -119,12 +120,17 @@ def record(scene: Scene, layout: Layout, laws: Mapping[str, str]) -> Recording:
 
     Raises:
         ValueError: A name in `laws` is no law of its quantity.
+        InputError: A number of the scene, or a column of the layout, has the shape of
+            a batch, or a quantity has no law.
 
     Example:
         `layout, sigma, names = jblast.sensors.planned_layout(scene)` says who records
         what, `jblast.record(scene, layout, {"air_arrival_s": "kingery_bulmash"}).value`
         what is read.
     """
+    check_scene(scene)
+    check_layout(layout)
+    check_laws(laws, layout)
     n = len(layout.quantity)
     offsets = clock_offsets(scene, layout)
     is_clock_time = np.isin(layout.quantity, CLOCK_TIMES)

@@ -16,6 +16,7 @@ from jblast.sensors.bursts import height_notes, settled
 from jblast.sensors.law_choice import law_names, resolve_laws
 from jblast.sensors.layout import Layout, planned_layout
 from jblast.sensors.observe import Noise, observe
+from jblast.sensors.shapes import check_scene
 
 
 def simulate(
@@ -32,13 +33,15 @@ def simulate(
         A log, as `jblast.observations.write` writes it and `jblast.fit` takes it.
 
     Raises:
-        InputError: A number is free and cannot be drawn, or no sensor records anything.
+        InputError: A number is free and cannot be drawn, or is an array of numbers, or
+            no sensor records anything.
 
     Example:
         `observations = jblast.simulate(jblast.read_scene("scene.toml"), seed=1)`
     """
     scene_key, noise_key = jax.random.split(jax.random.key(seed))
     scene = draw_scene(scene_key, uncertain)
+    check_scene(scene)
     layout, sigma, sensors = planned_layout(scene)
     scene, layout = settled(scene, layout)
     laws = law_names(resolve_laws(scene, layout, np.asarray(sigma)))

@@ -10,9 +10,9 @@ take many times as long, and so would compiling.
 import functools
 import inspect
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import ParamSpec, TypeVar
+from typing import Any, ParamSpec, TypeVar
 
 import jax
 import numpy as np
@@ -115,7 +115,8 @@ def checked(law: Callable[P, R]) -> Callable[P, R]:
 
     Raises:
         ValueError: An argument lies outside the bounds of `ARGUMENTS`, or is of none
-            of the bursts; the message names it, what was expected and what came.
+            of the bursts, or shapes do not go together; the message names it, what
+            was expected and what came.
     """
     signature = inspect.signature(law)
     words = [name for name in signature.parameters if name in WORDS]
@@ -133,9 +134,25 @@ def checked(law: Callable[P, R]) -> Callable[P, R]:
             elif name in ARGUMENTS and not isinstance(value, Tracer):
                 _check(name, np.atleast_1d(np.asarray(value, float)))
         traced = any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves(given))
-        return (law if traced else compiled)(*args, **kwargs)
+        try:
+            return (law if traced else compiled)(*args, **kwargs)
+        except (TypeError, ValueError) as error:
+            if fault := _shape_fault(given):
+                raise ValueError(f"{law.__name__}: {fault}") from error
+            raise
 
     return checking
+
+
+def _shape_fault(given: Mapping[str, Any]) -> str:
+    """Return which numbers have shapes that do not go together; empty if all do."""
+    shapes = {name: np.shape(x) for name, x in given.items() if name in ARGUMENTS}
+    try:
+        np.broadcast_shapes(*shapes.values())
+    except ValueError:
+        told = [f"{name} {shape}" for name, shape in shapes.items() if shape]
+        return f"expected one shape, or single numbers, got {', '.join(told)}"
+    return ""
 
 
 def _check(name: str, values: Float[np.ndarray, "..."]) -> None:

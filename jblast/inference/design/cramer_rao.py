@@ -12,7 +12,7 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import ArrayLike, Float
 
 from jblast.errors import InputError
 from jblast.inference.design.added_datum import added_data
@@ -41,6 +41,7 @@ from jblast.observations import Observations
 from jblast.progress import stages
 from jblast.scene import Free, UncertainScene
 from jblast.sensors.observe import STUDENT_FREEDOM, Noise
+from jblast.sensors.shapes import check_scene
 
 STAGES = {
     "what the layout tells": 2.0,
@@ -85,7 +86,7 @@ class Bound:
 
 def bound(
     uncertain: UncertainScene,
-    at: Mapping[str, float] | None = None,
+    at: Mapping[str, ArrayLike] | None = None,
     *,
     noise: Noise = "student",
     seed: int = 0,
@@ -110,9 +111,15 @@ def bound(
     Example:
         `jblast.bound(jblast.read_scene("scene.toml"), {"charge_mass_kg": 15.0})`
     """
+    check_scene(uncertain.scene)
+    taken: dict[str, float] = {}
+    for name, value in (at or {}).items():
+        if np.shape(value) != ():
+            raise InputError(f"at[{name!r}]: expected shape (), got {np.shape(value)}")
+        taken[name] = np.asarray(value, float).item()
     begin = stages(STAGES)
     begin("what the layout tells")
-    plan = planned(uncertain, at or {}, noise)
+    plan = planned(uncertain, taken, noise)
     posterior, z = plan.posterior, plan.z
     known = np.asarray(information(posterior, jnp.asarray(z)))
     if not np.isfinite(known).all():

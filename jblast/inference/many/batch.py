@@ -26,14 +26,14 @@ class Batch(NamedTuple):
     Attributes:
         layout: Who recorded what, the same in every log.
         values: The readings.
-        sigma: Their instrument errors: seconds for times, relative otherwise; 0 where
-            the law's scatter is all there is.
+        relative_sigma: Their instrument errors: shares of the readings, of times and
+            directions seconds and radians; 0 where the law's scatter is all there is.
         laws: Name of the law for each of `layout.quantities()`.
     """
 
     layout: Layout
     values: Float[np.ndarray, "log row"]
-    sigma: Float[np.ndarray, "log row"]
+    relative_sigma: Float[np.ndarray, "log row"]
     laws: Mapping[str, str]
 
 

@@ -16,7 +16,7 @@ def fit_many(
     uncertain: UncertainScene,
     layout: Layout,
     values: Float[Array, "log row"] | Float[np.ndarray, "log row"],
-    sigma: Float[Array, "..."] | Float[np.ndarray, "..."],
+    relative_sigma: Float[Array, "..."] | Float[np.ndarray, "..."],
     laws: Mapping[str, str],
     *,
     noise: Noise = "student",
@@ -39,8 +39,10 @@ def fit_many(
         uncertain: The scene and what is not known of it, the same for all logs.
         layout: Who recorded what.
         values: The readings.
-        sigma: Their instrument errors, of each row or of each row of each log: seconds
-            for times, relative otherwise.
+        relative_sigma: Their instrument errors, of each row or of each row of each log:
+            shares of the reading; of what errs in its own unit (`ADDITIVE`: times and
+            directions), seconds and radians. A log's own `sigma`, in the unit of the
+            reading, is refused with what to divide by.
         laws: Name of the law for each of `layout.quantities()`.
         noise: Distribution of the independent errors.
         starts: Fitted coordinates to start from, (log, free) or (try, log, free);
@@ -57,11 +59,12 @@ def fit_many(
         is wrong with those that did not.
 
     Raises:
-        InputError: The batch as a whole cannot be fitted. A bad log does not raise: its
+        InputError: The batch as a whole cannot be fitted: a shape is another, which is
+            named, or an error is no share. A bad log does not raise: its
             lane alone fails, and `faults` says why.
 
     Example:
         `jblast.fit_many(uncertain, *jblast.inference.batch_of(logs, uncertain))`
     """
     engine = engine_for(uncertain, layout, laws, noise)
-    return engine.fit(values, sigma, starts=starts, tries=tries, seed=seed)
+    return engine.fit(values, relative_sigma, starts=starts, tries=tries, seed=seed)

@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Array, ArrayLike, Bool, Float
 
 import jblast.waves as _waves  # noqa: F401  laws enter the registry as they are imported
+from jblast.errors import InputError
 from jblast.kept_programs import kept
 from jblast.quantity_table import DERIVED_QUANTITIES, QUANTITIES
 from jblast.registry import LAWS, Law, call
@@ -75,14 +76,21 @@ def calculate(
         By quantity and law: the value at each row, and whether the law holds there.
 
     Raises:
-        ValueError: There are neither as many ranges as masses, nor one of either.
+        InputError: There are neither as many ranges as masses, nor one of either.
 
     Example:
         `jblast.calculate(jblast.Scene(), [20.0, 40.0], 15.0)["peak_overpressure_pa"]`
     """
-    slant_range, charge_mass = np.broadcast_arrays(
-        *(np.atleast_1d(np.asarray(x, float)) for x in (slant_range, charge_mass))
-    )
+    told = [np.atleast_1d(np.asarray(x, float)) for x in (slant_range, charge_mass)]
+    for name, one in zip(("slant_range", "charge_mass"), told, strict=True):
+        if one.ndim > 1:
+            raise InputError(f"{name}: expected one number or a row, got {one.shape}")
+    if len({one.size for one in told} - {1}) > 1:
+        raise InputError(
+            f"charge_mass: expected shape {told[0].shape}, as slant_range has, or one "
+            f"number; got {told[1].shape}"
+        )
+    slant_range, charge_mass = np.broadcast_arrays(*told)
     laws = {(law.quantity, law.name): law for law in calculated_laws()}
     values, valid = evaluate(scene, slant_range, charge_mass, tuple(laws.values()))
     order = {name: i for i, name in enumerate((*QUANTITIES, *DERIVED_QUANTITIES))}

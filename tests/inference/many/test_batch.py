@@ -32,7 +32,7 @@ def test_a_batch_holds_what_the_logs_do():
     np.testing.assert_array_equal(batch.values, [log.value for log in LOGS])
     # pressures in ln, arrivals in seconds
     expected = [[100 / 9000, 50 / 3400, 1e-3], [100 / 12000, 50 / 4400, 1e-3]]
-    np.testing.assert_allclose(batch.sigma, expected, rtol=1e-15)
+    np.testing.assert_allclose(batch.relative_sigma, expected, rtol=1e-15)
 
 
 @pytest.mark.slow
@@ -69,3 +69,15 @@ def test_what_is_no_batch_is_refused():
     mute = dataclasses.replace(LOGS[1], sigma=np.array([100.0, 50.0, np.nan]))
     with pytest.raises(InputError, match="air_arrival_s: expected a sigma"):
         batch_of([LOGS[0], mute], SCENE)
+
+
+@pytest.mark.parametrize("each", [False, True], ids=["of each row", "of each log"])
+def test_errors_in_the_unit_of_the_reading_are_refused_with_the_share(each):
+    batch = batch_of(LOGS, SCENE)
+    sigma = np.array([100.0, 50.0, 1e-3])  # Pa, Pa, s: as in the logs
+    sigma = np.tile(sigma, (2, 1)) if each else sigma
+    said = (
+        r"relative_sigma, row 0 \(peak_overpressure_pa\).*the reading, 10500 .*0.00952"
+    )
+    with pytest.raises(InputError, match=said):
+        fit_many(SCENE, batch.layout, batch.values, sigma, batch.laws)

@@ -122,7 +122,7 @@ def test_float32_says_how_far_it_can_see():
     ("values", "sigma", "starts", "said"),
     [
         (np.ones((2, 5)), np.ones(12), None, "values: expected"),
-        (np.ones((2, 12)), np.ones(5), None, "sigma: expected"),
+        (np.ones((2, 12)), np.ones(5), None, "relative_sigma: expected"),
         (np.ones((2, 12)), np.full(12, np.nan), None, "sigma: expected finite"),
         (np.ones((2, 12)), np.ones(12), np.ones((2, 3)), "starts: expected"),
     ],

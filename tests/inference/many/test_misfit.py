@@ -45,7 +45,7 @@ def two_logs(errors, later):
 @pytest.mark.parametrize("noise", ["gaussian", "student"])
 def test_a_perfect_log_with_errors_of_its_own_is_missed_by_nothing(noise):
     batch, uncertain = two_logs(1e-4, 0.5)
-    assert batch.sigma.shape == (2, 3)
+    assert batch.relative_sigma.shape == (2, 3)
     found = fit_many(uncertain, *batch, noise=noise, starts=START)
     assert found.converged.all()
     assert not found.doubtful.any()

@@ -33,7 +33,8 @@ def checked(layout: Layout, values, sigma):
     """Return values and sigmas, whose shapes fit together.
 
     Raises:
-        InputError: They do not, or errors that all logs share are not finite.
+        InputError: They do not, errors that all logs share are not finite, or errors
+            are in the unit of the reading where shares are expected.
     """
     shape = np.shape(values)
     if len(shape) != 2 or shape[1] != len(layout.quantity):
@@ -42,16 +43,32 @@ def checked(layout: Layout, values, sigma):
         )
     if np.shape(sigma) not in (shape, shape[1:]):
         raise InputError(
-            f"sigma: expected {shape[1:]} or {shape}, got {np.shape(sigma)}"
+            f"relative_sigma: expected {shape[1:]} or {shape}, got {np.shape(sigma)}"
         )
+    _refuse_absolute(layout, values, sigma)
     values = jnp.asarray(values)
     if np.ndim(sigma) > 1:
         return values, jnp.asarray(sigma)
     # known beforehand, so that programs hold them as constants
     sigma = np.asarray(sigma, values.dtype)
     if not (np.isfinite(sigma) & (sigma >= 0)).all():
-        raise InputError(f"sigma: expected finite errors, got {sigma}")
+        raise InputError(f"relative_sigma: expected finite errors, got {sigma}")
     return values, sigma
+
+
+def _refuse_absolute(layout: Layout, values, sigma) -> None:
+    """Refuse errors of most logs that are more than the whole reading: no shares."""
+    errors = np.atleast_2d(np.asarray(sigma))
+    most = np.mean(errors > 1.0, axis=0) > 0.5
+    for row in np.flatnonzero(most & ~np.isin(layout.quantity, ADDITIVE)):
+        told = float(np.median(errors[:, row]))
+        reading = float(np.median(np.abs(np.asarray(values)[:, row])))
+        if np.isfinite(reading) and reading > told:
+            raise InputError(
+                f"relative_sigma, row {row} ({layout.quantity[row]}): expected a share "
+                f"of the reading, got {told:g}: divide by the reading, {reading:g} "
+                f"there, which makes {told / reading:.3g}"
+            )
 
 
 def read(rows: Rows, values, sigma) -> Readings:

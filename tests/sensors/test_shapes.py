@@ -1,0 +1,124 @@
+"""A wrong shape says which argument, what was expected, and what came."""
+
+from dataclasses import replace
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import jblast
+from jblast.errors import InputError
+from jblast.scene import Charge, Scene, Sensor, UncertainScene
+from jblast.sensors import planned_layout
+from jblast.waves import kingery_bulmash_pressure
+
+ARRIVAL = {"air_arrival_s": "wu_hao"}
+SENSOR = Sensor("a", (20.0, 0.0, 0.0), records=(("air_arrival_s", 1e-3),))
+SCENE = Scene(
+    Charge(15.0, burst="surface"), sensors=(SENSOR,), law=tuple(ARRIVAL.items())
+)
+LAYOUT = planned_layout(SCENE)[0]
+
+
+def with_leaf(where, leaf, of: Any = SCENE):
+    return eqx.tree_at(where, of, leaf, is_leaf=lambda x: x is None)
+
+
+BATCHES = {
+    "mass": (
+        with_leaf(lambda s: s.charge.mass_kg, jnp.ones(3)),
+        r"scene.charge.mass_kg: expected shape \(\), got \(3,\).*jax.vmap",
+    ),
+    "place": (
+        with_leaf(lambda s: s.charge.position_m[1], jnp.ones(4)),
+        r"scene.charge.position_m: expected shape \(\), got \(4,\)",
+    ),
+    "air": (
+        with_leaf(lambda s: s.air.temperature, jnp.full((2, 2), 288.0)),
+        r"scene.air.temperature: expected shape \(\), got \(2, 2\)",
+    ),
+    "clock": (
+        with_leaf(lambda s: s.sensors[0].clock_offset_s, jnp.ones(5)),
+        r"scene.clock_offset_s of a: expected shape \(\), got \(5,\)",
+    ),
+    "sensor": (
+        with_leaf(lambda s: s.sensors[0].position_m, jnp.ones((7, 3))),
+        r"sensor a: position_m: expected shape \(3,\), got \(7, 3\)",
+    ),
+}
+
+
+@pytest.mark.parametrize(("scene", "said"), BATCHES.values(), ids=BATCHES)
+def test_a_batch_that_is_not_mapped_is_refused_by_name(scene, said):
+    with pytest.raises(InputError, match=said):
+        jblast.record(scene, LAYOUT, ARRIVAL)
+    with pytest.raises(InputError, match=said):
+        jblast.simulate(UncertainScene(scene))
+    with pytest.raises(InputError, match=said):
+        jblast.bound(UncertainScene(scene))
+
+
+def test_the_same_batch_mapped_is_taken():
+    def arrival(mass):
+        scene = replace(SCENE, charge=replace(SCENE.charge, mass_kg=mass))
+        return jblast.record(scene, LAYOUT, ARRIVAL).value
+
+    assert jax.vmap(arrival)(jnp.ones(3)).shape == (3, 1)
+
+
+@pytest.mark.parametrize(
+    ("name", "column", "said"),
+    [
+        (
+            "position",
+            jnp.zeros(3),
+            r"layout.position: expected shape \(1, 3\), got \(3,",
+        ),
+        ("time", jnp.zeros(2), r"layout.time: expected shape \(1,\), got \(2,\)"),
+        ("slant_range", jnp.asarray(2.0), r"layout.slant_range: expected .* got \(\)"),
+    ],
+)
+def test_a_column_of_another_length_is_refused_by_name(name, column, said):
+    layout = with_leaf(lambda of: getattr(of, name), column, LAYOUT)
+    with pytest.raises(InputError, match=said):
+        jblast.record(SCENE, layout, ARRIVAL)
+
+
+def test_a_quantity_without_a_law_is_named():
+    with pytest.raises(InputError, match=r"laws: .* got none for air_arrival_s"):
+        jblast.record(SCENE, LAYOUT, {})
+
+
+def test_what_a_bound_is_asked_at_is_a_number():
+    with pytest.raises(
+        InputError, match=r"at\['charge_mass_kg'\]: expected shape \(\)"
+    ):
+        jblast.bound(UncertainScene(SCENE), {"charge_mass_kg": np.ones(2)})  # pyright: ignore[reportArgumentType]  # what is refused
+
+
+@pytest.mark.parametrize(
+    ("ranges", "masses", "said"),
+    [
+        (np.ones(3), np.ones(2), r"charge_mass: expected shape \(3,\), as .* \(2,\)"),
+        (
+            np.ones((2, 2)),
+            1.0,
+            r"slant_range: expected one number or a row, got",
+        ),
+    ],
+)
+def test_the_calculator_names_the_rows_that_do_not_go_together(ranges, masses, said):
+    with pytest.raises(InputError, match=said):
+        jblast.calculate(Scene(), ranges, masses)
+
+
+def test_a_law_names_the_arguments_that_do_not_go_together():
+    said = (
+        r"kingery_bulmash_pressure: expected one shape.*slant_range \(3,\), charge_mass"
+    )
+    with pytest.raises(ValueError, match=said):
+        kingery_bulmash_pressure(np.full(3, 9.0), np.ones(2))
+    with pytest.raises(ValueError, match=said):
+        jax.jit(kingery_bulmash_pressure)(np.full(3, 9.0), np.ones(2))
