@@ -172,9 +172,9 @@ def test_ten_thousand_scenes_of_readme_are_those_one_by_one(monkeypatch):
     monkeypatch.chdir(ROOT)
     names: dict[str, Any] = {"jax": jax, "jblast": jblast}
     exec(python_blocks(ROOT / "README.md")[1], names)
-    masses, easts = (np.asarray(names[name]) for name in ("masses", "easts"))
+    masses, easts = np.asarray(names["masses"]), np.asarray(names["places"])[:, 0]
     assert names["times"].shape == (10_000, 8)
-    place = np.array([sensor.position_m for sensor in names["scene"].sensors])
+    place = np.array([sensor.position_m for sensor in names["known"].sensors])
     surface = jblast.Scene(jblast.Charge(burst="surface"))
     for n in (0, 4321, 9999):
         away = np.abs(place[:, 0] - easts[n])  # all stand on one line

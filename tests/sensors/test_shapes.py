@@ -1,6 +1,7 @@
 """A wrong shape says which argument, what was expected, and what came."""
 
 from dataclasses import replace
+from typing import Any
 
 import equinox as eqx
 import jax
