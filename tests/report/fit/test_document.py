@@ -59,7 +59,7 @@ def test_what_is_not_identified_is_null_and_every_key_is_there():
         ("understood", []),
         ("place", None),
         ("origin_time_utc", None),
-        ("origin_clock", None),
+        ("origin_clock", ""),
     ]
 
 
