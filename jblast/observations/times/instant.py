@@ -12,6 +12,8 @@ from jblast.errors import InputError, argument, nearest, shown
 
 SECOND = 1_000_000_000
 """Nanoseconds."""
+YEARS = (1800, 2200)
+"""Between which a blast was recorded by a clock; further off a zone has no meaning."""
 _DAY = re.compile(r"(\d{4})-(\d{2})-(\d{2})[T ]\s*")
 _CLOCK = re.compile(r"(\d{1,2}):(\d{2})(?::(\d{2})(?:[.,](\d{1,9}))?)?\s*")
 _OFFSET = re.compile(r"([+-])(\d{2}):?(\d{2})?")
@@ -63,8 +65,10 @@ def instant(text: str, day: date | None, zone: tzinfo | None) -> int:
             f"all, as +02:00 or Asia/Beirut; got {shown(text)}"
         )
     nanoseconds = int((clock[4] or "").ljust(9, "0"))
-    minutes = _minutes(datetime(day.year, day.month, day.day, hour, minute), own_zone)
-    return (minutes * 60 + second) * SECOND + nanoseconds
+    if not YEARS[0] <= day.year <= YEARS[1]:
+        raise NotAnInstant(f"a year from {YEARS[0]} to {YEARS[1]}, got {shown(text)}")
+    seconds = _seconds(datetime(day.year, day.month, day.day, hour, minute), own_zone)
+    return (seconds + second) * SECOND + nanoseconds
 
 
 def zone_named(name: str) -> tzinfo:
@@ -156,8 +160,10 @@ def _fixed(match: re.Match[str], name: str) -> timezone:
 
 
 @lru_cache(maxsize=4096)
-def _minutes(local: datetime, zone: tzinfo) -> int:
-    """Return whole minutes since 1970 of a local time that happened once.
+def _seconds(local: datetime, zone: tzinfo) -> int:
+    """Return whole seconds since 1970 of a local time that happened once.
+
+    Offsets were no whole minutes everywhere: in Monrovia 44 min 30 s until 1972.
 
     Raises:
         NotAnInstant: Clocks were moved then: it never happened, or twice.
@@ -181,4 +187,4 @@ def _minutes(local: datetime, zone: tzinfo) -> int:
             f"came twice as clocks were put back; say {said} behind it"
         )
     since = happened[0] - datetime(1970, 1, 1, tzinfo=UTC)
-    return since // timedelta(minutes=1)
+    return since // timedelta(seconds=1)

@@ -63,6 +63,7 @@ def test_the_standard_library_reads_the_same(when, minutes):
         ("2020-08-04T15:08:18 EST", "an offset"),
         ("2020-08-04T15:08:18+99:00", "an offset within a day"),
         ("1596542400.0", "a time as"),
+        ("9999-12-31T23:59:59-12:00", "a year from"),
     ],
 )
 def test_what_is_no_instant_is_told(text, said):
@@ -79,6 +80,13 @@ def test_a_local_time_that_never_was_or_came_twice_is_told():
     hour = 3600_000_000_000
     summer = instant("2024-10-27T02:30:00+0200", None, paris)
     assert instant("2024-10-27T02:30:00+0100", None, paris) - summer == hour
+
+
+def test_an_offset_of_half_a_minute_counts():
+    # Monrovia was 44 min 30 s behind until 7 January 1972
+    text, zone = "1971-06-01T12:00:00", zone_named("Africa/Monrovia")
+    behind = instant(text, None, zone) - instant(f"{text}Z", None, None)
+    assert behind == (44 * 60 + 30) * 1_000_000_000
 
 
 def test_zones_and_days_that_are_none_are_told():
