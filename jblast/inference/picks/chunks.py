@@ -5,12 +5,13 @@ small systems of equations of the search would be gathered from all devices.
 """
 
 from collections.abc import Callable
-from functools import cache
 from typing import Any, TypeVar
 
 import jax
 import jax.numpy as jnp
 from jax.core import Tracer
+
+from jblast.kept_programs import kept
 
 LANES = 32
 """Records that are picked together."""
@@ -31,13 +32,12 @@ def in_chunks(made_of: Callable[..., Made], arrays: tuple[Any, ...]) -> Made:
     each = min(LANES, 1 << (max(count, 1) - 1).bit_length())
     chunks = -(-count // (each * len(devices)))
     filled = [_filled(x, (len(devices), chunks, each)) for x in arrays]
-    program = _program(made_of)
     if traced:
-        parts = [program(*(x[0] for x in filled))]
+        parts = [_mapped(made_of, *(x[0] for x in filled))]
     else:
         # none is waited for before the next has begun
         parts = [
-            program(*(jax.device_put(x[k], device) for x in filled))
+            _mapped(made_of, *(jax.device_put(x[k], device) for x in filled))
             for k, device in enumerate(devices)
         ]
         parts = jax.device_put(parts, devices[0])
@@ -53,7 +53,7 @@ def _filled(x, shape: tuple[int, int, int]):
     return jnp.concatenate([x, last]).reshape(*shape, *x.shape[1:])
 
 
-@cache
-def _program(made_of: Callable[..., Any]) -> Callable[..., Any]:
-    """Return what goes through chunks one by one."""
-    return jax.jit(lambda *arrays: jax.lax.map(lambda one: made_of(*one), arrays))
+@kept
+def _mapped(made_of: Callable[..., Any], *arrays: Any) -> Any:
+    """Go through chunks one by one."""
+    return jax.lax.map(lambda one: made_of(*one), arrays)

@@ -10,10 +10,10 @@ from jblast.inference.picks import RecordPick
 from jblast.report.figure_style import (
     BLUE,
     COLOURS,
+    DPI,
     INK,
     MUTED,
     VERMILLION,
-    new_figure,
     quiet,
     titled,
 )
@@ -39,17 +39,24 @@ def records_figure(names: Sequence[str], picks: Sequence[RecordPick]) -> Figure:
     shown = picks[:MOST]
     rows = -(-len(shown) // COLUMNS)
     columns = min(COLUMNS, len(shown))
-    figure = new_figure(5.4 * columns, 0.3 + 2.9 * rows)
-    heights = [2.6, 1.0] * rows
-    grid = figure.subplots(
-        2 * rows, columns, squeeze=False, gridspec_kw={"height_ratios": heights}
+    width, height = 5.4 * columns, 0.5 + 2.9 * rows
+    # a grid that is known needs no constrained layout, which would take seconds
+    figure = Figure(figsize=(width, height), dpi=DPI)
+    outer = figure.add_gridspec(
+        rows,
+        columns,
+        left=0.75 / width,
+        right=1 - 0.15 / width,
+        bottom=0.6 / height,
+        top=1 - 0.35 / height,
+        wspace=0.2,
+        hspace=0.24,
     )
-    for axes in grid.ravel():
-        axes.set_visible(False)
     made = zip(names, shown, curves(shown), strict=False)
     for nth, (name, one, curve) in enumerate(made):
         row, column = divmod(nth, columns)
-        above, below = grid[2 * row, column], grid[2 * row + 1, column]
+        inner = outer[row, column].subgridspec(2, 1, height_ratios=[2.6, 1], hspace=0.1)
+        above, below = (figure.add_subplot(part) for part in inner)
         _draw(above, below, name, one, curve)
         if nth + columns >= len(shown):
             below.set_xlabel("time [s]")
@@ -68,7 +75,6 @@ def _draw(above: Axes, below: Axes, name: str, one: RecordPick, curve: Curve) ->
     low, high, fitted = (x / unit.size for x in (curve.low, curve.high, curve.fitted))
     residual = (curve.samples - curve.fitted) / unit.size
     for axes in (above, below):
-        axes.set_visible(True)
         quiet(axes)
         axes.set_xlim(curve.time[0], curve.time[-1])
         axes.axhline(0.0, color=MUTED, linewidth=0.7)
