@@ -82,9 +82,10 @@ def _item(line: str) -> str:
 def _folded(faults: Sequence[str], source: str) -> list[str]:
     """Tell once what is said of many lines, and each list of all that is known.
 
-    The name of the file stands above.
+    The name of the file stands above. Of what came in many lines the first is told.
     """
     lines: dict[str, list[str]] = {}
+    came: dict[str, list[str]] = {}
     lists: set[str] = set()
     for fault in faults:
         told = LINE.fullmatch(fault.removeprefix(f"{source}: "))
@@ -94,8 +95,16 @@ def _folded(faults: Sequence[str], source: str) -> list[str]:
             what = what.removesuffix(known.group())
         elif known:
             lists.add(known.group())
+        what, got, text = what.partition("; got ") if told else (what, "", "")
         lines.setdefault(what, []).extend([told.group(1)] if told else [])
-    return [_lines(numbers) + what for what, numbers in lines.items()]
+        came.setdefault(what, []).extend([got + text] if got else [])
+    return [
+        _lines(numbers)
+        + what
+        + "".join(came[what][:1])
+        + (" and others" if len(set(came[what])) > 1 else "")
+        for what, numbers in lines.items()
+    ]
 
 
 def _lines(numbers: Sequence[str]) -> str:

@@ -78,6 +78,12 @@ def test_what_is_said_of_many_lines_is_said_once():
     text = check_text(check_answer(LOG, faults, []))
     assert text.count("expected one of") == 1
     assert "no 4; expected one of a, b" in text
+    faults = [
+        jblast.errors.InputError(f"{LOG.source}: line {i}: expected a zone; got '{i}'")
+        for i in (4, 5, 6)
+    ]
+    text = check_text(check_answer(LOG, faults, []))
+    assert "lines 4, 5 and 6: expected a zone; got '4' and others" in text
     many = Doubt("units_of_a_quantity", tuple(range(10)), {}, ("air_arrival_s", "x"))
     text = check_text(check_answer(LOG, [], [many]))
     assert "and 5 more: every air arrival (10 rows)" in " ".join(text.split())

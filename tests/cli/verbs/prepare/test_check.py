@@ -51,6 +51,16 @@ def test_the_json_has_every_line_that_the_text_has(jblast):
     assert (warning["lines"], warning["sensors"]) == ([5], ["d"])
 
 
+def test_clips_are_not_doubted_for_clocks_of_their_own(jblast):
+    clips = str(DATA / "six_clips.csv")
+    code, text, _ = jblast("check", clips, "--date", "2024-05-17", "--zone", "UTC")
+    assert (code, text.splitlines()[-1]) == (0, "Nothing is wrong.")
+    assert "the middle of the sensors" in " ".join(text.split())
+    code, text, _ = jblast("check", clips)
+    assert code == 2
+    assert text.count("expected a date") == 1
+
+
 def test_no_file_is_one_message(jblast):
     code, text, err = jblast("check", jblast.path("none.csv"))
     assert (code, text) == (2, "")
