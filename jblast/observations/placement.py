@@ -18,7 +18,7 @@ from jblast.observations.consistency import (
     refuse_placeless,
     refuse_wind_without_place,
 )
-from jblast.observations.table import Observations
+from jblast.observations.table import SAMPLES, Observations
 from jblast.observations.times.clocks import check_clocks
 from jblast.parameter_table import CHARGE_POSITION, PARAMETERS
 from jblast.quantities import BY_CAMERA
@@ -43,6 +43,7 @@ def resolve_positions(
         InputError: A sensor's place is missing, or given twice and differently; or the
             log holds what nothing is built for yet.
     """
+    _refuse_samples(observations)
     shots = _shots(observations, scene)
     check_clocks(observations, scene, beliefs)
     position = observations.position.copy()
@@ -81,6 +82,17 @@ def resolve_positions(
     refuse_aimless(observations, position, scene)
     refuse_wind_without_place(observations, position, scene, beliefs)
     return replace(observations, position=position)
+
+
+def _refuse_samples(observations: Observations) -> None:
+    """Refuse a record of which nothing was read yet."""
+    if SAMPLES in observations.quantity:
+        row = observations.quantity.index(SAMPLES)
+        raise InputError(
+            f"{observations.where(row)}, column quantity: expected readings, got the "
+            f"samples of {shown(observations.records()[row])}; pick them first, or fit "
+            "them as they are"
+        )
 
 
 def camera_place(

@@ -29,6 +29,9 @@ COLUMNS = (
 NUMBERS = ("value", "sigma", *POSITION, *DEGREES, "range_m", "time_s")
 """Columns that hold numbers."""
 
+SAMPLES = "overpressure_record"
+"""In column quantity: the row is a record of samples, a file that `record` names."""
+
 
 @dataclass(frozen=True)
 class Observations:

@@ -19,6 +19,7 @@ from jblast.inference.fitting.solution import (
     Solution,
     choices_for,
     settle_laws,
+    with_samples,
 )
 from jblast.inference.fitting.summary import summary_of
 from jblast.inference.fitting.uncertainty import Method, uncertainty
@@ -30,6 +31,7 @@ from jblast.inference.mode.starts import starts
 from jblast.inference.posterior.fireball_growth import as_seen
 from jblast.inference.posterior.parameters import parameters_of
 from jblast.inference.posterior.posterior import Posterior, posterior_of
+from jblast.inference.posterior.record_likelihood import SampledRecords
 from jblast.observations import Observations, resolve_positions
 from jblast.observations.default_scene import for_log
 from jblast.observations.located import located
@@ -62,7 +64,8 @@ def fit(
     """Find out what a log says of a blast.
 
     Args:
-        observations: The log.
+        observations: The log. The samples of a record that a row names count themselves
+            (`inference.records`).
         uncertain: The scene and what is not known of it; without one, a surface charge
             of unknown mass at the origin at time 0, in sea-level air; of a log in
             degrees, or with dates, place and time are free (`default_scene.for_log`). A
@@ -84,12 +87,13 @@ def fit(
     Example:
         `jblast.fit(jblast.read("log.csv"), jblast.read_scene("scene.toml"))`
     """
+    observations, sampled = with_samples(observations)
     uncertain = for_log(uncertain or default_scene(), observations)
     observations = located(observations, uncertain)
     uncertain = as_seen(uncertain, observations.quantity, observations.time)
     observations = resolve_positions(observations, uncertain.scene, uncertain.beliefs)
     begin = stages(STAGES)
-    solution = solve(observations, uncertain, noise=noise, seed=seed)
+    solution = solve(observations, uncertain, noise=noise, seed=seed, records=sampled)
     begin("how sure")
     density, z = solution.posterior, solution.laplace.z
     misfit = density.misfit(jnp.asarray(z))
@@ -156,6 +160,7 @@ def solve(
     *,
     noise: Noise = "student",
     seed: int = 0,
+    records: SampledRecords | None = None,
 ) -> Solution:
     """Find the posterior's optima, what is identifiable, and its normal approximation.
 
@@ -176,7 +181,8 @@ def solve(
     def posterior_by(choices: Choices) -> Posterior:
         parameters = parameters_of(replace(uncertain, scene=choices.scene))
         names = law_names(choices.laws)
-        return posterior_of(parameters, choices.layout, observations, names, noise)
+        density = posterior_of(parameters, choices.layout, observations, names, noise)
+        return replace(density, records=records)
 
     def search(choices: Choices) -> tuple[Posterior, Optima, Choices]:
         posterior = posterior_by(choices)

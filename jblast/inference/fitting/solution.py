@@ -10,6 +10,9 @@ from jblast.inference.identifiability.null_space import Identifiability
 from jblast.inference.mode.laplace import Laplace
 from jblast.inference.mode.search import Optima
 from jblast.inference.posterior.posterior import Posterior
+from jblast.inference.posterior.record_likelihood import SampledRecords
+from jblast.observations import Observations
+from jblast.observations.table import SAMPLES
 from jblast.scene import Scene
 from jblast.sensors import Layout, resolve_laws
 from jblast.sensors.bursts import settled, with_bursts
@@ -90,3 +93,17 @@ def settle_laws(
         choices = choices.as_for(there)
         found = search(choices)
     return found, choices
+
+
+def with_samples(
+    log: Observations,
+) -> tuple[Observations, SampledRecords | None]:
+    """Return a log of readings, and the samples that count in place of some of them."""
+    if SAMPLES not in log.quantity:
+        return log, None
+    # picks are a second of imports, which other logs do without
+    from jblast.inference.records.picked_log import picked_log
+    from jblast.inference.records.sampled import sampled_records
+
+    readings, records = picked_log(log)
+    return readings, sampled_records(readings, records)

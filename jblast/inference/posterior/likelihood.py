@@ -57,7 +57,7 @@ def log_likelihood(
     r, load = residual / sd, loading / sd[:, None]
     v = jnp.zeros(loading.shape[1])
     if loading.shape[1] == 0:
-        return _rows(r, sd, noise, lower_bound), v
+        return log_rows(r, sd, noise, lower_bound), v
     rows = lax.stop_gradient(r), lax.stop_gradient(load), noise
     v = _reweighted(*rows) if lower_bound is None else _climbed(*rows, lower_bound)
     # Two Newton steps that are differentiated carry first and second derivatives of
@@ -67,12 +67,17 @@ def log_likelihood(
         v = v - _solved(hessian, gradient)[0]
     gradient, hessian = _slopes(v, r, load, noise, lower_bound)
     _, log_determinant = _solved(hessian, gradient)
-    joint = _rows(r - load @ v, sd, noise, lower_bound) - 0.5 * v @ v
+    joint = log_rows(r - load @ v, sd, noise, lower_bound) - 0.5 * v @ v
     return joint - 0.5 * log_determinant, v
 
 
-def _rows(u, sd, noise, lower_bound):
-    """Add ln of the probabilities of independent rows."""
+def log_rows(
+    u: Float[Array, " row"],
+    sd: Float[Array, " row"],
+    noise: Noise,
+    lower_bound: Bool[Array, " row"] | None,
+) -> Float[Array, ""]:
+    """Add ln of the probabilities of independent rows, missed by u times sd."""
     read = log_noise(u, noise) - jnp.log(sd)
     if lower_bound is None:
         return jnp.sum(read)
@@ -100,13 +105,15 @@ def _solved(matrix, right):
 
 def _slopes(v, r, load, noise, lower_bound):
     """Gradient and Hessian of minus the joint log-density in the effects."""
-    slope, curvature = _row_slopes(r - load @ v, noise, lower_bound)
+    slope, curvature = row_slopes(r - load @ v, noise, lower_bound)
     gradient = v - load.T @ slope
     hessian = jnp.eye(v.shape[0]) + load.T @ (curvature[:, None] * load)
     return gradient, hessian
 
 
-def _row_slopes(u, noise, lower_bound):
+def row_slopes(
+    u: Float[Array, " row"], noise: Noise, lower_bound: Bool[Array, " row"] | None
+) -> tuple[Array, ...]:
     """First and second derivative of minus ln of each row's probability."""
     read = noise_slopes(u, noise)
     if lower_bound is None:
@@ -115,6 +122,26 @@ def _row_slopes(u, noise, lower_bound):
     return tuple(
         jnp.where(lower_bound, *pair) for pair in zip(bound, read, strict=True)
     )
+
+
+def reweighted(
+    u: Float[Array, " row"],
+    curvature: Float[Array, " row"],
+    noise: Noise,
+    lower_bound: Bool[Array, " row"] | None,
+) -> Float[Array, " row"]:
+    """Return curvatures of minus ln of each row's probability that always climb.
+
+    Student-t readings are reweighted as normal ones; bounds have their own curvature,
+    where it is positive.
+    """
+    weight = jnp.maximum(curvature, 0.0)
+    if noise == "gaussian":
+        return weight
+    of_reading = (STUDENT_FREEDOM + 1) / (STUDENT_FREEDOM + jnp.square(u))
+    if lower_bound is None:
+        return of_reading
+    return jnp.where(lower_bound, weight, of_reading)
 
 
 def _reweighted(r, load, noise):
@@ -149,16 +176,15 @@ def _climbed(r, load, noise, lower_bound):
     """
 
     def joint(v):
-        return _rows(r - load @ v, jnp.ones_like(r), noise, lower_bound) - 0.5 * v @ v
+        return (
+            log_rows(r - load @ v, jnp.ones_like(r), noise, lower_bound) - 0.5 * v @ v
+        )
 
     def again(state):
         rounds, v, _ = state
         u = r - load @ v
-        slope, curvature = _row_slopes(u, noise, lower_bound)
-        weight = jnp.maximum(curvature, 0.0)
-        if noise == "student":
-            of_reading = (STUDENT_FREEDOM + 1) / (STUDENT_FREEDOM + jnp.square(u))
-            weight = jnp.where(lower_bound, weight, of_reading)
+        slope, curvature = row_slopes(u, noise, lower_bound)
+        weight = reweighted(u, curvature, noise, lower_bound)
         precision = jnp.eye(load.shape[1]) + load.T @ (weight[:, None] * load)
         step = _solved(precision, load.T @ slope - v)[0]
         tried = v[None, :] + jnp.asarray(PARTS, v.dtype)[:, None] * step[None, :]

@@ -12,6 +12,11 @@ from jblast.errors import InputError
 from jblast.inference.posterior.correlated_errors import own_and_shared_errors
 from jblast.inference.posterior.likelihood import log_likelihood
 from jblast.inference.posterior.parameters import Parameters
+from jblast.inference.posterior.record_likelihood import (
+    Rows,
+    SampledRecords,
+    record_log_likelihood,
+)
 from jblast.kept_programs import kept
 from jblast.observations import Observations
 from jblast.observations.times.clocks import refuse_unresolved
@@ -41,6 +46,7 @@ class Misfit(eqx.Module):
         predicted: The reading without error, in the row's unit.
         valid: Whether the laws hold.
         slant_range: Distance from the charge [m].
+        record_sd: Of the independent scale, what the law's record scatter is.
     """
 
     residual: Float[Array, " row"]
@@ -49,6 +55,7 @@ class Misfit(eqx.Module):
     predicted: Float[Array, " row"]
     valid: Bool[Array, " row"]
     slant_range: Float[Array, " row"]
+    record_sd: Float[Array, " row"]
 
 
 class Posterior(eqx.Module):
@@ -65,6 +72,8 @@ class Posterior(eqx.Module):
         shared_error: What one standard deviation of each error that readings of one
             record share adds to each; None if all are independent. `sigma` is then
             what is left of each (see `correlated_errors`).
+        records: Records whose samples count in place of the rows read off them; None
+            if all rows count as they are.
     """
 
     parameters: Parameters
@@ -75,6 +84,7 @@ class Posterior(eqx.Module):
     noise: Noise = eqx.field(static=True, default="student")
     lower_bound: Bool[Array, " row"] | None = None
     shared_error: Float[Array, "row effect"] | None = None
+    records: SampledRecords | None = None
 
     # Jitted, so that each is traced once however many derivatives are taken of it.
 
@@ -95,12 +105,17 @@ class Posterior(eqx.Module):
             predicted=predicted,
             valid=recording.valid,
             slant_range=recording.slant_range,
+            record_sd=recording.record_sd,
         )
 
     @kept
     def log_density(self, z: Float[Array, " free"]) -> Float[Array, ""]:
         """Return ln of the posterior density per unit of $z$, up to a constant."""
-        likelihood, _ = self.likelihood(self.misfit(z))
+        misfit = self.misfit(z)
+        if self.records is None:
+            likelihood, _ = self.likelihood(misfit)
+        else:
+            likelihood = self._of_samples(misfit, self.records)
         return likelihood + self.parameters.log_prior(z)
 
     @kept
@@ -116,6 +131,32 @@ class Posterior(eqx.Module):
             misfit.residual, misfit.sd, misfit.loading, self.noise, self.lower_bound
         )
 
+    def _of_samples(self, misfit: Misfit, records: SampledRecords) -> Float[Array, ""]:
+        """Return ln of the probability of the samples and of all other rows."""
+        sampled = np.array(records.rows)
+        others = np.setdiff1d(np.arange(len(self.layout.quantity)), sampled)
+        effects, errors = misfit.loading.shape[1], 0
+        if self.shared_error is not None:
+            errors = self.shared_error.shape[1]
+        kept = [effects - errors + column for column in records.error_columns]
+        columns = np.array([*range(effects - errors), *kept], int)
+        loading = misfit.loading[:, columns]
+        bounds = self.lower_bound
+        return record_log_likelihood(
+            Rows(
+                misfit.residual[others],
+                misfit.sd[others],
+                loading[others],
+                None if bounds is None else bounds[others],
+            ),
+            self.measured[sampled] - misfit.residual[sampled],
+            misfit.record_sd[sampled],
+            # errors that rows of a record share are in its samples
+            loading[sampled].at[:, :, effects - errors :].set(0.0),
+            records,
+            self.noise,
+        )
+
     def _loading(self, recording: Recording) -> Float[Array, "row effect"]:
         """Return the effects of laws, and after them the errors that records share."""
         of_laws = loadings(recording, self.layout)
@@ -123,16 +164,20 @@ class Posterior(eqx.Module):
             return of_laws
         return jnp.concatenate([of_laws, self.shared_error], axis=1)
 
+    def of_readings(self) -> "Posterior":
+        """Return it with what was read off records in place of their samples."""
+        return replace(self, records=None)
+
     def independent(self) -> "Posterior":
-        """Return it with errors of the same sizes that no readings share.
+        """Return it of readings alone, with errors of the same sizes that none share.
 
         It has its optima near those of the other, and fewer effects to look for.
         """
         if self.shared_error is None:
-            return self
+            return self.of_readings()
         shared = jnp.sum(jnp.square(self.shared_error), axis=1)
         sigma = jnp.sqrt(jnp.square(self.sigma) + shared)
-        return replace(self, sigma=sigma, shared_error=None)
+        return replace(self, sigma=sigma, shared_error=None, records=None)
 
 
 def posterior_of(

@@ -12,6 +12,7 @@ from jaxtyping import Bool, Float
 
 from jblast.errors import nearest, shown
 from jblast.observations.rows.fields import Fields
+from jblast.observations.table import SAMPLES
 from jblast.observations.understood import (
     Converted,
     LevelConverted,
@@ -93,7 +94,7 @@ def measured(rows: Fields, *, strict: bool) -> Measured:
         strict: Whether quantities have to be ours to the letter.
     """
     theirs, columns = rows.text("quantity"), rows.units
-    names = {name: name for name in QUANTITIES}
+    names = {name: name for name in (*QUANTITIES, SAMPLES)}
     units: dict[str, OurName] = {}
     unknown: set[str] = set()
     for name in dict.fromkeys(theirs):

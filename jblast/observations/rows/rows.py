@@ -11,10 +11,12 @@ from jblast.observations.grouping import some_rows
 from jblast.observations.places.degrees import places_of
 from jblast.observations.rows.conversion import Measured, measured, told_columns
 from jblast.observations.rows.fields import Fields
+from jblast.observations.rows.samples import take_samples
 from jblast.observations.table import (
     NAMED,
     NUMBERS,
     POSITION,
+    SAMPLES,
     Observations,
 )
 from jblast.observations.times.clock_times import COLUMN as VALUE_UTC, take_clock_times
@@ -122,6 +124,7 @@ class Rows(Fields):
         """
         kind = np.array(held.quantity)
         in_ln = ~np.isin(kind, ADDITIVE)
+        sampled = take_samples(self, kind)
         bound = self.bounds(in_ln)
         raw = self.number("value", optional=False)
         value, sigma = held.converted(raw, self.number("sigma"))
@@ -156,7 +159,7 @@ class Rows(Fields):
                 + self.texts["sigma"][row]
             ),
         )
-        return value, sigma, bound
+        return np.where(sampled, np.nan, value), sigma, bound
 
     def bounds(self, in_ln: Bool[np.ndarray, " row"]) -> Bool[np.ndarray, " row"]:
         """Take the marks of lower bounds off the values, and return which had one."""
@@ -242,6 +245,9 @@ def _drop_empty(table: Table) -> tuple[int, ...]:
     if "" not in values[0]:
         return ()
     empty = {row for row, at in enumerate(zip(*values, strict=True)) if not any(at)}
+    if "quantity" in table.header:
+        kinds = table.columns[table.header.index("quantity")]
+        empty = {row for row in empty if kinds[row] != SAMPLES}
     lines = tuple(table.lines[row] for row in sorted(empty))
     table.drop_rows(empty)
     return lines

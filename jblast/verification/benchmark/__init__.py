@@ -9,6 +9,7 @@ from jblast.verification.benchmark import (
     fits as fits,
     flights as flights,
     laws as laws,
+    records as records,
     samplers as samplers,
     shock_solver as shock_solver,
     waveforms as waveforms,

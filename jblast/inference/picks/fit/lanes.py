@@ -70,7 +70,7 @@ def pick_lanes(
     bank = bank_of(bins, samples.shape[1])
     ready = jax.vmap(partial(prepared, bins, bank))(samples, clipped, count, high_pass)
     one = optimum_of(partial(misfit, bins), ready.start, ready.case)
-    best, case = _with_what_shows(bins, one, ready.case)
+    best, case = with_what_shows(bins, one, ready.case)
     apart = jax.vmap(partial(misfit, bins))(best.y, case)
     freedom = jnp.maximum(jax.vmap(readings)(case) - float(CENTRE.size), 1.0)
     ratio = jax.vmap(partial(data_misfit, bins=bins.first.size))(apart) / freedom
@@ -113,7 +113,7 @@ def pick_lanes(
     )
 
 
-def _with_what_shows(bins: Bins, one: Optimum, case: Case) -> tuple[Optimum, Case]:
+def with_what_shows(bins: Bins, one: Optimum, case: Case) -> tuple[Optimum, Case]:
     """Return the optima with a ring, a further front or a high-pass where one shows.
 
     Each is tried where there is a sign of it in any record of the lanes, and of those

@@ -1,0 +1,164 @@
+"""Rows that name a record of samples, in place of them what is read off it."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from datetime import datetime
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import numpy as np
+
+from jblast.errors import InputError, shown
+from jblast.inference.picks import RecordPick
+from jblast.inference.records.covariance import TOLD, covariance_of, log_value
+from jblast.inference.records.gathered import gathered
+from jblast.observations import Observations, some_rows
+from jblast.observations.grouping import PER_ROW
+from jblast.observations.records.pressure_record import PressureRecord
+from jblast.observations.table import CLOCK_TIMES, SAMPLES
+
+
+class PickedLog(NamedTuple):
+    """A log of readings alone.
+
+    Attributes:
+        observations: Four rows in place of each that names a record of samples.
+        records: The samples, by what the log calls them.
+    """
+
+    observations: Observations
+    records: tuple[tuple[str, PressureRecord], ...]
+
+
+def picked_log(observations: Observations) -> PickedLog:
+    """Pick the records that a log names; one without any is returned as it is.
+
+    Raises:
+        InputError: A row names no file, one that another row names, or one that cannot
+            be read, holds no blast, or is not in pascals.
+    """
+    sampled = np.flatnonzero(np.isin(observations.quantity, SAMPLES))
+    if not sampled.size:
+        return PickedLog(observations, ())
+    names = [observations.records()[row] for row in sampled]
+    for row, name in zip(sampled, names, strict=True):
+        if not name or observations.records().count(name) > 1:
+            got = f"{shown(name)} in another row, too" if name else "nothing"
+            raise InputError(
+                f"{observations.where(int(row))}, column record: expected a file of "
+                f"samples of its own, got {got}"
+            )
+    picks = [
+        _pick(observations, int(row), name)
+        for row, name in zip(sampled, names, strict=True)
+    ]
+    epoch, picks = _on_one_clock(observations, picks)
+    others = np.setdiff1d(np.arange(len(observations)), sampled)
+    parts = [some_rows(observations, others)] if others.size else []
+    parts += [
+        _rows(observations, int(row), one)
+        for row, one in zip(sampled, picks, strict=True)
+    ]
+    covariances = tuple(
+        covariance_of(one, name, TOLD) for name, one in zip(names, picks, strict=True)
+    )
+    joined = replace(
+        _joined(observations, parts),
+        covariances=observations.covariances + covariances,
+        epoch=epoch,
+    )
+    records = tuple((name, one.record) for name, one in zip(names, picks, strict=True))
+    return PickedLog(joined, records)
+
+
+def _pick(observations: Observations, row: int, name: str) -> RecordPick:
+    """Return the loudest bang of a file, on the clock of the log."""
+    where = f"{observations.where(row)}, column record"
+    file = Path(observations.source).parent / name
+    found = gathered([file])
+    if found.refused:
+        raise InputError(f"{where}: {found.refused[0]}")
+    sensor = observations.sensor[row]
+    channels = {one.record.name for one in found.picks}
+    mine = [
+        one
+        for one in found.picks
+        if len(channels) == 1 or one.record.name in (sensor, f"{file.stem}.{sensor}")
+    ]
+    if not mine:
+        got = f"channels {', '.join(sorted(channels))}" if channels else "no blast"
+        raise InputError(f"{where}: expected a blast of {shown(sensor)}, got {got}")
+    if all(one.quality == "poor" for one in mine):
+        raise InputError(
+            f"{where}: expected a record that a pulse fits, got {shown(name)}, whose "
+            "pick is poor; take the row out"
+        )
+    one = max(mine, key=lambda one: float(one.pick.peak_overpressure_pa))
+    if not one.record.calibrated:
+        raise InputError(
+            f"{where}: expected samples in pascals, got {shown(name)} in a unit that "
+            "nobody said"
+        )
+    return one
+
+
+def _on_one_clock(
+    observations: Observations, picks: list[RecordPick]
+) -> tuple[datetime | None, list[RecordPick]]:
+    """Return picks whose times count from the log's time zero, and when that was.
+
+    Raises:
+        InputError: Some files tell the time of day they began at, and others do not.
+    """
+    told = [one.record.epoch for one in picks if one.record.epoch is not None]
+    if not told:
+        return observations.epoch, picks
+    silent = [one.record.source for one in picks if one.record.epoch is None]
+    if not silent and observations.epoch is None:
+        timed = set(observations.quantity) & set(CLOCK_TIMES)
+        silent = [f"{observations.source or 'observations'}, column value"] * bool(
+            timed
+        )
+    if silent:
+        raise InputError(
+            f"{silent[0]}: expected a time of day, as records of the log tell it; got "
+            "seconds alone"
+        )
+    zero = observations.epoch or min(told)
+    moved = []
+    for one in picks:
+        later = ((one.record.epoch or zero) - zero).total_seconds()
+        record = replace(one.record, epoch=zero, start_s=one.record.start_s + later)
+        arrival = one.pick.air_arrival_s + later
+        pick = eqx.tree_at(lambda pick: pick.air_arrival_s, one.pick, arrival)
+        moved.append(replace(one, record=record, pick=pick))
+    return zero, moved
+
+
+def _rows(observations: Observations, row: int, one: RecordPick) -> Observations:
+    """Return the rows that are read off a record, placed as its own."""
+    same = some_rows(observations, np.full(len(TOLD), row))
+    bound = bool(one.pick.lower_bound)
+    value, sigma = zip(*(log_value(one, name) for name in TOLD), strict=True)
+    return replace(
+        same,
+        quantity=TOLD,
+        value=np.array(value),
+        sigma=np.array(sigma),
+        lower_bound=np.array([bound and "peak" in name for name in TOLD]),
+    )
+
+
+def _joined(observations: Observations, parts: Sequence[Observations]) -> Observations:
+    """Put rows of one log together again."""
+    columns: dict[str, Any] = {}
+    for name in PER_ROW:
+        each = [getattr(replace(p, lower_bound=p.bounds()), name) for p in parts]
+        if isinstance(each[0], np.ndarray):
+            columns[name] = np.concatenate(each)
+        else:
+            columns[name] = tuple(entry for part in each for entry in part)
+    if not columns["lower_bound"].any():
+        columns["lower_bound"] = None
+    return replace(observations, **columns)

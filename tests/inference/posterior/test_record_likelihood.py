@@ -1,0 +1,161 @@
+from dataclasses import replace
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from jblast.inference.picks import pick_records
+from jblast.inference.posterior.parameters import parameters_of
+from jblast.inference.posterior.posterior import posterior_of
+from jblast.inference.posterior.record_likelihood import (
+    Rows,
+    record_log_likelihood,
+)
+from jblast.inference.records.pulse_terms import ASKED
+from jblast.inference.records.sampled import sampled_records
+from jblast.sensors.observe import Noise
+from jblast.verification.cases.pressure_records import (
+    LAWS,
+    MASS,
+    Recorder,
+    layout,
+    log_of_picks,
+    readings,
+    recorded,
+    uncertain_scene,
+)
+
+LOG_MASS = np.log(MASS) + np.linspace(-0.1, 0.1, 9)
+
+
+def both(snr, noise: Noise = "gaussian", scatter=True):
+    """The posterior of picks, and that of their samples."""
+    rng = np.random.default_rng(3)
+    records = recorded(rng, readings(rng, scatter=scatter), Recorder(snr=snr))
+    log = log_of_picks(pick_records(records))
+    parameters = parameters_of(uncertain_scene(scatter=scatter))
+    of_picks = posterior_of(parameters, layout(), log, LAWS, noise)
+    samples = sampled_records(log, [(record.name, record) for record in records])
+    return of_picks, replace(of_picks, records=samples)
+
+
+@jax.jit
+def densities(posterior, z):
+    return jax.lax.map(posterior.log_density, z[:, None])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("noise", ["gaussian", "student"])
+def test_where_a_pick_is_normal_samples_say_what_it_says(noise):
+    of_picks, of_samples = both(200.0, noise)
+    picks, samples = densities(of_picks, LOG_MASS), densities(of_samples, LOG_MASS)
+    # errors of 0.2 % in readings leave the pulse linear to some 1e-3 in ln-density
+    np.testing.assert_allclose(samples, picks, atol=0.01)
+
+
+@pytest.mark.slow
+def test_of_noisy_records_the_answer_moves_by_little():
+    of_picks, of_samples = both(20.0)
+    apart = np.asarray(densities(of_samples, LOG_MASS) - densities(of_picks, LOG_MASS))
+    # two of six fronts rise within a sample; over these 3 sd of ln mass the two
+    # densities drift apart by less than their own widths could show
+    assert np.ptp(apart) < 0.15
+
+
+def one_record(samples):
+    """Return what the likelihood takes of one record of it, alone."""
+    records = samples.records
+    case = jax.tree.map(lambda x: x[:1], records.case)
+    alone = replace(
+        records,
+        rows=((0, 1, 2, 3),),
+        case=case,
+        picked=records.picked[:1],
+        nuisance=records.nuisance[:1],
+        jitter=records.jitter[:1],
+        evidence=records.evidence[:1],
+        error_columns=(),
+    )
+    nothing = Rows(jnp.zeros(0), jnp.zeros(0), jnp.zeros((0, 1)), None)
+    return alone, nothing
+
+
+@pytest.mark.slow
+def test_laplaces_method_is_near_the_integral_over_all_effects():
+    # One record, one shared effect, scatter of its own: an integral over eleven
+    # unknowns, by importance sampling from a Student-t about another mode and
+    # curvature than the likelihood's (found by BFGS and the exact Hessian).
+    _, samples = both(20.0)
+    records, nothing = one_record(samples)
+    away = jnp.array([[1e-4, 0.03, -0.02, 0.01]])
+    scatter = jnp.array([[1e-4, 0.03, 0.04, 0.02]])
+    loading = jnp.array([[[5e-5], [0.02], [0.0], [0.03]]])
+    value = record_log_likelihood(
+        nothing, records.picked + away, scatter, loading, records, "gaussian"
+    )
+    case = jax.tree.map(lambda x: x[0], records.case)
+    sd = jnp.hypot(scatter, records.jitter)[0]
+
+    def joint(x):
+        v, e, rest = x[0], x[1 : 1 + ASKED], x[1 + ASKED :]
+        terms = records.terms(away[0] + loading[0] @ x[:1] + sd * e, rest, case)
+        return -0.5 * (terms @ terms + e @ e + v * v)
+
+    start = jnp.concatenate([jnp.zeros(1 + ASKED), records.nuisance[0]])
+    mode = start
+    slope, bend = jax.jit(jax.grad(joint)), jax.jit(jax.hessian(joint))
+    top = jax.jit(joint)
+    for _ in range(30):
+        matrix = -np.asarray(bend(mode))
+        values, vectors = np.linalg.eigh(matrix)
+        step = vectors @ ((vectors.T @ slope(mode)) / np.maximum(np.abs(values), 1e-3))
+        size = 1.0
+        while top(mode + size * step) < top(mode) and size > 1e-3:
+            size /= 2
+        mode = mode + size * step
+    values, vectors = np.linalg.eigh(-np.asarray(bend(mode)))
+    root = vectors / np.sqrt(values)
+    rng = np.random.default_rng(1)
+    count, freedom, n = 40_000, 8.0, start.size
+    chi = np.sqrt(rng.chisquare(freedom, count) / freedom)
+    draws = rng.standard_normal((count, n)) / chi[:, None]
+    from scipy.special import gammaln
+
+    far = np.log1p(np.sum(draws**2, axis=1) / freedom)
+    proposal = gammaln((freedom + n) / 2) - gammaln(freedom / 2)
+    proposal = proposal - 0.5 * n * np.log(freedom * np.pi) - 0.5 * (freedom + n) * far
+    places = np.asarray(mode)[None, :] + draws @ root.T
+    height = jax.jit(jax.vmap(joint))(jnp.asarray(places))
+    log_weight = np.asarray(height) - proposal - 0.5 * np.sum(np.log(values))
+    top_weight = log_weight.max()
+    weight = np.exp(log_weight - top_weight)
+    error = weight.std() / weight.mean() / np.sqrt(count)
+    integral = top_weight + np.log(weight.mean())
+    # as the likelihood counts: no roots of two pi for nuisances, v and e normal
+    integral -= 0.5 * n * np.log(2 * np.pi) + float(records.evidence[0])
+    assert error < 0.02
+    # Laplace's method about a rise that noise blurs is off by some per cent
+    assert float(value) == pytest.approx(integral, abs=0.1)
+
+
+@pytest.mark.slow
+def test_slopes_are_those_of_differences():
+    _, samples = both(20.0)
+    records, nothing = one_record(samples)
+    scatter = jnp.array([[1e-4, 0.03, 0.04, 0.02]])
+    loading = jnp.array([[[5e-5], [0.02], [0.0], [0.03]]])
+    direction = jnp.array([[1e-4, 0.02, 0.01, 0.02]])
+
+    @jax.jit
+    def value(t):
+        predicted = records.picked + t * direction
+        return record_log_likelihood(
+            nothing, predicted, scatter, loading, records, "student"
+        )
+
+    slope = float(jax.jit(jax.grad(value))(0.4))
+    step = 1e-3
+    difference = float(value(0.4 + step) - value(0.4 - step)) / (2 * step)
+    # the search ends within 1e-6 in ln-density: 1e-3 of a difference over 2e-3
+    assert slope == pytest.approx(difference, rel=1e-2, abs=2e-3)

@@ -1,0 +1,83 @@
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from jblast.errors import InputError
+from jblast.inference.records.picked_log import picked_log
+from jblast.observations import read, write
+from jblast.observations.placement import resolve_positions
+from jblast.scene import Scene
+
+EXAMPLE = Path(__file__).parents[3] / "calibration/data/records_example"
+HEADER = "sensor,quantity,value,sigma,east_m,north_m,up_m,record\n"
+
+
+def made(tmp_path, *rows):
+    """A log of the example's records, beside them."""
+    for name in ("g01", "g02"):
+        text = (EXAMPLE / f"{name}.csv").read_text()
+        (tmp_path / f"{name}.csv").write_text(text)
+    path = tmp_path / "log.csv"
+    path.write_text(HEADER + "".join(row + "\n" for row in rows))
+    return path
+
+
+TWO = (
+    "g01,overpressure_record,,,50,0,0,g01.csv",
+    "g02,overpressure_record,,,0,80,0,g02.csv",
+)
+
+
+def test_rows_of_samples_are_read_and_written(tmp_path):
+    path = made(tmp_path, *TWO, "m,air_arrival_s,0.3,1e-3,0,150,0,")
+    log = read(path)
+    assert log.quantity[:2] == ("overpressure_record",) * 2
+    assert np.isnan(log.value[:2]).all()
+    assert log.record == ("g01.csv", "g02.csv", "")
+    write(tmp_path / "again.csv", log)
+    again = read(tmp_path / "again.csv")
+    assert again.quantity == log.quantity
+    assert again.record == log.record
+
+
+@pytest.mark.parametrize(
+    ("row", "message"),
+    [
+        ("g01,overpressure_record,5,,50,0,0,g01.csv", "column value: expected nothing"),
+        ("g01,overpressure_record,,,50,0,0,", "column record: expected a file"),
+    ],
+)
+def test_a_value_or_no_file_is_refused(tmp_path, row, message):
+    with pytest.raises(InputError, match=message):
+        read(made(tmp_path, row))
+
+
+def test_samples_that_were_not_picked_are_refused_by_what_takes_readings(tmp_path):
+    with pytest.raises(InputError, match=r"samples of 'g01.csv'; pick them first"):
+        resolve_positions(read(made(tmp_path, TWO[0])), Scene(), ())
+
+
+def test_one_file_in_two_rows_is_refused(tmp_path):
+    with pytest.raises(InputError, match="in another row, too"):
+        picked_log(read(made(tmp_path, TWO[0], TWO[0].replace("50", "60"))))
+
+
+def test_a_file_that_is_not_there_is_named_with_its_line(tmp_path):
+    row = TWO[0].replace("g01.csv", "g77.csv")
+    with pytest.raises(InputError, match=r"line 2, column record: .*g77\.csv"):
+        picked_log(read(made(tmp_path, row)))
+
+
+@pytest.mark.slow
+def test_each_record_becomes_four_rows_with_their_covariance(tmp_path):
+    log = read(made(tmp_path, *TWO, "m,air_arrival_s,0.3,1e-3,0,150,0,"))
+    picked = picked_log(log)
+    assert len(picked.observations) == 9
+    assert picked.observations.record[1:] == ("g01.csv",) * 4 + ("g02.csv",) * 4
+    assert [of.record for of in picked.observations.covariances] == [
+        "g01.csv",
+        "g02.csv",
+    ]
+    np.testing.assert_array_equal(picked.observations.position[5:, 1], 80.0)
+    assert [name for name, _ in picked.records] == ["g01.csv", "g02.csv"]
