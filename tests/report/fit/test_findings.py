@@ -9,7 +9,9 @@ import pytest
 from jblast.inference.fitting import findings as fitting, still_air
 from jblast.inference.importance import findings as importance
 from jblast.inference.mcmc import findings as mcmc
+from jblast.inference.posterior.estimate import Estimate
 from jblast.inference.posterior.finding import Finding
+from jblast.json_values import plain
 from jblast.report.fit.findings import words
 from tests.report import example
 
@@ -40,6 +42,9 @@ def made(kind: type[Finding]) -> Finding:
             text = str(hint)
             if hint in MADE:
                 values[name] = MADE[hint]
+            elif "Estimate" in text:
+                told = Estimate(15.0, 1.5, 0.1, 12.6, 15.0, 17.7)
+                values[name] = {"charge_mass_kg": told}
             elif "Mapping" in text:
                 one = {"charge_mass_kg": 15.0}
                 values[name] = (one, one) if "tuple" in text else one
@@ -58,7 +63,7 @@ def test_a_finding_has_words_a_code_and_numbers(kind):
     said = words(finding)
     assert said
     assert said == said.strip().rstrip(".")
-    document = json.loads(json.dumps(finding.to_dict(), default=lambda f: f.to_dict()))
+    document = json.loads(json.dumps(plain(finding.to_dict()), allow_nan=False))
     assert document.pop("code") == finding.code
     assert list(document) == [field.name for field in fields(finding)]
 
