@@ -100,7 +100,7 @@ def test_times_of_day_are_told():
 
 
 def test_the_document_is_json_and_holds_what_was_picked():
-    one = found({"later_arrivals_s": np.array([5.08, np.nan]), "calibrated": False})
+    one = found({"later_arrivals_s": np.array([5.08]), "calibrated": False})
     document = json.loads(json.dumps(picks_document(one, log_of(one))))
     (told,) = document["picks"]
     assert (told["record"], told["file"], told["bang"]) == ("g0", "g0.wav", 1)
