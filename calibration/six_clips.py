@@ -144,8 +144,8 @@ def main(count: int = LOGS) -> None:
             held[name] += found[name].q05 <= there[name] <= found[name].q95
         mass = found["charge_mass_kg"]
         off.append(abs(np.log(mass.value / there["charge_mass_kg"])))
-        place = [found[name].value - there[name] for name in TOLD[1:3]]
-        sizes.append((float(np.hypot(*place)), np.log(mass.q95 / mass.q05) / 2))
+        east, north = (found[name].value - there[name] for name in TOLD[1:3])
+        sizes.append((float(np.hypot(east, north)), np.log(mass.q95 / mass.q05) / 2))
         print(seed, number, answer.exit_code, f"{off[-1]:.2f}", file=sys.stderr)
         if not (seed + 1) % 50:
             jax.clear_caches()
