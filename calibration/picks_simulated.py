@@ -58,17 +58,22 @@ def main(many: int = MANY) -> None:
     ]
     for name, inside in groups.items():
         rows.append([name, str(int(inside.sum())), *_honesty(inside, found, error, sd)])
-    print(aligned(rows), end="\n\n")
+    _print(rows)
     print("Rms error of the arrival over what it is held against")
     rows = [["", "records", "rms/bound", "median rms/bound"]]
     rows += _arrivals(made, found, error, bound)
-    print(aligned(rows), end="\n\n")
+    _print(rows)
     print("Errors (68 % are below): arrival in samples, ln of the rest")
     rows = [["", *(f"{n} {w}" for n in NAMES for w in ("pick", "eye"))]]
     for name, inside in groups.items():
         rows.append([name, *_against_eye(inside, error, eye_error)])
-    print(aligned(rows))
+    _print(rows)
     _worst(made, found, error, sd)
+
+
+def _print(rows) -> None:
+    """Print a table."""
+    print("\n".join(aligned(rows)), end="\n\n")
 
 
 def _groups(made, found):
