@@ -27,19 +27,23 @@ class Verb(NamedTuple):
 
 
 GROUPS = {
-    "prepare": "from what recorders wrote to a log, and a scene to start from",
+    "measure": "from what recorders wrote to a log; what the laws say; a scene",
     "infer": "what a blast was, and what could be told",
     "simulate": "what would be recorded, filmed and flown through",
-    "measure": "what the laws say; which method will do, its cost, where it breaks",
+    "check": "a log before it is fitted; which method will do, where it breaks",
 }
 
 VERBS = (
     Verb(
-        "pick", "prepare", "pick blasts from records of pressure: a log, from samples"
+        "pick", "measure", "pick blasts from records of pressure: a log, from samples"
     ),
-    Verb("convert", "prepare", "write a log in our columns and units, from others"),
-    Verb("scene", "prepare", "write a commented starter scene for a log"),
-    Verb("check", "prepare", "say everything that is wrong with a log at once"),
+    Verb("convert", "measure", "write a log in our columns and units, from others"),
+    Verb("scene", "measure", "write a commented starter scene for a log"),
+    Verb(
+        "calc",
+        "measure",
+        "calculate a blast by every law, or the range or mass for a value",
+    ),
     Verb("fit", "infer", "fit a blast to a log of sensor readings"),
     Verb("detect", "infer", "find a bang in recordings of sound, and when it came"),
     Verb("bound", "infer", "say what a planned layout of sensors could tell"),
@@ -65,18 +69,12 @@ VERBS = (
         "simulate",
         "fly a scene's vehicle through its blasts: deviation, recovery, who flies on",
     ),
-    Verb(
-        "calc",
-        "measure",
-        "calculate a blast by every law, or the range or mass for a value",
-    ),
-    Verb(
-        "choose", "measure", "name the cheapest method that is good enough for a scene"
-    ),
-    Verb("chart", "measure", "chart speed against accuracy, measured on this machine"),
+    Verb("check", "check", "say everything that is wrong with a log at once"),
+    Verb("choose", "check", "name the cheapest method that is good enough for a scene"),
+    Verb("chart", "check", "chart speed against accuracy, measured on this machine"),
     Verb(
         "stability",
-        "measure",
+        "check",
         "measure where each method breaks, and what is done there",
     ),
 )

@@ -1,1 +1,1 @@
-"""What the laws say, and how well a method does."""
+"""From what recorders wrote to a log; what the laws say; a scene to start from."""

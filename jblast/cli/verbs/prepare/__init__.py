@@ -1,1 +1,0 @@
-"""From what recorders wrote to a log, and a scene to start from."""
