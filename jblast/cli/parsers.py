@@ -41,8 +41,10 @@ class VerbParser(argparse.ArgumentParser):
     def refuse(self, words: Sequence[str]) -> NoReturn:
         """Print usage, which words it does not know, and the nearest option; exit 2."""
         options = [word.partition("=")[0] for word in words if word[:1] == "-"]
-        close = (nearest(option, self._option_string_actions) for option in options)
-        said = next(filter(None, close), "")
+        # dashes are all options' and make none alike
+        known = {option.lstrip("-"): option for option in self._option_string_actions}
+        close = (closest(option.lstrip("-"), known) for option in options)
+        said = next((f"; did you mean {known[c]}?" for c in close if c), "")
         self.error(f"unrecognized arguments: {' '.join(words)}{said}")
 
 
