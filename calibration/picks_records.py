@@ -107,7 +107,8 @@ def signal_of(made: Made, first: int = 0, count: int = SAMPLES):
     if made.resonance:
         omega = 2.0 * np.pi * made.resonance
         poles = [1.0, 2.0 * made.damping * omega, omega**2]
-        pressure = lfilter(*bilinear([omega**2], poles, fs=FINE), pressure)
+        through = lfilter(*bilinear([omega**2], poles, fs=FINE), pressure)
+        pressure = np.asarray(through)
     samples = pressure.reshape(count, FINE).mean(axis=1)
     index = first + np.arange(count)
     drift = made.drift * np.cos(2.0 * np.pi * index / made.period + made.phase)
@@ -118,7 +119,7 @@ def noise_of(made: Made, rng: np.random.Generator, count: int = SAMPLES):
     """Return noise, its standard deviation the peak over the SNR."""
     white = rng.standard_normal(count + 400)
     coloured = lfilter([np.sqrt(1.0 - made.colour**2)], [1.0, -made.colour], white)
-    return made.peak / made.snr * coloured[400:]
+    return made.peak / made.snr * np.asarray(coloured)[400:]
 
 
 def _pulse_at(made: Made, t):
@@ -161,7 +162,8 @@ def arrival_bound(made: Made) -> float:
         )
     x = np.linspace(-1.0, 1.0, count)
     columns += [made.peak * x**k for k in range(3)]
-    jacobian = lfilter([1.0, -made.colour], [1.0], np.array(columns), axis=1)[:, 1:]
+    white = lfilter([1.0, -made.colour], [1.0], np.array(columns), axis=1)
+    jacobian = np.asarray(white)[:, 1:]
     sigma = made.peak / made.snr * np.sqrt(1.0 - made.colour**2)
     information = jacobian @ jacobian.T / sigma**2
     scale = 1.0 / np.sqrt(np.diag(information))

@@ -19,6 +19,10 @@ MOST_STEPS = 40
 TOLERANCE = 1e-3
 """Ends where the way left to an optimum is this long [standard deviations]."""
 
+KINK = 0.5
+"""Where a sharp front meets the edge of a sample the cost has a kink, and may have its
+least there, so far from where its slopes would have it [standard deviations]."""
+
 FIRST_DAMPING, LEAST_DAMPING, MOST_DAMPING = 1e-1, 1e-10, 1e6
 SMALL_DAMPING = 1e-3
 """Of a unit diagonal: no end is seen from a step that is damped more."""
@@ -155,7 +159,9 @@ def _search(misfit: Misfit, start, case: Case):
     inverse = jnp.linalg.inv(state.here.information)
     scale = state.here.scale
     covariance = inverse * scale[:, :, None] * scale[:, None, :]
-    return state.y, covariance, state.done
+    slope = state.here.slope
+    left = jnp.einsum("li,lij,lj->l", slope, inverse, slope)
+    return state.y, covariance, state.done | (left < KINK**2)
 
 
 def _along(lanes, other):
