@@ -20,8 +20,9 @@ from jblast.types import as_float_array, as_optional_float_array
 Burst = Literal["surface", "free-air"]
 BURSTS: tuple[Burst, ...] = ("surface", "free-air")
 
-Place = tuple[Float[Array, ""], Float[Array, ""], Float[Array, ""]]
-"""East, north and up [m], a leaf each: one may be traced while the others are known."""
+Place = tuple[Float[Array, "..."], Float[Array, "..."], Float[Array, "..."]]
+"""East, north and up [m], a leaf each: one may be traced while the others are known;
+in a batch of charges each is an array."""
 
 
 def _place(value: ArrayLike | Sequence[ArrayLike]) -> Place:

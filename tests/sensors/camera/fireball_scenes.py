@@ -34,8 +34,10 @@ def small_camera(
     return Camera(**numbers, width=width, height=height)
 
 
-def one_charge(mass: Any = 100.0, up: Any = 2.0, **changed: Any) -> Scene:
-    return Scene(charge=Charge(mass_kg=mass, position_m=(0.0, 0.0, up), **changed))
+def one_charge(
+    mass: Any = 100.0, east: Any = 0.0, up: Any = 2.0, **changed: Any
+) -> Scene:
+    return Scene(charge=Charge(mass_kg=mass, position_m=(east, 0.0, up), **changed))
 
 
 def shifted(camera: Camera, along: float) -> Camera:

@@ -57,7 +57,7 @@ def test_what_cannot_be_simulated_exits_2(jblast, tmp_path):
     scene = jblast.file("bad.toml", normal)
     refusal = jblast.refused("simulate", scene, "--out", jblast.path("o.csv"))
     assert "sd above zero" in refusal
-    wild = SENSORS.replace("0.05", "1e300")
+    wild = SENSORS.replace('"5%"', '"1e302%"')
     scene = jblast.file("bad.toml", "[charge]\nmass_kg = 15.0\n" + wild)
     said = [
         jblast("simulate", scene, "--out", jblast.path(f"{seed}.csv"), "--seed", seed)

@@ -163,7 +163,7 @@ def test_nothing_is_seen_of_a_blast_behind_the_camera():
 
 
 def test_nothing_is_seen_before_the_burst():
-    scene = one_charge(time=1.0)
+    scene = one_charge(time_s=1.0)
     for time in (0.0, 0.999, 1.0):
         assert (alpha_of(scene, small_camera(), time) == 0).all()
     assert alpha_of(scene, small_camera(), 1.3).max() > 0.9

@@ -41,7 +41,7 @@ def test_every_kind_of_background_is_the_same_behind():
 
 
 def test_a_frame_source_is_asked_for_each_time_and_so_is_a_list_of_images():
-    camera, nothing = small_camera(), one_charge(time=9.0)
+    camera, nothing = small_camera(), one_charge(time_s=9.0)
     moving = render(nothing, camera, TIMES, background=lambda t: jnp.full(SIZE, t))
     np.testing.assert_allclose(
         moving, np.broadcast_to(TIMES[:, None, None, None], moving.shape)

@@ -78,7 +78,7 @@ def test_stations_that_are_none(jblast, good):
         (head + "good,1,2,x\n", "column up_m: expected a number, got 'x'"),
         (head + "good,1,2,3\ngood,1,2,4\n", "got 'good' twice"),
         ("sensor,east_m,north_m\ngood,1,2\n", "missing column up_m"),
-        ("sensor,lat_deg,lon_deg,alt_m\ngood,1,2,3\n", "not supported yet"),
+        ("sensor,lat_deg,lon_deg,alt_m\ngood,91,2,3\n", "column lat_deg"),
         ("sensor,esat_m,north_m,up_m\ngood,1,2,3\n", "did you mean east_m?"),
     ):
         assert said in refused(jblast, good, *words, jblast.file("st.csv", text))
