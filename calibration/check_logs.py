@@ -21,7 +21,7 @@ import numpy as np
 
 from jblast.files import write_text
 from jblast.inference.sanity import doubts
-from jblast.observations import Observations
+from jblast.observations import Observations, observed
 from jblast.observations.places.frame import Frame
 from jblast.registry import law_for
 from jblast.scene import UncertainScene, default_scene, freed
@@ -125,21 +125,12 @@ def _scene(kind: str) -> UncertainScene:
 
 
 def _log(rows: list, ranged: bool) -> Observations:
-    n = len(rows)
     sensor, quantity, value, sigma, position, distance = zip(*rows, strict=True)
-    nothing = np.full(n, np.nan)
-    return Observations(
-        sensor=sensor,
-        quantity=quantity,
-        value=np.array(value),
-        sigma=np.array(sigma),
-        position=np.full((n, 3), np.nan) if ranged else np.array(position),
-        slant_range=np.array(distance) if ranged else nothing,
-        time=nothing,
-        path=("",) * n,
-        shot=("",) * n,
-        clock=("",) * n,
-    )
+    if ranged:
+        where = {"slant_range": np.array(distance)}
+    else:
+        where = {"position": np.array(position)}
+    return observed(sensor, quantity, value, sigma, **where)
 
 
 def of_one(

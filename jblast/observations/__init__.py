@@ -9,5 +9,6 @@ from jblast.observations.table import (
     QUANTITIES as QUANTITIES,
     TIMES as TIMES,
     Observations as Observations,
+    observed as observed,
 )
 from jblast.observations.write import write as write

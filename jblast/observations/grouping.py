@@ -66,22 +66,12 @@ def one_event(logs: Sequence[Observations]) -> tuple[Observations, tuple[str, ..
     logs, frame, epoch = _on_one_earth(logs)
     clocked = [
         replace(
-            log,
-            clock=(name,) * len(log),
-            shot=("",) * len(log),
-            lower_bound=log.bounds(),
-            record=log.records(),
+            log, clock=(name,) * len(log), shot=("",) * len(log), record=log.records()
         )
         for log, name in zip(logs, names, strict=True)
     ]
     clocked = _each_record_once(clocked, names)
-    joined: dict[str, Any] = {}
-    for column in PER_ROW:
-        parts = [getattr(log, column) for log in clocked]
-        if isinstance(parts[0], np.ndarray):
-            joined[column] = np.concatenate(parts)
-        else:
-            joined[column] = tuple(entry for part in parts for entry in part)
+    joined = stacked(clocked)
     joined["line"] = ()  # lines of several files are nobody's
     return Observations(
         **joined,
@@ -92,6 +82,19 @@ def one_event(logs: Sequence[Observations]) -> tuple[Observations, tuple[str, ..
         epoch=epoch,
         covariances=tuple(of for log in clocked for of in log.covariances),
     ), tuple(names[1:])
+
+
+def stacked(logs: Sequence[Observations]) -> dict[str, Any]:
+    """Return the fields that have one entry a row, of logs one after another."""
+    columns: dict[str, Any] = {}
+    filled = [replace(of, lower_bound=of.bounds(), record=of.records()) for of in logs]
+    for name in PER_ROW:
+        parts = [getattr(log, name) for log in filled]
+        if isinstance(parts[0], np.ndarray):
+            columns[name] = np.concatenate(parts)
+        else:
+            columns[name] = tuple(entry for part in parts for entry in part)
+    return columns
 
 
 def _on_one_earth(

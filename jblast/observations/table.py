@@ -1,5 +1,6 @@
 """What was measured: one row a measurement."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import datetime
 from importlib import import_module
@@ -168,9 +169,41 @@ def _exchange() -> Any:
     return import_module("jblast.observations.exchange")
 
 
+def observed(
+    sensor: Sequence[str],
+    quantity: Sequence[str],
+    value: Sequence[float] | Float[np.ndarray, " row"],
+    sigma: Sequence[float] | Float[np.ndarray, " row"],
+    **told: Any,
+) -> Observations:
+    """Return a log that is made here: what is not told of its rows is unknown.
+
+    Args:
+        sensor: As in `Observations`, and so all others.
+        quantity: What was measured.
+        value: How much.
+        sigma: Its standard deviation.
+        **told: Other fields.
+    """
+    rows = len(sensor)
+    unknown, unsaid = np.full(rows, np.nan), ("",) * rows
+    untold = {
+        "position": np.full((rows, 3), np.nan),
+        "slant_range": unknown,
+        "time": unknown,
+        "path": unsaid,
+        "shot": unsaid,
+        "clock": unsaid,
+    }
+    return Observations(
+        sensor=tuple(sensor),
+        quantity=tuple(quantity),
+        value=np.asarray(value, float),
+        sigma=np.asarray(sigma, float),
+        **(untold | told),
+    )
+
+
 def no_rows(source: str) -> Observations:
     """Return the log of a file in which nothing could be read."""
-    none = np.empty(0)
-    return Observations(
-        *((), (), none, none, np.empty((0, 3)), none, none, (), (), ()), source=source
-    )
+    return observed((), (), (), (), source=source)

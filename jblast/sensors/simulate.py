@@ -8,7 +8,7 @@ import jax
 import numpy as np
 from jaxtyping import Float
 
-from jblast.observations import Observations
+from jblast.observations import Observations, observed
 from jblast.quantities import ADDITIVE, BY_CAMERA
 from jblast.scene import Scene, UncertainScene, draw_scene
 from jblast.scene.parameters import value_of
@@ -82,22 +82,18 @@ def written(
         sigma: Error of each: in its unit for `ADDITIVE`, relative otherwise.
         sensors: Name of each row's sensor.
     """
-    n = len(value)
     placed = {s.name for s in scene.sensors if np.isfinite(s.position_m).all()}
     told = np.isin(sensors, list(placed))
     told |= np.isin(layout.quantity, BY_CAMERA)  # at the camera
     additive = np.isin(layout.quantity, ADDITIVE)
-    return Observations(
-        sensor=tuple(sensors),
-        quantity=layout.quantity,
-        value=value,
-        sigma=np.where(additive, sigma, sigma * np.abs(value)),
+    return observed(
+        sensors,
+        layout.quantity,
+        value,
+        np.where(additive, sigma, sigma * np.abs(value)),
         position=np.where(told[:, None], np.asarray(layout.position), np.nan),
-        slant_range=np.full(n, np.nan),
         time=np.asarray(layout.time),
-        path=("",) * n,
         shot=tuple(scene.charges[shot].name for shot in layout.shot),
-        clock=("",) * n,
     )
 
 

@@ -21,7 +21,7 @@ from jblast.detect.array.relative_times import FEWEST, MOST, relative_times
 from jblast.detect.peaks import Detection
 from jblast.detect.search import Searched
 from jblast.detect.whitening import bin_variances
-from jblast.observations import Observations
+from jblast.observations import Observations, observed
 from jblast.observations.records.stations import Station
 
 WIDEST = 5.0
@@ -193,16 +193,12 @@ def _window(
 
 
 def _observations(rows: Sequence[_Row], comments: Sequence[str]) -> Observations:
-    count = len(rows)
-    return Observations(
-        sensor=tuple(row.sensor for row in rows),
-        quantity=tuple(row.quantity for row in rows),
-        value=np.array([row.value for row in rows]),
-        sigma=np.array([row.sigma for row in rows]),
-        position=np.array([row.position for row in rows]).reshape(count, 3),
-        slant_range=np.full(count, np.nan),
-        time=np.full(count, np.nan),
-        path=("",) * count,
+    return observed(
+        [row.sensor for row in rows],
+        [row.quantity for row in rows],
+        [row.value for row in rows],
+        [row.sigma for row in rows],
+        position=np.array([row.position for row in rows]).reshape(len(rows), 3),
         shot=tuple(row.shot for row in rows),
         clock=tuple(row.clock for row in rows),
         comments=tuple(comments),

@@ -37,6 +37,9 @@ def covariance_of(
         one: The pick.
         record: What the log calls it.
         quantities: Of its rows.
+
+    Raises:
+        ValueError: They go together as no errors can.
     """
     bound = bool(one.pick.lower_bound)
     names = tuple(

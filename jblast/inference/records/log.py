@@ -15,16 +15,13 @@ from jblast.detect.array.bangs import bangs
 from jblast.detect.peaks import Detection
 from jblast.errors import InputError
 from jblast.inference.picks import RecordPick
+from jblast.inference.records.covariance import TOLD, covariance_of, log_value
 from jblast.inference.records.gathered import Gathered
-from jblast.inference.records.told import told
-from jblast.observations import Observations
+from jblast.observations import Observations, observed
 from jblast.observations.record_covariance import RecordCovariance
 from jblast.observations.records.stations import Station
 
-ARRIVAL, PEAK = "air_arrival_s", "peak_overpressure_pa"
-DURATION, IMPULSE = "positive_duration_s", "positive_impulse_pa_s"
-TOLD = (ARRIVAL, PEAK, DURATION, IMPULSE)
-"""Quantities that a pick gives rows of, in the order of its covariance."""
+_, PEAK, DURATION, IMPULSE = TOLD
 
 
 class LeftOut(NamedTuple):
@@ -107,26 +104,13 @@ def log_of(
         together = [row.quantity for row in made if not row.is_bound]
         if len(together) > 1:
             try:
-                covariances.append(_covariance(one, names[at], together))
+                covariances.append(covariance_of(one, names[at], together))
             except ValueError:  # not positive definite: an optimum at an edge
                 independent.append(names[at])
     count = len(set(shots.values()))
     observations = _observations(rows, found, stations, comments)
     observations = replace(observations, covariances=tuple(covariances))
     return PickLog(observations, tuple(left_out), count, tuple(independent))
-
-
-def _covariance(
-    one: RecordPick, record: str, quantities: Sequence[str]
-) -> RecordCovariance:
-    """Return how the errors of a pick's rows go together.
-
-    Raises:
-        ValueError: They go together as no errors can.
-    """
-    at = [TOLD.index(quantity) for quantity in quantities]
-    matrix = np.asarray(one.pick.covariance)[np.ix_(at, at)]
-    return RecordCovariance(record, tuple(quantities), matrix)
 
 
 def _untold(one: RecordPick) -> Iterator[tuple[str, tuple[str, ...]]]:
@@ -144,12 +128,9 @@ def _untold(one: RecordPick) -> Iterator[tuple[str, tuple[str, ...]]]:
 
 
 def _row(one: RecordPick, quantity: str, shot: str, record: str) -> _Row:
-    """Return a pick's row of a quantity; of a clipped peak, at least where it clips."""
-    value, sigma = told(one, quantity) or (np.nan, np.nan)
+    """Return a pick's row of a quantity."""
+    value, sigma = log_value(one, quantity)
     is_bound = quantity == PEAK and bool(one.pick.lower_bound)
-    if is_bound:
-        value = float(one.pick.clipped_at_pa - one.pick.baseline_pa)
-        sigma = float(one.pick.noise_pa)
     return _Row(one.record.name, quantity, value, sigma, is_bound, shot, record)
 
 
@@ -171,7 +152,8 @@ def _shots(
                 f"{', '.join(stations)}"
             )
         when, peak = one.pick.air_arrival_s, one.pick.peak_overpressure_pa
-        arrival = Detection(float(when), 0.0, 0.0, float(peak))
+        # an onset alone has no peak, and is weaker than any pulse
+        arrival = Detection(float(when), 0.0, 0.0, float(np.nan_to_num(peak)))
         heard.setdefault(name, []).append(arrival)
         at_of[name, arrival] = at
     positions = {name: stations[name].position for name in heard}
@@ -192,18 +174,15 @@ def _observations(
     stations: Mapping[str, Station] | None,
     comments: Sequence[str],
 ) -> Observations:
-    count = len(rows)
     nowhere = Station((np.nan, np.nan, np.nan), "")
     stood = [(stations or {}).get(row.sensor, nowhere) for row in rows]
-    return Observations(
-        sensor=tuple(row.sensor for row in rows),
-        quantity=tuple(row.quantity for row in rows),
-        value=np.array([row.value for row in rows]),
-        sigma=np.array([row.sigma for row in rows]),
-        position=np.array([station.position for station in stood]).reshape(count, 3),
-        slant_range=np.full(count, np.nan),
-        time=np.full(count, np.nan),
-        path=("",) * count,
+    places = np.array([station.position for station in stood])
+    return observed(
+        [row.sensor for row in rows],
+        [row.quantity for row in rows],
+        [row.value for row in rows],
+        [row.sigma for row in rows],
+        position=places.reshape(len(rows), 3),
         shot=tuple(row.shot for row in rows),
         clock=tuple(station.clock for station in stood),
         comments=tuple(comments),

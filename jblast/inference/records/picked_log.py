@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from datetime import datetime
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import equinox as eqx
 import numpy as np
@@ -14,7 +14,7 @@ from jblast.inference.picks import RecordPick
 from jblast.inference.records.covariance import TOLD, covariance_of, log_value
 from jblast.inference.records.gathered import gathered
 from jblast.observations import Observations, some_rows
-from jblast.observations.grouping import PER_ROW
+from jblast.observations.grouping import stacked
 from jblast.observations.records.pressure_record import PressureRecord
 from jblast.observations.table import CLOCK_TIMES, SAMPLES
 
@@ -89,12 +89,13 @@ def _pick(observations: Observations, row: int, name: str) -> RecordPick:
     if not mine:
         got = f"channels {', '.join(sorted(channels))}" if channels else "no blast"
         raise InputError(f"{where}: expected a blast of {shown(sensor)}, got {got}")
-    if all(one.quality == "poor" for one in mine):
+    fitted = [one for one in mine if "onset_alone" not in one.notes]
+    if all(one.quality == "poor" for one in fitted):
         raise InputError(
             f"{where}: expected a record that a pulse fits, got {shown(name)}, whose "
             "pick is poor; take the row out"
         )
-    one = max(mine, key=lambda one: float(one.pick.peak_overpressure_pa))
+    one = max(fitted, key=lambda one: float(one.pick.peak_overpressure_pa))
     if not one.record.calibrated:
         raise InputError(
             f"{where}: expected samples in pascals, got {shown(name)} in a unit that "
@@ -152,13 +153,7 @@ def _rows(observations: Observations, row: int, one: RecordPick) -> Observations
 
 def _joined(observations: Observations, parts: Sequence[Observations]) -> Observations:
     """Put rows of one log together again."""
-    columns: dict[str, Any] = {}
-    for name in PER_ROW:
-        each = [getattr(replace(p, lower_bound=p.bounds()), name) for p in parts]
-        if isinstance(each[0], np.ndarray):
-            columns[name] = np.concatenate(each)
-        else:
-            columns[name] = tuple(entry for part in each for entry in part)
+    columns = stacked(parts)
     if not columns["lower_bound"].any():
         columns["lower_bound"] = None
     return replace(observations, **columns)

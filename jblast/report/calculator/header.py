@@ -26,8 +26,8 @@ def header(question: Question) -> list[tuple[str, str]]:
         z = np.atleast_1d(given["scaled_distance_m_kg13"])
         radius = np.atleast_1d(given["charge_radius_m"])
         text = f"{_span(z)} m/kg^(1/3)"
-        foot, pound = (unit_for(name, 1.0, system="us") for name in ("_m", "_kg"))
         if system == "us":  # beside ours, in which the laws' ranges are told
+            foot, pound = (unit_for(name, 1.0, system=system) for name in ("_m", "_kg"))
             text += f", {_span(z * pound.size ** (1 / 3) / foot.size)} ft/lb^(1/3)"
         lines.append(("scaled distance", text))
         unit = unit_for("_m", 1.0, system=system)

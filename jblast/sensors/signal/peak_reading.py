@@ -12,7 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Bool, Float
 
-from jblast.observations import Observations
+from jblast.observations import Observations, observed
 from jblast.scene import Instrument, Sensor
 from jblast.sensors.signal.quantise import SHARPNESS, clipping
 
@@ -67,19 +67,14 @@ def peak_log(
         readings: The peak of each one's record [Pa].
         shot: Name of the event, where a log has several.
     """
-    n, nothing = len(sensors), ("",) * len(sensors)
-    unknown = np.full(n, np.nan)
+    n = len(sensors)
     bound = np.array([bool(reading.lower_bound) for reading in readings], bool)
-    return Observations(
-        sensor=tuple(sensor.name for sensor in sensors),
-        quantity=("peak_overpressure_pa",) * n,
-        value=np.array([float(reading.value) for reading in readings]),
-        sigma=np.array([float(reading.sigma) for reading in readings]),
+    return observed(
+        [sensor.name for sensor in sensors],
+        ("peak_overpressure_pa",) * n,
+        [float(reading.value) for reading in readings],
+        [float(reading.sigma) for reading in readings],
         position=np.array([sensor.position_m for sensor in sensors]).reshape(n, 3),
-        slant_range=unknown,
-        time=unknown,
-        path=nothing,
         shot=(shot,) * n,
-        clock=nothing,
         lower_bound=bound if bound.any() else None,
     )

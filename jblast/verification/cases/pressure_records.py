@@ -14,7 +14,7 @@ from jaxtyping import Float
 from jblast.inference.picks import RecordPick
 from jblast.inference.posterior.parameters import parameters_of
 from jblast.inference.records.covariance import TOLD, covariance_of, log_value
-from jblast.observations import Observations
+from jblast.observations import Observations, observed
 from jblast.observations.records.pressure_record import PressureRecord
 from jblast.scene import Charge, Scene, UncertainScene, freed, with_laws
 from jblast.sensors import Layout, record
@@ -148,18 +148,12 @@ def log_of_picks(picks: Sequence[RecordPick]) -> Observations:
     """Return the rows of picks of all gauges, with what they share."""
     told = [log_value(one, quantity) for one in picks for quantity in TOLD]
     names = tuple(one.record.name for one in picks for _ in TOLD)
-    count = len(names)
-    return Observations(
-        sensor=names,
-        quantity=TOLD * len(picks),
-        value=np.array([value for value, _ in told]),
-        sigma=np.array([sigma for _, sigma in told]),
-        position=np.full((count, 3), np.nan),
+    return observed(
+        names,
+        TOLD * len(picks),
+        [value for value, _ in told],
+        [sigma for _, sigma in told],
         slant_range=np.repeat(np.array(RANGES), len(TOLD)),
-        time=np.full(count, np.nan),
-        path=("",) * count,
-        shot=("",) * count,
-        clock=("",) * count,
         record=names,
         covariances=tuple(covariance_of(one, one.record.name, TOLD) for one in picks),
     )

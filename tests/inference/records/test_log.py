@@ -101,6 +101,27 @@ def test_bangs_are_told_apart_by_what_sound_takes_between_the_sensors():
     assert log.bangs == 2
 
 
+ONSET = {"peak_overpressure_pa": np.nan, "covariance": np.full((4, 4), np.nan)}
+
+
+def test_of_an_onset_alone_the_arrival_stands():
+    matrix = np.full((4, 4), np.nan)
+    matrix[0, 0] = 0.02**2
+    log = log_of(found(("a", ONSET | {"air_arrival_s": 0.5, "covariance": matrix})))
+    assert log.observations.quantity == TOLD[:1]
+    np.testing.assert_allclose(log.observations.sigma, [0.02])
+    assert [left.reason for left in log.left_out] == ["onset_alone"]
+
+
+def test_a_pulse_is_stronger_than_an_onset_alone_at_its_place():
+    onset, pulse = ONSET | {"air_arrival_s": 1.0}, {"air_arrival_s": 1.3}
+    other = {"air_arrival_s": 1.5}
+    picks = found(("a", onset), ("a", pulse), ("b", other))
+    rows = log_of(picks, STATIONS).observations
+    told = zip(rows.sensor, rows.quantity, rows.value, strict=True)
+    assert ("a", TOLD[0], 1.3) in list(told)
+
+
 def test_without_places_the_order_tells_bangs_apart():
     log = log_of(found(("a", {}), ("a", {"air_arrival_s": 5.0}), ("b", {})))
     assert set(zip(log.observations.record, log.observations.shot, strict=True)) == {

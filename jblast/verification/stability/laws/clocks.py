@@ -1,13 +1,12 @@
 """Where a clock's seconds no longer fit the numbers that hold them."""
 
-import dataclasses
 import math
 from typing import Any
 
 import numpy as np
 
 from jblast.errors import InputError
-from jblast.observations import Observations
+from jblast.observations import Observations, observed
 from jblast.observations.times.clocks import refuse_unresolved
 from jblast.verification.stability.failure import FailureMode, verified
 
@@ -77,17 +76,6 @@ def _is_refused(time: float, sigma: float, dtype: type[np.floating[Any]]) -> boo
 
 def arrival_at(time: float, sigma: float) -> Observations:
     """Return a log of one arrival [s]."""
-    nothing = np.full(1, np.nan)
-    log = Observations(
-        sensor=("a",),
-        quantity=("air_arrival_s",),
-        value=np.array([time]),
-        sigma=np.array([sigma]),
-        position=np.array([[30.0, 0.0, 0.0]]),
-        slant_range=nothing,
-        time=nothing,
-        path=("",),
-        shot=("",),
-        clock=("",),
-    )
-    return dataclasses.replace(log, source="one arrival")
+    place = np.array([[30.0, 0.0, 0.0]])
+    told = {"position": place, "source": "one arrival"}
+    return observed(["a"], ["air_arrival_s"], [time], [sigma], **told)

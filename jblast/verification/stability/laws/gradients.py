@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from jblast.errors import InputError
-from jblast.observations import Observations, resolve_positions
+from jblast.observations import observed, resolve_positions
 from jblast.registry import LAWS, call
 from jblast.scene import Charge, Scene
 from jblast.sensors.calculator.forward import calculated_laws
@@ -133,19 +133,9 @@ def _distance() -> FailureMode:
 def _laws_at_zero() -> FailureMode:
     bad = laws_without_slope()
     refused = 0
-    one = np.zeros(1)
-    log = Observations(
-        sensor=("a",),
-        quantity=("peak_overpressure_pa",),
-        value=one + 1e4,
-        sigma=one + 1e3,
-        position=np.zeros((1, 3)),
-        slant_range=one * np.nan,
-        time=one * np.nan,
-        path=("",),
-        shot=("",),
-        clock=("",),
-    )
+    at_zero = np.zeros((1, 3))
+    peak = ["a"], ["peak_overpressure_pa"], [1e4], [1e3]
+    log = observed(*peak, position=at_zero)
     pressure = LAWS["peak_overpressure_pa", "kingery_bulmash"].function
     for refuse in (lambda: pressure(0.0, 1.0), lambda: resolve_positions(log, Scene())):
         try:
