@@ -59,7 +59,11 @@ def test_a_killed_walk_goes_on_to_the_answer_of_an_unbroken_one(tmp_path, way):
         assert any("stopped by Ctrl-C" in said for said in answer["warnings"])
         finish(walk(broken, "--force"))
     answers = [json.loads((out / "fit.json").read_text()) for out in (whole, broken)]
+    made = [answer.pop("provenance") for answer in answers]
     assert answers[0] == answers[1]
+    # another command at another time, of the same files
+    assert made[0]["logs"] == made[1]["logs"]
+    assert made[0]["scene"] == made[1]["scene"]
     for one in (whole / "walk").glob("*.npz"):
         with np.load(one) as a, np.load(kept / one.name) as b:
             for name in a.files:
