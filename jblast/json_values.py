@@ -3,9 +3,15 @@
 import math
 from collections.abc import Mapping
 from dataclasses import fields, is_dataclass
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
+
+ABSENT = MappingProxyType({"absent": True})
+"""Metadata of a field that is no entry where it is None."""
+AMONG = MappingProxyType({"among": True})
+"""Metadata of a field whose own entries stand among the others; None has none."""
 
 
 def plain(value: Any) -> Any:
@@ -13,7 +19,7 @@ def plain(value: Any) -> Any:
     if hasattr(value, "to_dict"):
         return plain(value.to_dict())
     if is_dataclass(value) and not isinstance(value, type):
-        return {f.name: plain(getattr(value, f.name)) for f in fields(value)}
+        return entries(value)
     if isinstance(value, Mapping):
         return {str(key): plain(entry) for key, entry in value.items()}
     if isinstance(value, (list, tuple)):
@@ -23,3 +29,15 @@ def plain(value: Any) -> Any:
     if isinstance(value, float):
         return float(value) if math.isfinite(value) else None
     return plain(np.asarray(value).tolist())
+
+
+def entries(answer: Any) -> dict[str, Any]:
+    """Return the fields of a dataclass as JSON can hold them, by name."""
+    found: dict[str, Any] = {}
+    for field in fields(answer):
+        value = getattr(answer, field.name)
+        if field.metadata.get("among"):
+            found |= plain(value) or {}
+        elif value is not None or not field.metadata.get("absent"):
+            found[field.name] = plain(value)
+    return found

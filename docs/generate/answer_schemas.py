@@ -23,8 +23,10 @@ from jblast.inference.identifiability.findings import (
 )
 from jblast.inference.posterior.finding import Finding
 from jblast.observations.understood import Understood
+from jblast.report.calculator.answer import CalculatorAnswer, InverseAnswer
 from jblast.report.check.answer import CheckAnswer
 from jblast.report.discovery.answer import DiscoveryAnswer
+from jblast.report.film.answer import EventsAnswer, FilmAnswer
 from jblast.report.flights.answer import FlightsAnswer
 from jblast.report.provenance import Provenance
 from jblast.verification.stability.failure import KEYS as FAILURE_KEYS, FailureMode
@@ -32,6 +34,7 @@ from jblast.verification.stability.failure import KEYS as FAILURE_KEYS, FailureM
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
 NUMBER = {"type": ["number", "null"]}
 """What is infinite or unknown is null."""
+NULL = {"type": "null"}
 SIMPLE: dict[Any, dict[str, Any]] = {
     float: NUMBER,
     int: {"type": "integer"},
@@ -59,9 +62,27 @@ def bound() -> Schema:
 
 def choose() -> Schema:
     """Return the schema of what `jblast choose --json` prints."""
-    return {"$schema": DIALECT, "title": "An answer of jblast choose"} | schema_of(
-        Choice
-    )
+    return _titled("An answer of jblast choose", schema_of(Choice))
+
+
+def calc() -> Schema:
+    """Return the schema of what `jblast calc --json` prints of quantities at ranges."""
+    return _titled("An answer of jblast calc", schema_of(CalculatorAnswer))
+
+
+def calc_inverse() -> Schema:
+    """Return the schema of what it prints where a range or a mass is asked for."""
+    return _titled("A range or a mass by jblast calc", schema_of(InverseAnswer))
+
+
+def render() -> Schema:
+    """Return the schema of what `jblast render --json` prints."""
+    return _titled("An answer of jblast render", schema_of(FilmAnswer))
+
+
+def events() -> Schema:
+    """Return the schema of what `jblast events --json` prints."""
+    return _titled("An answer of jblast events", schema_of(EventsAnswer))
 
 
 def discover() -> Schema:
@@ -96,7 +117,7 @@ def schema_of(hint: Any) -> Schema:
     if origin in (Union, types.UnionType):
         return {"anyOf": [schema_of(one) for one in inner]}
     if hint is type(None):
-        return {"type": "null"}
+        return NULL
     if origin is Mapping:
         return {"type": "object", "additionalProperties": schema_of(inner[1])}
     if origin is tuple:
@@ -110,13 +131,29 @@ def schema_of(hint: Any) -> Schema:
 
 
 def _of_class(cls: type) -> Schema:
+    """Return the schema of what `json_values.entries` makes of a dataclass."""
     hints, told = get_type_hints(cls), attributes(cls.__doc__ or "")
-    return _object(
-        {
-            field.name: schema_of(hints[field.name]) | {"description": told[field.name]}
-            for field in fields(cls)
-        }
-    )
+    properties: dict[str, Schema] = {}
+    others, absent = False, set()
+    for field in fields(cls):
+        schema = schema_of(hints[field.name])
+        if field.metadata.get("absent") or field.metadata.get("among"):
+            schema = _without_null(schema)
+        if not field.metadata.get("among"):
+            properties[field.name] = schema | {"description": told[field.name]}
+            absent |= {field.name} if field.metadata.get("absent") else set()
+        elif "properties" in schema:
+            properties |= schema["properties"]
+            absent |= set(schema["properties"])
+        else:
+            others = schema["additionalProperties"]
+    whole = _object(properties) | {"additionalProperties": others}
+    return whole | {"required": [key for key in properties if key not in absent]}
+
+
+def _without_null(schema: Schema) -> Schema:
+    held = [one for one in schema.get("anyOf", [schema]) if one != NULL]
+    return held[0] if len(held) == 1 else {"anyOf": held}
 
 
 def _object(properties: dict[str, Schema]) -> Schema:
@@ -128,9 +165,13 @@ def _object(properties: dict[str, Schema]) -> Schema:
     }
 
 
+def _titled(title: str, schema: Schema) -> Schema:
+    return {"$schema": DIALECT, "title": title} | schema
+
+
 def _document(title: str, schema: Schema) -> Schema:
     properties = {"schema": {"const": 1}} | schema["properties"]
-    return {"$schema": DIALECT, "title": title} | _object(properties)
+    return _titled(title, _object(properties))
 
 
 def _without(schema: Schema, *names: str) -> dict[str, Schema]:

@@ -21,6 +21,26 @@ def choose() -> str:
     return keys_of(answer_schemas.choose())
 
 
+def calc() -> str:
+    """Write the keys of a calculation."""
+    return keys_of(answer_schemas.calc())
+
+
+def calc_inputs() -> str:
+    """Write the keys of what a calculation was made with."""
+    return keys_of(answer_schemas.calc()["properties"]["inputs"])
+
+
+def render() -> str:
+    """Write the keys of a film."""
+    return keys_of(answer_schemas.render())
+
+
+def events() -> str:
+    """Write the keys of the events of frames."""
+    return keys_of(answer_schemas.events())
+
+
 def discover() -> str:
     """Write the keys of a discovery."""
     return keys_of(answer_schemas.discover())
@@ -61,5 +81,5 @@ def _within(schema: Mapping[str, Any]) -> str:
     for word, how in (("items", "each with "), ("additionalProperties", "by name ")):
         inner = schema.get(word)
         if isinstance(inner, Mapping) and (keys := _within(inner)):
-            return how + keys
+            return keys if keys.startswith(how) else how + keys
     return next(filter(None, map(_within, schema.get("anyOf", ()))), "")

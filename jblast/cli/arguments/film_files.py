@@ -4,7 +4,7 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import jax
 import numpy as np
@@ -12,7 +12,12 @@ import numpy as np
 from jblast.cli.arguments.paths import refuse_existing
 from jblast.errors import InputError
 from jblast.progress import counted
-from jblast.report.contact_sheet import sheet_frames, time_label, write_contact_sheet
+from jblast.report.film.answer import FilmFiles
+from jblast.report.film.contact_sheet import (
+    sheet_frames,
+    time_label,
+    write_contact_sheet,
+)
 from jblast.sensors.camera.events.exact.fireball import render_events
 from jblast.sensors.camera.events.ideal import Events
 from jblast.sensors.camera.events.noise import NoiseModel
@@ -44,7 +49,7 @@ class Stamps(NamedTuple):
     """
 
     error_s: float
-    how: str
+    how: Literal["solved for", "interpolated"]
 
 
 def is_solvable(film: Film) -> bool:
@@ -182,9 +187,10 @@ class FilmWriter:
         labels = [time_label(float(self.film.times[n]) - first) for n in numbers]
         write_contact_sheet(self.out / SHEET, [self.shown[n] for n in numbers], labels)
 
-    def files(self) -> dict[str, str]:
+    def files(self) -> FilmFiles:
         """Return what is written where."""
-        frames = {} if self.mode == "events" else {"frames": self.out / FRAMES}
-        events = {} if self.mode == "rgb" else {"events": self.out / EVENTS}
-        written = {**frames, **events, "contact_sheet": self.out / SHEET}
-        return {name: str(path) for name, path in written.items()}
+        return FilmFiles(
+            frames=None if self.mode == "events" else str(self.out / FRAMES),
+            events=None if self.mode == "rgb" else str(self.out / EVENTS),
+            contact_sheet=str(self.out / SHEET),
+        )

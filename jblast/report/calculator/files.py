@@ -2,18 +2,15 @@
 
 import json
 from collections.abc import Sequence
-from dataclasses import asdict
 from typing import Any
 
-import numpy as np
-
-from jblast.json_values import plain
+from jblast.report.calculator.answer import calculator_answer, inverse_answer
 from jblast.report.calculator.header import header, title
 from jblast.report.calculator.inputs import inputs
 from jblast.report.calculator.notes import disagreement_words, notes
 from jblast.report.tables import comma_separated
 from jblast.sensors.calculator.disagreement import Disagreement
-from jblast.sensors.calculator.forward import Calculated, Calculation
+from jblast.sensors.calculator.forward import Calculation
 from jblast.sensors.calculator.inverse import Roots
 from jblast.sensors.calculator.question import Question
 from jblast.sensors.calculator.recommended import Recommended
@@ -26,45 +23,13 @@ def calculation_json(
     apart: Sequence[Disagreement] = (),
     told: Recommended | None = None,
 ) -> str:
-    """Return inputs and quantities; lists by row where there are several rows.
-
-    Args:
-        question: What was asked.
-        answer: What the laws say.
-        other: What those of two curve sets say by the other set, if that is of use.
-        apart: Where laws that hold disagree.
-        told: The answer, where one question was asked.
-    """
-    quantities: dict[str, dict[str, Any]] = {}
-    for quantity, by_law in answer.items():
-        quantities[quantity] = {}
-        for name, of_law in by_law.items():
-            entry = {**_value(of_law), "range": of_law.range}
-            if other is not None and of_law.two_sets:
-                entry["other_burst"] = _value(other[quantity][name])
-            quantities[quantity][name] = entry
-    whole = {"inputs": inputs(question), "quantities": quantities}
-    answered = {"recommended": asdict(told)} if told else {}
-    return _json(whole | answered | {"disagreements": [asdict(one) for one in apart]})
+    """Return inputs and quantities as JSON; arguments as of `calculator_answer`."""
+    return _json(calculator_answer(question, answer, other, apart, told).to_dict())
 
 
 def roots_json(question: Question, answer: dict[str, Roots], told: Recommended) -> str:
-    """Return inputs, the answer, and by law the best root and all of them."""
-    by_law = {}
-    for name, found in answer.items():
-        value, valid = found.best() or (None, False)
-        pairs = zip(found.value, found.valid, strict=True)
-        by_law[name] = {
-            "value": value,
-            "valid": valid,
-            "roots": [{"value": float(v), "valid": bool(ok)} for v, ok in pairs],
-            "range": found.law.range,
-        }
-    asked = inputs(question)
-    quantities = {asked["asked"]: by_law}
-    return _json(
-        {"inputs": asked, "recommended": asdict(told), "quantities": quantities}
-    )
+    """Return inputs, the answer, and by law the best root and all of them as JSON."""
+    return _json(inverse_answer(question, answer, told).to_dict())
 
 
 def calculation_csv(
@@ -87,18 +52,11 @@ def calculation_csv(
 
 def roots_csv(question: Question, answer: dict[str, Roots]) -> str:
     """Return one root a line; the inputs stand above as comments."""
-    lines = [(inputs(question)["asked"], "law", "valid")]
+    lines = [(str(inputs(question).asked), "law", "valid")]
     for name, found in answer.items():
         for value, valid in zip(found.value, found.valid, strict=True):
             lines.append((repr(float(value)), name, str(bool(valid)).lower()))
     return _comments(question) + comma_separated(lines)
-
-
-def _value(of_law: Calculated) -> dict[str, Any]:
-    value, valid = np.asarray(of_law.value), np.asarray(of_law.valid)
-    if len(value) == 1:
-        return {"value": float(value[0]), "valid": bool(valid[0])}
-    return {"value": value.tolist(), "valid": valid.tolist()}
 
 
 def _comments(question: Question) -> str:
@@ -108,5 +66,5 @@ def _comments(question: Question) -> str:
 
 
 def _json(answer: dict[str, Any]) -> str:
-    text = json.dumps(plain(answer), indent=1, allow_nan=False, ensure_ascii=False)
+    text = json.dumps(answer, indent=1, allow_nan=False, ensure_ascii=False)
     return text + "\n"

@@ -1,11 +1,8 @@
 """The question and what it was answered with, defaults named, for a terminal."""
 
-from collections.abc import Mapping
-from typing import Any
-
 import numpy as np
 
-from jblast.report.calculator.inputs import inputs
+from jblast.report.calculator.inputs import Inputs, inputs
 from jblast.report.numbers import System, printed_number, unit_for
 from jblast.report.words import quantity_words
 from jblast.sensors.calculator.question import Question
@@ -18,13 +15,13 @@ def header(question: Question) -> list[tuple[str, str]]:
     system = question.units
     lines = []
     if charge.explosive != "TNT":
-        factors = given["tnt_factor"]
-        text = f"{factors['pressure']:g} for pressure and time, "
-        text += f"{factors['impulse']:g} for impulse and duration, times the mass"
+        factors = given.tnt_factor
+        text = f"{factors.pressure:g} for pressure and time, "
+        text += f"{factors.impulse:g} for impulse and duration, times the mass"
         lines.append(("as TNT", text))
-    if question.charge_mass and question.slant_range:
-        z = np.atleast_1d(given["scaled_distance_m_kg13"])
-        radius = np.atleast_1d(given["charge_radius_m"])
+    if given.scaled:
+        z = np.atleast_1d(given.scaled.scaled_distance_m_kg13)
+        radius = np.atleast_1d(given.scaled.charge_radius_m)
         text = f"{_span(z)} m/kg^(1/3)"
         if system == "us":  # beside ours, in which the laws' ranges are told
             foot, pound = (unit_for(name, 1.0, system=system) for name in ("_m", "_kg"))
@@ -34,10 +31,10 @@ def header(question: Question) -> list[tuple[str, str]]:
         text = f"{_span(radius / unit.size)} {unit.symbol} (TNT at 1630 kg/m3)"
         lines.append(("charge radius", text))
         if charge.burst == "surface":
-            factor = np.atleast_1d(given["ground_factor"])
+            factor = np.atleast_1d(given.scaled.ground_factor)
             text = f"{_span(factor)} times the mass makes the same in free air"
             lines.append(("ground factor", text))
-    height = given["height_m"]
+    height = given.height_m
     place = (
         "" if not height else f", {printed_number('_m', abs(height), system=system)} "
     )
@@ -47,7 +44,7 @@ def header(question: Question) -> list[tuple[str, str]]:
     lines.append(
         ("air", _air(given, system) + _default("air", defaults, "at sea level"))
     )
-    rock = f"P wave {_speed(given['p_speed_m_s'], system, 'g')}"
+    rock = f"P wave {_speed(given.p_speed_m_s, system, 'g')}"
     lines.append(("ground", rock + _default("ground", defaults, "granite")))
     return lines
 
@@ -69,20 +66,18 @@ def title(question: Question) -> str:
     return f"Mass of {explosive} that makes {what} at {ranges}"
 
 
-def _air(given: Mapping[str, Any], system: System) -> str:
-    pressure = f"{given['pressure_pa'] / 1e3:.3f} kPa"
+def _air(given: Inputs, system: System) -> str:
+    pressure = f"{given.pressure_pa / 1e3:.3f} kPa"
     if system == "us":
-        pressure = printed_number("_pa", given["pressure_pa"], system=system)
+        pressure = printed_number("_pa", given.pressure_pa, system=system)
     words = [
-        f"{given['temperature_k']:.2f} K",
+        f"{given.temperature_k:.2f} K",
         pressure,
-        f"humidity {given['relative_humidity']:g}"
-        if given["relative_humidity"]
-        else "dry",
-        f"sound {_speed(given['sound_speed_m_s'], system, '.2f')}",
+        f"humidity {given.relative_humidity:g}" if given.relative_humidity else "dry",
+        f"sound {_speed(given.sound_speed_m_s, system, '.2f')}",
     ]
-    if given["altitude_m"] is not None:
-        altitude = given["altitude_m"]
+    if given.altitude_m is not None:
+        altitude = given.altitude_m
         shown = f"{altitude:g} m"
         if system == "us":
             shown = printed_number("_m", altitude, system=system)

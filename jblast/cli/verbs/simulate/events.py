@@ -64,6 +64,8 @@ def run(asked: argparse.Namespace) -> int:
     import jax
 
     from jblast.cli.arguments.paths import refuse_existing, writing
+    from jblast.report.film.answer import EventsAnswer, as_json
+    from jblast.report.film.text import events_text
     from jblast.sensors.camera.events.log_intensity import grey_table
     from jblast.sensors.camera.events.noise import NoiseModel
     from jblast.sensors.camera.events.noisy import noisy_stream
@@ -87,30 +89,20 @@ def run(asked: argparse.Namespace) -> int:
     seconds = (len(files) - 1) / fps
     with writing(asked.out):
         written = write_events(asked.out, events, width, height, duration_s=seconds)
-    summary = {
-        "frames": len(files),
-        "width": width,
-        "height": height,
-        "fps": fps,
-        "duration_s": seconds,
-        "threshold": list(thresholds),
-        "srgb": asked.srgb,
-        "noise": asked.noise,
-        "seed": None if asked.noise == "off" else asked.seed,
+    answer = EventsAnswer(
+        frames=len(files),
+        width=width,
+        height=height,
+        fps=fps,
+        duration_s=seconds,
+        threshold=thresholds,
+        srgb=asked.srgb,
+        noise=asked.noise,
+        seed=None if asked.noise == "off" else asked.seed,
         **written._asdict(),
-        "out": asked.out,
-    }
-    if asked.json:
-        import json
-
-        sys.stdout.write(json.dumps(summary, indent=2, ensure_ascii=False) + "\n")
-    else:
-        sys.stdout.write(
-            f"{len(files):,} frames of {width} x {height} pixels over "
-            f"{summary['duration_s']:g} s: {written.events:,} events, "
-            f"{written.brighter:,} brighter and {written.darker:,} darker\n"
-            f"{asked.out}\n"
-        )
+        out=asked.out,
+    )
+    sys.stdout.write(as_json(answer) if asked.json else events_text(answer))
     return 0
 
 

@@ -118,23 +118,15 @@ def run(asked: argparse.Namespace) -> int:
     from jblast.cli.arguments.film import film_asked
     from jblast.cli.arguments.film_files import FilmWriter, cleared
     from jblast.cli.arguments.paths import writing
+    from jblast.report.film.answer import FilmAnswer, FilmEvents, as_json
+    from jblast.report.film.text import film_text
 
     film = film_asked(asked, MOST)
     next(film.frames())  # what cannot be rendered is refused with all files in place
     out, noise = Path(asked.out), asked.noise == "on"
     writer = FilmWriter(film, out, asked.mode)
     camera, times = film.camera, film.times
-    summary = {
-        "scene": asked.scene,
-        "mode": asked.mode,
-        "frames": len(times),
-        "width": camera.width,
-        "height": camera.height,
-        "fps": float(camera.frames_hz),
-        "start_s": float(times[0]),
-        "duration_s": float(times[-1] - times[0]),
-        "seed": asked.seed,
-    }
+    found = None
     begin("filming")
     with writing(asked.out):
         read = asked.background, asked.views
@@ -143,34 +135,27 @@ def run(asked: argparse.Namespace) -> int:
         if asked.mode != "rgb":
             begin("finding events")
             written, stamps = writer.write_events(noise, asked.seed)
-            threshold = camera.threshold.tolist()
-            summary |= {"threshold": threshold, "noise": asked.noise}
-            summary |= written._asdict()
-            summary |= {"stamps": stamps.how, "stamp_error_s": stamps.error_s}
+            found = FilmEvents(
+                threshold=tuple(camera.threshold.tolist()),
+                noise=asked.noise,
+                **written._asdict(),
+                stamps=stamps.how,
+                stamp_error_s=stamps.error_s,
+            )
         begin("drawing the sheet")
         writer.write_sheet()
-    summary["files"] = writer.files()
-    if asked.json:
-        import json
-
-        sys.stdout.write(json.dumps(summary, indent=2, ensure_ascii=False) + "\n")
-    else:
-        sys.stdout.write(words(summary))
-    return 0
-
-
-def words(summary: dict) -> str:
-    """Return the summary as a few lines."""
-    told = (
-        f"{summary['frames']:,} frames of {summary['width']} x {summary['height']} "
-        f"pixels at {summary['fps']:g} Hz from {summary['start_s']:g} s"
+    answer = FilmAnswer(
+        scene=asked.scene,
+        mode=asked.mode,
+        frames=len(times),
+        width=camera.width,
+        height=camera.height,
+        fps=float(camera.frames_hz),
+        start_s=float(times[0]),
+        duration_s=float(times[-1] - times[0]),
+        seed=asked.seed,
+        found=found,
+        files=writer.files(),
     )
-    if "events" in summary:
-        told += (
-            f": {summary['events']:,} events, {summary['brighter']:,} brighter and "
-            f"{summary['darker']:,} darker; times {summary['stamps']}, "
-            f"within {1e6 * summary['stamp_error_s']:g} us"
-        )
-        if summary["stamps"] != "solved for":
-            told += " for 99 in 100"
-    return "\n".join([told, *summary["files"].values(), ""])
+    sys.stdout.write(as_json(answer) if asked.json else film_text(answer))
+    return 0

@@ -2,7 +2,11 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from jblast.report.contact_sheet import sheet_frames, time_label, write_contact_sheet
+from jblast.report.film.contact_sheet import (
+    sheet_frames,
+    time_label,
+    write_contact_sheet,
+)
 
 
 @pytest.mark.parametrize("frames", [1, 2, 5, 11, 12, 13, 30, 1000, 100_000])

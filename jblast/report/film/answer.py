@@ -1,0 +1,128 @@
+"""What was written of a film as `--json` prints it, key by key."""
+
+import json
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+from jblast.json_values import ABSENT, AMONG, entries
+
+Switch = Literal["on", "off"]
+
+
+@dataclass(frozen=True)
+class FilmEvents:
+    """The events of a film.
+
+    Attributes:
+        threshold: Changes of the logarithm of light that give an event, brighter and
+            darker.
+        noise: Whether the camera has its imperfections.
+        events: How many there are.
+        brighter: How many of them tell of more light.
+        darker: How many tell of less.
+        stamps: How their times were found.
+        stamp_error_s: Bound of the times' error; of 99 in 100 where interpolated.
+    """
+
+    threshold: tuple[float, float]
+    noise: Switch
+    events: int
+    brighter: int
+    darker: int
+    stamps: Literal["solved for", "interpolated"]
+    stamp_error_s: float
+
+
+@dataclass(frozen=True)
+class FilmFiles:
+    """Where a film's files are.
+
+    Attributes:
+        frames: The directory of frames; absent with `--mode events`.
+        events: The file of events; absent with `--mode rgb`.
+        contact_sheet: Some of the frames on one page.
+    """
+
+    frames: str | None = field(metadata=ABSENT)
+    events: str | None = field(metadata=ABSENT)
+    contact_sheet: str
+
+
+@dataclass(frozen=True)
+class FilmAnswer:
+    """A film that was written.
+
+    Attributes:
+        scene: The file.
+        mode: What was written of it.
+        frames: How many there are.
+        width: Of a frame, in pixels.
+        height: Of a frame, in pixels.
+        fps: Frames a second.
+        start_s: When the first frame stands, on the scene's clock.
+        duration_s: From the first frame to the last.
+        seed: Of noise and priors.
+        found: Its events; None with `--mode rgb`.
+        files: Where they are.
+    """
+
+    scene: str
+    mode: Literal["rgb", "events", "both"]
+    frames: int
+    width: int
+    height: int
+    fps: float
+    start_s: float
+    duration_s: float
+    seed: int
+    found: FilmEvents | None = field(metadata=AMONG)
+    files: FilmFiles
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return what JSON can hold of it."""
+        return entries(self)
+
+
+@dataclass(frozen=True)
+class EventsAnswer:
+    """The events of frames, as they were written.
+
+    Attributes:
+        frames: How many were read.
+        width: Of a frame, in pixels.
+        height: Of a frame, in pixels.
+        fps: Frames a second.
+        duration_s: From the first frame to the last.
+        threshold: Changes of the logarithm of light that give an event, brighter and
+            darker.
+        srgb: Whether grey values were taken for sRGB.
+        noise: Whether the camera has its imperfections.
+        seed: Of the noise; null without.
+        events: How many there are.
+        brighter: How many of them tell of more light.
+        darker: How many tell of less.
+        out: The file.
+    """
+
+    frames: int
+    width: int
+    height: int
+    fps: float
+    duration_s: float
+    threshold: tuple[float, float]
+    srgb: bool
+    noise: Switch
+    seed: int | None
+    events: int
+    brighter: int
+    darker: int
+    out: str
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return what JSON can hold of it."""
+        return entries(self)
+
+
+def as_json(answer: FilmAnswer | EventsAnswer) -> str:
+    """Return what `--json` prints."""
+    return json.dumps(answer.to_dict(), indent=2, ensure_ascii=False) + "\n"

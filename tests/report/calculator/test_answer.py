@@ -1,0 +1,74 @@
+"""The calculator's answer as JSON: what its schema says, and nothing else."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from jsonschema import Draft202012Validator
+
+from docs.generate import answer_schemas
+from jblast.registry import LAWS
+from jblast.report.calculator.answer import calculator_answer, inverse_answer
+from jblast.scene import Charge, Scene
+from jblast.sensors.calculator.disagreement import Disagreement
+from jblast.sensors.calculator.forward import Calculated
+from jblast.sensors.calculator.inverse import Roots
+from jblast.sensors.calculator.question import Question
+from jblast.sensors.calculator.recommended import Recommended
+
+APART = Disagreement(
+    "air_arrival_s", "a", "b", 2.0, 1.5, 20.0, 15.0, 1, "a", "nearer to nature"
+)
+TOLD = Recommended("peak_overpressure_pa", "a", 1.0, True, math.nan, "it holds")
+
+
+@pytest.mark.parametrize(
+    "question",
+    [
+        Question(Scene(), (20.0,), (15.0,)),
+        Question(Scene(Charge(position_m=(0.0, 0.0, 3.0))), (20.0, 40.0), (15.0,)),
+    ],
+)
+def test_the_schema_takes_one_row_and_several(question):
+    value = np.arange(1.0, 1.0 + len(question.slant_range))
+    one = Calculated(value, value > 1.0, "Z from 1 to 2 m/kg^(1/3)", two_sets=True)
+    laws = {"peak_overpressure_pa": {"a": one, "b": replace(one, two_sets=False)}}
+    schema = Draft202012Validator(answer_schemas.calc())
+    for beside in ((None, (), None), (laws, (APART,), TOLD)):
+        answer = calculator_answer(question, laws, *beside).to_dict()
+        schema.validate(answer)
+        assert not schema.is_valid(answer | {"more": 1})
+        assert not Draft202012Validator(answer_schemas.calc_inverse()).is_valid(answer)
+    by_law = answer["quantities"]["peak_overpressure_pa"]
+    assert "other_burst" in by_law["a"]
+    assert "other_burst" not in by_law["b"]
+    assert answer["recommended"]["scatter"] is None
+
+
+def test_numbers_of_one_row_are_no_lists():
+    value = np.array([3.0])
+    laws = {"air_arrival_s": {"a": Calculated(value, value > 0.0, "all", False)}}
+    answer = calculator_answer(Question(Scene(), (20.0,), (15.0,)), laws).to_dict()
+    assert answer["quantities"]["air_arrival_s"]["a"]["value"] == 3.0
+    assert answer["inputs"]["mass_kg"] == 15.0
+    assert "recommended" not in answer
+    assert "asked" not in answer["inputs"]
+
+
+@pytest.mark.parametrize("given", [{"charge_mass": (15.0,)}, {"slant_range": (20.0,)}])
+def test_the_schema_takes_a_range_or_a_mass(given):
+    question = Question(Scene(), quantity="peak_overpressure_pa", target=1e4, **given)
+    law = LAWS["peak_overpressure_pa", "kingery_bulmash"]
+    found = Roots(law, np.array([9.0, 30.0]), np.array([False, True]), (1.0, 2.0))
+    none = replace(found, value=np.empty(0), valid=np.empty(0, bool), attained=None)
+    answer = inverse_answer(question, {"a": found, "b": none}, TOLD).to_dict()
+    schema = answer_schemas.calc_inverse()
+    Draft202012Validator.check_schema(schema)
+    Draft202012Validator(schema).validate(answer)
+    ((asked, by_law),) = answer["quantities"].items()
+    assert asked == answer["inputs"]["asked"]
+    assert by_law["a"]["value"] == 30.0
+    assert by_law["b"]["value"] is None
+    assert answer["inputs"]["peak_overpressure_pa"] == 1e4
+    assert ("mass_kg" in answer["inputs"]) is ("charge_mass" in given)

@@ -1,0 +1,52 @@
+"""What is told of a film and of its events: by key, and in words."""
+
+from dataclasses import replace
+
+from jsonschema import Draft202012Validator
+
+from docs.generate import answer_schemas
+from jblast.report.film.answer import EventsAnswer, FilmAnswer, FilmEvents, FilmFiles
+from jblast.report.film.text import events_text, film_text
+
+SIZE = (5, 64, 48, 100.0)
+FOUND = FilmEvents((0.2, 0.2), "off", 3000, 2000, 1000, "solved for", 1e-6)
+FILES = FilmFiles("out/frames", "out/events.h5", "out/contact_sheet.png")
+BOTH = FilmAnswer("a.toml", "both", *SIZE, 0.0, 0.04, 0, FOUND, FILES)
+FRAMES = replace(BOTH, mode="rgb", found=None, files=replace(FILES, events=None))
+EVENTS = EventsAnswer(*SIZE, 0.04, (0.2, 0.3), False, "on", 0, 3, 2, 1, "events.h5")
+
+
+def test_the_schema_takes_a_film_with_and_without_events():
+    schema = answer_schemas.render()
+    Draft202012Validator.check_schema(schema)
+    for film in (BOTH, FRAMES):
+        Draft202012Validator(schema).validate(film.to_dict())
+    assert set(BOTH.to_dict()) - set(FRAMES.to_dict()) == {
+        *("threshold", "noise", "events", "brighter", "darker"),
+        *("stamps", "stamp_error_s"),
+    }
+    assert set(FRAMES.to_dict()["files"]) == {"frames", "contact_sheet"}
+
+
+def test_the_schema_takes_events_with_and_without_noise():
+    schema = answer_schemas.events()
+    Draft202012Validator.check_schema(schema)
+    for events in (EVENTS, replace(EVENTS, noise="off", seed=None)):
+        Draft202012Validator(schema).validate(events.to_dict())
+
+
+def test_a_film_is_told_with_what_was_written():
+    assert film_text(BOTH).splitlines() == [
+        "5 frames of 64 x 48 pixels at 100 Hz from 0 s: 3,000 events, 2,000 brighter "
+        "and 1,000 darker; times solved for, within 1 us",
+        *("out/frames", "out/events.h5", "out/contact_sheet.png"),
+    ]
+    trial = replace(FOUND, stamps="interpolated", stamp_error_s=1e-4)
+    assert "within 100 us for 99 in 100\n" in film_text(replace(BOTH, found=trial))
+    assert "events" not in film_text(FRAMES)
+
+
+def test_events_are_told_with_their_file():
+    first, second = events_text(EVENTS).splitlines()
+    assert first.endswith("over 0.04 s: 3 events, 2 brighter and 1 darker")
+    assert second == "events.h5"
