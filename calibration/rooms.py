@@ -7,7 +7,6 @@ each in a process of its own with every call of ours recorded (what runs while m
 are imported is left out). Prints both tables and draws who imports whom.
 """
 
-import ast
 import json
 import os
 import subprocess
@@ -20,16 +19,11 @@ from types import FrameType
 
 import numpy as np
 
-import jblast
+from calibration.imports import PACKAGE, ROOMS, imported, package_of
 from jblast.report.figure_files import write_figure
 from jblast.report.figure_style import INK, MUTED, new_figure, titled
 
-PACKAGE = Path(jblast.__file__).parent
 FIGURE = Path(__file__).parent / "results" / "rooms.png"
-ROOMS = (
-    *("scene", "waves", "fidelity", "vehicle", "observations", "sensors", "detect"),
-    *("inference", "study", "verification", "report", "cli"),
-)
 SCENE = """
 [charge]
 mass_kg = 1.0
@@ -74,17 +68,11 @@ def imports_between() -> Counter[tuple[str, str]]:
     """Count import statements from a room to another, or to the root's files ("")."""
     found: Counter[tuple[str, str]] = Counter()
     for path in PACKAGE.rglob("*.py"):
-        for node in ast.walk(ast.parse(path.read_text())):
-            if isinstance(node, ast.ImportFrom) and node.level == 0 and node.module:
-                names = [node.module]
-            elif isinstance(node, ast.Import):
-                names = [alias.name for alias in node.names]
-            else:
-                continue
-            for top, _, rest in (name.partition(".") for name in names):
-                other = rest.partition(".")[0]
-                if top == "jblast":
-                    found[room_of(path), other if other in ROOMS else ""] += 1
+        for module, _ in imported(path.read_text(), package_of(path)):
+            top, _, rest = module.partition(".")
+            other = rest.partition(".")[0]
+            if top == "jblast":
+                found[room_of(path), other if other in ROOMS else ""] += 1
     return found
 
 

@@ -1,6 +1,5 @@
 """Who may import whom, read from the source: inside functions too."""
 
-import ast
 import os
 import subprocess
 import sys
@@ -8,9 +7,14 @@ from pathlib import Path
 
 import pytest
 
-import jblast
+from calibration.imports import (
+    PACKAGE,
+    ROOMS,
+    imported,
+    module_of,
+    package_of,
+)
 
-PACKAGE = Path(jblast.__file__).parent
 SOURCES = sorted(PACKAGE.rglob("*.py"))
 
 # Each may import what stands above it, and its own.
@@ -21,23 +25,12 @@ ORDER = [
     ("units",),
     ("program_words",),
     ("kept_programs",),
-    ("scene",),
-    ("waves",),
-    ("fidelity",),
-    ("vehicle",),
-    ("observations",),
-    ("sensors",),
-    ("detect",),
-    ("inference",),
-    ("study",),
-    ("verification",),
-    ("report",),
-    ("cli",),
+    *((room,) for room in ROOMS if room != "units"),
 ]
 LEVEL = {name: level for level, names in enumerate(ORDER) for name in names}
 
 # Folders within a room, in their order; the room's own files go where they must.
-ROOMS = {
+FOLDERS = {
     "waves": ("curves", "propagation", "shock", "laws", "waveform"),
     "vehicle": ("quadrotor", "dynamics", "control", "loads", "rollout", "warp"),
     "sensors.camera": ("image", "geometry", "rendering", "events", "files"),
@@ -60,34 +53,14 @@ MOST_FILES, MOST_LINES = 16, 260
 BARE = {"jax", "equinox", "jaxtyping", "numpy", "jblast"}
 
 
-def module_of(path: Path) -> str:
-    """Dotted name of a source file; a package's own is that of its folder."""
-    parts = ("jblast", *path.relative_to(PACKAGE).with_suffix("").parts)
-    return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
-
-
 def imports_of(source: str, package: str) -> set[str]:
     """Every module a source imports, by its full name; `package` resolves dots."""
     found = set()
-    for node in ast.walk(ast.parse(source)):
-        if isinstance(node, ast.Import):
-            found |= {alias.name for alias in node.names}
-        elif isinstance(node, ast.ImportFrom):
-            above = package.split(".")[: len(package.split(".")) - node.level + 1]
-            prefix = above if node.level else []
-            base = ".".join([*prefix, *([node.module] if node.module else [])])
-            # `from jblast import scene` imports jblast.scene
-            found |= (
-                {f"{base}.{alias.name}" for alias in node.names}
-                if base == "jblast"
-                else {base}
-            )
+    for base, names in imported(source, package):
+        # `from jblast import scene` imports jblast.scene
+        whole = {f"{base}.{name}" for name in names} if base == "jblast" else set()
+        found |= whole or {base}
     return found
-
-
-def package_of(path: Path) -> str:
-    module = module_of(path)
-    return module if path.name == "__init__.py" else module.rpartition(".")[0]
 
 
 def level_of(module: str) -> int | None:
@@ -133,9 +106,9 @@ def rooms_between(room: str) -> set[tuple[str, str]]:
     return {(own, other) for own, other in found if own != other}
 
 
-@pytest.mark.parametrize("room", ROOMS)
+@pytest.mark.parametrize("room", FOLDERS)
 def test_folders_of_a_room_import_those_before_them_only(room):
-    place = {name: index for index, name in enumerate(ROOMS[room])}
+    place = {name: index for index, name in enumerate(FOLDERS[room])}
     wrong = {
         (own, other)
         for own, other in rooms_between(room)
@@ -152,7 +125,7 @@ def test_folders_that_stand_beside_each_other_do_not_meet(room):
 
 
 def test_every_folder_of_an_ordered_room_is_in_the_order():
-    for room, ordered in ROOMS.items():
+    for room, ordered in FOLDERS.items():
         folder = PACKAGE.joinpath(*room.split("."))
         there = {path.parent.name for path in folder.glob("*/__init__.py")}
         assert there == {*ordered, *BESIDE.get(room, ())}

@@ -1,10 +1,11 @@
 """No file imports itself by way of others, and no folder another that imports it."""
 
-import ast
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
 import pytest
+
+from calibration.imports import imported
 
 ROOT = Path(__file__).parents[1]
 FILES = {
@@ -23,15 +24,8 @@ def file_of(module: str) -> str | None:
 def files_imported(source: str, name: str) -> set[str]:
     """The files of ours that a source names in its imports, inside functions too."""
     found: set[str | None] = set()
-    for node in ast.walk(ast.parse(source)):
-        if isinstance(node, ast.Import):
-            found |= {file_of(alias.name) for alias in node.names}
-        elif isinstance(node, ast.ImportFrom):
-            above = name.split(".")[: -node.level] if node.level else []
-            base = ".".join([*above, *([node.module] if node.module else [])])
-            found |= {
-                file_of(f"{base}.{alias.name}") or file_of(base) for alias in node.names
-            }
+    for base, names in imported(source, name.rpartition(".")[0]):
+        found |= {file_of(f"{base}.{one}") or file_of(base) for one in names or ("",)}
     return {file for file in found if file is not None and file != name}
 
 
@@ -66,10 +60,10 @@ def within(folder: str, name: str) -> str | None:
 @pytest.mark.parametrize("folder", FOLDERS)
 def test_what_lies_in_a_folder_stands_in_one_order(folder):
     graph: dict[str, set[str]] = {}
-    for name, imported in GRAPH.items():
+    for name, files in GRAPH.items():
         own = within(folder, name)
         if own is not None:
-            others = {within(folder, file) for file in imported} - {own, None}
+            others = {within(folder, file) for file in files} - {own, None}
             graph.setdefault(own, set()).update(filter(None, others))
     assert circle_in(graph) == []
 

@@ -4,7 +4,8 @@ import sys
 
 import pytest
 
-from calibration.rooms import ROOMS, WALKS, Tracer, imports_between, rooms_table
+from calibration.imports import ROOMS
+from calibration.rooms import WALKS, Tracer, imports_between, rooms_table
 from jblast.scene import Charge, Scene
 from jblast.sensors import calculate
 
