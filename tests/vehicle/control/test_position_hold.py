@@ -168,6 +168,7 @@ def test_gains_and_wind_have_the_gradient_of_differences():
         assert float(slope) == pytest.approx(float(difference), rel=1e-5)
 
 
+@pytest.mark.slow  # so have those of test_recovery.py
 def test_each_vehicle_may_have_a_hold_of_its_own():
     vehicle = named("hummingbird")
     targets = np.array([[0.0, 0, 5], [1.0, 0, 5]])

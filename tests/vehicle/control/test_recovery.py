@@ -72,6 +72,7 @@ def test_who_is_thrown_or_spun_stays_upright_and_comes_back(flown):
     assert not {name: far for name, far in zip(KICKS, away, strict=True) if far > 0.05}
 
 
+@pytest.mark.slow  # compiled for some 8 s; test_flight.py asks the kernel for less
 def test_the_kernel_recovers_alike(flown):
     there = np.asarray(thrown("warp:cpu").position_m)
     np.testing.assert_allclose(there, flown.position_m, atol=1e-8)

@@ -30,7 +30,11 @@ def test_the_load_is_a_pulse():
     assert isinstance(blast_load(scene()), Pulse)
 
 
-@pytest.mark.parametrize("step", [0.5e-3, 2e-3, 10e-3])
+STEPS = [2e-3, *(pytest.param(s, marks=pytest.mark.slow) for s in (0.5e-3, 10e-3))]
+"""Of a flight [s]; each is a program of its own."""
+
+
+@pytest.mark.parametrize("step", STEPS)
 @pytest.mark.parametrize(("mass", "distance"), [(1.0, 5.0), (1.0, 10.0), (15.0, 30.0)])
 def test_a_flight_gains_the_same_velocity_at_any_step(mass, distance, step):
     """0.1 %, though the positive phase lasts 4, 5 and 13 ms."""
@@ -102,25 +106,29 @@ def test_several_charges_add_up_each_at_its_own_time():
     np.testing.assert_allclose(total, parts[0] + parts[1], rtol=1e-12)
 
 
+PLACES = np.array([[0.0, 0, 0], [0.1, 0, 0], [5.0, 0, 0], [39.0, 0, 0], [1e3, 0, 0]])
+"""At the charge, within its table of ranges, and beyond [m]."""
+
+
+def push_at(place):
+    """Sum what comes to a hovering vehicle until all has passed."""
+    state = hovering(CRAZYFLIE, place)
+    times = jnp.asarray(0.0), jnp.asarray(5.0)
+    given = blast_load(scene()).impulse(*times, state, CRAZYFLIE)
+    return sum(map(jnp.sum, given))
+
+
 def test_range_is_marked_and_outside_the_load_is_finite():
-    load = blast_load(scene())
-    places = jnp.array(
-        [[0.0, 0, 0], [0.1, 0, 0], [5.0, 0, 0], [39.0, 0, 0], [1e3, 0, 0]]
-    )
-    marked = np.asarray(load.in_range(places))[:, 0]
+    marked = np.asarray(blast_load(scene()).in_range(jnp.asarray(PLACES)))[:, 0]
     np.testing.assert_array_equal(marked, [False, False, True, True, False])
+    given = jax.jit(push_at)
+    assert all(np.isfinite(given(place)) for place in PLACES)
 
-    @jax.jit
-    def given(place):
-        def push(place):
-            state = hovering(CRAZYFLIE, place)
-            times = jnp.asarray(0.0), jnp.asarray(5.0)
-            return sum(map(jnp.sum, load.impulse(*times, state, CRAZYFLIE)))
 
-        return jax.value_and_grad(push)(place)
-
-    for place in places:
-        assert all(np.all(np.isfinite(x)) for x in given(place))
+@pytest.mark.slow
+def test_outside_its_range_the_load_has_finite_slopes():
+    slopes = jax.jit(jax.grad(push_at))
+    assert all(np.isfinite(slopes(place)).all() for place in PLACES)
 
 
 def deviation(mass, east, step=1e-3):
