@@ -11,8 +11,13 @@ import numpy as np
 
 from jblast.inference import Solution, solve
 from jblast.observations import Observations
-from jblast.scene import Air, Charge, Free, Scene, UncertainScene, freed
-from jblast.waves import kingery_bulmash_pressure, shock_kinematics_arrival_time
+from jblast.scene import Air, Charge, Free, Scene, UncertainScene, freed, with_laws
+from jblast.waves import (
+    kingery_bulmash_pressure,
+    shock_kinematics_arrival_time,
+    wu_hao_air_arrival_time,
+    wu_hao_ground_arrival_time,
+)
 from tests.inference.logs import log
 
 AROUND = ((60.0, 0.0), (-70.0, 30.0), (0.0, 90.0), (20.0, -80.0), (120.0, 100.0))
@@ -94,6 +99,26 @@ def arrivals(places, east: float, north: float, time: float = 0.0) -> Observatio
 LINE = ((-100.0, 0.0), (0.0, 0.0), (150.0, 0.0))
 TRIANGLE = ((-100.0, -40.0), (0.0, 120.0), (150.0, -30.0))
 """Three sensors in a line, and about a charge, east and north [m]."""
+
+
+WU_HAO = with_laws(
+    freed(MASS_FREE, ["air_sound_speed_m_s", "ground_p_speed_m_s"]),
+    {"air_arrival_s": "wu_hao", "ground_arrival_s": "wu_hao"},
+)
+"""Asks `wu_hao_arrivals` for what they cannot tell."""
+
+
+def wu_hao_arrivals(ranges) -> Observations:
+    """Arrivals of 15 kg through air and ground at some ranges, without error."""
+    rows = []
+    for i, r in enumerate(ranges):
+        air = float(wu_hao_air_arrival_time(r, 15.0, 340.0))
+        ground = float(wu_hao_ground_arrival_time(r, 15.0, 6000.0))
+        rows += [
+            (f"s{i}", "air_arrival_s", air, 1e-4, r),
+            (f"s{i}", "ground_arrival_s", ground, 1e-5, r),
+        ]
+    return log(*rows, at_range=True)
 
 
 def disagreeing(apart: float) -> Observations:

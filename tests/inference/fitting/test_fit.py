@@ -112,6 +112,7 @@ def test_laws_are_chosen_at_the_answer_and_not_at_the_start():
     assert answer.estimates["charge_mass_kg"].value == pytest.approx(1e3, rel=1e-6)
 
 
+@pytest.mark.slow  # the two tests of burials and of no row have it too
 def test_an_answer_outside_its_law_is_marked():
     far = log(
         ("a", "positive_impulse_pa_s", 100.0, 5.0, 10.0),

@@ -75,6 +75,7 @@ def test_two_charges_are_told_apart_by_the_shot_of_each_row():
     }
 
 
+@pytest.mark.slow
 def test_a_shared_effect_of_one_charge_does_not_touch_the_other():
     rows = [
         (f"s{i}", "peak_overpressure_pa", p * factor, 0.01 * p, place)
@@ -120,6 +121,7 @@ def test_a_recorder_that_runs_late_is_found_and_the_blast_with_it():
     assert "--free clock_offset_s.y fits" in words(found)
 
 
+@pytest.mark.slow
 def test_a_clock_free_beside_the_origin_time_alone_is_a_null_direction():
     made = log(
         (
@@ -160,7 +162,12 @@ def test_wind_is_found_from_arrivals_around_the_charge():
     ("quantity", "law", "factor"),
     [
         ("peak_overpressure_pa", kingery_bulmash_pressure, 1.37),
-        ("positive_impulse_pa_s", kingery_bulmash_impulse, 1.19),
+        pytest.param(
+            "positive_impulse_pa_s",
+            kingery_bulmash_impulse,
+            1.19,
+            marks=pytest.mark.slow,  # compiles for itself
+        ),
     ],
 )
 def test_c4_weighs_less_than_the_tnt_that_does_the_same(quantity, law, factor):

@@ -20,15 +20,14 @@ from jblast.inference.importance.interval_check import (
 )
 from jblast.inference.importance.psis import MAX_QUANTILE_ERROR
 from jblast.report.fit.findings import all_words, reason_words, words
-from jblast.scene import Scene, UncertainScene, freed
-from jblast.waves import wu_hao_air_arrival_time
 from tests.catalogue import (
     MASS_FREE,
+    WU_HAO,
     disagreeing,
     disagreeing_solved,
     pressures,
+    wu_hao_arrivals,
 )
-from tests.inference.logs import log
 
 
 def test_a_narrow_answer_is_left_to_the_normal_approximation():
@@ -60,11 +59,7 @@ def test_a_wide_answer_gets_walkers_and_they_agree_where_it_is_normal():
 
 
 def test_what_no_log_can_tell_is_not_walked_over():
-    place = float(wu_hao_air_arrival_time(20.0, 15.0, 340.0))
-    made = log(("a", "air_arrival_s", place, 1e-4, 20.0), at_range=True)
-    scene = Scene(scatter=False, law=(("air_arrival_s", "wu_hao"),))
-    uncertain = freed(UncertainScene(scene), ["charge_mass_kg", "air_sound_speed_m_s"])
-    result = fit(made, uncertain, posterior="emcee")
+    result = fit(wu_hao_arrivals([20.0] * 4), WU_HAO, posterior="emcee")
     assert result.summary.posterior == "laplace"
     assert result.posterior_reason == DirectionUnidentified()
     assert not result.summary.identifiable

@@ -51,6 +51,7 @@ def test_ratios_all_alike_are_a_perfect_match_and_a_lone_one_is_none():
     assert pareto_smoothed(np.zeros(3))[1] == np.inf
 
 
+@pytest.mark.slow  # compiles a posterior for itself
 def test_weights_turn_a_normal_too_wide_into_the_posterior():
     posterior, normal, _, _ = five_solved("gaussian")
     right = importance(posterior, normal)

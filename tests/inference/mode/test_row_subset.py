@@ -102,7 +102,7 @@ def test_every_clock_that_is_free_keeps_rows():
     assert len(spread_rows(layout, 10, clocks=["s17"])) == 10
 
 
-@pytest.mark.parametrize("paths", [20, 40])
+@pytest.mark.parametrize("paths", [pytest.param(20, marks=pytest.mark.slow), 40])
 def test_many_paths_with_effects_make_a_log_long(paths):
     rows = [
         (f"s{i}", "positive_impulse_pa_s", 50.0, 5.0, (100.0 + i, 0.0, 0.0))
@@ -137,6 +137,7 @@ def test_more_rows_times_effects_than_can_be_held_are_refused(monkeypatch, limit
         posterior_of(parameters, layout_of(made, scene), made, IMPULSE, "student")
 
 
+@pytest.mark.slow  # compiles a posterior twice
 def test_what_is_kept_from_the_compiler_changes_no_reading(monkeypatch):
     posterior = arrivals(RING, 12)
     z = jnp.array([np.log(20.0), 8.0, -5.0])
