@@ -93,7 +93,10 @@ def farthest(found, expected):
     return np.linalg.norm(np.asarray(found) - expected, axis=-1).max(axis=1)
 
 
-@pytest.mark.parametrize("step", [5e-4, 2.5e-4])
+SHORT = pytest.param(2.5e-4, marks=pytest.mark.slow)
+
+
+@pytest.mark.parametrize("step", [5e-4, SHORT])
 def test_flights_are_those_of_rotorpy(step):
     found, (places, turns) = flown(step=step), table()
     assert found.position_m.dtype == np.float64
@@ -105,7 +108,7 @@ def test_flights_are_those_of_rotorpy(step):
 
 
 @pytest.mark.parametrize(
-    "step", [5e-4, 2.5e-4, pytest.param(1e-4, marks=pytest.mark.slow)]
+    "step", [5e-4, SHORT, pytest.param(1e-4, marks=pytest.mark.slow)]
 )
 def test_flights_in_single_precision_are_within_a_millimetre(step):
     found, (places, _) = flown("float32", step), table()

@@ -82,7 +82,9 @@ def test_the_most_probable_effects_are_a_stationary_point():
     np.testing.assert_allclose(jax.grad(joint)(v), 0, atol=1e-9)
 
 
-@pytest.mark.parametrize("noise", ["gaussian", "student"])
+@pytest.mark.parametrize(
+    "noise", [pytest.param("gaussian", marks=pytest.mark.slow), "student"]
+)
 def test_first_and_second_derivatives_agree_with_finite_differences(noise):
     def value(shift, stretch):
         return log_likelihood(RESIDUAL + shift, SD * stretch, LOADING, noise)[0]

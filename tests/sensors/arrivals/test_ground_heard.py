@@ -21,7 +21,9 @@ def scene(path: GroundPath = "thesis", **charge):
     )
 
 
-@pytest.mark.parametrize("path", ["head", "thesis"])
+@pytest.mark.parametrize(
+    "path", [pytest.param("head", marks=pytest.mark.slow), "thesis"]
+)
 def test_it_comes_when_record_says_with_the_velocity_that_record_says(path):
     layout = Layout(
         quantity=("ground_arrival_s", "ground_peak_velocity_m_s"),
@@ -61,6 +63,7 @@ def test_off_it_is_not_there_and_never_is_silent():
     assert np.isposinf(heard(never, PLACE, ground=True)[1].pulse.arrival_time)
 
 
+@pytest.mark.slow  # two programs; in test_track.py air alone is heard so
 def test_who_rests_on_a_track_hears_what_a_place_does():
     track = Track(np.array([0.0, 1.0]), np.stack([PLACE, PLACE]))
     edges = np.linspace(0.0, 0.3, 400)

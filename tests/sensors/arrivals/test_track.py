@@ -60,6 +60,7 @@ def test_a_track_that_rests_is_a_place():
     np.testing.assert_allclose(one_knot, known, atol=1e-6 * float(jnp.max(known)))
 
 
+@pytest.mark.slow  # compiles for long
 def test_gradients_by_the_track_are_those_of_differences():
     edges = 1.28 + jnp.linspace(0.0, 0.06, 150)
 

@@ -27,7 +27,9 @@ from tests.sensors.calculator.scenes import scene_with
 RANGES, MASSES = np.array([2.0, 20.0, 2000.0]), np.array([15.0, 15.0, 40.0])
 
 
-@pytest.mark.parametrize("burst", ["surface", "free-air"])
+@pytest.mark.parametrize(
+    "burst", ["surface", pytest.param("free-air", marks=pytest.mark.slow)]
+)
 def test_numbers_are_those_of_the_laws(burst):
     found = calculate(scene_with(burst=burst), RANGES, MASSES)
     air = (RANGES, MASSES, 9e4)
