@@ -1,6 +1,7 @@
 """Units in names: what other tools call our columns and quantities, and the factor."""
 
-from jblast.units.factors import si_factor as si_factor
+from jblast.units.decimals import products as products
+from jblast.units.factors import si_factor as si_factor, si_ratio as si_ratio
 from jblast.units.levels import (
     LN_PER_DB as LN_PER_DB,
     REFERENCE_PA as REFERENCE_PA,

@@ -10,7 +10,12 @@ from jblast.units.vocabulary import SI, SUFFIXES
 
 
 def si_factor(suffix: str) -> float:
-    """Return what values in a unit are multiplied by to be SI.
+    """Return what values in a unit are multiplied by to be SI, as `si_ratio` does."""
+    return float(si_ratio(suffix))
+
+
+def si_ratio(suffix: str) -> Fraction:
+    """Return what values in a unit are multiplied by to be SI, to the last digit.
 
     Args:
         suffix: An ending of a name: "psi_ms", "kPa", "percent".
@@ -31,17 +36,17 @@ def si_factor(suffix: str) -> float:
     ((dimension, pint),) = found
     if dimension == "level":
         raise InputError(f"unit {shown(suffix)}: a level has no factor")
-    return _factor(dimension, pint)
+    return _ratio(dimension, pint)
 
 
 @cache
-def _factor(dimension: str, unit: str) -> float:
+def _ratio(dimension: str, unit: str) -> Fraction:
     if dimension == "share":
-        return 0.01
+        return Fraction(1, 100)
     ours = SUFFIXES[dimension][SI[dimension]]
     if unit == ours:
-        return 1.0
-    return float(_registry().Quantity(Fraction(1), unit).to(ours).magnitude)
+        return Fraction(1)
+    return Fraction(_registry().Quantity(Fraction(1), unit).to(ours).magnitude)
 
 
 @cache

@@ -1,17 +1,8 @@
-"""What was measured, from the units of a log to ours, with its sigma.
-
-The value is in the unit of its column (`value_kpa`), else in the one that its quantity
-ends in; the sigma in that of its column (`sigma_percent`), else in that of its value.
-"""
-
-from collections.abc import Mapping
-from dataclasses import dataclass, field
-
-import numpy as np
-from jaxtyping import Bool, Float
+"""Which of our quantities each row of a log holds, and in which unit."""
 
 from jblast.errors import nearest, shown
 from jblast.observations.rows.fields import Fields
+from jblast.observations.rows.measured import LEVEL, SHARE, Measured
 from jblast.observations.table import SAMPLES
 from jblast.observations.understood import (
     Converted,
@@ -21,69 +12,8 @@ from jblast.observations.understood import (
 )
 from jblast.quantities import ADDITIVE
 from jblast.quantity_table import QUANTITIES
-from jblast.units import LN_PER_DB, OurName, our_name, overpressure, what_to_write
+from jblast.units import OurName, our_name, what_to_write
 from jblast.units.names import dimension_of
-
-LEVEL, SHARE = "level", "share"
-
-
-@dataclass
-class Measured:
-    """Which of our quantities each row holds, and in which unit.
-
-    Attributes:
-        theirs: Quantities as written.
-        quantity: Ours.
-        units: Of quantities in another unit than ours, as written.
-        columns: Units of columns that have one of their own.
-    """
-
-    theirs: tuple[str, ...]
-    quantity: tuple[str, ...]
-    units: dict[str, OurName]
-    columns: Mapping[str, OurName]
-    understood: list[Understood] = field(default_factory=list)
-
-    def factors(self) -> Float[np.ndarray, " row"]:
-        """Return what values are multiplied by; 1 for levels."""
-        own = self.columns.get("value")
-        if own is not None and own.dimension != LEVEL:
-            return np.full(len(self.theirs), own.factor)
-        if not self.units:
-            return np.ones(len(self.theirs))
-        by_name = {
-            name: 1.0 if unit.dimension == LEVEL else unit.factor
-            for name, unit in self.units.items()
-        }
-        return np.array([by_name.get(name, 1.0) for name in self.theirs])
-
-    def levels(self) -> Bool[np.ndarray, " row"]:
-        """Return which values are peak levels in dB."""
-        named = {n for n, unit in self.units.items() if unit.dimension == LEVEL}
-        return np.array([name in named for name in self.theirs], bool)
-
-    def converts(self) -> bool:
-        """Return whether anything has to be converted."""
-        return bool(self.units) or bool(self.columns.keys() & {"value", "sigma"})
-
-    def converted(
-        self, value: Float[np.ndarray, " row"], sigma: Float[np.ndarray, " row"]
-    ) -> tuple[Float[np.ndarray, " row"], Float[np.ndarray, " row"]]:
-        """Return values and sigmas in our units."""
-        if not self.converts():
-            return value, sigma
-        factor, level = self.factors(), self.levels()
-        with np.errstate(over="ignore"):  # what is too large is refused by its row
-            ours = np.where(level, overpressure(np.where(level, value, 0.0)), 0.0)
-            ours = np.where(level, ours, value * factor)
-        own = self.columns.get("sigma")
-        if own is None:
-            return ours, sigma * np.where(level, ours * LN_PER_DB, factor)
-        if own.dimension == SHARE:
-            return ours, sigma * own.factor * np.abs(ours)
-        if own.dimension == LEVEL:
-            return ours, sigma * LN_PER_DB * ours
-        return ours, sigma * own.factor
 
 
 def measured(rows: Fields, *, strict: bool) -> Measured:

@@ -12,6 +12,7 @@ from jblast.observations.dialects.header import PER_ROW, Header
 from jblast.observations.dialects.table import Table
 from jblast.observations.faults import Faults
 from jblast.observations.formats import row_word
+from jblast.units import products, si_ratio
 
 DATE = re.compile(r"\d{4}-\d{2}-\d{2}")
 TIME_OF_DAY = re.compile(r"\d{1,2}:\d{2}")
@@ -64,7 +65,7 @@ class Fields:
             odd, column, lambda row: f"a finite number, got {_told(texts[row])}"
         )
         own = None if column in PER_ROW else self.units.get(column)
-        return numbers if own is None else numbers * own.factor
+        return numbers if own is None else products(si_ratio(own.unit), texts)
 
     def refuse(
         self,

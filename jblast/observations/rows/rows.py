@@ -9,8 +9,9 @@ from jblast.observations.dialects.tidying import NA_SPELT, is_empty
 from jblast.observations.faults import Faults
 from jblast.observations.grouping import some_rows
 from jblast.observations.places.degrees import places_of
-from jblast.observations.rows.conversion import Measured, measured, told_columns
+from jblast.observations.rows.conversion import measured, told_columns
 from jblast.observations.rows.fields import Fields
+from jblast.observations.rows.measured import Measured
 from jblast.observations.rows.samples import take_samples
 from jblast.observations.table import (
     NAMED,
@@ -127,7 +128,7 @@ class Rows(Fields):
         sampled = take_samples(self, kind)
         bound = self.bounds(in_ln)
         raw = self.number("value", optional=False)
-        value, sigma = held.converted(raw, self.number("sigma"))
+        value, sigma = held.converted(self.texts, raw, self.number("sigma"))
         value = np.where(told, raw, value)
         texts = self.texts["value"]
         self.refuse(

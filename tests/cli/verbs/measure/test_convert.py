@@ -50,6 +50,14 @@ def test_without_a_file_the_log_is_printed_and_a_file_is_not_overwritten(jblast)
     assert "--force" in said
 
 
+def test_what_was_short_in_their_unit_is_short_in_ours(jblast):
+    rows = "a,air_arrival_ms,12.4,0.7,1.1\na,peak_overpressure_kpa,4.1,0.07,1.1\n"
+    theirs = jblast.file("t.csv", "sensor,quantity,value,sigma,range_ft\n" + rows)
+    _, out, _ = jblast("convert", theirs)
+    assert "a,air_arrival_s,0.0124,0.0007,0.33528\n" in out
+    assert "a,peak_overpressure_pa,4100.0,70.0,0.33528\n" in out
+
+
 def test_a_wide_table_is_told_the_option_and_made_long_by_it(jblast):
     frame = pd.DataFrame(
         {
