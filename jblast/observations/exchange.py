@@ -6,6 +6,7 @@ import numpy as np
 
 from jblast.observations.dialects.workbook import LOWER_BOUND
 from jblast.observations.read import read
+from jblast.observations.records.side_file import COVARIANCES, covariance_rows
 from jblast.observations.table import NUMBERS, POSITION, Observations
 from jblast.observations.write import typed_columns
 from jblast.quantity_table import QUANTITIES
@@ -30,6 +31,8 @@ def to_pandas(observations: Observations) -> Any:
         "comments": list(observations.comments),
         "units": {name: _unit(name) for name in columns if name in NUMBERS[2:]},
     }
+    if observations.covariances:
+        frame.attrs[COVARIANCES] = covariance_rows(observations)
     return frame
 
 

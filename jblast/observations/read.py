@@ -16,6 +16,7 @@ from jblast.observations.dialects.tidying import (
 from jblast.observations.dialects.wide import made_long, refuse_wide
 from jblast.observations.faults import Faults
 from jblast.observations.records.covariances import with_covariances
+from jblast.observations.records.side_file import COVARIANCES
 from jblast.observations.rows import Rows
 from jblast.observations.table import NUMBERS, Observations, no_rows
 from jblast.progress import stages
@@ -42,7 +43,8 @@ def read(
     scatter alone. A value `>0.12` is a lower bound: what was measured is no less. A
     clock time may stand in `value_utc`, as 2020-08-04T15:08:18.310Z, in place of
     `value`. How the errors of one record go together is read from
-    `LOG.covariance.csv`, if that stands beside `LOG.csv`.
+    `LOG.covariance.csv`, if that stands beside `LOG.csv`, or from the `attrs` of a data
+    frame.
 
     Other dialects are recognised by what can be read one way only, never guessed:
     units in the names of columns and quantities, separators, decimal commas, encodings,
@@ -72,7 +74,8 @@ def read(
     told = Faults(faults)
     try:
         log = _read(source, told, strict=strict, wide=wide, date=date, zone=zone)
-        return with_covariances(log, told)
+        attached = getattr(source, "attrs", {}).get(COVARIANCES)
+        return with_covariances(log, told, attached)
     except InputError as fault:
         if faults is None:
             raise
@@ -109,7 +112,7 @@ def _read(
     if not len(table.lines):
         raise InputError(nothing)
     refuse_two_tables(table, [header.theirs.get(name, name) for name in table.header])
-    if not strict:
+    if not strict and not wide:
         take_decimal_commas(table, NUMBERS)
     begin("checking columns")
     rows = Rows(table, header, faults, strict=strict, date=date, zone=zone)

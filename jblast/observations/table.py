@@ -145,8 +145,10 @@ class Observations:
     def to_pandas(self) -> Any:
         """Return the log as a `pandas.DataFrame`, columns as `write` writes them.
 
-        Lower bounds are told by a column `lower_bound`; comments, the source and the
-        units of columns stand in `attrs`. `from_pandas` takes it.
+        Lower bounds are told by a column `lower_bound`; comments, the source, the units
+        of columns and `covariances`, the rows of the side file that `write` writes
+        (`pandas.DataFrame(frame.attrs["covariances"])`), stand in `attrs`.
+        `from_pandas` takes it.
         """
         return _exchange().to_pandas(self)
 

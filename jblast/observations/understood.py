@@ -131,7 +131,9 @@ class MadeLong(Understood):
     Attributes:
         quantities: Names of those columns, as written.
         without_sigma: Those beside which no error stands: the law's scatter alone.
+        shares: Those whose errors are per cent of their values.
     """
 
     quantities: tuple[str, ...]
     without_sigma: tuple[str, ...]
+    shares: tuple[str, ...] = ()

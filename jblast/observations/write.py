@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 from jblast.files import write_text
-from jblast.observations.records.covariances import write_covariances
+from jblast.observations.records.side_file import write_covariances
 from jblast.observations.rows import AT_LEAST
 from jblast.observations.table import (
     CLOCK_TIMES,

@@ -98,12 +98,14 @@ def _(found: of.UnitsRow) -> str:
 @understood_words.register
 def _(found: of.MadeLong) -> str:
     text = f"a wide table, a column for each of {joined(list(found.quantities))}"
-    if not found.without_sigma:
-        return text
-    return (
-        f"{text}; without a column of errors for {joined(list(found.without_sigma))}: "
-        "the law's scatter alone"
-    )
+    if found.shares:
+        text += f"; errors of {joined(list(found.shares))} per cent of each value"
+    if found.without_sigma:
+        text += (
+            f"; without a column of errors for {joined(list(found.without_sigma))}: "
+            "the law's scatter alone"
+        )
+    return text
 
 
 def _separator(name: str) -> str:

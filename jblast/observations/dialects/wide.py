@@ -3,13 +3,19 @@
 from collections.abc import Callable
 
 from jblast.errors import InputError, argument, shown
+from jblast.observations.dialects.decimals import take_decimal_commas
+from jblast.observations.dialects.error_columns import error_columns
 from jblast.observations.dialects.header import is_quantity
 from jblast.observations.dialects.table import Table
 from jblast.observations.dialects.tidying import UnitOf, is_empty
+from jblast.observations.table import NAMED
 from jblast.observations.understood import MadeLong
 from jblast.quantities import TIMED
 from jblast.units import our_name
 from jblast.units.spelling import spelt
+
+NAMES = ("sensor", "value_utc", *NAMED)
+"""Columns of a wide table that hold no numbers."""
 
 
 def refuse_wide(table: Table, units_row: dict[str, UnitOf]) -> None:
@@ -37,14 +43,16 @@ def made_long(table: Table, units_row: dict[str, UnitOf]) -> Table:
     """Return a wide table as one measurement a row, sensor by sensor.
 
     A column `sigma_QUANTITY` or `QUANTITY_sigma` holds the errors of QUANTITY in the
-    same unit; without one its rows have no sigma. An empty cell is no measurement.
+    same unit, `sigma_percent` those of all that are a share (`error_columns`); without
+    one its rows have no sigma. An empty cell is no measurement.
 
     Args:
         table: Has a column for each quantity, as `peak_overpressure_kpa`.
         units_row: Units told by a row of the table; those of quantities are taken.
 
     Raises:
-        InputError: It has no such column, or has `quantity` or `value` besides.
+        InputError: It has no such column, or has `quantity` or `value` besides, or
+            errors of nothing.
     """
     where = table.at(table.header_line)
     keys = [spelt(name) for name in table.header]
@@ -61,16 +69,12 @@ def made_long(table: Table, units_row: dict[str, UnitOf]) -> Table:
             f"{where}: expected a wide table, a column for each quantity; got "
             f"{', '.join(map(shown, table.header))}"
         )
-    sigmas = _sigmas(keys, {i: spelt(table.header[i]) for i in held})
-    others = [i for i in range(len(keys)) if i not in held and i not in sigmas.values()]
     _refuse_twice(where, held)
-    for i in others:
-        if keys[i].startswith("sigma") or keys[i].endswith("_sigma"):
-            raise InputError(
-                f"{where}: expected sigma_ and the name of a quantity's column, as "
-                f"sigma_{spelt(table.header[min(held)])}, in its unit; got "
-                f"{shown(table.header[i])}"
-            )
+    numbers = {name for name in table.header if spelt(name) not in NAMES}
+    take_decimal_commas(table, numbers)
+    errors = error_columns(table, held, units_row)
+    taken = {*held, *(error.column for error in errors.values())}
+    others = [i for i in range(len(keys)) if i not in taken]
     picked: list[tuple[int, int]] = [
         (row, i)
         for row in range(len(table.lines))
@@ -81,6 +85,12 @@ def made_long(table: Table, units_row: dict[str, UnitOf]) -> Table:
     def field(of: Callable[[int, int], str]) -> list[str]:
         return [of(row, i) for row, i in picked]
 
+    def sigma(row: int, i: int) -> str:
+        if i not in errors:
+            return ""
+        written = table.columns[errors[i].column][row]
+        return errors[i].sigma(table.columns[i][row], written)
+
     timed = {i for i, name in held.items() if _ours(name) in TIMED}
     columns = []
     for other in others:
@@ -89,7 +99,8 @@ def made_long(table: Table, units_row: dict[str, UnitOf]) -> Table:
             [cells[row] if not is_time or i in timed else "" for row, i in picked]
         )
     header = [table.header[i] for i in others]
-    without = tuple(name for i, name in held.items() if i not in sigmas)
+    without = tuple(name for i, name in held.items() if i not in errors)
+    shares = tuple(held[i] for i, error in errors.items() if error.is_share)
     return Table(
         source=table.source,
         header=[*header, "quantity", "value", "sigma"],
@@ -97,12 +108,12 @@ def made_long(table: Table, units_row: dict[str, UnitOf]) -> Table:
             *columns,
             field(lambda _, i: held[i]),
             field(lambda row, i: table.columns[i][row]),
-            field(lambda row, i: table.columns[sigmas[i]][row] if i in sigmas else ""),
+            field(sigma),
         ],
         lines=[table.lines[row] for row, _ in picked],
         header_line=table.header_line,
         comments=table.comments,
-        understood=(*table.understood, MadeLong(tuple(held.values()), without)),
+        understood=(*table.understood, MadeLong(tuple(held.values()), without, shares)),
     )
 
 
@@ -125,16 +136,6 @@ def _refuse_twice(where: str, held: dict[int, str]) -> None:
                 f"{where}: expected a column for each quantity, got {shown(other)} and "
                 f"{shown(name)}: two units for one column"
             )
-
-
-def _sigmas(keys: list[str], held: dict[int, str]) -> dict[int, int]:
-    """Return which column holds the errors of which."""
-    return {
-        i: keys.index(name)
-        for i, key in held.items()
-        for name in (f"sigma_{key}", f"{key}_sigma")
-        if name in keys
-    }
 
 
 def _ours(name: str) -> str:

@@ -1,115 +1,59 @@
-"""The side file of a log: how the errors of each record's quantities go together.
+"""The covariances of a log: those of its side file, and the rows that they are of."""
 
-Beside `LOG.csv` stands `LOG.covariance.csv`, a row a pair of quantities of a record, in
-error units: seconds for times, ln (so relative) for the rest. It is read with the log.
-"""
-
-import csv
 import math
-import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
-from pathlib import Path
+from typing import Any
 
 import numpy as np
 from jaxtyping import Int
 
-from jblast.errors import InputError, nearest, read_text, shown
-from jblast.files import write_text
+from jblast.errors import InputError, shown
 from jblast.observations.faults import Faults
 from jblast.observations.record_covariance import RecordCovariance
+from jblast.observations.records.side_file import (
+    covariance_file,
+    covariances_of,
+    read_covariances,
+)
 from jblast.observations.table import Observations
 from jblast.quantities import ADDITIVE
-from jblast.quantity_table import QUANTITIES
 
-COLUMNS = ("record", "quantity", "with", "covariance")
 AGREES = 0.01
 """A sigma of the log is that of its covariance to this share: a log may be rounded."""
 
 
-def covariance_file(log: str | os.PathLike[str]) -> Path:
-    """Return where the covariances of a log stand: `picks.covariance.csv`."""
-    return Path(log).with_suffix(".covariance.csv")
-
-
-def with_covariances(observations: Observations, faults: Faults) -> Observations:
+def with_covariances(
+    observations: Observations,
+    faults: Faults,
+    told: Sequence[Mapping[str, Any]] | None = None,
+) -> Observations:
     """Return a log with the covariances of its side file, if there is one.
 
     Args:
         observations: A log as read.
         faults: Told where the side file is not as described, or disagrees with the log,
             which is then returned as it was.
+        told: What `covariance_rows` gave, in place of a side file.
     """
     path = covariance_file(observations.source)
-    if not len(observations) or not path.is_file():
+    where = str(path) if told is None else f"{observations.source}: covariances"
+    there = path.is_file() if told is None else bool(told)
+    if not len(observations) or not there:
         return observations
     try:
         if not any(observations.record):
             raise InputError(
-                f"{observations.source}: expected a column record, since {path} tells "
+                f"{observations.source}: expected a column record, since {where} tells "
                 "of the errors that rows of one record share; got none"
             )
-        both = replace(observations, covariances=read_covariances(path))
+        found = read_covariances(path) if told is None else covariances_of(told, where)
+        both = replace(observations, covariances=found)
         list(rows_with_covariance(both))
     except InputError as fault:
         faults.tell(fault)
         return observations
     return both
-
-
-def read_covariances(path: str | os.PathLike[str]) -> tuple[RecordCovariance, ...]:
-    """Read a side file; each pair of quantities stands in it once, or twice alike.
-
-    Raises:
-        InputError: The file is not as described; the message says where and how.
-    """
-    text = read_text(path, "a CSV file of covariances")
-    lines = [
-        (number, line)
-        for number, line in enumerate(text.split("\n"), start=1)
-        if line.strip() and not line.lstrip().startswith("#")
-    ]
-    fields = [(n, [f.strip() for f in next(csv.reader([line]))]) for n, line in lines]
-    header = fields[0][1] if fields else []
-    if sorted(header) != sorted(COLUMNS):
-        raise InputError(
-            f"{path}: line {fields[0][0] if fields else 1}: expected a header "
-            f"{','.join(COLUMNS)}, got {shown(','.join(header)) if header else 'none'}"
-        )
-    found: dict[str, dict[tuple[str, str], float]] = {}
-    for number, entries in fields[1:]:
-        where = f"{path}: line {number}"
-        if len(entries) != len(COLUMNS):
-            raise InputError(f"{where}: expected 4 fields, got {len(entries)}")
-        row = dict(zip(header, entries, strict=True))
-        pair = _pair(where, row)
-        value = _number(where, row["covariance"])
-        pairs = found.setdefault(row["record"], {})
-        if pairs.setdefault(pair, value) != value:
-            raise InputError(
-                f"{where}: expected one covariance of {pair[0]} with {pair[1]}, "
-                f"got {pairs[pair]:g} and {value:g}"
-            )
-        pairs[pair[1], pair[0]] = value
-    return tuple(_matrix(str(path), name, pairs) for name, pairs in found.items())
-
-
-def write_covariances(log: str | os.PathLike[str], observations: Observations) -> None:
-    """Write the side file of a log; take away that of a log which has none now."""
-    path = covariance_file(log)
-    if not observations.covariances:
-        path.unlink(missing_ok=True)
-        return
-    lines = [",".join(COLUMNS)]
-    for of in observations.covariances:
-        record = of.record
-        if any(c in record for c in ',"') or record.startswith("#"):
-            record = '"' + record.replace('"', '""') + '"'
-        for i, quantity in enumerate(of.quantities):
-            for j, other in enumerate(of.quantities[: i + 1]):
-                value = repr(float(of.matrix[i, j]))
-                lines.append(",".join((record, quantity, other, value)))
-    write_text(path, "\n".join(lines) + "\n")
 
 
 def rows_with_covariance(
@@ -158,50 +102,5 @@ def _refuse_other_sigma(
     raise InputError(
         f"{observations.where(row)}, column sigma: expected {sd * unit:.6g}, as the "
         f"covariance of record {shown(observations.record[row])} says of {quantity}; "
-        f"got {got}: correct one, or take the record out of the side file"
+        f"got {got}: correct one, or leave the record out there"
     )
-
-
-def _pair(where: str, row: dict[str, str]) -> tuple[str, str]:
-    """Return two quantities, and refuse a row without a record."""
-    if not row["record"]:
-        raise InputError(f"{where}, column record: expected a name, got nothing")
-    for column in ("quantity", "with"):
-        name = row[column]
-        if name not in QUANTITIES:
-            raise InputError(
-                f"{where}, column {column}: unknown quantity {shown(name)}"
-                f"{nearest(name, QUANTITIES)}"
-            )
-    return row["quantity"], row["with"]
-
-
-def _number(where: str, text: str) -> float:
-    """Return a finite number."""
-    try:
-        value = float(text)
-    except ValueError:
-        value = math.nan
-    if not math.isfinite(value):
-        got = shown(text) if text else "nothing"
-        raise InputError(f"{where}, column covariance: expected a number, got {got}")
-    return value
-
-
-def _matrix(
-    path: str, record: str, pairs: dict[tuple[str, str], float]
-) -> RecordCovariance:
-    """Put the pairs of one record together."""
-    names = tuple(dict.fromkeys(name for pair in pairs for name in pair))
-    for one in names:
-        for other in names:
-            if (one, other) not in pairs:
-                raise InputError(
-                    f"{path}: record {shown(record)}: expected a covariance of {one} "
-                    f"with {other}, got none"
-                )
-    matrix = np.array([[pairs[one, other] for other in names] for one in names])
-    try:
-        return RecordCovariance(record, names, matrix)
-    except ValueError as error:
-        raise InputError(f"{path}: {error}") from None

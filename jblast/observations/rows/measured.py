@@ -86,7 +86,7 @@ class Measured:
         return ours, errors
 
     def _by_unit(self) -> Iterator[tuple[OurName | None, list[int]]]:
-        """Give each unit of values, None of ours, and the rows whose values are in it."""
+        """Give each unit, None of ours, and the rows whose values are in it."""
         own = self.columns.get("value")
         if own is not None and own.dimension != LEVEL:
             yield own, list(range(len(self.theirs)))

@@ -5,6 +5,7 @@ import pytest
 
 from jblast.errors import InputError
 from jblast.observations import read
+from jblast.observations.understood import MadeLong
 
 WIDE = (
     "sensor,east_m,north_m,up_m,air_arrival_s,peak_overpressure_kpa,"
@@ -37,6 +38,46 @@ def test_units_may_stand_in_a_row_and_errors_behind_the_name(log):
     np.testing.assert_array_equal(found.time, [np.nan, 0.001])
 
 
+def test_one_column_of_shares_is_that_of_all_errors_that_are_shares(log):
+    text = (
+        "sensor;range_m;air_arrival_ms;peak_overpressure_kpa;Sigma (%)\n"
+        "a;10;12,4;>12,4;7\n"
+        "b;20;40,5;5;NA\n"
+    )
+    found = read(log(text), wide=True)
+    assert found.value[0] == 0.0124
+    np.testing.assert_array_equal(found.sigma, [np.nan, 868, np.nan, np.nan])
+    (made,) = [told for told in found.understood if isinstance(told, MadeLong)]
+    assert made.shares == ("peak_overpressure_kpa",)
+    assert made.without_sigma == ("air_arrival_ms",)
+
+
+def test_a_share_of_a_level_is_one_of_its_pressure(log):
+    text = "sensor,range_m,peak_level_db,sigma_percent\na,10,154,8.5\n"
+    np.testing.assert_allclose(read(log(text), wide=True).error_scale(), 0.085)
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "sigma_peak_overpressure_percent",
+        "sigma_peak_overpressure_kpa_percent",
+        "Peak overpressure sigma (%)",
+    ],
+)
+def test_a_column_of_shares_goes_with_its_quantity_before_that_of_all(log, name):
+    text = (
+        f"sensor,range_m,peak_overpressure_kpa,{name},positive_impulse_pa_s,"
+        "sigma_percent\na,10,40,5,200,10\n"
+    )
+    np.testing.assert_array_equal(read(log(text), wide=True).sigma, [2000, 20])
+
+
+def test_a_row_of_units_says_which_errors_are_shares(log):
+    text = "sensor,range,overpressure,overpressure_sigma\n,m,kPa,%\na,1,40,5\n"
+    assert read(log(text), wide=True).sigma[0] == 2000
+
+
 @pytest.mark.parametrize(
     ("text", "wide", "said"),
     [
@@ -55,9 +96,27 @@ def test_units_may_stand_in_a_row_and_errors_behind_the_name(log):
             "expected sigma_ and the name of a quantity's column",
         ),
         (
-            WIDE.replace("sigma_peak_overpressure_kpa", "sigma_percent"),
+            "sensor,range_m,air_arrival_s,sigma_percent\na,1,2,3\n",
             True,
-            "expected sigma_ and the name of a quantity's column",
+            "quantities whose errors are a share; got 'sigma_percent'",
+        ),
+        (
+            "sensor,range_m,air_arrival_s,sigma_air_arrival_percent\na,1,2,3\n",
+            True,
+            "column sigma_air_arrival_percent: expected a sigma in the unit of",
+        ),
+        (
+            "sensor,range,air_arrival,air_arrival_sigma\n,m,ms,s\na,1,2,3\n",
+            True,
+            "line 2, column air_arrival_sigma: expected ms, the unit of its quantity",
+        ),
+        (WIDE.replace(",0.5\n", ",x\n"), True, "column sigma: expected a finite"),
+        (
+            WIDE.replace("sigma_peak_overpressure_kpa", "sigma_percent").replace(
+                ",0.5\n", ",x\n"
+            ),
+            True,
+            "line 2, column sigma: expected a finite number, got 'x'",
         ),
     ],
 )
