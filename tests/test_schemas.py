@@ -4,6 +4,7 @@ import json
 import math
 import tomllib
 from dataclasses import replace
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -26,6 +27,7 @@ from jblast.inference.identifiability.findings import (
     ResolvingDatum,
 )
 from jblast.inference.posterior.estimate import Estimate, Spread
+from jblast.inference.records import log_of
 from jblast.json_values import plain
 from jblast.observations.check.doubt import Doubt
 from jblast.report.check.answer import check_answer
@@ -39,10 +41,12 @@ from jblast.report.discovery.answer import (
     NominalInterval,
 )
 from jblast.report.fit.document import answer_json, fit_document
+from jblast.report.picks.document import picks_document
 from jblast.report.provenance import provenance_of
 from jblast.scene.reader.scene import scene_from_document
 from jblast.verification.stability.failure import FailureMode
 from tests.report import example
+from tests.report.picks.test_picks import found as picked
 
 ROOT = Path(__file__).parents[1]
 LOG = str(ROOT / "calibration" / "data" / "hta_1.csv")
@@ -102,6 +106,21 @@ def test_the_schema_of_a_fit_takes_every_answer():
     )
     assert written["provenance"]["scene"]
     check(answer_schemas.fit(), written)
+
+
+def test_the_schema_of_picks_takes_what_was_picked_and_what_was_not():
+    found = picked({}, {"calibrated": False}, {"cut_short": True})
+    epoch = datetime(2020, 8, 4, 15, 8, tzinfo=UTC)
+    later = found._replace(epoch=epoch, refused=(InputError("a.wav: is empty"),))
+    for one in (found, later):
+        document = picks_document(one, log_of(one))
+        assert document["not_in_log"]
+        check(answer_schemas.pick(), document)
+        entries = fit_document(example.no_draws()) | {"picks": document["picks"]}
+        check(answer_schemas.fit(), entries)
+    logs = {"a": fit_document(example.no_draws()), "b": {"error": "b.csv: is empty"}}
+    check(answer_schemas.fits(), {"schema": 1, "logs": logs})
+    check(answer_schemas.fits(), {"schema": 1, "logs": logs, "picks": []})
 
 
 def test_the_schema_of_a_bound_takes_every_answer():
@@ -201,8 +220,8 @@ def test_the_schema_of_failure_modes_takes_one():
 @pytest.mark.parametrize(
     "name",
     [
-        *("fit", "bound", "calc", "check", "choose", "fly", "discover", "stability"),
-        *("render", "events"),
+        *("fit", "pick", "one_pick", "bound", "calc", "check", "choose", "fly"),
+        *("discover", "stability", "render", "events"),
     ],
 )
 def test_every_key_of_an_answer_is_told(name):

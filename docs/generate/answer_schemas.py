@@ -28,6 +28,7 @@ from jblast.report.check.answer import CheckAnswer
 from jblast.report.discovery.answer import DiscoveryAnswer
 from jblast.report.film.answer import EventsAnswer, FilmAnswer
 from jblast.report.flights.answer import FlightsAnswer
+from jblast.report.picks.answer import PicksAnswer
 from jblast.report.provenance import Provenance
 from jblast.verification.stability.failure import KEYS as FAILURE_KEYS, FailureMode
 
@@ -47,12 +48,30 @@ Schema = dict[str, Any]
 def fit() -> Schema:
     """Return the schema of what `jblast fit --json` prints of one log, and of fit.json.
 
-    What it was made of stands in the file alone.
+    What it was made of stands in the file alone, picks where records were picked.
     """
     both = schema_of(Summary)["properties"] | schema_of(OnEarth)["properties"]
     told = _document("An answer of jblast fit", _object(both))
     told["properties"]["provenance"] = schema_of(Provenance)
+    told["properties"]["picks"] = schema_of(PicksAnswer)["properties"]["picks"]
     return told
+
+
+def fits() -> Schema:
+    """Return the schema of what `jblast fit --json` prints of several logs."""
+    one = fit()
+    picks = one["properties"].pop("picks")
+    failed = _object({"error": {"type": "string"}})
+    failed["properties"]["provenance"] = one["properties"]["provenance"]
+    logs = {"type": "object", "additionalProperties": {"anyOf": [failed, one]}}
+    told = _document("Answers of jblast fit", _object({"logs": logs}))
+    told["properties"]["picks"] = picks
+    return told
+
+
+def pick() -> Schema:
+    """Return the schema of what `jblast pick --json` prints."""
+    return _document("An answer of jblast pick", schema_of(PicksAnswer))
 
 
 def bound() -> Schema:

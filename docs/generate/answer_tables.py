@@ -11,6 +11,16 @@ def fit() -> str:
     return keys_of(answer_schemas.fit())
 
 
+def pick() -> str:
+    """Write the keys of what was picked."""
+    return keys_of(answer_schemas.pick())
+
+
+def one_pick() -> str:
+    """Write the keys of one pick."""
+    return keys_of(answer_schemas.pick()["properties"]["picks"]["items"])
+
+
 def bound() -> str:
     """Write the keys of a bound's answer."""
     return keys_of(answer_schemas.bound())

@@ -13,6 +13,8 @@ MARKER = re.compile(r"^<!-- jblast: (\w+) -->$", re.MULTILINE)
 BLOCKS: dict[str, Callable[[], str]] = {
     "command_line": command_line.verbs,
     "answer_of_fit": answer_tables.fit,
+    "answer_of_pick": answer_tables.pick,
+    "answer_of_one_pick": answer_tables.one_pick,
     "answer_of_bound": answer_tables.bound,
     "answer_of_calc": answer_tables.calc,
     "inputs_of_calc": answer_tables.calc_inputs,

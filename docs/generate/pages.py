@@ -18,6 +18,8 @@ ALSO = {
 SCHEMAS = {
     "scene": scene_schema.scene_schema,
     "fit": answer_schemas.fit,
+    "fits": answer_schemas.fits,
+    "pick": answer_schemas.pick,
     "bound": answer_schemas.bound,
     "check": answer_schemas.check,
     "calc": answer_schemas.calc,

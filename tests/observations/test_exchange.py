@@ -48,7 +48,7 @@ def test_a_log_in_degrees_and_utc_comes_back(log):
 def test_what_errors_share_comes_back(log):
     ours = picked(("g1", "g2"))
     frame = ours.to_pandas()
-    assert pd.DataFrame(frame.attrs["covariances"])["covariance"].gt(0).any()
+    assert len(pd.DataFrame(frame.attrs["covariances"])) == 12
     back = Observations.from_pandas(frame)
     assert [one.record for one in back.covariances] == ["g1", "g2"]
     for one, other in zip(back.covariances, ours.covariances, strict=True):

@@ -1,7 +1,9 @@
 """Which logs a fit is of: one, several, the shots of one, or one event's recordings."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 from jblast.cli.arguments.paths import writing
 from jblast.errors import InputError
@@ -11,6 +13,7 @@ from jblast.observations import Observations, read
 from jblast.observations.grouping import by_shot, one_event
 from jblast.parameter_table import CLOCK_OFFSET
 from jblast.progress import each
+from jblast.report.provenance import Provenance, provenance_of
 from jblast.scene import UncertainScene, freed
 
 WALK = "walk"
@@ -68,8 +71,43 @@ def logs_of(
     return logs, uncertain
 
 
-def write_answers(answers: dict[str, Fit | InputError], directory: Path) -> None:
+def each_made(
+    made: Provenance, logs: Iterable[str], files: Sequence[str]
+) -> dict[str, Provenance]:
+    """Return what the answer of each log is made of: its own file among all.
+
+    Args:
+        made: What all are made of.
+        logs: Names of logs, as `logs_of` gives them.
+        files: What they were read from, if not from all together.
+    """
+    if not files:
+        return dict.fromkeys(logs, made)
+    own = {
+        name: replace(made, logs=provenance_of([file]).logs)
+        for name, file in zip(_names(files), files, strict=True)
+    }
+    return {
+        log: of
+        for log in logs
+        for name, of in own.items()
+        if log == name or log.startswith(f"{name}: ")
+    }
+
+
+def write_answers(
+    answers: dict[str, Fit | InputError],
+    directory: Path,
+    made: Mapping[str, Provenance],
+    picks: Sequence[Any] | None = None,
+) -> None:
     """Write fits.json and answers.csv.
+
+    Args:
+        answers: By log.
+        directory: Where to; made if it is not there.
+        made: What each was made of.
+        picks: What the logs were picked from, if they were.
 
     Raises:
         InputError: The directory cannot be written to.
@@ -80,7 +118,8 @@ def write_answers(answers: dict[str, Fit | InputError], directory: Path) -> None
 
     with writing(directory):
         directory.mkdir(parents=True, exist_ok=True)
-        text = json.dumps(answers_document(answers), indent=1, allow_nan=False)
+        document = answers_document(answers, made, picks)
+        text = json.dumps(document, indent=1, allow_nan=False)
         write_text(directory / "fits.json", text + "\n")
         write_text(directory / "answers.csv", answers_csv(answers))
 

@@ -3,7 +3,7 @@
 import argparse
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from jblast.cli.arguments.numbers import positive
 from jblast.cli.arguments.paths import path
@@ -100,6 +100,12 @@ class FromRecords(NamedTuple):
 
         return records_figure(self.found.named(), self.found.picks)
 
+    def document(self) -> dict[str, Any]:
+        """Return what `jblast pick --json` would print."""
+        from jblast.report.picks.document import picks_document
+
+        return picks_document(self.found, self.log)
+
     def write(self, directory: Path) -> None:
         """Write log and document into a folder of a report.
 
@@ -111,10 +117,10 @@ class FromRecords(NamedTuple):
         from jblast.cli.arguments.paths import writing
         from jblast.files import write_text
         from jblast.observations import write
-        from jblast.report.picks.document import picks_document
 
-        document = picks_document(self.found, self.log)
-        text = json.dumps(document, indent=2, ensure_ascii=False, allow_nan=False)
+        text = json.dumps(
+            self.document(), indent=2, ensure_ascii=False, allow_nan=False
+        )
         with writing(directory):
             directory.mkdir(parents=True, exist_ok=True)
             write(directory / "picks.csv", self.log.observations)

@@ -4,5 +4,10 @@ from jblast.inference.records.gathered import (
     Gathered as Gathered,
     gathered as gathered,
 )
-from jblast.inference.records.log import PickLog as PickLog, log_of as log_of
+from jblast.inference.records.log import (
+    LeftOut as LeftOut,
+    PickLog as PickLog,
+    Reason as Reason,
+    log_of as log_of,
+)
 from jblast.inference.records.told import Told as Told, told as told

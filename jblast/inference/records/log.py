@@ -6,8 +6,8 @@ duration and the impulse, of a poor pick everything.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
-from typing import NamedTuple
+from dataclasses import dataclass, replace
+from typing import Literal, NamedTuple
 
 import numpy as np
 
@@ -24,19 +24,25 @@ from jblast.observations.records.stations import Station
 _, PEAK, DURATION, IMPULSE = TOLD
 
 
-class LeftOut(NamedTuple):
+Reason = Literal[
+    "poor", "onset_alone", "uncalibrated", "high_passed", "cut_short", "weaker"
+]
+"""Why something stands in no row; weaker: than another of its bang at its sensor."""
+
+
+@dataclass(frozen=True)
+class LeftOut:
     """What of a pick stands in no row.
 
     Attributes:
         record: Which pick.
         quantities: What.
-        reason: "poor", "onset_alone", "uncalibrated", "high_passed", "cut_short" or
-            "weaker": than another of the same bang at this sensor.
+        reason: Why.
     """
 
     record: str
     quantities: tuple[str, ...]
-    reason: str
+    reason: Reason
 
 
 class PickLog(NamedTuple):
@@ -113,7 +119,7 @@ def log_of(
     return PickLog(observations, tuple(left_out), count, tuple(independent))
 
 
-def _untold(one: RecordPick) -> Iterator[tuple[str, tuple[str, ...]]]:
+def _untold(one: RecordPick) -> Iterator[tuple[Reason, tuple[str, ...]]]:
     """Give why a pick does not tell some quantities."""
     if one.quality == "poor":
         yield "poor", TOLD

@@ -53,13 +53,28 @@ def fit_document(fit: Fit) -> dict[str, Any]:
     )
 
 
-def answer_json(fit: Fit, made: Provenance) -> str:
+def answer_json(fit: Fit, made: Provenance, picks: Sequence[Any] | None = None) -> str:
     """Return the answer, and what it was made of, as the text of `fit.json`.
 
     What is printed has no provenance, so that the same run prints the same.
+
+    Args:
+        fit: The fit.
+        made: What it was made of.
+        picks: What the log was picked from, if it was, as `jblast pick` prints it.
     """
-    document = fit_document(fit) | {"provenance": plain(asdict(made))}
+    document = fit_document(fit) | picks_entry(picks) | provenance_entry(made)
     return json.dumps(document, indent=2, allow_nan=False, ensure_ascii=False) + "\n"
+
+
+def picks_entry(picks: Sequence[Any] | None) -> dict[str, Any]:
+    """Return the key `picks` of an answer; nothing where no record was picked."""
+    return {} if picks is None else {"picks": picks}
+
+
+def provenance_entry(made: Provenance) -> dict[str, Any]:
+    """Return the key `provenance` of an answer."""
+    return {"provenance": plain(asdict(made))}
 
 
 def estimate_entries(estimates: Mapping[str, Estimate]) -> dict[str, Any]:

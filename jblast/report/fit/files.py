@@ -2,9 +2,9 @@
 
 import os
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from jblast.errors import InputError
 from jblast.files import write_bytes, write_text
@@ -31,6 +31,7 @@ def write_report(
     force: bool = False,
     records: "Callable[[], Figure] | None" = None,
     made: Provenance | None = None,
+    picks: Sequence[Any] | None = None,
 ) -> list[Path]:
     """Write a fit's answer, figures and page, the answer first.
 
@@ -47,6 +48,7 @@ def write_report(
             report are replaced or removed, others left alone.
         records: Draws the records that the log was picked from.
         made: What the answer was made of; None: the log's file, and no command.
+        picks: What the log was picked from, if it was, as `jblast pick` prints it.
 
     Returns:
         The files written.
@@ -69,7 +71,7 @@ def write_report(
         (directory / name).unlink(missing_ok=True)
     made = made or provenance_of([fit.observations.source])
     written = [directory / "fit.json"]
-    write_text(written[0], answer_json(fit, made))
+    write_text(written[0], answer_json(fit, made, picks))
     failures: list[str] = []
     if fit.ensemble is not None:
         try:

@@ -2,7 +2,7 @@
 
 import math
 import textwrap
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from typing import Any
 
@@ -10,9 +10,10 @@ from jblast.errors import InputError
 from jblast.inference.fitting.result import Fit
 from jblast.inference.posterior.estimate import Estimate
 from jblast.report.estimates import printed_estimate
-from jblast.report.fit.document import fit_document
+from jblast.report.fit.document import fit_document, picks_entry, provenance_entry
 from jblast.report.fit.goodness import goodness_p
 from jblast.report.numbers import significant
+from jblast.report.provenance import Provenance
 from jblast.report.tables import aligned, comma_separated
 from jblast.report.words import parameter_words
 
@@ -56,17 +57,26 @@ def answers_csv(answers: Mapping[str, Fit | InputError]) -> str:
     return comma_separated([COLUMNS, *([row.get(c) for c in COLUMNS] for row in rows)])
 
 
-def answers_document(answers: Mapping[str, Fit | InputError]) -> dict[str, Any]:
-    """Return what `--json` prints: by log its answer, or its error."""
-    return {
-        "schema": 1,
-        "logs": {
-            name: {"error": str(fit)}
-            if isinstance(fit, InputError)
-            else fit_document(fit)
-            for name, fit in answers.items()
-        },
+def answers_document(
+    answers: Mapping[str, Fit | InputError],
+    made: Mapping[str, Provenance] | None = None,
+    picks: Sequence[Any] | None = None,
+) -> dict[str, Any]:
+    """Return what `--json` prints: by log its answer, or its error.
+
+    Args:
+        answers: By log.
+        made: What each was made of, for a file: the same run prints the same.
+        picks: What the logs were picked from, if they were, as `jblast pick` prints
+            it.
+    """
+    logs = {
+        name: {"error": str(fit)} if isinstance(fit, InputError) else fit_document(fit)
+        for name, fit in answers.items()
     }
+    for name, of in (made or {}).items():
+        logs[name] |= provenance_entry(of)
+    return {"schema": 1, "logs": logs, **picks_entry(picks)}
 
 
 def _numbers(estimate: Estimate) -> dict[str, float]:

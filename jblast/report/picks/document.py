@@ -1,11 +1,14 @@
 """What was picked, as JSON."""
 
+import math
+from dataclasses import asdict
 from datetime import UTC
 from typing import Any
 
 from jblast.inference.picks import NAMES, RecordPick
 from jblast.inference.records import Gathered, PickLog, told
 from jblast.json_values import plain
+from jblast.report.picks.answer import PickAnswer, PickedValue, PicksAnswer
 from jblast.report.picks.words import note_words
 
 
@@ -16,43 +19,50 @@ def picks_document(found: Gathered, log: PickLog) -> dict[str, Any]:
         found: Picks.
         log: Their rows.
     """
-    names = found.named()
+    return plain({"schema": 1, **asdict(picks_answer(found, log))})
+
+
+def picks_answer(found: Gathered, log: PickLog) -> PicksAnswer:
+    """Return what was picked, as data."""
     rows = log.observations
     shots = dict(zip(rows.record, rows.shot, strict=False))
-    picks = []
-    for name, order, one in zip(names, found.orders, found.picks, strict=True):
-        entry = {"record": name, "sensor": one.record.name, "file": one.record.source}
-        entry |= {"bang": order, "shot": shots.get(name, "")}
-        entry |= {quantity: estimate(one, quantity) for quantity in NAMES}
-        entry |= {
-            "lower_bound": bool(one.pick.lower_bound),
-            "later_arrivals_s": [
-                {"value": float(time), "sd": float(sd)}
-                for time, sd in zip(
-                    one.pick.later_arrivals_s, one.pick.later_sigmas_s, strict=True
-                )
-                if float(time) == float(time)
-            ],
-            "quality": one.quality,
-            "notes": note_words(one),
-        }
-        picks.append(entry)
-    epoch = found.epoch.astimezone(UTC).isoformat() if found.epoch else None
-    return plain(
-        {
-            "schema": 1,
-            "picks": picks,
-            "epoch_utc": epoch,
-            "nothing_found": list(found.silent),
-            "quieter_onsets": found.quieter,
-            "not_in_log": [left._asdict() for left in log.left_out],
-            "bangs": log.bangs,
-            "refused": [str(error) for error in found.refused],
-        }
+    return PicksAnswer(
+        picks=tuple(
+            _answer(one, name, order, shots.get(name, ""))
+            for name, order, one in zip(
+                found.named(), found.orders, found.picks, strict=True
+            )
+        ),
+        epoch_utc=found.epoch.astimezone(UTC).isoformat() if found.epoch else None,
+        nothing_found=found.silent,
+        quieter_onsets=found.quieter,
+        not_in_log=log.left_out,
+        bangs=log.bangs,
+        refused=tuple(str(error) for error in found.refused),
     )
 
 
-def estimate(one: RecordPick, quantity: str) -> dict[str, float] | None:
+def _answer(one: RecordPick, name: str, order: int, shot: str) -> PickAnswer:
+    later = zip(one.pick.later_arrivals_s, one.pick.later_sigmas_s, strict=True)
+    return PickAnswer(
+        record=name,
+        sensor=one.record.name,
+        file=one.record.source,
+        bang=order,
+        shot=shot,
+        **{quantity: _estimate(one, quantity) for quantity in NAMES},
+        lower_bound=bool(one.pick.lower_bound),
+        later_arrivals_s=tuple(
+            PickedValue(float(time), float(sd))
+            for time, sd in later
+            if not math.isnan(float(time))
+        ),
+        quality=one.quality,
+        notes=tuple(note_words(one)),
+    )
+
+
+def _estimate(one: RecordPick, quantity: str) -> PickedValue | None:
     """Return a value and its standard deviation; None where the pick has none."""
     found = told(one, quantity)
-    return found._asdict() if found else None
+    return None if found is None else PickedValue(*found)

@@ -3,8 +3,7 @@
 from datetime import timedelta
 
 from jblast.inference.picks import RecordPick
-from jblast.inference.records import Gathered, PickLog, told
-from jblast.inference.records.log import LeftOut
+from jblast.inference.records import Gathered, PickLog, Reason, told
 from jblast.report.numbers import rounded, unit_for
 from jblast.report.picks.words import REASONS, note_words
 from jblast.report.tables import aligned
@@ -94,13 +93,13 @@ def _notes(found: Gathered) -> list[str]:
 
 def _of_log(log: PickLog) -> list[str]:
     """Say what stands in no row."""
-    same: dict[tuple[tuple[str, ...], str], list[str]] = {}
+    same: dict[tuple[tuple[str, ...], Reason], list[str]] = {}
     for left in log.left_out:
         same.setdefault((left.quantities, left.reason), []).append(left.record)
     lines = [
-        f"not in the log: {left_out_words(LeftOut('', *key))} of {_listed(names)}: "
-        f"{REASONS[key[1]]}"
-        for key, names in same.items()
+        f"not in the log: {_left_out(quantities)} of {_listed(names)}: "
+        f"{REASONS[reason]}"
+        for (quantities, reason), names in same.items()
     ]
     if log.independent:
         lines.append(
@@ -112,11 +111,11 @@ def _of_log(log: PickLog) -> list[str]:
     return lines
 
 
-def left_out_words(left: LeftOut) -> str:
+def _left_out(quantities: tuple[str, ...]) -> str:
     """Return which quantities were left out."""
-    if "air_arrival_s" in left.quantities:
+    if "air_arrival_s" in quantities:
         return "all"
-    return joined([quantity_words(quantity) for quantity in left.quantities])
+    return joined([quantity_words(quantity) for quantity in quantities])
 
 
 def _listed(names: list[str] | tuple[str, ...]) -> str:

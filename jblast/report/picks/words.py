@@ -1,6 +1,7 @@
 """What is said of a pick: its notes and why something stands in no row, in words."""
 
 from jblast.inference.picks import NoteKind, RecordPick
+from jblast.inference.records import Reason
 from jblast.report.numbers import printed_number
 from jblast.report.words import joined
 
@@ -23,7 +24,7 @@ NOTES: dict[NoteKind, str] = {
     "faint": "the pulse is faint",
 }
 """Of what a pick's notes say."""
-REASONS = {
+REASONS: dict[Reason, str] = {
     "poor": "a poor pick",
     "onset_alone": "no pulse fits the samples",
     "uncalibrated": "nobody said how many pascals a sample stands for",

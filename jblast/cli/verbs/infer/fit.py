@@ -95,11 +95,11 @@ def run(asked: argparse.Namespace) -> int:
     from pathlib import Path
 
     from jblast.cli.arguments.laws import chosen_laws
-    from jblast.cli.arguments.logs import WALK, logs_of, only_a_walk
+    from jblast.cli.arguments.logs import WALK, each_made, logs_of, only_a_walk
     from jblast.errors import InputError
     from jblast.inference import fit, fit_each
     from jblast.report import check_directory, summary, write_report
-    from jblast.report.fit.document import fit_document
+    from jblast.report.fit.document import fit_document, picks_entry
     from jblast.report.provenance import provenance_of
     from jblast.scene import default_scene, freed, read_scene, with_laws
 
@@ -119,19 +119,21 @@ def run(asked: argparse.Namespace) -> int:
         rows = recorded.log.observations
         files, reader = [rows.source], lambda _: rows
         uncertain = uncertain if asked.scene else scene_of_records(rows)
+    picks = recorded.document()["picks"] if recorded else None
     logs, uncertain = logs_of(files, uncertain, reader, together=together)
     uncertain = freed(uncertain, names_to_free(asked.free))
     readable = {k: log for k, log in logs.items() if not isinstance(log, InputError)}
     held = {quantity for log in readable.values() for quantity in log.quantity}
     if readable:
         uncertain = with_laws(uncertain, chosen_laws(asked.law, held))
+    made_of = {} if made is None else each_made(made, logs, () if recorded else files)
     begin("fitting")
     if len(logs) > 1:
         fitted = fit_each(
             readable, uncertain, noise=asked.noise, posterior=asked.posterior
         )
         answers = {name: _worded(fitted.get(name, logs[name])) for name in logs}
-        return _many(answers, out, asked)
+        return _many(answers, picks, out, made_of, asked)
     (observations,) = readable.values()
     answer = fit(
         observations,
@@ -141,13 +143,18 @@ def run(asked: argparse.Namespace) -> int:
         store=out / WALK if out else None,
     )
     if asked.json:
-        _print_json(fit_document(answer))
+        _print_json(fit_document(answer) | picks_entry(picks))
     if out:
         begin("writing")
         with writing(out):
-            figure = recorded.figure if recorded else None
-            force = asked.force or only_a_walk(out)
-            write_report(answer, out, force=force, records=figure, made=made)
+            write_report(
+                answer,
+                out,
+                force=asked.force or only_a_walk(out),
+                records=recorded.figure if recorded else None,
+                made=made,
+                picks=picks,
+            )
             if recorded:
                 recorded.write(out / "picks")
     if recorded and not asked.json:
@@ -171,16 +178,16 @@ def _worded(answer):
     return answer
 
 
-def _many(answers, out, asked: argparse.Namespace) -> int:
+def _many(answers, picks, out, made_of, asked: argparse.Namespace) -> int:
     """Print and write the answers of several logs; the worst decides the exit code."""
     from jblast.cli.arguments.logs import write_answers
     from jblast.errors import InputError
     from jblast.report.fit.table import answers_document, answers_text
 
     if out:
-        write_answers(answers, out)
+        write_answers(answers, out, made_of, picks)
     if asked.json:
-        _print_json(answers_document(answers))
+        _print_json(answers_document(answers, picks=picks))
     else:
         sys.stdout.write(answers_text(answers))
     fits = [fit for fit in answers.values() if not isinstance(fit, InputError)]

@@ -33,31 +33,50 @@ class PlaceOnEarth:
 
 
 @dataclass(frozen=True)
+class ChargeOnEarth:
+    """What a fit says of a charge in degrees and by the calendar.
+
+    Attributes:
+        charge: Its name; "" of the only one.
+        place: Where it stood; null where the log has no latitudes, its scene no
+            [place], or it cannot tell.
+        origin_time_utc: When it exploded, ISO 8601, on the clock of `origin_clock`;
+            null where the log has no dates, or cannot tell.
+    """
+
+    charge: str
+    place: PlaceOnEarth | None
+    origin_time_utc: str | None
+
+
+@dataclass(frozen=True)
 class OnEarth:
     """What a fit says in degrees and by the calendar.
 
     Attributes:
-        place: Where the charge stood; null where the log has no latitudes, its
-            scene no [place], or it cannot tell.
-        origin_time_utc: When it exploded, ISO 8601, on the clock of `origin_clock`;
-            null where the log has no dates, or cannot tell.
+        place: Where the first charge stood, as `charges_on_earth` has it.
+        origin_time_utc: When the first charge exploded, likewise.
         origin_clock: The recorder whose clock that is, where those of others are free;
             "" for the common clock.
+        charges_on_earth: The same of every charge of the scene.
     """
 
-    place: PlaceOnEarth | None = None
-    origin_time_utc: str | None = None
-    origin_clock: str = ""
+    place: PlaceOnEarth | None
+    origin_time_utc: str | None
+    origin_clock: str
+    charges_on_earth: tuple[ChargeOnEarth, ...]
 
 
-def on_earth(fit: Fit, shot: int = 0) -> OnEarth:
-    """Return an answer in degrees and by the calendar, as far as its log allows.
-
-    Args:
-        fit: The fit.
-        shot: Which of the scene's charges.
-    """
-    return OnEarth(_place(fit, shot), *_time(fit, shot))
+def on_earth(fit: Fit) -> OnEarth:
+    """Return an answer in degrees and by the calendar, as far as its log allows."""
+    charges = tuple(
+        ChargeOnEarth(charge.name, _place(fit, shot), _time(fit, shot))
+        for shot, charge in enumerate(fit.scene.charges)
+    )
+    first = charges[0]
+    dated = any(charge.origin_time_utc for charge in charges)
+    clock = _common_clock(fit) if dated else ""
+    return OnEarth(first.place, first.origin_time_utc, clock, charges)
 
 
 def _place(fit: Fit, shot: int) -> PlaceOnEarth | None:
@@ -77,14 +96,14 @@ def _place(fit: Fit, shot: int) -> PlaceOnEarth | None:
     return PlaceOnEarth(float(lat), float(lon), float(alt), ellipse)
 
 
-def _time(fit: Fit, shot: int) -> tuple[str | None, str]:
-    """Return when a charge exploded, and by whose clock."""
+def _time(fit: Fit, shot: int) -> str | None:
+    """Return when a charge exploded."""
     epoch, charge = fit.observations.epoch, fit.scene.charges[shot]
     name = f"origin_time_s{fit.scene.label(charge)}"
     told = fit.summary.estimates.get(name, Estimate(float(charge.time_s)))
     if epoch is None or not told.is_identified:
-        return None, ""
-    return utc(epoch, told.value), _common_clock(fit)
+        return None
+    return utc(epoch, told.value)
 
 
 def utc(epoch: datetime, seconds: float) -> str:

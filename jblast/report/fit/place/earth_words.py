@@ -12,13 +12,13 @@ from jblast.report.numbers import printed_number
 def earth_lines(fit: Fit) -> list[str]:
     """Return a sentence for each charge of a log in degrees or with dates."""
     lines = []
-    for shot, charge in enumerate(fit.scene.charges):
-        found = on_earth(fit, shot)
+    told = on_earth(fit)
+    for charge, found in zip(fit.scene.charges, told.charges_on_earth, strict=True):
         named = f"{charge.name}: it" if charge.name else "It"
         said = [f"{named} stood at {_place(found.place)}"] if found.place else []
         if found.origin_time_utc:
             when = _time(fit, f"origin_time_s{fit.scene.label(charge)}")
-            by = f" by the clock {found.origin_clock}" if found.origin_clock else ""
+            by = f" by the clock {told.origin_clock}" if told.origin_clock else ""
             who = "it" if said else named
             said.append(f"{who} exploded at {when}{by}")
         if said:

@@ -5,7 +5,9 @@ from pathlib import Path
 
 import pytest
 
+from docs.generate.answer_schemas import fit
 from jblast.observations import read
+from tests.test_schemas import check
 
 EXAMPLE = Path(__file__).parents[4] / "calibration" / "data" / "records_example"
 STATIONS = "sensor,east_m,north_m,up_m\na,10,0,0\n"
@@ -38,7 +40,10 @@ def test_ten_records_tell_mass_place_and_time(jblast):
     assert code == 0
     assert "10 picks in 10 records" in said
     assert "free with it: charge east, charge north" in " ".join(said.split())
-    told = json.loads((Path(out) / "fit.json").read_text())["estimates"]
+    document = json.loads((Path(out) / "fit.json").read_text())
+    check(fit(), document)
+    assert len(document["picks"]) == 10
+    told = document["estimates"]
     # what `calibration/data/records_example_truth.toml` says
     truth = {"charge_mass_kg": 15.0, "charge_east_m": 14.0, "charge_north_m": -9.0}
     for name, value in (truth | {"origin_time_s": 0.05}).items():

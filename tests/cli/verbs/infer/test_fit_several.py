@@ -1,13 +1,17 @@
 """Several logs in one command: a table, one event, and one bad log among them."""
 
 import csv
+import hashlib
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from docs.generate.answer_schemas import fits
 from jblast.waves import kingery_bulmash_arrival_time, kingery_bulmash_pressure
 from tests.cli.cli_files import HEADER
+from tests.test_schemas import check
 
 
 def pressures(mass: float, shot: str = "") -> list[str]:
@@ -41,6 +45,14 @@ def test_several_logs_give_a_table_and_a_bad_one_fails_alone(jblast, tmp_path):
         rows = {row["log"]: row for row in csv.DictReader(file)}
     assert float(rows["good"]["value"]) == pytest.approx(15.0, rel=1e-3)
     assert float(rows["other"]["value"]) == pytest.approx(40.0, rel=1e-3)
+    told = json.loads((tmp_path / "out" / "fits.json").read_text("utf-8"))
+    check(fits(), told)
+    for name in ("good", "other", "bad"):
+        made = told["logs"][name]["provenance"]
+        held = Path(jblast.path(f"{name}.csv")).read_bytes()
+        own = {"name": f"{name}.csv", "sha256": hashlib.sha256(held).hexdigest()}
+        assert made["logs"] == [own]
+        assert made["command"].startswith("jblast fit")
     assert "column value" in rows["bad"]["error"]
     assert rows["bad"]["value"] == ""
 

@@ -75,6 +75,20 @@ def test_whose_clock_it_is_by_is_said_where_others_are_free():
     assert earth_lines(fit)[0].endswith("(90 %) by the clock m1.")
 
 
+def test_each_of_several_charges_has_its_place_and_time():
+    fit = dated(placed())
+    others = (Charge(position_m=(0.0, 500.0, 0.0), time_s=2.0, name="second"),)
+    both = replace(fit, scene=replace(fit.scene, others=others))
+    document = fit_document(both)
+    first, second = document["charges_on_earth"]
+    assert (first["place"], second["charge"]) == (document["place"], "second")
+    assert first["origin_time_utc"] == document["origin_time_utc"]
+    assert second["origin_time_utc"] == "2020-08-04T15:08:20.000000Z"
+    # 400 m further along the meridian, 110.92 km a degree
+    north = second["place"]["lat_deg"] - first["place"]["lat_deg"]
+    assert north == pytest.approx(400 / 110920, abs=1e-7)
+
+
 def test_a_log_in_metres_and_seconds_has_neither():
     fit = located(SENSORS)
     assert on_earth(fit).place is None
