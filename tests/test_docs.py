@@ -22,7 +22,7 @@ from jblast.parameter_table import PARAMETERS
 from jblast.quantity_table import DERIVED_QUANTITIES, QUANTITIES
 from jblast.scene.reader.scene import scene_from_document
 from jblast.scene.reader.schema import KEYS
-from tests.test_import_order import ORDER, ROOMS
+from tests.test_import_order import ORDER, WITHIN
 
 ROOT = Path(__file__).parents[1]
 FRONT = [ROOT / name for name in ("README.md", "CONTRIBUTING.md", "CHANGELOG.md")]
@@ -197,7 +197,7 @@ def test_contributing_lists_the_rooms_that_there_are_in_their_order():
     }
     assert {room: sorted(folders) for room, folders in told.items()} == there
     assert list(told) == [name for names in ORDER for name in names if name in told]
-    for room, order in ROOMS.items():
+    for room, order in WITHIN.items():
         if room in told:
             assert [name for name in told[room] if name in order] == list(order)
 

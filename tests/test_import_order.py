@@ -30,7 +30,7 @@ ORDER = [
 LEVEL = {name: level for level, names in enumerate(ORDER) for name in names}
 
 # Folders within a room, in their order; the room's own files go where they must.
-FOLDERS = {
+WITHIN = {
     "waves": ("curves", "propagation", "shock", "laws", "waveform"),
     "vehicle": ("quadrotor", "dynamics", "control", "loads", "rollout", "warp"),
     "sensors.camera": ("image", "geometry", "rendering", "events", "files"),
@@ -106,9 +106,9 @@ def rooms_between(room: str) -> set[tuple[str, str]]:
     return {(own, other) for own, other in found if own != other}
 
 
-@pytest.mark.parametrize("room", FOLDERS)
+@pytest.mark.parametrize("room", WITHIN)
 def test_folders_of_a_room_import_those_before_them_only(room):
-    place = {name: index for index, name in enumerate(FOLDERS[room])}
+    place = {name: index for index, name in enumerate(WITHIN[room])}
     wrong = {
         (own, other)
         for own, other in rooms_between(room)
@@ -125,7 +125,7 @@ def test_folders_that_stand_beside_each_other_do_not_meet(room):
 
 
 def test_every_folder_of_an_ordered_room_is_in_the_order():
-    for room, ordered in FOLDERS.items():
+    for room, ordered in WITHIN.items():
         folder = PACKAGE.joinpath(*room.split("."))
         there = {path.parent.name for path in folder.glob("*/__init__.py")}
         assert there == {*ordered, *BESIDE.get(room, ())}

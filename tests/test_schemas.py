@@ -16,6 +16,7 @@ import jblast
 from docs.generate import answer_schemas, answer_tables
 from docs.generate.scene_schema import scene_schema
 from jblast.errors import InputError
+from jblast.fidelity import TakenLaw
 from jblast.inference.design.cramer_rao import Bound
 from jblast.inference.design.summary import AddedDatum, BoundSummary, Sensitivity
 from jblast.inference.fitting.findings import NotAtOptimum, WrongClock, WrongSensor
@@ -31,6 +32,7 @@ from jblast.inference.records import log_of
 from jblast.json_values import plain
 from jblast.observations.check.doubt import Doubt
 from jblast.report.check.answer import check_answer
+from jblast.report.choice.answer import choice_answer
 from jblast.report.design.document import bound_document
 from jblast.report.discovery.answer import (
     DiscoveryAnswer,
@@ -139,7 +141,7 @@ def test_the_schema_of_a_bound_takes_every_answer():
     summary = BoundSummary(
         at={"charge_mass_kg": 25.0},
         law={"air_arrival_s": "kingery_bulmash"},
-        law_reason={"air_arrival_s": "asked for"},
+        law_reason={"air_arrival_s": TakenLaw("kingery_bulmash")},
         law_valid=True,
         parameters={"charge_mass_kg": Spread()},
         free=("charge_mass_kg",),
@@ -162,7 +164,7 @@ def test_the_schema_of_a_bound_takes_every_answer():
 def test_the_schema_of_a_choice_takes_one():
     scene = jblast.read_scene(ROOT / "calibration/scenes/arrivals.toml")
     choice = jblast.choose(scene, "air_arrival_s", 0.01)
-    check(answer_schemas.choose(), plain(choice.document()))
+    check(answer_schemas.choose(), choice_answer(choice).to_dict())
 
 
 def test_the_schema_of_a_discovery_takes_what_was_found_and_what_was_not():

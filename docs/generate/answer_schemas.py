@@ -11,7 +11,7 @@ from dataclasses import fields, is_dataclass
 from typing import Any, Union, get_args, get_origin, get_type_hints
 
 from docs.generate.attributes import attributes
-from jblast.fidelity import Choice
+from jblast.fidelity import TakenLaw
 from jblast.inference.design.summary import AddedDatum, BoundSummary
 from jblast.inference.fitting.findings import WrongSensor
 from jblast.inference.fitting.place.on_earth import OnEarth
@@ -25,6 +25,7 @@ from jblast.inference.posterior.finding import Finding
 from jblast.observations.understood import Understood
 from jblast.report.calculator.answer import CalculatorAnswer, InverseAnswer
 from jblast.report.check.answer import CheckAnswer
+from jblast.report.choice.answer import ChoiceAnswer
 from jblast.report.discovery.answer import DiscoveryAnswer
 from jblast.report.film.answer import EventsAnswer, FilmAnswer
 from jblast.report.flights.answer import FlightsAnswer
@@ -81,7 +82,7 @@ def bound() -> Schema:
 
 def choose() -> Schema:
     """Return the schema of what `jblast choose --json` prints."""
-    return _titled("An answer of jblast choose", schema_of(Choice))
+    return _titled("An answer of jblast choose", schema_of(ChoiceAnswer))
 
 
 def calc() -> Schema:
@@ -236,12 +237,12 @@ def _added(schema: Schema) -> Schema:
 WORDED: dict[type, Callable[[Schema], Schema]] = {
     Cure: lambda _: {"type": "string"},
     Finding: lambda _: {"type": "string"},
+    TakenLaw: lambda _: {"type": "string"},
     Understood: lambda _: {"type": "string"},
     OtherMode: _other_mode,
     EstimableCombination: _combination,
     WrongSensor: _wrong,
     AddedDatum: _added,
-    Choice: lambda schema: _object(_without(schema, "span", "reference_uncertainty")),
     FailureMode: lambda schema: _object(
         {key: schema["properties"][of] for key, of in FAILURE_KEYS.items()}
     ),

@@ -1,6 +1,8 @@
-"""What a choice of method is made of, and what it says."""
+"""What a choice of method is made of: `report.choice` words it."""
 
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
+
+from jblast.scene.charge import Burst
 
 
 @dataclass(frozen=True)
@@ -32,7 +34,6 @@ class Choice:
     Attributes:
         quantity: What was asked for.
         method: The cheapest method within the tolerance; else the best there is.
-        reason: Why, in one sentence.
         predicted_error: Its relative error; NaN if nothing is known.
         tolerance: What was asked for, relative; zero asks for the best.
         met: Whether it suffices.
@@ -40,11 +41,12 @@ class Choice:
         candidates: All methods that were looked at, the cheapest first.
         span: Smallest and largest scaled distance [m/kg^(1/3)].
         reference_uncertainty: How far the reference itself may be off there.
+        by_height: The curve sets that the heights of charges left, where none was said.
+        notes: What contradicts the heights, a sentence each.
     """
 
     quantity: str
     method: str
-    reason: str
     predicted_error: float
     tolerance: float
     met: bool
@@ -52,9 +54,19 @@ class Choice:
     candidates: tuple[Candidate, ...]
     span: tuple[float, float]
     reference_uncertainty: float
+    by_height: tuple[Burst, ...] = ()
+    notes: tuple[str, ...] = ()
 
-    def document(self) -> dict:
-        """Return what `jblast choose --json` prints."""
-        document = asdict(self)
-        del document["span"], document["reference_uncertainty"]  # the reason tells them
-        return document
+
+@dataclass(frozen=True)
+class TakenLaw:
+    """The law that a quantity is read by.
+
+    Attributes:
+        name: Its name.
+        choice: By which it was taken; None where it was asked for. What suits the
+            answer may be another method than the one taken before it was known.
+    """
+
+    name: str
+    choice: Choice | None = None

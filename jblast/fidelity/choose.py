@@ -17,27 +17,18 @@ from jblast.fidelity.candidates import (
 )
 from jblast.fidelity.choice import Candidate, Choice
 from jblast.fidelity.conditions import Conditions, jitted_conditions
-from jblast.fidelity.explanation import reason_for
 from jblast.fidelity.reference import REFERENCES, is_reference
 from jblast.fidelity.sensor_paths import by_curves, paths_in, sensors_for, tnt_path
 from jblast.quantities import TIMES
 from jblast.registry import names_for
 from jblast.scene import Scene, Sensor, UncertainScene
+from jblast.scene.charge import BURSTS, Burst
 from jblast.waves.burst_and_height import burst_notes, scaled_height
 from jblast.waves.paths import Path
 
 SHARE_OF_SIGMA = 1.0 / 3.0
 """Of the data's sigma: the tolerance where none is told. In quadrature a method that
 far off widens an error by 5 %."""
-
-BY_HEIGHT = {
-    ("free-air",): "the height leaves the free-air curves",
-    ("surface",): "the charge stands between the limits of the curves, of which the "
-    "surface ones were taken",
-    ("free-air", "surface"): "by its height the charge bursts as in free air for some "
-    "sensors and numbers, for the others neither set holds: it does for both sets",
-}
-"""What is said of the curve sets that heights leave."""
 
 ALIKE = 2.0
 """Costs within this factor count as one: a busy machine moves them by as much. Of
@@ -57,7 +48,8 @@ def choose(
             sigma the sensors state.
 
     Returns:
-        The method, the error it was measured to have, what it costs, and why it.
+        The method, the error it was measured to have, what it costs, and what else was
+        looked at: `report.choice.reason` says why it.
 
     Raises:
         InputError: There is no such quantity, no sensor for it, no law or no place, the
@@ -83,14 +75,14 @@ def choose(
             sigma, quantity, conditions[: 1 + len(uncertain.scene.others)]
         )
     choice = choose_for(quantity, conditions, tolerance)
-    said = [choice.reason, *_of_heights(uncertain.scene, unsettled, quantity, sensors)]
-    return replace(choice, reason="; ".join(said))
+    by_height, notes = _of_heights(uncertain.scene, unsettled, quantity, sensors)
+    return replace(choice, by_height=by_height, notes=notes)
 
 
 def _of_heights(
     scene: Scene, unsettled: Sequence[Path], quantity: str, sensors: Sequence[Sensor]
-) -> list[str]:
-    """Say what heights leave of the curve sets, or what contradicts them.
+) -> tuple[tuple[Burst, ...], tuple[str, ...]]:
+    """Return which curve sets heights leave where none is said, and what is odd.
 
     Args:
         scene: The charges.
@@ -108,10 +100,8 @@ def _of_heights(
         height = float(scaled_height(scene, charge))
         free = np.asarray(path.free_air)
         notes += burst_notes(charge, (height, height), free, "sensor")
-    if by_height:
-        bursts = {str(path.burst) for path in by_curves(by_height)}
-        return [BY_HEIGHT[tuple(sorted(bursts))], *notes]
-    return notes
+    left = {path.burst for path in by_curves(by_height)} if by_height else set()
+    return tuple(burst for burst in BURSTS if burst in left), tuple(notes)
 
 
 def tolerance_of(
@@ -160,10 +150,9 @@ def choose_for(
             candidates,
             key=lambda c: (c.method in blind, *_nearness(quantity, c, conditions)),
         )
-    choice = Choice(
+    return Choice(
         quantity=quantity,
         method=found.method,
-        reason="",
         predicted_error=found.predicted_error,
         tolerance=tolerance,
         met=bool(enough),
@@ -172,7 +161,6 @@ def choose_for(
         span=span,
         reference_uncertainty=uncertainty,
     )
-    return replace(choice, reason=reason_for(choice))
 
 
 def _cost(candidate: Candidate) -> float:

@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Float
 
 from jblast.errors import InputError, nearest
-from jblast.fidelity import choose_for, tolerance_of
+from jblast.fidelity import TakenLaw, choose_for, tolerance_of
 from jblast.fidelity.conditions import Conditions, conditions_of
 from jblast.kept_programs import kept
 from jblast.registry import names_for
@@ -25,8 +25,8 @@ from jblast.sensors.record import path_to
 
 def resolve_laws(
     scene: Scene, layout: Layout, sigma: Float[np.ndarray, " row"] | None = None
-) -> dict[str, tuple[str, str]]:
-    """Return law and reason for every quantity: as the scene says, else chosen.
+) -> dict[str, TakenLaw]:
+    """Return the law of every quantity: as the scene says, else chosen.
 
     Args:
         scene: What is there.
@@ -49,7 +49,7 @@ def resolve_laws(
     left = [q for q in layout.quantities() if chosen.get(q, "auto") == "auto"]
     automatic = choose_laws(scene, layout, left, sigma) if left else {}
     return {
-        quantity: automatic.get(quantity, (chosen.get(quantity, ""), "as asked for"))
+        quantity: automatic.get(quantity, TakenLaw(chosen.get(quantity, "")))
         for quantity in layout.quantities()
     }
 
@@ -59,8 +59,8 @@ def choose_laws(
     layout: Layout,
     quantities: Sequence[str],
     sigma: Float[np.ndarray, " row"] | None = None,
-) -> dict[str, tuple[str, str]]:
-    """Return the automatic law and the reason for some quantities of a layout.
+) -> dict[str, TakenLaw]:
+    """Return the automatic law of some quantities of a layout.
 
     Raises:
         InputError: No law gives a quantity yet.
@@ -123,8 +123,8 @@ def _choose(
     layout: Layout,
     conditions: Sequence[Conditions | None],
     sigma: Float[np.ndarray, " row"],
-) -> tuple[str, str]:
-    """Return the law and the reason for one quantity."""
+) -> TakenLaw:
+    """Return the law of one quantity."""
     found, shares = [], []
     for (charge, shot, burst), each in zip(_charges(scene), conditions, strict=True):
         if each is not None:
@@ -133,9 +133,9 @@ def _choose(
             shares.append(tolerance_of(sigma[rows], quantity, [each]))
     told = [share for share in shares if share > 0.0]
     choice = choose_for(quantity, found, min(told, default=0.0))
-    return choice.method, choice.reason.removeprefix(f"{choice.method}: ")
+    return TakenLaw(choice.method, choice)
 
 
-def law_names(laws: Mapping[str, tuple[str, str]]) -> dict[str, str]:
+def law_names(laws: Mapping[str, TakenLaw]) -> dict[str, str]:
     """Return the names alone."""
-    return {quantity: name for quantity, (name, _) in laws.items()}
+    return {quantity: law.name for quantity, law in laws.items()}

@@ -6,6 +6,7 @@ from dataclasses import replace
 import jax.numpy as jnp
 import numpy as np
 
+from jblast.fidelity import TakenLaw
 from jblast.inference.fitting.findings import PoorFit, SuspectedOutlier
 from jblast.inference.fitting.result import Fit
 from jblast.inference.identifiability.findings import (
@@ -17,12 +18,11 @@ from jblast.inference.identifiability.findings import (
 )
 from jblast.inference.posterior.estimate import Estimate
 from jblast.scene import Charge, Scene, Sensor
-from tests.report.made_up import PLAIN, SOUND, band, estimate, fit_of, log
+from tests.report.made_up import PLAIN, SOUND, band, estimate, fit_of, log, taken
 
 REASONS = {
-    "air_arrival_s": "all recordings lie between Z = 2.1 and 38 m/kg^(1/3), where the "
-    "Kingery-Bulmash curves hold",
-    "peak_overpressure_pa": "all Z <= 40 m/kg^(1/3)",
+    quantity: taken(quantity, "kingery_bulmash")
+    for quantity in ("air_arrival_s", "peak_overpressure_pa")
 }
 
 
@@ -80,7 +80,9 @@ def one_parameter() -> Fit:
         summary=replace(
             PLAIN,
             law={"positive_impulse_pa_s": "ford_2021"},
-            law_reason={"positive_impulse_pa_s": "all Z >= 20 m/kg^(1/3)"},
+            law_reason={
+                "positive_impulse_pa_s": taken("positive_impulse_pa_s", "ford_2021")
+            },
             law_valid=False,
             estimates={"charge_mass_kg": estimate(1000.0, 620.0, True)},
             free=("charge_mass_kg",),
@@ -105,7 +107,7 @@ def not_identifiable() -> Fit:
         summary=replace(
             PLAIN,
             law={"air_arrival_s": "wu_hao"},
-            law_reason={"air_arrival_s": "asked for"},
+            law_reason={"air_arrival_s": TakenLaw("wu_hao")},
             estimates={
                 "charge_mass_kg": Estimate(),
                 "air_sound_speed_m_s": Estimate(),
@@ -152,7 +154,7 @@ def shock_radius() -> Fit:
         summary=replace(
             PLAIN,
             law={"shock_radius_m": "sedov_taylor"},
-            law_reason={"shock_radius_m": "strong shock throughout"},
+            law_reason={"shock_radius_m": TakenLaw("sedov_taylor")},
             estimates={
                 "charge_mass_kg": estimate(mass, 0.12 * mass, True),
                 "sedov_gamma": estimate(1.31, 0.04, True),

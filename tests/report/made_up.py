@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 
+from jblast.fidelity import Candidate, Choice, TakenLaw
 from jblast.inference.fitting.result import Band, Fit
 from jblast.inference.fitting.summary import Summary
 from jblast.inference.posterior.estimate import Estimate
@@ -21,6 +22,27 @@ def estimate(value, sd=0.0, positive=False) -> Estimate:
         return Estimate(value, sd, math.nan, q05, value, q95)
     q05, q95 = map(float, value * np.exp(np.array([-1.645, 1.645]) * sd / value))
     return Estimate(value, sd, sd / value, q05, value, q95)
+
+
+def chosen(quantity, law) -> Choice:
+    """A choice of a law, the reference at some scaled distances."""
+    method = Candidate(law, 0.0, 0.01, 1e-9, valid=True, is_reference=True)
+    return Choice(
+        quantity=quantity,
+        method=law,
+        predicted_error=0.01,
+        tolerance=0.1,
+        met=True,
+        cost_s=1e-9,
+        candidates=(method,),
+        span=(2.1, 38.0),
+        reference_uncertainty=0.01,
+    )
+
+
+def taken(quantity, law) -> TakenLaw:
+    """A law that was chosen."""
+    return TakenLaw(law, chosen(quantity, law))
 
 
 PLAIN = Summary(

@@ -9,6 +9,7 @@ import jax
 
 import jblast
 from jblast.report import write_report
+from jblast.report.choice.reason import law_reason
 from jblast.report.provenance import provenance_lines, provenance_of
 from tests.report import example
 
@@ -76,6 +77,6 @@ def test_long_reasons_are_folded_and_whole(tmp_path):
     fit = example.three_parameters()
     write_report(fit, tmp_path)
     page = html.unescape((tmp_path / "report.html").read_text("utf-8"))
-    reason = fit.summary.law_reason["air_arrival_s"]
+    reason = law_reason(fit.summary.law_reason["air_arrival_s"])
     assert len(reason) > 90
     assert re.search(rf"</summary>{re.escape(reason)}</details>", page)

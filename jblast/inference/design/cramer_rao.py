@@ -40,6 +40,7 @@ from jblast.inference.posterior.posterior import Posterior
 from jblast.observations import Observations
 from jblast.progress import stages
 from jblast.scene import Free, UncertainScene
+from jblast.sensors.law_choice import law_names
 from jblast.sensors.observe import STUDENT_FREEDOM, Noise
 from jblast.sensors.shapes import check_scene
 
@@ -156,8 +157,8 @@ def _summary(plan: Planned, solution: Solution) -> BoundSummary:
     help_, target = added_data(plan)
     return BoundSummary(
         at=dict(plan.values),
-        law={quantity: name for quantity, (name, _) in plan.laws.items()},
-        law_reason={q: reason for q, (_, reason) in plan.laws.items()},
+        law=law_names(plan.laws),
+        law_reason=plan.laws,
         law_valid=bool(valid.all()),
         parameters=_parameters(solution),
         free=posterior.parameters.names,

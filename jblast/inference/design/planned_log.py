@@ -11,6 +11,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from jblast.errors import InputError, argument, nearest
+from jblast.fidelity import TakenLaw
 from jblast.inference.posterior.fireball_growth import GROWTH, as_seen, own_growth
 from jblast.inference.posterior.parameters import parameters_of
 from jblast.inference.posterior.posterior import Posterior, posterior_of
@@ -61,14 +62,14 @@ class Planned(NamedTuple):
         values: What is taken for true, by name of `scene.PARAMETERS`.
         z: The same in the fitted coordinates.
         posterior: What the log would say.
-        laws: Name and reason of the law for each quantity.
+        laws: The law of each quantity, and what it was taken by.
         log: Its readings without error.
     """
 
     values: Mapping[str, float]
     z: Float[np.ndarray, " free"]
     posterior: Posterior
-    laws: Mapping[str, tuple[str, str]]
+    laws: Mapping[str, TakenLaw]
     log: Observations
 
 

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
+from jblast.fidelity import TakenLaw
 from jblast.inference.identifiability.findings import (
     EstimableCombination,
     NullDirection,
@@ -71,7 +72,7 @@ class BoundSummary:
     Attributes:
         at: The numbers taken for true.
         law: Name of the law that reads each quantity.
-        law_reason: Why that one.
+        law_reason: What it was taken by: `report.choice.reason` words it.
         law_valid: Whether every row lies where its law holds.
         parameters: How far each open number may be off.
         free: Names of what is open.
@@ -89,7 +90,7 @@ class BoundSummary:
 
     at: Mapping[str, float]
     law: Mapping[str, str]
-    law_reason: Mapping[str, str]
+    law_reason: Mapping[str, TakenLaw]
     law_valid: bool
     parameters: Mapping[str, Spread]
     free: tuple[str, ...]

@@ -36,7 +36,7 @@ def valid_at_depth(
         any(
             "height_of_burst" in inspect.signature(law.valid).parameters
             for part, _ in components(quantity)
-            for law in [law_for(part, solution.laws[part][0])]
+            for law in [law_for(part, solution.laws[part].name)]
         )
         for quantity in posterior.layout.quantity
     ]

@@ -10,6 +10,7 @@ import numpy as np
 from jaxtyping import PRNGKeyArray
 
 from jblast.errors import InputError, argument
+from jblast.fidelity import TakenLaw
 from jblast.inference.fitting.burial import valid_at_depth
 from jblast.inference.fitting.goodness_of_fit import standardised_residuals
 from jblast.inference.fitting.predictive_bands import bands
@@ -207,8 +208,8 @@ def solve(
     return Solution(
         posterior=posterior,
         laws={
-            quantity: (name, of_answer(name, *there.laws[quantity]))
-            for quantity, (name, _) in choices.laws.items()
+            quantity: TakenLaw(law.name, there.laws[quantity].choice)
+            for quantity, law in choices.laws.items()
         },
         laws_settled=choices.has_laws_of(there),
         optima=found,
@@ -231,15 +232,6 @@ def _refuse_without_density(
         f"{', '.join(posterior.parameters.names)} gives the log a probability; "
         "expected readings, sigmas and a scene that one charge could explain"
         + (f", got no number for {_shortly(where)}" if where else "")
-    )
-
-
-def of_answer(used: str, chosen: str, reason: str) -> str:
-    """Return why a law was used, judged at the answer."""
-    if used == chosen:
-        return reason
-    return (
-        f"chosen before the answer was known, at which it would be {chosen}: {reason}"
     )
 
 

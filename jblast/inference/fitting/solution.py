@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
+from jblast.fidelity import TakenLaw
 from jblast.inference.identifiability.null_space import Identifiability
 from jblast.inference.mode.laplace import Laplace
 from jblast.inference.mode.search import Optima
@@ -24,7 +25,7 @@ class Solution(NamedTuple):
 
     Attributes:
         posterior: What was climbed.
-        laws: Name and reason of the law for each quantity.
+        laws: The law of each quantity, and what it was taken by.
         laws_settled: Whether the automatic choice of law at the answer is that used.
         optima: The ends of the searches, the best first.
         identifiability: What the data tell of the parameters.
@@ -34,7 +35,7 @@ class Solution(NamedTuple):
     """
 
     posterior: Posterior
-    laws: Mapping[str, tuple[str, str]]
+    laws: Mapping[str, TakenLaw]
     laws_settled: bool
     optima: Optima
     identifiability: Identifiability
@@ -48,12 +49,12 @@ class Choices(NamedTuple):
     Attributes:
         scene: Its charges have the curve sets that their heights leave.
         layout: Says it row by row where a charge has both.
-        laws: Name and reason of the law for each quantity.
+        laws: The law of each quantity, and what it was taken by.
     """
 
     scene: Scene
     layout: Layout
-    laws: Mapping[str, tuple[str, str]]
+    laws: Mapping[str, TakenLaw]
 
     def as_for(self, there: "Choices") -> "Choices":
         """Return what another scene leaves, for the numbers of this one."""

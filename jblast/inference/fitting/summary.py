@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Bool
 
 from jblast.constants import TNT_SPECIFIC_ENERGY
+from jblast.fidelity import TakenLaw
 from jblast.inference.fitting.doubts.left_fixed import more_to_free
 from jblast.inference.fitting.findings import WrongSensor
 from jblast.inference.fitting.goodness_of_fit import (
@@ -40,6 +41,7 @@ from jblast.json_values import plain
 from jblast.observations import Observations
 from jblast.observations.understood import Understood
 from jblast.scene import UncertainScene
+from jblast.sensors.law_choice import law_names
 
 TNT_MASS_BY = {
     "pressure": "peak_overpressure_pa",
@@ -55,7 +57,7 @@ class Summary:
 
     Attributes:
         law: Name of the law that read each quantity.
-        law_reason: Why that one.
+        law_reason: What it was taken by: `report.choice.reason` words it.
         law_valid: Whether every row lies where its law holds.
         law_valid_rows: How many do.
         estimates: What is known of every free number.
@@ -78,7 +80,7 @@ class Summary:
     """
 
     law: Mapping[str, str]
-    law_reason: Mapping[str, str]
+    law_reason: Mapping[str, TakenLaw]
     law_valid: bool
     law_valid_rows: int
     estimates: Mapping[str, Estimate]
@@ -156,8 +158,8 @@ def summary_of(
         found = more_to_free(observations, uncertain, solution, refit)
         more = (found,) if found else ()
     return Summary(
-        law={quantity: name for quantity, (name, _) in solution.laws.items()},
-        law_reason={q: reason for q, (_, reason) in solution.laws.items()},
+        law=law_names(solution.laws),
+        law_reason=solution.laws,
         law_valid=bool((valid & deep).all()),
         law_valid_rows=int(valid.sum()),
         estimates=estimates,

@@ -83,7 +83,7 @@ def warnings_of(
     scene = solution.posterior.parameters.scene_at(jnp.asarray(solution.laplace.z))
     for charge in scene.charges:
         told += height_beside_the_curves(solution, charge)
-        told += charge_is_no_point([name for name, _ in solution.laws.values()], charge)
+        told += charge_is_no_point([law.name for law in solution.laws.values()], charge)
     told += _clocks_taken_as_right(observations, uncertain)
     told += _round_earth(observations, solution)
     if still := still_air(solution):
@@ -111,7 +111,7 @@ def outside(observations, solution: Solution, valid) -> LawOutOfRange:
         (law, law_for(part, law).range): None
         for quantity in quantities
         for part, _ in components(quantity)
-        for law in (solution.laws[part][0],)
+        for law in (solution.laws[part].name,)
     }
     posterior = solution.posterior
     at = np.asarray(posterior.misfit(jnp.asarray(solution.laplace.z)).valid)
@@ -148,7 +148,7 @@ def _unlearned(solution: Solution, against: Collection[str]) -> list[Finding]:
 
 def height_beside_the_curves(solution: Solution, charge: Charge) -> list[Finding]:
     """Return by which curves a charge off the ground is read, and what they miss."""
-    laws = [law_for(quantity, name) for quantity, (name, _) in solution.laws.items()]
+    laws = [law_for(quantity, law.name) for quantity, law in solution.laws.items()]
     asks = any("burst" in law.arguments() for law in laws)
     if not charge.by_height:  # one law, of one set, holds or not as the user said
         asks |= any("burst" in inspect.signature(law.valid).parameters for law in laws)

@@ -6,6 +6,7 @@ from typing import Any
 
 from jblast.json_values import ABSENT, entries
 from jblast.report.calculator.inputs import Inputs, Numbers, inputs
+from jblast.report.calculator.reasons import why_recommended, why_taken
 from jblast.sensors.calculator.disagreement import Disagreement
 from jblast.sensors.calculator.forward import Calculated, Calculation
 from jblast.sensors.calculator.inverse import Roots
@@ -74,6 +75,56 @@ class RootEntry:
 
 
 @dataclass(frozen=True)
+class RecommendedEntry:
+    """The answer to one question.
+
+    Attributes:
+        quantity: What was asked for: a quantity, `range_m` or `charge_mass_kg`.
+        law: By which law; "" where none gives it.
+        value: In SI.
+        valid: Whether the law holds there.
+        scatter: One standard deviation of nature about it, in ln of what was asked for.
+        reason: Why this law; "" where there is no other.
+    """
+
+    quantity: str
+    law: str
+    value: float
+    valid: bool
+    scatter: float
+    reason: str
+
+
+@dataclass(frozen=True)
+class DisagreementEntry:
+    """Two laws of one quantity that hold at a place and contradict each other there.
+
+    Attributes:
+        quantity: Of which.
+        low: Law of the smaller value, where they are furthest apart.
+        high: Law of the larger one.
+        ratio: Larger over smaller value there.
+        expected: Ratio that their scatter leaves, in 90 % of blasts.
+        range_m: Range there.
+        mass_kg: Mass there.
+        rows: At how many rows any two laws disagree.
+        taken: The law that we would take there; "" if nothing tells.
+        reason: Why.
+    """
+
+    quantity: str
+    low: str
+    high: str
+    ratio: float
+    expected: float
+    range_m: float
+    mass_kg: float
+    rows: int
+    taken: str
+    reason: str
+
+
+@dataclass(frozen=True)
 class CalculatorAnswer:
     """Every quantity that was asked for, by every law.
 
@@ -86,8 +137,8 @@ class CalculatorAnswer:
 
     inputs: Inputs
     quantities: Mapping[str, Mapping[str, LawEntry]]
-    recommended: Recommended | None = field(metadata=ABSENT)
-    disagreements: tuple[Disagreement, ...]
+    recommended: RecommendedEntry | None = field(metadata=ABSENT)
+    disagreements: tuple[DisagreementEntry, ...]
 
     def to_dict(self) -> dict[str, Any]:
         """Return what JSON can hold of it."""
@@ -105,7 +156,7 @@ class InverseAnswer:
     """
 
     inputs: Inputs
-    recommended: Recommended
+    recommended: RecommendedEntry
     quantities: Mapping[str, Mapping[str, RootEntry]]
 
     def to_dict(self) -> dict[str, Any]:
@@ -140,7 +191,12 @@ def calculator_answer(
         quantity: {name: entry(quantity, name, one) for name, one in by_law.items()}
         for quantity, by_law in answer.items()
     }
-    return CalculatorAnswer(inputs(question), quantities, told, tuple(apart))
+    return CalculatorAnswer(
+        inputs=inputs(question),
+        quantities=quantities,
+        recommended=_recommended(told) if told else None,
+        disagreements=tuple(map(_disagreement, apart)),
+    )
 
 
 def inverse_answer(
@@ -149,7 +205,33 @@ def inverse_answer(
     """Put together where laws take a value."""
     asked = inputs(question)
     by_law = {name: _root_entry(found) for name, found in answer.items()}
-    return InverseAnswer(asked, told, {asked.asked or "": by_law})
+    return InverseAnswer(asked, _recommended(told), {asked.asked or "": by_law})
+
+
+def _recommended(told: Recommended) -> RecommendedEntry:
+    return RecommendedEntry(
+        quantity=told.quantity,
+        law=told.law,
+        value=told.value,
+        valid=told.valid,
+        scatter=told.scatter,
+        reason=why_recommended(told),
+    )
+
+
+def _disagreement(found: Disagreement) -> DisagreementEntry:
+    return DisagreementEntry(
+        quantity=found.quantity,
+        low=found.low,
+        high=found.high,
+        ratio=found.ratio,
+        expected=found.expected,
+        range_m=found.range_m,
+        mass_kg=found.mass_kg,
+        rows=found.rows,
+        taken=found.choice.method if found.choice else "",
+        reason=why_taken(found),
+    )
 
 
 def _root_entry(found: Roots) -> RootEntry:

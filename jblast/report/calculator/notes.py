@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from jblast.report.calculator.reasons import why_taken
 from jblast.report.numbers import printed_number
 from jblast.sensors.calculator.disagreement import Disagreement
 from jblast.sensors.calculator.question import (
@@ -56,11 +57,13 @@ def disagreement_words(found: Disagreement, question: Question) -> str:
     if rows > 1:
         place = printed_number("_m", found.range_m, system=question.units)
         where = f" at {found.rows} of {rows} rows, most at {place}"
-    taken = f"we would take {found.taken}: {found.reason}"
+    taken = why_taken(found)
+    if found.choice:
+        taken = f"we would take {found.choice.method}: {taken}"
     return (
         f"laws that hold disagree{where}: {found.high} is {found.ratio:.2f} times "
         f"{found.low}, where their scatter leaves {found.expected:.2f}; "
-        f"{taken if found.taken else found.reason}"
+        f"{taken}"
     )
 
 

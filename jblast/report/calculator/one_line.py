@@ -4,6 +4,7 @@ from collections.abc import Mapping
 
 from jblast.report.calculator.header import header, title
 from jblast.report.calculator.notes import notes
+from jblast.report.calculator.reasons import why_recommended
 from jblast.report.calculator.terminal import (
     entry,
     hanging,
@@ -84,7 +85,7 @@ def _whole(
 ) -> str:
     lines = [first, "-" * LINE, *others]
     lines += [""] if others else []
-    facts = [("by", f"{told.law}: {told.reason or range_}")]
+    facts = [("by", f"{told.law}: {why_recommended(told) or range_}")]
     facts += [("asked", title(question))] if question.quantity else []
     facts += [fact for fact in header(question) if fact[0] in SAID]
     facts += [("note", note) for note in notes(question)]

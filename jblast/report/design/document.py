@@ -6,6 +6,7 @@ from typing import Any
 from jblast.inference.design.cramer_rao import Bound
 from jblast.inference.design.summary import AddedDatum, Sensitivity
 from jblast.json_values import plain
+from jblast.report.choice.reason import law_reasons
 from jblast.report.fit.document import (
     ambiguity_entries,
     determined_entries,
@@ -22,7 +23,7 @@ def bound_document(bound: Bound) -> dict[str, Any]:
             "schema": 1,
             "at": found.at,
             "law": found.law,
-            "law_reason": found.law_reason,
+            "law_reason": law_reasons(found.law_reason),
             "law_valid": found.law_valid,
             "parameters": {n: asdict(spread) for n, spread in found.parameters.items()},
             "free": found.free,

@@ -10,6 +10,7 @@ from jblast.inference.design.summary import BoundSummary
 from jblast.inference.mode.laplace import NORMAL_Q95
 from jblast.inference.posterior.estimate import Estimate
 from jblast.registry import LAWS
+from jblast.report.choice.reason import law_reason
 from jblast.report.design.added_datum import NOT, data_lines, shown_sd
 from jblast.report.estimates import printed_estimate
 from jblast.report.fit.findings import all_words
@@ -96,7 +97,9 @@ def _laws(bound: Bound) -> list[str]:
     for quantity, name in found.law.items():
         law = LAWS[quantity, name]
         words = law.scatter_words() if scatter else "taken as exact"
-        text = "; ".join(p for p in (found.law_reason[quantity], words) if p)
+        text = "; ".join(
+            p for p in (law_reason(found.law_reason[quantity]), words) if p
+        )
         lines += hanging(
             f"{quantity_words(quantity).ljust(column)}{name}: {text}", column
         )

@@ -15,6 +15,7 @@ from jblast.inference.identifiability.findings import (
 )
 from jblast.inference.posterior.estimate import Estimate
 from jblast.json_values import plain
+from jblast.report.choice.reason import law_reasons
 from jblast.report.fit.cures import cure_words, datum_words, reason_words
 from jblast.report.fit.findings import all_words
 from jblast.report.provenance import Provenance
@@ -28,7 +29,7 @@ def fit_document(fit: Fit) -> dict[str, Any]:
         {
             "schema": 1,
             "law": found.law,
-            "law_reason": found.law_reason,
+            "law_reason": law_reasons(found.law_reason),
             "law_valid": found.law_valid,
             "law_valid_rows": found.law_valid_rows,
             "estimates": estimate_entries(found.estimates),

@@ -6,6 +6,7 @@ import numpy as np
 
 from jblast.inference.fitting.result import Fit
 from jblast.registry import LAWS, Law
+from jblast.report.choice.reason import law_reasons
 from jblast.report.words import joined, law_words, quantity_words
 
 
@@ -24,13 +25,14 @@ class LawUsed:
 def laws_used(fit: Fit) -> list[LawUsed]:
     """Return the law of each quantity in the log, with reason, range and source."""
     used = []
+    reasons = law_reasons(fit.summary.law_reason)
     for quantity, name in fit.summary.law.items():
         law = LAWS.get((quantity, name))
         used.append(
             LawUsed(
                 quantity=quantity_words(quantity),
                 law=name,
-                reason=fit.summary.law_reason.get(quantity, ""),
+                reason=reasons.get(quantity, ""),
                 range=law.range if law else "",
                 source=law.source if law else "",
                 scatter=_scatter(fit, law),

@@ -4,6 +4,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from itertools import combinations
+from typing import TYPE_CHECKING
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -11,8 +12,11 @@ from jaxtyping import Bool, Float
 from jblast.registry import LAWS, call
 from jblast.sensors.calculator.forward import Calculated, Calculation
 from jblast.sensors.calculator.question import Question, path_of_rows
-from jblast.sensors.calculator.recommended import law_taken
+from jblast.sensors.calculator.recommended import choice_at
 from jblast.waves.paths import Path
+
+if TYPE_CHECKING:
+    from jblast.fidelity import Choice
 
 BEYOND = 1.645
 """Standard deviations of the difference of two laws: 90 % of their scatter lies within.
@@ -32,8 +36,7 @@ class Disagreement:
         range_m: Range there.
         mass_kg: Mass there.
         rows: At how many rows any two laws disagree.
-        taken: The law that we would take there; "" if nothing tells.
-        reason: Why.
+        choice: What we would take there; None if nothing tells.
     """
 
     quantity: str
@@ -44,8 +47,7 @@ class Disagreement:
     range_m: float
     mass_kg: float
     rows: int
-    taken: str
-    reason: str
+    choice: "Choice | None"
 
 
 def disagreements(question: Question, answer: Calculation) -> list[Disagreement]:
@@ -75,7 +77,6 @@ def _of(
     pair = list(apart)[which]
     low, high = sorted(pair, key=lambda name: by_law[name].value[row])
     ratio = float(by_law[high].value[row] / by_law[low].value[row])
-    taken, reason = _taken(question, quantity, int(row))
     ranges, masses = question.rows()
     return Disagreement(
         quantity=quantity,
@@ -86,8 +87,7 @@ def _of(
         range_m=float(ranges[row]),
         mass_kg=float(masses[row]),
         rows=int((sds > BEYOND).any(axis=0).sum()),
-        taken=taken,
-        reason=reason,
+        choice=_choice(question, quantity, int(row)),
     )
 
 
@@ -110,16 +110,16 @@ def _sds_apart(
     return np.where(sd > 0.0, np.abs(off) / np.where(sd > 0.0, sd, 1.0), 0.0)
 
 
-def _taken(question: Question, quantity: str, row: int) -> tuple[str, str]:
-    """Return the law that `jblast choose` would take at a row for the best there is."""
+def _choice(question: Question, quantity: str, row: int) -> "Choice | None":
+    """Return what `jblast choose` would take at a row for the best there is."""
     from jblast.fidelity.reference import REFERENCES  # read only where laws disagree
 
     if quantity not in REFERENCES:
-        return "", "nothing here tells which of them is nearer to nature"
+        return None
     ranges, masses = question.rows()
     here = replace(
         question,
         slant_range=(float(ranges[row]),),
         charge_mass=(float(masses[row]),),
     )
-    return law_taken(here, quantity)
+    return choice_at(here, quantity)

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import jax
 import numpy as np
@@ -12,6 +13,9 @@ from jblast.sensors.calculator.combined import COMBINATIONS
 from jblast.sensors.calculator.forward import Calculated, evaluate
 from jblast.sensors.calculator.inverse import Roots
 from jblast.sensors.calculator.question import Question, path_of_rows
+
+if TYPE_CHECKING:  # what is stored of methods is read where one answer is wanted
+    from jblast.fidelity import Choice
 
 STEP = 1e-3
 """In ln of a range or a mass: differences over it are a law's slope."""
@@ -28,7 +32,10 @@ class Recommended:
         valid: Whether the law holds there.
         scatter: One standard deviation of nature about it, in ln of what was asked for;
             NaN where it is not known.
-        reason: Why this law; "" where there is no other.
+        choice: By which it was taken; None where there is no other law, and where none
+            was chosen.
+        is_nearest: Whether the chosen law does not give the value: then it is the
+            nearest to the others of those that give it where they hold.
     """
 
     quantity: str
@@ -36,15 +43,15 @@ class Recommended:
     value: float
     valid: bool
     scatter: float
-    reason: str
+    choice: "Choice | None" = None
+    is_nearest: bool = False
 
 
-def law_taken(question: Question, quantity: str) -> tuple[str, str]:
-    """Return the law, and why, that `auto` takes of a quantity at a question's one row.
+def choice_at(question: Question, quantity: str) -> "Choice":
+    """Return what `auto` chooses of a quantity at a question's one row.
 
     The best there is: nothing is said of how near is near enough.
     """
-    # what is stored of methods is read where one answer is wanted, and only there
     from jblast.fidelity import choose_for
     from jblast.fidelity.conditions import jitted_conditions
 
@@ -53,8 +60,7 @@ def law_taken(question: Question, quantity: str) -> tuple[str, str]:
         burst = "free-air" if bool(np.asarray(path.free_air)[0]) else "surface"
         path = path.at_burst(burst)
     conditions = jax.tree.map(np.asarray, jitted_conditions(quantity, path))
-    choice = choose_for(quantity, [conditions], 0.0)
-    return choice.method, choice.reason.removeprefix(f"{choice.method}: ")
+    return choose_for(quantity, [conditions], 0.0)
 
 
 def recommended_value(
@@ -67,7 +73,7 @@ def recommended_value(
         quantity: Which.
         by_law: What the laws say of it.
     """
-    law, reason = _of(question, quantity, tuple(by_law))
+    law, choice = _of(question, quantity, tuple(by_law))
     found = by_law[law]
     return Recommended(
         quantity=quantity,
@@ -75,7 +81,7 @@ def recommended_value(
         value=float(found.value[0]),
         valid=bool(found.valid[0]),
         scatter=law_scatter(question, quantity, law),
-        reason=reason,
+        choice=choice,
     )
 
 
@@ -94,12 +100,12 @@ def recommended_root(question: Question, by_law: Mapping[str, Roots]) -> Recomme
     best = {name: root for name, root in best.items() if root is not None}
     holding = {name: value for name, (value, valid) in best.items() if valid}
     if not holding:
-        return Recommended(asked, "", math.nan, False, math.nan, "")
+        return Recommended(asked, "", math.nan, False, math.nan)
     middle = math.exp(float(np.median(np.log(list(holding.values())))))
-    law, reason = _of(_at(question, middle), question.quantity, tuple(by_law))
-    if law not in holding:
+    law, choice = _of(_at(question, middle), question.quantity, tuple(by_law))
+    is_nearest = law not in holding
+    if is_nearest:
         law = min(holding, key=lambda name: abs(math.log(holding[name] / middle)))
-        reason = "the nearest to the others of those that give it where they hold"
     value = holding[law]
     scatter = law_scatter(_at(question, value), question.quantity, law)
     slope = _slope(question, value, law)
@@ -109,7 +115,8 @@ def recommended_root(question: Question, by_law: Mapping[str, Roots]) -> Recomme
         value=value,
         valid=True,
         scatter=scatter / abs(slope) if slope else math.nan,
-        reason=reason,
+        choice=None if is_nearest else choice,
+        is_nearest=is_nearest,
     )
 
 
@@ -125,17 +132,19 @@ def law_scatter(question: Question, quantity: str, law: str) -> float:
     return math.sqrt(float(np.ravel(square)[0]))
 
 
-def _of(question: Question, quantity: str, names: tuple[str, ...]) -> tuple[str, str]:
-    """Return which of some laws is taken, and why."""
+def _of(
+    question: Question, quantity: str, names: tuple[str, ...]
+) -> "tuple[str, Choice | None]":
+    """Return which of some laws is taken, and what it was chosen by."""
     if len(names) == 1:
-        return names[0], ""
+        return names[0], None
     parts = COMBINATIONS[quantity].parts if quantity in COMBINATIONS else (quantity,)
     for part in parts:
         if names_for(part):
-            law, reason = law_taken(question, part)
-            if law in names:
-                return law, reason
-    return names[0], ""
+            choice = choice_at(question, part)
+            if choice.method in names:
+                return choice.method, choice
+    return names[0], None
 
 
 def _at(question: Question, value: float) -> Question:

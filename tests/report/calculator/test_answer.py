@@ -16,11 +16,11 @@ from jblast.sensors.calculator.forward import Calculated
 from jblast.sensors.calculator.inverse import Roots
 from jblast.sensors.calculator.question import Question
 from jblast.sensors.calculator.recommended import Recommended
+from tests.report.made_up import chosen
 
-APART = Disagreement(
-    "air_arrival_s", "a", "b", 2.0, 1.5, 20.0, 15.0, 1, "a", "nearer to nature"
-)
-TOLD = Recommended("peak_overpressure_pa", "a", 1.0, True, math.nan, "it holds")
+CHOICE = chosen("air_arrival_s", "kingery_bulmash")
+APART = Disagreement("air_arrival_s", "a", "b", 2.0, 1.5, 20.0, 15.0, 1, CHOICE)
+TOLD = Recommended("peak_overpressure_pa", "a", 1.0, True, math.nan, CHOICE)
 
 
 @pytest.mark.parametrize(
@@ -44,6 +44,8 @@ def test_the_schema_takes_one_row_and_several(question):
     assert "other_burst" in by_law["a"]
     assert "other_burst" not in by_law["b"]
     assert answer["recommended"]["scatter"] is None
+    assert answer["recommended"]["reason"].startswith("Z = 2.1 to 38 m/kg^(1/3)")
+    assert answer["disagreements"][0]["taken"] == "kingery_bulmash"
 
 
 def test_numbers_of_one_row_are_no_lists():

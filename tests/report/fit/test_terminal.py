@@ -19,7 +19,7 @@ def test_each_estimate_is_printed_with_its_interval_and_its_unit():
     assert "412.30 ms" in rows["origin time"]
     assert "337.0 to 343.7 m/s" in rows["air sound speed"]
     assert "870 MJ" in rows["energy"]
-    assert "kingery_bulmash: all Z <= 40" in text
+    assert "kingery_bulmash: Z = 2.1 to 38 m/kg^(1/3) inside" in text
     assert "chi2 = 9.1 on 9 degrees of freedom, p = 0.43" in text
     assert "nothing: the recordings, or a prior, identify" in text
 

@@ -42,14 +42,14 @@ def run(asked: argparse.Namespace) -> int:
     import json
 
     from jblast.fidelity import choose
-    from jblast.json_values import plain
-    from jblast.report.law_choice import choice_text
+    from jblast.report.choice.answer import choice_answer
+    from jblast.report.choice.text import choice_text
     from jblast.scene import read_scene
 
     begin("choosing")
     choice = choose(read_scene(asked.scene), asked.quantity, asked.tolerance)
     if asked.json:
-        text = json.dumps(plain(choice.document()), indent=1, allow_nan=False)
+        text = json.dumps(choice_answer(choice).to_dict(), indent=1, allow_nan=False)
         sys.stdout.write(text + "\n")
     else:
         sys.stdout.write(choice_text(choice))

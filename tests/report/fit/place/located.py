@@ -5,6 +5,7 @@ from dataclasses import replace
 import jax.numpy as jnp
 import numpy as np
 
+from jblast.fidelity import TakenLaw
 from jblast.inference.fitting.goodness_of_fit import SuspectedOutlier
 from jblast.inference.fitting.result import Fit
 from jblast.observations import Observations
@@ -77,7 +78,7 @@ def located(
         summary=replace(
             PLAIN,
             law={"peak_overpressure_pa": "kingery_bulmash"},
-            law_reason={"peak_overpressure_pa": "as asked for"},
+            law_reason={"peak_overpressure_pa": TakenLaw("kingery_bulmash")},
             estimates={"charge_mass_kg": estimate(mass, 0.2 * mass, True), **told},
             free=free,
             n_observations=n,

@@ -1,15 +1,28 @@
 """Why a method was chosen, in one sentence."""
 
 import math
+from collections.abc import Mapping
 
-from jblast.fidelity.choice import Candidate, Choice
+from jblast.fidelity.choice import Candidate, Choice, TakenLaw
 from jblast.fidelity.reference import END, FARTHEST, REFERENCES
 from jblast.fidelity.solver import METHOD as SOLVER
 from jblast.registry import LAWS
 
+BY_HEIGHT = {
+    ("free-air",): "the height leaves the free-air curves",
+    ("surface",): "the charge stands between the limits of the curves, of which the "
+    "surface ones were taken",
+    ("surface", "free-air"): "by its height the charge bursts as in free air for some "
+    "sensors and numbers, for the others neither set holds: it does for both sets",
+}
+"""What is said of the curve sets that heights leave."""
+
 
 def reason_for(choice: Choice) -> str:
-    """Return why the method was chosen, and what the others would have cost."""
+    """Return why the method was chosen, and what the others would have cost.
+
+    Then what heights leave of the curve sets, or what contradicts them.
+    """
     found = next(c for c in choice.candidates if c.method == choice.method)
     parts = [_of_the_chosen(choice, found)]
     rejected = _rejected(choice, found)
@@ -25,7 +38,30 @@ def reason_for(choice: Choice) -> str:
             if dearest.is_reference
             else f"{named(dearest.method)} {more} for {percent(dearest.error)}"
         )
-    return "; ".join(parts)
+    parts += [BY_HEIGHT[choice.by_height]] if choice.by_height else []
+    return "; ".join([*parts, *choice.notes])
+
+
+def choice_reason(choice: Choice) -> str:
+    """Return why the method was chosen, without its name."""
+    return reason_for(choice).removeprefix(f"{choice.method}: ")
+
+
+def law_reason(law: TakenLaw) -> str:
+    """Return why a law was taken, without its name."""
+    if law.choice is None:
+        return "as asked for"
+    method, reason = law.choice.method, choice_reason(law.choice)
+    if method == law.name:
+        return reason
+    return (
+        f"chosen before the answer was known, at which it would be {method}: {reason}"
+    )
+
+
+def law_reasons(laws: Mapping[str, TakenLaw]) -> dict[str, str]:
+    """Return why the law of each quantity was taken."""
+    return {quantity: law_reason(law) for quantity, law in laws.items()}
 
 
 def percent(error: float) -> str:

@@ -3,7 +3,7 @@
 import math
 
 from jblast.fidelity import Candidate, Choice
-from jblast.fidelity.explanation import percent
+from jblast.report.choice.reason import percent, reason_for
 from jblast.report.fit.terminal import hanging
 from jblast.report.tables import aligned
 
@@ -23,7 +23,7 @@ def choice_text(choice: Choice) -> str:
     lines = [
         f"{choice.method} {verdict}: {choice.quantity} {within}",
         "",
-        *hanging(choice.reason, indent=2),
+        *hanging(reason_for(choice), indent=2),
         "",
     ]
     rows = [("  method", "error", "s a reading", "")]
