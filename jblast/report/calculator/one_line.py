@@ -7,12 +7,12 @@ from jblast.report.calculator.notes import notes
 from jblast.report.calculator.reasons import why_recommended
 from jblast.report.calculator.terminal import (
     entry,
-    hanging,
     law_column,
     one_unit,
     printed_value,
     root_entries,
 )
+from jblast.report.lines import behind
 from jblast.report.numbers import printed_number
 from jblast.report.words import quantity_words
 from jblast.sensors.calculator.forward import Calculated
@@ -90,5 +90,5 @@ def _whole(
     facts += [fact for fact in header(question) if fact[0] in SAID]
     facts += [("note", note) for note in notes(question)]
     for name, text in facts:
-        lines += hanging(f"  {name}".ljust(10), text)
+        lines += behind(f"  {name}".ljust(10), text)
     return "\n".join(line.rstrip() for line in lines) + "\n"

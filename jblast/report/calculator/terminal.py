@@ -1,12 +1,12 @@
 """The calculator's answer as the terminal shows it."""
 
-import textwrap
 from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
 from jblast.report.calculator.header import header, title
 from jblast.report.calculator.notes import disagreement_words, notes
+from jblast.report.lines import WIDTH, behind
 from jblast.report.numbers import Unit, printed_number, significant, unit_for
 from jblast.report.tables import aligned
 from jblast.report.words import capitalised, quantity_words
@@ -15,7 +15,6 @@ from jblast.sensors.calculator.forward import Calculated, Calculation
 from jblast.sensors.calculator.inverse import Roots
 from jblast.sensors.calculator.question import Question
 
-WIDTH = 96
 OUTSIDE = "outside"
 """Mark of a number where its law does not hold."""
 PLACES, LAW = (12, 9), 11
@@ -52,7 +51,7 @@ def calculation_text(
             lines += _table(question, quantity, by_law)
         if quantity in words:
             said = disagreement_words(words[quantity], question)
-            lines += hanging("  ! ", said)
+            lines += behind("  ! ", said)
     return "\n".join(line.rstrip() for line in lines) + "\n"
 
 
@@ -87,9 +86,9 @@ def _head(question: Question) -> Lines:
     label = max(len(name) for name, _ in facts) + 4
     lines = [title(question), ""]
     for name, text in facts:
-        lines += hanging(f"  {name}".ljust(label), text)
+        lines += behind(f"  {name}".ljust(label), text)
     for note in notes(question):
-        lines += ["", *hanging("Note: ", note)]
+        lines += ["", *behind("Note: ", note)]
     return lines
 
 
@@ -132,7 +131,7 @@ def printed_value(of_law: Calculated, unit: Unit) -> tuple[str, str]:
 def entry(name: str, value: str, mark: str, text: str, column: int) -> Lines:
     """Return what one law says: name, value, mark, and its range beside them."""
     gap = "" if value.endswith(" ") else " "  # after "psi ms"
-    return hanging(f"  {name:<{column}}{value:>15}{gap}{mark:<9}", text)
+    return behind(f"  {name:<{column}}{value:>15}{gap}{mark:<9}", text)
 
 
 def law_column(names: Iterable[str]) -> int:
@@ -171,7 +170,7 @@ def _table(
         lines += [""] if columns else []
     for name, of_law in by_law.items():
         left = "" if of_law.valid.all() else "* outside: "
-        lines += hanging(f"  {name}: ", left + of_law.range)
+        lines += behind(f"  {name}: ", left + of_law.range)
     return lines
 
 
@@ -185,17 +184,3 @@ def _beside_places(places: Columns, columns: Columns) -> Lines:
     least = (*PLACES[: len(places)], *[LAW] * len(columns))
     rows = list(zip(*whole, strict=True))
     return aligned(rows, right=range(len(whole)), least=least)
-
-
-def hanging(start: str, text: str) -> Lines:
-    """Return a text behind a start, wrapped, later lines below its beginning."""
-    for unit in (" m/kg", " %", " kg", " m "):  # a number keeps its unit beside it
-        text = text.replace(unit, "\xa0" + unit[1:])
-    lines = textwrap.wrap(
-        text,
-        WIDTH,
-        initial_indent=start,
-        subsequent_indent=" " * len(start),
-        break_on_hyphens=False,
-    )
-    return [line.replace("\xa0", " ") for line in lines] or [start]

@@ -4,7 +4,7 @@ import math
 
 from jblast.fidelity import Candidate, Choice
 from jblast.report.choice.reason import percent, reason_for
-from jblast.report.fit.terminal import hanging
+from jblast.report.lines import hanging
 from jblast.report.tables import aligned
 
 ABSENT = "-"

@@ -9,7 +9,7 @@ from jblast.inference.design.summary import AddedDatum
 from jblast.inference.posterior.estimate import Spread
 from jblast.quantities import ADDITIVE
 from jblast.report.design.document import where
-from jblast.report.fit.terminal import hanging
+from jblast.report.lines import hanging
 from jblast.report.numbers import finite, printed_number, significant
 from jblast.report.tables import aligned
 from jblast.report.words import joined, parameter_words, quantity_words

@@ -15,7 +15,8 @@ from jblast.report.design.added_datum import NOT, data_lines, shown_sd
 from jblast.report.estimates import printed_estimate
 from jblast.report.fit.findings import all_words
 from jblast.report.fit.identifiability import determined_lines
-from jblast.report.fit.terminal import cannot_tell, hanging, section
+from jblast.report.fit.terminal import cannot_tell, section
+from jblast.report.lines import hanging
 from jblast.report.numbers import printed_number
 from jblast.report.tables import aligned
 from jblast.report.words import joined, parameter_words, quantity_words

@@ -12,12 +12,12 @@ from jblast.inference.posterior.estimate import Estimate
 from jblast.report.estimates import printed_estimate
 from jblast.report.fit.document import fit_document, picks_entry, provenance_entry
 from jblast.report.fit.goodness import goodness_p
+from jblast.report.lines import WIDTH
 from jblast.report.numbers import significant
 from jblast.report.provenance import Provenance
 from jblast.report.tables import aligned, comma_separated
 from jblast.report.words import parameter_words
 
-WIDTH = 96
 NUMBERS = ("value", "sd", "log_sd", "q05", "q50", "q95")
 OF_LOG = ("converged", "identifiable", "law_valid", "chi2", "dof", "n_observations")
 COLUMNS: tuple[str, ...] = ("log", "parameter", *NUMBERS, *OF_LOG, "error")

@@ -26,11 +26,11 @@ from jblast.report.fit.laws import laws_used, validity_sentence
 from jblast.report.fit.place.earth_words import earth_lines
 from jblast.report.fit.reference_values import Accepted, compare
 from jblast.report.fit.rows import log_name, lower_bound_sentence
+from jblast.report.lines import WIDTH, hanging
 from jblast.report.tables import GAP, aligned
 from jblast.report.understood import understood_lines
 from jblast.report.words import joined, parameter_words
 
-WIDTH = 96
 HELD = {True: (86, 89), False: (85, 88)}
 """In 100 of the logs of `HELD_IN`, by whether draws are weighted: the number told worst
 and best (`calibration/results/coverage_default.txt`)."""
@@ -168,14 +168,3 @@ def section(title: str, entries: Sequence[str]) -> list[str]:
         return []
     wrapped = [line for entry in entries for line in hanging(entry, 2)]
     return ["", title, *wrapped] if title else wrapped
-
-
-def hanging(text: str, column: int = 0, indent: int = 2) -> list[str]:
-    """Break a text into lines of `WIDTH`, all but the first further in by `column`."""
-    return textwrap.wrap(
-        text,
-        WIDTH,
-        initial_indent=" " * indent,
-        subsequent_indent=" " * (indent + column),
-        break_on_hyphens=False,
-    ) or [""]

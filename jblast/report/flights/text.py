@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from jblast.quantity_table import QUANTITIES
+from jblast.report.lines import WIDTH
 from jblast.report.numbers import printed_number, significant
 from jblast.report.tables import aligned
 from jblast.report.words import capitalised, parameter_words
@@ -25,7 +26,6 @@ from jblast.study.flights.statistics import (
 )
 from jblast.vehicle.thresholds import THRESHOLDS
 
-WIDTH = 96
 WORDS = {
     "error_before_m": "path error before",
     "error_at_blast_m": "path error as it comes",

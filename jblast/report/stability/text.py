@@ -4,7 +4,7 @@ import json
 from collections.abc import Mapping, Sequence
 
 from jblast.json_values import plain
-from jblast.report.fit.terminal import hanging
+from jblast.report.lines import hanging
 from jblast.report.numbers import printed_number
 from jblast.report.tables import comma_separated, markdown
 from jblast.report.words import capitalised
