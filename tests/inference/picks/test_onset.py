@@ -63,6 +63,7 @@ def test_the_scale_of_the_samples_is_nothing():
     assert onset_of(1e6 * record) == pytest.approx(onset_of(record))
 
 
+@pytest.mark.slow  # the fit of a pulse is compiled
 def test_phones_two_kilometres_off_tell_their_onset_and_no_pulse():
     obspy = pytest.importorskip("obspy")
     trace = obspy.read(PHONES / "phone_1.mseed")[0]

@@ -24,6 +24,7 @@ def nudged(posterior, by):
 NUDGES = jnp.array([0.0, 1e-3, -2e-3])
 
 
+@pytest.mark.slow
 def test_densities_effects_and_information_of_many_logs_are_those_of_each():
     posterior, normal, *_ = five_solved()
     z = jnp.asarray(normal.z)

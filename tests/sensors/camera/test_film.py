@@ -127,6 +127,7 @@ def test_angle_off_the_axis():
     )
 
 
+@pytest.mark.slow  # 61 views are drawn
 @pytest.mark.skipif(REFERENCE is None, reason="JBLAST_REFERENCE is not set")
 def test_the_clip_of_the_thesis_goes_through_the_whole_chain(tmp_path):
     clip = single_view(

@@ -127,6 +127,7 @@ def test_one_who_comes_nearer_hears_all_of_it_sooner_and_shorter():
     assert 0 <= np.flatnonzero(still)[0] - np.flatnonzero(ground)[0] < 0.01 * RATE
 
 
+@pytest.mark.slow  # each way is a program; test_overpressure.py has that of the air
 def test_never_is_never_by_any_way():
     never = Scene(Charge(time_s=np.inf), air=Air(absorption=True))
     for ways in (Ways(), Ways(sound=RecordedSound(np.ones(9), RATE, 10.0))):

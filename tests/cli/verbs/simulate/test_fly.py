@@ -11,8 +11,8 @@ from tests.cli.cli_files import Command
 CHARGE = "[charge]\nmass_kg = 1.0\n"
 VEHICLE = '[vehicle]\nmodel = "crazyflie"\nposition_m = [5.0, 0.0, 2.0]\n'
 OWN = "control = { integral = true }\n"
-SHORT = ("--seconds", "0.4", "--step", "0.002")
-"""So short that the vehicle is still away at the end."""
+SHORT = ("--seconds", "0.4", "--step", "0.002", "--integrator", "euler")
+"""So short that the vehicle is still away at the end; euler is the shorter program."""
 FILES = {"fly.json", "flight.csv", "path.png", "loads.png", "error.png"}
 
 
@@ -20,8 +20,11 @@ def flown(jblast: Command, *options: str, scene: str = CHARGE + VEHICLE + OWN):
     return jblast("fly", jblast.file("scene.toml", scene), *SHORT, *options, "--debug")
 
 
-def test_the_answer_is_printed(jblast):
-    code, out, err = flown(jblast)
+@pytest.mark.parametrize(
+    "integrator", ["euler", pytest.param("rk4", marks=pytest.mark.slow)]
+)
+def test_the_answer_is_printed(jblast, integrator):
+    code, out, err = flown(jblast, "--integrator", integrator)
     assert (code, err) == (0, "")
     lines = out.splitlines()
     assert lines[0].startswith("Crazyflie holding (5, 0, 2) m for 0.4 s")

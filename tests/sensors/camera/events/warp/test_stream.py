@@ -55,6 +55,7 @@ def test_grey_frames_give_the_events_of_the_stream(size, together, monkeypatch):
     assert (np.diff(ours[2]) >= 0.0).all()
 
 
+@pytest.mark.slow  # a kernel for itself
 def test_colour_over_a_background_gives_the_events_of_the_stream():
     """Composited in float32 by two compilers: times differ by their rounding."""
     frames = walk((4,))
