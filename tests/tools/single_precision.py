@@ -57,10 +57,15 @@ def laws() -> dict[str, list[tuple[str, bool]]]:
         fireball_growth=jnp.asarray(3e-3),
         camera_focal=jnp.asarray(1e3),
     )
-    return {
-        f"{quantity} {name}": summary_of(eqx.filter_jit(call)(law.function, path))
-        for (quantity, name), law in LAWS.items()
-    }
+
+    @eqx.filter_jit
+    def all_of_them(path: Path) -> dict[str, Any]:
+        return {
+            f"{quantity} {name}": call(law.function, path)
+            for (quantity, name), law in LAWS.items()
+        }
+
+    return {name: summary_of(told) for name, told in all_of_them(path).items()}
 
 
 def recording() -> dict[str, list[tuple[str, bool]]]:

@@ -173,7 +173,7 @@ class Kick(eqx.Module):
         return give, 1e-3 * give
 
 
-@pytest.mark.parametrize("step", [5e-4, 1e-2])
+@pytest.mark.parametrize("step", [pytest.param(5e-4, marks=pytest.mark.slow), 1e-2])
 def test_a_pulse_shorter_than_the_step_gives_its_whole_impulse(step):
     state = at_hover(VEHICLE, rotor_speed_rad_s=np.zeros(4))
     answer = simulate(

@@ -26,6 +26,8 @@ CASES = [
 ]
 every_law = pytest.mark.parametrize(("law", "word"), CASES)
 STEP = 1e-5
+SWEPT = 444
+"""Points of `sweep`."""
 
 
 def points(z: np.ndarray, mass: np.ndarray, seed: int = 0) -> dict[str, np.ndarray]:
@@ -71,9 +73,9 @@ def evaluate(law: Law, word: str | None, values: dict):
     return law.function(**chosen, **{key: word for key in [words_of(law)] if key})
 
 
-def shifted(values: dict, steps: dict) -> dict:
+def shifted(values: dict, steps: dict, exp=jnp.exp) -> dict:
     """Move each number by a step in its ln; heights by a step in W^(1/3) metres."""
-    moved = {name: values[name] * jnp.exp(step) for name, step in steps.items()}
+    moved = {name: values[name] * exp(step) for name, step in steps.items()}
     if "height_of_burst" in steps:
         unit = values["charge_mass"] ** (1 / 3)
         moved["height_of_burst"] = (
@@ -82,10 +84,24 @@ def shifted(values: dict, steps: dict) -> dict:
     return {**values, **moved}
 
 
+def in_blocks(law: Law, word: str | None, values: dict) -> np.ndarray:
+    """Evaluate a law at so many points as the sweep has at once: by one program."""
+    count = values["charge_mass"].size
+    blocks = [
+        evaluate(
+            law,
+            word,
+            {n: np.resize(v[at : at + SWEPT], SWEPT) for n, v in values.items()},
+        )
+        for at in range(0, count, SWEPT)
+    ]
+    return np.concatenate([np.asarray(block) for block in blocks])[:count]
+
+
 @cache
 def compiled(law: Law, word: str | None):
     """ln of a law over a batch of points; its slopes by reverse mode, and how these
-    change where all arguments grow, forward over reverse: one program for both."""
+    change where all arguments grow, forward over reverse: one program for all."""
 
     def log_value(steps, values):
         return jnp.log(evaluate(law, word, shifted(values, steps)))
@@ -100,24 +116,20 @@ def compiled(law: Law, word: str | None):
         (value, slopes), (_, curvatures) = jax.jvp(at, (nothing,), (along_all,))
         return value, slopes, curvatures
 
-    return jax.jit(log_value), jax.jit(jax.vmap(value_slopes_and_curvatures))
+    return jax.jit(jax.vmap(value_slopes_and_curvatures))
 
 
 def quotients(law, word, values, above: float, below: float) -> dict[str, np.ndarray]:
     """Difference quotients of ln y between two shifts of each argument in turn."""
-    log_value, _ = compiled(law, word)
-    names = arguments(law)
-    axes = (len(names), values["charge_mass"].size)
-    steps = {
-        name: np.repeat(np.eye(len(names))[:, [i]], axes[1], axis=1)
-        for i, name in enumerate(names)
+
+    def end(name: str, shift: float) -> np.ndarray:
+        moved = shifted(values, {name: np.float64(shift)}, exp=np.exp)
+        return np.asarray(compiled(law, word)(moved)[0])
+
+    return {
+        name: (end(name, above) - end(name, below)) / (above - below)
+        for name in arguments(law)
     }
-    spread = {name: np.broadcast_to(value, axes) for name, value in values.items()}
-    ends = [
-        np.asarray(log_value({n: s * shift for n, s in steps.items()}, spread))
-        for shift in (above, below)
-    ]
-    return dict(zip(names, (ends[0] - ends[1]) / (above - below), strict=True))
 
 
 def away_from_joins(law: Law, values: dict) -> np.ndarray:
@@ -150,4 +162,4 @@ def sweep(law: Law) -> tuple[dict[str, np.ndarray], np.ndarray]:
     at_joins["time_since_detonation"] = joins * np.cbrt(3.0)
     parts = values, corners, at_joins
     together = {name: np.concatenate([p[name] for p in parts]) for name in values}
-    return together, np.arange(444) >= 404
+    return together, np.arange(SWEPT) >= SWEPT - 40

@@ -15,7 +15,7 @@ from tests.waves.every_law.laws import (
 
 @every_law
 def test_value_and_slopes_are_finite_from_the_fireball_to_the_far_field(law, word):
-    value, slopes, _ = compiled(law, word)[1](sweep(law)[0])
+    value, slopes, _ = compiled(law, word)(sweep(law)[0])
     assert np.all(np.isfinite(value))
     for name, slope in slopes.items():
         assert np.all(np.isfinite(slope)), name
@@ -26,7 +26,7 @@ def test_log_slopes_are_those_of_finite_differences(law, word):
     values, _ = sweep(law)
     keep = away_from_joins(law, values)
     assert keep[:404].mean() > 0.98
-    _, slopes, _ = compiled(law, word)[1](values)
+    _, slopes, _ = compiled(law, word)(values)
     differences = quotients(law, word, values, STEP, -STEP)
     for name in arguments(law):
         # truncation: a sixth of the step squared times the third derivative, which
@@ -39,7 +39,7 @@ def test_log_slopes_are_those_of_finite_differences(law, word):
 @every_law
 def test_at_a_join_the_slope_lies_between_those_of_its_sides(law, word):
     values, at_join = sweep(law)
-    _, slopes, _ = compiled(law, word)[1](values)
+    _, slopes, _ = compiled(law, word)(values)
     step = 1e-6  # one-sided: half a step times a curvature of up to 100
     right = quotients(law, word, values, step, 0.0)
     left = quotients(law, word, values, 0.0, -step)
@@ -53,6 +53,6 @@ def test_at_a_join_the_slope_lies_between_those_of_its_sides(law, word):
 def test_curvatures_are_finite(law, word):
     # a branch not taken makes NaN of nothing times an infinite second derivative here
     # as it does in reverse over reverse
-    *_, curvatures = compiled(law, word)[1](sweep(law)[0])
+    *_, curvatures = compiled(law, word)(sweep(law)[0])
     for name, curvature in curvatures.items():
         assert np.all(np.isfinite(curvature)), name
