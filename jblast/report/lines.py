@@ -18,7 +18,8 @@ def hanging(text: str, column: int = 0, indent: int = 2) -> list[str]:
 
 def behind(start: str, text: str) -> list[str]:
     """Break a text behind a start into lines, later ones below its beginning."""
-    for unit in (" m/kg", " %", " kg", " m "):  # a number keeps its unit beside it
+    # a number keeps its unit beside it
+    for unit in (" m/kg", " ft/lb", " %", " kg", " m "):
         text = text.replace(unit, "\xa0" + unit[1:])
     lines = textwrap.wrap(
         text,

@@ -1,6 +1,6 @@
 """All laws against range: one panel a quantity, solid where a law holds."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from jaxtyping import Float
@@ -8,11 +8,14 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from jblast.report.calculator.header import title
-from jblast.report.calculator.law_curves import (
-    NOT_DRAWN,
-    draw_curve,
-    law_colours,
-    name_curves,
+from jblast.report.calculator.law_curves import NOT_DRAWN, draw_curve
+from jblast.report.calculator.law_groups import (
+    Curves,
+    draw_key,
+    group_words,
+    groups,
+    holding,
+    leader_colours,
 )
 from jblast.report.figure_style import (
     INK,
@@ -24,14 +27,19 @@ from jblast.report.figure_style import (
 )
 from jblast.report.numbers import System, unit_for
 from jblast.report.words import capitalised, quantity_words
-from jblast.sensors.calculator.forward import Calculated, calculate, only
+from jblast.sensors.calculator.forward import calculate, only
 from jblast.sensors.calculator.question import Question, charge_radius
 
 POINTS = 512
+WIDTHS = (3.4, 2.0, 1.2)
+"""Of the groups of a panel."""
 
 
 def calculator_figure(question: Question, law: str = "") -> Figure:
     """Draw every quantity against range; a lone range is marked, a decade to each side.
+
+    Laws that coincide are one line, of a colour that their first one has in all panels;
+    those that hold nowhere in sight are grey.
 
     Args:
         question: Of one mass and one or more ranges.
@@ -45,13 +53,17 @@ def calculator_figure(question: Question, law: str = "") -> Figure:
         for quantity, by_law in answer.items()
         if quantity not in NOT_DRAWN
     ]
-    colours = law_colours()
+    together = {
+        quantity: groups(by_law, holding(by_law)) for quantity, by_law in panels
+    }
+    colours = leader_colours(together.values())
     columns = 2 if len(panels) <= 8 else 3
     rows = -(-len(panels) // columns)
     figure = new_figure(6.0 * columns, 3.7 * rows + 0.6)
     grid = figure.subplots(rows, columns, squeeze=False)
     for axes, (quantity, by_law) in zip(grid.flat, panels, strict=False):
-        _panel(axes, quantity, by_law, ranges, colours, question.units)
+        of_panel = together[quantity]
+        _panel(axes, quantity, by_law, of_panel, ranges, colours, question.units)
         if len(question.slant_range) == 1:
             axes.axvline(_x(question), color=MUTED, linewidth=0.8, zorder=1)
     for axes in list(grid.flat)[len(panels) :]:
@@ -80,7 +92,8 @@ def _ranges(question: Question) -> Float[np.ndarray, " point"]:
 def _panel(
     axes: Axes,
     quantity: str,
-    by_law: Mapping[str, Calculated],
+    by_law: Curves,
+    together: Sequence[Sequence[str]],
     ranges: Float[np.ndarray, " point"],
     colours: Mapping[str, str],
     system: System,
@@ -93,9 +106,7 @@ def _panel(
         seen = np.concatenate([of_law.value for of_law in by_law.values()])
     logarithmic = bool(np.all(seen > 0))
     unit = unit_for(quantity, float(np.median(np.abs(seen))), system=system)
-    for name, of_law in by_law.items():
-        value = of_law.value / unit.size
-        draw_curve(axes, x, value, of_law.valid, colours[name])
+    _draw(axes, x, by_law, together, colours, unit.size)
     quiet(axes)
     axes.set_xscale("log")
     axes.set_xlim(x[0], x[-1])
@@ -111,9 +122,24 @@ def _panel(
     axes.set_xlabel(f"slant range ({across.symbol})")
     axes.set_ylabel(unit.symbol)
     titled(axes, capitalised(quantity_words(quantity)))
-    ends = {
-        name: (float(x[-1]), float(of_law.value[-1]) / unit.size)
-        for name, of_law in by_law.items()
-    }
-    nowhere = [name for name, of_law in by_law.items() if not of_law.valid.any()]
-    name_curves(axes, ends, colours, quieter=nowhere)
+    draw_key(axes, by_law, 8)
+
+
+def _draw(
+    axes: Axes,
+    x: Float[np.ndarray, " point"],
+    by_law: Curves,
+    together: Sequence[Sequence[str]],
+    colours: Mapping[str, str],
+    size: float,
+) -> None:
+    """Draw group upon group, each thinner, so that what lies below is seen."""
+    for of_law in by_law.values():
+        if not of_law.valid.any():
+            draw_curve(axes, x, of_law.value / size, of_law.valid, MUTED)
+    for i, group in enumerate(together):
+        colour, width = colours[group[0]], WIDTHS[min(i, len(WIDTHS) - 1)]
+        for name in group:
+            of_law = by_law[name]
+            draw_curve(axes, x, of_law.value / size, of_law.valid, colour, width)
+        axes.plot([], [], color=colour, linewidth=width, label=group_words(group))

@@ -23,9 +23,9 @@ def header(question: Question) -> list[tuple[str, str]]:
         z = np.atleast_1d(given.scaled.scaled_distance_m_kg13)
         radius = np.atleast_1d(given.scaled.charge_radius_m)
         text = f"{_span(z)} m/kg^(1/3)"
-        if system == "us":  # beside ours, in which the laws' ranges are told
+        if system == "us":
             foot, pound = (unit_for(name, 1.0, system=system) for name in ("_m", "_kg"))
-            text += f", {_span(z * pound.size ** (1 / 3) / foot.size)} ft/lb^(1/3)"
+            text = f"{_span(z * pound.size ** (1 / 3) / foot.size)} ft/lb^(1/3)"
         lines.append(("scaled distance", text))
         unit = unit_for("_m", 1.0, system=system)
         text = f"{_span(radius / unit.size)} {unit.symbol} (TNT at 1630 kg/m3)"
@@ -68,10 +68,12 @@ def title(question: Question) -> str:
 
 def _air(given: Inputs, system: System) -> str:
     pressure = f"{given.pressure_pa / 1e3:.3f} kPa"
+    temperature = f"{given.temperature_k:.2f} K"
     if system == "us":
+        temperature = f"{given.temperature_k * 1.8 - 459.67:.2f} °F"
         pressure = printed_number("_pa", given.pressure_pa, system=system)
     words = [
-        f"{given.temperature_k:.2f} K",
+        temperature,
         pressure,
         f"humidity {given.relative_humidity:g}" if given.relative_humidity else "dry",
         f"sound {_speed(given.sound_speed_m_s, system, '.2f')}",

@@ -35,6 +35,7 @@ def draw_curve(
     value: Float[np.ndarray, " point"],
     valid: Bool[np.ndarray, " point"],
     colour: str,
+    width: float = 1.7,
 ) -> None:
     """Draw a law, solid where it holds and thin and dashed elsewhere."""
     for start, stop, holds in runs(valid):
@@ -43,7 +44,7 @@ def draw_curve(
             x[part],
             value[part],
             color=colour,
-            linewidth=1.7 if holds else 1.0,
+            linewidth=width if holds else 1.0,
             linestyle="-" if holds else (0, (3, 2.5)),
             alpha=1.0 if holds else 0.55,
             zorder=3 if holds else 2,

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 
+from jblast.report.calculator.customary import scaled_in
 from jblast.report.calculator.header import header, title
 from jblast.report.calculator.notes import notes
 from jblast.report.calculator.reasons import why_recommended
@@ -44,7 +45,10 @@ def value_line(
         for name, of_law in by_law.items()
         if name != told.law
         for line in entry(
-            name, *printed_value(of_law, unit), of_law.range, law_column(by_law)
+            name,
+            *printed_value(of_law, unit),
+            scaled_in(of_law.range, question.units),
+            law_column(by_law),
         )
     ]
     first = f"{title(question)}: {words} {value}, {_sure(told)}"
@@ -90,5 +94,5 @@ def _whole(
     facts += [fact for fact in header(question) if fact[0] in SAID]
     facts += [("note", note) for note in notes(question)]
     for name, text in facts:
-        lines += behind(f"  {name}".ljust(10), text)
+        lines += behind(f"  {name}".ljust(10), scaled_in(text, question.units))
     return "\n".join(line.rstrip() for line in lines) + "\n"

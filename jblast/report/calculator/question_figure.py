@@ -1,14 +1,19 @@
 """One question, one panel: the law we take, those that coincide with it, the others."""
 
-from collections.abc import Mapping
-
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from jblast.report.calculator.header import title
 from jblast.report.calculator.law_curves import draw_curve
+from jblast.report.calculator.law_groups import (
+    Curves,
+    draw_key,
+    group_words,
+    groups,
+    holding,
+)
 from jblast.report.figure_style import (
     COLOURS,
     INK,
@@ -20,19 +25,15 @@ from jblast.report.figure_style import (
 )
 from jblast.report.numbers import printed_number, unit_for
 from jblast.report.words import capitalised, quantity_words
-from jblast.sensors.calculator.forward import Calculated, calculate, only
+from jblast.sensors.calculator.forward import calculate, only
 from jblast.sensors.calculator.question import Question, charge_radius
 from jblast.sensors.calculator.recommended import Recommended
 
 POINTS = 512
 AROUND = 5.0
 """How far a panel reaches past an answer, as a factor of the range."""
-COINCIDE = 0.02
-"""Relative difference up to which laws, wherever both hold, are one line to the eye."""
 STYLES = ("-", (0, (6, 2.5)), (0, (2.5, 1.5)), (0, (8, 2, 2, 2)))
 """Of colours in turn, so that one that lies on another shows what is below it."""
-
-Curves = Mapping[str, Calculated]
 
 
 def question_figure(
@@ -41,7 +42,7 @@ def question_figure(
     """Draw one quantity against range, or against mass where that is asked for.
 
     Laws that hold in sight have a colour each, those that coincide one between them;
-    the others are grey, and named below.
+    the others are grey, and named in the key.
 
     Args:
         question: What was asked; of one mass, or of one range and no mass.
@@ -52,16 +53,13 @@ def question_figure(
     x, ranges, masses = _along(question, told)
     by_law = only(calculate(question.scene, ranges, masses), quantity, law)[quantity]
     first = told.law if told else ""
-    holding = sorted(
-        (name for name, of_law in by_law.items() if of_law.valid.any()),
-        key=lambda name: (name != first, -int(by_law[name].valid.sum())),
-    )
+    held = holding(by_law, first)
     figure = new_figure(8.0, 5.4)
     axes = figure.subplots()
-    seen = [by_law[name].value[by_law[name].valid] for name in holding]
+    seen = [by_law[name].value[by_law[name].valid] for name in held]
     seen = np.concatenate(seen or [one.value for one in by_law.values()])
     unit = unit_for(quantity, float(np.median(np.abs(seen))), system=question.units)
-    _draw(axes, x, by_law, groups(by_law, holding), unit.size)
+    _draw(axes, x, by_law, groups(by_law, held), unit.size)
     _frame(axes, seen / unit.size)
     if told is not None:
         value = question.target if question.quantity else told.value
@@ -75,35 +73,7 @@ def question_figure(
         f"{_words(question, told)}, {burst} burst",
         x=0.01, ha="left", fontsize=13, color=INK,
     )  # fmt: skip
-    outside = [name for name in by_law if name not in holding]
-    if outside:
-        key = f"grey: outside their range: {', '.join(outside)}"
-        figure.supxlabel(key, fontsize=8.5, color=MUTED, wrap=True)
     return figure
-
-
-def groups(by_law: Curves, names: list[str]) -> list[list[str]]:
-    """Return some laws in groups that coincide where they hold, the first one leading.
-
-    Two that hold nowhere together are two.
-    """
-    found: list[list[str]] = []
-    for name in names:
-        for group in found:
-            if _coincide(by_law[group[0]], by_law[name]):
-                group.append(name)
-                break
-        else:
-            found.append([name])
-    return found
-
-
-def _coincide(one: Calculated, other: Calculated) -> bool:
-    both: Bool[np.ndarray, " point"] = one.valid & other.valid
-    if not both.any():
-        return False
-    a, b = one.value[both], other.value[both]
-    return bool(np.all(np.abs(a - b) <= COINCIDE * np.abs(a)))
 
 
 def _draw(
@@ -128,11 +98,8 @@ def _draw(
         for name in group:
             value = np.where(by_law[name].valid, by_law[name].value / size, np.nan)
             axes.plot(x, value, zorder=4, **look)
-        words = group[0]
-        if len(group) > 1:
-            words += f"\n  = {', '.join(group[1:])} (within {100 * COINCIDE:g} %)"
-        axes.plot([], [], label=words, **look)
-    axes.legend(fontsize=9, frameon=False, loc="best")
+        axes.plot([], [], label=group_words(group), **look)
+    draw_key(axes, by_law, 9)
 
 
 def _frame(axes: Axes, seen: Float[np.ndarray, " value"]) -> None:

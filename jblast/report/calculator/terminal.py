@@ -4,6 +4,7 @@ from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
+from jblast.report.calculator.customary import scaled_in
 from jblast.report.calculator.header import header, title
 from jblast.report.calculator.notes import disagreement_words, notes
 from jblast.report.lines import WIDTH, behind
@@ -51,7 +52,7 @@ def calculation_text(
             lines += _table(question, quantity, by_law)
         if quantity in words:
             said = disagreement_words(words[quantity], question)
-            lines += behind("  ! ", said)
+            lines += behind("  ! ", scaled_in(said, question.units))
     return "\n".join(line.rstrip() for line in lines) + "\n"
 
 
@@ -77,7 +78,7 @@ def root_entries(
         for value, valid in zip(found.value, found.valid, strict=True)
     ]
     for i, (value, mark) in enumerate(rows or [("none  ", "")]):
-        text = "" if i else found.law.range
+        text = "" if i else scaled_in(found.law.range, question.units)
         yield from entry("" if i else law, value, mark, text, column)
 
 
@@ -88,7 +89,7 @@ def _head(question: Question) -> Lines:
     for name, text in facts:
         lines += behind(f"  {name}".ljust(label), text)
     for note in notes(question):
-        lines += ["", *behind("Note: ", note)]
+        lines += ["", *behind("Note: ", scaled_in(note, question.units))]
     return lines
 
 
@@ -106,7 +107,8 @@ def _list(
     unit = one_unit(question, quantity, by_law)
     for name, of_law in by_law.items():
         value, mark = printed_value(of_law, unit)
-        lines += entry(name, value, mark, of_law.range, column)
+        where = scaled_in(of_law.range, question.units)
+        lines += entry(name, value, mark, where, column)
         if name in other and of_law.two_sets:
             value, mark = printed_value(other[name], unit)
             lines += entry(f"  ({other_burst})", value, mark, "", column)
@@ -170,7 +172,7 @@ def _table(
         lines += [""] if columns else []
     for name, of_law in by_law.items():
         left = "" if of_law.valid.all() else "* outside: "
-        lines += behind(f"  {name}: ", left + of_law.range)
+        lines += behind(f"  {name}: ", left + scaled_in(of_law.range, system))
     return lines
 
 

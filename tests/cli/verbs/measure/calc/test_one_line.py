@@ -45,7 +45,11 @@ def test_a_quantity_alone_is_answered_in_one_line(calc):
 
 
 def test_feet_pounds_and_psi_go_in_and_come_out(calc):
-    (first, _) = parts(calc("--mass 33lb --overpressure 1psi --units us"))
+    text = calc("--mass 33lb --overpressure 1psi --units us")
+    assert "ft/lb^(1/3)" in text
+    assert "m/kg" not in text
+    assert " K," not in text
+    (first, _) = parts(text)
     told = re.match(r"1 psi: (\S+) ft, kingery_bulmash", first)
     assert told
     pressure = kingery_bulmash_pressure(float(told[1]) * FOOT, 33.0 * POUND)
