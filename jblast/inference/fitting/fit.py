@@ -1,8 +1,9 @@
 """Fit a blast to a log: the main job."""
 
 import os
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 
 import jax
 import jax.numpy as jnp
@@ -15,6 +16,7 @@ from jblast.inference.fitting.burial import valid_at_depth
 from jblast.inference.fitting.goodness_of_fit import standardised_residuals
 from jblast.inference.fitting.predictive_bands import bands
 from jblast.inference.fitting.result import Fit
+from jblast.inference.fitting.sample_density import room_for, with_sample_density
 from jblast.inference.fitting.solution import (
     Choices,
     Solution,
@@ -36,6 +38,7 @@ from jblast.inference.posterior.record_likelihood import SampledRecords
 from jblast.observations import Observations, resolve_positions
 from jblast.observations.default_scene import for_log
 from jblast.observations.located import located
+from jblast.observations.table import SAMPLES
 from jblast.progress import stages
 from jblast.scene import UncertainScene, default_scene, freed
 from jblast.sensors import layout_of
@@ -44,13 +47,17 @@ from jblast.sensors.observe import Noise
 
 DRAWS_IN_BANDS = 200
 STAGES = {
+    "reading samples": 14.0,
     "choosing laws": 1.5,
     "searching": 4.0,
     "what can be told": 0.5,
+    "counting samples": 8.0,
     "how sure": 2.0,
     "the answer": 1.0,
 }
 """Of a fit, and about how many seconds each takes, most of them compiling."""
+OF_SAMPLES = ("reading samples", "counting samples")
+"""Those that only a log with records of samples has."""
 
 
 def fit(
@@ -88,13 +95,17 @@ def fit(
     Example:
         `jblast.fit(jblast.read("log.csv"), jblast.read_scene("scene.toml"))`
     """
+    begin = _stages(of_samples=SAMPLES in observations.quantity)
+    if SAMPLES in observations.quantity:
+        begin("reading samples")
     observations, sampled = with_samples(observations)
     uncertain = for_log(uncertain or default_scene(), observations)
     observations = located(observations, uncertain)
     uncertain = as_seen(uncertain, observations.quantity, observations.time)
     observations = resolve_positions(observations, uncertain.scene, uncertain.beliefs)
-    begin = stages(STAGES)
-    solution = solve(observations, uncertain, noise=noise, seed=seed, records=sampled)
+    solution = solve(
+        observations, uncertain, noise=noise, seed=seed, records=sampled, begin=begin
+    )
     begin("how sure")
     density, z = solution.posterior, solution.laplace.z
     misfit = density.misfit(jnp.asarray(z))
@@ -162,18 +173,21 @@ def solve(
     noise: Noise = "student",
     seed: int = 0,
     records: SampledRecords | None = None,
+    begin: Callable[[str], None] | None = None,
 ) -> Solution:
     """Find the posterior's optima, what is identifiable, and its normal approximation.
 
     Laws left to us are chosen at the likeliest start, and once more at the answer; so
-    are the curve sets of charges whose `burst` is left to their height.
+    are the curve sets of charges whose `burst` is left to their height. Samples of
+    records, where there are any, count once the log of what was read off them is
+    solved; `begin` tells of each stage.
     """
     if not parameters_of(uncertain).names:
         raise InputError(
             "nothing to fit: every number of the scene is fixed; expected at least one "
             'that is "free", has a prior, or is named by ' + argument("freed")
         )
-    begin = stages(STAGES)
+    begin = begin or _stages(of_samples=records is not None)
     begin("choosing laws")
     rows = layout_of(observations, uncertain.scene)
     sigma = observations.error_scale()
@@ -183,7 +197,8 @@ def solve(
         parameters = parameters_of(replace(uncertain, scene=choices.scene))
         names = law_names(choices.laws)
         density = posterior_of(parameters, choices.layout, observations, names, noise)
-        return replace(density, records=records)
+        room = room_for(len(parameters.names)) if records is not None else None
+        return replace(density, correction=room)
 
     def search(choices: Choices) -> tuple[Posterior, Optima, Choices]:
         posterior = posterior_by(choices)
@@ -205,7 +220,7 @@ def solve(
     z = np.asarray(found.z[0])
     begin("what can be told")
     identified = identifiability(posterior, z)
-    return Solution(
+    solution = Solution(
         posterior=posterior,
         laws={
             quantity: TakenLaw(law.name, there.laws[quantity].choice)
@@ -216,6 +231,17 @@ def solve(
         identifiability=identified,
         laplace=laplace(posterior, z, identified.identified_basis),
         bursts_settled=choices.has_bursts_of(there),
+    )
+    if records is None:
+        return solution
+    begin("counting samples")
+    return with_sample_density(solution, records, partial(optima, key), seed=seed)
+
+
+def _stages(*, of_samples: bool) -> Callable[[str], None]:
+    """Return what is to be called with the name of each stage as it begins."""
+    return stages(
+        {k: v for k, v in STAGES.items() if of_samples or k not in OF_SAMPLES}
     )
 
 

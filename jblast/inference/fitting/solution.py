@@ -32,6 +32,8 @@ class Solution(NamedTuple):
         laplace: The posterior about the best optimum.
         bursts_settled: Whether the curve sets that heights leave at the answer are
             those used.
+        samples_known: To how much in ln the density of samples is known between the
+            places where it was computed; None where no samples count.
     """
 
     posterior: Posterior
@@ -41,6 +43,7 @@ class Solution(NamedTuple):
     identifiability: Identifiability
     laplace: Laplace
     bursts_settled: bool = True
+    samples_known: float | None = None
 
 
 class Choices(NamedTuple):
@@ -106,5 +109,5 @@ def with_samples(
     from jblast.inference.records.picked_log import picked_log
     from jblast.inference.records.sampled import sampled_records
 
-    readings, records = picked_log(log)
-    return readings, sampled_records(readings, records)
+    readings, picks = picked_log(log)
+    return readings, sampled_records(readings, picks)

@@ -22,6 +22,7 @@ from jblast.inference.fitting.findings import (
     NothingLearned,
     PoorFit,
     PriorConflict,
+    SamplesRoughlyCounted,
 )
 from jblast.inference.fitting.goodness_of_fit import POOR, p_value
 from jblast.inference.fitting.prior_conflict import against_priors
@@ -41,6 +42,10 @@ FAR = 4.0
 """A shared effect larger than this many standard deviations is told of."""
 UNLEARNED = 0.95
 """A number whose sd is more than this much of its prior's has not been learned."""
+
+ROUGH = 0.2
+"""A density of samples that is known no better in ln is told of: draws have weights
+that are off by a fifth."""
 
 POINT_SOURCES = ("sedov_taylor", "point_source")
 """Laws of energy let go at a point, by which chemical charges cannot be weighed near
@@ -71,6 +76,8 @@ def warnings_of(
         told.append(outside(observations, solution, valid))
     if not solution.laplace.converged:
         told.append(NotAtOptimum())
+    if (known := solution.samples_known or 0.0) > ROUGH:
+        told.append(SamplesRoughlyCounted(known, ROUGH))
     if not solution.laws_settled:
         told.append(LawsUnsettled())
     if not solution.bursts_settled:

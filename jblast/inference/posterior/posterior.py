@@ -10,6 +10,7 @@ from jaxtyping import Array, Bool, Float
 
 from jblast.errors import InputError
 from jblast.inference.posterior.correlated_errors import own_and_shared_errors
+from jblast.inference.posterior.density_correction import DensityCorrection
 from jblast.inference.posterior.likelihood import log_likelihood
 from jblast.inference.posterior.parameters import Parameters
 from jblast.inference.posterior.record_likelihood import (
@@ -74,6 +75,7 @@ class Posterior(eqx.Module):
             what is left of each (see `correlated_errors`).
         records: Records whose samples count in place of the rows read off them; None
             if all rows count as they are.
+        correction: What is added to the log-density; None: nothing.
     """
 
     parameters: Parameters
@@ -85,6 +87,7 @@ class Posterior(eqx.Module):
     lower_bound: Bool[Array, " row"] | None = None
     shared_error: Float[Array, "row effect"] | None = None
     records: SampledRecords | None = None
+    correction: DensityCorrection | None = None
 
     # Jitted, so that each is traced once however many derivatives are taken of it.
 
@@ -116,6 +119,8 @@ class Posterior(eqx.Module):
             likelihood, _ = self.likelihood(misfit)
         else:
             likelihood = self._of_samples(misfit, self.records)
+        if self.correction is not None:
+            likelihood = likelihood + self.correction(z)
         return likelihood + self.parameters.log_prior(z)
 
     @kept

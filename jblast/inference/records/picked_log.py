@@ -15,8 +15,8 @@ from jblast.inference.records.covariance import TOLD, covariance_of, log_value
 from jblast.inference.records.gathered import gathered
 from jblast.observations import Observations, some_rows
 from jblast.observations.grouping import stacked
-from jblast.observations.records.pressure_record import PressureRecord
 from jblast.observations.table import CLOCK_TIMES, SAMPLES
+from jblast.progress import each
 
 
 class PickedLog(NamedTuple):
@@ -24,11 +24,11 @@ class PickedLog(NamedTuple):
 
     Attributes:
         observations: Four rows in place of each that names a record of samples.
-        records: The samples, by what the log calls them.
+        picks: Of the samples, by what the log calls them.
     """
 
     observations: Observations
-    records: tuple[tuple[str, PressureRecord], ...]
+    picks: tuple[tuple[str, RecordPick], ...]
 
 
 def picked_log(observations: Observations) -> PickedLog:
@@ -51,7 +51,7 @@ def picked_log(observations: Observations) -> PickedLog:
             )
     picks = [
         _pick(observations, int(row), name)
-        for row, name in zip(sampled, names, strict=True)
+        for row, name in each(list(zip(sampled, names, strict=True)), "records")
     ]
     epoch, picks = _on_one_clock(observations, picks)
     others = np.setdiff1d(np.arange(len(observations)), sampled)
@@ -68,8 +68,7 @@ def picked_log(observations: Observations) -> PickedLog:
         covariances=observations.covariances + covariances,
         epoch=epoch,
     )
-    records = tuple((name, one.record) for name, one in zip(names, picks, strict=True))
-    return PickedLog(joined, records)
+    return PickedLog(joined, tuple(zip(names, picks, strict=True)))
 
 
 def _pick(observations: Observations, row: int, name: str) -> RecordPick:

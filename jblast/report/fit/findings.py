@@ -85,6 +85,15 @@ def _(finding: fitting.NotAtOptimum) -> str:
 
 
 @words.register
+def _(finding: fitting.SamplesRoughlyCounted) -> str:
+    return (
+        "the probability of the samples is known to "
+        f"{finding.known:.2g} in ln between the places where it was computed, wanted "
+        f"{finding.wanted:g}: take the intervals as rough, or fit the picks"
+    )
+
+
+@words.register
 def _(finding: fitting.LawsUnsettled) -> str:
     return (
         "the automatic choice of law at the answer differs from the one it was "

@@ -133,10 +133,11 @@ def trials(recorder: Recorder, logs: int, *, scatter: bool) -> dict[str, Trial]:
         return posterior_of(parameters, layout(), log, LAWS, "student")
 
     def of_samples(records: list[PressureRecord]) -> Answer:
-        log = log_of_picks(pick_records(records))
+        picks = pick_records(records)
+        log = log_of_picks(picks)
         of_picks = posterior(log)
         first = answer_of(of_picks)
-        samples = sampled_records(log, [(one.name, one) for one in records])
+        samples = sampled_records(log, [(one.record.name, one) for one in picks])
         sampled = replace(of_picks, records=samples)
         return _on_grid(sampled, first.middle, first.sd, NARROW)
 

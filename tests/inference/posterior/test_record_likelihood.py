@@ -33,10 +33,11 @@ def both(snr, noise: Noise = "gaussian", scatter=True):
     """The posterior of picks, and that of their samples."""
     rng = np.random.default_rng(3)
     records = recorded(rng, readings(rng, scatter=scatter), Recorder(snr=snr))
-    log = log_of_picks(pick_records(records))
+    picks = pick_records(records)
+    log = log_of_picks(picks)
     parameters = parameters_of(uncertain_scene(scatter=scatter))
     of_picks = posterior_of(parameters, layout(), log, LAWS, noise)
-    samples = sampled_records(log, [(record.name, record) for record in records])
+    samples = sampled_records(log, [(one.record.name, one) for one in picks])
     return of_picks, replace(of_picks, records=samples)
 
 

@@ -80,4 +80,4 @@ def test_each_record_becomes_four_rows_with_their_covariance(tmp_path):
         "g02.csv",
     ]
     np.testing.assert_array_equal(picked.observations.position[5:, 1], 80.0)
-    assert [name for name, _ in picked.records] == ["g01.csv", "g02.csv"]
+    assert [name for name, _ in picked.picks] == ["g01.csv", "g02.csv"]

@@ -3,7 +3,7 @@
 import argparse
 import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 from jblast.cli.arguments.options import (
     add_free,
@@ -123,7 +123,7 @@ def run(asked: argparse.Namespace) -> int:
     logs, uncertain = logs_of(files, uncertain, reader, together=together)
     uncertain = freed(uncertain, names_to_free(asked.free))
     readable = {k: log for k, log in logs.items() if not isinstance(log, InputError)}
-    held = {quantity for log in readable.values() for quantity in log.quantity}
+    held = _held(quantity for log in readable.values() for quantity in log.quantity)
     if readable:
         uncertain = with_laws(uncertain, chosen_laws(asked.law, held))
     made_of = {} if made is None else each_made(made, logs, () if recorded else files)
@@ -162,6 +162,18 @@ def run(asked: argparse.Namespace) -> int:
     if not asked.json:
         sys.stdout.write(summary(answer, out=out) + "\n")
     return answer.exit_code
+
+
+def _held(quantities: Iterable[str]) -> set[str]:
+    """Return the quantities of logs, and those that are read off samples."""
+    from jblast.observations.table import SAMPLES
+
+    held = set(quantities)
+    if SAMPLES in held:
+        from jblast.inference.records.covariance import TOLD
+
+        held |= set(TOLD)
+    return held
 
 
 def _is_small(files: Sequence[str]) -> bool:
