@@ -121,19 +121,6 @@ class LawOutOfRange(Finding):
 
 
 @dataclass(frozen=True)
-class SamplesRoughlyCounted(Finding):
-    """The density of samples is known badly between the places it was computed at.
-
-    Attributes:
-        known: To how much in ln, root mean square.
-        wanted: To how much it should be.
-    """
-
-    known: float
-    wanted: float
-
-
-@dataclass(frozen=True)
 class LawsUnsettled(Finding):
     """At the answer other laws would be chosen than it was fitted with."""
 

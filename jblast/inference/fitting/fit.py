@@ -1,14 +1,13 @@
 """Fit a blast to a log: the main job."""
 
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import PRNGKeyArray
 
 from jblast.errors import InputError, argument
 from jblast.fidelity import TakenLaw
@@ -16,7 +15,7 @@ from jblast.inference.fitting.burial import valid_at_depth
 from jblast.inference.fitting.goodness_of_fit import standardised_residuals
 from jblast.inference.fitting.predictive_bands import bands
 from jblast.inference.fitting.result import Fit
-from jblast.inference.fitting.sample_density import room_for, with_sample_density
+from jblast.inference.fitting.samples.density import room_for, with_sample_density
 from jblast.inference.fitting.solution import (
     Choices,
     Solution,
@@ -27,10 +26,9 @@ from jblast.inference.fitting.solution import (
 from jblast.inference.fitting.summary import summary_of
 from jblast.inference.fitting.uncertainty import Method, uncertainty
 from jblast.inference.identifiability.null_space import identifiability
-from jblast.inference.importance.whitening import non_finite_rows
+from jblast.inference.importance.whitening import refuse_without_density
 from jblast.inference.mode.laplace import laplace
 from jblast.inference.mode.search import Optima, likeliest_start, optima
-from jblast.inference.mode.starts import starts
 from jblast.inference.posterior.fireball_growth import as_seen
 from jblast.inference.posterior.parameters import parameters_of
 from jblast.inference.posterior.posterior import Posterior, posterior_of
@@ -204,7 +202,7 @@ def solve(
         posterior = posterior_by(choices)
         begin("searching")
         found = optima(key, posterior)
-        _refuse_without_density(key, posterior, found, observations)
+        refuse_without_density(key, posterior, found, observations)
         answer = posterior.parameters.scene_at(found.z[0])
         return posterior, found, choices_for(answer, rows, sigma)
 
@@ -243,25 +241,3 @@ def _stages(*, of_samples: bool) -> Callable[[str], None]:
     return stages(
         {k: v for k, v in STAGES.items() if of_samples or k not in OF_SAMPLES}
     )
-
-
-def _refuse_without_density(
-    key: PRNGKeyArray, posterior: Posterior, found: Optima, observations: Observations
-) -> None:
-    """Refuse a log to which nothing gives a probability, and name its rows."""
-    if np.isfinite(found.log_density[0]):
-        return
-    start = np.asarray(starts(key, posterior, 1)[0])
-    where = [observations.where(row) for row in non_finite_rows(posterior, start)]
-    raise InputError(
-        f"{observations.source or 'observations'}: no value of "
-        f"{', '.join(posterior.parameters.names)} gives the log a probability; "
-        "expected readings, sigmas and a scene that one charge could explain"
-        + (f", got no number for {_shortly(where)}" if where else "")
-    )
-
-
-def _shortly(names: Sequence[str], most: int = 5) -> str:
-    """Join names, the first few of them."""
-    more = f" and {len(names) - most} more" if len(names) > most else ""
-    return ", ".join(names[:most]) + more

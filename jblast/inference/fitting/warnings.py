@@ -22,10 +22,10 @@ from jblast.inference.fitting.findings import (
     NothingLearned,
     PoorFit,
     PriorConflict,
-    SamplesRoughlyCounted,
 )
 from jblast.inference.fitting.goodness_of_fit import POOR, p_value
 from jblast.inference.fitting.prior_conflict import against_priors
+from jblast.inference.fitting.samples.findings import SamplesRoughlyCounted
 from jblast.inference.fitting.solution import Solution
 from jblast.inference.fitting.still_air import still_air
 from jblast.inference.posterior.finding import Finding

@@ -4,19 +4,23 @@ The normal approximation is a unit normal in them: $z = z_0 + A w$ with $A A^T$ 
 covariance. Samplers walk in $w$.
 """
 
+from collections.abc import Sequence
 from typing import Protocol, runtime_checkable
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, PRNGKeyArray
 
 from jblast.errors import InputError
 from jblast.inference.identifiability.null_space import Identifiability
 from jblast.inference.mode.laplace import Laplace
+from jblast.inference.mode.search import Optima
+from jblast.inference.mode.starts import starts
 from jblast.inference.posterior.posterior import Posterior
 from jblast.kept_programs import kept
+from jblast.observations import Observations
 
 
 @runtime_checkable
@@ -97,3 +101,29 @@ def non_finite_rows(posterior: Posterior, z: Float[np.ndarray, " free"]) -> list
     u = np.asarray(misfit.residual) / np.asarray(misfit.sd)
     finite = np.isfinite(u) & np.isfinite(np.asarray(misfit.loading)).all(axis=1)
     return [int(row) for row in np.flatnonzero(~finite)]
+
+
+def refuse_without_density(
+    key: PRNGKeyArray, posterior: Posterior, found: Optima, observations: Observations
+) -> None:
+    """Refuse a log to which nothing gives a probability, and name its rows.
+
+    Raises:
+        InputError: As said.
+    """
+    if np.isfinite(found.log_density[0]):
+        return
+    start = np.asarray(starts(key, posterior, 1)[0])
+    where = [observations.where(row) for row in non_finite_rows(posterior, start)]
+    raise InputError(
+        f"{observations.source or 'observations'}: no value of "
+        f"{', '.join(posterior.parameters.names)} gives the log a probability; "
+        "expected readings, sigmas and a scene that one charge could explain"
+        + (f", got no number for {_shortly(where)}" if where else "")
+    )
+
+
+def _shortly(names: Sequence[str], most: int = 5) -> str:
+    """Join names, the first few of them."""
+    more = f" and {len(names) - most} more" if len(names) > most else ""
+    return ", ".join(names[:most]) + more

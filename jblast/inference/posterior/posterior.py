@@ -73,9 +73,8 @@ class Posterior(eqx.Module):
         shared_error: What one standard deviation of each error that readings of one
             record share adds to each; None if all are independent. `sigma` is then
             what is left of each (see `correlated_errors`).
-        records: Records whose samples count in place of the rows read off them; None
-            if all rows count as they are.
-        correction: What is added to the log-density; None: nothing.
+        records: Whose samples count in place of the rows read off them; None: of none.
+        correction: What is added; None: nothing.
     """
 
     parameters: Parameters
@@ -119,9 +118,8 @@ class Posterior(eqx.Module):
             likelihood, _ = self.likelihood(misfit)
         else:
             likelihood = self._of_samples(misfit, self.records)
-        if self.correction is not None:
-            likelihood = likelihood + self.correction(z)
-        return likelihood + self.parameters.log_prior(z)
+        more = 0.0 if self.correction is None else self.correction(z)
+        return likelihood + more + self.parameters.log_prior(z)
 
     @kept
     def effects(self, z: Float[Array, " free"]) -> Float[Array, " effect"]:

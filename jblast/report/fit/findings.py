@@ -4,6 +4,7 @@ from collections.abc import Iterable
 from functools import singledispatch
 
 from jblast.inference.fitting import findings as fitting
+from jblast.inference.fitting.samples.findings import SamplesRoughlyCounted
 from jblast.inference.fitting.still_air import StillAir, WindPassesForSoundSpeed
 from jblast.inference.posterior.finding import Finding
 from jblast.report.fit.posterior_findings import posterior_words
@@ -85,7 +86,7 @@ def _(finding: fitting.NotAtOptimum) -> str:
 
 
 @words.register
-def _(finding: fitting.SamplesRoughlyCounted) -> str:
+def _(finding: SamplesRoughlyCounted) -> str:
     return (
         "the probability of the samples is known to "
         f"{finding.known:.2g} in ln between the places where it was computed, wanted "

@@ -7,6 +7,7 @@ from typing import Any, get_type_hints
 import pytest
 
 from jblast.inference.fitting import findings as fitting, still_air
+from jblast.inference.fitting.samples import findings as samples
 from jblast.inference.importance import findings as importance
 from jblast.inference.mcmc import findings as mcmc
 from jblast.inference.posterior.estimate import Estimate
@@ -27,7 +28,7 @@ ACCUSED = (fitting.WrongSensor, fitting.WrongClock)  # `headline` has their word
 
 def kinds():
     """Return every class of findings."""
-    for room in (fitting, still_air, importance, mcmc):
+    for room in (fitting, samples, still_air, importance, mcmc):
         for kind in vars(room).values():
             is_one = isinstance(kind, type) and issubclass(kind, Finding)
             if is_one and kind not in (Finding, *ACCUSED):
