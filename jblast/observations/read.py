@@ -117,8 +117,9 @@ def _read(
     begin("checking columns")
     rows = Rows(table, header, faults, strict=strict, date=date, zone=zone)
     if not rows.lines:
+        n, first = len(rows.skipped), rows.skipped[0]
         raise InputError(
-            f"{table.source}: expected a measurement at least, got "
-            f"{len(rows.skipped)} rows without a value"
+            f"{table.at(first)}: expected a value in some row, got "
+            + (f"{n} rows, all without one" if n > 1 else "a row without one, alone")
         )
     return rows.observations()

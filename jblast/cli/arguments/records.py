@@ -25,7 +25,8 @@ def add_records(verb: argparse.ArgumentParser) -> None:
         metavar="STATIONS.csv",
         type=path,
         help="where the sensors stood: sensor (stem of a file's name, or stem.channel, "
-        "from 1), east_m, north_m, up_m or lat_deg, lon_deg, alt_m, perhaps clock",
+        "from 1), east_m, north_m, up_m or lat_deg, lon_deg, alt_m, perhaps clock, and "
+        "start_utc, when the first sample of a file was that does not say so",
     )
     verb.add_argument(
         "--full-scale",
@@ -74,6 +75,7 @@ def picked(
         Scaling(asked.full_scale, asked.sensitivity),
         high_pass_hz=asked.high_pass,
         keep_samples=keep_samples,
+        stations=stations,
     )
     if found.refused and not found.channels:
         raise refusal(found)

@@ -19,7 +19,7 @@ from jblast.detect.search import (
 )
 from jblast.errors import InputError
 from jblast.observations.records.sound_file import SoundRecord, read_sound, resampled
-from jblast.observations.records.stations import Station, read_stations
+from jblast.observations.records.stations import START, Station, read_stations
 from jblast.progress import each
 
 Shapes = list[np.ndarray]
@@ -97,11 +97,17 @@ def stations_of(
     """Read where the microphones stood; None where no file says so.
 
     Raises:
-        InputError: It cannot be read, or a channel has no station.
+        InputError: It cannot be read, a channel has no station, or it tells when files
+            began.
     """
     if file is None:
         return None
     stations = read_stations(file)
+    if any(station.start is not None for station in stations.values()):
+        raise InputError(
+            f"{file}: column {START}: expected nothing, as detect counts from the "
+            "first sample of each file; jblast pick takes it"
+        )
     for channel in channels:
         if channel.sensor not in stations:
             raise InputError(

@@ -3,7 +3,7 @@
 What one file is refused for costs the others nothing: it is named, and they are picked.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from datetime import datetime
 from pathlib import Path
@@ -18,6 +18,8 @@ from jblast.inference.picks.pick import LEAST_SAMPLES
 from jblast.observations.records.formats import Scaling, open_record
 from jblast.observations.records.pressure_record import PressureRecord
 from jblast.observations.records.recording import Recording
+from jblast.observations.records.started import started
+from jblast.observations.records.stations import Station
 from jblast.progress import each
 
 BATCH = 2**22
@@ -61,18 +63,21 @@ def gathered(
     *,
     high_pass_hz: float | None = None,
     keep_samples: bool = True,
+    stations: Mapping[str, Station] | None = None,
 ) -> Gathered:
     """Read files and pick their bangs.
 
-    Files that tell the time of day they began at share one clock, that of the first.
+    Files that tell the time of day they began at, or whose stations do, share one
+    clock, that of the first.
 
     Args:
         files: Records.
         scaling: What the user says of the recorders' scale.
         high_pass_hz: Corner of their first-order high-pass [Hz].
         keep_samples: Whether picks keep their samples, to be drawn.
+        stations: By name of record; their `start` is looked at.
     """
-    reading = _Reading(files, scaling, high_pass_hz)
+    reading = _Reading(files, scaling, high_pass_hz, stations or {})
     found: list[RecordPick] = []
     heard: set[str] = set()
     for batch in _batches(reading):
@@ -103,8 +108,10 @@ class _Reading:
         files: Sequence[Path],
         scaling: Scaling | None,
         high_pass_hz: float | None,
+        stations: Mapping[str, Station],
     ):
         self.files, self.scaling, self.high_pass_hz = files, scaling, high_pass_hz
+        self.stations = stations
         self.channels: list[str] = []
         self.quieter: dict[str, int] = {}
         self.refused: list[InputError] = []
@@ -143,6 +150,7 @@ class _Reading:
         Raises:
             InputError: It tells the time of day and the first does not, or otherwise.
         """
+        recording = started(recording, self.stations)
         if self._first is None:
             self._first, self.epoch = Path(recording.source), recording.epoch
         if (self.epoch is None) != (recording.epoch is None):
@@ -151,7 +159,9 @@ class _Reading:
                 one, other = other, one
             raise InputError(
                 f"{recording.source}: expected to begin at {other}, as {self._first} "
-                f"does, got {one}; pick them apart from each other"
+                f"does, got {one}; say when the first sample of each file without one "
+                "was, in the column start_utc of the table of stations, or pick them "
+                "apart from each other"
             )
         if self.epoch is None or recording.epoch is None:
             return recording

@@ -78,7 +78,7 @@ def text_table(
 def separator_of(header: str) -> str:
     """Return what stands between the names of a header: as most of them are known.
 
-    The comma where nothing is known by any.
+    Of names that nobody knows what makes most of them; the comma where none does more.
     """
 
     def known(separator: str) -> int:
@@ -92,7 +92,7 @@ def separator_of(header: str) -> str:
             if len(names) > 1
         )
 
-    return max(SEPARATORS, key=known)
+    return max(SEPARATORS, key=lambda mark: (known(mark), header.count(mark)))
 
 
 def _records(

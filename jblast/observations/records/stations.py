@@ -12,10 +12,12 @@ from jaxtyping import Bool, Float
 from jblast.errors import InputError, nearest, read_text, shown
 from jblast.observations.places.degrees import places_in_degrees
 from jblast.observations.places.frame import Frame
+from jblast.observations.times.instant import EXAMPLE, NotAnInstant, instant
 
 PLACE = ("east_m", "north_m", "up_m")
 DEGREES = ("lat_deg", "lon_deg", "alt_m")
-COLUMNS = ("sensor", *PLACE, *DEGREES, "clock")
+START = "start_utc"
+COLUMNS = ("sensor", *PLACE, *DEGREES, "clock", START)
 
 
 class Station(NamedTuple):
@@ -25,19 +27,24 @@ class Station(NamedTuple):
         position: East, north, up [m].
         clock: Its recorder's; "" for the common clock.
         frame: Where on the Earth that is counted from, of a table in degrees.
+        start: Nanoseconds since 1970, UTC, of the first sample of its record; None
+            where nobody said.
     """
 
     position: tuple[float, float, float]
     clock: str
     frame: Frame | None = None
+    start: int | None = None
 
 
 def read_stations(path: str | os.PathLike[str]) -> dict[str, Station]:
     """Return where recorders stood, by name.
 
     Columns are `sensor,east_m,north_m,up_m`, or `sensor,lat_deg,lon_deg,alt_m`, and
-    perhaps `clock`; a sensor is the stem of a file's name, or stem.channel, channels
-    counted from 1. `note` columns and lines that begin with # are comments.
+    perhaps `clock` and `start_utc`, when the first sample of a file was that does not
+    say so itself (2020-08-04T15:08:18.310Z); a sensor is the stem of a file's name, or
+    stem.channel, channels counted from 1. `note` columns and lines that begin with #
+    are comments.
 
     Args:
         path: A CSV file.
@@ -69,12 +76,28 @@ def read_stations(path: str | os.PathLike[str]) -> dict[str, Station]:
         axes, frame = on_earth[0].T, on_earth[1]
         table.refuse(np.isnan(axes[0]), "lat_deg", lambda _: "a number, got nothing")
     clocks = table.texts.get("clock") or [""] * len(table.lines)
+    starts = _starts(table)
     return {
-        name: Station((float(east), float(north), float(up)), clock, frame)
-        for name, east, north, up, clock in zip(
-            table.texts["sensor"], *axes, clocks, strict=True
+        name: Station((float(east), float(north), float(up)), clock, frame, start)
+        for name, east, north, up, clock, start in zip(
+            table.texts["sensor"], *axes, clocks, starts, strict=True
         )
     }
+
+
+def _starts(table: "_Table") -> list[int | None]:
+    """Return when records began; None where nothing is said."""
+    starts: list[int | None] = []
+    for row, text in enumerate(table.texts.get(START) or [""] * len(table.lines)):
+        try:
+            starts.append(instant(text, None, None) if text else None)
+        except NotAnInstant as reason:
+            where = f"{table.path}: line {table.lines[row]}, column {START}"
+            raise InputError(
+                f"{where}: expected a day, a time and a zone, as {EXAMPLE}, got "
+                f"{shown(text)}"
+            ) from reason
+    return starts
 
 
 class _Table:

@@ -12,10 +12,13 @@ from jblast.observations.dialects.header import PER_ROW, Header
 from jblast.observations.dialects.table import Table
 from jblast.observations.faults import Faults
 from jblast.observations.formats import row_word
+from jblast.observations.table import DEGREES
 from jblast.units import products, si_ratio
 
 DATE = re.compile(r"\d{4}-\d{2}-\d{2}")
 TIME_OF_DAY = re.compile(r"\d{1,2}:\d{2}")
+MINUTES = re.compile(r"[NSEW]?\s*[+-]?\d+(\.\d+)?\s*([°ºd':\s]|[NSEW]$)")
+"""How a latitude or longitude begins in minutes, or with its side."""
 WITH_UNIT = re.compile(r"[+-]?\d[\d.,]*(?:[eE][+-]?\d+)?\s*[%A-Za-zµ°].*")
 
 
@@ -62,7 +65,9 @@ class Fields:
         if "_" in "".join(texts):  # 1_000 is Python
             odd |= np.array(["_" in text for text in texts], bool)
         self.refuse(
-            odd, column, lambda row: f"a finite number, got {_told(texts[row])}"
+            odd,
+            column,
+            lambda row: f"a finite number, got {_told(texts[row], column)}",
         )
         own = None if column in PER_ROW else self.units.get(column)
         return numbers if own is None else products(si_ratio(own.unit), texts)
@@ -92,7 +97,7 @@ class Fields:
             self.faults.tell(InputError(f"{where}: {said(row)}"))
 
 
-def _told(text: str) -> str:
+def _told(text: str, column: str) -> str:
     """Say what came in place of a number, and what may be wrong with it."""
     if not text:
         return "nothing"
@@ -100,6 +105,13 @@ def _told(text: str) -> str:
         return f"{shown(text)}: a date, as spreadsheets make of 3.5 or 1-2"
     if TIME_OF_DAY.match(text):
         return f"{shown(text)}; a time of day stands in column value_utc"
+    if column == "sigma" and text.endswith("%"):
+        return (
+            f"{shown(text)}; a sigma is in the unit of its value; per cent of it stand "
+            "in a column sigma_percent"
+        )
+    if column in DEGREES and MINUTES.match(text):
+        return f"{shown(text)}; write decimal degrees, south and west below 0"
     if WITH_UNIT.fullmatch(text):
         return f"{shown(text)}; a unit stands in the name of the column or quantity"
     return shown(text) + ("; write a decimal point" if "," in text else "")

@@ -10,6 +10,7 @@ import soundfile
 
 from jblast.inference.records import gathered
 from jblast.observations.records.formats import Scaling
+from jblast.observations.records.stations import Station
 from tests.inference.records.made import picked_at_its_peak
 
 with warnings.catch_warnings():  # of its own age
@@ -83,6 +84,26 @@ def test_times_of_day_share_the_clock_of_the_first(tmp_path):
     np.testing.assert_allclose(times, [1.0, 4.25, 1.0 + 2 * 86400.0], rtol=0, atol=1e-9)
     (error,) = found.refused
     assert "phone.wav: expected to begin at a time of day, as" in str(error)
+    assert "column start_utc of the table of stations" in str(error)
+    start = 1_772_409_599_250_000_000  # 2026-03-01T23:59:59.25Z, by `date -u -d`
+    phone = {"phone": Station((0.0, 0.0, 0.0), "", start=start)}
+    together = gathered([*paths, wav], stations=phone)
+    assert not together.refused
+    # 1.25 s after the epoch, and the bang 3 s later
+    assert float(together.picks[-1].pick.air_arrival_s) == pytest.approx(4.25, abs=0.01)
+    both = {"s0": Station((0.0, 0.0, 0.0), "", start=start)}
+    (error,) = gathered([paths[0]], stations=both).refused
+    assert "s0.mseed: tells the time of day itself; expected nothing in" in str(error)
+
+
+def test_channels_of_a_file_begin_together(tmp_path):
+    wav = sound(tmp_path, "a.wav", [[(3.0, 20.0)], [(3.0, 20.0)]])
+    one = {"a.1": Station((0.0, 0.0, 0.0), "", start=10**18)}
+    found = gathered([wav], stations=one)
+    assert found.epoch == datetime(2001, 9, 9, 1, 46, 40, tzinfo=UTC)
+    two = one | {"a.2": Station((9.0, 0.0, 0.0), "", start=10**18 + 1)}
+    (error,) = gathered([wav], stations=two).refused
+    assert "a.wav: expected one start_utc for all channels of a file" in str(error)
 
 
 def test_samples_are_kept_only_where_they_are_to_be_drawn(tmp_path):

@@ -132,7 +132,17 @@ def test_a_separator_within_quotes_is_none(log):
         (HEADER + ROW.replace("0.05", "5 kPa"), "a unit stands in the name"),
         (HEADER + ROW.replace("0.05", "12:30:01"), "a time of day stands in column"),
         (HEADER.replace(",", "|") + "a|b\n", "commas, semicolons or tabs, got one col"),
-        (HEADER + "a,air_arrival_s,NA,,1,2,3\n", "got 1 rows without a value"),
+        (
+            HEADER + "a,air_arrival_s,NA,,1,2,3\n",
+            "line 2: expected a value in some row, got a row without one, alone",
+        ),
+        (HEADER + ROW.replace("0.001", "5%"), "stand in a column sigma_percent"),
+        (
+            "sensor,quantity,value,sigma,lat_deg,lon_deg\n"
+            "a,air_arrival_s,1,1,33°54'10\",35.5\n",
+            "column lat_deg: .*write decimal degrees",
+        ),
+        ("t [ms];CH1 (V)\n0;0,1\n0,1;1\n0,2;5\n", "a record of samples, not a log"),
     ],
 )
 def test_what_is_no_log_is_told_what_it_is(log, text, said):

@@ -21,7 +21,7 @@ def table(tmp_path, text):
 def test_places_and_clocks_are_read(tmp_path):
     stations = read_stations(table(tmp_path, TABLE))
     assert list(stations) == ["gate", "mast.1"]
-    assert stations["gate"] == ((1.5, -2.0, 0.5), "phone", None)
+    assert stations["gate"] == ((1.5, -2.0, 0.5), "phone", None, None)
     assert stations["mast.1"].clock == ""
 
 
@@ -38,6 +38,20 @@ def test_places_and_clocks_are_read(tmp_path):
 def test_what_cannot_be_used_is_refused(tmp_path, text, said):
     with pytest.raises(InputError, match=said):
         read_stations(table(tmp_path, text))
+
+
+def test_a_station_may_tell_when_its_record_began(tmp_path):
+    text = (
+        "sensor,east_m,north_m,up_m,start_utc\n"
+        "a,1,2,3,2020-08-04T18:08:18.310000001+03:00\nb,1,2,3,\n"
+    )
+    stations = read_stations(table(tmp_path, text))
+    # 18:08:18 at +03:00, in seconds since 1970 by `date -d`
+    assert stations["a"].start == 1596553698_310000001
+    assert stations["b"].start is None
+    unzoned = text.replace("+03:00", "")
+    with pytest.raises(InputError, match="line 2, column start_utc: expected a day, a"):
+        read_stations(table(tmp_path, unzoned))
 
 
 def test_places_in_degrees_are_metres_about_their_middle(tmp_path):

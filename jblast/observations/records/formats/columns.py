@@ -53,6 +53,12 @@ def columns_of(names: list[str], where: str) -> Columns:
             times.append((number, seconds))
         elif pressure_factor(unit) is not None or volts_factor(unit) is not None:
             pressures.append((number, unit))
+        elif re.search(r"(^|[\s_])(date|utc|timestamp)\b", name.lower()):
+            raise InputError(
+                f"{where}, column {name}: expected seconds or milliseconds since any "
+                "moment, as time_s or time_ms, got times of day; when the first sample "
+                "was stands in the column start_utc of the table of stations"
+            )
         elif re.match(r"(elapsed|time|t)\b", word.lower()) and not unit:
             raise InputError(
                 f"{where}, column {name}: expected a unit of time in its name, as in "

@@ -116,8 +116,8 @@ def _table(path: Path) -> Table:
         ) from None
     if len(head) < 2:
         raise InputError(
-            f"{path}: expected names of columns and a sample a row, got {len(head)} "
-            "lines"
+            f"{path}: expected names of columns and a sample a row, got "
+            + ("one line" if head else "none")
         )
     (header, names_line), (first, row) = head[:2]
     separator = next(s for s in SEPARATORS if s is None or s in names_line)
