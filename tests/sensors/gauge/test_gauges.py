@@ -128,7 +128,10 @@ def test_a_stream_is_the_record_to_the_last_bit(kind):
     assert np.abs(whole).max() > 0
 
 
-@every_gauge
+@pytest.mark.parametrize(
+    "kind",
+    [k if k == "pressure" else pytest.param(k, marks=pytest.mark.slow) for k in GAUGES],
+)
 def test_what_never_happens_is_silence_with_slopes(kind):
     def loudness(mass, time):
         scene = Scene(Charge(mass_kg=mass, time_s=time))

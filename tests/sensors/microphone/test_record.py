@@ -124,6 +124,7 @@ def test_slopes_by_mass_place_and_time_are_those_of_finite_differences():
     assert np.asarray(slopes[-1]) == pytest.approx(np.asarray(measured), rel=1e-4)
 
 
+@pytest.mark.slow  # a program for a batch, one for each precision
 def test_many_places_at_once_are_each_alone_and_single_precision_tells_the_same():
     places = np.stack([np.linspace(30, 60, 5), np.full(5, 30.0), np.ones(5)], axis=1)
     together = jax.jit(jax.vmap(lambda place: heard_of(15.0, place, 0.5)))(places)

@@ -149,6 +149,7 @@ def test_reverse_mode_gives_what_forward_mode_gives():
     assert float(reverse) == pytest.approx(float(forward), rel=1e-10)
 
 
+@pytest.mark.slow
 def test_a_batch_by_vmap_is_its_members():
     def final(energy):
         flow, state = start_sedov(energy, AIR, 0.02, cells=30, length=1.0)
