@@ -56,7 +56,7 @@ def held(state, vehicle, load: BlastLoad, steps) -> np.ndarray:
 
 
 @functools.cache
-def gained(mass: float, distance: float, step_s: float) -> np.ndarray:
+def gained(mass: float, distance: float, step_s: float, integrator: str) -> np.ndarray:
     """Return the velocity after a flight of 0.12 s through a blast."""
     vehicle = plain(CRAZYFLIE)
     flight = simulate(
@@ -66,5 +66,6 @@ def gained(mass: float, distance: float, step_s: float) -> np.ndarray:
         step_s=step_s,
         loads=(blast_load(scene(mass)),),
         store_every=10000,
+        integrator=integrator,
     )
     return np.asarray(flight.velocity_m_s[-1])
