@@ -20,12 +20,12 @@ from jblast.types import as_float_array, as_optional_float_array
 Burst = Literal["surface", "free-air"]
 BURSTS: tuple[Burst, ...] = ("surface", "free-air")
 
-Place = tuple[Float[Array, "..."], Float[Array, "..."], Float[Array, "..."]]
+EastNorthUp = tuple[Float[Array, "..."], Float[Array, "..."], Float[Array, "..."]]
 """East, north and up [m], a leaf each: one may be traced while the others are known;
 in a batch of charges each is an array."""
 
 
-def _place(value: ArrayLike | Sequence[ArrayLike]) -> Place:
+def _place(value: ArrayLike | Sequence[ArrayLike]) -> EastNorthUp:
     if getattr(value, "ndim", 1) == 1:  # of rows of places, three would be taken apart
         with suppress(TypeError, ValueError):
             east, north, up = cast(Sequence[ArrayLike], value)
@@ -68,7 +68,7 @@ class Charge(Described):
     mass_kg: Float[Array, ""] = eqx.field(
         converter=as_float_array, default=PARAMETERS["charge_mass_kg"].default
     )
-    position_m: Place = eqx.field(converter=_place, default=(0.0, 0.0, 0.0))
+    position_m: EastNorthUp = eqx.field(converter=_place, default=(0.0, 0.0, 0.0))
     time_s: Float[Array, ""] = eqx.field(converter=as_float_array, default=0.0)
     range_m: Float[Array, ""] | None = eqx.field(
         converter=as_optional_float_array, default=None

@@ -26,7 +26,7 @@ from jblast.vehicle.loads.load import Load, Pulse
 from jblast.vehicle.quadrotor.numbers import floats, in_precision
 from jblast.vehicle.quadrotor.parameters import Vehicle
 from jblast.vehicle.rollout.batching import CHUNK_AXIS, Each, over_lanes, parted
-from jblast.vehicle.rollout.flight import Flight, Rows
+from jblast.vehicle.rollout.flight import Flight, StoredRows
 from jblast.vehicle.rollout.scan import fly
 from jblast.vehicle.rollout.timetable import Ticks, stored_times, timetable
 
@@ -158,13 +158,13 @@ def _fly_all(
     batch: tuple[int, ...],
     devices: int,
     **options: Any,
-) -> Rows:
+) -> StoredRows:
     """Fly one vehicle, or each of a batch."""
     if not batch:
         return fly(flight, ticks, period_s, **options)
     lanes, shared = parted(flight, batch)
 
-    def one(lane: Any) -> Rows:
+    def one(lane: Any) -> StoredRows:
         return fly(
             eqx.combine(lane, shared), ticks, period_s, axis=CHUNK_AXIS, **options
         )
@@ -183,7 +183,7 @@ _FLY_WITHIN = eqx.filter_jit(_fly_all)
 
 
 @jax.jit
-def _trajectory(time_s: Float[Array, " time"], rows: Rows) -> Trajectory:
+def _trajectory(time_s: Float[Array, " time"], rows: StoredRows) -> Trajectory:
     """Put the components of the rows together."""
 
     def together(parts: tuple[Array, ...]) -> Array:

@@ -24,7 +24,7 @@ from jblast.inference.many.lanes import (
 from jblast.inference.many.loop import Loop, with_effects
 from jblast.inference.many.many_fits import ManyFits
 from jblast.inference.many.residuals.readings import Readings, checked, faults_of, read
-from jblast.inference.many.residuals.rows import Rows, rows_of
+from jblast.inference.many.residuals.rows import LaneRows, rows_of
 from jblast.inference.many.solver.levenberg_marquardt import LaneLevenbergMarquardt
 from jblast.inference.many.solver.normal_equations import MOST_UNKNOWNS
 from jblast.inference.many.solver.quadratic_model import half_square
@@ -82,7 +82,7 @@ def engine_for(
 class Engine:
     """Fits logs of one layout, compiled once for each size of batch."""
 
-    def __init__(self, rows: Rows) -> None:
+    def __init__(self, rows: LaneRows) -> None:
         self.rows = rows
         plain = rows.noise == "gaussian" and not rows.varies
         loss = half_square if plain else rows.loss

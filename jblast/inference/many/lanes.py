@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
-from jblast.inference.many.residuals.rows import Rows
+from jblast.inference.many.residuals.rows import LaneRows
 from jblast.sensors.observe import Noise
 
 LEAST = 16
@@ -82,7 +82,7 @@ def better(a: LaneResults, b: LaneResults) -> LaneResults:
     return jax.tree.map(lambda x, y: jnp.where(taken, y, x), a, b)
 
 
-def fitted_values(rows: Rows, results: LaneResults, bad: Bool[Array, " lane"]):
+def fitted_values(rows: LaneRows, results: LaneResults, bad: Bool[Array, " lane"]):
     """Return z, covariance, numbers by name, cost and misfit, NaN for bad logs."""
     parameters = rows.parameters
     z = results.y[: len(parameters.names)]

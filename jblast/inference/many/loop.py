@@ -9,7 +9,7 @@ from jaxtyping import Array, Float
 
 from jblast.inference.many.lanes import LaneResults
 from jblast.inference.many.residuals.readings import Readings
-from jblast.inference.many.residuals.rows import Rows
+from jblast.inference.many.residuals.rows import LaneRows
 from jblast.inference.many.solver.levenberg_marquardt import LaneLevenbergMarquardt
 from jblast.inference.many.solver.normal_equations import Triangle, cholesky, inverse_of
 from jblast.inference.many.solver.quadratic_model import (
@@ -27,7 +27,7 @@ Inputs = tuple[Float[Array, "unknown lane"] | None, Readings]
 
 
 def with_effects(
-    rows: Rows, z: Float[Array, "free lane"]
+    rows: LaneRows, z: Float[Array, "free lane"]
 ) -> Float[Array, "unknown lane"]:
     """Return a place by its coordinates, the shared effects at zero."""
     return jnp.concatenate([z, jnp.zeros((rows.effects, z.shape[1]), z.dtype)])
@@ -44,7 +44,7 @@ class Loop:
         sigma: Instrument errors if all logs have the same.
     """
 
-    rows: Rows
+    rows: LaneRows
     solver: LaneLevenbergMarquardt
     form: ClosedForm | None
     sigma: Float[np.ndarray, "row 1"] | None

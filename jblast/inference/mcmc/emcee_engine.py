@@ -7,7 +7,7 @@ import numpy as np
 
 from jblast.inference.importance.whitening import Density, densities
 from jblast.inference.mcmc.independence_move import Mixture, independence_move
-from jblast.inference.mcmc.state import SHARES, Segment, State
+from jblast.inference.mcmc.state import SHARES, Segment, WalkState
 
 
 def moves(mixture: Mixture) -> list:
@@ -45,7 +45,7 @@ class Emcee:
         self,
         density: Density,
         mixture: Mixture,
-        state: State,
+        state: WalkState,
         steps: int,
         tick: Callable[[], None],
     ) -> Segment:

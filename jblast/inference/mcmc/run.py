@@ -17,7 +17,7 @@ from jblast.inference.mcmc.independence_move import Mixture, mixture_of
 from jblast.inference.mcmc.interrupt import interrupts
 from jblast.inference.mcmc.progress import Pace, Report, nothing
 from jblast.inference.mcmc.scan_engine import Scan
-from jblast.inference.mcmc.state import Engine, Segment, State
+from jblast.inference.mcmc.state import Engine, Segment, WalkState
 
 Sampler = Literal["emcee", "scan"]
 ENGINES: dict[str, Engine] = {"emcee": Emcee(), "scan": Scan()}
@@ -185,7 +185,7 @@ def _mixture(starts: Sequence[Start]) -> Mixture:
     return mixture_of(np.array(center), np.array(root), np.array(share))
 
 
-def _first(density, starts: Sequence[Start], seed, walkers, sampler) -> State:
+def _first(density, starts: Sequence[Start], seed, walkers, sampler) -> WalkState:
     """Draw where the walkers start, each where the density is not zero."""
     rng = np.random.default_rng(seed)
     shares = np.cumsum([start.share for start in starts])
@@ -196,7 +196,7 @@ def _first(density, starts: Sequence[Start], seed, walkers, sampler) -> State:
     for _ in range(TRIES):
         value = np.array(densities(density, jnp.asarray(center + away)), float)
         if np.isfinite(value).all():
-            return State(center + away, value, ENGINES[sampler].first_random(seed))
+            return WalkState(center + away, value, ENGINES[sampler].first_random(seed))
         away = np.where(np.isfinite(value)[:, None], away, NEARER * away)
     raise InputError(
         "the posterior density is zero, or no number, at the optimum the walkers start "

@@ -14,7 +14,7 @@ from jaxtyping import Array, Float, PRNGKeyArray
 
 from jblast.inference.importance.whitening import Density, densities
 from jblast.inference.mcmc.independence_move import Mixture, independence_move
-from jblast.inference.mcmc.state import SHARES, Segment, State
+from jblast.inference.mcmc.state import SHARES, Segment, WalkState
 
 A = 2.0
 """Longest stretch; the shortest is its inverse."""
@@ -37,7 +37,7 @@ class Scan:
         self,
         density: Density,
         mixture: Mixture,
-        state: State,
+        state: WalkState,
         steps: int,
         tick: Callable[[], None],
     ) -> Segment:

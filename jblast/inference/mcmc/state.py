@@ -10,7 +10,7 @@ from jblast.inference.importance.whitening import Density
 from jblast.inference.mcmc.independence_move import Mixture
 
 
-class State(NamedTuple):
+class WalkState(NamedTuple):
     """Where the walkers stand.
 
     Attributes:
@@ -40,9 +40,9 @@ class Segment(NamedTuple):
     interrupted: bool = False
 
     @property
-    def end(self) -> State:
+    def end(self) -> WalkState:
         """Where the walkers stand after the last step."""
-        return State(self.chain[-1], self.log_density[-1], self.random)
+        return WalkState(self.chain[-1], self.log_density[-1], self.random)
 
 
 @runtime_checkable
@@ -62,7 +62,7 @@ class Engine(Protocol):
         self,
         density: Density,
         mixture: Mixture,
-        state: State,
+        state: WalkState,
         steps: int,
         tick: Callable[[], None],
     ) -> Segment:

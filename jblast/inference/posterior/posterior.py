@@ -14,7 +14,7 @@ from jblast.inference.posterior.density_correction import DensityCorrection
 from jblast.inference.posterior.likelihood import log_likelihood
 from jblast.inference.posterior.parameters import Parameters
 from jblast.inference.posterior.record_likelihood import (
-    Rows,
+    ResidualRows,
     SampledRecords,
     record_log_likelihood,
 )
@@ -146,7 +146,7 @@ class Posterior(eqx.Module):
         loading = misfit.loading[:, columns]
         bounds = self.lower_bound
         return record_log_likelihood(
-            Rows(
+            ResidualRows(
                 misfit.residual[others],
                 misfit.sd[others],
                 loading[others],

@@ -20,7 +20,7 @@ differentiated leave the square of what is left."""
 FIRST_DAMPING, LEAST_DAMPING = 1e-3, 1e-9
 
 
-class Place(NamedTuple):
+class EffectValues(NamedTuple):
     """Effects: those that rows share, and of each record its own and its nuisances."""
 
     shared: Float[Array, " effect"]
@@ -37,11 +37,11 @@ class Expansion(NamedTuple):
     """
 
     cost: Float[Array, ""]
-    slope: Place
+    slope: EffectValues
     curvature: tuple[Array, Array, Array]
 
 
-def newton_step(here: Expansion, damping) -> tuple[Place, Array]:
+def newton_step(here: Expansion, damping) -> tuple[EffectValues, Array]:
     """Return a step downhill, and ln of the curvature's determinant.
 
     Each record's own unknowns are eliminated, then those that are shared are solved
@@ -57,12 +57,14 @@ def newton_step(here: Expansion, damping) -> tuple[Place, Array]:
     left = shared - jnp.einsum("rok,rol->kl", between, response)
     slope = here.slope.shared - jnp.einsum("rok,ro->k", between, own)
     moved = -jnp.linalg.solve(left, slope)
-    step = Place(moved, -own - response @ moved)
+    step = EffectValues(moved, -own - response @ moved)
     spread = jnp.sum(jnp.linalg.slogdet(inner)[1]) + jnp.linalg.slogdet(left)[1]
     return step, spread
 
 
-def mode_of(expand: Callable[[Place], Expansion], start: Place) -> Place:
+def mode_of(
+    expand: Callable[[EffectValues], Expansion], start: EffectValues
+) -> EffectValues:
     """Return the mode of all effects, by damped steps that go downhill."""
     # expanded in one place of the program alone: it takes long to compile
     blank = jax.tree.map(
@@ -97,7 +99,9 @@ def mode_of(expand: Callable[[Place], Expansion], start: Place) -> Place:
     return lax.while_loop(unsettled, again, state)[1]
 
 
-def settled(expand: Callable[[Place], Expansion], place: Place) -> tuple[Array, Array]:
+def settled(
+    expand: Callable[[EffectValues], Expansion], place: EffectValues
+) -> tuple[Array, Array]:
     """Return cost and ln of the curvature's determinant at the mode.
 
     Two steps that are differentiated carry the slopes of the mode, which the search

@@ -26,8 +26,8 @@ from jaxtyping import Array, Bool, Float
 from jblast.inference.posterior.error_density import log_noise, noise_slopes
 from jblast.inference.posterior.likelihood import log_rows, reweighted, row_slopes
 from jblast.inference.posterior.record_effects import (
+    EffectValues,
     Expansion,
-    Place,
     mode_of,
     settled,
 )
@@ -62,7 +62,7 @@ class SampledRecords(eqx.Module):
     error_columns: tuple[int, ...] = eqx.field(static=True, default=())
 
 
-class Rows(NamedTuple):
+class ResidualRows(NamedTuple):
     """What is missed, row by row; see `posterior.Misfit`."""
 
     residual: Float[Array, " row"]
@@ -81,14 +81,14 @@ class Given(NamedTuple):
         loading: What one standard deviation of each shared effect adds.
     """
 
-    rows: Rows
+    rows: ResidualRows
     away: Float[Array, "record asked"]
     sd: Float[Array, "record asked"]
     loading: Float[Array, "record asked effect"]
 
 
 def record_log_likelihood(
-    rows: Rows,
+    rows: ResidualRows,
     predicted: Float[Array, "record asked"],
     scatter: Float[Array, "record asked"],
     loading: Float[Array, "record asked effect"],
@@ -109,7 +109,7 @@ def record_log_likelihood(
     sd = jnp.hypot(scatter, records.jitter)
     given = Given(rows, away, sd, loading)
 
-    def expand(place: Place, given: Given, exact: bool = True) -> Expansion:
+    def expand(place: EffectValues, given: Given, exact: bool = True) -> Expansion:
         return _expansion(place, given, records, noise, exact)
 
     still = lax.stop_gradient(given)
@@ -140,18 +140,22 @@ def evidence(
     return 0.5 * (asked * np.log(2 * np.pi) - apart @ apart - spread)
 
 
-def _start(given: Given, records: SampledRecords) -> Place:
+def _start(given: Given, records: SampledRecords) -> EffectValues:
     """Return where the search begins: each record as picked, if its law scatters."""
     some = given.sd > 0
     own = jnp.where(some, -given.away / jnp.where(some, given.sd, 1.0), 0.0)
-    return Place(
+    return EffectValues(
         jnp.zeros(given.loading.shape[2]),
         jnp.concatenate([own, records.nuisance], axis=1),
     )
 
 
 def _expansion(
-    place: Place, given: Given, records: SampledRecords, noise: Noise, exact: bool
+    place: EffectValues,
+    given: Given,
+    records: SampledRecords,
+    noise: Noise,
+    exact: bool,
 ) -> Expansion:
     """Expand about a place; not `exact`: with curvatures that are positive."""
     rows, v, asked = given.rows, place.shared, given.away.shape[1]
@@ -185,7 +189,7 @@ def _expansion(
     shared = jnp.eye(v.size) + load.T @ (curvature[:, None] * load)
     return Expansion(
         jnp.sum(cost) - plain + 0.5 * v @ v,
-        Place(v - load.T @ slope + jnp.sum(to_shared, axis=0), to_own),
+        EffectValues(v - load.T @ slope + jnp.sum(to_shared, axis=0), to_own),
         (shared + jnp.sum(outer, axis=0), inner, between),
     )
 

@@ -6,7 +6,7 @@ from typing import Any
 
 from jblast.json_values import plain
 
-Place = tuple[float, float, float]
+EastNorthUpM = tuple[float, float, float]
 
 
 @dataclass(frozen=True)
@@ -204,8 +204,8 @@ class FlightsAnswer:
     seed: int
     vehicle: str
     vehicles: int
-    position_m: Place
-    target_m: Place
+    position_m: EastNorthUpM
+    target_m: EastNorthUpM
     yaw_rad: float
     seconds: float
     step_s: float

@@ -9,11 +9,11 @@ from numpy.typing import ArrayLike
 from jblast.report.flights.answer import (
     BlastMet,
     BlastMetBySeveral,
+    EastNorthUpM,
     FlightsAnswer,
     Limit,
     Outcome,
     OutcomeOfSeveral,
-    Place,
     Quantiles,
     Share,
 )
@@ -164,7 +164,7 @@ def _blast_of_several(flights: Flights, flown: Flown, n: int) -> BlastMetBySever
     )
 
 
-def _place(at: ArrayLike) -> Place:
+def _place(at: ArrayLike) -> EastNorthUpM:
     east, north, up = np.asarray(at).tolist()
     return east, north, up
 

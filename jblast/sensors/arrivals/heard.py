@@ -19,13 +19,13 @@ from jblast.types import as_float_array
 from jblast.waves.propagation.ambient import sound_speed_of
 from jblast.waves.waveform.pulse import Pulse
 
-Place = Float[ArrayLike, "3"] | Sequence[float] | Track
+Standpoint = Float[ArrayLike, "3"] | Sequence[float] | Track
 """East, north, up [m], or where that is over time."""
 
 
 def heard(
     scene: Scene,
-    place: Place,
+    place: Standpoint,
     laws: Mapping[str, str] | None = None,
     *,
     reflection: float | Float[Array, ""] = 1.0,
@@ -88,7 +88,7 @@ def place_of(place: Float[ArrayLike, "..."] | Sequence[float]) -> Float[Array, "
 
 def waves_for(
     scene: Scene,
-    place: Place,
+    place: Standpoint,
     laws: Mapping[str, str],
     reflection: float | Float[Array, ""],
     ground: bool,

@@ -12,7 +12,7 @@ from jaxtyping import Array, ArrayLike, Float
 from jblast.errors import InputError
 from jblast.scene import Scene
 from jblast.sensors.arrivals.air_waves import peak_at
-from jblast.sensors.arrivals.heard import Place, place_of, waves_for
+from jblast.sensors.arrivals.heard import Standpoint, place_of, waves_for
 from jblast.sensors.arrivals.laws import record_laws
 from jblast.sensors.arrivals.meeting import phase
 from jblast.sensors.arrivals.recorded_sound import RecordedSound
@@ -31,7 +31,7 @@ AnyPulse = TypeVar("AnyPulse", bound=Pulse | GroundPulse)
 
 def overpressure(
     scene: Scene,
-    place: Place,
+    place: Standpoint,
     edges: Float[ArrayLike, " edge"],
     laws: Mapping[str, str] | None = None,
     *,

@@ -18,7 +18,7 @@ FEWEST = 20
 """Rows: fewer leave no noise to tell from the motion."""
 
 
-class Trajectory(NamedTuple):
+class TrajectoryColumns(NamedTuple):
     """Columns of a file.
 
     Attributes:
@@ -38,7 +38,7 @@ def read_trajectory(
     path: str | os.PathLike[str],
     states: Sequence[str] = (),
     inputs: Sequence[str] = (),
-) -> Trajectory:
+) -> TrajectoryColumns:
     """Read a trajectory: a header, `time_s` among its names, and numbers.
 
     Lines that begin with # are comments.
@@ -92,7 +92,9 @@ def read_trajectory(
             )
     split = 1 + len(chosen[0])
     names = (*chosen[0], *chosen[1])
-    return Trajectory(time - time[0], values[:, 1:split], values[:, split:], names)
+    return TrajectoryColumns(
+        time - time[0], values[:, 1:split], values[:, split:], names
+    )
 
 
 def _check_header(where: str, header: Sequence[str]) -> None:

@@ -29,7 +29,7 @@ from jblast.vehicle.control.allocation import allocation, speeds_within
 from jblast.vehicle.control.gains import Gains
 from jblast.vehicle.control.pull import THRUST_FLOOR, pull_within
 from jblast.vehicle.dynamics.components import (
-    Rows,
+    MatrixRows,
     Vector,
     add,
     cross,
@@ -153,7 +153,7 @@ class _ReadyHold(eqx.Module):
         return self.hold._answer(state, vehicle, self.inverse, memory, period_s)
 
 
-def _heading(aim: tuple[Array, Array], attitude: Rows) -> tuple[Array, Array]:
+def _heading(aim: tuple[Array, Array], attitude: MatrixRows) -> tuple[Array, Array]:
     """Return a heading within 45 degrees of the vehicle's; the aim if that is.
 
     The further off the heading, the less $e_R$ sees of a tilt: half a turn off nothing,
@@ -165,14 +165,14 @@ def _heading(aim: tuple[Array, Array], attitude: Rows) -> tuple[Array, Array]:
     return jnp.where(far, x - side * y, aim[0]), jnp.where(far, y + side * x, aim[1])
 
 
-def _attitude(pull: Vector, heading: tuple[Array, Array]) -> Rows:
+def _attitude(pull: Vector, heading: tuple[Array, Array]) -> MatrixRows:
     """Columns of the attitude whose z is along a pull; x looks along a heading."""
     b_3 = _unit(pull)
     b_2 = _unit(cross(b_3, (*heading, jnp.zeros_like(heading[0]))))
     return cross(b_2, b_3), b_2, b_3
 
 
-def _error(wanted: Rows, attitude: Rows) -> Vector:
+def _error(wanted: MatrixRows, attitude: MatrixRows) -> Vector:
     """Attitude error from the columns wanted and the rows of the attitude."""
     x, y, z = zip(*attitude, strict=True)
     b_1, b_2, b_3 = wanted

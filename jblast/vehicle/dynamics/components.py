@@ -14,7 +14,7 @@ from jblast.vehicle.dynamics.state import State
 Number = Float[Array, ""]
 Vector = tuple[Number, Number, Number]
 Four = tuple[Number, Number, Number, Number]
-Rows = tuple[Vector, Vector, Vector]
+MatrixRows = tuple[Vector, Vector, Vector]
 
 
 class StateComponents(NamedTuple):
@@ -39,7 +39,7 @@ def four(array: Float[Array, "4"]) -> Four:
     return a, b, c, d
 
 
-def rows(matrix: Float[Array, "3 3"]) -> Rows:
+def rows(matrix: Float[Array, "3 3"]) -> MatrixRows:
     """Return the components of a matrix."""
     x, y, z = matrix
     return three(x), three(y), three(z)
@@ -80,18 +80,18 @@ def cross(a: Vector, b: Vector) -> Vector:
     )
 
 
-def times(matrix: Rows, v: Vector) -> Vector:
+def times(matrix: MatrixRows, v: Vector) -> Vector:
     """Matrix times vector."""
     return dot(matrix[0], v), dot(matrix[1], v), dot(matrix[2], v)
 
 
-def times_transposed(matrix: Rows, v: Vector) -> Vector:
+def times_transposed(matrix: MatrixRows, v: Vector) -> Vector:
     """Transposed matrix times vector."""
     x, y, z = zip(*matrix, strict=True)
     return dot(x, v), dot(y, v), dot(z, v)
 
 
-def rotation(q: Four) -> Rows:
+def rotation(q: Four) -> MatrixRows:
     """Matrix, body to world, of a quaternion (x, y, z, w) of any length but zero."""
     i, j, k, w = q
     # Divided entry by entry: XLA keeps a quotient, and calculates products again for

@@ -35,7 +35,7 @@ class Flight(NamedTuple):
     ground_up_m: Float[Array, ""] | None
 
 
-class Rows(NamedTuple):
+class StoredRows(NamedTuple):
     """Stored rows, each part a tuple of components."""
 
     motion: StateComponents

@@ -9,7 +9,7 @@ from jaxtyping import Array, Float
 
 from jblast.vehicle.dynamics.components import Number, StateComponents
 from jblast.vehicle.dynamics.equations import Wrench, net_wrench
-from jblast.vehicle.rollout.flight import Flight, Rows
+from jblast.vehicle.rollout.flight import Flight, StoredRows
 from jblast.vehicle.rollout.step import Now, OneStep
 from jblast.vehicle.rollout.timetable import Ticks
 
@@ -29,7 +29,7 @@ def fly(
     store_every: int,
     control_held: bool,
     axis: str | None = None,
-) -> Rows:
+) -> StoredRows:
     """Return the stored rows of one vehicle's flight: the start, and so on to the end.
 
     Args:
@@ -80,7 +80,7 @@ def fly(
     lost = ~jnp.isfinite(sum(jax.tree.leaves((rows, forces))))
     alive = jnp.cumsum(lost) == 0
     ended = jax.tree.map(lambda x: jnp.where(alive, x, jnp.nan), (rows[0], forces))
-    return Rows(ended[0], ended[1], alive)
+    return StoredRows(ended[0], ended[1], alive)
 
 
 def _few(one: OneStep, now: Now, part: Ticks) -> Now:

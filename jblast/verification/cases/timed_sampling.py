@@ -8,7 +8,7 @@ from jblast.fidelity.timing import best_of
 from jblast.inference.importance.whitening import Density, densities
 from jblast.inference.mcmc.independence_move import Mixture, mixture_of
 from jblast.inference.mcmc.scan_engine import BLOCK
-from jblast.inference.mcmc.state import Engine, State
+from jblast.inference.mcmc.state import Engine, WalkState
 
 WALKERS = 256
 SHARES = (0.05, 0.95)
@@ -46,7 +46,7 @@ def timed_walk(
     """
     w = np.random.default_rng(seed).standard_normal((WALKERS, free))
     value = np.array(densities(density, jnp.asarray(w)))
-    start = State(w, value, sampler.first_random(seed))
+    start = WalkState(w, value, sampler.first_random(seed))
     about = unit_normal(free)
 
     def walk(steps: int) -> Float[np.ndarray, "step walker free"]:

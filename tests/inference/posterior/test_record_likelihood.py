@@ -9,7 +9,7 @@ from jblast.inference.picks import pick_records
 from jblast.inference.posterior.parameters import parameters_of
 from jblast.inference.posterior.posterior import posterior_of
 from jblast.inference.posterior.record_likelihood import (
-    Rows,
+    ResidualRows,
     record_log_likelihood,
 )
 from jblast.inference.records.pulse_terms import ASKED
@@ -78,7 +78,7 @@ def one_record(samples):
         evidence=records.evidence[:1],
         error_columns=(),
     )
-    nothing = Rows(jnp.zeros(0), jnp.zeros(0), jnp.zeros((0, 1)), None)
+    nothing = ResidualRows(jnp.zeros(0), jnp.zeros(0), jnp.zeros((0, 1)), None)
     return alone, nothing
 
 

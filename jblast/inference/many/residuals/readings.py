@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from jblast.errors import InputError
-from jblast.inference.many.residuals.rows import Rows
+from jblast.inference.many.residuals.rows import LaneRows
 from jblast.quantities import ADDITIVE, TIMES
 from jblast.sensors import Layout
 
@@ -71,7 +71,7 @@ def _refuse_absolute(layout: Layout, values, sigma) -> None:
             )
 
 
-def read(rows: Rows, values, sigma) -> Readings:
+def read(rows: LaneRows, values, sigma) -> Readings:
     """Turn readings into what is fitted, and find the logs that cannot be."""
     additive = np.isin(rows.layout.quantity, ADDITIVE)[None, :]
     good = jnp.isfinite(values) & (additive | (values > 0))

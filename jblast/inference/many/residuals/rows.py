@@ -42,7 +42,7 @@ class Miss(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Rows:
+class LaneRows:
     """Logs of one layout.
 
     The unknowns are the coordinates of `parameters`, then the shared effects.
@@ -189,12 +189,12 @@ def _is_zero(cell: Cell) -> bool:
 
 def rows_of(
     parameters: Parameters, layout: Layout, laws: Mapping[str, str], noise: Noise
-) -> Rows:
+) -> LaneRows:
     """Sort the rows of a layout into parts that are alike."""
     groups, effects = grouped_rows(parameters, layout, laws)
     offsets = np.asarray(clock_offsets(parameters.scene, layout))
     fixed = ~np.isin(layout.clock, free_clocks(parameters))
-    return Rows(
+    return LaneRows(
         parameters=parameters,
         layout=layout,
         laws=tuple(sorted(laws.items())),

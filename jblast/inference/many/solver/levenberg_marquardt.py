@@ -37,7 +37,7 @@ COARSEST = 0.1
 """Where rounding leaves more than this, nothing counts as converged [sd]."""
 
 
-class State(eqx.Module):
+class SolverState(eqx.Module):
     """What the solver carries.
 
     Attributes:
@@ -99,7 +99,7 @@ class LaneLevenbergMarquardt(optx.AbstractLeastSquaresSolver):
         shape = jax.eval_shape(lambda y: self.evaluate(fn, y, args, options)[0], y)
         info = jax.tree.map(lambda s: jnp.zeros(s.shape, s.dtype), shape)
         lanes = y.shape[1:]
-        return State(
+        return SolverState(
             first_step=jnp.array(True),
             y_eval=y,
             info=info,
@@ -126,7 +126,7 @@ class LaneLevenbergMarquardt(optx.AbstractLeastSquaresSolver):
         # of the undamped step: a damped one is short wherever it leads
         length = squared(forward(cholesky(info.hessian), info.grad))
         ended = lost | ~(length > self.square_tolerance(info))
-        state = State(
+        state = SolverState(
             first_step=jnp.array(False),
             y_eval=jnp.where(jnp.isfinite(diff), y + diff, y),
             info=info,

@@ -14,7 +14,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from jblast.inference.many.residuals.rows import Rows
+from jblast.inference.many.residuals.rows import LaneRows
 from jblast.scene import Scene, with_values
 from jblast.scene.parameters import value_of
 from jblast.sensors import Layout
@@ -53,7 +53,7 @@ class ClosedForm(NamedTuple):
     rest: np.ndarray
 
     def start(
-        self, rows: Rows, measured: Float[Array, "row lane"]
+        self, rows: LaneRows, measured: Float[Array, "row lane"]
     ) -> Float[Array, "free lane"]:
         """Return where to start."""
         d = jnp.stack(
@@ -87,7 +87,7 @@ class ClosedForm(NamedTuple):
         return jnp.stack([b.unconstrain(numbers[name]) for name, b in beliefs])
 
 
-def closed_form(rows: Rows) -> ClosedForm | None:
+def closed_form(rows: LaneRows) -> ClosedForm | None:
     """Prepare the solve; None where it does not apply.
 
     It needs one charge at an unknown place in the plane, air and ground arrivals at
@@ -141,7 +141,7 @@ def closed_form(rows: Rows) -> ClosedForm | None:
     )
 
 
-def _travel(rows: Rows, scene: Scene, ranges: np.ndarray, mass: float):
+def _travel(rows: LaneRows, scene: Scene, ranges: np.ndarray, mass: float):
     """Return ln of air minus ground, and ln of ground, travel times by range."""
     numbers = {"charge_mass_kg": mass, "charge_east_m": 0.0, "charge_north_m": 0.0}
     scene = with_values(scene, numbers | {"origin_time_s": 0.0})

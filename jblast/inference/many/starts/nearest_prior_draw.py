@@ -14,7 +14,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, PRNGKeyArray
 
-from jblast.inference.many.residuals.rows import Rows
+from jblast.inference.many.residuals.rows import LaneRows
 from jblast.inference.mode.starts import starts
 from jblast.inference.posterior.posterior import Posterior
 from jblast.observations import CLOCK_TIMES
@@ -66,7 +66,7 @@ class ReferenceSet(NamedTuple):
 def reference_set(
     key: PRNGKeyArray,
     posterior: Posterior,
-    rows: Rows,
+    rows: LaneRows,
     sigma: Float[np.ndarray, " row"],
     count: int = REFERENCE_DRAWS,
 ) -> ReferenceSet:

@@ -126,7 +126,7 @@ def fireballs_seen(
     )
 
 
-class Passage(eqx.Module):
+class RayPassage(eqx.Module):
     """How rays pass a cloud; zero where they miss it.
 
     Attributes:
@@ -140,7 +140,9 @@ class Passage(eqx.Module):
     height: Float[Array, "row column"]
 
 
-def passage(offset: Float[Array, "3"], radius: Float[Array, ""], rays: Rays) -> Passage:
+def passage(
+    offset: Float[Array, "3"], radius: Float[Array, ""], rays: Rays
+) -> RayPassage:
     """Return how rays pass a cloud.
 
     Args:
@@ -162,7 +164,7 @@ def passage(offset: Float[Array, "3"], radius: Float[Array, ""], rays: Rays) -> 
     cubes = jnp.square(first) + first * last + jnp.square(last)
     column = 0.75 * (last - first) * jnp.maximum(chord - cubes / 3.0, 0.0)
     height = (begin * rays.direction[2] - aside[2]) / size
-    return Passage(
+    return RayPassage(
         column=jnp.where(met, column, 0.0),
         chord=chord,
         height=jnp.where(met, height, 0.0),

@@ -23,8 +23,8 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from jblast.vehicle.dynamics.components import (
+    MatrixRows,
     Number,
-    Rows,
     StateComponents,
     Vector,
     add,
@@ -35,7 +35,7 @@ from jblast.vehicle.dynamics.components import (
 )
 from jblast.vehicle.dynamics.equations import Wrench, air_wrench
 from jblast.vehicle.loads.blast.passage import Passage, front_impulse
-from jblast.vehicle.loads.blast.quadrature import Place, node_at, places, until
+from jblast.vehicle.loads.blast.quadrature import NodePlace, node_at, places, until
 from jblast.vehicle.quadrotor.parameters import Body, Vehicle
 
 
@@ -69,7 +69,7 @@ def wind_impulse(
     body: Body,
     mass_kg: Number,
     passage: Passage,
-    attitude: Rows,
+    attitude: MatrixRows,
     air: Vector,
     acceleration: Vector,
     rotors: RotorForce | None,
@@ -98,7 +98,7 @@ def wind_impulse(
         """Impulse until each node, and of all, for one guess of both."""
 
         def add_node(
-            total: WindImpulse, row: tuple[Place, Gained]
+            total: WindImpulse, row: tuple[NodePlace, Gained]
         ) -> tuple[WindImpulse, Gained]:
             place, (given, leap) = row
             node = node_at(passage, end_s, place)
@@ -159,7 +159,9 @@ Gained = tuple[tuple[Array, Array, Array], Array]
 """Impulse of drag and rotors, world, and that of the front, away, at the nodes."""
 
 
-def drag_force(body: Body, attitude: Rows, density: Number, past: Vector) -> Vector:
+def drag_force(
+    body: Body, attitude: MatrixRows, density: Number, past: Vector
+) -> Vector:
     """Return the drag, world [N]; its gradient at rest is zero, not NaN.
 
     Args:

@@ -14,7 +14,7 @@ NODES = 8
 """Of each phase: they leave below 1e-3 of the drag's impulse where a step holds all."""
 
 
-class Place(NamedTuple):
+class NodePlace(NamedTuple):
     """Where a node stands: a number each, or an array over all nodes.
 
     Attributes:
@@ -64,9 +64,9 @@ def _gauss() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 PLACES, WEIGHTS, SO_FAR = _gauss()
 
 
-def places(dtype: np.dtype) -> Place:
+def places(dtype: np.dtype) -> NodePlace:
     """Return all nodes, those of the first phase first."""
-    return Place(
+    return NodePlace(
         jnp.asarray(np.tile(PLACES, 2), dtype),
         jnp.asarray(np.tile(WEIGHTS, 2), dtype),
         jnp.asarray(np.repeat([False, True], NODES)),
@@ -84,7 +84,7 @@ def until(value: Float[Array, " node"]) -> Float[Array, " node"]:
     return jnp.asarray(matrix, value.dtype) @ value
 
 
-def node_at(passage: Passage, end_s: Number, place: Place) -> Node:
+def node_at(passage: Passage, end_s: Number, place: NodePlace) -> Node:
     """Return a node of the part of a passage before a time since arrival [s]."""
     wave = passage.wave
     zero, past = jnp.zeros_like(end_s), wave.duration_s + wave.suction_s
