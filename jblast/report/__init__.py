@@ -4,6 +4,10 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from jblast.report.choice.reason import (
+        law_reason as law_reason,
+        reason_for as reason_for,
+    )
     from jblast.report.fit.files import (
         check_directory as check_directory,
         write_report as write_report,
@@ -11,6 +15,8 @@ if TYPE_CHECKING:
     from jblast.report.fit.terminal import summary as summary
 
 HOMES = {
+    "law_reason": "choice.reason",
+    "reason_for": "choice.reason",
     "summary": "fit.terminal",
     "check_directory": "fit.files",
     "write_report": "fit.files",
