@@ -31,6 +31,7 @@ def test_the_band_holds_19_of_20_uniform_curves():
     assert np.mean(within) == pytest.approx(0.95, abs=0.045)  # 4 sd of 400
 
 
+@pytest.mark.slow  # a case is fitted
 def test_ranks_of_one_case_are_of_its_unknowns_and_the_same_again():
     once, again = (rank_truths("pressure", range(7, 9)) for _ in range(2))
     assert once.names == ("charge_mass_kg",)

@@ -100,6 +100,7 @@ def test_no_one_wind_brings_the_northern_arrays_into_line():
     np.testing.assert_allclose(back, away.time, rtol=1e-12)
 
 
+@pytest.mark.slow
 def test_a_fit_by_the_library_finds_the_same_air():
     heard = gauge_hrr5.arrivals("onset")
     n = len(heard.array)

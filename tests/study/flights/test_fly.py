@@ -97,6 +97,7 @@ def test_a_flight_lasts_five_seconds_past_the_last_blast():
         assert arrival + 5.0 <= seconds < arrival + 5.1
 
 
+@pytest.mark.slow  # two charges are a program for itself; test_never.py flies them
 def test_a_charge_that_never_happens_changes_nothing(flights):
     never = Charge(mass_kg=5.0, position_m=(4.0, 0.0, 0.0), time_s=np.inf, name="b")
     both = scene(charge=Charge(mass_kg=1.0, name="a"), others=(never,))

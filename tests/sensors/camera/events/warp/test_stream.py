@@ -1,3 +1,5 @@
+from typing import Any
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -72,10 +74,12 @@ def test_colour_over_a_background_gives_the_events_of_the_stream():
         )
 
 
-def test_arrays_of_jax_are_taken_as_they_are():
-    frames = walk((4,))
-    behind = np.full(SHAPE[1:], 0.2, np.float32)
-    options = {"background": behind, "device": "cpu"}
+@pytest.mark.parametrize("parts", [(), pytest.param((4,), marks=pytest.mark.slow)])
+def test_arrays_of_jax_are_taken_as_they_are(parts):
+    frames = walk(parts)
+    options: dict[str, Any] = {"device": "cpu"}
+    if parts:
+        options["background"] = np.full(SHAPE[1:], 0.2, np.float32)
     ours = joined(kernel_events(cut(frames, 40), SHAPE[1:], BOTH, **options))
     blocks = [(TIMES, jnp.asarray(frames))]
     same(joined(kernel_events(blocks, SHAPE[1:], BOTH, **options)), ours)
