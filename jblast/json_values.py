@@ -10,6 +10,8 @@ import numpy as np
 
 ABSENT = MappingProxyType({"absent": True})
 """Metadata of a field that is no entry where it is None."""
+HIDDEN = MappingProxyType({"hidden": True})
+"""Metadata of a field that is no entry."""
 AMONG = MappingProxyType({"among": True})
 """Metadata of a field whose own entries stand among the others; None has none."""
 
@@ -35,6 +37,8 @@ def entries(answer: Any) -> dict[str, Any]:
     """Return the fields of a dataclass as JSON can hold them, by name."""
     found: dict[str, Any] = {}
     for field in fields(answer):
+        if field.metadata.get("hidden"):
+            continue
         value = getattr(answer, field.name)
         if field.metadata.get("among"):
             found |= plain(value) or {}

@@ -11,7 +11,7 @@ from dataclasses import fields, is_dataclass
 from typing import Any, Union, get_args, get_origin, get_type_hints
 
 from docs.generate.attributes import attributes
-from jblast.fidelity import TakenLaw
+from jblast.fidelity import Choice, TakenLaw
 from jblast.inference.design.summary import AddedDatum, BoundSummary
 from jblast.inference.fitting.findings import WrongSensor
 from jblast.inference.fitting.place.on_earth import OnEarth
@@ -44,6 +44,8 @@ SIMPLE: dict[Any, dict[str, Any]] = {
     str: {"type": "string"},
 }
 Schema = dict[str, Any]
+LAZY = {"Choice": Choice}
+"""Types that classes name and import for checkers alone."""
 
 
 def fit() -> Schema:
@@ -152,27 +154,33 @@ def schema_of(hint: Any) -> Schema:
 
 def _of_class(cls: type) -> Schema:
     """Return the schema of what `json_values.entries` makes of a dataclass."""
-    hints, told = get_type_hints(cls), attributes(cls.__doc__ or "")
+    hints = get_type_hints(cls, localns=LAZY)
+    told = attributes(cls.__doc__ or "")
     properties: dict[str, Schema] = {}
-    others, absent = False, set()
+    others, required = False, []
     for field in fields(cls):
+        if field.metadata.get("hidden"):
+            continue
         schema = schema_of(hints[field.name])
-        if field.metadata.get("absent") or field.metadata.get("among"):
-            schema = _without_null(schema)
+        held = _without_null(schema)
         if not field.metadata.get("among"):
-            properties[field.name] = schema | {"description": told[field.name]}
-            absent |= {field.name} if field.metadata.get("absent") else set()
-        elif "properties" in schema:
-            properties |= schema["properties"]
-            absent |= set(schema["properties"])
+            is_absent = field.metadata.get("absent")
+            one = held if is_absent else schema
+            properties[field.name] = one | {"description": told[field.name]}
+            required += [] if is_absent else [field.name]
+        elif "properties" in held:
+            properties |= held["properties"]
+            required += held["required"] if held is schema else []
         else:
-            others = schema["additionalProperties"]
-    whole = _object(properties) | {"additionalProperties": others}
-    return whole | {"required": [key for key in properties if key not in absent]}
+            others = held["additionalProperties"]
+    whole = _object(properties)
+    return whole | {"additionalProperties": others, "required": required}
 
 
 def _without_null(schema: Schema) -> Schema:
-    held = [one for one in schema.get("anyOf", [schema]) if one != NULL]
+    if NULL not in schema.get("anyOf", ()):
+        return schema
+    held = [one for one in schema["anyOf"] if one != NULL]
     return held[0] if len(held) == 1 else {"anyOf": held}
 
 

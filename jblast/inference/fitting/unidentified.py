@@ -41,7 +41,7 @@ def null_directions(solution: Solution) -> tuple[NullDirection, ...]:
 
 
 def estimable_combinations(solution: Solution) -> tuple[EstimableCombination, ...]:
-    """Name the combinations of undetermined numbers that the data do tell."""
+    """List the estimable combinations of parameters that are not identified singly."""
     parameters, normal = solution.posterior.parameters, solution.laplace
     answer = []
     for form in estimable_forms(solution.identifiability):

@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from jblast.json_values import ABSENT, entries
+from jblast.json_values import ABSENT, AMONG, entries
 from jblast.report.calculator.inputs import Inputs, Numbers, inputs
 from jblast.report.calculator.reasons import why_recommended, why_taken
 from jblast.sensors.calculator.disagreement import Disagreement
@@ -79,19 +79,11 @@ class RecommendedEntry:
     """The answer to one question.
 
     Attributes:
-        quantity: What was asked for: a quantity, `range_m` or `charge_mass_kg`.
-        law: By which law; "" where none gives it.
-        value: In SI.
-        valid: Whether the law holds there.
-        scatter: One standard deviation of nature about it, in ln of what was asked for.
+        told: What it is.
         reason: Why this law; "" where there is no other.
     """
 
-    quantity: str
-    law: str
-    value: float
-    valid: bool
-    scatter: float
+    told: Recommended = field(metadata=AMONG)
     reason: str
 
 
@@ -100,26 +92,12 @@ class DisagreementEntry:
     """Two laws of one quantity that hold at a place and contradict each other there.
 
     Attributes:
-        quantity: Of which.
-        low: Law of the smaller value, where they are furthest apart.
-        high: Law of the larger one.
-        ratio: Larger over smaller value there.
-        expected: Ratio that their scatter leaves, in 90 % of blasts.
-        range_m: Range there.
-        mass_kg: Mass there.
-        rows: At how many rows any two laws disagree.
+        found: Which, and by how much.
         taken: The law that we would take there; "" if nothing tells.
         reason: Why.
     """
 
-    quantity: str
-    low: str
-    high: str
-    ratio: float
-    expected: float
-    range_m: float
-    mass_kg: float
-    rows: int
+    found: Disagreement = field(metadata=AMONG)
     taken: str
     reason: str
 
@@ -209,29 +187,12 @@ def inverse_answer(
 
 
 def _recommended(told: Recommended) -> RecommendedEntry:
-    return RecommendedEntry(
-        quantity=told.quantity,
-        law=told.law,
-        value=told.value,
-        valid=told.valid,
-        scatter=told.scatter,
-        reason=why_recommended(told),
-    )
+    return RecommendedEntry(told, why_recommended(told))
 
 
 def _disagreement(found: Disagreement) -> DisagreementEntry:
-    return DisagreementEntry(
-        quantity=found.quantity,
-        low=found.low,
-        high=found.high,
-        ratio=found.ratio,
-        expected=found.expected,
-        range_m=found.range_m,
-        mass_kg=found.mass_kg,
-        rows=found.rows,
-        taken=found.choice.method if found.choice else "",
-        reason=why_taken(found),
-    )
+    taken = found.choice.method if found.choice else ""
+    return DisagreementEntry(found, taken, why_taken(found))
 
 
 def _root_entry(found: Roots) -> RootEntry:

@@ -2,13 +2,14 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import combinations
 from typing import TYPE_CHECKING
 
 import numpy as np
 from jaxtyping import Bool, Float
 
+from jblast.json_values import HIDDEN
 from jblast.registry import LAWS, call
 from jblast.sensors.calculator.forward import Calculated, Calculation
 from jblast.sensors.calculator.question import Question, path_of_rows
@@ -47,7 +48,7 @@ class Disagreement:
     range_m: float
     mass_kg: float
     rows: int
-    choice: "Choice | None"
+    choice: "Choice | None" = field(metadata=HIDDEN)
 
 
 def disagreements(question: Question, answer: Calculation) -> list[Disagreement]:

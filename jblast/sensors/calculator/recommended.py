@@ -2,12 +2,13 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import jax
 import numpy as np
 
+from jblast.json_values import HIDDEN
 from jblast.registry import LAWS, call, names_for
 from jblast.sensors.calculator.combined import COMBINATIONS
 from jblast.sensors.calculator.forward import Calculated, evaluate
@@ -43,8 +44,8 @@ class Recommended:
     value: float
     valid: bool
     scatter: float
-    choice: "Choice | None" = None
-    is_nearest: bool = False
+    choice: "Choice | None" = field(default=None, metadata=HIDDEN)
+    is_nearest: bool = field(default=False, metadata=HIDDEN)
 
 
 def choice_at(question: Question, quantity: str) -> "Choice":

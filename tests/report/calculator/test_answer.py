@@ -46,6 +46,13 @@ def test_the_schema_takes_one_row_and_several(question):
     assert answer["recommended"]["scatter"] is None
     assert answer["recommended"]["reason"].startswith("Z = 2.1 to 38 m/kg^(1/3)")
     assert answer["disagreements"][0]["taken"] == "kingery_bulmash"
+    assert list(answer["recommended"]) == [
+        *("quantity", "law", "value", "valid", "scatter", "reason")
+    ]
+    assert list(answer["disagreements"][0]) == [
+        *("quantity", "low", "high", "ratio", "expected", "range_m", "mass_kg"),
+        *("rows", "taken", "reason"),
+    ]
 
 
 def test_numbers_of_one_row_are_no_lists():
