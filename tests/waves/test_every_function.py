@@ -40,12 +40,16 @@ NOT_ELEMENTWISE = {
 """One takes places, not numbers: test_paths.py. The others give or take a pulse: tested
 as what it is made of, and in waveform/test_blast_pressure.py and test_pulse.py."""
 
+COMPILED_FOR_LONG = {("blast_pressure", "free-air")}
+"""Slow: over the ground it is the same function of other curves."""
+
 FUNCTIONS = [
-    pytest.param(f, word, id=f"{name}-{word or 'any'}")
+    pytest.param(f, word, id=f"{name}-{word or 'any'}", marks=marks)
     for name, f in PUBLIC.items()
     if name not in NOT_ELEMENTWISE
     for key in [next((k for k in WORDS if k in inspect.signature(f).parameters), "")]
     for word in WORDS.get(key, (None,))
+    for marks in [pytest.mark.slow if (name, word) in COMPILED_FOR_LONG else ()]
 ]
 REGISTERED = {law.function for law in LAWS.values()}
 every_function = pytest.mark.parametrize(("f", "word"), FUNCTIONS)

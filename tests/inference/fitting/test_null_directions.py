@@ -82,6 +82,7 @@ def test_a_prior_on_the_sound_speed_cures_the_null_direction():
     assert mass.value == pytest.approx(15.0, rel=1e-4)
 
 
+@pytest.mark.slow  # compiles for itself
 def test_one_datum_tells_one_combination_of_two_unknowns():
     air = float(shock_kinematics_arrival_time(50.0, 10.0, 101325.0, 340.0))
     uncertain = freed(MASS_FREE, ["origin_time_s"])

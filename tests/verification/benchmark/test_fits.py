@@ -44,6 +44,7 @@ def test_bfgs_in_float32_misses_what_fit_many_finds(misses):
     assert misses["own"] < misses["poor"] < misses["bfgs"]
 
 
+@pytest.mark.slow
 def test_scipy_from_poor_starts_ends_mostly_at_the_optimum(logs):
     outcomes = FitOutcome("scipy", "", 1.0, np.asarray(by_scipy(logs, LOOPED)))
     # 38 of 500; of 20 hardly ever more than 6

@@ -131,6 +131,7 @@ def test_sedovs_pressure_is_a_tenth_low_past_the_edge_and_marked_before():
     assert "marks" in weak.response
 
 
+@pytest.mark.slow
 def test_tnt_is_no_point_source_and_a_fit_by_one_says_so():
     # 4.184 MJ/kg would be 2.7 times too much at Z = 0.3, a third too little at 2
     assert energy_error(0.3) > 1.5
