@@ -196,6 +196,7 @@ def _judged(
         posterior,
         sigma=jnp.asarray(own),
         shared_error=jnp.asarray(shared) if shared.size else None,
+        error_blocks=(),
     )
     missed, covariance = _missed(as_read, rest, suspect.rows)
     clock: dict[str, Any] = {}

@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Float
 
 from jblast.errors import InputError, shown
-from jblast.inference.posterior.posterior import refuse_exact
+from jblast.inference.posterior.refused_logs import refuse_exact
 from jblast.observations import Observations, resolve_positions
 from jblast.observations.located import located
 from jblast.observations.times.clocks import refuse_unresolved

@@ -8,9 +8,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from jblast.errors import InputError
 from jblast.inference.posterior.correlated_errors import own_and_shared_errors
 from jblast.inference.posterior.density_correction import DensityCorrection
+from jblast.inference.posterior.effect_systems import Blocks, blocks_of
 from jblast.inference.posterior.likelihood import log_likelihood
 from jblast.inference.posterior.parameters import Parameters
 from jblast.inference.posterior.record_likelihood import (
@@ -18,23 +18,13 @@ from jblast.inference.posterior.record_likelihood import (
     SampledRecords,
     record_log_likelihood,
 )
+from jblast.inference.posterior.refused_logs import refuse_exact, refuse_vast
 from jblast.kept_programs import kept
 from jblast.observations import Observations
 from jblast.observations.times.clocks import refuse_unresolved
-from jblast.registry import law_for
-from jblast.scene import Scene
 from jblast.sensors import Layout, record
-from jblast.sensors.layout import components
 from jblast.sensors.observe import Noise, loadings
 from jblast.sensors.record import Recording, comparable, missed
-from jblast.sensors.shared_effects import count_effects
-
-HELD = 30_000_000
-"""Rows times shared effects, of which a few times as many numbers (0.24 GB each) are
-held in memory: a log with more is refused."""
-WORK = 5_000_000_000
-"""Rows times the square of the effects, gone through several times for each density:
-with four times as much a fit took more than five minutes on two cores."""
 
 
 class Misfit(eqx.Module):
@@ -73,6 +63,8 @@ class Posterior(eqx.Module):
         shared_error: What one standard deviation of each error that readings of one
             record share adds to each; None if all are independent. `sigma` is then
             what is left of each (see `correlated_errors`).
+        error_blocks: Rows and columns of `shared_error` that each record has for
+            itself, for speed alone; () if that is not known.
         records: Whose samples count in place of the rows read off them; None: of none.
         correction: What is added; None: nothing.
     """
@@ -85,6 +77,7 @@ class Posterior(eqx.Module):
     noise: Noise = eqx.field(static=True, default="student")
     lower_bound: Bool[Array, " row"] | None = None
     shared_error: Float[Array, "row effect"] | None = None
+    error_blocks: Blocks = eqx.field(static=True, default=())
     records: SampledRecords | None = None
     correction: DensityCorrection | None = None
 
@@ -131,7 +124,22 @@ class Posterior(eqx.Module):
     ) -> tuple[Float[Array, ""], Float[Array, " effect"]]:
         """Return ln of the probability of a misfit, and its most probable effects."""
         return log_likelihood(
-            misfit.residual, misfit.sd, misfit.loading, self.noise, self.lower_bound
+            misfit.residual,
+            misfit.sd,
+            misfit.loading,
+            self.noise,
+            self.lower_bound,
+            self._blocks(misfit.loading.shape[1]),
+        )
+
+    def _blocks(self, effects: int) -> Blocks:
+        """Return the blocks of shared errors among so many effects."""
+        if self.shared_error is None:
+            return ()
+        before = effects - self.shared_error.shape[1]
+        return tuple(
+            (rows, tuple(before + column for column in columns))
+            for rows, columns in self.error_blocks
         )
 
     def _of_samples(self, misfit: Misfit, records: SampledRecords) -> Float[Array, ""]:
@@ -180,7 +188,9 @@ class Posterior(eqx.Module):
             return self.of_readings()
         shared = jnp.sum(jnp.square(self.shared_error), axis=1)
         sigma = jnp.sqrt(jnp.square(self.sigma) + shared)
-        return replace(self, sigma=sigma, shared_error=None, records=None)
+        return replace(
+            self, sigma=sigma, shared_error=None, error_blocks=(), records=None
+        )
 
 
 def posterior_of(
@@ -200,7 +210,7 @@ def posterior_of(
     refuse_exact(observations, parameters.scene.scatter, laws)
     refuse_unresolved(observations)
     sigma, shared = own_and_shared_errors(observations)
-    _refuse_vast(observations, parameters.scene, layout, laws, shared.shape[1])
+    refuse_vast(observations, parameters.scene, layout, laws, shared.shape[1])
     bounds = observations.bounds()
     return Posterior(
         parameters=parameters,
@@ -211,50 +221,5 @@ def posterior_of(
         noise=noise,
         lower_bound=jnp.asarray(bounds) if bounds.any() else None,
         shared_error=jnp.asarray(shared) if shared.size else None,
+        error_blocks=blocks_of(shared),
     )
-
-
-def refuse_exact(
-    observations: Observations, scatter: bool, laws: Mapping[str, str]
-) -> None:
-    """Refuse a row that neither its instrument nor its law gives any error.
-
-    Raises:
-        InputError: As said; the message names the first such row.
-    """
-    for quantity in dict.fromkeys(observations.quantity):
-        of_law = [law_for(q, laws[q]) for q, _ in components(quantity)]
-        if scatter and not all(law.is_exact() for law in of_law):
-            continue
-        of_kind = np.array([q == quantity for q in observations.quantity])
-        for row in np.flatnonzero(of_kind & ~(observations.sigma > 0)):
-            why = (
-                f"{' and '.join(law.name for law in of_law)} is exact"
-                if scatter
-                else "the scene says scatter = false"
-            )
-            raise InputError(
-                f"{observations.source or 'observations'}: "
-                f"{observations.sensor[row]}, {quantity}: expected a sigma, since "
-                f"{why}; got none"
-            )
-
-
-def _refuse_vast(
-    observations: Observations,
-    scene: Scene,
-    layout: Layout,
-    laws: Mapping[str, str],
-    shared_errors: int,
-) -> None:
-    """Refuse a log whose rows and effects of paths no memory holds."""
-    rows = len(observations)
-    effects = count_effects(scene, layout, laws) + shared_errors
-    if rows * effects > HELD or rows * effects**2 > WORK:
-        raise InputError(
-            f"{observations.source or 'observations'}: {rows} rows of "
-            f"{len(set(layout.group))} paths share {effects} effects; expected rows "
-            f"times effects to be at most {HELD:.0e}, and times their square "
-            f"{WORK:.0e}: put the mean of a path's readings, and its sigma, in place "
-            "of them all; or name a law that does not scatter from path to path"
-        )

@@ -11,6 +11,7 @@ from jblast.errors import InputError
 from jblast.inference.fitting.goodness_of_fit import chi_squared, standardised_residuals
 from jblast.inference.many import batch
 from jblast.inference.posterior.correlated_errors import own_and_shared_errors
+from jblast.inference.posterior.effect_systems import blocks_of
 from jblast.inference.posterior.fisher_information import whitened_rows
 from jblast.inference.posterior.likelihood import log_likelihood
 from jblast.inference.posterior.parameters import parameters_of
@@ -176,3 +177,28 @@ def test_a_sigma_changed_after_the_pick_is_refused():
 def test_lanes_refuse_logs_whose_readings_share_errors():
     with pytest.raises(InputError, match="share errors with fit_each"):
         batch.batch_of([picks()], with_laws(MASS_FREE, LAWS))
+
+
+@pytest.mark.parametrize("noise", ["gaussian", "student"])
+def test_errors_of_records_are_integrated_out_by_blocks_as_all_with_all(noise: Noise):
+    """Rounding alone differs; records of three, two and one error, and rows of none."""
+    rng = np.random.default_rng(5)
+    shared = np.zeros((13, 6))
+    for rows, columns in ((slice(0, 4), 3), (slice(5, 8), 2), (slice(10, 12), 1)):
+        first = int(np.count_nonzero(shared.any(axis=0)))
+        part = shared[rows, first : first + columns]
+        part += rng.normal(size=part.shape)
+    loading = 0.3 * np.concatenate([rng.normal(size=(13, 2)), shared], axis=1)
+    residual, sd = rng.normal(size=13), rng.uniform(0.1, 0.5, 13)
+    blocks = tuple((r, tuple(2 + k for k in c)) for r, c in blocks_of(shared))
+
+    def found(residual, blocks):
+        return log_likelihood(residual, sd, loading, noise, None, blocks)
+
+    assert [len(columns) for _, columns in blocks] == [3, 2, 1]
+    slope = jax.grad(lambda r, blocks: found(r, blocks)[0])
+    for together, apart in (
+        *zip(found(residual, ()), found(residual, blocks), strict=True),
+        (slope(residual, ()), slope(residual, blocks)),
+    ):
+        np.testing.assert_allclose(apart, together, rtol=1e-11, atol=1e-12)
