@@ -61,6 +61,7 @@ def test_nothing_is_read_of_it_and_all_else_as_without_it():
     assert np.isfinite(with_both.value).all()
 
 
+@pytest.mark.slow
 def test_a_batch_of_which_some_never_happen_is_its_own_loop():
     times = jnp.array([1.9, jnp.inf, 1.5])
 
@@ -72,6 +73,7 @@ def test_a_batch_of_which_some_never_happen_is_its_own_loop():
     assert np.isfinite(loop[[0, 2]]).all()
 
 
+@pytest.mark.slow
 def test_gradients_are_those_without_it_and_none_is_its_own():
     weights = np.random.default_rng(3).normal(size=len(LAYOUT.quantity))
 

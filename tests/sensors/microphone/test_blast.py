@@ -107,6 +107,7 @@ def test_a_recorded_sound_stands_for_the_pulse_scaled_by_the_law():
         heard(ways=Ways(sound=sound), track=track)
 
 
+@pytest.mark.slow  # test_track.py hears air alone so
 def test_one_who_comes_nearer_hears_all_of_it_sooner_and_shorter():
     def passing(speed, way):
         knots = np.array([[300.0, 0.0, 20.0], [300.0 - 2 * speed, 0.0, 20.0]])
