@@ -2,7 +2,7 @@
 
 import math
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -13,6 +13,7 @@ from jblast.observations.dialects.table import Table
 from jblast.observations.faults import Faults
 from jblast.observations.formats import row_word
 from jblast.observations.table import DEGREES
+from jblast.observations.understood import MadeLong
 from jblast.units import products, si_ratio
 
 DATE = re.compile(r"\d{4}-\d{2}-\d{2}")
@@ -30,6 +31,7 @@ class Fields:
         lines: Where each row stood.
         units: Of columns that are in another unit than ours.
         sound: Whether nothing is wrong with a row so far.
+        wide: Of a wide table, by our column, the column that each row stood in.
     """
 
     def __init__(self, table: Table, header: Header, faults: Faults):
@@ -40,6 +42,10 @@ class Fields:
         self.texts = dict(zip(table.header, table.columns, strict=True))
         self.theirs, self.units = header.theirs, header.units
         self.sound = np.ones(len(self.lines), bool)
+        self.wide: Mapping[str, tuple[str, ...]] = {}
+        if any(isinstance(found, MadeLong) for found in table.understood):
+            held = self.text("quantity")
+            self.wide = {"value": held, "sigma": tuple(f"sigma of {q}" for q in held)}
 
     def text(self, column: str) -> tuple[str, ...]:
         """Return a column of names; "" where the file has no such column."""
@@ -90,9 +96,11 @@ class Fields:
         """Tell each bad row, in words of their own."""
         if not np.any(bad):
             return
-        at = f", column {self.theirs.get(column, column)}" if column else ""
+        theirs = self.theirs.get(column, column)
         for row in map(int, np.flatnonzero(bad)):
             self.sound[row] = False
+            name = self.wide[column][row] if column in self.wide else theirs
+            at = f", column {name}" if column else ""
             where = f"{self.path}: {self.word} {self.lines[row]}{at}"
             self.faults.tell(InputError(f"{where}: {said(row)}"))
 

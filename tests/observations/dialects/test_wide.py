@@ -110,13 +110,18 @@ def test_a_row_of_units_says_which_errors_are_shares(log):
             True,
             "line 2, column air_arrival_sigma: expected ms, the unit of its quantity",
         ),
-        (WIDE.replace(",0.5\n", ",x\n"), True, "column sigma: expected a finite"),
+        (
+            WIDE.replace(",0.5\n", ",x\n"),
+            True,
+            "line 2, column sigma of peak_overpressure_kpa: expected a finite",
+        ),
+        (WIDE.replace("6,,6", "6,,x"), True, "line 3, column peak_overpressure_kpa: "),
         (
             WIDE.replace("sigma_peak_overpressure_kpa", "sigma_percent").replace(
                 ",0.5\n", ",x\n"
             ),
             True,
-            "line 2, column sigma: expected a finite number, got 'x'",
+            "line 2, column sigma of peak_overpressure_kpa: expected .*, got 'x'",
         ),
     ],
 )

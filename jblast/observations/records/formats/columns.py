@@ -73,8 +73,10 @@ def columns_of(names: list[str], where: str) -> Columns:
             left_out.append(name)
     if len(times) != 1:
         got = ", ".join(names[at] for at, _ in times) or shown(", ".join(names))
+        log = "sensor" in (name.strip().lower() for name in names)
         raise InputError(
             f"{where}: expected one column of time, as time_s or time_ms, got {got}"
+            + ("; this is a log, which jblast fit takes" if log else "")
         )
     if not pressures:
         raise InputError(

@@ -91,6 +91,7 @@ HEAD = "time_s,pressure_kpa\n"
         (HEAD + "0,1,5\n1,2,7\n", "line 2: expected 2 fields .* got 3"),
         (HEAD + "0,1\n", "expected two samples at least, got 1"),
         (HEAD, "got one line"),
+        ("sensor,quantity,value\na,air_arrival_s,1\n", "is a log, which jblast fit"),
         ("utc,pressure_kpa\n15:08:18,1\n", "column utc: expected seconds or milli"),
         ("0,1\n1,2\n", "line 1: expected names of columns"),
         ("time,pressure_pa\n0,1\n", "column time: expected a unit of time"),
