@@ -24,6 +24,12 @@ from jblast.quantities import ARRIVALS, CLOCK_TIMES
 from jblast.scene import UncertainScene
 from jblast.scene.uncertain import NO_SCENE
 
+SCATTER = 0.015
+"""Of travel times, as a share of them: 1 % a shot and 1 % a record, declared."""
+SLOWEST = 300.0
+"""Of sound, in the coldest air that people stand in [m/s]."""
+TIMES_SIGMA = 5.0
+"""A difference of arrivals this large is no error of reading or of a law."""
 FEWEST = 4
 """Arrivals, of which three tell a place and a time."""
 Refit = Callable[[Observations, Sequence[str]], Solution]
@@ -87,7 +93,36 @@ def _candidates(
             found.append(new)
     if place and len(found) > 2 and found[1] == place:
         del found[1]  # a place at a known time is no more likely, and costs as much
+    if len(found) > 1 and found[0] == origin and out_of_order(observations, uncertain):
+        del found[0]  # each set is a program of its own to compile, some 10 s
     return found
+
+
+def out_of_order(observations: Observations, uncertain: UncertainScene) -> bool:
+    """Return whether a sensor heard the air wave well before a nearer one did.
+
+    Then no origin time is enough: at a fixed place, in still air, any mass is heard the
+    later the further off. Laws scatter by a share of the travel time, which is taken as
+    that of sound.
+
+    Args:
+        observations: The log.
+        uncertain: The scene; with a place that is free, or wind, nothing is said.
+    """
+    scene = uncertain.scene
+    still = not (float(scene.air.wind_east) or float(scene.air.wind_north))
+    free = {"wind_east_m_s", "wind_north_m_s", *PLACE} & set(uncertain.beliefs)
+    if scene.others or scene.charge.range_m is not None or free or not still:
+        return False
+    heard = np.array(observations.quantity) == "air_arrival_s"
+    place = observations.position - np.asarray(scene.charge.position_m, float)
+    reach = np.where(heard, np.linalg.norm(place, axis=1), np.nan)
+    allowed = np.hypot(np.nan_to_num(observations.sigma), SCATTER * reach / SLOWEST)
+    clocks = np.array(observations.clock)
+    nearer = reach[:, None] <= reach[None, :]  # NaN is neither
+    early = observations.value[:, None] - observations.value[None, :]
+    beyond = early > TIMES_SIGMA * np.hypot(allowed[:, None], allowed[None, :])
+    return bool(np.any(nearer & beyond & (clocks[:, None] == clocks[None, :])))
 
 
 def _judged(freed: Solution, names: tuple[str, ...]) -> MoreToFree | None:

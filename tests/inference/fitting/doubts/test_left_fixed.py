@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 import jblast
+from jblast.inference.fitting.doubts.left_fixed import out_of_order
 from jblast.inference.fitting.findings import MoreToFree
 from jblast.report import summary
-from jblast.scene import Charge, Scene, Sensor, UncertainScene
+from jblast.scene import Charge, Free, Scene, Sensor, UncertainScene, default_scene
 from jblast.sensors import simulate
 
 PLACES = ((-180, 240), (310, 150), (420, -260), (60, -390), (-350, -120), (-90, 520))
@@ -29,6 +30,20 @@ def log(clock_off=0.0):
 
 def told(found):
     return [one for one in found.summary.warnings if isinstance(one, MoreToFree)]
+
+
+def test_an_origin_time_alone_is_not_tried_where_the_order_forbids_it():
+    blind = default_scene()
+    assert out_of_order(log(), blind)  # m1 heard before the nearer m0
+    here = (80.0, -50.0, 0.0)
+    there = UncertainScene(Scene(Charge(position_m=here)), blind.beliefs)
+    assert not out_of_order(log(), there)
+    free = UncertainScene(
+        Scene(), {**blind.beliefs, "charge_east_m": Free(positive=False)}
+    )
+    assert not out_of_order(log(), free)
+    apart = replace(log(), clock=log().sensor)  # clocks of their own have no order
+    assert not out_of_order(apart, blind)
 
 
 @pytest.mark.slow
