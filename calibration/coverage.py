@@ -22,7 +22,7 @@ from jblast.inference.posterior.parameters import parameters_of
 from jblast.scene import Scene, UncertainScene, freed
 from jblast.sensors import observe, planned_layout
 from jblast.sensors.observe import Noise
-from jblast.sensors.record import comparable
+from jblast.sensors.record import to_error_scale
 from jblast.verification.cases.five_microphones import LAWS, TRUTH, scene_with
 
 LOGS = 400
@@ -35,7 +35,9 @@ def coverage(scene: Scene, noise: Noise) -> tuple[np.ndarray, np.ndarray]:
     draw = eqx.filter_jit(
         jax.vmap(lambda key: observe(key, scene, layout, LAWS, sigma, noise=noise))
     )
-    measured = jax.vmap(lambda value: comparable(value, layout.quantity))(draw(keys))
+    measured = jax.vmap(lambda value: to_error_scale(value, layout.quantity))(
+        draw(keys)
+    )
     parameters = parameters_of(freed(UncertainScene(scene), list(TRUTH)))
     laws = tuple(LAWS.items())
     blank = Posterior(parameters, layout, measured[0], sigma, laws, noise)

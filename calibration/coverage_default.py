@@ -34,7 +34,7 @@ from jblast.inference.mode.search import optima
 from jblast.inference.posterior.parameters import parameters_of
 from jblast.scene import UncertainScene, freed
 from jblast.sensors import observe, planned_layout
-from jblast.sensors.record import comparable
+from jblast.sensors.record import to_error_scale
 from jblast.verification.cases.five_microphones import LAWS, PLACES, TRUTH, scene_with
 
 LOGS = 400
@@ -48,7 +48,7 @@ def blank_and_logs(count: int) -> tuple[Posterior, Float[jax.Array, "log row"]]:
     layout, sigma, _ = planned_layout(scene)
     keys = jax.random.split(jax.random.key(11), count)
     read = jax.vmap(lambda key: observe(key, scene, layout, LAWS, sigma))(keys)
-    measured = jax.vmap(lambda value: comparable(value, layout.quantity))(read)
+    measured = jax.vmap(lambda value: to_error_scale(value, layout.quantity))(read)
     parameters = parameters_of(freed(UncertainScene(scene), list(TRUTH)))
     return Posterior(
         parameters, layout, measured[0], sigma, tuple(LAWS.items())

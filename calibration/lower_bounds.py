@@ -26,7 +26,7 @@ from jblast.inference.mode.search import optima
 from jblast.inference.posterior.parameters import parameters_of
 from jblast.scene import Scene, Sensor, UncertainScene, freed, with_values
 from jblast.sensors import observe, planned_layout
-from jblast.sensors.record import comparable
+from jblast.sensors.record import to_error_scale
 
 LOGS = 100
 FULL_SCALE = 20e3
@@ -69,7 +69,7 @@ def ways(blank: Posterior, read: np.ndarray) -> dict[str, Posterior]:
     sigma = np.asarray(blank.sigma)
 
     def of(values, sigma=sigma, bounds=None) -> Posterior:
-        measured = comparable(values, blank.layout.quantity)
+        measured = to_error_scale(values, blank.layout.quantity)
         return Posterior(
             blank.parameters,
             blank.layout,

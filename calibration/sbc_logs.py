@@ -32,7 +32,7 @@ from jblast.inference.posterior.parameters import parameters_of
 from jblast.scene import read_scene
 from jblast.sensors import observe, planned_layout, resolve_laws
 from jblast.sensors.law_choice import law_names
-from jblast.sensors.record import comparable
+from jblast.sensors.record import to_error_scale
 
 SCENES = Path(__file__).parent / "scenes"
 DRAWS = 99
@@ -82,7 +82,7 @@ def rank_truths(scene: str, logs: range) -> Ranked:
         of_truth, of_errors = jax.random.split(key)
         z = jax.random.normal(of_truth, (free,))  # every prior is so in its coordinate
         read = observe(of_errors, parameters.scene_at(z), layout, laws, sigma)
-        return z, comparable(read, layout.quantity)
+        return z, to_error_scale(read, layout.quantity)
 
     rows = []
     for log in logs:

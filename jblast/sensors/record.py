@@ -53,7 +53,7 @@ class Recording(eqx.Module):
     path_loading: dict[str, Float[Array, " row"]]
 
 
-def comparable(
+def to_error_scale(
     value: Float[ArrayLike, " row"], quantity: Sequence[str]
 ) -> Float[Array, " row"]:
     """Return readings in the space their errors live in: ln, unless `ADDITIVE`."""
@@ -64,12 +64,12 @@ def comparable(
     return jnp.where(plain, value, jnp.log(jnp.where(plain, 1.0, value)))
 
 
-def missed(
+def residuals_of(
     measured: Float[ArrayLike, " row"],
     predicted: Float[ArrayLike, " row"],
     quantity: Sequence[str],
 ) -> Float[Array, " row"]:
-    """Return measured minus predicted, both `comparable`; of bearings the short way."""
+    """Return measured minus predicted on the error scale; of bearings the short way."""
     residual = jnp.asarray(measured) - jnp.asarray(predicted)
     circular = np.isin(quantity, CIRCULAR)
     if not circular.any():

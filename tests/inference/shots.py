@@ -17,7 +17,7 @@ from jblast.inference.posterior.parameters import parameters_of
 from jblast.scene import Scene, Sensor, UncertainScene, freed, with_values
 from jblast.sensors import observe, planned_layout
 from jblast.sensors.observe import Noise
-from jblast.sensors.record import comparable
+from jblast.sensors.record import to_error_scale
 from tests.catalogue import AROUND, BOTH, TRUTH
 
 
@@ -35,7 +35,7 @@ def shot(places, records, free=tuple(TRUTH), truth=None, noise: Noise = "student
     return Posterior(
         parameters_of(freed(UncertainScene(scene), list(free))),
         layout,
-        comparable(read, layout.quantity),
+        to_error_scale(read, layout.quantity),
         sigma,
         tuple(laws.items()),
         noise,

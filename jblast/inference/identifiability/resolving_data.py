@@ -20,7 +20,7 @@ from jblast.quantities import ADDABLE, BY_CAMERA
 from jblast.scene import Scene
 from jblast.sensors import Layout, record, resolve_laws
 from jblast.sensors.law_choice import law_names
-from jblast.sensors.record import comparable
+from jblast.sensors.record import to_error_scale
 
 BANG = "air_arrival_s"
 RESOLVED_CHANGE = 0.03
@@ -127,7 +127,7 @@ def log_reading(posterior, layout, laws, z) -> Float[Array, " row"]:
     value = record(scene, layout, laws).value
     timed = np.isin(layout.quantity, TIMES)
     typical = layout_size(posterior) / STANDARD_SOUND_SPEED
-    return comparable(jnp.where(timed, value / typical, value), layout.quantity)
+    return to_error_scale(jnp.where(timed, value / typical, value), layout.quantity)
 
 
 def _without_repeats(data: Sequence[ResolvingDatum]) -> list[ResolvingDatum]:

@@ -141,7 +141,9 @@ class Engine:
         """
         if self.form is None:
             raise InputError("expected a layout to which the closed form applies")
-        return self.form.start(self.rows, self.rows.comparable(jnp.asarray(values))).T
+        return self.form.start(
+            self.rows, self.rows.to_error_scale(jnp.asarray(values))
+        ).T
 
     def _solve(
         self, blocks: Blocks, y: Array | None, readings: Readings, times: int = 3

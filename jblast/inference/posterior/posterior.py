@@ -24,7 +24,7 @@ from jblast.observations import Observations
 from jblast.observations.times.clocks import refuse_unresolved
 from jblast.sensors import Layout, record
 from jblast.sensors.observe import Noise, loadings
-from jblast.sensors.record import Recording, comparable, missed
+from jblast.sensors.record import Recording, residuals_of, to_error_scale
 
 
 class Misfit(eqx.Module):
@@ -90,9 +90,9 @@ class Posterior(eqx.Module):
         recording = record(scene, self.layout, dict(self.laws))
         predicted = recording.value
         return Misfit(
-            residual=missed(
+            residual=residuals_of(
                 self.measured,
-                comparable(predicted, self.layout.quantity),
+                to_error_scale(predicted, self.layout.quantity),
                 self.layout.quantity,
             ),
             sd=jnp.hypot(self.sigma, recording.record_sd),
@@ -215,7 +215,7 @@ def posterior_of(
     return Posterior(
         parameters=parameters,
         layout=layout,
-        measured=comparable(observations.value, observations.quantity),
+        measured=to_error_scale(observations.value, observations.quantity),
         sigma=jnp.asarray(sigma),
         laws=tuple(sorted(laws.items())),
         noise=noise,

@@ -45,7 +45,7 @@ class SampledRecords(eqx.Module):
             samples and of the nuisances.
         rows: Rows of the log that a pick of each record fills: what is asked for.
         case: What `terms` takes of each record; arrays have a first axis of records.
-        picked: What the picks read, as `comparable`.
+        picked: What the picks read, on the scale of errors.
         nuisance: And what they say of the rest.
         jitter: Errors that samples do not tell of, as of a front between two of them.
         evidence: ln of the integral of the probability over all that is unknown.
@@ -99,7 +99,7 @@ def record_log_likelihood(
 
     Args:
         rows: Those that are none.
-        predicted: What laws say of what is asked for, as `comparable`.
+        predicted: What laws say of what is asked for, on the scale of errors.
         scatter: Of the laws, of each record alone.
         loading: What one standard deviation of each effect adds to it.
         records: The samples.

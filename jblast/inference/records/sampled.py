@@ -102,7 +102,7 @@ def _shows_more(one: RecordPick) -> bool:
 def _case(
     record: PressureRecord, length: int, high_passed: bool, more: bool
 ) -> tuple[SampledCase, Float[Array, "4"]]:
-    """Return a record ready for its terms, and what its pick reads, as `comparable`."""
+    """Return a record ready for its terms, and its pick on the scale of errors."""
     size = record.samples.size
     samples = np.pad(record.samples, (0, length - size), mode="edge")[None]
     corner = None

@@ -25,7 +25,7 @@ from jblast.progress import counted, stages
 from jblast.study.discovery.candidate_terms import Candidates, polynomial
 from jblast.study.discovery.ensemble import (
     coefficients_of,
-    how_sure,
+    ensemble_uncertainty,
     integrals,
     interval_level,
     outside_terms,
@@ -187,7 +187,7 @@ def discover_in(
     kept = inclusion > LIKELY
     own = coefficients_of(terms, record.sides.left, kept)
     begin("how sure")
-    sure = how_sure(
+    sure = ensemble_uncertainty(
         record,
         candidates,
         outside_terms(record, candidates, outside),

@@ -56,7 +56,7 @@ def basic_interval(
     return own - np.quantile(off, (1.0 - tail, tail), axis=0, method="weibull")
 
 
-def how_sure(
+def ensemble_uncertainty(
     record: Record,
     candidates: Candidates,
     others: Candidates | None,

@@ -14,7 +14,7 @@ from jblast.inference import Posterior
 from jblast.inference.posterior.parameters import parameters_of
 from jblast.scene import Scene, Sensor, UncertainScene, freed, with_values
 from jblast.sensors import observe, planned_layout
-from jblast.sensors.record import comparable
+from jblast.sensors.record import to_error_scale
 
 PLACES = ((60, 0), (-70, 30), (0, 90), (20, -80), (120, 100))
 """East and north of each microphone [m]."""
@@ -47,5 +47,5 @@ def one_posterior() -> Posterior:
     layout, sigma, _ = planned_layout(scene)
     read = observe(jax.random.key(SEED), scene, layout, LAWS, sigma)
     parameters = parameters_of(freed(UncertainScene(scene), list(TRUTH)))
-    measured = comparable(read, layout.quantity)
+    measured = to_error_scale(read, layout.quantity)
     return Posterior(parameters, layout, measured, sigma, tuple(LAWS.items()))

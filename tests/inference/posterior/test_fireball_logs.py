@@ -14,7 +14,7 @@ from jblast.observations import Observations, read
 from jblast.report.fit.cures import cure_words
 from jblast.scene import Camera, Charge, Free, Scene, Sensor, UncertainScene, read_scene
 from jblast.sensors import observe, planned_layout, record, simulate
-from jblast.sensors.record import missed
+from jblast.sensors.record import residuals_of
 
 DATA = Path(__file__).parents[3] / "calibration" / "data"
 FREE = Free(positive=True)
@@ -57,7 +57,7 @@ def log_of(records, seed=0, times=TIMES) -> Observations:
 
 def test_bearings_miss_by_the_short_way_round():
     names = ("bearing_rad", "elevation_rad", "bearing_rad")
-    residual = missed(np.array([0.1, 0.1, 3.0]), np.array([6.2, 6.2, 2.0]), names)
+    residual = residuals_of(np.array([0.1, 0.1, 3.0]), np.array([6.2, 6.2, 2.0]), names)
     expected = [0.1 - 6.2 + 2 * math.pi, -6.1, 1.0]
     np.testing.assert_allclose(residual, expected, atol=1e-12)
 

@@ -78,7 +78,7 @@ def read(rows: LaneRows, values, sigma) -> Readings:
     sigmas = jnp.broadcast_to(jnp.atleast_2d(jnp.asarray(sigma)), values.shape)
     good = good & jnp.isfinite(sigmas) & (sigmas >= 0)
     bad = ~good.all(axis=1)
-    measured = rows.comparable(jnp.where(good, values, 1.0))
+    measured = rows.to_error_scale(jnp.where(good, values, 1.0))
     same = np.ndim(sigma) == 1
     errors = None if same else jnp.where(bad[:, None], 1.0, sigmas).T
     return Readings(measured, errors, bad)

@@ -12,7 +12,7 @@ from jblast.inference.posterior.parameters import Parameters
 from jblast.scene import with_values
 from jblast.sensors import Layout
 from jblast.sensors.observe import loadings
-from jblast.sensors.record import comparable, missed, record
+from jblast.sensors.record import record, residuals_of, to_error_scale
 
 
 def row_program(
@@ -48,8 +48,8 @@ def row_program(
         shared = loadings(recording, here)[0]
         if sd_known:
             sd, shared = jax.lax.stop_gradient((sd, shared))
-        predicted = comparable(recording.value, here.quantity)
-        rest = missed(reading[None], predicted, here.quantity)[0]
+        predicted = to_error_scale(recording.value, here.quantity)
+        rest = residuals_of(reading[None], predicted, here.quantity)[0]
         for j in range(slots):
             rest = rest - shared[j] * unknowns[n + j]
         return rest / sd, jnp.log(sd)

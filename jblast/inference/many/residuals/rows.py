@@ -22,7 +22,7 @@ from jblast.observations import CLOCK_TIMES
 from jblast.scene import Free
 from jblast.sensors import Layout
 from jblast.sensors.observe import Noise
-from jblast.sensors.record import clock_offsets, comparable
+from jblast.sensors.record import clock_offsets, to_error_scale
 
 
 class Miss(NamedTuple):
@@ -140,11 +140,13 @@ class LaneRows:
             ),
         )
 
-    def comparable(self, readings: Float[Array, "log row"]) -> Float[Array, "row log"]:
+    def to_error_scale(
+        self, readings: Float[Array, "log row"]
+    ) -> Float[Array, "row log"]:
         """Return readings as `miss` wants them, by clocks that are right."""
         timed = np.isin(self.layout.quantity, CLOCK_TIMES)
         late = np.where(timed, self.offsets, 0.0).astype(readings.dtype)
-        value = jax.vmap(lambda r: comparable(r, self.layout.quantity))(readings)
+        value = jax.vmap(lambda r: to_error_scale(r, self.layout.quantity))(readings)
         return (value - late[None, :]).T
 
     def _part(self, part: RowGroup, y, measured, sigma, *, sd_known):

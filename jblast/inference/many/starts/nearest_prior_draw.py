@@ -82,7 +82,7 @@ def reference_set(
     z = starts(key, posterior, count)
     misfit = jax.vmap(posterior.misfit)(z)
     scale = np.hypot(sigma, np.median(np.asarray(misfit.sd), axis=0))
-    readings = rows.comparable(misfit.predicted)
+    readings = rows.to_error_scale(misfit.predicted)
     good = np.isfinite(np.asarray(readings)).all(axis=0)
     z, readings = z[good], readings[:, good]
     timed = np.isin(rows.layout.quantity, CLOCK_TIMES)

@@ -65,7 +65,7 @@ def test_rows_over_lanes_miss_as_the_posterior_does(scatter):
     z = jnp.array([3.0, 5.0, 0.01, 5.8, 2.0, -0.02])
     v = 0.3 * jnp.arange(rows.effects, dtype=float)
     y = jnp.stack([jnp.concatenate([z, 0 * v]), jnp.concatenate([z * 1.01, v])], 1)
-    measured = jnp.repeat(rows.comparable(values[None, :]), 2, axis=1)
+    measured = jnp.repeat(rows.to_error_scale(values[None, :]), 2, axis=1)
     sigma = np.asarray(posterior.sigma)[:, None]
     at = jax.jit(lambda y: rows.miss(y, measured, sigma))
     miss = at(y)
