@@ -33,6 +33,7 @@ def test_a_clipped_blast_is_heard_where_it_was():
     assert (np.diff(lost) > 0).all()
 
 
+@pytest.mark.slow
 def test_every_failure_is_answered():
     modes = detectors.detector_failures()
     assert {mode.area for mode in modes} == {detectors.AREA}

@@ -12,6 +12,7 @@ from jblast.verification.stability.laws.gradients import (
 from jblast.waves import kingery_bulmash_pressure, slant_range
 
 
+@pytest.mark.slow
 def test_each_edge_of_a_derivative_is_seen():
     assert [mode.response for mode in gradient_failures()] == [
         *("holds", "holds", "holds", "refuses"),
