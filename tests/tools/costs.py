@@ -59,7 +59,8 @@ def by_room(lines: list[str]) -> defaultdict[str, float]:
     seconds: defaultdict[str, float] = defaultdict(float)
     for line in lines:
         cost, name = line.split("\t", 1)
-        folder, _, rest = name.removeprefix("tests/").partition("/")
+        file = name.partition("::")[0]
+        folder, _, rest = file.removeprefix("tests/").partition("/")
         room = folder if rest else "tests/*.py"
         seconds["collecting" if name == "collecting" else room] += float(cost)
     return seconds

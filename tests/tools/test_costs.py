@@ -8,7 +8,7 @@ def test_seconds_are_added_up_by_room():
         "9.000\tcollecting",
         "1.500\ttests/waves/laws/test_brode.py::test_it[a/b]",
         "0.500\ttests/waves/test_paths.py::test_it",
-        "0.250\ttests/test_docs.py::test_it",
+        "0.250\ttests/test_docs.py::test_it[docs/a.md]",
         "0.250\ttests/test_files.py::test_it",
     ]
     assert by_room(lines) == {"collecting": 9.0, "waves": 2.0, "tests/*.py": 0.5}
