@@ -6,6 +6,7 @@ from collections.abc import Sequence
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
+from jax.core import Tracer
 from jaxtyping import Array, Float, Int
 
 from jblast.errors import InputError
@@ -67,9 +68,9 @@ class Layout(eqx.Module):
         """Return some of the rows."""
         return Layout(
             quantity=tuple(self.quantity[row] for row in rows),
-            position=self.position[rows],
-            slant_range=self.slant_range[rows],
-            time=self.time[rows],
+            position=_picked(self.position, rows),
+            slant_range=_picked(self.slant_range, rows),
+            time=_picked(self.time, rows),
             group=tuple(self.group[row] for row in rows),
             shot=tuple(self.shot[row] for row in rows),
             clock=tuple(self.clock[row] for row in rows),
@@ -87,6 +88,13 @@ class Layout(eqx.Module):
         given = np.array([signs.get(q, 0.0) for q in self.quantity])
         rows = np.flatnonzero((given != 0) & (np.array(self.shot) == shot))
         return rows, given[rows]
+
+
+def _picked(column: Array, rows: Int[np.ndarray, " kept"]) -> Array:
+    """Pick rows of a column; by NumPy where it is at hand, so that nothing compiles."""
+    if isinstance(column, Tracer):
+        return column[rows]
+    return jnp.asarray(np.asarray(column)[rows])
 
 
 def layout_of(observations: Observations, scene: Scene) -> Layout:

@@ -67,10 +67,8 @@ def bands(
         layout = Layout(
             quantity=(quantity,) * POINTS,
             # of radii: where they are seen from
-            position=jnp.broadcast_to(np.nan_to_num(first), (POINTS, 3)),
-            slant_range=jnp.broadcast_to(seen_from, POINTS)
-            if is_radius
-            else jnp.asarray(x),
+            position=jnp.asarray(np.tile(np.nan_to_num(first), (POINTS, 1))),
+            slant_range=jnp.asarray(np.full(POINTS, seen_from) if is_radius else x),
             time=jnp.asarray(x if is_radius else nothing),
             group=(0,) * POINTS,
             shot=(of,) * POINTS,
@@ -81,7 +79,7 @@ def bands(
         told = near > 0
         value, valid = _recordings(
             parameters,
-            jnp.concatenate([jnp.asarray(z)[None, :], jnp.asarray(draws)]),
+            jnp.asarray(np.concatenate([z[None, :], draws])),
             layout,
             None if is_radius else sensors.only(first_at[told]),
             jnp.asarray(near[told]),

@@ -121,7 +121,7 @@ def lies_far(solution: Solution) -> bool:
     if not searched & {"charge_east_m", "charge_north_m"}:
         return False
     reach = posterior.misfit(jnp.asarray(solution.laplace.z)).slant_range
-    return bool(jnp.min(reach) > layout_size(posterior))
+    return bool(np.min(reach) > np.asarray(layout_size(posterior)))
 
 
 def suspects(observations: Observations, solution: Solution) -> list[Suspect]:

@@ -5,7 +5,6 @@ from collections.abc import Mapping
 import numpy as np
 from jaxtyping import Array, Float
 
-from jblast.inference.many.engine import engine_for
 from jblast.inference.many.many_fits import ManyFits
 from jblast.scene import UncertainScene
 from jblast.sensors import Layout
@@ -66,5 +65,8 @@ def fit_many(
     Example:
         `jblast.fit_many(uncertain, *jblast.inference.batch_of(logs, uncertain))`
     """
+    # imports optimistix, which a fit of one log does without where it has been kept
+    from jblast.inference.many.engine import engine_for
+
     engine = engine_for(uncertain, layout, laws, noise)
     return engine.fit(values, relative_sigma, starts=starts, tries=tries, seed=seed)

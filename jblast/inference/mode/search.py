@@ -18,7 +18,6 @@ from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
-import optimistix as optx
 from jax import lax
 from jaxtyping import Array, Float, PRNGKeyArray
 
@@ -107,6 +106,8 @@ def _searched(key: PRNGKeyArray, posterior: Posterior):
     # where two groups of readings disagree normal errors end between them.
     last = STUDENT_FREEDOM if posterior.noise == "student" else NORMAL
     freedoms = jnp.tile(jnp.array([(NORMAL, last), (last, last)]), (STARTS // 2, 1))
+
+    import optimistix as optx  # takes as long to import as a kept search to find
 
     def approach(start: tuple[Array, Array]) -> Float[Array, " free"]:
         y, freedoms = start
@@ -202,6 +203,8 @@ def _climb(posterior: Posterior, scale, z, known):
 
     Where the data tell little, a step is bounded by a few typical ones.
     """
+    import optimistix as optx
+
     values, vectors = jnp.linalg.eigh(known * scale[:, None] * scale[None, :])
     width = 1 / jnp.sqrt(jnp.maximum(values, 0.0) + LONGEST_STEP**-2)
     out = scale[:, None] * vectors * width[None, :]

@@ -7,6 +7,8 @@ free and positive, itself where it is free, a normal score where it has a prior.
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
+from jax.core import Tracer
 from jaxtyping import Array, Float
 
 from jblast.kept_programs import kept
@@ -29,8 +31,10 @@ class Parameters(eqx.Module):
 
     def values(self, z: Float[Array, " free"]) -> dict[str, Float[Array, ""]]:
         """Return the numbers by name."""
+        # by NumPy where it is at hand: no program for each place
+        at = z if isinstance(z, Tracer) else np.asarray(z)
         return {
-            name: belief.constrain(z[i])
+            name: belief.constrain(at[i])
             for i, (name, belief) in enumerate(
                 zip(self.names, self.beliefs, strict=True)
             )
