@@ -144,7 +144,7 @@ UNKNOWNS = (
 
 
 def arrival_bound(made: Made) -> float:
-    """Return the Cramer-Rao bound of the arrival [samples]; level, slope and bend free.
+    """Return the Cramer-Rao bound of the arrival [samples]; a cubic drift is free.
 
     By central differences of the signal, whitened by the noise that is in it. Frequency
     and damping of a sensor that rings are free, too.
@@ -161,7 +161,7 @@ def arrival_bound(made: Made) -> float:
             (signal_of(up, first, count) - signal_of(down, first, count)) / (2 * size)
         )
     x = np.linspace(-1.0, 1.0, count)
-    columns += [made.peak * x**k for k in range(3)]
+    columns += [made.peak * x**k for k in range(4)]
     white = lfilter([1.0, -made.colour], [1.0], np.array(columns), axis=1)
     jacobian = np.asarray(white)[:, 1:]
     sigma = made.peak / made.snr * np.sqrt(1.0 - made.colour**2)

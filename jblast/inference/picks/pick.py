@@ -20,6 +20,10 @@ from jblast.inference.picks.ready.clipped import clipped_samples
 from jblast.inference.picks.result import Pick
 
 LEAST_SAMPLES = 16
+SHORTEST = 512
+"""Records are filled up to this or a larger power of two, so that those of any length
+are picked by few programs."""
+
 UNEVEN = 1e-3
 """Times are even where none is farther off than this share of a sample (and of the
 digits that they are written in)."""
@@ -71,6 +75,8 @@ def pick(
     n, batch = pressure.shape[-1], pressure.shape[:-1]
     step = (time[-1] - time[0]) / (n - 1)
     flat = jnp.reshape(pressure, (-1, n))
+    if filled_length(n) > n:
+        flat = jnp.pad(flat, [(0, 0), (0, filled_length(n) - n)], mode="edge")
     counts = jnp.full(flat.shape[0], n)
     if high_pass_hz is not None and not (0 < high_pass_hz < np.inf):
         raise InputError(
@@ -83,6 +89,11 @@ def pick(
     start, step = jnp.asarray(time[0]).astype(kind), jnp.asarray(step).astype(kind)
     made = pick_of(lanes, start, step)
     return jax.tree.map(lambda x: x.reshape(*batch, *x.shape[1:]), made)
+
+
+def filled_length(samples: int) -> int:
+    """Return the length that a record is filled up to."""
+    return max(SHORTEST, 1 << (samples - 1).bit_length())
 
 
 def picked_lanes(
@@ -105,7 +116,7 @@ def picked_lanes(
         full_scale = jnp.broadcast_to(
             jnp.asarray(full_scale).astype(samples.dtype), samples.shape[:1]
         )[:, None]
-    clipped = clipped_samples(samples, full_scale)
+    clipped = clipped_samples(samples, jnp.asarray(counts), full_scale)
     if high_pass is None:
         return in_chunks(pick_lanes, (samples, clipped, counts))
     corner = 2.0 * np.pi * jnp.asarray(high_pass).astype(samples.dtype)
@@ -137,6 +148,8 @@ def pick_of(
     )
     spread = jnp.sqrt(jnp.diagonal(covariance, axis1=1, axis2=2))
     front = lanes.front.astype(scale.dtype)
+    high = lanes.offset + scale * lanes.clipped_level
+    low = jnp.abs(lanes.offset - scale * lanes.clipped_level)
     longer = natural.suction_duration > LONG_SUCTION * natural.duration
     return Pick(
         air_arrival_s=told(start + step * (front + natural.arrival)),
@@ -153,7 +166,7 @@ def pick_of(
         converged=lanes.converged,
         lower_bound=lanes.clipped & ~(spread[:, 1] < UNTOLD),
         clipped_at_pa=jnp.where(
-            lanes.clipped, lanes.offset + scale * lanes.clipped_level, nan
+            lanes.clipped, high, jnp.where(lanes.clipped_low, low, nan)
         ),
         under_sampled=natural.duration < FEW_SAMPLES,
         sharp=natural.rise < 1.0,
@@ -201,10 +214,8 @@ def _checked(time_s: ArrayLike, pressure_pa: ArrayLike):
                 f"{argument('pressure_pa')}: expected finite samples, got "
                 f"{pressure[tuple(bad[0])]} at [{place}]"
             )
-    values = jnp.asarray(pressure)
-    return time, values if jnp.issubdtype(
-        values.dtype, jnp.floating
-    ) else values.astype(float)
+    # in the widest precision there is: a record in few bits is no reason for less
+    return time, jnp.asarray(pressure).astype(float)
 
 
 def _check_even(time: Float[np.ndarray, " sample"]) -> None:

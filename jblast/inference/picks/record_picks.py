@@ -12,14 +12,18 @@ from jaxtyping import Float
 
 from jblast.errors import InputError
 from jblast.inference.picks.onset import onset_of
-from jblast.inference.picks.pick import LEAST_SAMPLES, pick_of, picked_lanes
+from jblast.inference.picks.pick import (
+    LEAST_SAMPLES,
+    filled_length,
+    pick_of,
+    picked_lanes,
+)
 from jblast.inference.picks.quality import NoteKind, Quality, notes_of, quality_of
 from jblast.inference.picks.result import IN_LOG, Pick
 from jblast.observations.records.pressure_record import PressureRecord
 
-SHORTEST, LONGEST = 512, 65536
-"""Lengths [samples] that records are filled up to are the powers of two from one to the
-other; of a longer record the stretch about its largest sample is picked."""
+LONGEST = 65536
+"""Of a record of more samples the stretch about its largest one is picked."""
 
 BEFORE = 0.25
 """Share of that stretch that lies before the largest sample."""
@@ -133,8 +137,7 @@ def _began(
 
 def _length(record: PressureRecord) -> int:
     """Return the length that a record is filled up to."""
-    size = min(record.samples.size, LONGEST)
-    return max(SHORTEST, 1 << (size - 1).bit_length())
+    return filled_length(min(record.samples.size, LONGEST))
 
 
 def _begin(record: PressureRecord, length: int) -> int:

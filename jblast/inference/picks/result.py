@@ -57,7 +57,7 @@ class Pick(eqx.Module):
             most; NaN: none [s].
         later_sigmas_s: Their standard deviations [s].
         misfit: Squared misfit by degree of freedom: about 1 where the model holds [-].
-            Above what chance gives, errors are widened by its root.
+            Above 1, errors are widened by its root.
         noise_pa: Standard deviation of the noise of a sample [Pa].
         baseline_pa: What was taken for zero, at the arrival [Pa].
     """

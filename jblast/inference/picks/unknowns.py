@@ -11,7 +11,7 @@ is unknown by its logarithm:
 | $\ln \tau'$ | one sample, sd 2 |
 | $\ln P^-/P$ | 0.3, sd 0.7 |
 | $\ln t^-/t_d$ | 2.4, sd 0.5 |
-| drift's level, slope, bend | 0, sd 1, 0.5, 0.3 |
+| drift: level, slope, bend, twist | 0, sd 1, 0.5, 0.3, 0.2 |
 
 Between Z = 2 and 300 the laws (shock kinematics on the ground) have the decay $b$ from
 0.4 to 2.9, $P^-/P$ from 0.12 to 0.49 and $t^-/t_d$ from 1.8 to 4.5; below $b = -1$ a
@@ -43,9 +43,10 @@ NAMES = (
     "level",
     "slope",
     "bend",
+    "twist",
 )
-CENTRE = np.array([0.0, 0.0, 3.0, 0.6, 0.0, np.log(0.3), np.log(2.4), 0.0, 0.0, 0.0])
-SPREAD = np.array([1e3, 5.0, 5.0, 0.7, 2.0, 0.7, 0.5, 1.0, 0.5, 0.3])
+CENTRE = np.array([0.0, 0.0, 3.0, 0.6, 0.0, np.log(0.3), np.log(2.4), *[0.0] * 4])
+SPREAD = np.array([1e3, 5.0, 5.0, 0.7, 2.0, 0.7, 0.5, 1.0, 0.5, 0.3, 0.2])
 PULSE_UNKNOWNS = 7
 
 FURTHER = (

@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from jblast.inference.picks import RecordPick
-from jblast.inference.picks.fit.lanes import CHANCE, with_what_shows
+from jblast.inference.picks.fit.lanes import with_what_shows
 from jblast.inference.picks.fit.model import data_misfit, misfit, readings
 from jblast.inference.picks.fit.optimum import optimum_of
 from jblast.inference.picks.fit.posterior import NARROW, WIDE
@@ -104,15 +104,15 @@ def _case(
 ) -> tuple[SampledCase, Float[Array, "4"]]:
     """Return a record ready for its terms, and its pick on the scale of errors."""
     size = record.samples.size
-    samples = np.pad(record.samples, (0, length - size), mode="edge")[None]
+    samples = np.pad(record.samples, (0, length - size), mode="edge")
     corner = None
     if high_passed:
         told = record.high_pass_hz or NONE
-        corner = np.array([2 * np.pi * told / record.rate_hz])
+        corner = np.array(2 * np.pi * told / record.rate_hz)
     level = record.full_scale
     case, front, scale = _picked(
         jnp.asarray(samples),
-        jnp.array([size]),
+        jnp.array(size),
         None if level is None else jnp.asarray(level),
         None if corner is None else jnp.asarray(corner),
         more=more,
@@ -136,28 +136,26 @@ def _picked(samples, count, full_scale, corner, *, more: bool):
 
     What a pulse alone takes compiles in half the time.
     """
-    bins = bins_about_front(samples.shape[1])
-    bank = bank_of(bins, samples.shape[1])
-    clipped = clipped_samples(samples, full_scale)
-    ready = jax.vmap(partial(prepared, bins, bank))(samples, clipped, count, corner)
+    bins = bins_about_front(samples.size)
+    bank = bank_of(bins, samples.size)
+    clipped = clipped_samples(samples, count, full_scale)
+    ready = prepared(bins, bank, samples, clipped, count, corner)
     of_record = partial(misfit, bins)
-    best, cases = optimum_of(of_record, ready.start, ready.case), ready.case
+    best, case = optimum_of(of_record, ready.start, ready.case), ready.case
     if more:
-        best, cases = with_what_shows(bins, best, cases)
-    one = jax.tree.map(lambda x: x[0], ready._replace(case=cases))
-    freedom = jnp.maximum(readings(one.case) - float(CENTRE.size), 1.0)
-    ratio = data_misfit(of_record(best.y[0], one.case), bins.first.size) / freedom
-    chance = 1.0 + CHANCE * jnp.sqrt(2.0 / freedom)
-    widened = jnp.sqrt(jnp.where(ratio > chance, ratio, 1.0))
-    y = best.y[0]
+        best, case = with_what_shows(bins, best, ready.start, case)
+    freedom = jnp.maximum(readings(case) - float(CENTRE.size), 1.0)
+    ratio = data_misfit(of_record(best.y, case), bins.first.size) / freedom
+    widened = jnp.sqrt(jnp.maximum(ratio, 1.0))
+    y = best.y
     resolved = natural_of(y).rise >= WIDE
     rise = jnp.where(
         resolved,
         jnp.array([CENTRE[ASKED], SPREAD[ASKED]]),
         jnp.stack([y[ASKED], jnp.asarray(UNRESOLVED)]),
     )
-    case = SampledCase(one.case, y, jnp.zeros(()), rise, widened)
-    return case, one.front.sample.astype(y.dtype), one.scale
+    sampled = SampledCase(case, y, jnp.zeros(()), rise, widened)
+    return sampled, ready.front.sample.astype(y.dtype), ready.scale
 
 
 def _rows(

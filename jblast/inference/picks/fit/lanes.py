@@ -8,20 +8,21 @@ import jax.numpy as jnp
 from jax import lax
 from jaxtyping import Array, Bool, Float, Int
 
-from jblast.inference.picks.fit.model import data_misfit, misfit, readings
+from jblast.inference.picks.fit.model import data_misfit, drift_at, misfit, readings
 from jblast.inference.picks.fit.optimum import Optimum, optimum_of
 from jblast.inference.picks.fit.posterior import values_of
-from jblast.inference.picks.fit.signs import signs_in
+from jblast.inference.picks.fit.signs import NEAREST, signs_in
 from jblast.inference.picks.ready.bins import Bins, bins_about_front
 from jblast.inference.picks.ready.case import Case, prepared
-from jblast.inference.picks.ready.start import bank_of
+from jblast.inference.picks.ready.start import Bank, bank_of
 from jblast.inference.picks.unknowns import CENTRE, FURTHER_CENTRE, Natural, natural_of
+from jblast.kept_programs import kept
 
 LEAST_SIGNAL = 5.0
 """A pulse is found where its peak is so many of its standard deviations."""
 
-CHANCE = 3.0
-"""A misfit that so many of its standard deviations leave to chance widens nothing."""
+LAG = CENTRE.size + 2
+"""Place of ln lag among the unknowns."""
 
 BETTER = 15.0
 """A ring or a further front is there if it raises ln posterior by as much."""
@@ -39,6 +40,7 @@ class LanePicks(NamedTuple):
     noise: Float[Array, " lane"]
     noise_known: Bool[Array, " lane"]
     clipped: Bool[Array, " lane"]
+    clipped_low: Bool[Array, " lane"]
     clipped_level: Float[Array, " lane"]
     converged: Bool[Array, " lane"]
     found: Bool[Array, " lane"]
@@ -52,6 +54,7 @@ class LanePicks(NamedTuple):
     later_sd: Float[Array, " lane"]
 
 
+@kept
 def pick_lanes(
     samples: Float[Array, "lane sample"],
     clipped: Float[Array, "lane sample"],
@@ -67,39 +70,56 @@ def pick_lanes(
         high_pass: Corner of a first-order high-pass [1/sample]; None: there is none.
     """
     bins = bins_about_front(samples.shape[1])
-    bank = bank_of(bins, samples.shape[1])
-    ready = jax.vmap(partial(prepared, bins, bank))(samples, clipped, count, high_pass)
+    picked = partial(_picked, bins, bank_of(bins, samples.shape[1]))
+    # one by one: what is thousands of samples long stays in the cache of a core, and no
+    # search waits for another's
+    return lax.map(lambda one: picked(*one), (samples, clipped, count, high_pass))
+
+
+def _picked(
+    bins: Bins,
+    bank: Bank,
+    samples: Float[Array, " sample"],
+    clipped: Float[Array, " sample"],
+    count: Int[Array, ""],
+    high_pass: Float[Array, ""] | None,
+) -> LanePicks:
+    """Pick one record, as `pick_lanes` does."""
+    of_one = prepared(bins, bank, samples, clipped, count, high_pass)
+    ready = jax.tree.map(lambda x: x[None], of_one)
     one = optimum_of(partial(misfit, bins), ready.start, ready.case)
-    best, case = with_what_shows(bins, one, ready.case)
+    best, case = with_what_shows(bins, one, ready.start, ready.case)
     apart = jax.vmap(partial(misfit, bins))(best.y, case)
     freedom = jnp.maximum(jax.vmap(readings)(case) - float(CENTRE.size), 1.0)
     ratio = jax.vmap(partial(data_misfit, bins=bins.first.size))(apart) / freedom
-    chance = 1.0 + CHANCE * jnp.sqrt(2.0 / freedom)
-    widened = jnp.where(ratio > chance, ratio, 1.0)
+    widened = jnp.maximum(ratio, 1.0)
     natural, covariance = jax.vmap(values_of)(best.y, best.covariance, widened)
     x = (natural.arrival - case.middle) / case.span
-    level, slope, bend = best.y[:, 7], best.y[:, 8], best.y[:, 9]
-    drift = jnp.maximum(jnp.abs(slope), jnp.abs(bend))
-    held = jnp.any(clipped > 0, axis=1)
+    level = jax.vmap(drift_at)(best.y, x)
+    moved = jax.vmap(drift_at)(best.y, jnp.ones_like(x))
+    moved = moved - jax.vmap(drift_at)(best.y, -jnp.ones_like(x))
+    drift = jnp.maximum(jnp.abs(moved), jnp.abs(best.y[:, 9]))
+    held, low = jnp.any(clipped > 0)[None], jnp.any(clipped < 0)[None]
     seen = LEAST_SIGNAL * jnp.sqrt(covariance[:, 1, 1]) < 1.0
     left = (count - ready.front.sample).astype(samples.dtype)
-    lag = jnp.exp(best.y[:, 12])
+    lag = jnp.exp(best.y[:, LAG])
     later_variance = (
         best.covariance[:, 0, 0]
-        + 2.0 * lag * best.covariance[:, 0, 12]
-        + lag * lag * best.covariance[:, 12, 12]
+        + 2.0 * lag * best.covariance[:, 0, LAG]
+        + lag * lag * best.covariance[:, LAG, LAG]
     )
-    return LanePicks(
+    lanes = LanePicks(
         natural=natural,
         covariance=covariance,
         front=ready.front.sample,
         offset=ready.offset,
         scale=ready.scale,
-        level=level + x * (slope + x * bend),
+        level=level,
         noise=case.noise.marginal,
         noise_known=case.noise.known,
         clipped=held,
-        clipped_level=case.level,
+        clipped_low=low,
+        clipped_level=ready.clipped_at,
         converged=best.converged,
         found=jnp.isfinite(covariance[:, 1, 1]) & (seen | held),
         drifting=drift > 0.02 * natural.peak,
@@ -107,13 +127,16 @@ def pick_lanes(
         misfit=ratio,
         rings=case.rings > 0,
         passed=case.passed > 0,
-        frequency=jnp.exp(best.y[:, 10]),
+        frequency=jnp.exp(best.y[:, CENTRE.size]),
         later=jnp.where(case.follows > 0, natural.arrival + lag, jnp.nan),
         later_sd=jnp.sqrt(widened * later_variance),
     )
+    return jax.tree.map(lambda x: x[0], lanes)
 
 
-def with_what_shows(bins: Bins, one: Optimum, case: Case) -> tuple[Optimum, Case]:
+def with_what_shows(
+    bins: Bins, one: Optimum, start: Float[Array, "lane unknown"], case: Case
+) -> tuple[Optimum, Case]:
     """Return the optima with a ring, a further front or a high-pass where one shows.
 
     Each is tried where there is a sign of it in any record of the lanes, and of those
@@ -133,16 +156,20 @@ def with_what_shows(bins: Bins, one: Optimum, case: Case) -> tuple[Optimum, Case
         _beside(one.y, signs.start), _with_block(one.covariance), one.converged
     )
 
-    def tried(best, asked):
+    def tried(best, hypothesis):
+        asked, start = hypothesis
         more = plain._replace(rings=asked[0], follows=asked[1], passed=asked[2])
         shown = jnp.sum(asked, axis=0) > 0
 
         def anew():
-            return optimum_of(partial(misfit, bins), unmoved.y, more)
+            return optimum_of(partial(misfit, bins), start, more)
 
         found = lax.cond(jnp.any(shown), anew, lambda: unmoved)
         cost = _cost(of_record(lax.stop_gradient(found.y), more))
-        taken = shown & (cost < best[0])
+        # a further front within the first one's rise is only a rise of another form
+        rise = jax.vmap(natural_of)(found.y).rise
+        apart = jnp.exp(found.y[:, LAG]) > NEAREST + 2.0 * rise
+        taken = shown & (cost < best[0]) & (apart | (more.follows == 0))
 
         def chosen(new, old):
             return jnp.where(taken.reshape(-1, *[1] * (new.ndim - 1)), new, old)
@@ -153,11 +180,15 @@ def with_what_shows(bins: Bins, one: Optimum, case: Case) -> tuple[Optimum, Case
         [
             jnp.stack([signs.rings, none, none]),
             jnp.stack([none, signs.follows, none]),
+            jnp.stack([none, signs.follows, none]),
             jnp.stack([none, none, signs.passed]),
         ]
     )
     best = (lax.stop_gradient(_cost(apart)) - BETTER, unmoved, plain)
-    (_, found, chosen_case), _ = lax.scan(tried, best, asked)
+    # one pulse through a ring, or of two fronts, goes astray: begin before it did, too
+    afresh = _beside(start, signs.start)
+    starts = jnp.stack([afresh, afresh, unmoved.y, unmoved.y])
+    (_, found, chosen_case), _ = lax.scan(tried, best, (asked, starts))
     return found, chosen_case
 
 

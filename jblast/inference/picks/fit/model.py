@@ -50,9 +50,21 @@ def modelled(
         waves = waves - case.passed * passed
     if case.high_pass is not None:
         waves = waves - _low_passed(bins, waves, case.high_pass)
-    x = (bins.middle.astype(y.dtype) - case.middle) / case.span
-    level, slope, bend = y[PULSE_UNKNOWNS : PULSE_UNKNOWNS + 3]
-    return waves + level + x * (slope + x * bend)
+    x = (jnp.asarray(bins.middle, y.dtype) - case.middle) / case.span
+    return waves + drift_at(y, x)
+
+
+def drift_at(
+    y: Float[Array, " unknown"], x: Float[Array, "..."]
+) -> Float[Array, "..."]:
+    """Return the drift at places of the stretch, from -1 to 1.
+
+    Args:
+        y: The unknowns.
+        x: The places.
+    """
+    level, slope, bend, twist = y[PULSE_UNKNOWNS : PULSE_UNKNOWNS + 4]
+    return level + x * (slope + x * (bend + x * twist))
 
 
 def _means(bins: Bins, pulse: Pulse) -> Float[Array, " bin"]:

@@ -29,6 +29,9 @@ CORNER = 0.3
 FREQUENCIES = np.linspace(0.08, 2.9, 96)
 """Looked at [rad/sample]."""
 
+NEAREST = 4.0
+"""A further front is as many samples, and two rises, behind the first."""
+
 SIDES = (1, 2, 4, 8)
 """Bins on either side of a step."""
 
@@ -95,7 +98,7 @@ def _step(bins: Bins, apart, case: Case, rise):
     # plain differences again, as far as noise is white
     weight = jnp.square(case.weight * gain)
     value = apart * case.weight * gain
-    late = bins.start.astype(apart.dtype) > 4.0 + 2.0 * rise
+    late = bins.start.astype(apart.dtype) > NEAREST + 2.0 * rise
     sums = jnp.concatenate([jnp.zeros_like(value[:1]), jnp.cumsum(value)])
     weights = jnp.concatenate([jnp.zeros_like(weight[:1]), jnp.cumsum(weight)])
     n = value.shape[0]

@@ -28,7 +28,7 @@ class Case(NamedTuple):
         white: Whitened means, in standard deviations.
         weight: Bins' weights: square root of their samples over sigma, zero: unused.
         noise: What made them white.
-        level: Clipped at [share of the largest]; in bins where `clipped`.
+        level: Size that clipped bins have [share of the largest].
         clipped: +1 where the pressure was at least the level, -1 at most minus it.
         span: Half of the stretch, for the drift [samples].
         middle: Its middle [samples].
@@ -42,7 +42,7 @@ class Case(NamedTuple):
     white: Float[Array, " bin"]
     weight: Float[Array, " bin"]
     noise: Noise
-    level: Float[Array, ""]
+    level: Float[Array, " bin"]
     clipped: Float[Array, " bin"]
     span: Float[Array, ""]
     middle: Float[Array, ""]
@@ -63,7 +63,7 @@ class Prepared(NamedTuple):
         offset: What was taken off the samples.
         scale: And what they were then divided by.
         quiet: Samples before the front.
-        many_clipped: How many samples were clipped.
+        clipped_at: Largest size of a clipped sample [share of the largest].
         last: Of the stretch, in samples of the record.
     """
 
@@ -73,7 +73,7 @@ class Prepared(NamedTuple):
     offset: Float[Array, ""]
     scale: Float[Array, ""]
     quiet: Int[Array, ""]
-    many_clipped: Int[Array, ""]
+    clipped_at: Float[Array, ""]
     last: Int[Array, ""]
 
 
@@ -119,7 +119,7 @@ def prepared(
         white=weight * white,
         weight=weight,
         noise=noise,
-        level=jnp.max(jnp.abs(share)),
+        level=jnp.abs(means),
         clipped=jnp.where(used, bound, 0.0),
         span=0.5 * (last - first).astype(samples.dtype),
         middle=0.5 * (last + first).astype(samples.dtype)
@@ -130,8 +130,8 @@ def prepared(
         passed=jnp.zeros_like(scale),
         high_pass=high_pass,
     )
-    many = jnp.sum(clipped != 0)
-    return Prepared(case, start, front, offset, scale, kept, many, last)
+    held = jnp.max(jnp.abs(share * clipped))
+    return Prepared(case, start, front, offset, scale, kept, held, last)
 
 
 def _mean_of_first(samples, count):

@@ -55,56 +55,83 @@ def first_front(samples: Float[Array, " sample"]) -> Front:
     Args:
         samples: Overpressure in any unit.
     """
-    widths = widths_of(samples.shape[0])
+    n = samples.shape[0]
+    widths = widths_of(n)
     sums = jnp.concatenate([jnp.zeros_like(samples[:1]), jnp.cumsum(samples)])
-    many = max(samples.shape[0] // FIRST, 1)
-    level = sums[many] / float(many)
-    steps = jnp.stack([_steps(sums, level, width) for width in widths])
-    found = _largest(steps, widths)
+    many = max(n // FIRST, 1)
+    steps = _Steps(
+        sums=jnp.pad(sums, widths[-1], mode="edge"),
+        level=sums[many] / float(many),
+        widths=jnp.asarray(widths),
+    )
+    found = _largest(steps, jnp.full(len(widths), n))
     for _ in range(2):
-        found = _earlier(steps, widths, found)
+        found = _earlier(steps, found)
     return found
 
 
-def _steps(sums, level, width):
-    """Return the steps over a width, by running sums; zero where they have no room.
+class _Steps(NamedTuple):
+    """What the steps of a record are computed from, one width at a time.
 
-    What is behind a front is above what the record began with, too: the way back from
-    the suction is a step, but no front.
+    All of them at once would leave the cache of a core, and be kept for little: they
+    are asked for three times, mostly for the largest of them alone.
+
+    Attributes:
+        sums: Running ones of the samples; the ends again on either side, as often as
+            the largest width.
+        level: Mean that the record began with.
+        widths: That it is looked at over, powers of two.
     """
-    behind = sums[2 * width :] - sums[width:-width]
-    before = sums[width:-width] - sums[: -2 * width]
-    step = behind - jnp.maximum(before, width * level)
-    none = jnp.zeros(width, sums.dtype)
-    return jnp.concatenate([none, step * (0.5 / width) ** 0.5, none[1:]])
+
+    sums: Float[Array, " padded"]
+    level: Float[Array, ""]
+    widths: Int[Array, " width"]
+
+    def over(self, width: Int[Array, ""]) -> Float[Array, " sample"]:
+        """Return the steps over a width; zero where they have no room.
+
+        What is behind a front is above what the record began with, too: the way back
+        from the suction is a step, but no front.
+        """
+        margin = 1 << (self.widths.shape[0] - 1)
+        n = self.sums.shape[0] - 1 - 2 * margin
+        here = self.sums[margin : margin + n]
+        ahead = lax.dynamic_slice_in_dim(self.sums, margin + width, n)
+        back = lax.dynamic_slice_in_dim(self.sums, margin - width, n)
+        wide = width.astype(here.dtype)
+        step = ahead - here - jnp.maximum(here - back, wide * self.level)
+        index = jnp.arange(n)
+        room = (index >= width) & (index <= n - width)
+        return jnp.where(room, step * jnp.sqrt(0.5 / wide), 0.0)
 
 
-def _largest(steps, widths) -> Front:
-    """Return the largest of some steps."""
-    n = steps.shape[1]
-    place = jnp.argmax(steps.reshape(-1))
-    row, sample = place // n, place % n
-    return Front(sample, jnp.asarray(widths)[row], steps.reshape(-1)[place])
+def _largest(steps: _Steps, ends: Int[Array, " width"]) -> Front:
+    """Return the largest step; of each width those before an end count."""
+
+    def before(width, end):
+        step = steps.over(width)
+        return jnp.where(jnp.arange(step.shape[0]) < end, step, 0.0)
+
+    heights = lax.map(lambda one: jnp.max(before(*one)), (steps.widths, ends))
+    row = jnp.argmax(heights)
+    width = steps.widths[row]
+    return Front(jnp.argmax(before(width, ends[row])), width, heights[row])
 
 
-def _earlier(steps, widths, found: Front) -> Front:
+def _earlier(steps: _Steps, found: Front) -> Front:
     """Return a clear front that comes before one, or that one."""
-    of_width = jnp.asarray(widths)[:, None]
-    index = jnp.arange(steps.shape[1])[None, :]
-    apart = jnp.maximum(2 * of_width, 2 * found.width)
-    before = (index < found.sample - apart) & (of_width <= found.width)
-    seen = jnp.where(before, steps, 0.0)
-    other = _largest(seen, widths)
-    # what came before the earlier one, at each width
-    quiet = (index < other.sample - 2 * of_width).astype(steps.dtype)
-    many = jnp.sum(quiet, axis=1)
-    rms = jnp.sqrt(jnp.sum(jnp.square(steps) * quiet, axis=1) / jnp.maximum(many, 1.0))
-    row = jnp.argmax(jnp.asarray(widths) == other.width)
-    noise = rms[row]
+    ends = found.sample - jnp.maximum(2 * steps.widths, 2 * found.width)
+    other = _largest(steps, jnp.where(steps.widths <= found.width, ends, 0))
+    # what came before the earlier one, over its width
+    before = steps.over(other.width)
+    quiet = jnp.arange(before.shape[0]) < other.sample - 2 * other.width
+    many = jnp.sum(quiet)
+    squares = jnp.sum(jnp.where(quiet, jnp.square(before), 0.0))
+    noise = jnp.sqrt(squares / jnp.maximum(many, 1).astype(before.dtype))
     clear = (
         (other.step > CLEAR * noise)
         & (other.step > SHARE * found.step)
-        & (many[row] >= 16)
+        & (many >= 16)
         & (noise > 0)
     )
     chosen = [jnp.where(clear, a, b) for a, b in zip(other, found, strict=True)]

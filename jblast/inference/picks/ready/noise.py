@@ -64,9 +64,12 @@ def noise_before(samples: Float[Array, " sample"], quiet: Int[Array, ""]) -> Noi
     count = jnp.maximum(jnp.sum(inside), 1.0)
     left, slope = _less_parabola(samples, inside, count)
     taps, power = _burg(left, index, quiet, count)
-    # three of the parabola, and as many as were found of the autoregression
+    tiny = jnp.finfo(samples.dtype).tiny
     used = jnp.sum((taps[1:] != 0).astype(samples.dtype))
-    freedom = jnp.maximum(count - 3.0 - used, 1.0)
+    # the parabola takes what is slow, of which slow noise has more than its share
+    slow = power / jnp.maximum(jnp.sum(left * left) / count, tiny)
+    slow = jnp.maximum(slow / jnp.square(jnp.sum(taps)), 1.0)
+    freedom = jnp.maximum(count - 3.0 * slow - used, 0.3 * count)
     known = quiet >= LEAST_QUIET
     step = _least_step(samples)
     bits = step * step / 12.0

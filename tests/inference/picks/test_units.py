@@ -1,0 +1,83 @@
+"""A record in another unit or on another clock is picked as the same."""
+
+import jax
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings, strategies as st
+
+from jblast.inference.picks import pick, pick_records
+from jblast.observations.records.pressure_record import PressureRecord
+from tests.inference.picks.simulated import RATE, TIME, Truth, noisy, samples_of
+
+TRUTH = Truth()
+RECORDS = noisy(TRUTH, 0.02 * TRUTH.peak, 32, seed=5)
+FEW = settings(
+    max_examples=8, deadline=None, suppress_health_check=[HealthCheck.too_slow]
+)
+
+
+@pytest.fixture(scope="module")
+def usual():
+    """The picks in pascals and seconds."""
+    return pick(TIME, RECORDS)
+
+
+@FEW
+@given(exponent=st.floats(-15, 15), offset=st.floats(-10, 10))
+def test_pressures_scale_and_their_zero_is_of_no_matter(usual, exponent, offset):
+    factor = 10.0**exponent
+    found = pick(TIME, factor * (RECORDS + offset * TRUTH.peak))
+    # the search ends within 1e-3 standard deviations, of some percent
+    for name, power in (
+        ("air_arrival_s", 0),
+        ("positive_duration_s", 0),
+        ("peak_overpressure_pa", 1),
+        ("positive_impulse_pa_s", 1),
+    ):
+        expected = getattr(usual, name) * factor**power
+        np.testing.assert_allclose(getattr(found, name), expected, rtol=1e-4)
+    np.testing.assert_allclose(found.spread, usual.spread, rtol=1e-2)
+
+
+@FEW
+@given(shift=st.floats(-1e5, 1e5), exponent=st.floats(-5, 5))
+def test_clocks_shift_and_scale(usual, shift, exponent):
+    unit = 10.0**exponent
+    found = pick(unit * (TIME + shift), RECORDS)
+    # the clock's own digits
+    atol = unit * (1e-9 * abs(shift) + 1e-9)
+    arrival = unit * (np.asarray(usual.air_arrival_s) + shift)
+    np.testing.assert_allclose(found.air_arrival_s, arrival, atol=atol)
+    duration = unit * np.asarray(usual.positive_duration_s)
+    np.testing.assert_allclose(found.positive_duration_s, duration, rtol=1e-6)
+
+
+def test_single_precision_comes_back_in_double(usual):
+    found = pick(TIME, RECORDS.astype(np.float32))
+    assert found.peak_overpressure_pa.dtype == usual.peak_overpressure_pa.dtype
+    np.testing.assert_allclose(
+        found.peak_overpressure_pa, usual.peak_overpressure_pa, rtol=1e-4
+    )
+
+
+@pytest.mark.slow  # two lengths, two programs
+def test_recordings_of_any_length_and_rate_are_the_pick_of_their_samples():
+    long = samples_of(TRUTH._replace(arrival=0.5), count=70_000)
+    faint = samples_of(TRUTH, count=400, rate=0.5 * RATE)
+    recordings = [
+        PressureRecord("long", long + 30.0 * np.sin(np.arange(70_000) * 1.7), RATE),
+        PressureRecord("faint", faint, 0.5 * RATE, start_s=7.0),
+    ]
+    first, second = pick_records(recordings)
+    assert first.record is recordings[0]
+    np.testing.assert_allclose(first.pick.air_arrival_s, 0.5, atol=0.2 / RATE)
+    np.testing.assert_allclose(
+        second.pick.air_arrival_s, 7.0 + TRUTH.arrival, atol=1e-6
+    )
+    assert second.quality == "good"
+
+
+@pytest.mark.slow  # compiled within another program
+def test_a_pick_is_pure_under_jit(usual):
+    found = jax.jit(lambda samples: pick(TIME, samples))(RECORDS)
+    np.testing.assert_allclose(found.spread, usual.spread, rtol=1e-2)
