@@ -85,96 +85,94 @@ def _picked(
     high_pass: Float[Array, ""] | None,
 ) -> LanePicks:
     """Pick one record, as `pick_lanes` does."""
-    of_one = prepared(bins, bank, samples, clipped, count, high_pass)
-    ready = jax.tree.map(lambda x: x[None], of_one)
+    ready = prepared(bins, bank, samples, clipped, count, high_pass)
     one = optimum_of(partial(misfit, bins), ready.start, ready.case)
     best, case = with_what_shows(bins, one, ready.start, ready.case)
-    apart = jax.vmap(partial(misfit, bins))(best.y, case)
-    freedom = jnp.maximum(jax.vmap(readings)(case) - float(CENTRE.size), 1.0)
-    ratio = jax.vmap(partial(data_misfit, bins=bins.first.size))(apart) / freedom
+    apart = misfit(bins, best.y, case)
+    freedom = jnp.maximum(readings(case) - float(CENTRE.size), 1.0)
+    ratio = data_misfit(apart, bins.first.size) / freedom
     widened = jnp.maximum(ratio, 1.0)
-    natural, covariance = jax.vmap(values_of)(best.y, best.covariance, widened)
+    natural, covariance = values_of(best.y, best.covariance, widened)
     x = (natural.arrival - case.middle) / case.span
-    level = jax.vmap(drift_at)(best.y, x)
-    moved = jax.vmap(drift_at)(best.y, jnp.ones_like(x))
-    moved = moved - jax.vmap(drift_at)(best.y, -jnp.ones_like(x))
-    drift = jnp.maximum(jnp.abs(moved), jnp.abs(best.y[:, 9]))
-    held, low = jnp.any(clipped > 0)[None], jnp.any(clipped < 0)[None]
-    seen = LEAST_SIGNAL * jnp.sqrt(covariance[:, 1, 1]) < 1.0
+    one_way = drift_at(best.y, jnp.ones_like(x)) - drift_at(best.y, -jnp.ones_like(x))
+    drift = jnp.maximum(jnp.abs(one_way), jnp.abs(best.y[9]))
+    held, low = jnp.any(clipped > 0), jnp.any(clipped < 0)
+    seen = LEAST_SIGNAL * jnp.sqrt(covariance[1, 1]) < 1.0
     left = (count - ready.front.sample).astype(samples.dtype)
-    lag = jnp.exp(best.y[:, LAG])
+    lag = jnp.exp(best.y[LAG])
     later_variance = (
-        best.covariance[:, 0, 0]
-        + 2.0 * lag * best.covariance[:, 0, LAG]
-        + lag * lag * best.covariance[:, LAG, LAG]
+        best.covariance[0, 0]
+        + 2.0 * lag * best.covariance[0, LAG]
+        + lag * lag * best.covariance[LAG, LAG]
     )
-    lanes = LanePicks(
+    return LanePicks(
         natural=natural,
         covariance=covariance,
         front=ready.front.sample,
         offset=ready.offset,
         scale=ready.scale,
-        level=level,
+        level=drift_at(best.y, x),
         noise=case.noise.marginal,
         noise_known=case.noise.known,
         clipped=held,
         clipped_low=low,
         clipped_level=ready.clipped_at,
         converged=best.converged,
-        found=jnp.isfinite(covariance[:, 1, 1]) & (seen | held),
+        found=jnp.isfinite(covariance[1, 1]) & (seen | held),
         drifting=drift > 0.02 * natural.peak,
         cut_short=natural.arrival + natural.duration > left,
         misfit=ratio,
         rings=case.rings > 0,
         passed=case.passed > 0,
-        frequency=jnp.exp(best.y[:, CENTRE.size]),
+        frequency=jnp.exp(best.y[CENTRE.size]),
         later=jnp.where(case.follows > 0, natural.arrival + lag, jnp.nan),
         later_sd=jnp.sqrt(widened * later_variance),
     )
-    return jax.tree.map(lambda x: x[0], lanes)
 
 
 def with_what_shows(
-    bins: Bins, one: Optimum, start: Float[Array, "lane unknown"], case: Case
+    bins: Bins, one: Optimum, start: Float[Array, " unknown"], case: Case
 ) -> tuple[Optimum, Case]:
-    """Return the optima with a ring, a further front or a high-pass where one shows.
+    """Return the optimum with a ring, a further front or a high-pass if one shows.
 
-    Each is tried where there is a sign of it in any record of the lanes, and of those
-    that raise ln posterior by `BETTER` the best is taken.
+    Each is tried where there is a sign of it, and of those that raise ln posterior by
+    `BETTER` the best is taken.
+
+    Args:
+        bins: Where the record is looked at.
+        one: Optimum of one pulse.
+        start: Where its search began.
+        case: The record.
     """
-    of_record = jax.vmap(partial(misfit, bins))
-    apart = of_record(one.y, case)
+    apart = misfit(bins, one.y, case)
     signs = lax.stop_gradient(
-        jax.vmap(partial(signs_in, bins))(
-            apart[:, : bins.first.size], case, jax.vmap(natural_of)(one.y)
-        )
+        signs_in(bins, apart[: bins.first.size], case, natural_of(one.y))
     )
     none = jnp.zeros_like(signs.rings)
-    centre = _beside(case.centre, signs.start)
-    plain = case._replace(centre=centre)
+    plain = case._replace(centre=jnp.concatenate([case.centre, signs.start]))
     unmoved = Optimum(
-        _beside(one.y, signs.start), _with_block(one.covariance), one.converged
+        jnp.concatenate([one.y, signs.start]),
+        _with_block(one.covariance),
+        one.converged,
     )
 
     def tried(best, hypothesis):
         asked, start = hypothesis
         more = plain._replace(rings=asked[0], follows=asked[1], passed=asked[2])
-        shown = jnp.sum(asked, axis=0) > 0
+        shown = jnp.sum(asked) > 0
 
         def anew():
-            return optimum_of(partial(misfit, bins), start, more)
+            found = optimum_of(partial(misfit, bins), start, more)
+            return found, _cost(misfit(bins, lax.stop_gradient(found.y), more))
 
-        found = lax.cond(jnp.any(shown), anew, lambda: unmoved)
-        cost = _cost(of_record(lax.stop_gradient(found.y), more))
+        found, cost = lax.cond(shown, anew, lambda: (unmoved, best[0]))
         # a further front within the first one's rise is only a rise of another form
-        rise = jax.vmap(natural_of)(found.y).rise
-        apart = jnp.exp(found.y[:, LAG]) > NEAREST + 2.0 * rise
+        apart = jnp.exp(found.y[LAG]) > NEAREST + 2.0 * natural_of(found.y).rise
         taken = shown & (cost < best[0]) & (apart | (more.follows == 0))
-
-        def chosen(new, old):
-            return jnp.where(taken.reshape(-1, *[1] * (new.ndim - 1)), new, old)
-
-        return jax.tree.map(chosen, (cost, found, more), best), None
+        kept = jax.tree.map(
+            lambda new, old: jnp.where(taken, new, old), (cost, found, more), best
+        )
+        return kept, None
 
     asked = jnp.stack(
         [
@@ -186,26 +184,19 @@ def with_what_shows(
     )
     best = (lax.stop_gradient(_cost(apart)) - BETTER, unmoved, plain)
     # one pulse through a ring, or of two fronts, goes astray: begin before it did, too
-    afresh = _beside(start, signs.start)
+    afresh = jnp.concatenate([start, signs.start])
     starts = jnp.stack([afresh, afresh, unmoved.y, unmoved.y])
-    (_, found, chosen_case), _ = lax.scan(tried, best, (asked, starts))
-    return found, chosen_case
+    (_, found, chosen), _ = lax.scan(tried, best, (asked, starts))
+    return found, chosen
 
 
-def _cost(apart: Float[Array, "lane term"]) -> Float[Array, " lane"]:
+def _cost(apart: Float[Array, " term"]) -> Float[Array, ""]:
     """Return minus ln posterior."""
-    return 0.5 * jnp.sum(apart * apart, axis=1)
+    return 0.5 * jnp.sum(apart * apart)
 
 
-def _beside(first, second):
-    """Return unknowns and further ones."""
-    return jnp.concatenate([first, second], axis=1)
-
-
-def _with_block(covariance: Float[Array, "lane unknown unknown"]):
+def _with_block(covariance: Float[Array, "unknown unknown"]):
     """Return a covariance with further unknowns, of which nothing is known."""
-    more = FURTHER_CENTRE.size
-    wider = jnp.pad(covariance, [(0, 0), (0, more), (0, more)])
-    n = covariance.shape[1]
+    n, more = covariance.shape[0], FURTHER_CENTRE.size
     index = jnp.arange(n, n + more)
-    return wider.at[:, index, index].set(1.0)
+    return jnp.pad(covariance, [(0, more), (0, more)]).at[index, index].set(1.0)

@@ -11,6 +11,7 @@ that probability.
 
 import jax.numpy as jnp
 import numpy as np
+from jax import lax
 from jax.scipy.special import log_ndtr
 from jaxtyping import Array, Float
 
@@ -44,8 +45,12 @@ def modelled(
         second = pulse_by(following(natural, further))
         waves = waves + case.follows * _means(bins, second)
         damping = 1.0 / (1.0 + jnp.exp(-further[1]))
-        ring = ringing(bins, pulse_by(natural), jnp.exp(further[0]), damping)
-        waves = waves + case.rings * ring
+        # of most records nothing is asked, and this is ten times all the rest
+        waves = waves + lax.cond(
+            case.rings > 0,
+            lambda: ringing(bins, pulse_by(natural), jnp.exp(further[0]), damping),
+            lambda: jnp.zeros_like(waves),
+        )
         passed = _low_passed(bins, waves, jnp.exp(further[5]))
         waves = waves - case.passed * passed
     if case.high_pass is not None:

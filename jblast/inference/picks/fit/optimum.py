@@ -1,7 +1,7 @@
-r"""The most probable unknowns of many records at once, and how they move with those.
+r"""The most probable unknowns of a record, and how they move with it.
 
-The search is the lanes' Levenberg-Marquardt of `inference/many`, a record a lane. It is
-not differentiated: an optimum is where the slope $g(y, d)$ of minus ln posterior is
+The search is the Levenberg-Marquardt of `inference/many`, for one record. It is not
+differentiated: an optimum is where the slope $g(y, d)$ of minus ln posterior is
 zero, so $\mathrm{d}y = -H^{-1}\,\partial_d g\,\mathrm{d}d$, with the full Hessian $H$.
 """
 
@@ -31,7 +31,7 @@ Misfit = Callable[[Float[Array, " unknown"], Case], Float[Array, " term"]]
 
 
 class Optimum(NamedTuple):
-    """The most probable unknowns of records.
+    """The most probable unknowns of a record.
 
     Attributes:
         y: The unknowns.
@@ -39,38 +39,32 @@ class Optimum(NamedTuple):
         converged: Whether they are an optimum.
     """
 
-    y: Float[Array, "lane unknown"]
-    covariance: Float[Array, "lane unknown unknown"]
-    converged: Bool[Array, " lane"]
+    y: Float[Array, " unknown"]
+    covariance: Float[Array, "unknown unknown"]
+    converged: Bool[Array, ""]
 
 
-def optimum_of(
-    misfit: Misfit, start: Float[Array, "lane unknown"], case: Case
-) -> Optimum:
-    """Return the optima of records.
+def optimum_of(misfit: Misfit, start: Float[Array, " unknown"], case: Case) -> Optimum:
+    """Return the optimum of a record.
 
     Args:
-        misfit: Of one record.
+        misfit: Its misfit.
         start: Where to begin.
-        case: The records; each array has a first axis of lanes.
+        case: The record.
     """
     still = lax.stop_gradient(case)
     y, covariance, converged = _search(misfit, lax.stop_gradient(start), still)
-
-    def settled(y, one):
-        return _settled(misfit, y, one)
-
-    return Optimum(jax.vmap(settled)(y, case), covariance, converged)
+    return Optimum(_settled(misfit, y, case), covariance, converged)
 
 
 class _State(NamedTuple):
-    """What the search carries; each array has a first axis of lanes, but the count."""
+    """What the search carries."""
 
-    y: Float[Array, "lane unknown"]
-    tried: Float[Array, "lane unknown"]
-    damping: Float[Array, " lane"]
+    y: Float[Array, " unknown"]
+    tried: Float[Array, " unknown"]
+    damping: Float[Array, ""]
     here: "_Expansion"
-    done: Bool[Array, " lane"]
+    done: Bool[Array, ""]
     steps: Int[Array, ""]
 
 
@@ -80,14 +74,14 @@ class _Expansion(NamedTuple):
     The unknowns are scaled so that the information has a diagonal of ones.
     """
 
-    cost: Float[Array, "..."]
-    slope: Float[Array, "... unknown"]
-    information: Float[Array, "... unknown unknown"]
-    scale: Float[Array, "... unknown"]
+    cost: Float[Array, ""]
+    slope: Float[Array, " unknown"]
+    information: Float[Array, "unknown unknown"]
+    scale: Float[Array, " unknown"]
 
 
 def _expansion(misfit: Misfit, y, case: Case) -> _Expansion:
-    """Return the cost of one record about a place."""
+    """Return the cost of a record about a place."""
 
     def twice(y):
         apart = misfit(y, case)
@@ -105,28 +99,25 @@ def _expansion(misfit: Misfit, y, case: Case) -> _Expansion:
 
 
 def _search(misfit: Misfit, start, case: Case):
-    """Return the optima, found by Levenberg-Marquardt over lanes."""
-    expand = jax.vmap(lambda y, one: _expansion(misfit, y, one))
-    lanes, unknowns = start.shape
-    unit = jnp.eye(unknowns, dtype=start.dtype)
+    """Return the optimum, found by Levenberg-Marquardt."""
+    unit = jnp.eye(start.size, dtype=start.dtype)
     eps = jnp.finfo(start.dtype).eps
     # what rounding makes of the cost, and of a slope in standard deviations
-    rounding = 4.0 * eps * jnp.sqrt(jnp.sum(jnp.square(case.weight), axis=1))
+    rounding = 4.0 * eps * jnp.sqrt(jnp.sum(jnp.square(case.weight)))
 
     def step(state: _State) -> _State:
-        there = expand(state.tried, case)
+        there = _expansion(misfit, state.tried, case)
         slack = rounding * (jnp.sqrt(2.0 * jnp.abs(there.cost)) + rounding)
         better = there.cost <= state.here.cost + slack
         taken = better & ~state.done
         here = jax.tree.map(
-            lambda new, old: jnp.where(_along(taken, new), new, old), there, state.here
+            lambda new, old: jnp.where(taken, new, old), there, state.here
         )
-        y = jnp.where(taken[:, None], state.tried, state.y)
+        y = jnp.where(taken, state.tried, state.y)
         damping = jnp.where(better, 0.1 * state.damping, 10.0 * state.damping)
         damping = jnp.clip(damping, LEAST_DAMPING, MOST_DAMPING)
-        matrix = here.information + damping[:, None, None] * unit[None]
-        move = -jnp.linalg.solve(matrix, here.slope[..., None])[..., 0]
-        left = -jnp.sum(move * (2.0 * here.slope + damping[:, None] * move), axis=1)
+        move = -jnp.linalg.solve(here.information + damping * unit, here.slope)
+        left = -jnp.sum(move * (2.0 * here.slope + damping * move))
         near = left <= jnp.square(jnp.maximum(TOLERANCE, rounding))
         move = jnp.where(jnp.isfinite(move), move, 0.0)
         return _State(
@@ -138,35 +129,26 @@ def _search(misfit: Misfit, start, case: Case):
             steps=state.steps + 1,
         )
 
-    def going(state: _State):
-        return jnp.any(~state.done) & (state.steps < MOST_STEPS)
-
     nothing = _Expansion(
-        cost=jnp.full(lanes, jnp.inf, start.dtype),
+        cost=jnp.full((), jnp.inf, start.dtype),
         slope=jnp.zeros_like(start),
-        information=jnp.broadcast_to(unit, (lanes, *unit.shape)),
+        information=unit,
         scale=jnp.ones_like(start),
     )
     state = _State(
         y=start,
         tried=start,
-        damping=jnp.full(lanes, FIRST_DAMPING, start.dtype),
+        damping=jnp.full((), FIRST_DAMPING, start.dtype),
         here=nothing,
-        done=jnp.zeros(lanes, bool),
+        done=jnp.asarray(False),
         steps=jnp.asarray(0),
     )
-    state = lax.while_loop(going, step, state)
+    state = lax.while_loop(lambda s: ~s.done & (s.steps < MOST_STEPS), step, state)
     inverse = jnp.linalg.inv(state.here.information)
-    scale = state.here.scale
-    covariance = inverse * scale[:, :, None] * scale[:, None, :]
-    slope = state.here.slope
-    left = jnp.einsum("li,lij,lj->l", slope, inverse, slope)
+    scale, slope = state.here.scale, state.here.slope
+    covariance = inverse * scale[:, None] * scale[None, :]
+    left = slope @ inverse @ slope
     return state.y, covariance, state.done | (left < KINK**2)
-
-
-def _along(lanes, other):
-    """Return numbers of lanes in the shape of another array of lanes."""
-    return lanes.reshape(-1, *[1] * (other.ndim - 1))
 
 
 def _slope(misfit: Misfit, y, case: Case):

@@ -14,8 +14,8 @@ from jblast.inference.picks.ready.bins import SINGLE_BEHIND, Bins
 from jblast.inference.picks.ready.case import Case
 from jblast.inference.picks.unknowns import CENTRE, Natural
 
-LOUD = 20.0
-"""Power of an oscillation [of white noise], which noise has once in 5e8."""
+LOUD = 12.0
+"""Power of an oscillation [of white noise], which noise has once in 1,700 records."""
 
 SHARP = 8.0
 """Standard deviations of a step."""
@@ -65,16 +65,18 @@ def signs_in(
     """
     power, omega = _oscillation(bins, apart)
     step, lag, height = _step(bins, apart, case, natural.rise)
-    rings = power > LOUD
     count = jnp.sum((apart != 0).astype(apart.dtype))
     ratio = jnp.sum(apart * apart) / jnp.maximum(count - CENTRE.size, 1.0)
+    odd = ratio > 1.0 + ODD * jnp.sqrt(2.0 / jnp.maximum(count, 1.0))
+    # a slow front makes a sensor ring little, and delays it all the same
+    rings = (power > LOUD) | odd
     start = [jnp.log(omega), np.log(0.05), jnp.log(lag), jnp.log(height), 0.0]
     start.append(np.log(CORNER) - jnp.log(natural.duration))
     kind = apart.dtype
     return Signs(
         rings.astype(kind),
         (step > SHARP).astype(kind),
-        (ratio > 1.0 + ODD * jnp.sqrt(2.0 / jnp.maximum(count, 1.0))).astype(kind),
+        odd.astype(kind),
         jnp.stack([jnp.asarray(x).astype(kind) for x in start]),
     )
 
