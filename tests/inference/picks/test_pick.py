@@ -83,7 +83,7 @@ def test_slopes_by_the_samples_are_those_of_differences(repeated):
         return jnp.log(found.positive_impulse_pa_s), found.air_arrival_s * RATE
 
     _, slopes = jax.jvp(values, (samples,), (jnp.asarray(way),))
-    step = 3.0  # Pa, of noise of 300: the search ends within 1e-3 sd of the optimum
+    step = 3.0  # Pa, of noise of 300: the search ends within 1e-4 sd of the optimum
     ahead, behind = values(samples + step * way), values(samples - step * way)
     for slope, plus, minus in zip(slopes, ahead, behind, strict=True):
         numeric = (plus - minus) / (2 * step)

@@ -27,7 +27,7 @@ def usual():
 def test_pressures_scale_and_their_zero_is_of_no_matter(usual, exponent, offset):
     factor = 10.0**exponent
     found = pick(TIME, factor * (RECORDS + offset * TRUTH.peak))
-    # the search ends within 1e-3 standard deviations, of some percent
+    # the search ends within 1e-4 standard deviations, of some percent
     for name, power in (
         ("air_arrival_s", 0),
         ("positive_duration_s", 0),

@@ -16,7 +16,7 @@ from jaxtyping import Array, Bool, Float, Int
 from jblast.inference.picks.ready.case import Case
 
 MOST_STEPS = 60
-TOLERANCE = 1e-3
+TOLERANCE = 1e-4
 """Ends where the way left to an optimum is this long [standard deviations]."""
 
 KINK = 0.5
