@@ -15,6 +15,7 @@ from tests.inference.picks.simulated import (
     samples_of,
 )
 
+pytestmark = pytest.mark.slow  # a program to compile
 TRUTH = Truth()
 SIGMA = 100.0
 FULL_SCALE = 2e4

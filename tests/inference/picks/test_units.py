@@ -9,6 +9,7 @@ from jblast.inference.picks import pick, pick_records
 from jblast.observations.records.pressure_record import PressureRecord
 from tests.inference.picks.simulated import RATE, TIME, Truth, noisy, samples_of
 
+pytestmark = pytest.mark.slow  # a program to compile
 TRUTH = Truth()
 RECORDS = noisy(TRUTH, 0.02 * TRUTH.peak, 32, seed=5)
 FEW = settings(
