@@ -6,7 +6,7 @@ a law load many rows. Errors that the rows of one record share load those alone,
 effects of two records meet in none, and their part of the matrix falls into small
 blocks: these are eliminated first, each by itself, and what is left is a system of the
 effects of laws alone (the Schur complement). Ten records of four quantities share 30
-errors; one density with its slopes takes 0.2 ms in place of 11 by all with all.
+errors: ten systems of three and one of the laws, in place of one of 34.
 """
 
 from typing import NamedTuple
