@@ -123,7 +123,7 @@ def test_many_paths_with_effects_make_a_log_long(paths):
 
 @pytest.mark.parametrize(("limit", "most"), [("HELD", 30), ("WORK", 200)])
 def test_more_rows_times_effects_than_can_be_held_are_refused(monkeypatch, limit, most):
-    monkeypatch.setattr(f"jblast.inference.posterior.posterior.{limit}", most)
+    monkeypatch.setattr(f"jblast.inference.posterior.refused_logs.{limit}", most)
     rows = [
         (f"s{i}", "positive_impulse_pa_s", 50.0, 5.0, (100.0 + i, 0.0, 0.0))
         for i in range(6)
