@@ -120,6 +120,6 @@ def _read(
         n, first = len(rows.skipped), rows.skipped[0]
         raise InputError(
             f"{table.at(first)}: expected a value in some row, got "
-            + (f"{n} rows, all without one" if n > 1 else "a row without one, alone")
+            + (f"{n} rows without a value" if n > 1 else "a row without a value, alone")
         )
     return rows.observations()

@@ -25,8 +25,8 @@ def film_text(answer: FilmAnswer) -> str:
 def events_text(answer: EventsAnswer) -> str:
     """Return how many events there were, and where they are."""
     return (
-        f"{answer.frames:,} frames of {answer.width} x {answer.height} over "
-        f"{answer.duration_s:g} s: {answer.events:,} events, "
+        f"{answer.frames:,} frames of {answer.width} x {answer.height} pixels "
+        f"over {answer.duration_s:g} s: {answer.events:,} events, "
         f"{answer.brighter:,} brighter and {answer.darker:,} darker\n"
         f"{answer.out}\n"
     )

@@ -7,6 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from jblast.fidelity.choice import TakenLaw
 from jblast.inference import Posterior
 from jblast.inference.fitting.burial import valid_at_depth
 from jblast.inference.fitting.solution import Solution
@@ -42,7 +43,7 @@ def found(up=UP, laws=LAWS, free=("charge_mass_kg",), far=1500.0):
     at = {"charge_mass_kg": np.log(MASS)}
     z = np.array([at.get(name, 0.0) for name in free])
     normal = Laplace(z, np.eye(len(z)), 0.0, True)
-    named = {q: (name, "") for q, name in laws.items()}
+    named = {q: TakenLaw(name) for q, name in laws.items()}
     return Solution(posterior, named, True, None, None, normal)  # pyright: ignore[reportArgumentType]  not asked for
 
 

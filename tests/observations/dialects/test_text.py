@@ -134,7 +134,7 @@ def test_a_separator_within_quotes_is_none(log):
         (HEADER.replace(",", "|") + "a|b\n", "commas, semicolons or tabs, got one col"),
         (
             HEADER + "a,air_arrival_s,NA,,1,2,3\n",
-            "line 2: expected a value in some row, got a row without one, alone",
+            "line 2: expected a value in some row, got a row without a value, alone",
         ),
         (HEADER + ROW.replace("0.001", "5%"), "stand in a column sigma_percent"),
         (

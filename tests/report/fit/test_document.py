@@ -60,6 +60,10 @@ def test_what_is_not_identified_is_null_and_every_key_is_there():
         ("place", None),
         ("origin_time_utc", None),
         ("origin_clock", ""),
+        (
+            "charges_on_earth",
+            [{"charge": "", "place": None, "origin_time_utc": None}],
+        ),
     ]
 
 

@@ -34,6 +34,7 @@ ANSWER = {
     "place": type(None),
     "origin_time_utc": type(None),
     "origin_clock": str,
+    "charges_on_earth": list,
 }
 ESTIMATE = ("value", "sd", "log_sd", "q05", "q50", "q95")
 FLASH = HEADER + "a,flash_time_s,0.001,0.0001,300,0,1\n"
