@@ -17,6 +17,9 @@ ROUNDS = 50
 SETTLED = 1e-6
 """A step that promises to gain less, in ln-density, ends it; the steps that are
 differentiated leave the square of what is left."""
+CARRIERS = 5
+"""Steps that are differentiated: at SNR 20 slopes are off by 2 % with 3, 0.3 % with 5,
+0.003 % with 9."""
 FIRST_DAMPING, LEAST_DAMPING = 1e-3, 1e-9
 
 
@@ -104,8 +107,9 @@ def settled(
 ) -> tuple[Array, Array]:
     """Return cost and ln of the curvature's determinant at the mode.
 
-    Two steps that are differentiated carry the slopes of the mode, which the search
-    does not; a step that goes uphill is not taken.
+    Steps that are differentiated carry the slopes of the mode, which the search does
+    not: by Gauss and Newton, each of them brings these nearer. The last is taken that
+    does not go uphill: at the mode all have one cost, and the first of them no slopes.
     """
 
     def step(place, _):
@@ -115,6 +119,7 @@ def settled(
         _, spread = newton_step(here, 0.0)
         return jax.tree.map(jnp.add, place, move), (here.cost, spread)
 
-    _, (cost, spread) = lax.scan(step, place, length=3)
-    best = jnp.nanargmin(lax.stop_gradient(cost))
+    _, (cost, spread) = lax.scan(step, place, length=CARRIERS)
+    downhill = lax.stop_gradient(cost <= cost[0] + SETTLED)  # not so of no number
+    best = jnp.max(jnp.where(downhill, jnp.arange(cost.size), 0))
     return cost[best], spread[best]
