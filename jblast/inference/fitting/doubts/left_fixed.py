@@ -118,11 +118,16 @@ def out_of_order(observations: Observations, uncertain: UncertainScene) -> bool:
     place = observations.position - np.asarray(scene.charge.position_m, float)
     reach = np.where(heard, np.linalg.norm(place, axis=1), np.nan)
     allowed = np.hypot(np.nan_to_num(observations.sigma), SCATTER * reach / SLOWEST)
+    earliest = observations.value - TIMES_SIGMA * allowed
+    latest = observations.value + TIMES_SIGMA * allowed
     clocks = np.array(observations.clock)
-    nearer = reach[:, None] <= reach[None, :]  # NaN is neither
-    early = observations.value[:, None] - observations.value[None, :]
-    beyond = early > TIMES_SIGMA * np.hypot(allowed[:, None], allowed[None, :])
-    return bool(np.any(nearer & beyond & (clocks[:, None] == clocks[None, :])))
+    for clock in set(observations.clock):
+        rows = np.flatnonzero((clocks == clock) & np.isfinite(earliest))
+        rows = rows[np.argsort(reach[rows])]
+        nearer = np.maximum.accumulate(earliest[rows])
+        if np.any(nearer[:-1] > latest[rows[1:]]):
+            return True
+    return False
 
 
 def _judged(freed: Solution, names: tuple[str, ...]) -> MoreToFree | None:
