@@ -2,13 +2,15 @@
 
 import json
 import resource
+import subprocess
+import sys
 
 import numpy as np
 import pytest
 
 from jblast.waves import kingery_bulmash_arrival_time, sound_speed_in_air
-from tests.cli.cli_files import Command
 
+START = "from jblast.cli.main import main; raise SystemExit(main())"
 MASS, ROWS, SENSORS = 25.0, 1_000_000, 1000
 SIGMA = 5e-4
 HELD_MB = 6000
@@ -16,7 +18,7 @@ HELD_MB = 6000
 
 
 @pytest.mark.slow
-def test_a_log_of_a_million_rows_is_answered(tmp_path, capsys):
+def test_a_log_of_a_million_rows_is_answered(tmp_path):
     rng = np.random.default_rng(0)
     sound_speed = float(sound_speed_in_air(288.15, 101325.0, 0.5))
     ranges = np.geomspace(40.0, 110.0, SENSORS)
@@ -30,10 +32,11 @@ def test_a_log_of_a_million_rows_is_answered(tmp_path, capsys):
             sensor = row * SENSORS // ROWS
             file.write(f"s{sensor},air_arrival_s,{float(value)!r},{SIGMA},")
             file.write(f"{float(ranges[sensor])!r}\n")
-    jblast = Command(tmp_path, capsys)
-    code, out, err = jblast("fit", jblast.path("big.csv"), "--json")
-    assert (code, err) == (0, "")
-    answer = json.loads(out)
+    # a process of its own: this one may hold what other tests have left
+    words = (sys.executable, "-c", START, "fit", str(tmp_path / "big.csv"), "--json")
+    done = subprocess.run(words, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    answer = json.loads(done.stdout)
     mass = answer["estimates"]["charge_mass_kg"]
     assert answer["n_observations"] == ROWS
     assert answer["converged"]
@@ -41,4 +44,4 @@ def test_a_log_of_a_million_rows_is_answered(tmp_path, capsys):
     # the shot's own scatter, 1 % of the time, is none here
     assert mass["log_sd"] < 0.1
     assert abs(np.log(mass["value"] / MASS)) < 3 * mass["log_sd"]
-    assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e3 < HELD_MB
+    assert resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1e3 < HELD_MB
