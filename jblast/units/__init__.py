@@ -13,4 +13,9 @@ from jblast.units.names import (
     what_to_write as what_to_write,
 )
 from jblast.units.spelling import Unit as Unit, unit_spelt as unit_spelt
-from jblast.units.vocabulary import DIMENSIONS as DIMENSIONS, SUFFIXES as SUFFIXES
+from jblast.units.vocabulary import (
+    DIMENSIONS as DIMENSIONS,
+    LEVEL as LEVEL,
+    SHARE as SHARE,
+    SUFFIXES as SUFFIXES,
+)

@@ -6,7 +6,7 @@ from typing import Any
 
 from jblast.errors import InputError, nearest, shown
 from jblast.units.spelling import unit_spelt
-from jblast.units.vocabulary import SI, SUFFIXES
+from jblast.units.vocabulary import LEVEL, SHARE, SI, SUFFIXES
 
 
 def si_factor(suffix: str) -> float:
@@ -34,14 +34,14 @@ def si_ratio(suffix: str) -> Fraction:
             + ("" if either else f"expected a known unit{nearest(suffix, known)}")
         )
     ((dimension, pint),) = found
-    if dimension == "level":
+    if dimension == LEVEL:
         raise InputError(f"unit {shown(suffix)}: a level has no factor")
     return _ratio(dimension, pint)
 
 
 @cache
 def _ratio(dimension: str, unit: str) -> Fraction:
-    if dimension == "share":
+    if dimension == SHARE:
         return Fraction(1, 100)
     ours = SUFFIXES[dimension][SI[dimension]]
     if unit == ours:

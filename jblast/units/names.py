@@ -7,7 +7,7 @@ from jblast.errors import nearest
 from jblast.quantity_table import QUANTITIES
 from jblast.units.factors import si_factor
 from jblast.units.spelling import LONGEST, Unit, spelt, unit_spelt, words_of
-from jblast.units.vocabulary import ABSOLUTE, SI, SUFFIXES
+from jblast.units.vocabulary import ABSOLUTE, LEVEL, SI, SUFFIXES
 from jblast.units.words import CALLED, COLUMNS, NEAR
 
 ANY = ("value", "sigma")
@@ -42,7 +42,7 @@ def our_name(foreign: str) -> OurName | None:
     for word, unit in _taken_apart(foreign):
         name = _names(unit.dimension).get(word)
         if name is not None:
-            level = unit.dimension == "level"
+            level = unit.dimension == LEVEL
             factor = float("nan") if level else si_factor(unit.suffix)
             return OurName(name, factor, unit.dimension, unit.suffix)
     return None
@@ -94,7 +94,7 @@ def _near(word: str, unit: Unit) -> str:
     """Say which of ours a word beside a unit may mean."""
     for contained, ours in NEAR.get(unit.dimension, ()):
         if contained in word:
-            if unit.dimension == "level":
+            if unit.dimension == LEVEL:
                 return f"; ours is {ours}, of the unweighted peak, re 20 uPa"
             if not ours.endswith(SI[unit.dimension]):
                 return f"; did you mean {ours}?"

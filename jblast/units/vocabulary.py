@@ -25,6 +25,8 @@ ABSOLUTE = ("psia", "kpaa", "bara", "mbara")
 """Endings of readings from vacuum, which are no overpressures."""
 MILLI_OR_MEGA = {"mpa": ("MPa", "mPa")}
 """Endings that mean two units unless their case is right."""
+SHARE, LEVEL = "share", "level"
+"""Dimensions that have no unit of ours: per cent, and levels, which are logarithms."""
 
 SUFFIXES: dict[str, dict[str, str]] = {
     "pressure": PRESSURES | {"MPa": "MPa", "mPa": "mPa"},
@@ -46,8 +48,8 @@ SUFFIXES: dict[str, dict[str, str]] = {
     "angle": {"rad": "rad", "mrad": "mrad", "deg": "degree"},
     "mass": {"kg": "kg", "g": "g", "mg": "mg", "t": "tonne", "lb": "lb", "oz": "oz"},
     "image": {"px": "px"},
-    "share": {"percent": "percent"},
-    "level": {"db": "dB"},
+    SHARE: {"percent": "percent"},
+    LEVEL: {"db": "dB"},
 }  # fmt: skip
 """Endings by dimension, and what each is to pint; levels are no factors (`levels`)."""
 

@@ -1,9 +1,12 @@
 """Files the tests of the command line hand to it, and how they call it."""
 
+import sys
 from pathlib import Path
 
 from jblast.cli.main import main
 
+JBLAST = (sys.executable, "-m", "jblast.cli.main")
+"""The command as a process of its own."""
 HEADER = "sensor,quantity,value,sigma,east_m,north_m,up_m\n"
 TWO = f"""{HEADER}a,air_arrival_s,0.05,0.001,30,0,1
 b,peak_overpressure_pa,20000,1000,40,0,1

@@ -2,9 +2,10 @@
 
 import os
 import subprocess
-import sys
 
 import pytest
+
+from tests.cli.cli_files import JBLAST
 
 LOG = """sensor,quantity,value,sigma,east_m,north_m,up_m
 gate,air_arrival_s,0.1203,0.0005,52.0,11.0,1.5
@@ -25,7 +26,7 @@ def test_commands_answer_the_same_from_kept_programs(tmp_path):
         answers = []
         for keep in ("1", "1", "0"):  # made, read back, without
             child = subprocess.run(
-                [sys.executable, "-m", "jblast.cli.main", *command],
+                [*JBLAST, *command],
                 env={
                     **os.environ,
                     "XDG_CACHE_HOME": str(cache),

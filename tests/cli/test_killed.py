@@ -3,12 +3,13 @@
 import json
 import signal
 import subprocess
-import sys
 import time
 from pathlib import Path
 
 import numpy as np
 import pytest
+
+from tests.cli.cli_files import JBLAST
 
 DATA = Path(__file__).parents[2] / "calibration" / "data"
 WAITED = 300.0
@@ -19,7 +20,7 @@ def walk(out: Path, *options: str) -> subprocess.Popen:
     """Begin a fit by walkers."""
     log, scene = DATA / "hta_1.csv", DATA / "hta_1.toml"
     asked = [str(log), "--scene", str(scene), "--posterior", "emcee"]
-    command = [sys.executable, "-m", "jblast.cli.main", "fit", *asked]
+    command = [*JBLAST, "fit", *asked]
     return subprocess.Popen(
         [*command, "--out", str(out), *options],
         stdout=subprocess.DEVNULL,

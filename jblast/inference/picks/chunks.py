@@ -11,9 +11,8 @@ import jax
 import jax.numpy as jnp
 from jax.core import Tracer
 
-LANES = (4, 32)
-"""Records that are picked together: the least that suffices. Another number would be
-another program."""
+LANES = 32
+"""Records that are picked together. Another number would be another program."""
 
 Made = TypeVar("Made")
 
@@ -23,16 +22,14 @@ def in_chunks(made_of: Callable[..., Made], arrays: tuple[Any, ...]) -> Made:
 
     Args:
         made_of: Of some records: takes and returns arrays with a first axis of lanes;
-            compiled.
+            compiled. Of lanes that are all zeros nothing is asked.
         arrays: Of all of them.
     """
-    count = arrays[0].shape[0]
-    each = next((lanes for lanes in LANES if lanes >= count), LANES[-1])
-    chunks = -(-count // each)
-    filled = tuple(_filled(x, chunks, each) for x in arrays)
     if any(isinstance(x, Tracer) for x in arrays):
-        made = jax.lax.map(lambda one: made_of(*one), filled)
-        return jax.tree.map(lambda x: x.reshape(-1, *x.shape[2:])[:count], made)
+        return made_of(*arrays)
+    count = arrays[0].shape[0]
+    chunks = max(-(-count // LANES), 1)  # of no record, too, to tell of what shape
+    filled = tuple(_filled(x, chunks) for x in arrays)
     devices = jax.devices()
     # none is waited for before the next has begun
     parts = []
@@ -43,9 +40,8 @@ def in_chunks(made_of: Callable[..., Made], arrays: tuple[Any, ...]) -> Made:
     return jax.tree.map(lambda *x: jnp.concatenate(x)[:count], *parts)
 
 
-def _filled(x, chunks: int, each: int):
-    """Return lanes by chunk, the last one again where there are none."""
+def _filled(x, chunks: int):
+    """Return lanes by chunk, zeros where there are none."""
     x = jnp.asarray(x)
-    spare = chunks * each - x.shape[0]
-    last = jnp.broadcast_to(x[-1:], (spare, *x.shape[1:]))
-    return jnp.concatenate([x, last]).reshape(chunks, each, *x.shape[1:])
+    none = jnp.zeros((chunks * LANES - x.shape[0], *x.shape[1:]), x.dtype)
+    return jnp.concatenate([x, none]).reshape(chunks, LANES, *x.shape[1:])

@@ -10,7 +10,7 @@ from jaxtyping import Array, Float
 
 from jblast.inference.picks import RecordPick
 from jblast.inference.picks.fit.lanes import with_what_shows
-from jblast.inference.picks.fit.model import data_misfit, misfit, readings
+from jblast.inference.picks.fit.model import misfit, misfit_ratio
 from jblast.inference.picks.fit.optimum import optimum_of
 from jblast.inference.picks.fit.posterior import NARROW, WIDE
 from jblast.inference.picks.ready.bins import bins_about_front
@@ -140,13 +140,11 @@ def _picked(samples, count, full_scale, corner, *, more: bool):
     bank = bank_of(bins, samples.size)
     clipped = clipped_samples(samples, count, full_scale)
     ready = prepared(bins, bank, samples, clipped, count, corner)
-    of_record = partial(misfit, bins)
-    best, case = optimum_of(of_record, ready.start, ready.case), ready.case
+    case = ready.case
+    best = optimum_of(partial(misfit, bins), ready.start, case)
     if more:
         best, case = with_what_shows(bins, best, ready.start, case)
-    freedom = jnp.maximum(readings(case) - float(CENTRE.size), 1.0)
-    ratio = data_misfit(of_record(best.y, case), bins.first.size) / freedom
-    widened = jnp.sqrt(jnp.maximum(ratio, 1.0))
+    widened = jnp.sqrt(jnp.maximum(misfit_ratio(bins, best.y, case), 1.0))
     y = best.y
     resolved = natural_of(y).rise >= WIDE
     rise = jnp.where(

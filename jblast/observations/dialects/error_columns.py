@@ -9,12 +9,19 @@ from jblast.errors import InputError, shown
 from jblast.observations.dialects.table import Table
 from jblast.observations.dialects.tidying import UnitOf, is_empty
 from jblast.quantities import ADDITIVE
-from jblast.units import LN_PER_DB, OurName, our_name, products, unit_spelt
+from jblast.units import (
+    LEVEL,
+    LN_PER_DB,
+    SHARE,
+    OurName,
+    our_name,
+    products,
+    unit_spelt,
+)
 from jblast.units.spelling import spelt
 
 FOR_ALL = "sigma_percent"
 """The column that holds the errors of all quantities whose errors are a share."""
-SHARE, LEVEL = "share", "level"
 
 
 class ErrorColumn(NamedTuple):

@@ -2,7 +2,7 @@
 
 from jblast.errors import nearest, shown
 from jblast.observations.rows.fields import Fields
-from jblast.observations.rows.measured import LEVEL, SHARE, Measured
+from jblast.observations.rows.measured import Measured
 from jblast.observations.table import SAMPLES
 from jblast.observations.understood import (
     Converted,
@@ -12,7 +12,7 @@ from jblast.observations.understood import (
 )
 from jblast.quantities import ADDITIVE
 from jblast.quantity_table import QUANTITIES
-from jblast.units import OurName, our_name, what_to_write
+from jblast.units import LEVEL, SHARE, OurName, our_name, what_to_write
 from jblast.units.names import dimension_of
 
 

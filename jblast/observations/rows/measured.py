@@ -12,9 +12,15 @@ import numpy as np
 from jaxtyping import Float
 
 from jblast.observations.understood import Understood
-from jblast.units import LN_PER_DB, OurName, overpressure, products, si_ratio
-
-LEVEL, SHARE = "level", "share"
+from jblast.units import (
+    LEVEL,
+    LN_PER_DB,
+    SHARE,
+    OurName,
+    overpressure,
+    products,
+    si_ratio,
+)
 
 
 @dataclass

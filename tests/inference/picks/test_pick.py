@@ -49,6 +49,14 @@ def test_without_noise_the_truth_comes_back(name, exact):
     assert bool(exact.found.all())
 
 
+def test_a_record_alone_is_picked_as_among_others_and_none_as_none(repeated):
+    records = noisy(TRUTH, 0.01 * TRUTH.peak, MANY)
+    alone, none = pick(TIME, records[:1]), pick(TIME, records[:0])
+    np.testing.assert_array_equal(alone.covariance, repeated.covariance[:1])
+    np.testing.assert_array_equal(alone.air_arrival_s, repeated.air_arrival_s[:1])
+    assert none.covariance.shape == (0, 4, 4)
+
+
 @pytest.mark.parametrize("name", VALUES)
 def test_errors_are_as_large_as_repetitions_say(name, repeated):
     apart = (getattr(repeated, name) - VALUES[name]) / repeated.sd(name)

@@ -126,9 +126,10 @@ def run(asked: argparse.Namespace) -> int:
     held = _held(quantity for log in readable.values() for quantity in log.quantity)
     if readable:
         uncertain = with_laws(uncertain, chosen_laws(asked.law, held))
-    made_of = {} if made is None else each_made(made, logs, () if recorded else files)
     begin("fitting")
     if len(logs) > 1:
+        apart = () if recorded else files
+        made_of = each_made(made, logs, apart) if made else {}
         fitted = fit_each(
             readable, uncertain, noise=asked.noise, posterior=asked.posterior
         )

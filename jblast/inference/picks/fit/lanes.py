@@ -8,13 +8,13 @@ import jax.numpy as jnp
 from jax import lax
 from jaxtyping import Array, Bool, Float, Int
 
-from jblast.inference.picks.fit.model import data_misfit, drift_at, misfit, readings
+from jblast.inference.picks.fit.model import drift_at, misfit, misfit_ratio
 from jblast.inference.picks.fit.optimum import Optimum, optimum_of
 from jblast.inference.picks.fit.posterior import values_of
 from jblast.inference.picks.fit.signs import NEAREST, signs_in
 from jblast.inference.picks.ready.bins import Bins, bins_about_front
-from jblast.inference.picks.ready.case import Case, prepared
-from jblast.inference.picks.ready.start import Bank, bank_of
+from jblast.inference.picks.ready.case import Case, Prepared, prepared
+from jblast.inference.picks.ready.start import bank_of
 from jblast.inference.picks.unknowns import CENTRE, FURTHER_CENTRE, Natural, natural_of
 from jblast.kept_programs import kept
 
@@ -66,31 +66,38 @@ def pick_lanes(
     Args:
         samples: Overpressure in any unit, finite.
         clipped: +1 where a sample is a lower bound, -1 an upper one, else 0.
-        count: Samples of each record; the last of them repeats behind it.
+        count: Samples of each record; the last of them repeats behind it. A lane of
+            none is passed over.
         high_pass: Corner of a first-order high-pass [1/sample]; None: there is none.
     """
     bins = bins_about_front(samples.shape[1])
-    picked = partial(_picked, bins, bank_of(bins, samples.shape[1]))
+    bank = bank_of(bins, samples.shape[1])
+
+    @jax.jit  # traced once, for what it gives and for the shape of that
+    def picked(samples, clipped, count, high_pass):
+        ready = prepared(bins, bank, samples, clipped, count, high_pass)
+        return _picked(bins, ready, clipped, count)
+
+    def one(record):
+        shapes = jax.eval_shape(picked, *record)
+        nothing = jax.tree.map(lambda of: jnp.zeros(of.shape, of.dtype), shapes)
+        return lax.cond(record[2] > 0, lambda: picked(*record), lambda: nothing)
+
     # one by one: what is thousands of samples long stays in the cache of a core, and no
     # search waits for another's
-    return lax.map(lambda one: picked(*one), (samples, clipped, count, high_pass))
+    return lax.map(one, (samples, clipped, count, high_pass))
 
 
 def _picked(
     bins: Bins,
-    bank: Bank,
-    samples: Float[Array, " sample"],
+    ready: Prepared,
     clipped: Float[Array, " sample"],
     count: Int[Array, ""],
-    high_pass: Float[Array, ""] | None,
 ) -> LanePicks:
-    """Pick one record, as `pick_lanes` does."""
-    ready = prepared(bins, bank, samples, clipped, count, high_pass)
+    """Pick a record that was made ready, as `pick_lanes` does."""
     one = optimum_of(partial(misfit, bins), ready.start, ready.case)
     best, case = with_what_shows(bins, one, ready.start, ready.case)
-    apart = misfit(bins, best.y, case)
-    freedom = jnp.maximum(readings(case) - float(CENTRE.size), 1.0)
-    ratio = data_misfit(apart, bins.first.size) / freedom
+    ratio = misfit_ratio(bins, best.y, case)
     widened = jnp.maximum(ratio, 1.0)
     natural, covariance = values_of(best.y, best.covariance, widened)
     x = (natural.arrival - case.middle) / case.span
@@ -98,7 +105,7 @@ def _picked(
     drift = jnp.maximum(jnp.abs(one_way), jnp.abs(best.y[9]))
     held, low = jnp.any(clipped > 0), jnp.any(clipped < 0)
     seen = LEAST_SIGNAL * jnp.sqrt(covariance[1, 1]) < 1.0
-    left = (count - ready.front.sample).astype(samples.dtype)
+    left = (count - ready.front.sample).astype(clipped.dtype)
     lag = jnp.exp(best.y[LAG])
     later_variance = (
         best.covariance[0, 0]
@@ -169,10 +176,10 @@ def with_what_shows(
         # a further front within the first one's rise is only a rise of another form
         apart = jnp.exp(found.y[LAG]) > NEAREST + 2.0 * natural_of(found.y).rise
         taken = shown & (cost < best[0]) & (apart | (more.follows == 0))
-        kept = jax.tree.map(
+        better = jax.tree.map(
             lambda new, old: jnp.where(taken, new, old), (cost, found, more), best
         )
-        return kept, None
+        return better, None
 
     asked = jnp.stack(
         [

@@ -122,11 +122,16 @@ def misfit(
     return jnp.concatenate([jnp.where(held, short, apart), prior])
 
 
-def readings(case: Case) -> Float[Array, ""]:
-    """Return how many bins count."""
-    return jnp.sum(jnp.where((case.weight > 0) | (case.clipped != 0), 1.0, 0.0))
+def misfit_ratio(
+    bins: Bins, y: Float[Array, " unknown"], case: Case
+) -> Float[Array, ""]:
+    """Return the squared misfit of the bins that count, by degree of freedom.
 
-
-def data_misfit(apart: Float[Array, " term"], bins: int) -> Float[Array, ""]:
-    """Return the sum of squares of what the record tells, without priors."""
-    return jnp.sum(jnp.square(apart[:bins]))
+    Args:
+        bins: Where the record is looked at.
+        y: The unknowns.
+        case: The record.
+    """
+    apart = misfit(bins, y, case)[: bins.first.size]  # without what is believed
+    many = jnp.sum(jnp.where((case.weight > 0) | (case.clipped != 0), 1.0, 0.0))
+    return jnp.sum(jnp.square(apart)) / jnp.maximum(many - float(CENTRE.size), 1.0)

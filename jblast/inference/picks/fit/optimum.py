@@ -109,11 +109,11 @@ def _search(misfit: Misfit, start, case: Case):
         there = _expansion(misfit, state.tried, case)
         slack = rounding * (jnp.sqrt(2.0 * jnp.abs(there.cost)) + rounding)
         better = there.cost <= state.here.cost + slack
-        taken = better & ~state.done
-        here = jax.tree.map(
-            lambda new, old: jnp.where(taken, new, old), there, state.here
+        y, here = jax.tree.map(
+            lambda new, old: jnp.where(better, new, old),
+            (state.tried, there),
+            (state.y, state.here),
         )
-        y = jnp.where(taken, state.tried, state.y)
         damping = jnp.where(better, 0.1 * state.damping, 10.0 * state.damping)
         damping = jnp.clip(damping, LEAST_DAMPING, MOST_DAMPING)
         move = -jnp.linalg.solve(here.information + damping * unit, here.slope)
@@ -123,9 +123,9 @@ def _search(misfit: Misfit, start, case: Case):
         return _State(
             y=y,
             tried=y + move * here.scale,
-            damping=jnp.where(state.done, state.damping, damping),
+            damping=damping,
             here=here,
-            done=state.done | (near & (damping <= SMALL_DAMPING)),
+            done=near & (damping <= SMALL_DAMPING),
             steps=state.steps + 1,
         )
 

@@ -62,9 +62,7 @@ class Prepared(NamedTuple):
         front: As seen at first.
         offset: What was taken off the samples.
         scale: And what they were then divided by.
-        quiet: Samples before the front.
         clipped_at: Largest size of a clipped sample [share of the largest].
-        last: Of the stretch, in samples of the record.
     """
 
     case: Case
@@ -72,9 +70,7 @@ class Prepared(NamedTuple):
     front: Front
     offset: Float[Array, ""]
     scale: Float[Array, ""]
-    quiet: Int[Array, ""]
     clipped_at: Float[Array, ""]
-    last: Int[Array, ""]
 
 
 def prepared(
@@ -131,7 +127,7 @@ def prepared(
         high_pass=high_pass,
     )
     held = jnp.max(jnp.abs(share * clipped))
-    return Prepared(case, start, front, offset, scale, kept, held, last)
+    return Prepared(case, start, front, offset, scale, held)
 
 
 def _mean_of_first(samples, count):

@@ -1,12 +1,11 @@
 import json
 import math
 import subprocess
-import sys
 import time
 
 import pytest
 
-from tests.cli.cli_files import HEADER, TWO
+from tests.cli.cli_files import HEADER, JBLAST, TWO
 
 ANSWER = {
     "schema": int,
@@ -144,9 +143,6 @@ def test_a_range_can_be_asked_for_with_one_sensor_and_a_known_mass(jblast):
     assert list(answer["estimates"]) == ["charge_range_m"]
     assert answer["derived"] == {}
     assert math.isclose(answer["estimates"]["charge_range_m"]["value"], 33, rel_tol=0.1)
-
-
-JBLAST = [sys.executable, "-m", "jblast.cli.main"]
 
 
 def test_help_takes_less_than_three_tenths_of_a_second():

@@ -3,14 +3,13 @@
 import json
 import resource
 import subprocess
-import sys
 
 import numpy as np
 import pytest
 
 from jblast.waves import kingery_bulmash_arrival_time, sound_speed_in_air
+from tests.cli.cli_files import JBLAST
 
-START = "from jblast.cli.main import main; raise SystemExit(main())"
 MASS, ROWS, SENSORS = 25.0, 1_000_000, 1000
 SIGMA = 5e-4
 HELD_MB = 6000
@@ -33,7 +32,7 @@ def test_a_log_of_a_million_rows_is_answered(tmp_path):
             file.write(f"s{sensor},air_arrival_s,{float(value)!r},{SIGMA},")
             file.write(f"{float(ranges[sensor])!r}\n")
     # a process of its own: this one may hold what other tests have left
-    words = (sys.executable, "-c", START, "fit", str(tmp_path / "big.csv"), "--json")
+    words = (*JBLAST, "fit", str(tmp_path / "big.csv"), "--json")
     done = subprocess.run(words, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     answer = json.loads(done.stdout)

@@ -2,7 +2,6 @@
 
 import json
 import subprocess
-import sys
 
 import numpy as np
 import pytest
@@ -14,9 +13,8 @@ from jblast.verification.cases.pressure_records import (
     readings,
     recorded,
 )
+from tests.cli.cli_files import JBLAST
 
-START = "from jblast.cli.main import main; raise SystemExit(main())"
-JBLAST = (sys.executable, "-c", START)
 HEAD = "sensor,quantity,value,sigma,east_m,north_m,up_m,record\n"
 
 
