@@ -2,8 +2,11 @@
 
 import difflib
 import os
+import warnings
 from collections.abc import Callable, Iterable
+from importlib import import_module
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 MARK = "\0"
@@ -54,6 +57,29 @@ def closest(name: str, known: Iterable[str]) -> str | None:
     by_lower = {word.lower(): word for word in known}
     close = difflib.get_close_matches(name[:80].lower(), by_lower, n=1, cutoff=0.6)
     return by_lower[close[0]] if close else None
+
+
+def needed(module: str, extra: str, path: str | Path, what: str) -> ModuleType:
+    """Import a package that serves one format, an extra of ours.
+
+    Args:
+        module: Its name.
+        extra: The extra of jblast that installs it.
+        path: The file that is to be read or written.
+        what: The format, and what is done with it: "TDMS is read".
+
+    Raises:
+        InputError: It is not installed.
+    """
+    try:
+        with warnings.catch_warnings():  # of its own age: nobody here can mend it
+            warnings.simplefilter("ignore", DeprecationWarning)
+            return import_module(module)
+    except ImportError:
+        raise InputError(
+            f"{path}: {what} by the package {module.partition('.')[0]}, which "
+            f"is not installed; pip install 'jblast[{extra}]'"
+        ) from None
 
 
 def read_text(path: str | os.PathLike[str], expected: str) -> str:

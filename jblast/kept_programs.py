@@ -8,6 +8,7 @@ Nothing is kept before `keep_in` names a folder, as commands do; the library doe
 """
 
 import contextlib
+import dataclasses
 import functools
 import hashlib
 import json
@@ -141,7 +142,15 @@ def _read(path: Path, options: Any) -> Callable | None:
 
 
 def _program(data: bytes, structure: Any, options: Any) -> Callable:
-    run = jax.jit(export.deserialize(bytearray(data)).call, **options)
+    program = export.deserialize(bytearray(data))
+    if b"lapack" not in program.mlir_module_serialized:
+        # JAX looks LAPACK up in SciPy for any program for a CPU, a third of an import
+        # of JAX; of which backend this one is, its name says
+        free = export.DisabledSafetyCheck.platform(), *program.disabled_safety_checks
+        program = dataclasses.replace(
+            program, platforms=(), disabled_safety_checks=free
+        )
+    run = jax.jit(program.call, **options)
     return lambda *arrays: rebuilt(structure, run(*arrays))
 
 

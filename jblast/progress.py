@@ -3,7 +3,7 @@
 What may take long tells where it is, by `stages` or `counted`. Who wants to know
 listens (`heard_by`), as the command line does (`cli/progress_line.py`); where nobody
 does, nothing is done. A task within a task is a level further down; it is over when the
-one above goes on.
+one above goes on, or when nobody holds what tells of it any more.
 """
 
 from collections.abc import Callable, Collection, Iterator, Mapping
@@ -45,6 +45,11 @@ class Listener:
         self.levels = (*self.levels[:depth], level)
         self.heard()
 
+    def over(self, depth: int, last: Level | None) -> None:
+        """Take off a task that last told this, unless another stands in its place."""
+        if last is not None and self.levels[depth : depth + 1] == (last,):
+            self.levels = self.levels[:depth]
+
     def heard(self) -> None:
         """Do something about news."""
 
@@ -83,25 +88,25 @@ def stages(shares: Mapping[str, float]) -> Callable[[str], None]:
     Args:
         shares: About how long each stage takes, in any unit, in order.
     """
-    told = telling()
+    teller = Task()
     names, whole = list(shares), sum(shares.values())
 
     def begin(name: str) -> None:
         nth = names.index(name)
         through = sum(list(shares.values())[:nth])
         words = f"{name} ({nth + 1} of {len(names)})"
-        told(Level(words, "", through / whole, shares[name] / whole))
+        teller(Level(words, "", through / whole, shares[name] / whole))
 
     return begin
 
 
 def counted(total: int, what: str) -> Callable[[float | int], None]:
     """Return what is to be called with how many of so many are through."""
-    told = telling()
+    teller = Task()
 
     def through(done: float | int) -> None:
         words = f"{done:,.0f} of {total:,.0f} {what}"
-        told(Level("", words, done / total, min(1.0, total - done) / total))
+        teller(Level("", words, done / total, min(1.0, total - done) / total))
 
     if total > 0:
         through(0)
@@ -110,8 +115,8 @@ def counted(total: int, what: str) -> Callable[[float | int], None]:
 
 def in_words() -> Callable[[str], None]:
     """Return what is to be called with where a task is in words: nothing is counted."""
-    told = telling()
-    return lambda words: told(Level(words, "", 0.0, 0.0))
+    teller = Task()
+    return lambda words: teller(Level(words, "", 0.0, 0.0))
 
 
 def each(items: Collection[Item], what: str) -> Iterator[Item]:
@@ -122,10 +127,22 @@ def each(items: Collection[Item], what: str) -> Iterator[Item]:
         yield item
 
 
-def telling() -> Callable[[Level], None]:
-    """Return what tells where a task that begins here is."""
-    listener = _LISTENER.get()
-    if listener is None:
-        return lambda level: None
-    depth = len(listener.levels)
-    return lambda level: listener.tell(depth, level)
+class Task:
+    """Tells where a task that begins here is, as long as it is held.
+
+    Whoever works holds it, so an exception ends the task as a return does.
+    """
+
+    def __init__(self):
+        self._listener, self._last = _LISTENER.get(), None
+        self._depth = len(self._listener.levels) if self._listener else 0
+
+    def __call__(self, level: Level) -> None:
+        """Tell where it is."""
+        if self._listener is not None:
+            self._last = level
+            self._listener.tell(self._depth, level)
+
+    def __del__(self):
+        if self._listener is not None:
+            self._listener.over(self._depth, self._last)

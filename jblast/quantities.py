@@ -25,6 +25,9 @@ PLACELESS = tuple(q.name for q in _ROWS if q.placeless)
 BY_CAMERA = tuple(q.name for q in _ROWS if q.by_camera)
 """Quantities read off images of the scene's camera."""
 
+BY_VEHICLE = tuple(q.name for q in _ROWS if q.by_vehicle)
+"""What happens to the scene's vehicle: which it is, and its place, decide."""
+
 DIRECTIONS = {q.name: q.largest for q in _ROWS if q.kind == "direction"}
 """Angles seen from a sensor's position, and the largest value either way [rad]."""
 

@@ -37,6 +37,7 @@ class Quantity:
         circular: Whether it is the same after a full circle.
         placeless: Whether it is the same wherever its sensor stands.
         by_camera: Whether the scene's camera sees it.
+        by_vehicle: Whether it is what happens to the scene's vehicle.
         default_sigma: Error of one more datum of it where no sensor says, in seconds or
             relative; None where none is proposed.
         parts: Quantities with a law, and their signs, whose sum it is.
@@ -51,6 +52,7 @@ class Quantity:
     circular: bool = False
     placeless: bool = False
     by_camera: bool = False
+    by_vehicle: bool = False
     default_sigma: float | None = None
     parts: tuple[tuple[str, float], ...] = ()
 

@@ -132,6 +132,33 @@ _RECORDED = (
         meaning="peak displacement of the ground",
         kind="displacement",
     ),
+    Quantity(
+        name="jolt_velocity_m_s",
+        unit="m/s",
+        words="jolt",
+        meaning="change of velocity that the blast gives the scene's vehicle",
+        kind="speed",
+        by_vehicle=True,
+    ),
+    Quantity(
+        name="jolt_bearing_rad",
+        unit="rad",
+        words="bearing of the jolt",
+        meaning="direction in which the vehicle is thrown, clockwise from north",
+        kind="direction",
+        largest=2 * math.pi,
+        circular=True,
+        by_vehicle=True,
+    ),
+    Quantity(
+        name="jolt_elevation_rad",
+        unit="rad",
+        words="elevation of the jolt",
+        meaning="direction in which the vehicle is thrown, above the horizon",
+        kind="direction",
+        largest=math.pi / 2,
+        by_vehicle=True,
+    ),
 )
 _DERIVED = (
     Quantity(

@@ -51,8 +51,9 @@ class Law:
             return "exact"
         if inspect.signature(self.scatter).parameters:
             return f"scatter {self.scatter_source}"
+        angle = self.quantity.endswith("_rad")
         parts = ", ".join(
-            f"{100 * sd:g} % {what}"
+            f"{sd:g} rad {what}" if angle else f"{100 * sd:g} % {what}"
             for what, sd in zip(
                 ("a shot", "a path", "a record"), self.scatter(), strict=True
             )
@@ -68,6 +69,9 @@ class Law:
 
 
 LAWS: dict[tuple[str, str], Law] = {}
+RESERVED: dict[tuple[str, str], Law] = {}
+"""Laws that are found by name, and never offered: wrong, and kept to repeat a source.
+"""
 PACKAGED: dict[tuple[str, str], Law] = {}
 """Those that the package comes with."""
 
@@ -78,9 +82,15 @@ def register(law: Law) -> Law:
     return law
 
 
-def mark_packaged() -> None:
-    """Take the laws registered so far for those that the package comes with."""
-    PACKAGED.update(LAWS)
+def reserve(law: Law) -> Law:
+    """Enter a law that only who names it gets: no list, choice or chart has it."""
+    RESERVED[law.quantity, law.name] = law
+    return law
+
+
+def mark_packaged(*laws: Law) -> None:
+    """Take laws, or all registered so far, for those that the package comes with."""
+    PACKAGED.update({(law.quantity, law.name): law for law in laws or LAWS.values()})
 
 
 def are_packaged() -> bool:
@@ -94,12 +104,17 @@ def law_for(quantity: str, name: str) -> Law:
     Raises:
         ValueError: No such law gives that quantity; the message lists those that do.
     """
-    if (quantity, name) not in LAWS:
+    if not is_law(quantity, name):
         raise ValueError(
             f"no law named {name!r} gives {quantity}; "
             f"expected one of {', '.join(names_for(quantity)) or '(none yet)'}"
         )
-    return LAWS[quantity, name]
+    return LAWS.get((quantity, name)) or RESERVED[quantity, name]
+
+
+def is_law(quantity: str, name: str) -> bool:
+    """Return whether a law of that name gives a quantity, offered or not."""
+    return (quantity, name) in LAWS or (quantity, name) in RESERVED
 
 
 def names_for(quantity: str) -> tuple[str, ...]:

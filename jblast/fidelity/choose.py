@@ -120,8 +120,8 @@ def tolerance_of(
         longest = np.max([each.sound_time for each in conditions], axis=0)
         away = longest > 0.0  # a sensor at the charge says nothing
         shares = shares[away] / longest[away]
-    told = shares[np.isfinite(shares)]
-    return SHARE_OF_SIGMA * float(told.min()) if told.size else 0.0
+    stated = shares[np.isfinite(shares)]
+    return SHARE_OF_SIGMA * float(stated.min()) if stated.size else 0.0
 
 
 def choose_for(

@@ -11,7 +11,14 @@ from jaxtyping import Array
 from jblast.errors import InputError, nearest
 from jblast.quantities import components
 from jblast.quantity_table import DERIVED_QUANTITIES, QUANTITIES
-from jblast.scene import Charge, Scene, Sensor, UncertainScene, place_of, with_values
+from jblast.scene import (
+    Charge,
+    Scene,
+    Sensor,
+    UncertainScene,
+    parameter_named,
+    with_values,
+)
 from jblast.scene.priors import Free
 from jblast.waves.path_between import path_between
 from jblast.waves.paths import Path
@@ -72,7 +79,7 @@ def paths_in(
     scene = uncertain.scene
     cases = [scene]
     for name, belief in uncertain.beliefs.items():
-        if not place_of(name).decides:
+        if not parameter_named(name).decides:
             continue
         if isinstance(belief, Free):
             raise InputError(

@@ -7,8 +7,9 @@ from jblast.scene.camera import Camera as Camera
 from jblast.scene.charge import Charge as Charge
 from jblast.scene.explosives import EXPLOSIVES as EXPLOSIVES
 from jblast.scene.ground import Ground as Ground
-from jblast.scene.instrument import Instrument as Instrument
+from jblast.scene.instrument import Imu as Imu, Instrument as Instrument
 from jblast.scene.parameters import (
+    parameter_named as parameter_named,
     place_of as place_of,
     value_of as value_of,
     with_values as with_values,
@@ -25,7 +26,19 @@ from jblast.scene.priors import (
     Normal as Normal,
     Uniform as Uniform,
 )
-from jblast.scene.reader.scene import read_scene as read_scene
+from jblast.scene.random.spec import (
+    Box as Box,
+    ByCount as ByCount,
+    ByRate as ByRate,
+    ByTick as ByTick,
+    Ring as Ring,
+    WorldSpec as WorldSpec,
+)
+from jblast.scene.reader.scene import (
+    read_scene as read_scene,
+    read_scene_or_world as read_scene_or_world,
+    read_world as read_world,
+)
 from jblast.scene.scene import Scene as Scene
 from jblast.scene.sensor import Clock as Clock, Sensor as Sensor
 from jblast.scene.uncertain import (

@@ -22,6 +22,7 @@ class Air(eqx.Module):
         wind_north: Towards north [m/s].
         absorption: Whether it absorbs sound within the range of a pressure law, too,
             whose peaks hold what it absorbed where they were measured.
+        absorption_scale: Nepers a metre of this air over those of ISO 9613-1 [-].
     """
 
     temperature: Float[Array, ""] = eqx.field(
@@ -42,3 +43,6 @@ class Air(eqx.Module):
     wind_east: Float[Array, ""] = eqx.field(converter=as_float_array, default=0.0)
     wind_north: Float[Array, ""] = eqx.field(converter=as_float_array, default=0.0)
     absorption: bool = eqx.field(static=True, default=False)
+    absorption_scale: Float[Array, ""] = eqx.field(
+        converter=as_float_array, default=1.0
+    )

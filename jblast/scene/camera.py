@@ -7,12 +7,18 @@ from jax.core import Tracer
 from jaxtyping import Array, Float
 
 from jblast.errors import InputError, shown
-from jblast.types import as_float_array
+from jblast.types import as_float_array, as_optional_float_array
 
 FRAMES_HZ = 1000.0
 """Frames in a second where nothing else is said."""
 
 POSITIVE = ("focal", "frames_hz", "threshold")
+MOUNTS = ("vehicle",)
+"""What may carry a camera."""
+
+FORWARD = (-0.5, 0.5, -0.5, 0.5)
+"""Quaternion from the camera's axes to those of a body that it looks forward from."""
+
 NUMBERS = ("position", "quaternion", "center", "distortion", "exposure_s", *POSITIVE)
 
 
@@ -34,6 +40,10 @@ class Camera(eqx.Module):
         exposure_s: How long a frame gathers light [s]; 0 is an instant.
         threshold: Steps of log intensity that make an event: brighter, darker; both
             positive [-].
+        daylight: Light of sky and sun on the ground that pictures are exposed for
+            [lx]; None: full sun.
+        mount: What carries it: "" nothing, "vehicle" the scene's vehicle. Then place
+            and quaternion are those in the axes of its body (forward, left, up).
 
     Raises:
         InputError: A size is below one, a number not finite, a focal length, frame rate
@@ -55,6 +65,10 @@ class Camera(eqx.Module):
     threshold: Float[Array, "2"] = eqx.field(
         converter=as_float_array, default_factory=lambda: jnp.full(2, 0.2)
     )
+    daylight: Float[Array, ""] | None = eqx.field(
+        converter=as_optional_float_array, default=None
+    )
+    mount: str = eqx.field(static=True, default="")
 
     def __check_init__(self):
         for name in ("width", "height"):

@@ -14,7 +14,7 @@ from jblast.scene.scene import Scene
 from jblast.types import as_float_array
 
 
-def place_of(name: str) -> Parameter:
+def parameter_named(name: str) -> Parameter:
     """Return what a number is: `charge_mass_kg`, or of one of several, `....NAME`.
 
     Raises:
@@ -22,6 +22,11 @@ def place_of(name: str) -> Parameter:
     """
     base = name.partition(".")[0]
     return CLOCK if base == CLOCK_OFFSET else PARAMETERS[base]
+
+
+def place_of(name: str) -> Parameter:
+    """Return `parameter_named` of it: the name that `jblast.scene` promised first."""
+    return parameter_named(name)
 
 
 def names_in(scene: Scene) -> tuple[str, ...]:

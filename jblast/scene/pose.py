@@ -34,6 +34,20 @@ def quaternion_matrix(quaternion: Float[ArrayLike, "4"]) -> Float[Array, "3 3"]:
     return jnp.eye(3, dtype=q.dtype) + 2.0 / jnp.sum(jnp.square(q)) * turned
 
 
+def quaternion_product(
+    after: Float[ArrayLike, "4"], before: Float[ArrayLike, "4"]
+) -> Float[Array, "4"]:
+    """Quaternion (x, y, z, w) of one rotation, and then another.
+
+    Args:
+        after: The later rotation.
+        before: The earlier one.
+    """
+    a, b = as_float_array(after), as_float_array(before)
+    vector = a[3] * b[:3] + b[3] * a[:3] + jnp.cross(a[:3], b[:3])
+    return jnp.append(vector, a[3] * b[3] - jnp.dot(a[:3], b[:3]))
+
+
 def matrix_quaternion(matrix: Float[ArrayLike, "3 3"]) -> Float[Array, "4"]:
     r"""Unit quaternion (x, y, z, w) of a rotation matrix, with $w \ge 0$.
 

@@ -6,7 +6,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike, Float
 
-from jblast.scene.instrument import Instrument
+from jblast.scene.instrument import Imu, Instrument
 from jblast.scene.keywords import Described
 from jblast.types import as_float_array
 
@@ -27,6 +27,12 @@ class Sensor(Described):
             relative otherwise.
         times_s: When it takes what has a time, as radii, by its clock [s].
         instrument: What it does to the signal that it samples, if anyone said.
+        imu: What it makes of the motion that it samples, if anyone said.
+        mount: What carries it: "" nothing, "vehicle" the scene's vehicle. Then its
+            position is NaN, as that of any sensor whose place is not said.
+        offset_m: From the middle of what carries it, in the axes of its body: forward,
+            left, up [m].
+        quaternion: Sensor to body (x, y, z, w), scalar last.
 
     Raises:
         TypeError: A keyword that no attribute has.
@@ -42,6 +48,14 @@ class Sensor(Described):
     records: tuple[tuple[str, float], ...] = eqx.field(static=True, default=())
     times_s: tuple[float, ...] = eqx.field(static=True, default=())
     instrument: Instrument | None = None
+    imu: Imu | None = None
+    mount: str = eqx.field(static=True, default="")
+    offset_m: Float[Array, "3"] = eqx.field(
+        converter=_vector, default_factory=lambda: jnp.zeros(3)
+    )
+    quaternion: Float[Array, "4"] = eqx.field(
+        converter=_vector, default_factory=lambda: jnp.array([0.0, 0.0, 0.0, 1.0])
+    )
 
 
 class Clock(Described):

@@ -11,7 +11,7 @@ from jblast.errors import InputError, argument, nearest
 from jblast.parameter_table import CLOCK_OFFSET, PARAMETERS
 from jblast.scene.parameters import (
     names_in,
-    place_of,
+    parameter_named,
     value_of,
     with_values,
 )
@@ -110,10 +110,12 @@ def freed(uncertain: UncertainScene, names: Sequence[str]) -> UncertainScene:
             )
         _refuse_unused(name, uncertain, names)
     beliefs = dict(uncertain.beliefs) | {
-        name: Free(positive=place_of(name).positive) for name in names
+        name: Free(positive=parameter_named(name).positive) for name in names
     }
     unset = {
-        name: place_of(name).default for name in names if value_of(scene, name) is None
+        name: parameter_named(name).default
+        for name in names
+        if value_of(scene, name) is None
     }
     return replace(uncertain, scene=with_values(scene, unset), beliefs=beliefs)
 
@@ -131,7 +133,7 @@ def _refuse_unused(name: str, uncertain: UncertainScene, names: Sequence[str]) -
                 other
                 for other in others
                 if other in (*uncertain.beliefs, *names)
-                or value_of(scene, other) != place_of(other).default
+                or value_of(scene, other) != parameter_named(other).default
             ]
         elif name in others and value_of(scene, one) is not None:
             rivals = [one]

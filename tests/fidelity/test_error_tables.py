@@ -25,6 +25,7 @@ PRINTED = 1e-5
 """Half of the last digit of the tables, and what rounding adds."""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("burst", BURSTS)
 @pytest.mark.parametrize("quantity", REFERENCES)
 def test_errors_are_as_stored(quantity, burst):

@@ -25,6 +25,7 @@ def path(request):
     return random_path(request.param)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("quantity", REFERENCES)
 def test_promises_are_kept_at_no_more_than_twice_the_cost(quantity, path):
     made = promises(quantity, path)

@@ -6,10 +6,10 @@ import numpy as np
 from jaxtyping import Float
 
 from jblast.errors import InputError, shown
-from jblast.scene.camera import FRAMES_HZ, Camera
+from jblast.scene.camera import FORWARD, FRAMES_HZ, MOUNTS, Camera
 from jblast.scene.pose import look_at
 from jblast.scene.reader.priors import LISTS, finite, fixed_list
-from jblast.scene.reader.tables import table
+from jblast.scene.reader.tables import choice, table
 
 LARGEST_IMAGE = 65_535
 """Pixels along a side: files of events keep x and y in 16 bits."""
@@ -18,8 +18,9 @@ LARGEST_IMAGE = 65_535
 def read_camera(document: dict[str, Any], source: str) -> Camera | None:
     """Read the camera of a scene file; None where it has none.
 
-    Place, direction, size and focal length have no default. The principal point is the
-    middle of the image if nothing else is said.
+    Place, direction, size and focal length have no default; on a vehicle the place is
+    its own and the direction forward. The principal point is the middle of the image if
+    nothing else is said.
 
     Raises:
         InputError: As in `read_scene`.
@@ -29,7 +30,11 @@ def read_camera(document: dict[str, Any], source: str) -> Camera | None:
     where = f"{source}: [camera]"
     _refuse_old_order(document["camera"], where)
     entry = table(document, "camera", source)
-    position = _list(entry, "position_m", where)
+    mount = _mount(entry, document, where)
+    place = "offset_m" if mount else "position_m"
+    position = (
+        np.zeros(3) if mount and place not in entry else _list(entry, place, where)
+    )
     width, height = (_pixels(entry, key, where) for key in ("width", "height"))
     optional: dict[str, Any] = {}
     if "distortion" in entry:
@@ -39,19 +44,51 @@ def read_camera(document: dict[str, Any], source: str) -> Camera | None:
     if "exposure_s" in entry:
         interval = 1 / optional.get("frames_hz", FRAMES_HZ)
         optional["exposure_s"] = _exposure(entry["exposure_s"], interval, where)
+    if (key := "daylight_lux") in entry:
+        optional["daylight"] = _positive(entry[key], f"{where} {key}")
     if "threshold" in entry:
         optional["threshold"] = _pair(entry, "threshold", where)
     return Camera(
         position=position,
-        quaternion=_quaternion(entry, position, where),
+        quaternion=np.array(FORWARD)
+        if mount and "quaternion_xyzw" not in entry
+        else _quaternion(entry, position, where),
         focal=_pair(entry, "focal_px", where),
         center=_list(entry, "center_px", where)
         if "center_px" in entry
         else np.array([(width - 1) / 2, (height - 1) / 2]),
         width=width,
         height=height,
+        mount=mount,
         **optional,
     )
+
+
+def _mount(entry: dict[str, Any], document: dict[str, Any], where: str) -> str:
+    """Return what carries the camera; "" where nothing does."""
+    if "mount" not in entry:
+        if "offset_m" in entry:
+            raise InputError(
+                f'{where} offset_m: expected mount = "vehicle" with it, or position_m '
+                "in its place, got no mount"
+            )
+        return ""
+    mount = choice(entry["mount"], MOUNTS, f"{where} mount")
+    for key, instead in (
+        ("position_m", "offset_m, in the axes of the vehicle's body"),
+        ("look_at_m", "quaternion_xyzw, camera to body, or neither to look forward"),
+    ):
+        if key in entry:
+            raise InputError(
+                f"{where} {key}: expected {instead}, for a camera on a vehicle, got "
+                f"{shown(entry[key])}"
+            )
+    if "vehicle" not in document:
+        raise InputError(
+            f'{where} mount: expected a [vehicle] that carries it, got "{mount}" and '
+            "no such table"
+        )
+    return mount
 
 
 def _quaternion(entry: dict[str, Any], position: Float[np.ndarray, "3"], where: str):

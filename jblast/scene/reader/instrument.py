@@ -5,15 +5,29 @@ from typing import Any
 import numpy as np
 
 from jblast.errors import InputError, shown
-from jblast.scene.instrument import FEWEST_BITS, MOST_BITS, RATE_HZ, Instrument
+from jblast.scene.instrument import FEWEST_BITS, MOST_BITS, RATE_HZ, Imu, Instrument
 from jblast.scene.reader.priors import LISTS, fixed_number
 from jblast.scene.reader.schema import (
+    IMU_KEYS,
     INSTRUMENT_KEYS,
     INSTRUMENT_KINDS,
     SATURATIONS,
     VELOCITY_KINDS,
 )
 from jblast.scene.reader.tables import choice, number_list
+
+MOST_HZ = 1e5
+FIELDS = {
+    "full_scale_m_s2": "accelerometer_range",
+    "full_scale_rad_s": "gyroscope_range",
+    "noise_m_s2_sqrt_hz": "accelerometer_noise",
+    "noise_rad_s_sqrt_hz": "gyroscope_noise",
+    "bias_m_s2": "accelerometer_bias",
+    "bias_rad_s": "gyroscope_bias",
+    "bias_walk_m_s2_sqrt_s": "accelerometer_walk",
+    "bias_walk_rad_s_sqrt_s": "gyroscope_walk",
+}
+"""Keys of the file, and what `Imu` calls them."""
 
 
 def read_instrument(
@@ -37,6 +51,8 @@ def read_instrument(
         )
     given = [key for key in INSTRUMENT_KEYS if key in entry]
     if not given:
+        return None
+    if kind == "imu":  # has a reader of its own
         return None
     if kind and kind not in INSTRUMENT_KINDS:
         raise InputError(
@@ -83,6 +99,66 @@ def read_instrument(
         low_pass=low_pass,
         saturation=entry.get("saturation", "clip"),
     )
+
+
+def read_imu(entry: dict[str, Any], kind: str, mount: str, where: str) -> Imu | None:
+    """Read the IMU of a sensor; None where the file says nothing of its samples.
+
+    Args:
+        entry: The sensor's keys and values.
+        kind: Kind of the sensor, "" if unsaid.
+        mount: What carries it, "" if nothing.
+        where: File, table and sensor, for the messages.
+
+    Raises:
+        InputError: As in `read_scene`.
+    """
+    own = [key for key in IMU_KEYS if key in entry]
+    if kind != "imu":
+        for key in own:
+            if key not in INSTRUMENT_KEYS:
+                raise InputError(
+                    f'{where} {key}: expected kind = "imu" with it, got '
+                    f"{shown(kind) if kind else 'no kind'}"
+                )
+        return None
+    for key in INSTRUMENT_KEYS:
+        if key in entry and key not in IMU_KEYS:
+            raise InputError(
+                f"{where} {key}: expected one of {', '.join(IMU_KEYS)}, which an imu "
+                f"has, got {key}"
+            )
+    if not own:
+        return None
+    if not mount:
+        raise InputError(
+            f'{where} {own[0]}: expected mount = "vehicle", which moves it, with the '
+            "samples of an imu; got no mount"
+        )
+    found: dict[str, Any] = {}
+    for key, field in FIELDS.items():
+        if key in entry:
+            found[field] = _number(entry[key], key.startswith("full"), f"{where} {key}")
+    if "rate_hz" in entry:
+        found["rate"] = _number(entry["rate_hz"], True, f"{where} rate_hz")
+        if found["rate"] > MOST_HZ:
+            raise InputError(
+                f"{where} rate_hz: expected at most {MOST_HZ:g} of an imu, got "
+                f"{shown(entry['rate_hz'])}"
+            )
+    if "bits" in entry:
+        found["bits"] = _bits(entry["bits"], f"{where} bits")
+    return Imu(**found)
+
+
+def _number(value: Any, positive: bool, where: str) -> float:
+    number = fixed_number(value, where)
+    if number < 0 or (positive and number == 0):
+        expected = "is positive" if positive else "is not negative"
+        raise InputError(
+            f"{where}: expected a number that {expected}, got {shown(value)}"
+        )
+    return number
 
 
 def _positive(value: Any, where: str) -> float:

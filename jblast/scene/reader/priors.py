@@ -28,6 +28,7 @@ LISTS = {
     "position_m": "[east, north, up]",
     "wind_m_s": "[east, north]",
     "look_at_m": "[east, north, up]",
+    "offset_m": "[forward, left, up]",
     "quaternion_xyzw": "[x, y, z, w]",
     "focal_px": "[x, y]",
     "center_px": "[x, y]",
@@ -39,6 +40,8 @@ LISTS = {
     "kp_pos": "[east, north, up]",
     "kd_pos": "[east, north, up]",
     "ki_pos": "[east, north, up]",
+    "box": "[[east, north, up], [east, north, up]]",
+    "ring": "[inner, outer]",
 }
 """Keys that hold a list of numbers, and how it is written."""
 

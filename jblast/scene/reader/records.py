@@ -64,8 +64,8 @@ def _additive(sigma: Any, quantity: str, where: str) -> float:
 
 def _share(sigma: Any, quantity: str, where: str) -> float:
     expected = 'a positive share of the value with its % sign, as "5%"'
-    told = SHARE.fullmatch(sigma) if isinstance(sigma, str) else None
-    if told is not None and (share := float(told.group(1)) / 100) > 0:
+    share_match = SHARE.fullmatch(sigma) if isinstance(sigma, str) else None
+    if share_match is not None and (share := float(share_match.group(1)) / 100) > 0:
         return finite(share, where, expected)
     advice = ""
     if isinstance(sigma, int | float) and not isinstance(sigma, bool) and sigma > 0:

@@ -1,7 +1,9 @@
 """The reader of scene files: TOML to a scene and what is believed of its numbers."""
 
+import math
 import os
 import tomllib
+from dataclasses import replace
 from typing import Any
 
 from jblast.errors import InputError, read_text, shown
@@ -9,12 +11,13 @@ from jblast.quantity_table import QUANTITIES
 from jblast.scene.air import Air
 from jblast.scene.ground import Ground
 from jblast.scene.parameters import with_values
+from jblast.scene.random.spec import WorldSpec
 from jblast.scene.reader.ambient import read_ambient
 from jblast.scene.reader.camera import read_camera
 from jblast.scene.reader.charges import read_charges
 from jblast.scene.reader.clocks import read_clocks
 from jblast.scene.reader.place import read_place
-from jblast.scene.reader.priors import read_numbers
+from jblast.scene.reader.priors import fixed_number, read_numbers
 from jblast.scene.reader.schema import GROUND_PATHS, LAW_NAMES_LATER
 from jblast.scene.reader.sensors import read_sensors
 from jblast.scene.reader.tables import (
@@ -26,6 +29,7 @@ from jblast.scene.reader.tables import (
     true_or_false,
 )
 from jblast.scene.reader.vehicle import read_vehicle
+from jblast.scene.reader.world import read_random_blasts
 from jblast.scene.scene import Scene
 from jblast.scene.uncertain import UncertainScene
 
@@ -46,14 +50,79 @@ def read_scene(path: str | os.PathLike[str]) -> UncertainScene:
     Example:
         `uncertain = jblast.read_scene("scene.toml")`
     """
+    return scene_from_document(document_of(path), str(path))
+
+
+def read_world(path: str | os.PathLike[str]) -> tuple[UncertainScene, WorldSpec]:
+    """Read a scene file of random blasts.
+
+    Args:
+        path: A TOML file with [world].
+
+    Returns:
+        The scene without them, and what they are drawn by. Without [charge] its one
+        charge never happens.
+
+    Raises:
+        InputError: As in `read_scene`, or there is no [world].
+    """
+    return world_from_document(document_of(path), str(path))
+
+
+def read_scene_or_world(
+    path: str | os.PathLike[str],
+) -> tuple[UncertainScene, WorldSpec | None]:
+    """Read a scene file that may have random blasts.
+
+    Args:
+        path: A TOML file.
+
+    Returns:
+        The scene; and what random blasts are drawn by, None where there are none.
+
+    Raises:
+        InputError: As in `read_scene` and `read_world`.
+    """
+    document = document_of(path)
+    if "world" in document:
+        return world_from_document(document, str(path))
+    return scene_from_document(document, str(path)), None
+
+
+def document_of(path: str | os.PathLike[str]) -> dict[str, Any]:
+    """Return the tables of a scene file as they stand, nothing checked.
+
+    Raises:
+        InputError: It cannot be read, or is no TOML.
+    """
     text = read_text(path, "a scene in TOML")
     try:
-        document = tomllib.loads(text)
+        return tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
         raise InputError(f"{path}: broken TOML: {error}") from None
     except (ValueError, RecursionError) as error:  # numbers of 5000 digits; [[[[[[
         raise InputError(f"{path}: broken TOML: {error}") from None
-    return scene_from_document(document, str(path))
+
+
+def world_from_document(
+    document: dict[str, Any], source: str
+) -> tuple[UncertainScene, WorldSpec]:
+    """Build a scene and its random blasts from what TOML says.
+
+    Args:
+        document: The tables of the file.
+        source: The file's name, for the messages.
+
+    Raises:
+        InputError: As in `read_world`.
+    """
+    world = read_random_blasts(document, source)
+    rest = {key: value for key, value in document.items() if key != "world"}
+    if "charge" in document:
+        return scene_from_document(rest, source), world
+    uncertain = scene_from_document(rest | {"charge": {"mass_kg": 1.0}}, source)
+    never = replace(uncertain.scene.charge, time_s=math.inf)
+    return replace(uncertain, scene=replace(uncertain.scene, charge=never)), world
 
 
 def scene_from_document(document: dict[str, Any], source: str) -> UncertainScene:
@@ -67,6 +136,12 @@ def scene_from_document(document: dict[str, Any], source: str) -> UncertainScene
         InputError: As in `read_scene`.
     """
     known_keys(document, "", source)
+    if "world" in document:
+        raise InputError(
+            f"{source}: [world]: expected blasts that are told one by one, in "
+            "[charge], got random ones: jblast world draws them, and jblast fit fits "
+            "what it wrote"
+        )
     schema = document.get("schema", 1)
     if isinstance(schema, bool) or schema != 1:
         raise InputError(f"{source}: schema: expected 1, got {shown(schema)}")
@@ -93,7 +168,7 @@ def scene_from_document(document: dict[str, Any], source: str) -> UncertainScene
     scene = Scene(
         charge=charges[0],
         others=charges[1:],
-        air=Air(absorption=absorption),
+        air=Air(absorption=absorption, absorption_scale=_scale(single["air"], source)),
         ground=Ground(path=single["ground"].get("path", "head")),
         sensors=sensors,
         ambient=read_ambient(document, source),
@@ -109,6 +184,17 @@ def scene_from_document(document: dict[str, Any], source: str) -> UncertainScene
     }
     place = read_place(document, source)
     return UncertainScene(with_values(scene, values), beliefs, source, place)
+
+
+def _scale(air: dict[str, Any], source: str) -> float:
+    """Return what the absorption of ISO 9613-1 is to be multiplied by."""
+    where, value = f"{source}: [air] absorption_scale", air.get("absorption_scale", 1.0)
+    number = fixed_number(value, where)
+    if number < 0:
+        raise InputError(
+            f"{where}: expected a number that is not negative, got {shown(value)}"
+        )
+    return number
 
 
 def _law(law: dict[str, Any], where: str) -> tuple[tuple[tuple[str, str], ...], bool]:

@@ -14,6 +14,20 @@ INSTRUMENT_KEYS = (
 )
 """Keys of a sensor that say what its instrument does."""
 
+IMU_KEYS = (
+    "rate_hz",
+    "full_scale_m_s2",
+    "full_scale_rad_s",
+    "noise_m_s2_sqrt_hz",
+    "noise_rad_s_sqrt_hz",
+    "bias_m_s2",
+    "bias_rad_s",
+    "bias_walk_m_s2_sqrt_s",
+    "bias_walk_rad_s_sqrt_s",
+    "bits",
+)
+"""Those of an imu."""
+
 KEYS: dict[str, tuple[str, ...]] = {
     "": (
         "schema",
@@ -26,6 +40,7 @@ KEYS: dict[str, tuple[str, ...]] = {
         "ambient",
         "camera",
         "vehicle",
+        "world",
         "law",
     ),
     "charge": (
@@ -46,6 +61,7 @@ KEYS: dict[str, tuple[str, ...]] = {
         "sound_speed_m_s",
         "wind_m_s",
         "absorption",
+        "absorption_scale",
     ),
     "ground": ("p_speed_m_s", "path"),
     "sensor": (
@@ -55,7 +71,10 @@ KEYS: dict[str, tuple[str, ...]] = {
         "clock_offset_s",
         "records",
         "times_s",
-        *INSTRUMENT_KEYS,
+        "mount",
+        "offset_m",
+        "quaternion_xyzw",
+        *dict.fromkeys((*INSTRUMENT_KEYS, *IMU_KEYS)),
     ),
     "clock": ("name", "offset_s"),
     "place": ("lat_deg", "lon_deg", "alt_m"),
@@ -64,6 +83,8 @@ KEYS: dict[str, tuple[str, ...]] = {
         "position_m",
         "look_at_m",
         "quaternion_xyzw",
+        "mount",
+        "offset_m",
         "width",
         "height",
         "focal_px",
@@ -72,8 +93,21 @@ KEYS: dict[str, tuple[str, ...]] = {
         "frames_hz",
         "exposure_s",
         "threshold",
+        "daylight_lux",
     ),
-    "vehicle": ("model", "position_m", "velocity_m_s", "control"),
+    "vehicle": ("model", "position_m", "velocity_m_s", "control", "mission"),
+    "world": (
+        "count",
+        "rate_hz",
+        "probability",
+        "tick_s",
+        "region_m",
+        "about",
+        "mass_kg",
+        "time_s",
+        "gap_s",
+    ),
+    "region": ("box", "ring", "about"),
     "control": (
         "integral",
         "target_m",
@@ -87,13 +121,10 @@ KEYS: dict[str, tuple[str, ...]] = {
     ),
     "law": (*QUANTITIES, "scatter", "sedov_gamma", "fireball_growth_s"),
 }
-"""Keys by table; "" is the file itself, "control" stands in [vehicle]."""
+"""Keys by table; "" is the file itself, "control" stands in [vehicle], "region" in
+[world]."""
 
-LATER: dict[str, tuple[str, ...]] = {
-    "": ("world",),
-    "sensor": ("mount", "offset_m", "quaternion_xyzw"),
-    "vehicle": ("mission",),
-}
+LATER: dict[str, tuple[str, ...]] = {}
 """Keys of the contract that nothing uses yet."""
 
 SENSOR_KINDS = ("pressure", "microphone", "anemometer", "geophone", "flash", "imu")

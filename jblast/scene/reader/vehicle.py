@@ -1,5 +1,6 @@
 """The reader of a scene's vehicle."""
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -7,7 +8,13 @@ import numpy as np
 from jblast.errors import InputError, shown
 from jblast.scene.reader.priors import LISTS, fixed_list, fixed_number
 from jblast.scene.reader.schema import VEHICLE_MODELS
-from jblast.scene.reader.tables import choice, known_keys, table, true_or_false
+from jblast.scene.reader.tables import (
+    choice,
+    known_keys,
+    name_of,
+    table,
+    true_or_false,
+)
 from jblast.scene.vehicle import VehicleSpec
 from jblast.types import as_float_array
 
@@ -18,8 +25,9 @@ ALONE = ("kp_att", "kd_att", "integral_limit")
 def read_vehicle(document: dict[str, Any], source: str) -> VehicleSpec | None:
     """Read the vehicle of a scene file; None where it has none.
 
-    Model and place have no default. Its numbers are fixed: what is uncertain of where
-    it stands to a blast is told of the charge.
+    Model and place have no default; but a mission begins at its plan's home. Its
+    numbers are fixed: what is uncertain of where it stands to a blast is told of the
+    charge.
 
     Raises:
         InputError: As in `read_scene`.
@@ -32,17 +40,32 @@ def read_vehicle(document: dict[str, Any], source: str) -> VehicleSpec | None:
         ("model", f"one of {', '.join(VEHICLE_MODELS)}"),
         ("position_m", LISTS["position_m"]),
     ):
-        if key not in entry:
+        if key not in entry and not (key == "position_m" and "mission" in entry):
             raise InputError(f"{where} {key}: expected {what}, got nothing")
     places = {
         name: fixed_list(entry[key], f"{where} {key}", LISTS[key])
         for name, key in (("position", "position_m"), ("velocity", "velocity_m_s"))
         if key in entry
     }
+    control = _control(entry.get("control", {}), f"{where} control")
+    if "mission" in entry:
+        for key, given in (
+            ("velocity_m_s", "velocity" in places),
+            ("control target_m", "target" in control),
+        ):
+            if given:
+                raise InputError(
+                    f"{where} {key}: expected none beside a mission, which begins at "
+                    "rest and says where to go, got one"
+                )
+        name = name_of(entry["mission"], f"{where} mission")
+        control["mission"] = str(Path(source).parent / name)
+        control["placed"] = "position" in places
+        places.setdefault("position", np.zeros(3))
     return VehicleSpec(
         model=choice(entry["model"], VEHICLE_MODELS, f"{where} model"),
         **places,
-        **_control(entry.get("control", {}), f"{where} control"),
+        **control,
     )
 
 

@@ -8,7 +8,7 @@ from jsonschema import Draft202012Validator
 
 from docs.generate.scene_schema import scene_schema
 from jblast.errors import InputError
-from jblast.scene import Ambient, Instrument
+from jblast.scene import Ambient, Imu, Instrument
 from jblast.scene.reader.scene import scene_from_document
 
 MICROPHONE = {
@@ -162,5 +162,65 @@ def test_a_broken_ambient_sound_is_refused_by_file_and_key(entries, said):
         ambient(**entries)
     message = str(caught.value)
     assert message.startswith("there/scene.toml: [ambient] ")
+    for words in said:
+        assert words in message, message
+
+
+IMU = {
+    "name": '"i"',
+    "kind": '"imu"',
+    "mount": '"vehicle"',
+    "rate_hz": "800",
+    "full_scale_m_s2": "160",
+    "full_scale_rad_s": "17.5",
+    "noise_m_s2_sqrt_hz": "1e-3",
+    "noise_rad_s_sqrt_hz": "2e-4",
+    "bias_m_s2": "0.1",
+    "bias_rad_s": "0",
+    "bias_walk_m_s2_sqrt_s": "1e-4",
+    "bias_walk_rad_s_sqrt_s": "1e-5",
+    "bits": '"float"',
+}
+"""Every key of an imu."""
+
+
+def imu(**changed):
+    vehicle = tomllib.loads('[vehicle]\nmodel = "iris"\nposition_m = [0, 0, 5]')
+    read = vehicle | document(**{**IMU, **changed})
+    return scene_from_document(read, "scene.toml").scene.sensors[0].imu
+
+
+def test_every_key_of_an_imu_arrives_where_it_belongs():
+    assert imu() == Imu(800, 160, 17.5, 1e-3, 2e-4, 0.1, 0.0, 1e-4, 1e-5, None)
+    assert Draft202012Validator(scene_schema()).is_valid(document(**IMU))
+    silent = dict.fromkeys([*IMU][3:])
+    assert imu(**silent) is None
+    assert imu(**silent | {"rate_hz": "500"}) == Imu(rate=500)
+
+
+BROKEN_IMU = {
+    "no rate": ({"rate_hz": "0"}, ["rate_hz", "is positive"]),
+    "far too fast": ({"rate_hz": "1e9"}, ["rate_hz", "at most 100000"]),
+    "negative noise": ({"noise_m_s2_sqrt_hz": "-1"}, ["noise_m_s2", "not negative"]),
+    "no range": ({"full_scale_m_s2": "0"}, ["full_scale_m_s2", "is positive"]),
+    "half a bit": ({"bits": "12.5"}, ["bits", "whole number"]),
+    "a gauge's noise": ({"noise_pa": "1"}, ["noise_pa", "which an imu has"]),
+    "not an imu": (
+        {"kind": '"microphone"', "rate_hz": None, "bits": None},
+        ["full_scale_m_s2", 'kind = "imu"'],
+    ),
+    "standing still": (
+        {"mount": None, "position_m": "[0, 0, 1]"},
+        ["rate_hz", 'mount = "vehicle"', "got no mount"],
+    ),
+}
+
+
+@pytest.mark.parametrize(("changed", "said"), BROKEN_IMU.values(), ids=BROKEN_IMU)
+def test_a_broken_imu_is_refused_by_file_sensor_and_key(changed, said):
+    with pytest.raises(InputError) as caught:
+        imu(**changed)
+    message = str(caught.value)
+    assert message.startswith("scene.toml: [[sensor]] 'i' ")
     for words in said:
         assert words in message, message

@@ -5,9 +5,9 @@ from contextlib import suppress
 from hypothesis import given, settings, strategies as st
 
 from jblast.errors import InputError
-from jblast.scene import UncertainScene
+from jblast.scene import UncertainScene, WorldSpec
 from jblast.scene.parameters import value_of
-from jblast.scene.reader.scene import scene_from_document
+from jblast.scene.reader.scene import scene_from_document, world_from_document
 from jblast.scene.reader.schema import KEYS, LATER
 from tests.scene.reader.alone import ALONE
 
@@ -72,6 +72,17 @@ DOCUMENT = st.fixed_dictionaries(
 def test_random_documents_raise_nothing_but_input_errors(document):
     with suppress(InputError):
         assert type(scene_from_document(document, "scene.toml")) is UncertainScene
+
+
+REGION = st.one_of(tables("region"), VALUE)
+
+
+@settings(deadline=None)
+@given(st.one_of(tables("world"), REGION.map(lambda one: {"region_m": one}), VALUE))
+def test_random_worlds_raise_nothing_but_input_errors(world):
+    document = {"world": world, "vehicle": VEHICLE}
+    with suppress(InputError):
+        assert type(world_from_document(document, "scene.toml")[1]) is WorldSpec
 
 
 @settings(deadline=None)

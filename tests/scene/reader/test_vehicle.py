@@ -6,6 +6,7 @@ from jblast.errors import InputError
 from jblast.scene.reader.scene import scene_from_document
 from jblast.scene.reader.schema import KEYS, VEHICLE_MODELS
 from jblast.scene.reader.vehicle import read_vehicle
+from jblast.vehicle import hold_of
 from jblast.vehicle.control.gains import NAMED
 from jblast.vehicle.quadrotor.models import PARAMETERS
 
@@ -57,6 +58,19 @@ def test_every_key_arrives_where_it_belongs(vehicle):
     }
 
 
+def test_a_mission_stands_beside_its_scene_and_begins_at_home():
+    entries = {"model": "iris", "mission": "plans/a.plan"}
+    spec = read_vehicle({"vehicle": entries}, "there/scene.toml")
+    assert spec is not None
+    assert spec.mission == "there/plans/a.plan"
+    assert not spec.placed
+    placed = read_vehicle({"vehicle": entries | {"position_m": [3, 4, 0]}}, "a.toml")
+    assert placed is not None
+    assert placed.placed
+    with pytest.raises(InputError, match="which jblast fly flies"):
+        hold_of(placed, integral=True)
+
+
 def test_the_scene_keeps_its_vehicle():
     document = {"vehicle": {"model": "crazyflie", "position_m": [1, 2, 3]}}
     scene = scene_from_document(document, "scene.toml").scene
@@ -83,7 +97,15 @@ BROKEN = {
     "free velocity": ({"velocity_m_s": "['free', 0, 0]"}, ["velocity_m_s", "free"]),
     "infinite velocity": ({"velocity_m_s": "[inf, 0, 0]"}, ["velocity_m_s[0]"]),
     "unknown key": ({"positon_m": "[1, 2, 3]"}, ["did you mean position_m?"]),
-    "mission": ({"mission": '"file.plan"'}, ["mission", "not supported yet"]),
+    "mission that is a number": ({"mission": "3"}, ["mission", "a name", "got 3"]),
+    "mission from a speed": (
+        {"mission": '"a.plan"', "velocity_m_s": "[1, 0, 0]"},
+        ["velocity_m_s", "beside a mission"],
+    ),
+    "mission and a place to hold": (
+        {"mission": '"a.plan"', "control": "{ target_m = [1, 2, 3] }"},
+        ["control target_m", "beside a mission"],
+    ),
     "control that is a word": ({"control": '"hold"'}, ["control", "got 'hold'"]),
     "unknown gain": (
         {"control": "{ kp_position = [1, 1, 1] }"},

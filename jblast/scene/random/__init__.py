@@ -1,0 +1,1 @@
+"""Random blasts: what a scene may say of them."""
