@@ -150,8 +150,8 @@ def _shape_fault(given: Mapping[str, Any]) -> str:
     try:
         np.broadcast_shapes(*shapes.values())
     except ValueError:
-        told = [f"{name} {shape}" for name, shape in shapes.items() if shape]
-        return f"expected one shape, or single numbers, got {', '.join(told)}"
+        shaped = [f"{name} {shape}" for name, shape in shapes.items() if shape]
+        return f"expected one shape, or single numbers, got {', '.join(shaped)}"
     return ""
 
 

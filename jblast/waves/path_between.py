@@ -38,7 +38,7 @@ def path_between(
     ground = slant_range(source[:, :2], position[:, :2])
     if charge.range_m is not None:
         slant = ground = jnp.broadcast_to(charge.range_m, slant.shape)
-    told = jnp.where(given, told_range, 1.0)
+    stated = jnp.where(given, told_range, 1.0)
     temperature, pressure = ambient(air)
     sound_speed = sound_speed_of(air)
     wind = jnp.stack([air.wind_east, air.wind_north])
@@ -52,7 +52,7 @@ def path_between(
         time_since_detonation = jnp.where(
             jnp.isnan(growth), jnp.nan, time_since_detonation
         )
-    distance = jnp.where(given, told, slant)
+    distance = jnp.where(given, stated, slant)
     sensor_height = jnp.where(is_placed, position[:, 2], 0.0)
     free_air = None
     if charge.burst is None:
@@ -67,7 +67,7 @@ def path_between(
         )
     return Path(
         slant_range=distance,
-        ground_range=jnp.where(given, told, ground),
+        ground_range=jnp.where(given, stated, ground),
         charge_mass=charge.mass_kg,
         height_of_burst=charge.up,
         ambient_pressure=pressure,

@@ -44,6 +44,10 @@ class Path(eqx.Module):
         fireball_growth: Time constant of the fireball's expansion [s]; NaN for the
             law's own.
         camera_focal: Focal length of the scene's camera [px]; NaN without one.
+        jolt_east: What the blast changes of the velocity of a vehicle there [m/s];
+            NaN where that is not asked for.
+        jolt_north: Likewise [m/s].
+        jolt_up: Likewise [m/s].
         burst: "surface" or "free-air"; None where `free_air` tells.
         free_air: Whether the reflection from the ground comes too late to matter, by
             place; None where `burst` is told.
@@ -68,6 +72,9 @@ class Path(eqx.Module):
     toward_up: Float[Array, "..."] = _untold()
     fireball_growth: Float[Array, "..."] = _untold()
     camera_focal: Float[Array, "..."] = _untold()
+    jolt_east: Float[Array, "..."] = _untold()
+    jolt_north: Float[Array, "..."] = _untold()
+    jolt_up: Float[Array, "..."] = _untold()
     free_air: Bool[Array, "..."] | None = None
     burst: Burst | None = eqx.field(static=True, default="surface")
     ground_path: GroundPath = eqx.field(static=True, default="head")

@@ -125,6 +125,7 @@ def is_flag(f, word) -> bool:
     return any(leaf.dtype == bool for leaf in jax.tree.leaves(answer))
 
 
+@pytest.mark.slow
 @every_other_function
 def test_jit_changes_nothing_and_a_batch_is_a_loop(f, word):
     values = drawn(f)

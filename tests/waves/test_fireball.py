@@ -15,6 +15,7 @@ from jblast.waves.fireball import (
     fireball_growth_time,
     fireball_radius,
     fireball_rise,
+    smoke_drift_time,
 )
 from jblast.waves.laws.kingery_bulmash.laws import kingery_bulmash_arrival_time
 from tests.tools.slopes import check_slopes
@@ -100,11 +101,46 @@ def test_nothing_before_the_detonation():
     assert fireball(3.0, -1.0).rise == 0
 
 
+@pytest.mark.parametrize("mass", [0.1, 15.0, 1e4])
+@pytest.mark.parametrize("lives", [0.2, 2.0, 60.0])
+def test_drift_keeps_the_momentum_of_what_is_drawn_in(mass, lives):
+    """Sphere and added mass in the moving air: m (u - U) stays as it began."""
+    time = lives * float(fireball_duration(mass))
+    clock = time * np.linspace(0.0, 1.0, 4001) ** 2
+    largest = LARGEST_RADIUS * np.cbrt(mass)
+    widened = largest + 0.25 * np.asarray(fireball_rise(mass, clock))
+    volume, light = (widened / largest) ** 3, STANDARD_TEMPERATURE / HOTTEST
+    inertia = light + (volume - 1.0) + 0.5 * volume  # of air, per first volume
+    speed = 1.0 - inertia[0] / inertia
+    expected = np.trapezoid(speed, clock)
+    # of the time: 1e-6 while it glows, 5e-4 for ever
+    part = 1e-6 if lives <= 1.0 else 5e-4
+    found = float(smoke_drift_time(mass, time))
+    assert found == pytest.approx(expected, abs=part * time)
+
+
+def test_drift_begins_at_rest_and_ends_with_the_wind():
+    life = float(fireball_duration(15.0))
+    assert float(smoke_drift_time(15.0, -1.0)) == 0.0
+    assert float(smoke_drift_time(15.0, 0.05 * life)) < 1e-3 * life
+    ends = [float(smoke_drift_time(15.0, t)) for t in (20 * life, 21 * life)]
+    assert ends[1] - ends[0] == pytest.approx(life, rel=0.01)
+    assert ends[0] < 20 * life
+
+
 @jax.jit
 def logs(log_mass, log_time):
     ball = fireball(jnp.exp(log_mass), jnp.exp(log_time))
     return jnp.log(
-        jnp.stack([ball.radius, ball.rise, ball.temperature, ball.optical_depth])
+        jnp.stack(
+            [
+                ball.radius,
+                ball.rise,
+                ball.drift_time,
+                ball.temperature,
+                ball.optical_depth,
+            ]
+        )
     )
 
 

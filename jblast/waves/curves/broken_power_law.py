@@ -1,9 +1,9 @@
-r"""Curves printed as a power law with bends, read in logarithms.
+r"""Curves printed as a power law with breaks, read in logarithms.
 
 $$y = A\,z^n \prod_i \left[1 + (z/a_i)^{n_i}\right]^{m_i}$$
 
 as Kinney and Graham write theirs. Every such curve is a power of z far inside its first
-bend and far outside its last, so it goes on by itself. Powers up to the tenth overflow
+break and far outside its last, so it goes on by itself. Powers up to the tenth overflow
 single precision at z = 1e4; their logarithms do not.
 """
 
@@ -16,7 +16,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 
-class Bend(NamedTuple):
+class Break(NamedTuple):
     """One factor.
 
     Attributes:
@@ -31,20 +31,20 @@ class Bend(NamedTuple):
 
 
 @dataclass(frozen=True)
-class BentPowerLaw:
+class BrokenPowerLaw:
     """One curve.
 
     Attributes:
         factor: $A$.
         exponent: $n$.
-        bends: The factors in brackets.
+        breaks: The factors in brackets.
         z_min: Below it the curve goes on as a power law with its slope there.
         z_max: Likewise above it.
     """
 
     factor: float
     exponent: float
-    bends: tuple[Bend, ...]
+    breaks: tuple[Break, ...]
     z_min: float = 0.0
     z_max: float = math.inf
 
@@ -56,9 +56,9 @@ class BentPowerLaw:
         if math.isfinite(self.z_max):
             inside = jnp.minimum(inside, math.log(self.z_max))
         value = math.log(self.factor) + self.exponent * inside
-        for bend in self.bends:
-            steps = bend.power * (inside - math.log(bend.z))
-            value = value + bend.share * jax.nn.softplus(steps)
+        for knee in self.breaks:
+            steps = knee.power * (inside - math.log(knee.z))
+            value = value + knee.share * jax.nn.softplus(steps)
         # Exactly on an end each of two terms gives half of the slope: together one.
         if self.z_min > 0.0:
             value = value + self.log_slope(self.z_min) * jnp.minimum(
@@ -73,6 +73,6 @@ class BentPowerLaw:
     def log_slope(self, z: float) -> float:
         """Return d ln y / d ln z, at a place within z_min to z_max."""
         return self.exponent + math.fsum(
-            bend.share * bend.power / (1.0 + (z / bend.z) ** -bend.power)
-            for bend in self.bends
+            knee.share * knee.power / (1.0 + (z / knee.z) ** -knee.power)
+            for knee in self.breaks
         )

@@ -1,7 +1,8 @@
 r"""Handbook fits of peak pressure: sums of powers of one over the scaled distance.
 
-Their segments are blended, and left as power laws, by `log_curve.LogCurve`: a sum that
-ends on a negative constant turns negative far away, and no handbook means it there.
+Their segments are blended, and left as power laws, by `log_polynomial.LogCurve`: a sum
+that ends on a negative constant turns negative far away, and no handbook means it
+there.
 """
 
 import math

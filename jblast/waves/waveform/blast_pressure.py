@@ -1,7 +1,7 @@
 r"""The whole pressure record of a burst at a place, from detonation on.
 
 What one blast is at a place, `blast_pulse`, is told here once; records and the loads on
-vehicles (`vehicle.blast_wave`) both follow from it:
+vehicles (`vehicle.loads.blast`) both follow from it:
 
 - arrival and peak: `shock_kinematics`, whose peak is Kingery's and Bulmash's up to
   Z = 20 and whose front has the speed that its peak asks for;

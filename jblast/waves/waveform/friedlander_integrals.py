@@ -23,6 +23,7 @@ STEPS = 5
 """Newton steps. Four reach rounding for k from 1e-6 to 1e12; one is to spare."""
 
 
+@jax.jit
 def impulse_fraction(decay: Float[Array, "..."]) -> Float[Array, "..."]:
     """Return $k(b)$: impulse over peak times duration."""
     series = [(-1.0) ** n / math.factorial(n + 2) for n in range(TERMS)]
@@ -32,6 +33,7 @@ def impulse_fraction(decay: Float[Array, "..."]) -> Float[Array, "..."]:
     return jnp.where(near, _polynomial(series, jnp.where(near, decay, 0.0)), far)
 
 
+@jax.jit
 def late_fraction(decay: Float[Array, "..."]) -> Float[Array, "..."]:
     """Return $g(b)$, which weighs what comes late."""
     series = [(-1.0) ** n / (math.factorial(n) * (n + 2)) for n in range(TERMS)]
@@ -40,12 +42,14 @@ def late_fraction(decay: Float[Array, "..."]) -> Float[Array, "..."]:
     return jnp.where(near, _polynomial(series, jnp.where(near, decay, 0.0)), far)
 
 
+@jax.jit
 def middle_fraction(decay: Float[Array, "..."]) -> Float[Array, "..."]:
     r"""Return $-k'(b) = \int_0^1 x\,(1-x)\,e^{-bx}\,dx$."""
     return -_fraction_and_slope(decay)[1]
 
 
 @jax.custom_jvp
+@jax.jit
 def decay_of_fraction(fraction: Float[Array, "..."]) -> Float[Array, "..."]:
     r"""Return the decay $b$ of an impulse fraction $k > 0$, the inverse of $k(b)$.
 
@@ -62,12 +66,14 @@ def decay_of_fraction(fraction: Float[Array, "..."]) -> Float[Array, "..."]:
         -3.0 * jnp.log(2.0 * fraction),
         jnp.minimum(1.5 * (inverse - 2.0), inverse - 1.0),
     )
-    for _ in range(STEPS):
+
+    def step(_, decay):
         k, slope = _fraction_and_slope(decay)
         ratio = k / fraction
         left = jnp.where(rising, -jnp.log(ratio), 1.0 - ratio)
-        decay = decay + left * (k / slope)
-    return decay
+        return decay + left * (k / slope)
+
+    return jax.lax.fori_loop(0, STEPS, step, decay)
 
 
 @decay_of_fraction.defjvp

@@ -15,6 +15,7 @@ $$A = \frac{e^2}{4} D, \qquad
 import math
 from typing import NamedTuple
 
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike, Float
 
@@ -39,6 +40,7 @@ class GroundPulse(NamedTuple):
     time_constant: Float[Array, "..."]
 
 
+@jax.jit
 def ground_pulse_of(
     arrival_time: Float[ArrayLike, "..."],
     displacement: Float[ArrayLike, "..."],
@@ -60,6 +62,7 @@ def ground_pulse_of(
     return GroundPulse(arrival_time, amplitude, jnp.where(moves, tau, 1.0))
 
 
+@jax.jit
 def ground_pulse_displacement(
     pulse: GroundPulse, time: Float[ArrayLike, "..."]
 ) -> Float[Array, "..."]:
@@ -68,6 +71,7 @@ def ground_pulse_displacement(
     return pulse.amplitude * u**2 * jnp.exp(-u)
 
 
+@jax.jit
 def ground_pulse_velocity(
     pulse: GroundPulse, time: Float[ArrayLike, "..."]
 ) -> Float[Array, "..."]:
@@ -76,6 +80,7 @@ def ground_pulse_velocity(
     return pulse.amplitude / pulse.time_constant * u * (2.0 - u) * jnp.exp(-u)
 
 
+@jax.jit
 def ground_pulse_velocity_mean(
     pulse: GroundPulse,
     start: Float[ArrayLike, "..."],

@@ -28,6 +28,7 @@ arguments are. A time of the day is not: count it from close by.
 import math
 from typing import NamedTuple
 
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike, Float
 
@@ -70,6 +71,7 @@ class Pulse(NamedTuple):
         return self.duration - self.rise_time - self.hold_time
 
 
+@jax.jit
 def pulse_of(
     arrival_time: Float[ArrayLike, "..."],
     peak: Float[ArrayLike, "..."],
@@ -113,6 +115,7 @@ def pulse_of(
     )
 
 
+@jax.jit
 def pulse_pressure(pulse: Pulse, time: Float[ArrayLike, "..."]) -> Float[Array, "..."]:
     """Return the overpressure at instants [Pa].
 
@@ -133,6 +136,7 @@ def pulse_pressure(pulse: Pulse, time: Float[ArrayLike, "..."]) -> Float[Array, 
     return jnp.where(since < 0, 0.0, pulse.peak * shape - suction)
 
 
+@jax.jit
 def pulse_mean(
     pulse: Pulse, start: Float[ArrayLike, "..."], stop: Float[ArrayLike, "..."]
 ) -> Float[Array, "..."]:

@@ -5,11 +5,11 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jblast.waves.curves.broken_power_law import Bend, BentPowerLaw
+from jblast.waves.curves.broken_power_law import Break, BrokenPowerLaw
 
-BENDS = (Bend(2.0, 3.0, -0.5), Bend(30.0, 2.0, 0.25))
-PLAIN = BentPowerLaw(7.0, -1.0, BENDS)
-CUT = BentPowerLaw(7.0, -1.0, BENDS, z_min=0.5, z_max=100.0)
+BREAKS = (Break(2.0, 3.0, -0.5), Break(30.0, 2.0, 0.25))
+PLAIN = BrokenPowerLaw(7.0, -1.0, BREAKS)
+CUT = BrokenPowerLaw(7.0, -1.0, BREAKS, z_min=0.5, z_max=100.0)
 
 
 def test_it_is_the_product_it_stands_for():
@@ -24,7 +24,7 @@ def test_it_is_the_product_it_stands_for():
 
 def test_far_inside_and_outside_it_is_a_power():
     slope = jax.grad(PLAIN.log_value)
-    # what is left of the nearest bend: (1e-6)^3 and (1e-5)^2
+    # what is left of the nearest break: (1e-6)^3 and (1e-5)^2
     assert float(slope(math.log(2e-6))) == pytest.approx(-1.0, abs=1e-11)
     assert float(slope(math.log(3e6))) == pytest.approx(-1.0 - 1.5 + 0.5, abs=1e-9)
 
@@ -49,7 +49,7 @@ def test_past_a_cut_it_keeps_value_and_slope(end, beyond):
 
 
 def test_a_tenth_power_overflows_in_single_precision_but_not_here():
-    law = BentPowerLaw(1.0, 0.0, (Bend(0.54, 10.0, 1.0),))
+    law = BrokenPowerLaw(1.0, 0.0, (Break(0.54, 10.0, 1.0),))
     log_z = jnp.log(jnp.asarray(1e5, dtype=jnp.float32))
     value, slope = jax.value_and_grad(law.log_value)(log_z)
     assert value.dtype == jnp.float32

@@ -15,6 +15,7 @@ from jblast.waves.euler import (
 AIR = Ambient(jnp.ones(()), jnp.ones(()), IdealGas())
 
 
+@pytest.mark.slow
 def test_a_gauge_is_at_rest_until_the_shock_comes_and_then_jumps_to_its_pressure():
     flow, state = start_sedov(1.0, AIR, 0.02, cells=60)
     run = march(state, flow, 1.2, stride=2, gauges=[0.8])

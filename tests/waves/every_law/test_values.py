@@ -2,7 +2,9 @@
 
 import jax
 import numpy as np
+import pytest
 
+import jblast.sensors
 import jblast.waves
 from jblast.registry import LAWS, Law
 from tests.waves.every_law.laws import (
@@ -23,6 +25,7 @@ SINGLE_PRECISION = 1e-5
 SHARPER = {"light": 2e-7, "acoustic": 2e-7, "wu_hao": 2e-6, "sedov_taylor": 2e-6}
 
 
+@pytest.mark.slow
 @every_law
 def test_jit_changes_nothing_and_a_batch_is_a_loop(law, word):
     values, _ = sweep(law)
@@ -50,6 +53,7 @@ def test_numbers_broadcast_against_arrays(law, word):
         assert together.shape == (2, 3), name
 
 
+@pytest.mark.slow
 @every_law
 def test_single_precision_stays_close_to_double(law, word):
     values = {name: v.astype(np.float32) for name, v in sweep(law)[0].items()}
@@ -89,7 +93,8 @@ def test_each_says_where_it_holds_and_how_far_nature_departs(law, word):
 
 
 def test_every_module_of_the_table_has_public_functions():
-    public = {getattr(f, "__module__", "") for f in vars(jblast.waves).values()}
+    faces = vars(jblast.waves) | vars(jblast.sensors)
+    public = {getattr(f, "__module__", "") for f in faces.values()}
     assert {law.function.__module__ for law in LAWS.values()} <= public
 
 

@@ -94,6 +94,7 @@ def test_the_decay_gives_back_the_impulse(peak, duration, decay):
     np.testing.assert_allclose(found, decay, rtol=1e-14, atol=1e-14)
 
 
+@pytest.mark.slow
 def test_the_decay_follows_its_arguments_by_the_implicit_function():
     def decay(p, i, d):
         return friedlander_decay(1e5 * p, i, 1e-3 * d)

@@ -47,6 +47,6 @@ def kinney_graham_arrival() -> Arrival:
 def _log_relative_pressure(log_z: np.ndarray) -> np.ndarray:
     """Return ln(p/P0): NumPy's twin of the curve."""
     value = np.full_like(log_z, math.log(RELATIVE_PRESSURE.factor))
-    for z, power, share in RELATIVE_PRESSURE.bends:
+    for z, power, share in RELATIVE_PRESSURE.breaks:
         value += share * np.logaddexp(0.0, power * (log_z - math.log(z)))
     return value

@@ -13,28 +13,28 @@ $$i = \frac{0.067 \sqrt{1 + (Z/0.23)^4}}{Z^2 \sqrt[3]{1 + (Z/1.55)^3}} \;
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from jblast.waves.curves.broken_power_law import Bend, BentPowerLaw
+from jblast.waves.curves.broken_power_law import Break, BrokenPowerLaw
 
-RELATIVE_PRESSURE = BentPowerLaw(
+RELATIVE_PRESSURE = BrokenPowerLaw(
     808.0,
     0.0,
     (
-        Bend(4.5, 2.0, 1.0),
-        Bend(0.048, 2.0, -0.5),
-        Bend(0.32, 2.0, -0.5),
-        Bend(1.35, 2.0, -0.5),
+        Break(4.5, 2.0, 1.0),
+        Break(0.048, 2.0, -0.5),
+        Break(0.32, 2.0, -0.5),
+        Break(1.35, 2.0, -0.5),
     ),
 )
 """Overpressure over the ambient pressure."""
 
-DURATION = BentPowerLaw(
+DURATION = BrokenPowerLaw(
     0.980,
     0.0,
     (
-        Bend(0.54, 10.0, 1.0),
-        Bend(0.02, 3.0, -1.0),
-        Bend(0.74, 6.0, -1.0),
-        Bend(6.9, 2.0, -0.5),
+        Break(0.54, 10.0, 1.0),
+        Break(0.02, 3.0, -1.0),
+        Break(0.74, 6.0, -1.0),
+        Break(6.9, 2.0, -0.5),
     ),
     z_min=0.5,
     z_max=300.0,
@@ -45,7 +45,9 @@ Cut where it turns up towards the charge, and where it has become constant to 0.
 factor e: past that its tenth power would cost single precision its digits.
 """
 
-IMPULSE = BentPowerLaw(6.7, -2.0, (Bend(0.23, 4.0, 0.5), Bend(1.55, 3.0, -1.0 / 3.0)))
+IMPULSE = BrokenPowerLaw(
+    6.7, -2.0, (Break(0.23, 4.0, 0.5), Break(1.55, 3.0, -1.0 / 3.0))
+)
 """Pa s for 1 kg: 1 bar ms = 100 Pa s."""
 
 

@@ -23,7 +23,7 @@ from jblast.constants import STANDARD_PRESSURE, STANDARD_SOUND_SPEED
 from jblast.registry import Law, declared_scatter, register
 from jblast.types import as_float_arrays
 from jblast.waves.arguments import checked
-from jblast.waves.curves.broken_power_law import Bend, BentPowerLaw
+from jblast.waves.curves.broken_power_law import Break, BrokenPowerLaw
 from jblast.waves.scaling import (
     LOG_NUCLEAR_SCALED_METRES,
     NUCLEAR_SCALED_METRES,
@@ -35,19 +35,19 @@ from jblast.waves.scaling import (
 SOURCE = "Kinney & Graham 1985 (Explosive Shocks in Air), nuclear, two transcriptions"
 RANGE = "free air, z = 16 to 4000 m/kt^(1/3) (Z = 0.2 to 50 m/kg^(1/3)), Y = 2 W (ours)"
 
-RELATIVE_PRESSURE = BentPowerLaw(
-    3.2e6, -3.0, (Bend(87.0, 2.0, 0.5), Bend(800.0, 1.0, 1.0))
+RELATIVE_PRESSURE = BrokenPowerLaw(
+    3.2e6, -3.0, (Break(87.0, 2.0, 0.5), Break(800.0, 1.0, 1.0))
 )
 """Overpressure over the ambient pressure, of m/kt^(1/3)."""
 
-DURATION = BentPowerLaw(
+DURATION = BrokenPowerLaw(
     0.180,
     0.0,
     (
-        Bend(100.0, 3.0, 0.5),
-        Bend(40.0, 1.0, -0.5),
-        Bend(285.0, 5.0, -1.0 / 6.0),
-        Bend(50000.0, 1.0, -1.0 / 6.0),
+        Break(100.0, 3.0, 0.5),
+        Break(40.0, 1.0, -0.5),
+        Break(285.0, 5.0, -1.0 / 6.0),
+        Break(50000.0, 1.0, -1.0 / 6.0),
     ),
 )
 """Seconds for 1 kt, of m/kt^(1/3)."""

@@ -40,6 +40,7 @@ def test_the_shock_speed_is_rankine_hugoniot_past_a_scaled_distance_of_one(burst
     )
 
 
+@pytest.mark.slow
 @every_law
 @both_bursts
 def test_log_slopes_are_those_of_finite_differences(quantity, burst):

@@ -66,6 +66,7 @@ def test_the_derivative_of_the_arrival_is_one_over_the_shock_speed():
     np.testing.assert_allclose(slowness(distance, *air) * speed, 1.0, rtol=1e-12)
 
 
+@pytest.mark.slow
 @every_law
 def test_gradients_are_those_of_finite_differences_twice(name):
     law = LAWS[name]

@@ -99,6 +99,7 @@ def test_blends_move_the_fits_by_less_than_their_pieces_are_apart(quantity, burs
         assert np.all(ours <= high * (1 + 1e-13))
 
 
+@pytest.mark.slow
 @every_curve
 def test_value_slope_and_curvature_are_continuous_at_the_edges_of_blends(
     quantity, burst

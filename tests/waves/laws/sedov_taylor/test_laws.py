@@ -1,6 +1,7 @@
 import jax
 import jax.numpy as jnp
 import numpy as np
+import pytest
 
 from jblast.constants import TNT_SPECIFIC_ENERGY
 from jblast.waves.laws.sedov_taylor.alpha import sedov_alpha
@@ -126,6 +127,7 @@ def test_a_missing_time_stays_missing_and_spoils_no_other_gradient():
     np.testing.assert_allclose(masked(2e7), alone(2e7), rtol=1e-14)
 
 
+@pytest.mark.slow
 def test_second_derivatives_are_differences_of_the_first():
     def log_radius(x):
         time, mass, density, gamma = x
