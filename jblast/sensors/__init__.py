@@ -23,6 +23,11 @@ from jblast.sensors.gauge import (
     geophone as geophone,
     pressure_gauge as pressure_gauge,
 )
+from jblast.sensors.jolt import (
+    jolt_bearing as jolt_bearing,
+    jolt_elevation as jolt_elevation,
+    jolt_speed as jolt_speed,
+)
 from jblast.sensors.law_choice import (
     choose_laws as choose_laws,
     resolve_laws as resolve_laws,
@@ -34,4 +39,4 @@ from jblast.sensors.layout import (
 )
 from jblast.sensors.observe import observe as observe
 from jblast.sensors.record import Recording as Recording, record as record
-from jblast.sensors.simulate import simulate as simulate
+from jblast.sensors.simulate import readings as readings, simulate as simulate

@@ -15,7 +15,7 @@ from jblast.errors import InputError, nearest
 from jblast.fidelity import TakenLaw, choose_for, tolerance_of
 from jblast.fidelity.conditions import Conditions, conditions_of
 from jblast.kept_programs import kept
-from jblast.registry import names_for
+from jblast.registry import is_law, names_for
 from jblast.scene import Charge, Scene
 from jblast.scene.charge import BURSTS, Burst
 from jblast.sensors.bursts import settled
@@ -40,7 +40,7 @@ def resolve_laws(
     """
     chosen = dict(scene.law)
     for quantity, name in chosen.items():
-        if name != "auto" and name not in names_for(quantity):
+        if name != "auto" and not is_law(quantity, name):
             raise InputError(
                 f"[law] {quantity} = {name!r}: expected auto or one of "
                 f"{', '.join(names_for(quantity)) or '(none yet)'}"
@@ -68,12 +68,12 @@ def choose_laws(
     for quantity in quantities:
         if not names_for(quantity):
             raise InputError(f"no law gives {quantity}: not supported yet")
-    told = np.full(len(layout.quantity), np.nan) if sigma is None else np.array(sigma)
+    stated = np.full(len(layout.quantity), np.nan) if sigma is None else np.array(sigma)
     if any(charge.burst is None for charge in scene.charges) and not layout.free_air:
         scene, layout = settled(scene, layout)
     conditions = jax.tree.map(np.asarray, _conditions(scene, layout, tuple(quantities)))
     return {
-        quantity: _choose(quantity, scene, layout, conditions[quantity], told)
+        quantity: _choose(quantity, scene, layout, conditions[quantity], stated)
         for quantity in quantities
     }
 
@@ -131,8 +131,8 @@ def _choose(
             rows = _rows(layout, quantity, shot, charge, burst)
             found.append(each)
             shares.append(tolerance_of(sigma[rows], quantity, [each]))
-    told = [share for share in shares if share > 0.0]
-    choice = choose_for(quantity, found, min(told, default=0.0))
+    stated = [share for share in shares if share > 0.0]
+    choice = choose_for(quantity, found, min(stated, default=0.0))
     return TakenLaw(choice.method, choice)
 
 

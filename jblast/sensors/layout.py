@@ -178,7 +178,7 @@ def _times(charge: Charge, sensor: Sensor, quantity: str) -> tuple[float, ...]:
 
 def _position(scene: Scene, shot: int, sensor: Sensor, quantity: str) -> Array:
     """Return where a sensor stands: a fireball in an image is seen by the camera."""
-    told = bool(np.isfinite(sensor.position_m).all())
+    is_placed = bool(np.isfinite(sensor.position_m).all())
     if quantity in BY_CAMERA:
         who = f"sensor {sensor.name!r}"
         return jnp.asarray(camera_place(scene, sensor.position_m, who))
@@ -188,9 +188,14 @@ def _position(scene: Scene, shot: int, sensor: Sensor, quantity: str) -> Array:
                 f"sensor {sensor.name!r} records {quantity}: expected [charge] "
                 "position_m, got range_m, which has no direction"
             )
-    elif not told and quantity not in PLACELESS:
+    elif sensor.mount and not is_placed and quantity not in PLACELESS:
+        raise InputError(
+            f"sensor {sensor.name!r} records {quantity}: expected a flight of the "
+            f"{sensor.mount} that carries it, which jblast world flies; got none"
+        )
+    elif not is_placed and quantity not in PLACELESS:
         raise InputError(
             f"sensor {sensor.name!r} records {quantity}: expected position_m = "
             "[east, north, up] in its [[sensor]], got nothing"
         )
-    return sensor.position_m if told else jnp.zeros(3)
+    return sensor.position_m if is_placed else jnp.zeros(3)

@@ -20,6 +20,7 @@ from jblast.kept_programs import kept
 from jblast.quantities import ADDITIVE, CIRCULAR, CLOCK_TIMES, TIMES
 from jblast.registry import call, law_for
 from jblast.scene import Charge, Scene
+from jblast.sensors.jolt import with_jolts
 from jblast.sensors.layout import Layout
 from jblast.sensors.shapes import check_laws, check_layout, check_scene
 from jblast.waves.path_between import path_between
@@ -92,16 +93,16 @@ def path_to(scene: Scene, layout: Layout, charge: Charge | None = None) -> Path:
     path = path_between(scene, charge, layout.position, layout.slant_range, since)
     if charge.burst is None and layout.free_air:
         path = replace(path, free_air=jnp.asarray(layout.free_air))
-    return path
+    return with_jolts(path, scene, charge, layout.quantity)
 
 
 def clock_offsets(scene: Scene, layout: Layout) -> Float[Array, " row"]:
     """Return what each row's clock shows more than the common one [s]."""
-    told = scene.clock_offsets()
-    if not told:
+    offsets_by_name = scene.clock_offsets()
+    if not offsets_by_name:
         return jnp.zeros(len(layout.clock))
-    place = {name: i for i, name in enumerate(told, start=1)}
-    offsets = jnp.stack([jnp.zeros(()), *told.values()])
+    place = {name: i for i, name in enumerate(offsets_by_name, start=1)}
+    offsets = jnp.stack([jnp.zeros(()), *offsets_by_name.values()])
     of_row = np.array([place.get(name, 0) for name in layout.clock])
     return offsets[opaque_constant(of_row)]
 

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from jblast.errors import InputError
-from jblast.scene import Scene, place_of
+from jblast.scene import Scene, parameter_named
 from jblast.scene.parameters import leaf_of, names_in
 from jblast.sensors.layout import Layout
 
@@ -24,7 +24,7 @@ def check_scene(scene: Scene) -> None:
         if value is not None:
             label = name.partition(".")[2]
             of = f" of {label}" if label else ""
-            _check(f"scene.{place_of(name).attribute}{of}", value, (), VMAP)
+            _check(f"scene.{parameter_named(name).attribute}{of}", value, (), VMAP)
     for sensor in scene.sensors:
         _check(f"sensor {sensor.name}: position_m", sensor.position_m, (3,), VMAP)
 
@@ -40,9 +40,9 @@ def check_layout(layout: Layout) -> None:
     for name in ("slant_range", "time"):
         _check(f"layout.{name}", getattr(layout, name), (n,), VMAP)
     for name in ("group", "shot", "clock"):
-        told = len(getattr(layout, name))
-        if told != n:
-            raise InputError(f"layout.{name}: expected {n} entries, got {told}")
+        length = len(getattr(layout, name))
+        if length != n:
+            raise InputError(f"layout.{name}: expected {n} entries, got {length}")
 
 
 def check_laws(laws: Mapping[str, str], layout: Layout) -> None:

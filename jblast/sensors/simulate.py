@@ -6,7 +6,7 @@ from dataclasses import replace
 import equinox as eqx
 import jax
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, PRNGKeyArray
 
 from jblast.observations import Observations, observed
 from jblast.quantities import ADDITIVE, BY_CAMERA
@@ -41,15 +41,38 @@ def simulate(
     """
     scene_key, noise_key = jax.random.split(jax.random.key(seed))
     scene = draw_scene(scene_key, uncertain)
-    check_scene(scene)
-    layout, sigma, sensors = planned_layout(scene)
-    scene, layout = settled(scene, layout)
-    laws = law_names(resolve_laws(scene, layout, np.asarray(sigma)))
-    value = np.asarray(_observe(noise_key, scene, layout, laws, sigma, noise))
+    log = readings(noise_key, scene, noise=noise)
     truth = [
         f"truth: {name} = {float(np.asarray(value_of(scene, name)))!r}"
         for name in uncertain.beliefs
     ]
+    source = f"{uncertain.source or 'a scene'}, seed {seed}"
+    first = f"SIMULATED, not measured: {source}"
+    return replace(log, comments=(first, *log.comments, *truth))
+
+
+def readings(
+    key: PRNGKeyArray, scene: Scene, *, noise: Noise = "student"
+) -> Observations:
+    """Return what the sensors of a scene without priors would write down.
+
+    Args:
+        key: Of all errors.
+        scene: What is there.
+        noise: Distribution of the independent errors.
+
+    Returns:
+        A log; its comments say by which laws and curves.
+
+    Raises:
+        InputError: A number of the scene is an array of numbers, or no sensor records
+            anything.
+    """
+    check_scene(scene)
+    layout, sigma, sensors = planned_layout(scene)
+    scene, layout = settled(scene, layout)
+    laws = law_names(resolve_laws(scene, layout, np.asarray(sigma)))
+    value = np.asarray(_observe(key, scene, layout, laws, sigma, noise))
     notes = [
         note
         for shot in range(len(scene.charges))
@@ -57,10 +80,8 @@ def simulate(
     ]
     used = ", ".join(f"{quantity} by {law}" for quantity, law in laws.items())
     comments = (
-        f"SIMULATED, not measured: {uncertain.source or 'a scene'}, seed {seed}",
         f"laws: {used}; independent errors: {noise}",
         *(f"note: {note}" for note in notes),
-        *truth,
     )
     log = written(scene, layout, value, np.asarray(sigma), sensors)
     return replace(log, comments=comments)
@@ -83,15 +104,15 @@ def written(
         sensors: Name of each row's sensor.
     """
     placed = {s.name for s in scene.sensors if np.isfinite(s.position_m).all()}
-    told = np.isin(sensors, list(placed))
-    told |= np.isin(layout.quantity, BY_CAMERA)  # at the camera
+    is_placed = np.isin(sensors, list(placed))
+    is_placed |= np.isin(layout.quantity, BY_CAMERA)  # at the camera
     additive = np.isin(layout.quantity, ADDITIVE)
     return observed(
         sensors,
         layout.quantity,
         value,
         np.where(additive, sigma, sigma * np.abs(value)),
-        position=np.where(told[:, None], np.asarray(layout.position), np.nan),
+        position=np.where(is_placed[:, None], np.asarray(layout.position), np.nan),
         time=np.asarray(layout.time),
         shot=tuple(scene.charges[shot].name for shot in layout.shot),
     )

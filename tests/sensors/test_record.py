@@ -106,6 +106,7 @@ def test_a_given_range_takes_the_place_of_positions():
     np.testing.assert_allclose(found.slant_range, 10.0)
 
 
+@pytest.mark.slow
 def test_batched_scenes_equal_one_after_the_other():
     layout, _, _ = planned_layout(SCENE)
     laws = law_names(resolve_laws(SCENE, layout))
@@ -123,6 +124,7 @@ def test_readings_have_the_derivatives_of_finite_differences():
     layout, _, _ = planned_layout(SCENE)
     laws = law_names(resolve_laws(SCENE, layout))
 
+    @jax.jit
     def readings(ln_mass, east, up):
         values = {
             "charge_mass_kg": jnp.exp(ln_mass),
@@ -132,7 +134,7 @@ def test_readings_have_the_derivatives_of_finite_differences():
         return record(with_values(SCENE, values), layout, laws).value
 
     at = (jnp.log(15.0), jnp.asarray(1.0), jnp.asarray(2.0))
-    slopes = jax.jacfwd(readings, argnums=(0, 1, 2))(*at)
+    slopes = jax.jit(jax.jacfwd(readings, argnums=(0, 1, 2)))(*at)
     for i, slope in enumerate(slopes):
         up = readings(*(x + 1e-6 * (i == j) for j, x in enumerate(at)))
         down = readings(*(x - 1e-6 * (i == j) for j, x in enumerate(at)))

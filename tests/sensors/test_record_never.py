@@ -46,6 +46,7 @@ def recorded(mine, others):
     )
 
 
+@pytest.mark.slow
 def test_nothing_is_read_of_it_and_all_else_as_without_it():
     found, with_both = recorded(ONE, NEVER), recorded(ONE, OTHER)
     alone = dataclasses.replace(SCENE, charge=dataclasses.replace(ONE, name=""))

@@ -2,19 +2,19 @@
 
 from collections.abc import Mapping, Sequence
 
-import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jax.core import Tracer
 from jaxtyping import Array, ArrayLike, Float
 
 from jblast.errors import InputError
+from jblast.kept_programs import kept
 from jblast.scene import Scene
 from jblast.sensors.arrivals.laws import record_laws
 from jblast.sensors.arrivals.meeting import meeting_waves, passing
 from jblast.sensors.arrivals.track import Track
 from jblast.sensors.arrivals.waves_at import waves_at
-from jblast.sensors.arrivals.way import Heard, low_charges_settled
+from jblast.sensors.arrivals.way import Heard, alone, low_charges_settled
 from jblast.types import as_float_array
 from jblast.waves.propagation.ambient import sound_speed_of
 from jblast.waves.waveform.pulse import Pulse
@@ -54,18 +54,27 @@ def heard(
     """
     named = record_laws(scene, laws, ground=ground)
     if isinstance(place, Track):
-        _check_speed(scene, place)
+        check_speed(scene, place)
     else:
         place = place_of(place)
-    found = _heard(low_charges_settled(scene), place, named, reflection, ground)
+    scene, found = low_charges_settled(scene), []
+    for shot in range(len(scene.charges)):
+        waves = _of_one(alone(scene, shot), place, named, reflection, ground)
+        found += [wave._replace(shot=shot) for wave in waves]
     for wave in found:
         _check(scene, wave)
-    return found
+    return tuple(found)
 
 
-@eqx.filter_jit
-def _heard(scene, place, laws, reflection, ground):
-    """Return the waves with their times as they pass the place."""
+@kept
+def _of_one(
+    scene: Scene,
+    place: Float[Array, "3"] | Track,
+    laws: Mapping[str, str],
+    reflection: float | Float[Array, ""],
+    ground: bool,
+) -> tuple[Heard, ...]:
+    """Return the waves of the one charge, their times as they pass the place."""
     found = waves_for(scene, place, laws, reflection, ground)
     if isinstance(place, Track):
         found = tuple(passing(scene, place, laws, wave) for wave in found)
@@ -99,8 +108,12 @@ def waves_for(
     return waves_at(scene, jnp.asarray(place), laws, reflection, ground)
 
 
-def _check_speed(scene: Scene, track: Track) -> None:
-    """Raise for a track as fast as a front can be: who meets what is then open."""
+def check_speed(scene: Scene, track: Track) -> None:
+    """Raise for a track as fast as a front can be: who meets what is then open.
+
+    Raises:
+        InputError: It is. Inside jit nothing is looked at.
+    """
     speed = sound_speed_of(scene.air)
     if any(isinstance(x, Tracer) for x in (track.time, track.position, speed)):
         return

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 
 from jblast.errors import InputError, nearest
-from jblast.registry import names_for
+from jblast.registry import is_law, names_for
 from jblast.scene import Scene
 
 AIR_QUANTITIES = (
@@ -52,14 +52,16 @@ def _named(
     scene: Scene, laws: Mapping[str, str] | None, defaults: Mapping[str, str]
 ) -> dict[str, str]:
     """Return the law of each quantity that has a default."""
-    told = {**dict(scene.law), **(laws or {})}
+    chosen = {**dict(scene.law), **(laws or {})}
     found = {
-        quantity: told[quantity] if told.get(quantity, "auto") != "auto" else default
+        quantity: chosen[quantity]
+        if chosen.get(quantity, "auto") != "auto"
+        else default
         for quantity, default in defaults.items()
     }
     for quantity, name in found.items():
-        known = names_for(quantity)
-        if name not in known:
+        if not is_law(quantity, name):
+            known = names_for(quantity)
             raise InputError(
                 f"law of {quantity}: expected one of {', '.join(known)}, got "
                 f"{name!r}{nearest(name, known)}"

@@ -103,6 +103,23 @@ def low_charges_settled(scene: Scene) -> Scene:
     return replace(scene, charge=charges[0], others=tuple(charges[1:]))
 
 
+def alone(scene: Scene, shot: int) -> Scene:
+    """Return a scene with one of its charges, and with nobody: one program for all.
+
+    A program is compiled anew for another count, name or order of what a scene holds.
+    """
+    return replace(
+        scene,
+        charge=replace(scene.charges[shot], name=""),
+        others=(),
+        sensors=(),
+        camera=None,
+        vehicle=None,
+        ambient=None,
+        clocks=(),
+    )
+
+
 def as_seen(
     scene: Scene, position: Float[Array, "3"], shot: int, way: Way
 ) -> tuple[Scene, Float[Array, "3"]]:

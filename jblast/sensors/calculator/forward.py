@@ -18,7 +18,7 @@ from jblast.scene.charge import Burst
 from jblast.sensors.calculator.combined import COMBINATIONS, combined_of
 from jblast.sensors.calculator.question import scene_path, tnt_factor_in, with_rows
 
-NEEDS_MORE = {"time_since_detonation", "toward_east"}
+NEEDS_MORE = {"time_since_detonation", "toward_east", "jolt_east"}
 
 FEWEST_ROWS = 64
 """Rows are padded to a power of two from here on, so few shapes are compiled."""
@@ -46,7 +46,7 @@ Calculation = Mapping[str, Mapping[str, Calculated]]
 
 
 def calculated_laws(quantity: str = "") -> tuple[Law, ...]:
-    """Return the laws that need a range alone: no time and no direction.
+    """Return the laws that need a range alone: no time, direction or vehicle.
 
     Args:
         quantity: Of this one alone; "" for all.
@@ -81,16 +81,16 @@ def calculate(
     Example:
         `jblast.calculate(jblast.Scene(), [20.0, 40.0], 15.0)["peak_overpressure_pa"]`
     """
-    told = [np.atleast_1d(np.asarray(x, float)) for x in (slant_range, charge_mass)]
-    for name, one in zip(("slant_range", "charge_mass"), told, strict=True):
+    given = [np.atleast_1d(np.asarray(x, float)) for x in (slant_range, charge_mass)]
+    for name, one in zip(("slant_range", "charge_mass"), given, strict=True):
         if one.ndim > 1:
             raise InputError(f"{name}: expected one number or a row, got {one.shape}")
-    if len({one.size for one in told} - {1}) > 1:
+    if len({one.size for one in given} - {1}) > 1:
         raise InputError(
-            f"charge_mass: expected shape {told[0].shape}, as slant_range has, or one "
-            f"number; got {told[1].shape}"
+            f"charge_mass: expected shape {given[0].shape}, as slant_range has, or "
+            f"one number; got {given[1].shape}"
         )
-    slant_range, charge_mass = np.broadcast_arrays(*told)
+    slant_range, charge_mass = np.broadcast_arrays(*given)
     laws = {(law.quantity, law.name): law for law in calculated_laws()}
     values, valid = evaluate(scene, slant_range, charge_mass, tuple(laws.values()))
     order = {name: i for i, name in enumerate((*QUANTITIES, *DERIVED_QUANTITIES))}

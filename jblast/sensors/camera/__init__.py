@@ -28,11 +28,23 @@ from jblast.sensors.camera.events.noisy import (
 from jblast.sensors.camera.events.scene import events as events
 from jblast.sensors.camera.events.soft_counts import smooth_counts as smooth_counts
 from jblast.sensors.camera.events.stream import stream_events as stream_events
-from jblast.sensors.camera.files.events import write_events as write_events
+from jblast.sensors.camera.files.events.read import read_events as read_events
+from jblast.sensors.camera.files.events.recorded import (
+    RecordedEvents as RecordedEvents,
+)
+from jblast.sensors.camera.files.events.write import write_events as write_events
+from jblast.sensors.camera.files.explosion_set import (
+    explosion_views as explosion_views,
+)
+from jblast.sensors.camera.files.recordings import (
+    ImageSequence as ImageSequence,
+    open_recording as open_recording,
+)
 from jblast.sensors.camera.files.views import (
     read_views as read_views,
     single_view as single_view,
 )
+from jblast.sensors.camera.geometry.camera_path import CameraPath as CameraPath
 from jblast.sensors.camera.geometry.pixel_rays import (
     Rays as Rays,
     pixel_rays as pixel_rays,
@@ -56,11 +68,17 @@ from jblast.sensors.camera.image.grey_composite import (
     luminance as luminance,
 )
 from jblast.sensors.camera.rendering.appearance import Appearance as Appearance
-from jblast.sensors.camera.rendering.billboards import (
-    Views as Views,
-    views_seen as views_seen,
+from jblast.sensors.camera.rendering.baked.explosion_views import (
+    ExplosionViews as ExplosionViews,
 )
+from jblast.sensors.camera.rendering.billboards import Views as Views
+from jblast.sensors.camera.rendering.carried import render_carried as render_carried
 from jblast.sensors.camera.rendering.fireball_image import (
     fireball_layer as fireball_layer,
 )
+from jblast.sensors.camera.rendering.landscape import (
+    Landscape as Landscape,
+    landscape as landscape,
+)
 from jblast.sensors.camera.rendering.render import render as render
+from jblast.sensors.camera.rendering.view_set import ViewSet as ViewSet

@@ -2,18 +2,21 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import equinox as eqx
 import numpy as np
 from jaxtyping import Float
 
-from jblast.errors import InputError
 from jblast.scene import Camera, Scene
-from jblast.sensors.camera.files.frames import read_colours
+from jblast.sensors.camera.files.backgrounds import MovingBackground
+from jblast.sensors.camera.geometry.camera_path import CameraPath
+from jblast.sensors.camera.image.bloom import bloom
 from jblast.sensors.camera.image.grey_composite import luminance
-from jblast.sensors.camera.rendering.billboards import Views
+from jblast.sensors.camera.rendering.appearance import Appearance
+from jblast.sensors.camera.rendering.carried import render_carried
+from jblast.sensors.camera.rendering.landscape import Landscape
 from jblast.sensors.camera.rendering.render import BACKGROUND, render
+from jblast.sensors.camera.rendering.view_set import ViewSet
 
 PIXELS = 1 << 22
 """Of a block of frames: 100 MB of three channels in float64. The rays are computed for
@@ -33,18 +36,28 @@ class Film:
         scene: What explodes.
         camera: Who looks.
         times: Of the frames, on the common clock, not falling [s].
-        background: Linear light: a grey, a colour or an image; or a PNG file for each
-            frame, sRGB.
+        background: Linear light: a grey, a colour, an image, or pictures that move; or
+            ground and sky for a camera that moves.
         views: Pictures to show in place of the procedural fireball.
         supersample: Rays along each side of a pixel.
+        depth: Distance of the background along each pixel's ray [m]; None is infinite.
+        appearance: How bright the day is, and how the fire is drawn; None: as usual.
+        path: Of what carries the camera; None if it stands still.
+        bloom: Part of the light of frames that the lens spreads; events have none.
     """
 
     scene: Scene
     camera: Camera
     times: Float[np.ndarray, " frame"]
-    background: float | Float[np.ndarray, "..."] | tuple[Path, ...] = BACKGROUND
-    views: Views | None = None
+    background: float | Float[np.ndarray, "..."] | MovingBackground | Landscape = (
+        BACKGROUND
+    )
+    views: ViewSet | None = None
     supersample: int = 1
+    depth: Float[np.ndarray, "height width"] | None = None
+    appearance: Appearance | None = None
+    path: CameraPath | None = None
+    bloom: float = 0.0
 
     def at_instants(self) -> "Film":
         """Return the same without exposure: an event camera does not gather light."""
@@ -65,17 +78,14 @@ class Film:
         length = self._length()
         for start in range(0, len(self.times), length):
             which = slice(start, min(start + length, len(self.times)))
-            places = np.arange(which.start, which.stop, dtype=float)
-            yield which, self._rendered(self.times[which], places)
+            yield which, bloom(self._rendered(self.times[which]), self.bloom)
 
     def some(self, numbers: Sequence[int]) -> Frames:
         """Return a few frames by their numbers, as instants."""
         still, length = self.at_instants(), self._length()
         parts = [numbers[a : a + length] for a in range(0, len(numbers), length)]
-        frames = [
-            still._rendered(self.times[part], np.asarray(part, float)) for part in parts
-        ]
-        return np.concatenate(frames)
+        frames = [still._rendered(self.times[part]) for part in parts]
+        return bloom(np.concatenate(frames), self.bloom)
 
     def light(self, times: Float[np.ndarray, " _"]) -> Float[np.ndarray, "_ _ _"]:
         """Return the grey light at some instants, whatever the exposure [s].
@@ -83,9 +93,8 @@ class Film:
         A background that moves is linear between its frames.
         """
         still, length = self.at_instants(), self._length()
-        places = np.interp(times, self.times, np.arange(len(self.times)))
         parts = [slice(a, a + length) for a in range(0, len(times), length)]
-        frames = [still._rendered(times[part], places[part]) for part in parts]
+        frames = [still._rendered(times[part]) for part in parts]
         return np.concatenate([luminance(part) for part in frames])
 
     def _length(self) -> int:
@@ -93,60 +102,40 @@ class Film:
         pixels = self.camera.width * self.camera.height
         return max(1, min(LONGEST, PIXELS // pixels))
 
-    def _rendered(
-        self, times: Float[np.ndarray, " few"], places: Float[np.ndarray, " few"]
-    ) -> Frames:
-        """Return what is seen at a few times, each at a place between the frames."""
+    def _rendered(self, times: Float[np.ndarray, " few"]) -> Frames:
+        """Return what is seen at a few times."""
         count = len(times)
         # as many as in every block, so that there is one program
-        room = (0, self._length() - count)
-        times, places = (np.pad(v, room, mode="edge") for v in (times, places))
+        times = np.pad(times, (0, self._length() - count), mode="edge")
         background = self.background
-        if isinstance(background, tuple):
-            background = self._moving(background, places)
+        if isinstance(background, MovingBackground):
+            background = background.at(times - self.times[0])
+        if self.path is not None:
+            if not isinstance(background, Landscape):
+                size = len(times), self.camera.height, self.camera.width, 3
+                background = np.broadcast_to(background, size)
+            carried = render_carried(
+                self.scene,
+                self.camera,
+                self.path,
+                times,
+                background=background,
+                supersample=self.supersample,
+                appearance=self.appearance,
+                views=self.views,
+            )
+            return np.asarray(carried)[:count]
+        assert not isinstance(background, Landscape), "it is for a camera that moves"
         frames = render(
             self.scene,
             self.camera,
             times,
             background=background,
+            depth=self.depth,
+            appearance=self.appearance,
             # a picture from above shows also what its billboard has below ground
             ground=self.views is None,
             supersample=self.supersample,
             views=self.views,
         )
         return np.asarray(frames)[:count]
-
-    def _moving(
-        self, files: tuple[Path, ...], place: Float[np.ndarray, " _"]
-    ) -> Float[np.ndarray, "_ _ _ 3"]:
-        """Return the background at places between its frames, linear between them."""
-        before = np.floor(place).astype(int)
-        images = {k: background_image(files[k], self.camera) for k in np.unique(before)}
-        for k in np.unique(before[place > before] + 1):
-            images.setdefault(k, background_image(files[k], self.camera))
-        share = place - before
-        return np.stack(
-            [
-                images[k] if not s else (1.0 - s) * images[k] + s * images[k + 1]
-                for k, s in zip(before, share, strict=True)
-            ]
-        )
-
-
-def background_image(path: Path, camera: Camera) -> Float[np.ndarray, "height width 3"]:
-    """Return the linear light of an sRGB file that is to stand behind a scene.
-
-    Args:
-        path: A PNG file.
-        camera: Whose image size it must have.
-
-    Raises:
-        InputError: It cannot be read, or has another size.
-    """
-    image = read_colours(path)
-    if image.shape[:2] != (camera.height, camera.width):
-        raise InputError(
-            f"{path}: expected {camera.width} x {camera.height} pixels as the "
-            f"camera has, got {image.shape[1]} x {image.shape[0]}"
-        )
-    return image

@@ -20,8 +20,11 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
+from jblast.scene import Camera
 from jblast.sensors.camera.events.log_intensity import DARKEST
+from jblast.sensors.camera.files.backgrounds import MovingBackground
 from jblast.sensors.camera.film import Film
+from jblast.sensors.camera.geometry.camera_path import CameraPath, pixels_moved
 from jblast.waves.fireball import fireball_duration, fireball_growth_time
 
 STAMP_ERROR = 1e-4
@@ -41,6 +44,10 @@ LEFT = 0.01
 PER_LIFE = 32
 """First instants over the time a fireball glows: what passes a pixel lasts longer."""
 
+MOVED = 0.5
+"""Pixels that the ground moves by between first instants, where a camera moves: so fine
+patterns are not taken for still."""
+
 BLOCK = 16
 """Instants of a block: few programs are compiled if all are alike."""
 
@@ -54,7 +61,7 @@ def first_instants(film: Film) -> Float[np.ndarray, " time"]:
     """Return the instants looked at first, from the first frame to the last [s].
 
     As many as the fireball's life asks for, close after a burst; those of the pictures
-    where pictures stand for it, and of the frames where the background moves.
+    where pictures stand for it, and those of a background that moves.
     """
     start, stop = float(film.times[0]), float(film.times[-1])
     charges = film.scene.charges
@@ -68,10 +75,11 @@ def first_instants(film: Film) -> Float[np.ndarray, " time"]:
             found.append(burst + growth * 0.25 * 2.0 ** np.arange(10))
     else:
         for burst, charge in zip(bursts, charges, strict=True):
-            pace = float(film.views.stretch(charge) / film.views.frames_hz)
-            found.append(burst + pace * np.arange(film.views.frames.shape[1] + 2))
-    if isinstance(film.background, tuple):
-        found.append(film.times)
+            found.append(burst + film.views.instants(charge))
+    if isinstance(film.background, MovingBackground):
+        found.append(start + film.background.times)
+    if film.path is not None:
+        found.append(_moved_on(film.camera, film.path))
     even = np.linspace(start, stop, 1 + max(1, int(np.ceil((stop - start) / step))))
     inside = np.concatenate([even, *found])
     inside = np.unique(inside[(inside >= start) & (inside <= stop)])
@@ -80,7 +88,14 @@ def first_instants(film: Film) -> Float[np.ndarray, " time"]:
     return inside[apart]
 
 
-class Piece(NamedTuple):
+def _moved_on(camera: Camera, path: CameraPath) -> Float[np.ndarray, " time"]:
+    """Return when the picture of the ground has moved on by another `MOVED` pixels."""
+    moved = np.asarray(pixels_moved(camera, path), float)
+    wanted = np.arange(0.0, moved[-1], MOVED)
+    return np.interp(wanted, moved, np.asarray(path.time, float))
+
+
+class Interval(NamedTuple):
     """An interval between two instants; with its middle, if that is enough.
 
     Attributes:
@@ -95,7 +110,7 @@ class Piece(NamedTuple):
 
 
 class _Bounds(NamedTuple):
-    """What decides whether a piece is fine; see `subdivided`."""
+    """What decides whether an interval is fine; see `subdivided`."""
 
     threshold: float
     time_s: float
@@ -140,36 +155,40 @@ def _instants(film: Film, bounds: _Bounds):
     for begin in range(1, len(knots), BLOCK):
         part = knots[begin : begin + BLOCK]
         ends = [last, *zip(part, film.light(part), strict=True)]
-        pieces = deque(Piece((a[0], b[0]), (a[1], b[1])) for a, b in pairwise(ends))
-        while pieces:
-            while pieces and len(pieces[0].times) == 3:
-                piece = pieces.popleft()
-                yield piece.times[1], piece.light[1]
-                yield piece.times[2], piece.light[2]
-            _look_closer(pieces, film, bounds)
+        intervals = deque(
+            Interval((a[0], b[0]), (a[1], b[1])) for a, b in pairwise(ends)
+        )
+        while intervals:
+            while intervals and len(intervals[0].times) == 3:
+                interval = intervals.popleft()
+                yield interval.times[1], interval.light[1]
+                yield interval.times[2], interval.light[2]
+            _look_closer(intervals, film, bounds)
         last = ends[-1]
 
 
-def _look_closer(pieces: deque[Piece], film: Film, bounds: _Bounds) -> None:
-    """Look at middles of the first pieces that have none, and halve the bad ones."""
-    front = [i for i, piece in enumerate(pieces) if len(piece.times) == 2][:BLOCK]
+def _look_closer(intervals: deque[Interval], film: Film, bounds: _Bounds) -> None:
+    """Look at middles of the first intervals that have none, and halve the bad ones."""
+    front = [i for i, interval in enumerate(intervals) if len(interval.times) == 2][
+        :BLOCK
+    ]
     if not front:
         return
-    middles = [0.5 * sum(pieces[i].times) for i in front]
+    middles = [0.5 * sum(intervals[i].times) for i in front]
     images = film.light(np.array(middles))
     for i, time, image in reversed(list(zip(front, middles, images, strict=True))):
-        (start, stop), (before, after), is_half = pieces[i]
+        (start, stop), (before, after), is_half = intervals[i]
         light = before, image, after
         fine = _is_fine(stop - start, light, bounds)
         if fine and is_half:
-            pieces[i] = Piece((start, time, stop), light)
+            intervals[i] = Interval((start, time, stop), light)
         else:
-            pieces[i] = Piece((time, stop), light[1:], fine)
-            pieces.insert(i, Piece((start, time), light[:2], fine))
+            intervals[i] = Interval((time, stop), light[1:], fine)
+            intervals.insert(i, Interval((start, time), light[:2], fine))
 
 
 def _is_fine(length: float, light, bounds: _Bounds) -> bool:
-    """Return whether a piece with its middle is fine enough."""
+    """Return whether an interval with its middle is fine enough."""
     before, middle, after = (np.log(np.maximum(image, DARKEST)) for image in light)
     passed = np.abs(middle - before) + np.abs(after - middle)
     if passed.sum() <= QUIET * bounds.threshold:
@@ -178,6 +197,6 @@ def _is_fine(length: float, light, bounds: _Bounds) -> bool:
     if length > bounds.time_s:
         bad |= off * length > bounds.time_s * np.abs(after - before)
     if length > JUMP * bounds.time_s:
-        # with its middle a piece is off by a quarter of that
+        # with its middle an interval is off by a quarter of that
         bad |= off > 4.0 * bounds.light
     return bool(passed[bad].sum() <= LEFT * passed.sum())

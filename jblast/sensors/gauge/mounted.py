@@ -11,6 +11,7 @@ from jaxtyping import Array, ArrayLike, Float, Int, Key
 from jblast.errors import InputError, shown
 from jblast.scene import Instrument, Sensor
 from jblast.sensors.arrivals.overpressure import AnyPulse, counted_from
+from jblast.sensors.arrivals.track import Track
 from jblast.sensors.signal.blocks import BLOCK, block_start
 from jblast.sensors.signal.chain import Chain, chain_start, instrument_chain
 from jblast.types import as_float_array
@@ -33,8 +34,16 @@ def rate_of(sensor: Sensor) -> float:
     return (sensor.instrument or Instrument()).rate
 
 
-def check_kind(sensor: Sensor, kind: str, *, above: bool) -> None:
+def check_kind(
+    sensor: Sensor, kind: str, *, above: bool, track: Track | None = None
+) -> None:
     """Refuse a sensor of another kind, or on the wrong side of the ground.
+
+    Args:
+        sensor: The sensor.
+        kind: What it should be.
+        above: Whether it belongs above the ground, not in it.
+        track: Where it is over time, instead of its position.
 
     Raises:
         InputError: It is; outside jit, as far as its height goes.
@@ -44,9 +53,11 @@ def check_kind(sensor: Sensor, kind: str, *, above: bool) -> None:
         raise InputError(
             f"{where}: expected a sensor of kind {kind}, got {shown(sensor.kind)}"
         )
-    if isinstance(sensor.position_m, Tracer):
+    places = sensor.position_m if track is None else track.position
+    if isinstance(places, Tracer):
         return
-    up = float(np.asarray(sensor.position_m)[2])
+    heights = np.asarray(places)[..., 2]
+    up = float(heights.min() if above else heights.max())
     if not (up >= 0 if above else up <= 0):
         side = "above" if above else "in"
         raise InputError(
@@ -54,7 +65,6 @@ def check_kind(sensor: Sensor, kind: str, *, above: bool) -> None:
         )
 
 
-@eqx.filter_jit
 def mounted(
     sensor: Sensor, key: Key[Array, ""], start_s: Float[ArrayLike, ""]
 ) -> tuple[Mounted, Any]:
@@ -65,9 +75,16 @@ def mounted(
         key: What its noise is drawn from.
         start_s: When the first sample begins, by the gauge's clock [s].
     """
+    return _mounted(sensor, key, as_float_array(start_s))
+
+
+@eqx.filter_jit
+def _mounted(
+    sensor: Sensor, key: Key[Array, ""], start_s: Float[Array, ""]
+) -> tuple[Mounted, Any]:
+    """Do it, by one program for all starts: a plain number would be another each."""
     chain = instrument_chain(sensor.instrument or Instrument(), key)
-    begin = as_float_array(start_s) - sensor.clock_offset_s
-    return Mounted(chain, begin), chain_start(chain)
+    return Mounted(chain, start_s - sensor.clock_offset_s), chain_start(chain)
 
 
 def edges_of(rate: float) -> Float[Array, " edge"]:

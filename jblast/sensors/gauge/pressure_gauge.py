@@ -18,6 +18,7 @@ from jaxtyping import Array, ArrayLike, Float, Int, Key
 
 from jblast.scene import Scene, Sensor
 from jblast.sensors.arrivals.heard import heard
+from jblast.sensors.arrivals.track import Track
 from jblast.sensors.gauge.mounted import (
     Mounted,
     check_kind,
@@ -66,6 +67,7 @@ def record(
     laws: Mapping[str, str] | None = None,
     mounting: str = "side-on",
     drift: Float[ArrayLike, ""] = 0.0,
+    track: Track | None = None,
 ) -> Float[Array, " sample"]:
     """Return the overpressure that a gauge records [Pa].
 
@@ -80,6 +82,7 @@ def record(
         laws: By quantity; absent ones as for `sensors.heard`.
         mounting: "side-on" or "face-on".
         drift: Of its zero [Pa/s].
+        track: Where it is over time, on the common clock, instead of its position.
 
     Raises:
         InputError: The sensor is no pressure gauge, or underground, or at a charge.
@@ -88,7 +91,7 @@ def record(
     Example:
         `pressure_gauge.record(scene, scene.sensors[0], 0.1, jax.random.key(0))`
     """
-    setup, state = _start(scene, gauge, key, start_s, laws, mounting, drift)
+    setup, state = _start(scene, gauge, key, start_s, laws, mounting, drift, track)
     n = sample_count(duration_s, rate_of(gauge))
     return first_samples(_block, setup, state, n)
 
@@ -104,9 +107,10 @@ def stream(
     laws: Mapping[str, str] | None = None,
     mounting: str = "side-on",
     drift: float = 0.0,
+    track: Track | None = None,
 ) -> Iterator[Packet]:
     """Yield what a gauge records in packets, for ever; otherwise as `record`."""
-    setup, state = _start(scene, gauge, key, start_s, laws, mounting, drift)
+    setup, state = _start(scene, gauge, key, start_s, laws, mounting, drift, track)
     return packets(
         _block,
         setup,
@@ -126,12 +130,14 @@ def _start(
     laws: Mapping[str, str] | None,
     mounting: str,
     drift: Float[ArrayLike, ""],
+    track: Track | None,
 ) -> tuple[PressureGauge, Any]:
-    check_kind(sensor, "pressure", above=True)
+    check_kind(sensor, "pressure", above=True, track=track)
     if mounting not in ("side-on", "face-on"):
         raise ValueError(f"mounting must be 'side-on' or 'face-on', got {mounting!r}")
     gauge, state = mounted(sensor, key, start_s)
-    waves = tuple(wave.pulse for wave in heard(scene, sensor.position_m, laws))
+    place = sensor.position_m if track is None else track
+    waves = tuple(wave.pulse for wave in heard(scene, place, laws))
     pressure = None if mounting == "side-on" else ambient(scene.air)[1]
     return PressureGauge(gauge, waves, pressure, as_float_array(drift)), state
 

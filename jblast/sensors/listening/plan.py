@@ -5,7 +5,8 @@ would write down.
 """
 
 import math
-from typing import NamedTuple
+from collections.abc import Callable, Mapping
+from typing import Any, NamedTuple
 
 import jax
 import numpy as np
@@ -15,6 +16,7 @@ from jblast.errors import InputError, argument
 from jblast.scene import Instrument, Scene, Sensor, UncertainScene, draw_scene
 from jblast.scene.parameters import value_of
 from jblast.scene.reader.schema import INSTRUMENT_KINDS
+from jblast.sensors.arrivals.track import Track
 from jblast.sensors.listening.truth import Truth, truth_of
 
 TAIL_S = 0.25
@@ -41,6 +43,8 @@ class Listening(NamedTuple):
         truth: What the laws say of `sensors`.
         notes: What was drawn of priors, and by which curves charges were taken.
         key: Of all noise.
+        tracks: By name, where sensors that move are over time.
+        otherwise: By kind, the scene and the laws of sensors to which it is another.
     """
 
     scene: Scene
@@ -50,6 +54,12 @@ class Listening(NamedTuple):
     truth: Truth
     notes: tuple[str, ...]
     key: PRNGKeyArray
+    tracks: Mapping[str, Track]
+    otherwise: Mapping[str, tuple[Scene, Mapping[str, str]]]
+
+    def heard_by(self, sensor: Sensor) -> tuple[Scene, Mapping[str, str]]:
+        """Return the scene and the laws by which a sensor's record is made."""
+        return self.otherwise.get(sensor.kind, (self.scene, self.truth.laws))
 
 
 def instrument_of(sensor: Sensor) -> Instrument:
@@ -63,7 +73,11 @@ def samples_of(listening: Listening, sensor: Sensor) -> int:
 
 
 def plan(
-    uncertain: UncertainScene, seed: int = 0, seconds: float | None = None
+    uncertain: UncertainScene,
+    seed: int = 0,
+    seconds: float | None = None,
+    tracks: Mapping[str, Track] | None = None,
+    scene_of: Callable[[Scene, str], Scene] | None = None,
 ) -> Listening:
     """Return what a scene's sensors are to record.
 
@@ -71,6 +85,8 @@ def plan(
         uncertain: The scene; numbers with a prior are drawn as `simulate` draws them.
         seed: Of the priors and the noise.
         seconds: How long; None: until the last blast has gone by everywhere.
+        tracks: By name, where sensors on a vehicle are over time.
+        scene_of: The scene as sensors of a kind have it; None: one for all.
 
     Raises:
         InputError: No sensor writes samples, one has no position, a charge has none, a
@@ -79,7 +95,8 @@ def plan(
     """
     scene_key, noise_key = jax.random.split(jax.random.key(seed))
     source = uncertain.source or "scene"
-    sensors, skipped = _heard(uncertain.scene, source)
+    tracks = {} if tracks is None else tracks
+    sensors, skipped = _heard(uncertain.scene, source, tracks)
     scene = draw_scene(scene_key, uncertain)
     if any(charge.range_m is not None for charge in scene.charges):
         raise InputError(
@@ -88,7 +105,8 @@ def plan(
         )
     places = {sensor.name: sensor for sensor in scene.sensors}
     sensors = tuple(places[sensor.name] for sensor in sensors)
-    scene, truth = truth_of(scene, sensors)
+    own = {i.name: tracks[i.name] for i in sensors if i.name in tracks}
+    scene, truth, otherwise = _truths(scene, sensors, own, scene_of)
     drawn = [
         f"truth: {name} = {float(np.asarray(value_of(scene, name)))!r}"
         for name in uncertain.beliefs
@@ -97,10 +115,46 @@ def plan(
         seconds = _until_gone_by(truth, source)
     _check_rates(sensors, seconds, source)
     notes = (*drawn, *truth.notes)
-    return Listening(scene, sensors, skipped, seconds, truth, notes, noise_key)
+    return Listening(
+        scene, sensors, skipped, seconds, truth, notes, noise_key, own, otherwise
+    )
 
 
-def _heard(scene: Scene, source: str) -> tuple[list[Sensor], dict[str, str]]:
+def _truths(
+    scene: Scene,
+    sensors: tuple[Sensor, ...],
+    tracks: Mapping[str, Track],
+    scene_of: Callable[[Scene, str], Scene] | None,
+) -> tuple[Scene, Truth, dict[str, tuple[Scene, Mapping[str, str]]]]:
+    """Return the scene settled, what its laws say, and by kind who has another one."""
+    settled, truth = truth_of(scene, sensors, tracks)
+    otherwise: dict[str, tuple[Scene, Mapping[str, str]]] = {}
+    kinds = dict.fromkeys(sensor.kind for sensor in sensors) if scene_of else ()
+    for kind in kinds:
+        other = scene if scene_of is None else scene_of(scene, kind)
+        if other is scene:
+            continue
+        other, theirs = truth_of(other, sensors, tracks)
+        otherwise[kind] = other, theirs.laws
+        own = np.array([sensor.kind == kind for sensor in sensors])[:, None]
+        truth = truth._replace(
+            values=_rows_of(own, theirs.values, truth.values),
+            valid=_rows_of(own, theirs.valid, truth.valid),
+            places=_rows_of(own[..., None], theirs.places, truth.places),
+        )
+    return settled, truth, otherwise
+
+
+def _rows_of(
+    own: np.ndarray, ours: dict[str, Any], others: dict[str, Any]
+) -> dict[str, Any]:
+    """Return some sensors' rows of one truth, the others' of another."""
+    return {name: np.where(own, ours[name], rows) for name, rows in others.items()}
+
+
+def _heard(
+    scene: Scene, source: str, tracks: Mapping[str, Track]
+) -> tuple[list[Sensor], dict[str, str]]:
     """Return the sensors that write samples, and why others do not."""
     expected = f"[[sensor]] of kind {', '.join(INSTRUMENT_KINDS)}"
     if not scene.sensors:
@@ -119,6 +173,13 @@ def _heard(scene: Scene, source: str) -> tuple[list[Sensor], dict[str, str]]:
             f"{source}: expected at least one {expected}; of sensor {name!r}, {why}"
         )
     for sensor in heard:
+        if sensor.name in tracks:
+            continue
+        if sensor.mount:
+            raise InputError(
+                f"{source}: [[sensor]] {sensor.name!r} mount: expected a flight of the "
+                f"{sensor.mount} that carries it, which jblast world flies; got none"
+            )
         if not np.isfinite(sensor.position_m).all():
             raise InputError(
                 f"{source}: [[sensor]] {sensor.name!r}: expected position_m = "

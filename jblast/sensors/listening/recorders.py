@@ -44,13 +44,20 @@ def packets(
     recorder = RECORDERS[sensor.kind]
     number = [other.name for other in listening.sensors].index(sensor.name)
     key = jax.random.fold_in(listening.key, number)
-    scene, laws = listening.scene, listening.truth.laws
+    scene, laws = listening.heard_by(sensor)
+    carried = {}  # those that can ride along take a track
+    if sensor.name in listening.tracks:
+        carried = {"track": listening.tracks[sensor.name]}
     try:
         if packets_hz is None:
-            samples = recorder.record(scene, sensor, listening.seconds, key, laws=laws)
+            samples = recorder.record(
+                scene, sensor, listening.seconds, key, laws=laws, **carried
+            )
             yield _by_component(samples)
             return
-        stream = recorder.stream(scene, sensor, key, packets_hz=packets_hz, laws=laws)
+        stream = recorder.stream(
+            scene, sensor, key, packets_hz=packets_hz, laws=laws, **carried
+        )
     except InputError as error:
         if shown(sensor.name) in str(error):
             raise

@@ -1,6 +1,6 @@
 """What a microphone hears: blasts, ambient sound, wind and its own rotors."""
 
-from jblast.sensors.microphone.blast import Ways as Ways
+from jblast.sensors.microphone.blast import WavePaths as WavePaths
 from jblast.sensors.microphone.packets import LoopPackets as LoopPackets
 from jblast.sensors.microphone.record import record as record, stream as stream
 from jblast.sensors.microphone.rotor import Rotors as Rotors

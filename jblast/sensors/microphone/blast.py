@@ -31,8 +31,8 @@ from jblast.waves.waveform.ground_pulse import GroundPulse
 from jblast.waves.waveform.pulse import Pulse
 
 
-class Ways(NamedTuple):
-    """By which ways a blast is heard.
+class WavePaths(NamedTuple):
+    """By which paths a blast is heard.
 
     Attributes:
         reflection: Coefficient of the ground under an elevated place; 0 leaves
@@ -73,7 +73,7 @@ def blast_waves(
     place: Float[Array, "3"] | Track,
     rate: float,
     laws: Mapping[str, str] | None,
-    ways: Ways,
+    wave_paths: WavePaths,
 ) -> tuple[BlastWave, ...]:
     """Set up every wave that comes to a place, on the common clock.
 
@@ -82,25 +82,25 @@ def blast_waves(
         place: East, north, up [m], or where that is over time.
         rate: Samples a second [Hz].
         laws: By quantity; absent ones as for `heard`.
-        ways: By which ways they come.
+        wave_paths: By which paths they come.
 
     Raises:
         InputError: As in `heard`, or a recorded sound is to be heard in motion.
     """
-    sound = ways.sound
+    sound = wave_paths.sound
     if sound is not None and isinstance(place, Track):
         raise InputError(
             "sound: expected a place at rest for a recorded one, got a track"
         )
     found = []
     for wave in heard(
-        scene, place, laws, reflection=ways.reflection, ground=ways.ground
+        scene, place, laws, reflection=wave_paths.reflection, ground=wave_paths.ground
     ):
         if wave.kind == "ground":
             found.append(BlastWave(wave.pulse))
             continue
         transfer = scale = None
-        if ways.absorption and _may_be_absorbed(wave):
+        if wave_paths.absorption and _may_be_absorbed(wave):
             transfer = _transfer(scene, wave, rate)
         if sound is not None:
             named = record_laws(scene, laws)
@@ -159,7 +159,7 @@ _peak_at = eqx.filter_jit(peak_at)
 def _transfer(scene: Scene, wave: Heard, rate: float) -> Complex[Array, " frequency"]:
     """Return what the air leaves of a wave on its way; all where it absorbs nothing."""
     count = 2 ** math.ceil(math.log2(BLOCK + TAIL_S * rate))
-    way = jnp.where(wave.absorbed, wave.distance, 0.0)
+    way = jnp.where(wave.absorbed, scene.air.absorption_scale * wave.distance, 0.0)
     return absorption_transfer(
         count, rate, way, *ambient(scene.air), scene.air.relative_humidity
     )

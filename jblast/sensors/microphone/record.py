@@ -10,13 +10,13 @@ from jaxtyping import Array, ArrayLike, Float, Key
 from jblast.errors import InputError, shown
 from jblast.scene import Instrument, Scene, Sensor
 from jblast.sensors.arrivals.track import Track
-from jblast.sensors.microphone.blast import Ways, blast_waves
+from jblast.sensors.microphone.blast import WavePaths, blast_waves
 from jblast.sensors.microphone.rotor import Rotors
 from jblast.sensors.microphone.sound import Sound, set_up, sound_block
 from jblast.sensors.signal.blocks import Packet, first_samples, packets, sample_count
 from jblast.types import as_float_array
 
-EVERY_WAY = Ways()
+EVERY_PATH = WavePaths()
 
 
 def record(
@@ -29,7 +29,7 @@ def record(
     laws: Mapping[str, str] | None = None,
     track: Track | None = None,
     rotors: Rotors | None = None,
-    ways: Ways = EVERY_WAY,
+    wave_paths: WavePaths = EVERY_PATH,
 ) -> Float[Array, " sample"]:
     """Return what a microphone records of a scene.
 
@@ -45,7 +45,7 @@ def record(
         laws: By quantity; absent ones as for `sensors.heard`.
         track: Where it is over time, on the common clock, instead of its position.
         rotors: Those that it flies with.
-        ways: By which ways blasts are heard.
+        wave_paths: By which paths blasts are heard.
 
     Returns:
         Samples [Pa], at the rate of its instrument.
@@ -58,7 +58,9 @@ def record(
     """
     instrument = microphone.instrument or Instrument()
     n = sample_count(duration_s, instrument.rate)
-    sound, state = _start(scene, microphone, key, start_s, laws, track, rotors, ways)
+    sound, state = _start(
+        scene, microphone, key, start_s, laws, track, rotors, wave_paths
+    )
     return first_samples(sound_block, sound, state, n)
 
 
@@ -73,7 +75,7 @@ def stream(
     laws: Mapping[str, str] | None = None,
     track: Track | None = None,
     rotors: Rotors | None = None,
-    ways: Ways = EVERY_WAY,
+    wave_paths: WavePaths = EVERY_PATH,
 ) -> Iterator[Packet]:
     """Yield what a microphone records in packets, for ever, in constant memory.
 
@@ -89,7 +91,7 @@ def stream(
         laws: By quantity; absent ones as for `sensors.heard`.
         track: Where it is over time, on the common clock, instead of its position.
         rotors: Those that it flies with.
-        ways: By which ways blasts are heard.
+        wave_paths: By which paths blasts are heard.
 
     Raises:
         InputError: As in `record`.
@@ -99,7 +101,9 @@ def stream(
         `for packet in microphone.stream(scene, sensor, key, packets_hz=100.0): ...`
     """
     rate = (microphone.instrument or Instrument()).rate
-    sound, state = _start(scene, microphone, key, start_s, laws, track, rotors, ways)
+    sound, state = _start(
+        scene, microphone, key, start_s, laws, track, rotors, wave_paths
+    )
     timing = {"packet_s": packet_s, "packets_hz": packets_hz, "start_s": start_s}
     return packets(sound_block, sound, state, rate, **timing)
 
@@ -112,7 +116,7 @@ def _start(
     laws: Mapping[str, str] | None,
     track: Track | None,
     rotors: Rotors | None,
-    ways: Ways,
+    wave_paths: WavePaths,
 ) -> tuple[Sound, Any]:
     """Set a microphone up, and refuse what can be seen to be none."""
     where = f"microphone {shown(microphone.name)}"
@@ -135,5 +139,5 @@ def _start(
     rate = (microphone.instrument or Instrument()).rate
     # outside jit, where it compiles in parts, leaves out waves that nothing can make,
     # and says what is wrong with the rest
-    waves = blast_waves(scene, place, rate, laws, ways)
+    waves = blast_waves(scene, place, rate, laws, wave_paths)
     return set_up(scene, microphone, key, start, waves, track, rotors)

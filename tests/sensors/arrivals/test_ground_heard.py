@@ -54,6 +54,7 @@ def test_it_comes_when_record_says_with_the_velocity_that_record_says(path):
     )
 
 
+@pytest.mark.slow
 def test_off_it_is_not_there_and_never_is_silent():
     edges = np.linspace(0.0, 0.1, 300)
     assert np.all(np.asarray(overpressure(scene(), PLACE, edges)) == 0.0)

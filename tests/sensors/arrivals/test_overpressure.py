@@ -105,6 +105,7 @@ WITH_NEVER = replace(
 )
 
 
+@pytest.mark.slow
 def test_a_charge_that_never_happens_is_silent_and_leaves_the_other_alone():
     edges = jnp.linspace(0.7, 0.8, 2001)
     both, alone = (overpressure(s, PLACE, edges) for s in (WITH_NEVER, ON_GROUND))
@@ -143,6 +144,7 @@ def test_a_front_between_two_samples_lands_where_it_should():
     assert np.all(np.diff(means[:, 0]) < 0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("scene", "most"), [(ON_GROUND, 0.0115), (LIFTED, 0.01)])
 def test_the_largest_sample_is_the_peak_to_one_per_cent_at_200_samples(scene, most):
     """For every place of the front between samples.
@@ -196,6 +198,7 @@ def test_gradients_by_mass_range_and_arrival_are_those_of_differences():
     assert np.abs(slopes[2]).max() > float(wave.pulse.peak) / 0.31e-3 / 2  # the front's
 
 
+@pytest.mark.slow
 def test_even_samples_are_the_same_of_all_waves():
     start, rate, count = 0.7, 10e3, 1500
     edges = start + np.arange(count + 1) / rate

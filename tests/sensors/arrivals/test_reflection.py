@@ -46,6 +46,7 @@ def test_it_comes_from_the_image_by_the_same_laws_times_its_coefficient():
     assert reflected.pulse.arrival_time > direct.pulse.arrival_time + 0.01
 
 
+@pytest.mark.slow
 def test_turned_off_it_is_not_there_and_the_direct_wave_is_what_it_was():
     edges = jnp.linspace(0.03, 0.2, 800)
 
@@ -70,6 +71,7 @@ def test_a_coefficient_of_nothing_is_none():
     np.testing.assert_allclose(nothing, off, atol=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("charge", "place"),
     [

@@ -46,6 +46,7 @@ def test_doppler_of_a_place_on_the_ray_is_exact(speed):
     )
 
 
+@pytest.mark.slow
 def test_a_track_that_rests_is_a_place():
     place = np.array([30.0, 10.0, 2.0])
     edges = 1.0 + jnp.linspace(0.05, 0.2, 400)

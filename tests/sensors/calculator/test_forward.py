@@ -91,6 +91,7 @@ def test_the_friedlander_decay_gives_the_impulse_back():
     np.testing.assert_allclose(friedlander_impulse(p, t, b), i, rtol=1e-9)
 
 
+@pytest.mark.slow
 def test_an_explosive_counts_as_its_tnt_mass_for_each_quantity():
     found = calculate(scene_with(explosive="C4"), RANGES, MASSES)
     plain = {

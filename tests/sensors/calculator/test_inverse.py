@@ -61,6 +61,7 @@ def test_roots_put_back_give_the_value(quantity, known):
     assert count >= len(found) - 1  # acoustic arrivals tell no mass
 
 
+@pytest.mark.slow
 @hypothesis.settings(max_examples=30, deadline=None)
 @hypothesis.given(
     log_range=st.floats(np.log(1.0), np.log(3000.0)),

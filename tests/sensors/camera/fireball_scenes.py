@@ -23,7 +23,7 @@ def small_camera(
     **changed: Any,
 ) -> Camera:
     position, target = np.array(position, float), np.array(target, float)
-    numbers = {
+    numbers: dict[str, Any] = {
         "position": position,
         "quaternion": look_at(position, target),
         "focal": [40.0, 41.0],

@@ -16,10 +16,12 @@ from jblast.sensors.camera import (
     stream_events,
     write_events,
 )
+from jblast.sensors.camera.files.backgrounds import background_frames
 from jblast.sensors.camera.files.png import write_png
 from jblast.sensors.camera.files.views import single_view
 from jblast.sensors.camera.film import Film
 from jblast.sensors.camera.image.grey_composite import LUMINANCE
+from jblast.sensors.camera.rendering.appearance import Appearance
 from jblast.sensors.camera.rendering.render import render
 from jblast.sensors.camera.rendering.visibility import in_view, off_axis
 
@@ -71,15 +73,16 @@ def test_an_exposure_is_left_out_for_events():
 
 def test_a_moving_background_is_an_image_a_frame_of_the_cameras_size(tmp_path):
     eye, times = camera(target=(0.0, -90.0, 2.0)), np.arange(2) * 1e-3
-    files = tuple(tmp_path / f"{k}.png" for k in range(2))
+    files = [tmp_path / f"{k}.png" for k in range(2)]
     for file, light in zip(files, (0.7, 0.2), strict=True):
         write_png(file, np.full((24, 32, 3), light))
-    frames = np.concatenate([f for _, f in Film(SCENE, eye, times, files).frames()])
+    pictures = background_frames(files, times, eye)
+    frames = np.concatenate([f for _, f in Film(SCENE, eye, times, pictures).frames()])
     # half a step of 8 bits is at most 0.0045 of light
     np.testing.assert_allclose(frames[:, 3, 4, 1], (0.7, 0.2), atol=0.0045)
     write_png(files[0], np.zeros((24, 31, 3)))
     with pytest.raises(InputError, match=r"0\.png: expected 32 x 24 .*got 31 x 24"):
-        list(Film(SCENE, eye, times, files).frames())
+        list(Film(SCENE, eye, times, pictures).frames())
 
 
 @pytest.mark.parametrize(
@@ -103,7 +106,8 @@ def test_in_view_says_what_rendering_shows():
     answers = []
     for east in np.linspace(15.0, 40.0, 11):
         eye = camera(target=(east, 0.0, 2.0))
-        changed = np.ptp(np.asarray(render(SCENE, eye, times))) > 0
+        look = Appearance(flash=False)  # light on the ground is no fireball in view
+        changed = np.ptp(np.asarray(render(SCENE, eye, times, appearance=look))) > 0
         answers.append((bool(in_view(SCENE, eye)), bool(changed)))
     assert (False, True) not in answers
     # within a pixel of the edge, and there alone, it counts though no ray meets it

@@ -48,24 +48,26 @@ def read_off(laws, scene=SCENE):
     return dict(zip(layout.quantity, np.asarray(value), strict=True))
 
 
-AIR = read_off(DEFAULT_RECORD_LAWS)
+@pytest.fixture(scope="module")
+def air():
+    return read_off(DEFAULT_RECORD_LAWS)
 
 
-def test_a_pressure_gauge_has_arrival_peak_and_impulse_of_the_laws():
-    start = AIR["air_arrival_s"] - 0.1 - 0.3 / RATE + 7.0
+def test_a_pressure_gauge_has_arrival_peak_and_impulse_of_the_laws(air):
+    start = air["air_arrival_s"] - 0.1 - 0.3 / RATE + 7.0
     sensor = sensor_of("pressure", offset=7.0)
     samples = pressure_gauge.record(SCENE, sensor, 0.3, KEY, start_s=start)
     samples = np.asarray(samples)
     assert np.flatnonzero(samples)[0] == 2000  # 0.1 s, and 0.3 of a sample
     # some 500 samples of positive phase: half a sample on the way down
-    assert samples.max() == pytest.approx(AIR["peak_overpressure_pa"], rel=0.01)
+    assert samples.max() == pytest.approx(air["peak_overpressure_pa"], rel=0.01)
     assert samples[samples > 0].sum() / RATE == pytest.approx(
-        AIR["positive_impulse_pa_s"], rel=1e-3
+        air["positive_impulse_pa_s"], rel=1e-3
     )
     struck = pressure_gauge.record(
         SCENE, sensor, 0.3, KEY, start_s=start, mounting="face-on"
     )
-    expected = normally_reflected_pressure(AIR["peak_overpressure_pa"], 101325.0)
+    expected = normally_reflected_pressure(air["peak_overpressure_pa"], 101325.0)
     assert np.max(struck) == pytest.approx(float(expected), rel=0.01)
 
 
@@ -77,7 +79,7 @@ def test_the_zero_of_a_gauge_drifts_by_its_own_clock():
     )
 
 
-def test_a_wind_rises_to_rankine_and_hugoniots_away_from_the_charge_and_ends():
+def test_a_wind_rises_to_rankine_and_hugoniots_away_from_the_charge_and_ends(air):
     scene = replace(SCENE, air=Air(wind_east=2.0, wind_north=-1.0))
     law = read_off(DEFAULT_RECORD_LAWS, scene)
     start = law["air_arrival_s"] - 0.01
@@ -94,7 +96,7 @@ def test_a_wind_rises_to_rankine_and_hugoniots_away_from_the_charge_and_ends():
     assert blown[1000] > 0 or blown.min() < 0
     assert np.abs(blown[-100:]).max() < 1e-6 * front
     # momentum: u lasts longer than p, so its integral is more than the plane wave's
-    plane = 5 * 340.29 / 7 * AIR["positive_impulse_pa_s"] / 101325.0
+    plane = 5 * 340.29 / 7 * air["positive_impulse_pa_s"] / 101325.0
     assert blown[blown > 0].sum() / RATE > plane
 
 

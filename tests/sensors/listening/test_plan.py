@@ -35,6 +35,7 @@ def scene_of(*sensors: Sensor, **others) -> UncertainScene:
     return UncertainScene(Scene(charge, sensors=sensors, scatter=False, **others))
 
 
+@pytest.mark.slow
 def test_the_truth_is_what_simulate_writes_of_the_same_scene_and_seed():
     prior = {"charge_mass_kg": LogNormal(15.0, 2.0)}
     uncertain = replace(scene_of(PHONE, FLASH, GAUGE), beliefs=prior)
@@ -71,6 +72,7 @@ def test_without_a_blast_a_second_is_heard():
     assert np.isinf(listening.truth.values["air_arrival_s"]).all()
 
 
+@pytest.mark.slow
 def test_a_second_charge_has_a_column_of_its_own():
     late = Charge(mass_kg=1.0, time_s=3.0, name="late")
     first = replace(scene_of(PHONE).scene.charge, name="first")

@@ -1,4 +1,4 @@
-"""A blast is heard by each of its ways as that way alone says."""
+"""A blast is heard by each of its paths as that path alone says."""
 
 from dataclasses import replace
 from typing import Any
@@ -13,7 +13,7 @@ from jblast.errors import InputError
 from jblast.scene import Air, Charge, Instrument, Scene, Sensor
 from jblast.sensors import RecordedSound, Track, microphone
 from jblast.sensors.arrivals.laws import DEFAULT_GROUND_LAWS
-from jblast.sensors.microphone import Ways
+from jblast.sensors.microphone import WavePaths
 from jblast.waves.propagation.absorption_filter import absorb
 
 RATE, KEY = 20_000.0, jax.random.key(3)
@@ -21,11 +21,11 @@ SCENE = Scene(Charge(mass_kg=15.0))
 MICROPHONE = Sensor(
     "m", np.array([300.0, 0.0, 20.0]), "microphone", instrument=Instrument(RATE)
 )
-AIR = Ways(ground=False)
+AIR = WavePaths(ground=False)
 
 
-def heard(scene=SCENE, ways=AIR, duration_s=0.2, start_s=0.75, **options: Any):
-    given: dict[str, Any] = {"start_s": start_s, "ways": ways, **options}
+def heard(scene=SCENE, wave_paths=AIR, duration_s=0.2, start_s=0.75, **options: Any):
+    given: dict[str, Any] = {"start_s": start_s, "wave_paths": wave_paths, **options}
     samples = microphone.record(scene, MICROPHONE, duration_s, KEY, **given)
     return np.asarray(samples)
 
@@ -38,7 +38,7 @@ def test_the_wave_in_the_ground_comes_first_as_the_laws_of_ground_motion_say():
         scene = replace(SCENE, sensors=(sensor,), ground=ground)
         layout, *_ = jblast.sensors.planned_layout(scene)
         arrival, _ = np.asarray(jblast.record(scene, layout, DEFAULT_GROUND_LAWS).value)
-        both = heard(scene, Ways(), 0.2, 0.0)
+        both = heard(scene, WavePaths(), 0.2, 0.0)
         first = np.flatnonzero(both)[0]
         assert first == np.floor(arrival * RATE)
         # the ground's pressure is rho c v, some 415 Pa s/m, a mean over the sample
@@ -51,16 +51,19 @@ def test_the_wave_in_the_ground_comes_first_as_the_laws_of_ground_motion_say():
 
 
 def test_air_and_ground_add_up():
-    both = heard(ways=Ways(), duration_s=0.9, start_s=0.0)
-    air = heard(ways=AIR, duration_s=0.9, start_s=0.0)
+    both = heard(wave_paths=WavePaths(), duration_s=0.9, start_s=0.0)
+    air = heard(wave_paths=AIR, duration_s=0.9, start_s=0.0)
     soil = both - air
     assert np.flatnonzero(soil)[0] < np.flatnonzero(air)[0]
     assert np.abs(soil).max() < 0.01 * np.abs(air).max()
 
 
+@pytest.mark.slow
 def test_air_absorbs_where_the_scene_says_so_and_the_stream_forgets_nothing():
     plain = heard()
-    assert np.array_equal(heard(ways=Ways(ground=False, absorption=False)), plain)
+    assert np.array_equal(
+        heard(wave_paths=WavePaths(ground=False, absorption=False)), plain
+    )
     humid = replace(SCENE, air=Air(absorption=True, relative_humidity=0.3))
     absorbed = heard(humid)
     whole = absorb(
@@ -76,7 +79,7 @@ def test_air_absorbs_where_the_scene_says_so_and_the_stream_forgets_nothing():
     # the two forget after 0.25 s each: e^-14 of the slowest relaxation
     assert absorbed == pytest.approx(np.asarray(whole), abs=1e-5 * peak)
     packets = microphone.stream(
-        humid, MICROPHONE, KEY, packet_s=0.2, start_s=0.75, ways=AIR
+        humid, MICROPHONE, KEY, packet_s=0.2, start_s=0.75, wave_paths=AIR
     )
     assert np.array_equal(next(packets).samples, absorbed)
 
@@ -84,7 +87,7 @@ def test_air_absorbs_where_the_scene_says_so_and_the_stream_forgets_nothing():
 @pytest.mark.slow
 def test_inside_jit_air_absorbs_as_much_or_nothing():
     def inside(scene):
-        options: dict[str, Any] = {"start_s": 0.75, "ways": AIR}
+        options: dict[str, Any] = {"start_s": 0.75, "wave_paths": AIR}
         return microphone.record(scene, MICROPHONE, 0.2, KEY, **options)
 
     for absorption in (True, False):
@@ -98,13 +101,13 @@ def test_a_recorded_sound_stands_for_the_pulse_scaled_by_the_law():
     plain = heard()
     recorded = np.array([2.0, 4.0, -1.0, 0.5])
     sound = RecordedSound(recorded, RATE, jnp.hypot(300.0, 20.0))
-    samples = heard(ways=Ways(ground=False, sound=sound))
+    samples = heard(wave_paths=WavePaths(ground=False, sound=sound))
     first = np.flatnonzero(plain)[0]
     assert np.flatnonzero(samples)[0] == first
     assert samples[first : first + 6].sum() == pytest.approx(recorded.sum(), rel=1e-6)
     track = Track(np.array([0.0, 1.0]), np.tile(MICROPHONE.position_m, (2, 1)))
     with pytest.raises(InputError, match="a place at rest for a recorded one"):
-        heard(ways=Ways(sound=sound), track=track)
+        heard(wave_paths=WavePaths(sound=sound), track=track)
 
 
 @pytest.mark.slow  # test_track.py hears air alone so
@@ -112,7 +115,7 @@ def test_one_who_comes_nearer_hears_all_of_it_sooner_and_shorter():
     def passing(speed, way):
         knots = np.array([[300.0, 0.0, 20.0], [300.0 - 2 * speed, 0.0, 20.0]])
         track = Track(np.array([0.0, 2.0]), knots)
-        return heard(ways=way, duration_s=0.9, start_s=0.0, track=track)
+        return heard(wave_paths=way, duration_s=0.9, start_s=0.0, track=track)
 
     stands, flies = (passing(speed, AIR) for speed in (0.0, 20.0))
     at_rest = heard(duration_s=0.9, start_s=0.0)
@@ -123,15 +126,18 @@ def test_one_who_comes_nearer_hears_all_of_it_sooner_and_shorter():
     # both start out 300 m away; who flies at 20 m/s meets it v/(c + v) of the way on
     assert sooner / first == pytest.approx(sound / (sound + 20.0), rel=0.005)
     assert flies.max() > stands.max()
-    ground = passing(20.0, Ways()) - flies
-    still = passing(0.0, Ways()) - stands
+    ground = passing(20.0, WavePaths()) - flies
+    still = passing(0.0, WavePaths()) - stands
     assert 0 <= np.flatnonzero(still)[0] - np.flatnonzero(ground)[0] < 0.01 * RATE
 
 
 @pytest.mark.slow  # each way is a program; test_overpressure.py has that of the air
 def test_never_is_never_by_any_way():
     never = Scene(Charge(time_s=np.inf), air=Air(absorption=True))
-    for ways in (Ways(), Ways(sound=RecordedSound(np.ones(9), RATE, 10.0))):
-        assert not heard(never, ways).any()
+    for wave_paths in (
+        WavePaths(),
+        WavePaths(sound=RecordedSound(np.ones(9), RATE, 10.0)),
+    ):
+        assert not heard(never, wave_paths).any()
     track = Track(np.array([0.0, 1.0]), np.tile(MICROPHONE.position_m, (2, 1)))
-    assert not heard(never, Ways(), track=track).any()
+    assert not heard(never, WavePaths(), track=track).any()

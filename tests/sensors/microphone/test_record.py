@@ -17,7 +17,7 @@ from jblast.sensors.arrivals.laws import DEFAULT_RECORD_LAWS
 from jblast.sensors.arrivals.track import Track
 
 RATE, KEY = 20_000.0, jax.random.key(3)
-AIR = microphone.Ways(ground=False)
+AIR = microphone.WavePaths(ground=False)
 IDEAL = Instrument(rate=RATE)
 SCENE = Scene(Charge(mass_kg=15.0, time_s=0.5))
 MICROPHONE = Sensor("m", np.array([40.0, 30.0, 1.5]), "microphone", instrument=IDEAL)
@@ -63,7 +63,7 @@ def test_the_record_has_arrival_peak_duration_and_impulse_of_the_laws():
     law = read_off(SCENE, LATE)
     start = law["air_arrival_s"] - 0.1 - 0.3 / RATE
     samples = np.asarray(
-        microphone.record(SCENE, LATE, DURATION_S, KEY, start_s=start, ways=AIR)
+        microphone.record(SCENE, LATE, DURATION_S, KEY, start_s=start, wave_paths=AIR)
     )
     assert samples.shape == (round(DURATION_S * RATE),)
     first = np.flatnonzero(samples)[0]
@@ -78,6 +78,7 @@ def test_the_record_has_arrival_peak_duration_and_impulse_of_the_laws():
     assert impulse == pytest.approx(law["positive_impulse_pa_s"], rel=1e-4)
 
 
+@pytest.mark.slow
 def test_a_stream_is_the_record_to_the_last_bit_whatever_is_heard():
     for scene, sensor, rotors in (
         (SCENE, MICROPHONE, None),
@@ -98,10 +99,10 @@ def test_a_stream_is_the_record_to_the_last_bit_whatever_is_heard():
             assert some[-1].start_s == 0.5 + some[-1].first_sample / RATE
 
 
-def heard_of(mass, place, time, dtype: Any = float, start_s=0.55, ways=AIR):
+def heard_of(mass, place, time, dtype: Any = float, start_s=0.55, wave_paths=AIR):
     charge = Charge(mass_kg=mass, time_s=time)
     sensor = Sensor("m", jnp.asarray(place, dtype), "microphone", instrument=IDEAL)
-    options: dict[str, Any] = {"start_s": start_s, "ways": ways}
+    options: dict[str, Any] = {"start_s": start_s, "wave_paths": wave_paths}
     return microphone.record(Scene(charge), sensor, 0.2, KEY, **options)
 
 
@@ -143,6 +144,7 @@ def test_many_places_at_once_are_each_alone_and_single_precision_tells_the_same(
     assert single.sum() == pytest.approx(late.sum(), abs=2e-3 * np.abs(late).sum())
 
 
+@pytest.mark.slow
 def test_what_never_happens_is_silence_and_its_slopes_are_numbers():
     def loudness(mass, time):
         place = jnp.array([40.0, 30.0, 1.5])
@@ -177,6 +179,7 @@ def test_ambient_sound_falls_with_height_and_wind_is_as_its_speed_squared():
     assert storm / brisk == pytest.approx(4.0, rel=1e-9)
 
 
+@pytest.mark.slow
 def test_a_track_that_stands_still_is_a_place_and_ambient_sound_follows_one():
     options: dict[str, Any] = {"start_s": 0.55}
     track = Track(np.array([0.0, 1.0]), np.tile(MICROPHONE.position_m, (2, 1)))

@@ -13,8 +13,8 @@ from jblast.sensors.camera.events.noise import IDEAL, NoiseModel
 from jblast.sensors.camera.events.noisy import noisy_events
 from jblast.sensors.camera.image.grey_composite import luminance
 from jblast.sensors.camera.rendering.appearance import Appearance
-from jblast.sensors.camera.rendering.billboards import Views
 from jblast.sensors.camera.rendering.render import BACKGROUND, Background, render
+from jblast.sensors.camera.rendering.view_set import ViewSet
 
 
 def events(
@@ -30,7 +30,7 @@ def events(
     ground: bool = True,
     supersample: int = 1,
     appearance: Appearance | None = None,
-    views: Views | None = None,
+    views: ViewSet | None = None,
 ) -> Events:
     """Return what an event camera sends of a scene's fireballs.
 

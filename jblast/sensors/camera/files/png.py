@@ -4,7 +4,7 @@ from io import BytesIO
 from pathlib import Path
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, UInt8
 
 from jblast.errors import InputError
 from jblast.files import replacing
@@ -26,10 +26,16 @@ def write_png(
         path: An existing file is replaced.
         image: Linear light, full scale 1: grey, red-green-blue, or with straight alpha.
     """
+    write_values(path, srgb_bytes(image))
+
+
+def write_values(
+    path: str | Path, values: UInt8[np.ndarray, "height width channel"]
+) -> None:
+    """Write values as they are; as `write_png` otherwise."""
     # Pillow comes with Matplotlib
     from PIL import Image
 
-    values = srgb_bytes(image)
     pixels = Image.fromarray(values[..., 0] if values.shape[2] == 1 else values)
     with replacing(path, durable=False) as temporary:
         pixels.save(temporary, format="PNG", compress_level=COMPRESSION)

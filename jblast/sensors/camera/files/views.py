@@ -23,8 +23,6 @@ What is up in the pictures of a camera straight above is north, if only its `dir
 is said; with an azimuth it is what a camera sees that looks down from there.
 """
 
-import math
-import tomllib
 from pathlib import Path
 from typing import Any
 
@@ -32,12 +30,18 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
-from jblast.errors import InputError, nearest, read_text, shown
-from jblast.scene.reader.priors import finite, fixed_list
+from jblast.errors import InputError, shown
+from jblast.scene.reader.priors import fixed_list
 from jblast.sensors.camera.files.frames import frame_files, read_pictures
-from jblast.sensors.camera.rendering.billboards import Views, upright
+from jblast.sensors.camera.files.view_index import (
+    direction_of,
+    known_keys,
+    positive,
+    read_index,
+    view_entries,
+)
+from jblast.sensors.camera.rendering.billboards import Views
 
-INDEX = "views.toml"
 SHARED = ("metres_per_pixel", "anchor_px")
 KEYS = {
     "": ("frames_hz", "charge_mass_kg", "srgb", *SHARED, "view"),
@@ -54,21 +58,15 @@ def read_views(directory: str | Path) -> Views:
             another size, not whole, or has no alpha. The message names the file.
     """
     directory = Path(directory)
-    source = directory / INDEX
-    if not source.is_file():
-        what = "has no index" if directory.is_dir() else "no such directory"
+    source, index = read_index(directory)
+    if "kind" in index:
         raise InputError(
-            f"{directory}: {what}; expected a directory of views with {INDEX}"
+            f"{source}: kind: expected pictures of one's own, which say none, got "
+            f"{shown(index['kind'])}; an explosion set is read by `explosion_views`"
         )
-    try:
-        index = tomllib.loads(read_text(source, "an index of views in TOML"))
-    except (ValueError, RecursionError) as error:
-        raise InputError(f"{source}: broken TOML: {error}") from None
-    _known(index, "", f"{source}: ")
-    entries = index.get("view")
-    if not isinstance(entries, list) or not entries:
-        raise InputError(f"{source}: expected views written [[view]], got none")
-    hz = _positive(index.get("frames_hz"), f"{source}: frames_hz")
+    known_keys(index, KEYS[""], f"{source}: ")
+    entries = view_entries(index, source)
+    hz = positive(index.get("frames_hz"), f"{source}: frames_hz")
     mass = _mass(index, source)
     srgb = index.get("srgb", True)
     if not isinstance(srgb, bool):
@@ -79,7 +77,7 @@ def read_views(directory: str | Path) -> Views:
         where = f"{source}: [[view]] {number} "
         if not isinstance(entry, dict):
             raise InputError(f"{where}: expected a table, got {shown(entry)}")
-        _known(entry, "[[view]] ", where)
+        known_keys(entry, KEYS["[[view]] "], where)
         entry = {key: index[key] for key in SHARED if key in index} | entry
         files = _files(directory, entry.get("frames"), f"{where}frames")
         pictures.append(read_pictures(files))
@@ -88,11 +86,11 @@ def read_views(directory: str | Path) -> Views:
                 f"{where}frames: expected {_size(pictures[0])} as in the first view, "
                 f"got {_size(pictures[-1])}"
             )
-        direction, up = _direction(entry, where)
+        direction, up = direction_of(entry, where)
         directions.append(direction)
         ups.append(_up(entry, direction, up, where))
         scale = entry.get("metres_per_pixel")
-        scales.append(_positive(scale, f"{where}metres_per_pixel"))
+        scales.append(positive(scale, f"{where}metres_per_pixel"))
         anchors.append(_anchor(entry, pictures[0], f"{where}anchor_px"))
     return Views(
         frames=jnp.asarray(np.stack(pictures)),
@@ -135,10 +133,10 @@ def single_view(
         frames=jnp.asarray(frames[None]),
         direction=np.array([[0.0, -1.0, 0.0]]),  # one is nearest from anywhere
         up=np.array([[0.0, 0.0, 1.0]]),
-        metres_per_pixel=np.array([_positive(metres_per_pixel, "metres_per_pixel")]),
+        metres_per_pixel=np.array([positive(metres_per_pixel, "metres_per_pixel")]),
         anchor=np.array([middle if anchor is None else anchor], float),
-        frames_hz=_positive(frames_hz, "frames_hz"),
-        charge_mass=_positive(charge_mass_kg, "charge_mass_kg"),
+        frames_hz=positive(frames_hz, "frames_hz"),
+        charge_mass=positive(charge_mass_kg, "charge_mass_kg"),
         srgb=srgb,
     )
 
@@ -153,38 +151,6 @@ def _files(directory: Path, frames: Any, where: str) -> list[Path]:
             f"{where}: expected a folder, or a list of PNG files, got {shown(frames)}"
         )
     return [directory / name for name in frames]
-
-
-def _direction(
-    entry: dict[str, Any], where: str
-) -> tuple[Float[np.ndarray, "3"], Float[np.ndarray, "3"]]:
-    """Return the unit vector from the blast to the viewer, and a level camera's up."""
-    if ("azimuth_deg" in entry) == ("direction" in entry):
-        both = "both" if "direction" in entry else "neither"
-        raise InputError(
-            f"{where}azimuth_deg: expected either azimuth_deg or direction, got {both}"
-        )
-    if "direction" in entry:
-        at = f"{where}direction"
-        vector = fixed_list(entry["direction"], at, "[east, north, up]")
-        if "elevation_deg" in entry or not vector.any():
-            got = "elevation_deg too" if vector.any() else shown(entry["direction"])
-            raise InputError(
-                f"{at}: expected [east, north, up] alone, not zero, got {got}"
-            )
-        direction = vector / np.linalg.norm(vector)
-        return direction, upright(direction)
-    azimuth = math.radians(finite(entry["azimuth_deg"], f"{where}azimuth_deg"))
-    at = f"{where}elevation_deg"
-    elevation = math.radians(finite(entry.get("elevation_deg", 0.0), at))
-    if abs(elevation) > math.pi / 2:
-        raise InputError(
-            f"{at}: expected between -90 and 90, got {shown(entry['elevation_deg'])}"
-        )
-    towards = np.array([math.sin(azimuth), math.cos(azimuth), 0.0])
-    up = np.array([0.0, 0.0, 1.0])
-    flat, high = math.cos(elevation), math.sin(elevation)
-    return flat * towards + high * up, flat * up - high * towards
 
 
 def _up(
@@ -217,7 +183,7 @@ def _mass(index: dict[str, Any], source: Path) -> float:
             "pictures, by which they are scaled to the scene's charge; write "
             "charge_mass_kg = 5.0 above the first [[view]], if that was 5 kg"
         )
-    return _positive(index["charge_mass_kg"], where)
+    return positive(index["charge_mass_kg"], where)
 
 
 def _anchor(
@@ -227,23 +193,6 @@ def _anchor(
         return fixed_list(entry["anchor_px"], where, "[x, y]")
     height, width = pictures.shape[1:3]
     return np.array([(width - 1) / 2, (height - 1) / 2])
-
-
-def _positive(value: Any, where: str) -> float:
-    expected = "a positive number"
-    number = finite(value, where, expected)
-    if number <= 0:
-        raise InputError(f"{where}: expected {expected}, got {shown(value)}")
-    return number
-
-
-def _known(entry: dict[str, Any], table: str, where: str) -> None:
-    for key in entry:
-        if key not in KEYS[table]:
-            raise InputError(
-                f"{where}{shown(key)}: unknown key{nearest(key, KEYS[table])}; "
-                f"expected one of {', '.join(KEYS[table])}"
-            )
 
 
 def _size(pictures: np.ndarray) -> str:

@@ -46,6 +46,7 @@ def distort(
     return jnp.stack([scale * x + r2 * p2, scale * y + r2 * p1], axis=-1)
 
 
+@jax.jit
 def distortion_jacobian(
     point: Float[Array, "... 2"], distortion: Float[Array, "5"]
 ) -> tuple[Float[Array, "..."], Float[Array, "..."], Float[Array, "..."]]:
@@ -80,6 +81,7 @@ def unfolded(
     return jax.lax.fori_loop(0, STEPS, step, clear)
 
 
+@jax.jit
 def fold_radius(
     distortion: Float[Array, "5"], direction: Float[Array, "... 2"]
 ) -> Float[Array, "..."]:

@@ -7,7 +7,7 @@ from jax.core import Tracer
 from jaxtyping import Array, Float
 
 from jblast.errors import InputError, shown
-from jblast.types import as_float_array
+from jblast.types import as_float_array, as_optional_float_array
 
 WHITE = 3e4
 """Luminance of a white wall in the sun [cd/m2]: 1e5 lux / pi."""
@@ -34,6 +34,10 @@ class Appearance(eqx.Module):
         rim: Excess of temperature over the air at the limb, as a part of that in the
             middle [-].
         smoke: Part of the sky's light that thick smoke gives back [-].
+        illuminance: Of a level surface, by sky and sun [lx]: the light in which the
+            background was taken, and that smoke gives back. None: as much as makes a
+            white wall full scale, which is what a picture is exposed for.
+        flash: Whether the fire lights the background (`flash.py`).
 
     Raises:
         InputError: Outside jit: a number is not positive and finite, or `rim` or
@@ -44,11 +48,20 @@ class Appearance(eqx.Module):
     lumps: Float[Array, ""] = eqx.field(converter=as_float_array, default=LUMPS)
     rim: Float[Array, ""] = eqx.field(converter=as_float_array, default=RIM)
     smoke: Float[Array, ""] = eqx.field(converter=as_float_array, default=SMOKE)
+    illuminance: Float[Array, ""] | None = eqx.field(
+        converter=as_optional_float_array, default=None
+    )
+    flash: bool = eqx.field(static=True, default=True)
+
+    @property
+    def daylight(self) -> Float[Array, ""]:
+        """Luminance of a white wall in the light of sky and sun [cd/m2]."""
+        return self.white if self.illuminance is None else self.illuminance / math.pi
 
     def __check_init__(self):
-        for name in ("white", "lumps", "rim", "smoke"):
+        for name in ("white", "lumps", "rim", "smoke", "illuminance"):
             value = getattr(self, name)
-            if isinstance(value, Tracer):
+            if value is None or isinstance(value, Tracer):
                 continue
             number, part = value.item(), name in ("rim", "smoke")
             if not 0 < number < math.inf or (part and number > 1):

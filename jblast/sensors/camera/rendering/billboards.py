@@ -28,11 +28,9 @@ References:
 """
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
-from jax.scipy.ndimage import map_coordinates
-from jaxtyping import Array, Float, Int, UInt8
+from jaxtyping import Array, Bool, Float, Int, UInt8
 
 from jblast.scene.charge import Charge
 from jblast.scene.scene import Scene
@@ -42,6 +40,9 @@ from jblast.sensors.camera.image.compositing import (
     premultiplied,
     srgb_to_linear,
 )
+from jblast.sensors.camera.image.resampling import resampled
+from jblast.sensors.camera.rendering.appearance import Appearance
+from jblast.sensors.camera.rendering.view_set import ViewSet
 from jblast.types import as_float_array
 from jblast.waves.fireball import fireball_duration
 
@@ -49,7 +50,7 @@ GRAZING = 1e-4
 """Cosine between a ray and the line of sight below which the billboard is not seen."""
 
 
-class Views(eqx.Module):
+class Views(ViewSet):
     """A set of pictures indexed by the direction they were taken from.
 
     Attributes:
@@ -76,6 +77,36 @@ class Views(eqx.Module):
     def duration(self, charge: Charge) -> Float[Array, ""]:
         """Return how long the pictures of a charge last [s]."""
         return self.frames.shape[1] / self.frames_hz * self.stretch(charge)
+
+    def instants(self, charge: Charge) -> Float[np.ndarray, " instant"]:
+        """Return when frames stand, and when the last has faded [s]."""
+        pace = float(self.stretch(charge) / self.frames_hz)
+        return pace * np.arange(self.frames.shape[1] + 2)
+
+    def seen(
+        self,
+        scene: Scene,
+        rays: Rays,
+        time: Float[Array, ""],
+        appearance: Appearance,
+    ) -> Float[Array, "4 row column"]:
+        """Return what rays see of the pictures; their exposure is their own.
+
+        Differentiable in the place of a charge, the camera and the size of the picture,
+        but for a kink where a ray passes a pixel's centre, and a jump where the view
+        changes or something hides it. In time it is linear between two frames; it
+        begins at the burst with the first, and fades out within a frame after the last.
+        """
+        del appearance
+        return laid_over([_seen(self, charge, rays, time) for charge in scene.charges])
+
+    def is_met(self, scene: Scene, charge: Charge, rays: Rays) -> Bool[Array, ""]:
+        """Return whether a ray meets the picture."""
+        board = billboard(self, rays, charge)
+        height, width = self.frames.shape[2:4]
+        inside = (board.x > -1) & (board.x < width)
+        inside &= (board.y > -1) & (board.y < height)
+        return jnp.any(inside & jnp.isfinite(board.distance))
 
     def stretch(self, charge: Charge) -> Float[Array, ""]:
         """Return a charge's fireball's duration over that of the pictures [-]."""
@@ -141,7 +172,7 @@ def billboard(views: Views, rays: Rays, charge: Charge) -> Billboard:
     far = jnp.sqrt(jnp.sum(jnp.square(sight)))
     forward = sight / far
     view = nearest_view(views, -sight)
-    axes = _axes(forward, views.direction[view], views.up[view])
+    axes = billboard_axes(forward, views.direction[view], views.up[view])
     right, down, ahead = jnp.tensordot(axes, rays.direction, 1)
     met = (ahead > GRAZING) & (rays.farthest > 0.0) & apart
     ahead = jnp.where(met, ahead, 1.0)
@@ -154,10 +185,16 @@ def billboard(views: Views, rays: Rays, charge: Charge) -> Billboard:
     return Billboard(view, x, y, jnp.where(met, distance, jnp.inf))
 
 
-def _axes(
+def billboard_axes(
     forward: Float[Array, "3"], towards: Float[Array, "3"], up: Float[Array, "3"]
 ) -> Float[Array, "3 3"]:
-    """Return right, down and forward of a billboard, as rows."""
+    """Return right, down and forward of a billboard, as rows.
+
+    Args:
+        forward: Along the line of sight, from the camera.
+        towards: The view's direction, from the blast.
+        up: What is up in its pictures.
+    """
     wanted = up - (-jnp.dot(forward, up)) ** 3 * towards
     right = jnp.cross(forward, wanted)
     square = jnp.sum(jnp.square(right))
@@ -165,28 +202,6 @@ def _axes(
     right = jnp.where(turned, right, jnp.cross(forward, up))
     right = right / jnp.sqrt(jnp.where(turned, square, 1.0))
     return jnp.stack([right, jnp.cross(forward, right), forward])
-
-
-def views_seen(
-    views: Views, scene: Scene, rays: Rays, time: Float[Array, ""]
-) -> Float[Array, "4 row column"]:
-    """Return what rays see of the pictures of a scene's charges, nearer ones in front.
-
-    Differentiable in the place of a charge, the camera and the size of the picture,
-    but for a kink where a ray passes a pixel's centre, and a jump where the view
-    changes or something hides it. In time it is linear between two frames; it begins at
-    the burst with the first, and fades out within a frame after the last.
-
-    Args:
-        views: Pictures of one explosion; each charge looks the same but for its size.
-        scene: Where and when the charges go off.
-        rays: Where to look, and where the background is.
-        time: On the common clock [s].
-
-    Returns:
-        Linear red, green and blue times alpha, and alpha.
-    """
-    return laid_over([_seen(views, charge, rays, time) for charge in scene.charges])
 
 
 def _seen(
@@ -225,22 +240,3 @@ def _picture(
 
     part = position - before
     return (1.0 - part) * shown(frame) + part * shown(frame + 1)
-
-
-def resampled(
-    picture: Float[Array, "height width channel"],
-    x: Float[Array, "row column"],
-    y: Float[Array, "row column"],
-) -> Float[Array, "channel row column"]:
-    """Return a premultiplied picture at places between its pixels; beyond it nothing.
-
-    Bilinear, and linear to nothing within a pixel of the edge. A picture that is shown
-    several times smaller needs several rays a pixel.
-    """
-    height, width = picture.shape[:2]
-    at = [jnp.clip(y, -2.0, height + 1.0), jnp.clip(x, -2.0, width + 1.0)]
-
-    def one(channel):
-        return map_coordinates(channel, at, order=1, mode="constant")
-
-    return jax.vmap(one, in_axes=-1)(picture)

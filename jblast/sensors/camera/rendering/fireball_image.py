@@ -22,7 +22,8 @@ where little alpha is much light; black smoke has a soft limb.
 The light is a black body's, between that of the middle and that of the cooler limb by
 $h^2$: as if the temperature fell with $b^2$. To it comes what soot reflects of an even
 sky above and of a ground a fifth as bright: $0.6 + 0.4\,n_z$, $n$ the normal where the
-ray enters. The fireball lights nothing but itself, and the wind does not carry it.
+ray enters. The wind carries the cloud (`waves/fireball.py`); what the fire does to the
+light of all else is told in `flash.py`.
 """
 
 from collections.abc import Callable
@@ -177,7 +178,14 @@ def cloud(scene: Scene, charge: Charge, time: Float[Array, ""]) -> Cloud:
     mass = charge.tnt_mass("fireball_radius_m")
     since, growth = charge.since(time), scene.fireball_growth
     ball = fireball(mass, since, temperature, growth)
-    centre = jnp.stack([charge.east, charge.north, charge.up + ball.rise])
+    air = scene.air
+    centre = jnp.stack(
+        [
+            charge.east + ball.drift_time * air.wind_east,
+            charge.north + ball.drift_time * air.wind_north,
+            charge.up + ball.rise,
+        ]
+    )
     depth = ball.optical_depth
     return Cloud(centre, ball.radius, ball.temperature, depth, temperature)
 
@@ -208,21 +216,23 @@ def _seen(
     ball = cloud(scene, charge, time)
     offset = ball.centre - rays.origin
     met = passage(offset, ball.radius, rays)
-    lumps = -appearance.lumps * jnp.expm1(-ball.optical_depth / appearance.lumps)
-    alpha = -jnp.expm1(-lumps * met.column)
+    alpha = -jnp.expm1(-lumpy_depth(ball, appearance) * met.column)
     if shining is None:
         limb, middle = glow(ball.temperature, ball.air, appearance)
     else:
         limb, middle = shining(ball)
-    light = (
-        _between(limb, middle, met.chord) / appearance.white
-        + (appearance.smoke * (0.6 + 0.4 * met.height))[None]
-    )
+    day = appearance.smoke * (0.6 + 0.4 * met.height) * appearance.daylight
+    light = (between(limb, middle, met.chord) + day[None]) / appearance.white
     layer = jnp.concatenate([alpha[None] * light, alpha[None]])
     return layer, jnp.sqrt(jnp.sum(jnp.square(offset)))
 
 
-def _between(
+def lumpy_depth(ball: Cloud, appearance: Appearance) -> Float[Array, ""]:
+    r"""Return $\tau_0$: the optical depth along a diameter of smoke that has gaps."""
+    return -appearance.lumps * jnp.expm1(-ball.optical_depth / appearance.lumps)
+
+
+def between(
     limb: Float[Array, "3"], middle: Float[Array, "3"], part: Float[Array, "row column"]
 ) -> Float[Array, "3 row column"]:
     """Return light between two: a power of both luminances, its colour linear.

@@ -13,10 +13,13 @@ from jaxtyping import Array, ArrayLike, Float
 from jblast.errors import InputError, shown
 from jblast.scene import Camera, Scene
 from jblast.sensors.camera.geometry.pixel_rays import Rays, pixel_rays, pixels
+from jblast.sensors.camera.geometry.surfaces import Surfaces, surfaces_seen
 from jblast.sensors.camera.image.compositing import straight
 from jblast.sensors.camera.rendering.appearance import Appearance
-from jblast.sensors.camera.rendering.billboards import Views, views_seen
-from jblast.sensors.camera.rendering.fireball_image import fireballs_seen
+from jblast.sensors.camera.rendering.exposure import exposed
+from jblast.sensors.camera.rendering.fireball_window import fireballs_in_window
+from jblast.sensors.camera.rendering.flash import flash
+from jblast.sensors.camera.rendering.view_set import ViewSet
 from jblast.types import as_float_array
 
 BACKGROUND = 0.18
@@ -45,7 +48,7 @@ def render(
     supersample: int = 1,
     exposures: int = 8,
     appearance: Appearance | None = None,
-    views: Views | None = None,
+    views: ViewSet | None = None,
 ) -> Float[Array, "time height width channel"]:
     """Return what a camera sees of a scene's fireballs before a background.
 
@@ -59,6 +62,10 @@ def render(
       smaller than a pixel is therefore seen whole or not at all; with n, to 1/n^2.
     - Before detonation there is nothing.
     - A pixel beyond the lens's fold, which shows no direction, keeps the background.
+    - The fire lights the ground, and what the depth image shows (`flash.py`), unless
+      the appearance says otherwise; the sky and a background without depth or ground
+      stay as they are, and so does all where pictures of one's own stand for the
+      fire.
 
     It has derivatives in all numbers of the scene, the camera, the times and the
     background, except where a fireball begins, where two change their order, where one
@@ -72,12 +79,15 @@ def render(
         depth: Distance of the background along each pixel's ray [m]; None is infinite.
         ground: Whether the plane up = 0 hides what is below it. It is not drawn.
         alpha: Whether to leave the background out: red, green, blue, straight alpha.
-        supersample: Rays along each side of a pixel.
+        supersample: Rays along each side of a pixel; the flash lights what is behind by
+            the pixel's middle.
         exposures: Instants that stand for an exposure, in the middles of as many equal
             parts; the frame is their mean.
         appearance: How the fireball is exposed, and how its smoke is distributed.
-        views: Pictures of an explosion to show in place of the procedural fireball; the
-            appearance is then theirs, and what they cannot show said in `views`.
+        views: Pictures of an explosion to show in place of the procedural fireball;
+            what they cannot show is said where they are defined. Of the appearance
+            pictures of one's own take nothing; an explosion set takes its white, its
+            daylight and its flash.
 
     Returns:
         Linear light, full scale 1, not clipped; three channels, or four with `alpha`.
@@ -89,6 +99,7 @@ def render(
     Example:
         `frames = jblast.render(scene, scene.camera, jnp.arange(100) / 1e3)`
     """
+    check_stands(camera)
     times = as_float_array(times)
     _check_times(times)
     for name, number in (("supersample", supersample), ("exposures", exposures)):
@@ -103,7 +114,13 @@ def render(
     if not callable(source):
         source = _fitting(source, [size, (len(times), *size)], size)
     appearance = Appearance() if appearance is None else appearance
-    shown_by = appearance if views is None else views
+    lit = None
+    if appearance.flash and not alpha and (views is None or views.glows):
+        # a picture may hold what is below ground, but the ground is there
+        plane = ground or views is not None
+        ends = pixel_rays(camera, depth, ground=plane)
+        lit = surfaces_seen(ends, image=depth is not None)
+    shown_by = appearance, views, lit
     exposure = camera.exposure_s
     if not isinstance(exposure, Tracer) and exposure.item() == 0:
         exposures = 1  # fewer programs to compile
@@ -119,37 +136,36 @@ def _render(
     times: Float[Array, " time"],
     source: Any,
     exposure: Float[Array, ""],
-    shown_by: Appearance | Views,
+    shown_by: tuple[Appearance, ViewSet | None, Surfaces | None],
     counts: tuple[int, int],
     size: tuple[int, int, int],
     alpha: bool,
 ) -> Float[Array, "time height width channel"]:
     """Return what `render` promises, of inputs that fit."""
     supersample, exposures = counts
+    appearance, views, lit = shown_by
 
     def instant(time, behind):
         """Return one instant: premultiplied, or over what is behind."""
-        if isinstance(shown_by, Views):
-            layer = views_seen(shown_by, scene, rays, time)
+        if views is not None:
+            layer = views.seen(scene, rays, time, appearance)
         else:
-            layer = fireballs_seen(scene, rays, time, shown_by)
+            layer = fireballs_in_window(scene, rays, time, appearance)
         seen = pixels(layer, supersample)
         if alpha:
             return seen
         if callable(source):
             image: Any = source(time)
             behind = _fitting(as_float_array(image), [size], size)
+        if lit is not None:
+            gained = flash(scene, lit, time, appearance)
+            behind = behind * (1.0 + jnp.moveaxis(gained, 0, -1))
         return seen[..., :3] + (1.0 - seen[..., 3:]) * behind
 
-    def exposed(time, behind):
+    def gathered(time, behind):
         """Return the mean over an exposure."""
-
-        def add(total, part):
-            return total + instant(time + part * exposure, behind), None
-
-        parts = (jnp.arange(exposures, dtype=times.dtype) + 0.5) / exposures
         nothing = jnp.zeros((*size[:2], 4 if alpha else 3), rays.direction.dtype)
-        return jax.lax.scan(add, nothing, parts)[0] / exposures
+        return exposed(lambda t: instant(t, behind), time, exposure, exposures, nothing)
 
     # what a frame computes on its way is computed again for gradients: it would fill
     # the memory
@@ -157,7 +173,7 @@ def _render(
     def frame(inputs):
         if exposures == 1:
             return instant(inputs[0] + 0.5 * exposure, inputs[1])
-        return jax.lax.cond(exposure > 0, exposed, instant, *inputs)
+        return jax.lax.cond(exposure > 0, gathered, instant, *inputs)
 
     if not callable(source) and source.ndim == 4:
         frames = jax.lax.map(frame, (times, source))
@@ -165,6 +181,19 @@ def _render(
         behind = None if callable(source) else source
         frames = jax.lax.map(lambda time: frame((time, behind)), times)
     return straight(frames) if alpha else frames
+
+
+def check_stands(camera: Camera) -> None:
+    """Refuse a camera that something carries, whose place is not one of the world.
+
+    Raises:
+        InputError: It is.
+    """
+    if camera.mount:
+        raise InputError(
+            f'camera mount: expected a camera that stands still, got "{camera.mount}"; '
+            "one that moves is for render_carried, which takes its path"
+        )
 
 
 def _check_times(times: Float[Array, "..."]) -> None:

@@ -8,8 +8,8 @@ from jaxtyping import Array, Bool, Float
 from jblast.scene import Camera, Charge, Scene
 from jblast.sensors.camera.geometry.pixel_rays import Rays, pixel_rays
 from jblast.sensors.camera.geometry.projection import to_camera
-from jblast.sensors.camera.rendering.billboards import Views, billboard
 from jblast.sensors.camera.rendering.fireball_image import cloud
+from jblast.sensors.camera.rendering.view_set import ViewSet
 from jblast.waves.fireball import fireball_duration
 
 INSTANTS = 16
@@ -17,7 +17,7 @@ INSTANTS = 16
 
 
 def in_view(
-    scene: Scene, camera: Camera, views: Views | None = None
+    scene: Scene, camera: Camera, views: ViewSet | None = None
 ) -> Bool[Array, ""]:
     """Return whether any ray of the image meets a fireball, at any time of its life.
 
@@ -32,12 +32,12 @@ def in_view(
 
 
 @eqx.filter_jit
-def _in_view(scene: Scene, camera: Camera, views: Views | None) -> Bool[Array, ""]:
+def _in_view(scene: Scene, camera: Camera, views: ViewSet | None) -> Bool[Array, ""]:
     rays = pixel_rays(camera, ground=False)
     shown = [
         _meets(scene, charge, rays, 0.71 / jnp.min(camera.focal))  # to a pixel's corner
         if views is None
-        else _shown(views, charge, rays)
+        else views.is_met(scene, charge, rays)
         for charge in scene.charges
     ]
     happens = [~charge.never for charge in scene.charges]
@@ -68,11 +68,3 @@ def _meets(
         return jnp.any(met & (rays.farthest > 0.0))
 
     return jnp.any(jax.lax.map(at, jnp.linspace(1 / INSTANTS, 1.0, INSTANTS)))
-
-
-def _shown(views: Views, charge: Charge, rays: Rays) -> Bool[Array, ""]:
-    """Return whether a ray meets the picture."""
-    board = billboard(views, rays, charge)
-    height, width = views.frames.shape[2:4]
-    inside = (board.x > -1) & (board.x < width) & (board.y > -1) & (board.y < height)
-    return jnp.any(inside & jnp.isfinite(board.distance))

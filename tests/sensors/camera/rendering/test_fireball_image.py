@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from jblast.scene import Charge, Scene, quaternion_matrix
+from jblast.scene import Air, Charge, Scene, quaternion_matrix
 from jblast.sensors.camera.geometry.pixel_rays import Rays, pixel_rays
 from jblast.sensors.camera.image.compositing import over
 from jblast.sensors.camera.rendering.fireball_image import cloud, passage
@@ -169,6 +169,7 @@ def test_nothing_is_seen_before_the_burst():
     assert alpha_of(scene, small_camera(), 1.3).max() > 0.9
 
 
+@pytest.mark.slow
 def test_smaller_than_a_pixel_it_is_seen_whole_or_not_at_all_unless_supersampled():
     scene = one_charge(up=30.0)
     radius, up = ball_at(scene)
@@ -245,3 +246,20 @@ def test_axes_of_the_image_are_right_and_down():
     rows, columns = np.nonzero(alpha_of(scene, camera))
     assert rows.max() < 8
     assert columns.min() > 12
+
+
+def test_the_wind_carries_the_cloud_across_the_picture():
+    still, camera = one_charge(), small_camera()
+    blown = dataclasses.replace(
+        still, air=Air(wind_east=jnp.asarray(12.0), wind_north=jnp.asarray(-3.0))
+    )
+    time = 1.2
+    way = float(fireball(100.0, time).drift_time) * np.array([12.0, -3.0, 0.0])
+    assert way[0] > 3.0
+    ends = [cloud(s, s.charge, jnp.asarray(time)).centre for s in (still, blown)]
+    np.testing.assert_allclose(ends[1] - ends[0], way, rtol=1e-12)
+    # a camera that goes with it sees the same
+    goes = dataclasses.replace(camera, position=camera.position + way)
+    np.testing.assert_allclose(
+        layer_of(blown, goes, time), layer_of(still, camera, time), rtol=1e-9
+    )

@@ -105,7 +105,8 @@ def test_gradients_go_through_exposure_lens_and_the_look():
     at = jnp.ones(4)
     gradient = np.asarray(jax.jit(jax.grad(total))(at))
     expected = central_differences(jax.jit(total), at)
-    np.testing.assert_allclose(gradient, expected, rtol=1e-4)
+    # of a total of thousands, rounding leaves 1e-4 over so short a step
+    np.testing.assert_allclose(gradient, expected, rtol=1e-4, atol=5e-4)
 
 
 def test_before_the_burst_gradients_are_zero_and_finite():

@@ -11,7 +11,8 @@ from jblast.scene import Charge, Scene
 from jblast.sensors.camera.events.exact.fireball import pixel_light
 from jblast.sensors.camera.events.scene import events
 from jblast.sensors.camera.geometry.pixel_rays import pixel_rays
-from jblast.sensors.camera.rendering.billboards import Views, views_seen
+from jblast.sensors.camera.rendering.appearance import Appearance
+from jblast.sensors.camera.rendering.billboards import Views
 from jblast.sensors.camera.rendering.visibility import in_view
 from tests.sensors.camera.fireball_scenes import small_camera
 
@@ -29,6 +30,7 @@ def events_of(time):
     return events(scene, CAMERA, TIMES, capacity=4096)
 
 
+@pytest.mark.slow
 def test_its_events_are_those_of_the_scene_without_it():
     found, both = events_of(jnp.inf), events_of(OTHER.time_s)
     expected = events(ALONE, CAMERA, TIMES, capacity=4096)
@@ -76,7 +78,7 @@ def test_pictures_show_nothing_of_it():
         charge_mass=100.0,
     )
     seen = jax.jit(
-        lambda s: views_seen(views, s, pixel_rays(CAMERA), jnp.asarray(0.02))
+        lambda s: views.seen(s, pixel_rays(CAMERA), jnp.asarray(0.02), Appearance())
     )
     found = seen(Scene(charge=REAL, others=(NEVER,)))
     expected = seen(ALONE)

@@ -13,11 +13,18 @@ from jblast.sensors.camera.events.exact.crossing_times import frameless_events
 from jblast.sensors.camera.events.ideal import Events
 from jblast.sensors.camera.events.log_intensity import log_intensity
 from jblast.sensors.camera.geometry.pixel_rays import Rays, pixel_rays
+from jblast.sensors.camera.geometry.surfaces import Surfaces, surfaces_seen
 from jblast.sensors.camera.image.grey_composite import luminance
 from jblast.sensors.camera.rendering.appearance import Appearance
-from jblast.sensors.camera.rendering.fireball_image import cloud, fireballs_seen
+from jblast.sensors.camera.rendering.fireball_image import (
+    cloud,
+    fireballs_seen,
+    glow,
+)
+from jblast.sensors.camera.rendering.flash import disc_light, flash
 from jblast.sensors.camera.rendering.glow_table import GlowTable, glow_table
-from jblast.sensors.camera.rendering.render import BACKGROUND
+from jblast.sensors.camera.rendering.render import BACKGROUND, check_stands
+from jblast.sensors.camera.rendering.sphere_factor import sphere_factor
 from jblast.types import as_float_array
 from jblast.waves.propagation.ambient import ambient
 
@@ -62,7 +69,11 @@ def render_events(
     light = replace(light, table=table)
     positive, negative = np.asarray(camera.threshold, float)
     both, shape = (positive, negative), (camera.height, camera.width)
-    pixels = np.flatnonzero(_reached(scene, light.rays, jnp.asarray(times)))
+    touched = _reached(scene, light.rays, jnp.asarray(times))
+    if light.lit is not None:
+        step = jnp.min(jnp.asarray(camera.threshold))
+        touched |= _lit(light, light.lit, jnp.asarray(times), step)
+    pixels = np.flatnonzero(touched)
     return frameless_events(
         light, shape, times, both, tolerance=tolerance, pixels=pixels
     )
@@ -74,15 +85,17 @@ class PixelLight(eqx.Module):
     Attributes:
         scene: Charges and air.
         rays: One a pixel.
-        background: Grey light behind the fireballs, full scale 1.
+        background: Light behind the fireballs, without theirs, full scale 1.
         appearance: Of the fireballs.
+        lit: The surfaces of the background that they light; None if they light none.
         table: Of their glow; None to take Planck's law at once.
     """
 
     scene: Scene
     rays: Rays
-    background: Float[Array, "height width"]
+    background: Float[Array, "height width 3"]
     appearance: Appearance
+    lit: Surfaces | None
     table: GlowTable | None = None
 
     def __call__(
@@ -91,17 +104,25 @@ class PixelLight(eqx.Module):
         """Return it for so many times, columns and rows."""
         at = y.astype(int), x.astype(int)
 
-        def seen(time, direction, farthest):
+        def seen(time, direction, farthest, end):
             rays = Rays(
                 self.rays.origin, direction[:, None, None], farthest[None, None]
             )
             light = fireballs_seen(self.scene, rays, time, self.appearance, self.table)
-            return light[:, 0, 0]
+            if end is None:
+                return light[:, 0, 0], jnp.zeros((3,), light.dtype)
+            there = Surfaces(*(part[..., None, None] for part in end))
+            gained = flash(self.scene, there, time, self.appearance, self.table)
+            return light[:, 0, 0], gained[:, 0, 0]
 
-        lanes = self.rays.direction[:, *at], self.rays.farthest[at]
-        colour = jax.vmap(seen, (0, 1, 0))(time, *lanes)
-        behind = (1.0 - colour[:, 3]) * self.background[at]
-        return log_intensity(_grey(colour[:, :3]) + behind)
+        ends, axes = None, None
+        if self.lit is not None:
+            ends = [part[..., *at] for part in jax.tree.leaves(self.lit)]
+            axes = [1, 1, 0]
+        lanes = self.rays.direction[:, *at], self.rays.farthest[at], ends
+        colour, gained = jax.vmap(seen, (0, 1, 0, axes))(time, *lanes)
+        behind = luminance(self.background[at] * (1.0 + gained))
+        return log_intensity(luminance(colour[:, :3]) + (1.0 - colour[:, 3]) * behind)
 
 
 def pixel_light(
@@ -114,22 +135,23 @@ def pixel_light(
     appearance: Appearance | None = None,
 ) -> PixelLight:
     """Return the light of a scene for a camera; arguments as of `render_events`."""
+    check_stands(camera)
     if depth is not None:
         depth = as_float_array(depth)
+    appearance = Appearance() if appearance is None else appearance
+    rays, behind = pixel_rays(camera, depth, ground=ground), as_float_array(background)
     light = PixelLight(
         scene,
-        pixel_rays(camera, depth, ground=ground),
-        jnp.broadcast_to(_grey(background), (camera.height, camera.width)),
-        Appearance() if appearance is None else appearance,
+        rays,
+        jnp.broadcast_to(behind, (camera.height, camera.width, 3)),
+        appearance,
+        surfaces_seen(rays, image=depth is not None) if appearance.flash else None,
     )
     # Python's numbers would be compiled apart from arrays
-    return jax.tree.map(lambda v: jax.lax.convert_element_type(v, v.dtype), light)
-
-
-def _grey(light: Float[ArrayLike, "..."]) -> Float[Array, "..."]:
-    """Return the luminance of colours; a grey is its own."""
-    light = as_float_array(light)
-    return luminance(light) if light.ndim else light
+    return jax.tree.map(
+        lambda v: jax.lax.convert_element_type(v, v.dtype) if v.dtype != bool else v,
+        light,
+    )
 
 
 @eqx.filter_jit
@@ -155,3 +177,38 @@ def _reached(
 
     none = jnp.zeros(rays.farthest.shape, bool)
     return jax.lax.scan(between, none, (times[:-1], times[1:]))[0]
+
+
+@eqx.filter_jit
+def _lit(
+    light: PixelLight,
+    surfaces: Surfaces,
+    times: Float[Array, " time"],
+    step: Float[Array, ""],
+) -> Bool[Array, "height width"]:
+    """Return where the fireballs' light may change that of the background by a step.
+
+    Their light only fades, as long as they hide what is behind; and between two times a
+    cloud stays within a sphere as in `_reached`, which a surface sees more of.
+    """
+    look = light.appearance
+
+    def between(most, ends):
+        gained = jnp.zeros((), times.dtype)
+        for charge in light.scene.charges:
+            low, high = (cloud(light.scene, charge, time) for time in ends)
+            moved = 0.5 * jnp.sqrt(jnp.sum(jnp.square(high.centre - low.centre)))
+            centre, reach = 0.5 * (low.centre + high.centre), high.radius + moved
+            offset = centre[:, None, None] - surfaces.place
+            within = jnp.sum(jnp.square(offset), axis=0) < jnp.square(reach)
+            factor = jnp.where(within, 1.0, sphere_factor(centre, reach, surfaces))
+            black = replace(low, optical_depth=jnp.full_like(low.radius, jnp.inf))
+            hot = glow(low.temperature, low.air, look)
+            shine = disc_light(black, hot, look) / look.daylight
+            gained = gained + shine[None, None] * factor[..., None]
+        return jnp.maximum(most, luminance(light.background * gained)), None
+
+    none = jnp.zeros(surfaces.solid.shape, times.dtype)
+    most = jax.lax.scan(between, none, (times[:-1], times[1:]))[0]
+    dark = luminance(light.background)
+    return surfaces.solid & ~(log_intensity(dark + most) - log_intensity(dark) < step)

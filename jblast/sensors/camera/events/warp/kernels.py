@@ -1,6 +1,6 @@
 """Warp kernels of frames to events: screen all pixels, follow the few that are loud.
 
-As in `event_strip`, the extremes of a pixel's light over some frames are compared with
+As in `events.strip`, the extremes of a pixel's light over some frames are compared with
 the bounds within which it stays quiet. The kernel that does so has little to remember,
 so that many threads run at once and memory is read at its full speed. Where a bound is
 passed, another takes the pixel from frame to frame, with logarithms in float64. Frames
@@ -16,7 +16,7 @@ import warp as wp
 from jblast.sensors.camera.image.grey_composite import LUMINANCE
 
 SLACK = wp.constant(wp.float64(16.0 * 2.220446049250313e-16))
-"""As in `event_pixel.rounding`."""
+"""As in `pixel.rounding`."""
 
 FLOOR = wp.constant(wp.float64(0.5 / 255.0))
 """As `log_intensity.DARKEST`."""
@@ -81,7 +81,7 @@ def bounds_of(level: wp.float64, rise: wp.float64, fall: wp.float64):
 
 
 class _Pixels:
-    """What pixels remember: see `event_pixel.Reference`.
+    """What pixels remember: see `pixel.Reference`.
 
     Besides, the bounds of the light at which they stay quiet, and their last value.
     """

@@ -1,6 +1,6 @@
 """Warp kernels of pixels that leak and are held in reset, as in `reset_pixel`.
 
-As in `event_kernel`, all pixels are screened and the few that are loud are followed.
+As in `kernels`, all pixels are screened and the few that are loud are followed.
 A leak is a signal that rises: the bounds within which a pixel stays quiet sink. A pixel
 that is held has none, as its next reference is not known yet.
 """

@@ -15,10 +15,8 @@ from jblast.scene import (
 )
 from jblast.sensors.camera.geometry.pixel_rays import pixel_rays
 from jblast.sensors.camera.image.compositing import straight
-from jblast.sensors.camera.rendering.billboards import (
-    Views,
-    views_seen,
-)
+from jblast.sensors.camera.rendering.appearance import Appearance
+from jblast.sensors.camera.rendering.billboards import Views
 
 BURST = np.array([3.0, 40.0, 2.0])
 SCALE = 0.1
@@ -86,5 +84,6 @@ def layer(views, scene, camera, time=0.0, depth: ArrayLike = jnp.inf, ground=Fal
 
 @eqx.filter_jit
 def _layer(views, scene, camera, time, depth, ground):
-    seen = views_seen(views, scene, pixel_rays(camera, depth, ground=ground), time)
+    rays = pixel_rays(camera, depth, ground=ground)
+    seen = views.seen(scene, rays, time, Appearance())
     return straight(jnp.moveaxis(seen, 0, -1))

@@ -10,10 +10,10 @@ from jblast.scene import (
 )
 from jblast.sensors.camera import project, unproject
 from jblast.sensors.camera.geometry.pixel_rays import Rays, pixel_rays
+from jblast.sensors.camera.image.resampling import resampled
 from jblast.sensors.camera.rendering.billboards import (
     billboard,
     nearest_view,
-    resampled,
 )
 from tests.sensors.camera.rendering.billboards.pictures import (
     BURST,

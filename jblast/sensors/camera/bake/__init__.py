@@ -1,0 +1,1 @@
+"""Sets of views of an explosion: simulated, rendered and written down."""

@@ -1,0 +1,1 @@
+"""Scripts that Blender runs, in a Python that does not know jblast."""

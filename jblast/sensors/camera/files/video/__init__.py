@@ -1,0 +1,1 @@
+"""Videos: read as linear light with times, and written; by FFmpeg, through PyAV."""

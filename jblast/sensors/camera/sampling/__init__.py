@@ -1,0 +1,1 @@
+"""From where to look: directions spread evenly over the upper hemisphere."""

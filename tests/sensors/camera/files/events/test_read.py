@@ -1,0 +1,151 @@
+"""Events that were written come back; files that hold none are refused by name."""
+
+from itertools import pairwise
+
+import h5py
+import numpy as np
+import pytest
+from hypothesis import given, settings, strategies as st
+
+from jblast.errors import InputError
+from jblast.sensors.camera.events.ideal import Events
+from jblast.sensors.camera.files.events.read import read_events
+from jblast.sensors.camera.files.events.write import WRITERS, write_events
+
+COLUMNS = {"x": [3, 0, 1], "y": [2, 2, 0], "t": [0, 40, 999], "p": [1, 0, 1]}
+
+
+def events_of(x, y, t, p) -> Events:
+    """Events without empty places."""
+    sign = 2 * np.asarray(p, int) - 1
+    count, lost = np.array(len(sign)), np.zeros((), int)
+    time = 1e-6 * np.asarray(t, float)
+    return Events(np.asarray(x, int), np.asarray(y, int), time, sign, count, lost)
+
+
+@st.composite
+def streams(draw):
+    """Columns of events of 300 x 200 pixels with gaps of all sizes, and block ends."""
+    some = draw(st.integers(0, 60))
+    numbers = lambda most: st.lists(  # noqa: E731 - one line, used four times
+        st.integers(0, most), min_size=some, max_size=some
+    )
+    steps = draw(
+        st.lists(
+            st.sampled_from([0, 0, 1, 40, 4095, 4096, 4097, 1 << 20, 1 << 24, 3 << 24]),
+            min_size=some,
+            max_size=some,
+        )
+    )
+    t = np.cumsum(np.array(steps, np.int64))
+    columns = [draw(numbers(299)), draw(numbers(199)), t, draw(numbers(1))]
+    cuts = sorted(draw(st.lists(st.integers(0, some), max_size=3)))
+    return [np.asarray(column, np.int64) for column in columns], cuts
+
+
+@pytest.mark.parametrize("suffix", WRITERS)
+@given(stream=streams())
+@settings(max_examples=40, deadline=None)
+def test_any_events_come_back_as_they_were(tmp_path_factory, suffix, stream):
+    columns, cuts = stream
+    path = tmp_path_factory.mktemp("events") / f"a{suffix}"
+    edges = [0, *cuts, len(columns[0])]
+    blocks = [
+        events_of(*(column[a:b] for column in columns)) for a, b in pairwise(edges)
+    ]
+    written = write_events(path, blocks, 300, 200)
+    found = read_events(path)
+    assert (found.width, found.height) == (300, 200)
+    assert written.events == len(found.t) == len(columns[0])
+    for name, expected in zip("xytp", columns, strict=True):
+        np.testing.assert_array_equal(getattr(found, name), expected)
+
+
+@pytest.mark.parametrize("suffix", WRITERS)
+def test_what_cannot_be_is_not_written(tmp_path, suffix):
+    path = tmp_path / f"a{suffix}"
+    for columns, said in (
+        (([8], [0], [5], [1]), r"x of event 0: expected 0 to 7.*got 8"),
+        (([0], [-1], [5], [1]), r"y of event 0: expected 0 to 5.*got -1"),
+        (([0, 1], [0, 0], [5, 4], [1, 1]), r"in order of time, got 4 us after 5 us"),
+        (([0], [0], [-3], [1]), r"got -3 us after 0 us"),
+    ):
+        with pytest.raises(InputError, match=said):
+            write_events(path, [events_of(*columns)], 8, 6)
+    late, early = events_of([0], [0], [9], [1]), events_of([0], [0], [3], [1])
+    with pytest.raises(InputError, match="got 3 us after 9 us"):
+        write_events(path, [late, early], 8, 6)
+    assert [*tmp_path.iterdir()] == []
+
+
+@pytest.mark.parametrize("suffix", WRITERS)
+def test_what_is_no_file_of_events_is_refused(tmp_path, suffix):
+    path = tmp_path / f"a{suffix}"
+    with pytest.raises(InputError, match=rf"a{suffix}: no such file"):
+        read_events(path)
+    path.write_bytes(b"")
+    with pytest.raises(InputError, match=rf"a{suffix}: is empty"):
+        read_events(path)
+    path.write_bytes(b"time_s,p_pa\n0,1\n" * 99)
+    with pytest.raises(InputError, match=rf"a{suffix}: expected"):
+        read_events(path)
+
+
+@pytest.mark.parametrize("suffix", WRITERS)
+@pytest.mark.parametrize("share", [0.3, 0.6])
+def test_a_file_that_breaks_off_is_refused(tmp_path, suffix, share):
+    path = tmp_path / f"a{suffix}"
+    rng = np.random.default_rng(0)
+    t = np.sort(rng.integers(0, 10**6, 3000))
+    columns = rng.integers(0, 6, 3000), rng.integers(0, 6, 3000), t, t % 2
+    write_events(path, [events_of(*columns)], 8, 6)
+    data = path.read_bytes()
+    path.write_bytes(data[: int(share * len(data))])
+    with pytest.raises(InputError, match=rf"a{suffix}: expected a whole"):
+        read_events(path)
+
+
+def saved(path, columns, **more):
+    """Write columns as they are."""
+    if path.suffix == ".npz":
+        np.savez(path, allow_pickle=False, **columns, **more)
+        return path
+    with h5py.File(path, "w") as file:
+        for name, column in columns.items():
+            file[f"events/{name}"] = column
+        if more:
+            file["events"].attrs.update(more)
+    return path
+
+
+@pytest.mark.parametrize("suffix", [".npz", ".h5"])
+def test_columns_that_cannot_be_are_named(tmp_path, suffix):
+    path = tmp_path / f"a{suffix}"
+    for change, said in (
+        ({"t": [0, 999, 40]}, r"t: expected events in order of time, got 40 us after"),
+        ({"x": [0, 1, 9]}, r"x of event 2: expected 0 to 3, .*got 9"),
+        ({"y": [0, 1]}, r"as many of each column, got 3 of x, 2 of y"),
+        ({"p": [0, 1, 2]}, r"p: expected 1 for brighter and 0, got 2"),
+        ({"t": [0.0, 0.1, 0.2]}, r"t: expected whole numbers, got float64"),
+    ):
+        saved(path, COLUMNS | change, width=4, height=3)
+        with pytest.raises(InputError, match=said):
+            read_events(path)
+
+
+@pytest.mark.parametrize("suffix", [".npz", ".h5"])
+def test_a_file_that_does_not_tell_its_size_needs_it(tmp_path, suffix):
+    path = saved(tmp_path / f"a{suffix}", COLUMNS | {"p": [1, -1, 1]})
+    with pytest.raises(InputError, match="expected the width and height of the image"):
+        read_events(path)
+    found = read_events(path, size=(4, 3))
+    assert (found.width, found.height) == (4, 3)
+    assert found.p.tolist() == [1, 0, 1]  # minus one is darker, too
+
+
+def test_other_arrays_and_other_suffixes_are_refused(tmp_path):
+    path = saved(tmp_path / "a.npz", {"light": [1.0]})
+    with pytest.raises(InputError, match=r"expected arrays x, y, t and p, got light"):
+        read_events(path)
+    with pytest.raises(InputError, match=r"a\.txt: expected a name that ends in"):
+        read_events(tmp_path / "a.txt")

@@ -1,0 +1,54 @@
+"""A folder of frames and a video are read alike."""
+
+import numpy as np
+import pytest
+
+from jblast.errors import InputError
+from jblast.sensors.camera.files.png import write_png
+from jblast.sensors.camera.files.recordings import open_recording
+from tests.sensors.camera.files.video.made import flat, make_video
+
+
+@pytest.fixture
+def folder(tmp_path):
+    (tmp_path / "frames").mkdir()
+    for k in range(5):
+        grey = np.full((4, 6, 1), 0.1 + 0.2 * k)
+        write_png(tmp_path / "frames" / f"{k}.png", grey)
+    return tmp_path / "frames"
+
+
+def test_a_folder_gives_light_and_times(folder):
+    film = open_recording(folder, 100.0, srgb=True)
+    assert (film.width, film.height, len(film), film.frames_hz) == (6, 4, 5, 100.0)
+    blocks = [*film.blocks(3)]
+    assert [len(times) for times, _ in blocks] == [3, 2]
+    np.testing.assert_allclose(np.concatenate([t for t, _ in blocks]), film.times)
+    light = np.concatenate([frames for _, frames in blocks])[:, 0, 0]
+    # written as sRGB of 8 bits: half a value times a slope of at most 2.28
+    np.testing.assert_allclose(light, 0.1 + 0.2 * np.arange(5), atol=0.5 * 2.28 / 255)
+    raw = next(film.blocks(decoded=False))[1]
+    assert raw.dtype == np.uint8
+
+
+def test_png_frames_are_linear_if_nothing_is_said(folder):
+    light = next(open_recording(folder, 100.0).blocks())[1]
+    raw = next(open_recording(folder, 100.0).blocks(decoded=False))[1]
+    np.testing.assert_allclose(light, raw / 255, rtol=1e-6)
+
+
+def test_png_frames_need_their_rate(folder):
+    with pytest.raises(InputError, match=r"frames: expected to be told how many PNG"):
+        open_recording(folder)
+
+
+def test_a_video_goes_by_its_clock_or_by_the_rate_that_is_said(tmp_path):
+    path = make_video(tmp_path / "a.mp4", flat(16, 126, 235))
+    film = open_recording(path)
+    np.testing.assert_allclose(film.times, [0, 1 / 30, 2 / 30], rtol=1e-12)
+    times, light = next(film.blocks())
+    assert light.dtype == np.float32
+    assert light.shape == (3, 16, 32)
+    np.testing.assert_allclose(light[[0, 2], 0, 0], [0.0, 1.0], atol=1e-6)
+    np.testing.assert_allclose(open_recording(path, 1000.0).times, [0, 1e-3, 2e-3])
+    assert times is not film.times
