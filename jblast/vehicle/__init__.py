@@ -32,6 +32,14 @@ from jblast.vehicle.loads.impulse_table.file import (
 )
 from jblast.vehicle.loads.impulse_table.table import CustomProfile as CustomProfile
 from jblast.vehicle.loads.load import Load as Load, Pulse as Pulse
+from jblast.vehicle.loads.thesis.coded import (
+    CodedLoad as CodedLoad,
+    coded_load as coded_load,
+)
+from jblast.vehicle.loads.thesis.printed import (
+    PrintedLoad as PrintedLoad,
+    printed_load as printed_load,
+)
 from jblast.vehicle.metrics import (
     FlightMetrics as FlightMetrics,
     flight_metrics as flight_metrics,

@@ -11,6 +11,7 @@ from jax.core import Tracer
 from jaxtyping import Array, Float
 
 from jblast.errors import InputError, shown
+from jblast.vehicle.control.gains import Gains
 from jblast.vehicle.control.position_hold import Controller, PositionHold
 from jblast.vehicle.control.step_limit import step_limit
 from jblast.vehicle.dynamics.integrators import INTEGRATORS
@@ -142,8 +143,9 @@ def check_step(
     Raises:
         InputError: The step is too large.
     """
-    hold = own(control)
-    gains = hold.gains if isinstance(hold, PositionHold) else None
+    # whoever holds by gains, as a mission does, says so by the attribute
+    gains = getattr(own(control), "gains", None)
+    gains = gains if isinstance(gains, Gains) else None
     if isinstance(control, Each):
         gains = None  # a batch of gains: each lane that diverges is named
     looked_at = jax.tree.leaves((vehicle.motor_lag_s, gains))

@@ -3,6 +3,7 @@
 import jax.numpy as jnp
 
 from jblast.constants import FLIGHT_GRAVITY
+from jblast.errors import InputError
 from jblast.scene import VehicleSpec
 from jblast.vehicle.control.allocation import rotor_speeds
 from jblast.vehicle.control.gains import NAMED, gains_from_parameters
@@ -45,13 +46,19 @@ def hold_of(spec: VehicleSpec, *, integral: bool) -> PositionHold:
         integral: Whether the hold has integral action, whatever the scene says.
 
     Raises:
-        InputError: A gain cannot be used.
+        InputError: A gain cannot be used, or the vehicle flies a mission.
     """
+    if spec.mission is not None:
+        raise InputError(
+            f"[vehicle] mission: {spec.mission}: expected a vehicle that holds its "
+            "place, got one with a mission, which jblast fly flies and nothing else "
+            "does yet"
+        )
     gains = NAMED[spec.model] | spec.gains
     if not integral:
         gains = {name: value for name, value in gains.items() if name != "ki_pos"}
     return PositionHold(
-        target_m=spec.position if spec.target is None else spec.target,
+        target_m=spec.held,
         gains=gains_from_parameters(gains),
         yaw_rad=spec.yaw,
     )

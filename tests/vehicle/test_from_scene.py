@@ -17,17 +17,27 @@ def test_the_start_carries_its_weight(model):
     assert start.position_m.tolist() == [1, 2, 3]
 
 
+TURNED = VehicleSpec("iris", jnp.array([0.0, 0.0, 2.0]), yaw=2.0)
+# i, j, k, w of a turn about up
+TURN = [0.0, 0.0, np.sin(1.0), np.cos(1.0)]
+
+
+def test_the_start_is_turned_to_its_yaw_and_is_held_there():
+    np.testing.assert_allclose(start_of(TURNED).quaternion, TURN, atol=1e-15)
+    assert float(hold_of(TURNED, integral=True).yaw_rad) == 2.0
+
+
+@pytest.mark.slow  # a flight of its own
 def test_the_start_is_turned_to_its_yaw_and_stays_there():
-    spec = VehicleSpec("iris", jnp.array([0.0, 0.0, 2.0]), yaw=2.0)
+    spec = TURNED
     flight = simulate(
         vehicle_of(spec),
         start_of(spec),
         duration_s=0.1,
         control=hold_of(spec, integral=True),
     )
-    # i, j, k, w of a turn about up; roundings of the allocation alone move it
-    turned = [0.0, 0.0, np.sin(1.0), np.cos(1.0)]
-    np.testing.assert_allclose(flight.quaternion[-1], turned, atol=1e-9)
+    # roundings of the allocation alone move it
+    np.testing.assert_allclose(flight.quaternion[-1], TURN, atol=1e-9)
     np.testing.assert_allclose(flight.position_m[-1], spec.position, atol=1e-9)
 
 

@@ -78,6 +78,7 @@ def farthest(flown, truth):
     return float(np.abs(np.asarray(flown.position_m) - truth[:, :3]).max())
 
 
+@pytest.mark.slow
 def test_a_flight_is_that_of_scipy():
     flown, truth = flown_and_truth("crazyflie", "friedlander", 0.3)
     assert flown.time_s[-1] == 0.3

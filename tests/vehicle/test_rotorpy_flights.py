@@ -110,6 +110,7 @@ def test_flights_are_those_of_rotorpy(step):
 @pytest.mark.parametrize(
     "step", [5e-4, SHORT, pytest.param(1e-4, marks=pytest.mark.slow)]
 )
+@pytest.mark.slow
 def test_flights_in_single_precision_are_within_a_millimetre(step):
     found, (places, _) = flown("float32", step), table()
     assert found.position_m.dtype == np.float32

@@ -49,7 +49,7 @@ def read_body(parameters: Mapping[str, Any]) -> Body | None:
     return Body(area, drag, volume, added, centre)
 
 
-def known(body: Body | None) -> Body:
+def required_body(body: Body | None) -> Body:
     """Return what a blast acts on.
 
     Raises:

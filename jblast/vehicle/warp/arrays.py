@@ -13,7 +13,7 @@ from jblast.vehicle.control.allocation import allocation
 from jblast.vehicle.loads.blast.load import BlastLoad
 from jblast.vehicle.loads.blast.passage import Blast
 from jblast.vehicle.loads.blast.wave import FIRST
-from jblast.vehicle.quadrotor.body import known
+from jblast.vehicle.quadrotor.body import required_body
 from jblast.vehicle.quadrotor.parameters import Vehicle
 from jblast.vehicle.rollout.batching import Each, own
 from jblast.vehicle.rollout.flight import Flight
@@ -105,7 +105,7 @@ class Sender:
         air.blasts.count = len(pairs)
         if not pairs:
             return air
-        known(own(flight.vehicle).body)
+        required_body(own(flight.vehicle).body)
         columns = [_blast_columns(load, b) for load, b in pairs]
         flat = [x.reshape(-1, x.shape[-1]) for x in columns]
         lanes = max(map(len, flat))

@@ -61,6 +61,7 @@ def flown():
     return thrown("jax")
 
 
+@pytest.mark.slow  # 16 s of twelve vehicles; by default test_position_hold.py
 def test_who_is_thrown_or_spun_stays_upright_and_comes_back(flown):
     i, j, _, _ = np.moveaxis(np.asarray(flown.quaternion), -1, 0)
     over = (2 * (i**2 + j**2) > 1).any(axis=1)

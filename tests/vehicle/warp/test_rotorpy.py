@@ -73,6 +73,7 @@ def test_flights_are_those_of_rotorpy(flight):
     assert farthest(flight, "float64", 5e-4) < 1e-5
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("step", [5e-4, 2.5e-4, 1e-4])
 @pytest.mark.parametrize("flight", FLIGHTS)
 def test_short_steps_do_not_round_away_in_single_precision(flight, step):

@@ -17,6 +17,8 @@ Nothing is reflected but by the ground under a surface burst: no wave comes back
 the ground to a vehicle in the air, and the vehicle does not turn the front.
 """
 
+import functools
+
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
@@ -37,6 +39,7 @@ from jblast.vehicle.dynamics.components import (
 )
 from jblast.vehicle.dynamics.equations import air_wrench
 from jblast.vehicle.dynamics.state import State
+from jblast.vehicle.loads.blast.alike import over_alike
 from jblast.vehicle.loads.blast.drag import polynomial, rotors_in_wind, wind_impulse
 from jblast.vehicle.loads.blast.passage import (
     Blast,
@@ -45,7 +48,7 @@ from jblast.vehicle.loads.blast.passage import (
     crossing_time,
 )
 from jblast.vehicle.loads.blast.wave import RANGE, Wave
-from jblast.vehicle.quadrotor.body import known
+from jblast.vehicle.quadrotor.body import required_body
 from jblast.vehicle.quadrotor.parameters import Vehicle
 from jblast.waves.paths import slant_range
 from jblast.waves.scaling import scaled_distance
@@ -92,7 +95,7 @@ class BlastLoad(eqx.Module):
         Raises:
             InputError: Nothing is known of what a blast acts on.
         """
-        body = known(vehicle.body)
+        body = required_body(vehicle.body)
         motion = components(state)
         attitude = rotation(unit(motion.quaternion))
         wind = three(self.wind_m_s)
@@ -103,8 +106,8 @@ class BlastLoad(eqx.Module):
         acceleration = flies / vehicle.mass_kg - FLIGHT_GRAVITY * _UP.astype(
             flies.dtype
         )
-        impulse = angular_impulse = three(jnp.zeros_like(state.position_m))
-        for blast in self.blasts:
+
+        def of(blast: Blast) -> tuple[Vector, Vector]:
             # one that never happens has not come by the step's end, and gives nothing
             happens = ~blast.never
             passage = blast_passage(
@@ -130,8 +133,12 @@ class BlastLoad(eqx.Module):
             if force is not None and moment is not None:
                 gained = add(gained, polynomial(force, given))
                 turned_by = add(turned_by, polynomial(moment, given))
-            impulse = add(impulse, _only(happens, gained))
-            angular_impulse = add(angular_impulse, _only(happens, turned_by))
+            return _only(happens, gained), _only(happens, turned_by)
+
+        impulse = angular_impulse = three(jnp.zeros_like(state.position_m))
+        for gained, turned_by in over_alike(of, self.blasts):
+            impulse = add(impulse, gained)
+            angular_impulse = add(angular_impulse, turned_by)
         return jnp.stack(impulse), jnp.stack(angular_impulse)
 
     def quiet_until(
@@ -146,13 +153,13 @@ class BlastLoad(eqx.Module):
         charge, whatever the burst. Both hold while it gains no more speed than by
         `MOST_ACCELERATION_M_S2`.
         """
-        body, blow = known(vehicle.body), _length(self.wind_m_s)
+        body, blow = required_body(vehicle.body), _length(self.wind_m_s)
         # of a wind across the way too
         sound = jnp.maximum(self.sound_speed_m_s - 2 * blow, 0.0)
         speed, most = _length(state.velocity_m_s), MOST_ACCELERATION_M_S2
-        inactive_until = jnp.asarray(jnp.inf, start_s.dtype)
-        for n, blast in enumerate(self.blasts):
-            wave, happens = self.wave(n, state.position_m), ~blast.never
+
+        def until(blast: Blast) -> Float[Array, ""]:
+            wave, happens = self.wave_of(blast, state.position_m), ~blast.never
             blast = blast.by(start_s)
             came = blast.time_s + blast.travel_time_s(self._air(), state.position_m)
             crossing = crossing_time(body, wave)  # of which half comes before
@@ -160,36 +167,29 @@ class BlastLoad(eqx.Module):
             wait = left * sound / (sound + speed + most * left)
             over = start_s - came - crossing > 1.05 * (wave.duration_s + wave.suction_s)
             slow = jnp.maximum(sound / 5 - speed, 0) / most
-            until = start_s + jnp.where(over, slow, wait)
-            inactive_until = jnp.minimum(
-                inactive_until, jnp.where(happens, until, jnp.inf)
-            )
-        return inactive_until
+            return jnp.where(happens, start_s + jnp.where(over, slow, wait), jnp.inf)
+
+        never = jnp.asarray(jnp.inf, start_s.dtype)
+        return functools.reduce(jnp.minimum, over_alike(until, self.blasts), never)
 
     def arrival_time_s(
         self, position_m: Float[Array, "... 3"]
     ) -> Float[Array, "... blast"]:
         """Return when the fronts come to places [s]; infinite: never."""
-        return jnp.stack(
-            [
-                jnp.where(
-                    blast.never,
-                    jnp.inf,
-                    blast.by(jnp.zeros_like(blast.time_s)).time_s
-                    + blast.travel_time_s(self._air(), position_m),
-                )
-                for blast in self.blasts
-            ],
-            axis=-1,
-        )
 
-    def wave(self, blast: int, position_m: Float[Array, "... 3"]) -> Wave:
+        def front(blast: Blast) -> Float[Array, "..."]:
+            happened = blast.by(jnp.zeros_like(blast.time_s))
+            travel = blast.travel_time_s(self._air(), position_m)
+            return jnp.where(blast.never, jnp.inf, happened.time_s + travel)
+
+        return jnp.stack(over_alike(front, self.blasts), axis=-1)
+
+    def wave_of(self, blast: Blast, position_m: Float[Array, "... 3"]) -> Wave:
         """Return what passes a place; without pressure if it never happens."""
-        wave = self.blasts[blast].wave(self._air(), position_m)
-        never = self.blasts[blast].never
+        wave = blast.wave(self._air(), position_m)
         return wave._replace(
-            peak=jnp.where(never, 0.0, wave.peak),
-            suction=jnp.where(never, 0.0, wave.suction),
+            peak=jnp.where(blast.never, 0.0, wave.peak),
+            suction=jnp.where(blast.never, 0.0, wave.suction),
         )
 
     def in_range(self, position_m: Float[Array, "... 3"]) -> Bool[Array, "... blast"]:
@@ -197,15 +197,16 @@ class BlastLoad(eqx.Module):
 
         On the surface Z = 0.178 to 40 m/kg^(1/3), in free air 0.147 to 36.975.
         """
-        found = []
-        for blast in self.blasts:
+
+        def holds(blast: Blast) -> Bool[Array, "..."]:
             first, last = RANGE[blast.burst]
             source = jnp.broadcast_to(blast.position_m, position_m.shape)
             distance = slant_range(source, position_m)
             positive = jnp.maximum(distance, 1e-9)
             z = scaled_distance(positive, blast.mass_kg, self.pressure_pa)
-            found.append((z >= first) & (z <= last))
-        return jnp.stack(found, axis=-1)
+            return (z >= first) & (z <= last)
+
+        return jnp.stack(over_alike(holds, self.blasts), axis=-1)
 
     def _air(self) -> Surroundings:
         return Surroundings(self.pressure_pa, self.sound_speed_m_s, self.wind_m_s)

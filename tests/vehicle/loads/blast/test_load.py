@@ -54,7 +54,7 @@ def test_drag_of_a_body_that_stays_is_the_integral_of_its_wind():
         hovering(CRAZYFLIE, (0.0, 5.0, 0.0)),
         jnp.full(4, jnp.sqrt(thrust)),
     )
-    wave, body = load.wave(0, state.position_m), heavy.body
+    wave, body = load.wave_of(load.blasts[0], state.position_m), heavy.body
     since = jnp.linspace(0, 0.02, 200001)
     wind = wind_speed(wave, since)
     density = 1.4 * load.pressure_pa / load.sound_speed_m_s**2
@@ -83,7 +83,7 @@ def test_rotors_in_a_still_wave_add_nothing_and_in_a_wind_their_drag():
     before = load.impulse(jnp.asarray(0.0), jnp.asarray(0.005), state, CRAZYFLIE)
     assert not np.any(np.asarray(before[0]))
     after, _ = load.impulse(jnp.asarray(0.0), jnp.asarray(0.1), state, CRAZYFLIE)
-    wave = load.wave(0, state.position_m)
+    wave = load.wave_of(load.blasts[0], state.position_m)
     time = jnp.linspace(0, 0.02, 20001)
     way = jnp.trapezoid(wind_speed(wave, time), time)
     speed, k_d = state.rotor_speed_rad_s[0], CRAZYFLIE.rotor_drag[0]

@@ -10,11 +10,15 @@ from jax.test_util import check_grads
 
 from jblast.constants import STANDARD_PRESSURE
 from jblast.vehicle.loads.blast.wave import (
+    FIRST,
+    LAST,
     RANGE,
+    SPACING,
     Wave,
     arrival_time,
     overpressure,
     wave_at,
+    wave_curves,
     wind_speed,
 )
 from jblast.waves import (
@@ -72,6 +76,15 @@ def test_curves_give_the_laws(burst):
     np.testing.assert_allclose(impulse, expected, rtol=3e-3)
 
 
+@pytest.mark.parametrize("burst", ["surface", "free-air"])
+def test_nodes_stand_from_end_to_end_no_further_apart_than_they_may(burst):
+    for curve in wave_curves(burst):
+        ends = np.log([FIRST, LAST])
+        np.testing.assert_allclose(curve.nodes[[0, -1]], ends, rtol=1e-12)
+        assert np.diff(curve.nodes).max() <= SPACING * (1 + 1e-9)
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize("burst", BURSTS)
 def test_a_record_and_a_wave_are_one_blast_but_for_how_long_the_suction_lasts(burst):
     z, air = jnp.array([0.5, 1.0, 2.0, 5.0, 12.0, 25.0, 36.0]), (PRESSURE, SOUND, burst)

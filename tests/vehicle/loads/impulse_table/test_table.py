@@ -121,10 +121,8 @@ def test_moments_about_a_far_point_are_refused_unless_it_is_named(cases):
         custom_profile(own, (0.0, 0.0, 0.0), vehicle=CRAZYFLIE)
 
 
-@pytest.mark.parametrize(
-    "step",
-    [2e-3, *(pytest.param(s, marks=pytest.mark.slow) for s in (0.5e-3, 10e-3))],
-)
+@pytest.mark.slow  # by default in one step alone: test_simulate.py
+@pytest.mark.parametrize("step", [2e-3, 0.5e-3, 10e-3])
 def test_a_flight_gains_the_whole_impulse_at_any_step(cases, step):
     cases = cases.copy()
     cases[:, 7:] = 0.0  # so that nothing tilts it
