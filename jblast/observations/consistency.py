@@ -38,13 +38,13 @@ def check_range(
             f"{where}: got {given:g}, but [charge] range_m of the scene is not fixed; "
             "expected one of the two"
         )
-    told = None
+    stated = None
     if charge.range_m is not None:
-        told = float(charge.range_m)
+        stated = float(charge.range_m)
     elif not np.isnan(position).any() and "charge_up_m" not in free:
-        told = float(np.linalg.norm(position - _place(charge)))
-    if told is not None and abs(given - told) > AGREE:
-        raise InputError(f"{where}: got {given!r}; expected {told!r} as in the scene")
+        stated = float(np.linalg.norm(position - _place(charge)))
+    if stated is not None and abs(given - stated) > AGREE:
+        raise InputError(f"{where}: got {given!r}; expected {stated!r} as in the scene")
 
 
 def refuse_placeless(

@@ -131,8 +131,8 @@ def _each_record_once(
     logs: Sequence[Observations], names: Sequence[str]
 ) -> list[Observations]:
     """Name records after their log, too, where two logs name theirs alike."""
-    told = [name for log in logs for name in {of.record for of in log.covariances}]
-    if len(set(told)) == len(told):
+    recorded = [name for log in logs for name in {of.record for of in log.covariances}]
+    if len(set(recorded)) == len(recorded):
         return list(logs)
     return [
         replace(

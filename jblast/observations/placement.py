@@ -96,13 +96,13 @@ def _refuse_samples(observations: Observations) -> None:
 
 
 def camera_place(
-    scene: Scene, told: Float[ArrayLike, "3"], who: str
+    scene: Scene, stated: Float[ArrayLike, "3"], who: str
 ) -> Float[np.ndarray, "3"]:
     """Return where a fireball was seen from: the camera, whatever its name in a log.
 
     Args:
         scene: Has the camera.
-        told: Place that is told of it elsewhere [m]; NaN if none is.
+        stated: Place that is told of it elsewhere [m]; NaN if none is.
         who: What reads off its images, for the messages.
 
     Raises:
@@ -113,10 +113,15 @@ def camera_place(
             f"{who}: fireball_radius_px is seen by the camera of the scene; expected a "
             "[camera] with position_m and focal_px, got none"
         )
-    at, told = np.asarray(scene.camera.position), np.asarray(told)
-    if np.linalg.norm(at - told) > AGREE:  # not so where nothing is told, NaN
+    if scene.camera.mount:
         raise InputError(
-            f"{who}: fireball_radius_px at {metres(told)}; expected {metres(at)}, "
+            f"{who}: fireball_radius_px is seen by the camera of the scene; expected "
+            f'one that stands still, got mount = "{scene.camera.mount}"'
+        )
+    at, stated = np.asarray(scene.camera.position), np.asarray(stated)
+    if np.linalg.norm(at - stated) > AGREE:  # not so where nothing is told, NaN
+        raise InputError(
+            f"{who}: fireball_radius_px at {metres(stated)}; expected {metres(at)}, "
             "where the [camera] of the scene stands"
         )
     return at

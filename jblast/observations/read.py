@@ -71,11 +71,11 @@ def read(
     Example:
         `observations = jblast.read("log.csv")`
     """
-    told = Faults(faults)
+    found = Faults(faults)
     try:
-        log = _read(source, told, strict=strict, wide=wide, date=date, zone=zone)
+        log = _read(source, found, strict=strict, wide=wide, date=date, zone=zone)
         attached = getattr(source, "attrs", {}).get(COVARIANCES)
-        return with_covariances(log, told, attached)
+        return with_covariances(log, found, attached)
     except InputError as fault:
         if faults is None:
             raise

@@ -139,8 +139,8 @@ class Observations:
         Raises:
             InputError: It is no log.
         """
-        told = {"strict": strict, "wide": wide, "date": date, "zone": zone}
-        return _exchange().from_pandas(frame, faults=faults, **told)
+        options = {"strict": strict, "wide": wide, "date": date, "zone": zone}
+        return _exchange().from_pandas(frame, faults=faults, **options)
 
     def to_pandas(self) -> Any:
         """Return the log as a `pandas.DataFrame`, columns as `write` writes them.
@@ -176,7 +176,7 @@ def observed(
     quantity: Sequence[str],
     value: Sequence[float] | Float[np.ndarray, " row"],
     sigma: Sequence[float] | Float[np.ndarray, " row"],
-    **told: Any,
+    **others: Any,
 ) -> Observations:
     """Return a log that is made here: what is not told of its rows is unknown.
 
@@ -185,7 +185,7 @@ def observed(
         quantity: What was measured.
         value: How much.
         sigma: Its standard deviation.
-        **told: Other fields.
+        **others: Other fields.
     """
     rows = len(sensor)
     unknown, unsaid = np.full(rows, np.nan), ("",) * rows
@@ -202,7 +202,7 @@ def observed(
         quantity=tuple(quantity),
         value=np.asarray(value, float),
         sigma=np.asarray(sigma, float),
-        **(untold | told),
+        **(untold | others),
     )
 
 

@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 from jblast.files import write_text
+from jblast.observations.records.csv_fields import plain_text, quoted
 from jblast.observations.records.side_file import write_covariances
 from jblast.observations.rows import AT_LEAST
 from jblast.observations.table import (
@@ -50,7 +51,7 @@ def log_text(observations: Observations, comments: Sequence[str] = ()) -> str:
     if not len(observations):
         raise ValueError("observations has no rows; an empty file would not read back")
     lines = [
-        f"# {_plain(line)}".rstrip() for line in (*comments, *observations.comments)
+        f"# {plain_text(line)}".rstrip() for line in (*comments, *observations.comments)
     ]
     columns = _columns(observations)
     lines.append(",".join(columns))
@@ -63,7 +64,7 @@ def _columns(observations: Observations) -> dict[str, list[str]]:
     texts = {
         name: [_digits(x) for x in column]
         if isinstance(column, np.ndarray)
-        else [_quoted(x) for x in column]
+        else [quoted(x) for x in column]
         for name, column in typed_columns(observations).items()
     }
     bounds = observations.bounds()
@@ -99,12 +100,14 @@ def typed_columns(
         "record": observations.records(),
     }
     if observations.epoch is not None:
-        told = np.isin(observations.quantity, CLOCK_TIMES)
+        timed_rows = np.isin(observations.quantity, CLOCK_TIMES)
         columns["value_utc"] = tuple(
             written(observations.epoch, value) if timed else ""
-            for timed, value in zip(told, observations.value.tolist(), strict=True)
+            for timed, value in zip(
+                timed_rows, observations.value.tolist(), strict=True
+            )
         )
-        columns["value"] = np.where(told, np.nan, observations.value)
+        columns["value"] = np.where(timed_rows, np.nan, observations.value)
     return {c: columns[c] for c in COLUMNS if c in NEEDED or _holds(columns.get(c, ()))}
 
 
@@ -117,21 +120,3 @@ def _holds(column: Float[np.ndarray, " row"] | tuple[str, ...]) -> bool:
 
 def _digits(number: float) -> str:
     return "" if math.isnan(number) else repr(float(number))
-
-
-def _plain(text: str) -> str:
-    unreadable = any(c != "\t" and (ord(c) < 32 or ord(c) == 127) for c in text)
-    if unreadable or text != text.strip():
-        raise ValueError(
-            "a name or comment must be one line without control characters or outer "
-            f"spaces, got {text!r}"
-        )
-    return text
-
-
-def _quoted(name: str) -> str:
-    """Return a name as CSV; a leading # would otherwise make its row a comment."""
-    name = _plain(name)
-    if any(c in name for c in ',"') or name.startswith("#"):
-        return '"' + name.replace('"', '""') + '"'
-    return name

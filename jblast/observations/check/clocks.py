@@ -1,5 +1,7 @@
 """Doubts about clocks and shots: who heard what, and by which clock."""
 
+from datetime import UTC, datetime
+
 import numpy as np
 
 from jblast.observations.check.doubt import Doubt
@@ -10,14 +12,43 @@ from jblast.quantity_table import QUANTITIES
 EARLY = 5.0
 """An arrival this many sigmas before the flash is no error of reading."""
 
+FROM_2000, TO_2100 = 946_684_800.0, 4_102_444_800.0
+"""Seconds since 1970 at the first of January of these years."""
+
+COUNTED_IN = {
+    "seconds": 1.0,
+    "milliseconds": 1e3,
+    "microseconds": 1e6,
+    "nanoseconds": 1e9,
+}
+"""What computers count time since 1970 in, of a second."""
+
 
 def clocks_doubted(observations: Observations) -> list[Doubt]:
     """Return what is odd about the clocks and the shots of a log."""
     return [
+        *_since_1970(observations),
         *_unheard(observations),
         *_lonely(observations),
         *_before_the_flash(observations),
     ]
+
+
+def _since_1970(observations: Observations) -> list[Doubt]:
+    """Find clock times that are no time of a blast, but a date as computers count."""
+    if observations.epoch is not None:
+        return []
+    value = observations.value
+    timed = np.isin(observations.quantity, CLOCK_TIMES)
+    found = []
+    for unit, factor in COUNTED_IN.items():
+        since = value / factor
+        rows = np.flatnonzero(timed & (since > FROM_2000) & (since < TO_2100))
+        if rows.size:
+            when = datetime.fromtimestamp(float(since[rows[0]]), UTC)
+            names = unit, f"{when:%Y-%m-%dT%H:%M:%S}.{when.microsecond // 1000:03d}Z"
+            found.append(Doubt("since_1970", tuple(rows.tolist()), {}, names))
+    return found
 
 
 def _unheard(observations: Observations) -> list[Doubt]:

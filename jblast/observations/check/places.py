@@ -85,16 +85,18 @@ def _together(observations: Observations) -> list[Doubt]:
         first.setdefault(key, int(row))
     by_cell: dict[tuple[object, ...], list[str]] = {}
     for (shot, sensor), row in first.items():
-        told = [*observations.position[row], observations.slant_range[row]]
-        cell = np.round(np.nan_to_num(told, nan=-1.0) / SAME_PLACE).tolist()
+        placed = [*observations.position[row], observations.slant_range[row]]
+        cell = np.round(np.nan_to_num(placed, nan=-1.0) / SAME_PLACE).tolist()
         by_cell.setdefault((shot, *cell), []).append(sensor)
     found = []
     for (shot, *_), sensors in by_cell.items():
         for one, other in combinations(sensors[:10], 2):
-            told = _compared(observations, str(shot), one, other)
+            doubts = _compared(observations, str(shot), one, other)
             here = _placed(observations)[first[str(shot), one]]
             # at one range two sensors may well read differently
-            found += [doubt for doubt in told if here or doubt.kind == "sensor_copied"]
+            found += [
+                doubt for doubt in doubts if here or doubt.kind == "sensor_copied"
+            ]
     return found
 
 

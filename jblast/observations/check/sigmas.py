@@ -15,9 +15,9 @@ def sigmas_doubted(observations: Observations) -> list[Doubt]:
     """Return rows whose sigma cannot be what was meant."""
     value, sigma = observations.value, observations.sigma
     in_ln = ~np.isin(observations.quantity, ADDITIVE)
-    told = in_ln & ~np.isnan(sigma) & (value > 0)
+    stated = in_ln & ~np.isnan(sigma) & (value > 0)
     share = np.full(len(value), np.nan)
-    share[told] = sigma[told] / value[told]
+    share[stated] = sigma[stated] / value[stated]
     found = []
     for kind, odd in (("sigma_too_fine", share < FINEST), ("sigma_large", share > 1)):
         for row in np.flatnonzero(odd):

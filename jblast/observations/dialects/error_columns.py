@@ -107,17 +107,17 @@ def _told_share(
     Raises:
         InputError: It tells another unit than that of the values.
     """
-    told = units_row.get(table.header[at])
-    if told is None or ours is None:
+    stated = units_row.get(table.header[at])
+    if stated is None or ours is None:
         return False
-    meant = {unit.dimension for unit in unit_spelt(told.suffix)}
+    meant = {unit.dimension for unit in unit_spelt(stated.suffix)}
     if meant == {SHARE}:
         return True
-    same = our_name(f"value_{told.suffix}")
+    same = our_name(f"value_{stated.suffix}")
     if same is None or (same.dimension, same.factor) != (ours.dimension, ours.factor):
         raise InputError(
-            f"{table.at(told.line)}, column {table.header[at]}: expected {ours.unit}, "
-            f"the unit of its quantity, or %, got {told.suffix}"
+            f"{table.at(stated.line)}, column {table.header[at]}: expected "
+            f"{ours.unit}, the unit of its quantity, or %, got {stated.suffix}"
         )
     return False
 

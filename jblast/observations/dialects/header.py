@@ -72,20 +72,20 @@ def read_header(
 
 
 def _column(
-    theirs: str, told: UnitOf | None, table: Table, *, strict: bool
+    theirs: str, stated: UnitOf | None, table: Table, *, strict: bool
 ) -> tuple[str, OurName | None] | None:
     """Return our column, and its unit if it has one of its own; None if none is meant.
 
     Raises:
         InputError: The row of units tells another unit than the name.
     """
-    if theirs in COLUMNS and told is None:
+    if theirs in COLUMNS and stated is None:
         return theirs, None
     if strict:
         return None
     key = spelt(theirs)
-    if told is not None:
-        return _with_told_unit(theirs, key, told, table)
+    if stated is not None:
+        return _with_told_unit(theirs, key, stated, table)
     if key in COLUMNS:
         return key, None
     found = our_name(theirs)
@@ -95,17 +95,18 @@ def _column(
 
 
 def _with_told_unit(
-    theirs: str, key: str, told: UnitOf, table: Table
+    theirs: str, key: str, stated: UnitOf, table: Table
 ) -> tuple[str, OurName | None] | None:
     """Return our column, its unit from a row of units."""
     own = our_name(theirs)
-    there = our_name(f"{theirs}_{told.suffix}")
+    there = our_name(f"{theirs}_{stated.suffix}")
     if own is not None and own.name in COLUMNS:
-        same = our_name(f"value_{told.suffix}")
+        same = our_name(f"value_{stated.suffix}")
         if same is None or (same.dimension, same.factor) != (own.dimension, own.factor):
             raise InputError(
-                f"{table.at(told.line)}, column {theirs}: expected one unit a column, "
-                f"got {own.unit} in its name and {told.suffix} in the row of units"
+                f"{table.at(stated.line)}, column {theirs}: expected one unit a "
+                f"column, got {own.unit} in its name and {stated.suffix} in the row of "
+                "units"
             )
         return own.name, None if key in COLUMNS else own
     if there is not None and there.name in COLUMNS:

@@ -36,7 +36,7 @@ def text_table(
     Raises:
         InputError: There is no header or no row below, or a quote is not closed.
     """
-    comments, lines, numbers, told = [], [], [], ""
+    comments, lines, numbers, named = [], [], [], ""
     for number, line in enumerate(text.split("\n"), start=1):
         stripped = line.strip()
         if stripped.startswith("#"):
@@ -45,14 +45,14 @@ def text_table(
             lines.append(line)
             numbers.append(number)
     if lines and not strict and (match := TOLD.match(lines[0].strip(" "))):
-        told = match[1]
+        named = match[1]
         del lines[0], numbers[0]
     if not lines:
         raise InputError(
             f"{source}: line 1: the file is empty; expected a header "
             f"{','.join(NEEDED)} and one measurement a row"
         )
-    separator = told or ("," if strict else separator_of(lines[0]))
+    separator = named or ("," if strict else separator_of(lines[0]))
     if separator not in lines[0]:
         _refuse_other_separator(f"{source}: line {numbers[0]}", lines[0])
     records = _records(source, lines, numbers, separator, faults)

@@ -119,10 +119,10 @@ def made_long(table: Table, units_row: dict[str, UnitOf]) -> Table:
 
 def _with_unit(name: str, units_row: dict[str, UnitOf]) -> str:
     """Return a name with the unit that a row of units told, if a quantity has it."""
-    told = units_row.get(name)
-    if told is None or is_quantity(name):
+    stated = units_row.get(name)
+    if stated is None or is_quantity(name):
         return name
-    with_unit = f"{name}_{told.suffix}"
+    with_unit = f"{name}_{stated.suffix}"
     return with_unit if is_quantity(with_unit) else name
 
 

@@ -26,7 +26,7 @@ AGREES = 0.01
 def with_covariances(
     observations: Observations,
     faults: Faults,
-    told: Sequence[Mapping[str, Any]] | None = None,
+    rows: Sequence[Mapping[str, Any]] | None = None,
 ) -> Observations:
     """Return a log with the covariances of its side file, if there is one.
 
@@ -34,11 +34,11 @@ def with_covariances(
         observations: A log as read.
         faults: Told where the side file is not as described, or disagrees with the log,
             which is then returned as it was.
-        told: What `covariance_rows` gave, in place of a side file.
+        rows: What `covariance_rows` gave, in place of a side file.
     """
     path = covariance_file(observations.source)
-    where = str(path) if told is None else f"{observations.source}: covariances"
-    there = path.is_file() if told is None else bool(told)
+    where = str(path) if rows is None else f"{observations.source}: covariances"
+    there = path.is_file() if rows is None else bool(rows)
     if not len(observations) or not there:
         return observations
     try:
@@ -47,7 +47,7 @@ def with_covariances(
                 f"{observations.source}: expected a column record, since {where} tells "
                 "of the errors that rows of one record share; got none"
             )
-        found = read_covariances(path) if told is None else covariances_of(told, where)
+        found = read_covariances(path) if rows is None else covariances_of(rows, where)
         both = replace(observations, covariances=found)
         list(rows_with_covariance(both))
     except InputError as fault:

@@ -16,6 +16,7 @@ import numpy as np
 from jblast.errors import InputError, nearest, read_text, shown
 from jblast.files import write_text
 from jblast.observations.record_covariance import RecordCovariance
+from jblast.observations.records.csv_fields import quoted
 from jblast.observations.table import Observations
 from jblast.quantity_table import QUANTITIES
 
@@ -107,9 +108,7 @@ def write_covariances(log: str | os.PathLike[str], observations: Observations) -
         return
     lines = [",".join(COLUMNS)]
     for row in covariance_rows(observations):
-        record = row["record"]
-        if any(c in record for c in ',"') or record.startswith("#"):
-            record = '"' + record.replace('"', '""') + '"'
+        record = quoted(row["record"])
         value = repr(row["covariance"])
         lines.append(",".join((record, row["quantity"], row["with"], value)))
     write_text(path, "\n".join(lines) + "\n")

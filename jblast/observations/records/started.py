@@ -20,16 +20,16 @@ def started(recording: Recording, stations: Mapping[str, Station]) -> Recording:
         InputError: The file tells the time of day itself, or its channels are told to
             begin at several times.
     """
-    told = {stations[name].start for name in recording.names if name in stations}
-    if told <= {None}:
+    starts = {stations[name].start for name in recording.names if name in stations}
+    if starts <= {None}:
         return recording
     if recording.epoch is not None:
         raise InputError(
             f"{recording.source}: tells the time of day itself; expected nothing in "
             f"column {START} of {shown(recording.names[0])}"
         )
-    start = told.pop()
-    if told or start is None:
+    start = starts.pop()
+    if starts or start is None:
         raise InputError(
             f"{recording.source}: expected one {START} for all channels of a file, got "
             "several"

@@ -124,15 +124,15 @@ def _tell(found: Measured) -> None:
 
 def told_columns(rows: Fields) -> list[Understood]:
     """Return what is converted by column."""
-    told: list[Understood] = []
+    understood: list[Understood] = []
     for name, unit in rows.units.items():
         filled = sum(1 for text in rows.texts[name] if text)
         if unit.dimension == LEVEL:
-            told.append(LevelConverted(rows.theirs[name], filled))
+            understood.append(LevelConverted(rows.theirs[name], filled))
         elif unit.factor != 1.0:
             theirs = rows.theirs[name]
-            told.append(Converted(theirs, name, unit.unit, unit.factor, filled))
-    return told
+            understood.append(Converted(theirs, name, unit.unit, unit.factor, filled))
+    return understood
 
 
 def _unknown(quantity: str, *, strict: bool) -> str:

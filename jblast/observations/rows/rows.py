@@ -57,13 +57,13 @@ class Rows(Fields):
         )
         held = measured(self, strict=self.strict)
         self.texts["quantity"] = list(held.quantity)
-        told = np.zeros(len(self.lines), bool)
+        dated = np.zeros(len(self.lines), bool)
         if VALUE_UTC in self.texts:
-            told = np.array([bool(text) for text in self.texts[VALUE_UTC]], bool)
-        self.texts.setdefault("value", [""] * len(told))
+            dated = np.array([bool(text) for text in self.texts[VALUE_UTC]], bool)
+        self.texts.setdefault("value", [""] * len(dated))
         epoch = take_clock_times(self, self.date, self.zone)
         kind = np.array(held.quantity)
-        value, sigma, bound = self.measurements(held, told)
+        value, sigma, bound = self.measurements(held, dated)
         slant_range = self.number("range_m")
         position, frame = places_of(self)
         self.places(position, slant_range)
@@ -113,7 +113,7 @@ class Rows(Fields):
         return some_rows(whole, np.flatnonzero(self.sound))
 
     def measurements(
-        self, held: Measured, told: Bool[np.ndarray, " row"]
+        self, held: Measured, dated: Bool[np.ndarray, " row"]
     ) -> tuple[
         Float[np.ndarray, " row"], Float[np.ndarray, " row"], Bool[np.ndarray, " row"]
     ]:
@@ -121,7 +121,7 @@ class Rows(Fields):
 
         Args:
             held: What each row measured.
-            told: Rows whose value is seconds already, from a date and time.
+            dated: Rows whose value is seconds already, from a date and time.
         """
         kind = np.array(held.quantity)
         in_ln = ~np.isin(kind, ADDITIVE)
@@ -129,7 +129,7 @@ class Rows(Fields):
         bound = self.bounds(in_ln)
         raw = self.number("value", optional=False)
         value, sigma = held.converted(self.texts, raw, self.number("sigma"))
-        value = np.where(told, raw, value)
+        value = np.where(dated, raw, value)
         texts = self.texts["value"]
         self.refuse(
             np.isinf(value) & np.isfinite(raw),

@@ -66,20 +66,20 @@ def take_clock_times(
         return None
     quantity = rows.texts["quantity"]
     values = list(rows.texts.get("value") or [""] * len(texts))
-    told = np.array([bool(text) for text in texts])
+    dated = np.array([bool(text) for text in texts])
     timed = np.isin(quantity, CLOCK_TIMES)
     rows.refuse(
-        told & [bool(value) for value in values],
+        dated & [bool(value) for value in values],
         COLUMN,
         lambda _: "either value or value_utc, got both",
     )
     rows.refuse(
-        told & ~timed,
+        dated & ~timed,
         COLUMN,
         lambda row: f"nothing, as {quantity[row]} is no time of a clock; use value",
     )
     rows.refuse(
-        timed & ~told & [bool(value) for value in values],
+        timed & ~dated & [bool(value) for value in values],
         "value",
         lambda row: (
             f"value_utc for {quantity[row]} as in the other rows, got "
@@ -87,13 +87,13 @@ def take_clock_times(
         ),
     )
     rows.refuse(
-        told & [bool(text) for text in rows.texts.get("time_s") or [""] * len(texts)],
+        dated & [bool(text) for text in rows.texts.get("time_s") or [""] * len(texts)],
         "time_s",
         lambda _: "nothing beside value_utc, as its start is unknown",
     )
     found: dict[int, int] = {}
     why: dict[int, str] = {}
-    for row in map(int, np.flatnonzero(told)):
+    for row in map(int, np.flatnonzero(dated)):
         try:
             found[row] = instant(texts[row], day or None, place or None)
         except NotAnInstant as reason:

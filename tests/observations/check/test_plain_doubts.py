@@ -1,6 +1,7 @@
 """Doubts that need no physics, and all faults of a log beside a scene."""
 
 from dataclasses import replace
+from datetime import UTC, datetime
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ from jblast.observations.check.clocks import clocks_doubted
 from jblast.observations.check.places import places_doubted
 from jblast.observations.check.refusals import refusals
 from jblast.observations.check.sigmas import sigmas_doubted
+from jblast.report.check.words import sentence
 from jblast.scene import Scene, Sensor, default_scene
 from tests.observations.rows import HEADER
 
@@ -71,6 +73,27 @@ def test_clocks_and_shots_are_doubted(tmp_path):
     # a flash by another sensor's own clock tells nothing of this one's
     apart = replace(table, clock=("", "", "", ""), sensor=("a", "c", "b", "a"))
     assert [doubt.kind for doubt in clocks_doubted(apart)] == ["shot_unheard"]
+
+
+@pytest.mark.parametrize(
+    ("unit", "factor"), [("seconds", 1), ("milliseconds", 1000), ("nanoseconds", 10**9)]
+)
+def test_seconds_since_1970_are_told_and_never_taken_for_a_date(tmp_path, unit, factor):
+    rows = [
+        f"a,air_arrival_s,{1700000000 * factor},,20,0,1",
+        f"b,air_arrival_s,{1700000001 * factor},,40,0,1",
+        f"b,peak_overpressure_pa,{1700000001 * factor},,40,0,1",
+    ]
+    table = log(tmp_path, *rows)
+    (doubt,) = clocks_doubted(table)
+    assert (doubt.kind, doubt.rows) == ("since_1970", (0, 1))
+    assert doubt.names == (unit, "2023-11-14T22:13:20.000Z")
+    assert table.epoch is None
+    assert f"{unit} since 1970, here 2023-11-14T22:13:20.000Z" in sentence(doubt, table)
+    # a clock that counts from its start, or from a day's, is no date
+    assert clocks_doubted(replace(table, value=table.value / factor / 2e4)) == []
+    known = replace(table, epoch=datetime(2020, 8, 4, tzinfo=UTC))
+    assert clocks_doubted(known) == []
 
 
 def test_errors_are_doubted(tmp_path):

@@ -50,6 +50,18 @@ def test_what_is_written_reads_back_to_the_last_digit(tmp_path):
         np.testing.assert_array_equal(np.tril(one.matrix), np.tril(other.matrix))
 
 
+def test_a_log_and_its_side_file_may_have_quotes_in_their_path(tmp_path):
+    folder = tmp_path / """it's, "my" folder"""
+    folder.mkdir()
+    names = ("it's", '"', "# 'a', \"b\"")
+    path = folder / """the "last" log's v1.2.csv"""
+    write(path, picked(names))
+    assert covariance_file(path).name == """the "last" log's v1.2.covariance.csv"""
+    back = read(path)
+    assert [one.record for one in back.covariances] == list(names)
+    assert back.record == picked(names).record
+
+
 def test_a_log_without_covariances_takes_the_old_side_file_away(tmp_path):
     path = written(tmp_path)
     write(path, replace(picked(), covariances=()))

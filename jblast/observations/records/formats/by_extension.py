@@ -78,7 +78,8 @@ def _kind(path: Path) -> str:
     close = closest(ending, EXTENSIONS) if ending else None
     hint = f"; did you mean {close}?" if close else ""
     raise InputError(
-        f"{path}: expected a record of samples, its name ending in {known}{hint}"
+        f"{path}: expected a record of samples, its name ending in {known}, got "
+        f"{ending or 'no ending'}{hint}"
     )
 
 

@@ -1,10 +1,12 @@
 """Columns of samples by their names: which is time, which pressure, in which unit."""
 
 import re
+from collections.abc import Iterable
 from typing import NamedTuple
 
 from jblast.errors import InputError, shown
 from jblast.observations.records.formats.scale import (
+    plain_unit,
     pressure_factor,
     time_factor,
     volts_factor,
@@ -14,7 +16,7 @@ IGNORED = ("note", "comment", "index", "sample", "number", "n", "")
 """Words that a column which holds no measurement begins with, or is."""
 
 
-class Columns(NamedTuple):
+class SampleColumns(NamedTuple):
     """What the columns of a table of samples hold.
 
     Attributes:
@@ -32,7 +34,7 @@ class Columns(NamedTuple):
     left_out: tuple[str, ...]
 
 
-def columns_of(names: list[str], where: str) -> Columns:
+def columns_of(names: list[str], where: str) -> SampleColumns:
     """Return what columns hold, by the units that their names end in.
 
     Args:
@@ -40,8 +42,8 @@ def columns_of(names: list[str], where: str) -> Columns:
         where: The file and line of the names, for messages.
 
     Raises:
-        InputError: There is not one column of time, or none of pressure; or one has
-            no unit.
+        InputError: There is not one column of time, or none of pressure; one has no
+            unit, or two have one word and two units.
     """
     times: list[tuple[int, float]] = []
     pressures: list[tuple[int, str]] = []
@@ -83,12 +85,35 @@ def columns_of(names: list[str], where: str) -> Columns:
             f"{where}: expected a column of pressure, as pressure_kpa, or of volts, "
             f"got {shown(', '.join(names))}"
         )
-    return Columns(
+    refuse_two_units([(names[at], unit) for at, unit in pressures], f"{where}, columns")
+    return SampleColumns(
         *times[0],
         tuple(at for at, _ in pressures),
         tuple(unit for _, unit in pressures),
         tuple(n for n in left_out if n.split("_")[0].lower() not in IGNORED),
     )
+
+
+def refuse_two_units(pressures: Iterable[tuple[str, str]], where: str) -> None:
+    """Refuse one channel in two units: it is no second one.
+
+    Args:
+        pressures: Names of channels with their units, as they are written.
+        where: The file, and what the names are of, for messages.
+
+    Raises:
+        InputError: Two have one word and two units.
+    """
+    seen: dict[str, tuple[str, str]] = {}
+    for name, unit in pressures:
+        first, before = seen.setdefault(
+            plain_unit(word_and_unit(name)[0]), (name, unit)
+        )
+        if plain_unit(before) != plain_unit(unit):
+            raise InputError(
+                f"{where} {first} and {name}: expected one unit for one channel, got "
+                f"{before} and {unit}; keep one of them, or give two channels two names"
+            )
 
 
 def word_and_unit(name: str) -> tuple[str, str]:

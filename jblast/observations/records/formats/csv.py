@@ -15,7 +15,7 @@ import numpy as np
 from jaxtyping import Float
 
 from jblast.errors import InputError, shown
-from jblast.observations.records.formats.columns import Columns, columns_of
+from jblast.observations.records.formats.columns import SampleColumns, columns_of
 from jblast.observations.records.formats.even_clock import even_clock
 from jblast.observations.records.formats.scale import Scaling, scale_of
 from jblast.observations.records.recording import Recording, channel_names
@@ -90,7 +90,7 @@ def is_stations(path: Path) -> bool:
     return "sensor" in (name.strip().lower() for name in names)
 
 
-def _notes(columns: Columns) -> tuple[str, ...]:
+def _notes(columns: SampleColumns) -> tuple[str, ...]:
     if not columns.left_out:
         return ()
     return (f"columns left out, not pressure: {', '.join(columns.left_out)}",)

@@ -9,12 +9,15 @@ from pathlib import Path
 import numpy as np
 
 from jblast.errors import InputError, shown
-from jblast.observations.records.formats.columns import word_and_unit
+from jblast.observations.records.formats.columns import (
+    refuse_two_units,
+    word_and_unit,
+)
 from jblast.observations.records.formats.even_clock import even_clock
 from jblast.observations.records.formats.pieces import (
     RATES,
-    Clock,
     Piece,
+    SampleClock,
     left_out,
     recordings_of,
 )
@@ -47,6 +50,7 @@ def open_matlab(path: Path, scaling: Scaling) -> tuple[Recording, ...]:
             f"{path}: expected a variable of pressure, as pressure_kpa, or of volts, "
             f"got {shown(', '.join(arrays))}"
         )
+    refuse_two_units([(name, units[name]) for name in pressures], f"{path}: variables")
     clock, length, used = _clock(path, arrays, units)
     others = [name for name in arrays if name not in (*pressures, used)]
     pieces = [
@@ -95,7 +99,7 @@ def _arrays_of_hdf5(path: Path) -> dict[str, np.ndarray]:
 
 def _clock(
     path: Path, arrays: Arrays, units: Mapping[str, str]
-) -> tuple[Clock, int | None, str]:
+) -> tuple[SampleClock, int | None, str]:
     """Return the clock, how many samples it has, and the variable that tells it."""
     times = [name for name, unit in units.items() if time_factor(unit) is not None]
     if len(times) == 1:
@@ -105,7 +109,7 @@ def _clock(
             np.asarray(seconds, np.float64),
             lambda row: f"{path}: variable {name}, row {row + 1}",
         )
-        return Clock(*clock), seconds.size, name
+        return SampleClock(*clock), seconds.size, name
     rates = [name for name in arrays if name.lower() in RATES]
     if times or len(rates) != 1:
         got = ", ".join(times or arrays)
@@ -119,7 +123,7 @@ def _clock(
             f"{path}: variable {rates[0]}: expected one positive number, "
             f"got {shown(rate.tolist())}"
         )
-    return Clock(0.0, float(rate[0])), None, rates[0]
+    return SampleClock(0.0, float(rate[0])), None, rates[0]
 
 
 def _piece(
@@ -127,7 +131,7 @@ def _piece(
     name: str,
     unit: str,
     array: np.ndarray,
-    clock: Clock,
+    clock: SampleClock,
     length: int | None,
 ) -> Piece:
     """Return a variable's samples, along the axis that is as long as the times."""

@@ -18,8 +18,8 @@ from jblast.errors import InputError, shown
 from jblast.observations.records.formats.even_clock import even_clock
 from jblast.observations.records.formats.pieces import (
     RATES,
-    Clock,
     Piece,
+    SampleClock,
     left_out,
     recordings_of,
 )
@@ -117,22 +117,22 @@ def _piece(path: Path, file: "xr.Dataset", name: str, units: dict[str, str]) -> 
 
 def _clock(
     path: Path, file: "xr.Dataset", name: str, times: list[str], units: dict[str, str]
-) -> Clock:
+) -> SampleClock:
     if times:
         seconds, epoch = _seconds(units[times[0]]) or (1.0, None)
         start, rate = even_clock(
             seconds * np.asarray(file[times[0]].values, np.float64),
             lambda row: f"{path}: variable {times[0]}, row {row + 1}",
         )
-        return Clock(start, rate, epoch)
-    told = {**file.attrs, **file[name].attrs}
-    rates = [told[key] for key in RATES if key in told]
+        return SampleClock(start, rate, epoch)
+    attributes = {**file.attrs, **file[name].attrs}
+    rates = [attributes[key] for key in RATES if key in attributes]
     if not rates:
         raise InputError(
             f"{path}: variable {name}: expected a variable of time along it, with "
             "units of time, or an attribute rate_hz; got neither"
         )
-    return Clock(0.0, float(np.asarray(rates[0]).ravel()[0]))
+    return SampleClock(0.0, float(np.asarray(rates[0]).ravel()[0]))
 
 
 def _seconds(unit: str) -> tuple[float, datetime | None] | None:

@@ -15,7 +15,7 @@ RATES = ("rate_hz", "sampling_rate_hz", "sampling_rate", "sample_rate", "fs_hz",
 """What samples a second are called where no times stand."""
 
 
-class Clock(NamedTuple):
+class SampleClock(NamedTuple):
     """When samples were taken.
 
     Attributes:
@@ -46,7 +46,7 @@ class Piece(NamedTuple):
     channels: int
     length: int
     read: Callable[[int, int], Float[np.ndarray, "channel sample"]]
-    clock: Clock
+    clock: SampleClock
 
 
 def recordings_of(

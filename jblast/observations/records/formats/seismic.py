@@ -5,10 +5,9 @@ from typing import Any
 
 import numpy as np
 
-from jblast.errors import InputError
-from jblast.observations.records.formats.extras import needed
+from jblast.errors import InputError, needed
 from jblast.observations.records.formats.instants import epoch_and_start
-from jblast.observations.records.formats.pieces import Clock, Piece, recordings_of
+from jblast.observations.records.formats.pieces import Piece, SampleClock, recordings_of
 from jblast.observations.records.formats.scale import Scaling
 from jblast.observations.records.recording import Recording
 
@@ -30,7 +29,7 @@ def open_seismic(path: Path, scaling: Scaling) -> tuple[Recording, ...]:
         InputError: ObsPy makes nothing of it; a trace has gaps or overlaps, or holds
             the motion of the ground; or volts of a sensitivity that nobody said.
     """
-    obspy = needed("obspy", "seismic", path, "miniSEED or SAC")
+    obspy = needed("obspy", "seismic", path, "miniSEED or SAC is read")
     try:
         # unasked, ObsPy rounds SAC's step to a microsecond: 1.4 % at 44.1 kHz
         traces = list(obspy.read(str(path), round_sampling_interval=False))
@@ -60,7 +59,7 @@ def _piece(path: Path, trace: Any) -> Piece:
         channels=1,
         length=samples.shape[1],
         read=lambda start, stop: samples[:, start:stop],
-        clock=Clock(start_s, _rate(trace.stats.sampling_rate), epoch),
+        clock=SampleClock(start_s, _rate(trace.stats.sampling_rate), epoch),
     )
 
 

@@ -6,13 +6,12 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from jblast.errors import InputError, shown
+from jblast.errors import InputError, needed, shown
 from jblast.observations.records.formats.even_clock import even_clock
-from jblast.observations.records.formats.extras import needed
 from jblast.observations.records.formats.instants import epoch_and_start
 from jblast.observations.records.formats.pieces import (
-    Clock,
     Piece,
+    SampleClock,
     left_out,
     recordings_of,
 )
@@ -39,7 +38,7 @@ def open_tdms(path: Path, scaling: Scaling) -> tuple[Recording, ...]:
         InputError: npTDMS makes nothing of it; no channel holds pressure; one has no
             clock; or volts of a sensitivity that nobody said.
     """
-    nptdms = needed("nptdms", "tdms", path, "TDMS")
+    nptdms = needed("nptdms", "tdms", path, "TDMS is read")
     try:
         with nptdms.TdmsFile.open(path) as file:
             found = [
@@ -95,23 +94,23 @@ def _labelled(group: str, name: str, properties: Properties) -> str:
 
 def _clock(
     path: Path, file: Any, group: str, name: str, properties: Properties
-) -> Clock:
+) -> SampleClock:
     """Return where a channel starts [s], its rate [Hz], and its epoch."""
     step = properties.get(STEP)
     if step:
         offset, began = float(properties.get(OFFSET, 0.0)), properties.get(START)
         if began is None:
-            return Clock(offset, 1.0 / float(step))
+            return SampleClock(offset, 1.0 / float(step))
         nanoseconds = int(np.datetime64(began, "ns").astype(np.int64))
         epoch, start = epoch_and_start(nanoseconds)
-        return Clock(start + offset, 1.0 / float(step), epoch)
+        return SampleClock(start + offset, 1.0 / float(step), epoch)
     for other in file[group].channels():
         unit = str(other.properties.get(UNIT, ""))
         seconds = time_factor(unit) if unit else None
         if seconds is not None and len(other) == len(file[group][name]):
             times = seconds * np.asarray(other[:], np.float64)
             label = f"{path}: channel {group}/{other.name}"
-            return Clock(
+            return SampleClock(
                 *even_clock(times, lambda row, at=label: f"{at}, row {row + 1}")
             )
     raise InputError(

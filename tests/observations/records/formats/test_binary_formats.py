@@ -179,6 +179,10 @@ def test_matlab_is_read_by_its_names(tmp_path, seventh):
         ({"time_s": [0.0, 1.0]}, "expected a variable of pressure"),
         ({"p_pa": [1.0, 2.0], "fs": [0.0]}, "variable fs: expected one positive"),
         (
+            {"p_kpa": [1.0, 2.0], "p_psi": [1.0, 2.0], "time_s": [0.0, 1.0]},
+            "daq.mat: variables p_kpa and p_psi: expected one unit",
+        ),
+        (
             {"p_pa": [1.0, 2.0], "time_s": [0.0, 1.0, 2.0]},
             "expected 3 samples a channel",
         ),

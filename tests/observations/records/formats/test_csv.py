@@ -98,6 +98,11 @@ HEAD = "time_s,pressure_kpa\n"
         ("time_s,pressure\n0,1\n", "column pressure: expected a unit of pressure"),
         ("time_s,pressure_kpx\n0,1\n", "column pressure_kpx: expected a unit"),
         ("time_s,t_ms,p_pa\n0,1,2\n", "expected one column of time.* time_s, t_ms"),
+        ("time_s,time_ms,p_pa\n0,1,2\n", "one column of time.* time_s, time_ms"),
+        ("time_s,time_s,p_pa\n0,1,2\n", "one column of time.* time_s, time_s"),
+        ("time_s,p_kpa,p_psi\n0,1,2\n", "line 1, columns p_kpa and p_psi: .*one unit"),
+        ("time_s,P (kPa),p_mV\n0,1,2\n", r"columns P \(kPa\) and p_mV: .*got kPa and"),
+        ("time_s,kPa,psi\n0,1,2\n", "columns kPa and psi: .* got kPa and psi"),
         ("p_pa,q_pa\n0,1\n", "expected one column of time"),
         ("time_s;p_pa\n0,5;1.5\n", "expected a decimal point or a decimal comma"),
         (
