@@ -14,6 +14,7 @@ from jblast.errors import InputError
 from jblast.verification.cases.detectors import RATE, coloured, pulse, rumble
 
 
+@pytest.mark.slow
 def test_the_filter_is_the_inverse_covariance_times_the_template():
     noise, shape = rumble(lines=True), pulse(0.005)
     kernel = matched_kernel(shape, RATE, noise, before_s=0.004)

@@ -105,9 +105,9 @@ def direction(
     other = wave.nearest(wave.mirrored(found))
     if wave.misfit(other) < wave.misfit(found):
         found, other = other, found
-    told, covariance, mirror = _told(wave, found, other, span)
-    hidden = ~told
-    values = np.where(told, angles_of(found.toward), np.nan)
+    resolved, covariance, mirror = _told(wave, found, other, span)
+    hidden = ~resolved
+    values = np.where(resolved, angles_of(found.toward), np.nan)
     names = {1: "two" if len(positions) == 2 else "collinear", 2: "coplanar"}
     return Direction(
         bearing=float(values[0]),
@@ -128,8 +128,8 @@ def _told(
     if span == 1:  # a cone about the line of the microphones
         upright = abs(float(wave.axis()[2])) > 1 - FLAT
         covariance = np.diag([np.inf, wave.covariance(found)[1, 1]])
-        told = np.array([False, upright and covariance[1, 1] < TOLD**2])
-        return told, covariance, None
+        resolved = np.array([False, upright and covariance[1, 1] < TOLD**2])
+        return resolved, covariance, None
     covariance = wave.covariance(found)
     sd = np.sqrt(np.diag(covariance))
     mirrored = angles_of(other.toward)

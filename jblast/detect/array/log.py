@@ -90,11 +90,11 @@ def log_of(
     clocks = {stations[name].clock for name in of}
     positions = {name: stations[name].position for name in of}
     found = {name: one.detections for name, one in of.items()}
-    told = bangs(found, positions, one=len(clocks) > 1)
+    grouped = bangs(found, positions, one=len(clocks) > 1)
     rows: list[_Row] = []
     arrays: list[ArrayFinding] = []
-    for number, heard in enumerate(told.heard):
-        shot = str(number + 1) if len(told.heard) > 1 else ""
+    for number, heard in enumerate(grouped.heard):
+        shot = str(number + 1) if len(grouped.heard) > 1 else ""
         alone = dict(heard)
         for name, members in _arrays(searched, stations).items():
             if not all(member.channel.sensor in heard for member in members):
@@ -111,7 +111,7 @@ def log_of(
             rows.append(_Row(name, "air_arrival_s", *when, place, shot, station.clock))
     frame = next((stations[name].frame for name in of if stations[name].frame), None)
     log = replace(_observations(rows, comments), frame=frame)
-    return Log(log, tuple(arrays), told.left_out)
+    return Log(log, tuple(arrays), grouped.left_out)
 
 
 def _arrays(
@@ -169,9 +169,9 @@ def _array_rows(
     }
     middle, clock = where.mean(axis=0), stations[names[0]].clock
     return finding, [
-        _Row(name, quantity, *told, middle, shot, clock)
-        for quantity, told in values.items()
-        if np.isfinite(told).all()
+        _Row(name, quantity, *measured, middle, shot, clock)
+        for quantity, measured in values.items()
+        if np.isfinite(measured).all()
     ]
 
 

@@ -96,9 +96,9 @@ def pair_delay(
     psi[[0, -1]] = 0.0  # no phase is told there
     expected = np.where(psi > 0, expected, 0.0)
     lag = _greatest_lag(psi * cross, rate_hz, largest_s)
-    told = psi * cross * np.exp(1j * omega * lag)
+    spectrum = psi * cross * np.exp(1j * omega * lag)
     by_chance = np.sqrt(0.5 * np.sum(expected**2 * noise[0] * noise[1]))
-    height = float(np.sum(told.real))
+    height = float(np.sum(spectrum.real))
     significance = height / by_chance if by_chance > 0 else 0.0
     curvature = np.sum(expected * omega**2 * sound)
     if not significance > SIGNIFICANT or not curvature > 0 or abs(lag) > largest_s:

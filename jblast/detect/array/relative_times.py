@@ -135,24 +135,24 @@ def _gain_and_sound(
 
 def _combined(pairs: dict[tuple[int, int], PairDelay], count: int) -> RelativeTimes:
     """Return the times that fit all delays best, by least squares."""
-    lost = tuple(pair for pair, told in pairs.items() if np.isnan(told.delay))
-    told = {pair: delay for pair, delay in pairs.items() if pair not in lost}
-    design = np.zeros((len(told), count))
-    for row, (i, j) in enumerate(told):
+    lost = tuple(pair for pair, delay in pairs.items() if np.isnan(delay.delay))
+    known = {pair: delay for pair, delay in pairs.items() if pair not in lost}
+    design = np.zeros((len(known), count))
+    for row, (i, j) in enumerate(known):
         design[row, [i, j]] = -1.0, 1.0
     if np.linalg.matrix_rank(design) < count - 1:
         nothing = np.full((count, count), np.nan)
         return RelativeTimes(nothing[0], nothing, pairs, lost)
-    variance = np.array([delay.sigma**2 for delay in told.values()])
-    share = np.array([delay.share for delay in told.values()])
+    variance = np.array([delay.sigma**2 for delay in known.values()])
+    share = np.array([delay.share for delay in known.values()])
     weighed = design.T / variance
     gives = np.linalg.pinv(weighed @ design) @ weighed
     # an error of one record moves all its pairs; that of a product moves its own alone
     own = np.zeros(count)
     seen = np.abs(design).sum(axis=0)
-    for (i, j), v, (first, second, _) in zip(told, variance, share, strict=True):
+    for (i, j), v, (first, second, _) in zip(known, variance, share, strict=True):
         own[i] += v * first / seen[i]
         own[j] += v * second / seen[j]
     between = design @ np.diag(own) @ design.T + np.diag(variance * share[:, 2])
-    delays = np.array([delay.delay for delay in told.values()])
+    delays = np.array([delay.delay for delay in known.values()])
     return RelativeTimes(gives @ delays, gives @ between @ gives.T, pairs, lost)

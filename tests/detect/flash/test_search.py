@@ -1,0 +1,91 @@
+"""Films searched from end to end."""
+
+import numpy as np
+import pytest
+
+from jblast.detect.flash.search import detect_flashes
+from tests.detect.flash.films import growing
+
+HEIGHT = 4.5
+
+
+def blocks(times, light, length=7):
+    for first in range(0, len(times), length):
+        yield times[first : first + length], light[first : first + length]
+
+
+@pytest.mark.parametrize("half", [True, False])
+def test_a_blast_is_seen_when_and_where_it_was(half):
+    seen = detect_flashes(blocks(*growing(half=half)), 1000.0, HEIGHT)
+    (flash,) = seen.flashes
+    told = flash.growth
+    assert flash.frame == 31
+    assert abs(told.time_s - 0.0304) < 4 * told.sigma_s < 1e-3
+    assert (told.x_px, told.y_px) == pytest.approx((41.0, 33.0), abs=1.0)
+    # a pixel half covered shines more than half: up to 0.4 px too large
+    assert told.radius_px == pytest.approx(15.0, abs=0.6)
+    assert flash.told_s - 0.0304 < 0.02
+
+
+def test_how_a_film_is_cut_into_blocks_changes_nothing():
+    film = growing()
+    one, other = (detect_flashes(blocks(*film, n), 1000.0, HEIGHT) for n in (1, 80))
+    np.testing.assert_array_equal(one.statistic, other.statistic)
+    assert one.flashes[0].growth == other.flashes[0].growth
+
+
+def test_a_quiet_film_and_one_of_a_lamp_show_nothing():
+    times, light = growing(burst_s=1.0)
+    assert not detect_flashes(blocks(times, light), 1000.0, HEIGHT).flashes
+    lit = light.copy()
+    lit[40:, 20:35, 30:45] = 1.0  # at once, and it stays
+    assert not detect_flashes(blocks(times, lit), 1000.0, HEIGHT).flashes
+    lit[43:] = light[43:]  # a shot
+    assert not detect_flashes(blocks(times, lit), 1000.0, HEIGHT).flashes
+
+
+def test_a_blast_in_the_second_frame_is_seen():
+    seen = detect_flashes(blocks(*growing(burst_s=0.0002)), 1000.0, HEIGHT)
+    assert seen.flashes[0].frame == 1
+    assert seen.flashes[0].growth.time_s == pytest.approx(0.0002, abs=4e-4)
+
+
+def test_fast_films_are_averaged_and_large_ones_binned():
+    film = growing(frames=320, rate=4000.0)
+    seen = detect_flashes(blocks(*film), 4000.0, HEIGHT)
+    assert len(seen.times) == 80
+    assert seen.flashes[0].growth.time_s == pytest.approx(0.0304, abs=3e-4)
+    wide = growing(shape=(80, 400), at=(200.0, 40.0), last=24.0, frames=60)
+    seen = detect_flashes(blocks(*wide), 1000.0, HEIGHT)
+    assert seen.binned == 2
+    told = seen.flashes[0].growth
+    assert (told.x_px, told.y_px) == pytest.approx((200.0, 40.0), abs=1.5)
+    assert told.radius_px == pytest.approx(24.0, abs=1.5)
+
+
+def test_of_a_slow_film_only_the_frames_between_which_it_came_are_told():
+    slow = growing(burst_s=1.01, frames=50, rate=30.0)
+    (flash,) = detect_flashes(blocks(*slow), 30.0, 2.0).flashes
+    assert flash.frame == 31
+    assert flash.growth.time_s == pytest.approx(30.5 / 30)
+    assert flash.growth.sigma_s == pytest.approx(1 / 30 / np.sqrt(12))
+    assert flash.growth.growth_s is None
+
+
+@pytest.mark.parametrize("value", [0.0, 1.0])
+def test_a_film_that_turns_black_or_white_at_once_shows_nothing(value):
+    times, light = growing(burst_s=1.0)
+    light[40:] = value
+    assert not detect_flashes(blocks(times, light), 1000.0, 1.0).flashes
+
+
+def test_two_blasts_are_two():
+    times, first = growing(at=(20.0, 30.0), last=10.0, frames=200)
+    _, second = growing(burst_s=0.1204, at=(60.0, 30.0), last=10.0, frames=200)
+    seen = detect_flashes(blocks(times, np.maximum(first, second)), 1000.0, HEIGHT)
+    found = [(f.growth.time_s, f.growth.x_px) for f in seen.flashes]
+    assert found == [
+        pytest.approx((0.0304, 20.0), abs=1.0),
+        pytest.approx((0.1204, 60.0), abs=1.0),
+    ]
+    assert len(found) == 2
