@@ -1,0 +1,259 @@
+"""A client in Python: registers entities, and takes their packets as they come.
+
+Packets, announcements and motions are those of `world.server`, as in one process.
+"""
+
+import queue
+from collections.abc import Iterator, Sequence
+from types import TracebackType
+from typing import Any, NamedTuple
+
+from jblast.errors import InputError
+from jblast.world.remote.encode import vector_message
+from jblast.world.remote.received import packet_of
+from jblast.world.remote.wire import METHODS, PROTOCOL, SERVICE, grpc, messages
+from jblast.world.server import Motion, Packet
+from jblast.world.server.entity import SENSES
+
+PATIENCE_S = 30.0
+"""How long a call that is answered once may take."""
+
+
+class Ticket(NamedTuple):
+    """What one who registered was given.
+
+    Attributes:
+        name: Of the entity.
+        word: That it shows.
+        first_packet: Number of its first packet.
+    """
+
+    name: str
+    word: str
+    first_packet: int
+
+
+class ServedStream:
+    """Packets of one entity, and what it says meanwhile. Closing it is leaving.
+
+    Attributes:
+        ticket: Of the entity.
+    """
+
+    def __init__(self, call: Any, ticket: Ticket):
+        """Open the stream of one who registered."""
+        self.ticket = ticket
+        self._asks: queue.SimpleQueue[Any] = queue.SimpleQueue()
+        self._asks.put(messages().Ask(name=ticket.name, ticket=ticket.word))
+        self._replies = call(iter(self._asks.get, None))
+
+    def ask(self, packets: int = 1, motion: Motion | None = None) -> None:
+        """Ask for more packets, in lockstep, and say how one moves.
+
+        Args:
+            packets: How many more.
+            motion: How the entity moves; None: as it said before.
+        """
+        ask = messages().Ask(packets=packets)
+        if motion is not None:
+            ask.motion.CopyFrom(_motion_message(motion))
+        self._asks.put(ask)
+
+    def next(self) -> Packet | None:
+        """Return the next packet; None after the last.
+
+        Raises:
+            InputError: The server refused something; its own words.
+        """
+        try:
+            return packet_of(next(self._replies))
+        except StopIteration:
+            return None
+        except grpc().RpcError as error:
+            raise _said(error) from None
+
+    def packets(self, ahead: int = 1) -> Iterator[Packet]:
+        """Yield packets to the end of the world, in lockstep some asked for ahead."""
+        self.ask(ahead)
+        while (packet := self.next()) is not None:
+            yield packet
+            self.ask()
+
+    def close(self) -> None:
+        """Leave."""
+        self._asks.put(None)
+        if self._replies.is_active():
+            for _ in self._replies:  # what is on its way
+                pass
+
+
+class Client:
+    """A client of one server."""
+
+    def __init__(self, channel: Any, token: str = ""):
+        """Take a channel of gRPC, which `close` closes."""
+        self._channel = channel
+        self._metadata = (("authorization", f"Bearer {token}"),) if token else ()
+
+    def __enter__(self) -> "Client":
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Close the channel: streams that are open are cut off."""
+        self._channel.close()
+
+    def describe(self) -> Any:
+        """Return the message `World` of the server.
+
+        Raises:
+            InputError: The server refuses, or is not there.
+        """
+        return self._ask("Describe", messages().DescribeRequest(protocol=PROTOCOL))
+
+    def register(
+        self,
+        name: str,
+        senses: Sequence[str],
+        *,
+        position_m: Sequence[float] | None = None,
+        path: tuple[Sequence[float], Sequence[Sequence[float]]] | None = None,
+        vehicle: str = "",
+        samples_hz: float = 0.0,
+        first_packet: int = 0,
+    ) -> Ticket:
+        """Register an entity.
+
+        Args:
+            name: What tells it from others.
+            senses: Some of flash, ground, pressure, sound, force.
+            position_m: Where it stands or starts: east, north, up [m]; or
+            path: times [s] and places.
+            vehicle: Model that feels the force.
+            samples_hz: Of pressure and sound; 0: 8000 Hz.
+            first_packet: In lockstep, where to begin.
+
+        Raises:
+            InputError: The server refuses, in its own words.
+        """
+        to = messages()
+        for sense in senses:
+            if sense not in SENSES:
+                raise InputError(
+                    f"senses: expected some of {', '.join(SENSES)}, got {sense!r}"
+                )
+        asked = to.Registration(
+            protocol=PROTOCOL,
+            name=name,
+            senses=[SENSES.index(sense) + 1 for sense in senses],
+            vehicle=vehicle,
+            samples_hz=samples_hz,
+            first_packet=first_packet,
+        )
+        if position_m is not None:
+            asked.position_m.CopyFrom(vector_message(position_m))
+        for time, place in zip(*(path or ((), ())), strict=True):
+            asked.path.add(time_s=time, position_m=vector_message(place))
+        given = self._ask("Register", asked)
+        return Ticket(name, given.ticket, given.first_packet)
+
+    def stream(self, ticket: Ticket) -> ServedStream:
+        """Open the stream of an entity that registered."""
+        to = messages()
+        call = self._channel.stream_stream(
+            f"/{SERVICE}/Stream",
+            request_serializer=to.Ask.SerializeToString,
+            response_deserializer=to.Packet.FromString,
+        )
+        return ServedStream(lambda asks: call(asks, metadata=self._metadata), ticket)
+
+    def leave(self, ticket: Ticket) -> None:
+        """Let go of an entity that has no stream.
+
+        Raises:
+            InputError: The server refuses, in its own words.
+        """
+        name, word, _ = ticket
+        self._ask("Leave", messages().LeaveRequest(name=name, ticket=word))
+
+    def announce(
+        self,
+        shot: str,
+        time_s: float,
+        position_m: Sequence[float],
+        mass_kg: float,
+        explosive: str = "",
+    ) -> float:
+        """Add a blast for all; return how far the world had come [s].
+
+        Raises:
+            InputError: The server refuses, in its own words.
+        """
+        new = messages().NewBlast(
+            protocol=PROTOCOL,
+            shot=shot,
+            time_s=time_s,
+            position_m=vector_message(position_m),
+            mass_kg=mass_kg,
+            explosive=explosive,
+        )
+        return self._ask("Announce", new).now_s
+
+    def _ask(self, method: str, message: Any) -> Any:
+        answer = getattr(messages(), METHODS[method][1])
+        call = self._channel.unary_unary(
+            f"/{SERVICE}/{method}",
+            request_serializer=type(message).SerializeToString,
+            response_deserializer=answer.FromString,
+        )
+        try:
+            return call(message, timeout=PATIENCE_S, metadata=self._metadata)
+        except grpc().RpcError as error:
+            raise _said(error) from None
+
+
+def connect(
+    address: str, *, token: str = "", certificate: bytes | None = None
+) -> Client:
+    """Return a client of a server.
+
+    Args:
+        address: HOST:PORT.
+        token: That the server asks for.
+        certificate: What the server's is checked by, in PEM, for TLS; None: without.
+
+    Raises:
+        InputError: gRPC is not installed.
+    """
+    rpc = grpc()
+    options = [("grpc.max_receive_message_length", -1)]
+    if certificate is None:
+        channel = rpc.insecure_channel(address, options)
+    else:
+        credentials = rpc.ssl_channel_credentials(certificate)
+        channel = rpc.secure_channel(address, credentials, options)
+    return Client(channel, token)
+
+
+def _said(error: Any) -> InputError:
+    """Return what a server said, as an error."""
+    return InputError(f"server: {error.details()} ({error.code().name})")
+
+
+def _motion_message(motion: Motion) -> Any:
+    to = messages()
+    x, y, z, w = (float(number) for number in motion.quaternion)
+    return to.Motion(
+        time_s=motion.time_s,
+        position_m=vector_message(motion.position_m),
+        velocity_m_s=vector_message(motion.velocity_m_s),
+        quaternion=to.Quaternion(x=x, y=y, z=z, w=w),
+        body_rate_rad_s=vector_message(motion.body_rate_rad_s),
+    )

@@ -1,0 +1,250 @@
+"""A server that listens: on which address, for whom, for how long."""
+
+import asyncio
+import contextlib
+import ipaddress
+import math
+import threading
+from collections.abc import AsyncIterator, Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from jblast.errors import InputError, argument, read_bytes, shown
+from jblast.world.drawn import DrawnWorld
+from jblast.world.remote.decode import MOST_BYTES
+from jblast.world.remote.service import handler
+from jblast.world.remote.table import ServedWorld, Table
+from jblast.world.remote.wire import grpc
+from jblast.world.server import (
+    BlastSchedule,
+    Lockstep,
+    ScaledRealTime,
+    Stager,
+    checked_entity,
+)
+from jblast.world.server.clock import packet_times
+from jblast.world.server.entity import SENSES
+
+ADDRESS = "127.0.0.1:50551"
+GRACE_S = 0.5
+"""How long streams may go on once the server is asked to stop."""
+
+
+@dataclass(frozen=True)
+class Options:
+    """How a world is served.
+
+    Attributes:
+        address: HOST:PORT; port 0 is any free one.
+        packets_hz: Packets a second of the world's time.
+        lead_s: How long before it happens a blast is told [s].
+        speed: Seconds of the world a second of real time; None: lockstep.
+        ends_s: When the world ends; infinite: never [s].
+        patience_s: How long a client may keep the server waiting [s].
+        token: That each call has to show; "": none.
+        certificate: File of the chain, in PEM, for TLS; None: without.
+        key: File of its private key.
+    """
+
+    address: str = ADDRESS
+    packets_hz: float = 100.0
+    lead_s: float = 5.0
+    speed: float | None = None
+    ends_s: float = math.inf
+    patience_s: float = 60.0
+    token: str = ""
+    certificate: Path | None = None
+    key: Path | None = None
+
+
+class Serving:
+    """A server that runs.
+
+    Attributes:
+        address: HOST:PORT that it listens on.
+        table: Who takes part.
+    """
+
+    def __init__(self, address: str, table: Table):
+        self.address, self.table = address, table
+
+
+def checked_address(options: Options) -> tuple[str, int]:
+    """Return host and port.
+
+    Raises:
+        InputError: It is none, or others could reach it without a token or TLS.
+    """
+    host, colon, port = options.address.rpartition(":")
+    where = argument("address")
+    bare = host.removeprefix("[").removesuffix("]")
+    if not (colon and bare and port.isascii() and port.isdigit()):
+        raise InputError(f"{where}: expected HOST:PORT, got {shown(options.address)}")
+    if int(port) > 65535:
+        raise InputError(f"{where}: expected a port of 0 to 65535, got {port}")
+    secured = bool(options.token) or options.certificate is not None
+    if not secured and not _is_loopback(bare):
+        raise InputError(
+            f"{where}: expected a loopback address, as {ADDRESS}, or a token or TLS "
+            f"for one that others can reach; got {shown(options.address)} without"
+        )
+    return host, int(port)
+
+
+def _is_loopback(host: str) -> bool:
+    if host == "localhost":
+        return True
+    try:
+        return ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return False
+
+
+@contextlib.asynccontextmanager
+async def listening(
+    world: DrawnWorld, options: Options, say: Callable[[str], object]
+) -> AsyncIterator[Serving]:
+    """Serve a world while the context lasts.
+
+    Args:
+        world: Its blasts, air and ground.
+        options: How it is served.
+        say: Is told a line of each client that is dropped.
+
+    Raises:
+        InputError: An option cannot be used, or the port is taken.
+    """
+    rpc = grpc()
+    host, port = checked_address(options)
+    credentials = _credentials(options)
+    times = packet_times(options.packets_hz)
+    _check_times(options)
+    clock: Any = Lockstep()
+    if options.speed is not None:
+        clock = ScaledRealTime(options.speed)
+    schedule = BlastSchedule(world, options.lead_s)
+    served = ServedWorld(world, schedule, times, clock, options.ends_s)
+    table = Table(served, options.patience_s, say)
+    if options.speed is not None:
+        _make_programs(table.stager, world)
+    server = rpc.aio.server(
+        options=[
+            ("grpc.so_reuseport", 0),  # else a second server shares the port unsaid
+            ("grpc.max_receive_message_length", 4 * MOST_BYTES),
+            ("grpc.keepalive_time_ms", 20_000),
+            ("grpc.keepalive_timeout_ms", 10_000),
+        ]
+    )
+    server.add_generic_rpc_handlers((handler(table, options.token),))
+    try:
+        where = f"{host}:{port}"
+        if credentials is None:
+            bound = server.add_insecure_port(where)
+        else:
+            bound = server.add_secure_port(where, credentials)
+    except RuntimeError:
+        bound = 0
+    if not bound:
+        table.close()
+        raise InputError(
+            f"{argument('address')}: expected a free port of this machine, got "
+            f"{options.address}, which is taken or cannot be listened on"
+        )
+    await server.start()
+    watch = asyncio.create_task(table.watch())
+    try:
+        yield Serving(f"{host}:{bound}", table)
+    finally:
+        watch.cancel()
+        await table.end()
+        await server.stop(GRACE_S)
+        table.close()
+
+
+def _make_programs(stager: Stager, world: DrawnWorld) -> None:
+    """Compile what blasts are staged by: no time is for it once the clock goes."""
+    for charge in world.charges[:1]:
+        east, north, up = (float(x) for x in charge.position_m)
+        place = [east + 30.0, north, max(up, 0.0) + 1.5]
+        someone = checked_entity("x", SENSES, position_m=place, vehicle="hummingbird")
+        stager.stage(someone, charge)
+
+
+def _check_times(options: Options) -> None:
+    """Refuse what is out of range."""
+    for name, value in (
+        ("speed", options.speed),
+        ("ends_s", options.ends_s),
+        ("patience_s", options.patience_s),
+    ):
+        if value is not None and not value > 0:
+            raise InputError(
+                f"{argument(name)}: expected a positive number, got {value:g}"
+            )
+
+
+def _credentials(options: Options) -> Any:
+    """Return what TLS needs; None: there is none."""
+    if (options.certificate is None) != (options.key is None):
+        raise InputError(
+            f"{argument('certificate')}: expected a certificate and its key, got one "
+            "of them"
+        )
+    if options.certificate is None or options.key is None:
+        return None
+    chain = read_bytes(options.certificate, "a certificate in PEM")
+    key = read_bytes(options.key, "a private key in PEM")
+    return grpc().ssl_server_credentials([(key, chain)])
+
+
+@contextlib.contextmanager
+def serving(
+    world: DrawnWorld,
+    options: Options | None = None,
+    say: Callable[[str], object] = lambda line: None,
+) -> Iterator[Serving]:
+    """Serve a world in a thread of this process while the context lasts.
+
+    Args:
+        world: Its blasts, air and ground.
+        options: How it is served; None: as by default.
+        say: Is told a line of each client that is dropped.
+
+    Raises:
+        InputError: As in `listening`.
+
+    Example:
+        `with serving(world) as server: client = connect(server.address)`
+    """
+    begun: list[Serving | BaseException] = []
+    ready = threading.Event()
+    stop: list[Callable[[], object]] = []
+
+    async def run() -> None:
+        over = asyncio.Event()
+        loop = asyncio.get_running_loop()
+        stop.append(lambda: loop.call_soon_threadsafe(over.set))
+        async with listening(world, options or Options(), say) as server:
+            begun.append(server)
+            ready.set()
+            await over.wait()
+
+    def work() -> None:
+        try:
+            asyncio.run(run())
+        except BaseException as error:
+            begun.append(error)
+        finally:
+            ready.set()
+
+    thread = threading.Thread(target=work, name="serving", daemon=True)
+    thread.start()
+    ready.wait()
+    if isinstance(begun[0], BaseException):
+        raise begun[0]
+    try:
+        yield begun[0]
+    finally:
+        stop[0]()
+        thread.join()

@@ -1,0 +1,382 @@
+"""Over the network comes what there is in one process; nobody harms another."""
+
+import asyncio
+import math
+import socket
+import time
+
+import grpc
+import numpy as np
+import pytest
+
+from jblast.errors import InputError
+from jblast.world.remote import Options, connect, serving
+from jblast.world.remote.decode import MOST_BYTES
+from jblast.world.remote.stream import Stream
+from jblast.world.remote.table import ServedWorld, Table
+from jblast.world.remote.wire import (
+    DESCRIPTION,
+    METHODS,
+    PROTOCOL,
+    SERVICE,
+    messages,
+)
+from jblast.world.server import (
+    BlastSchedule,
+    BufferFull,
+    ScaledRealTime,
+    checked_entity,
+    checked_motion,
+    packet_times,
+    packets_of,
+)
+from tests.tools.describe_messages import described
+from tests.world.server.served import ENDS_S, HERE, LEAD_S, playback, stager, world
+
+OPTIONS = Options(address="127.0.0.1:0", lead_s=LEAD_S, ends_s=ENDS_S)
+ALL = ["flash", "ground", "pressure", "sound", "force"]
+
+
+@pytest.fixture(scope="module")
+def said():
+    return []
+
+
+@pytest.fixture(scope="module")
+def server(said):
+    with serving(world(), OPTIONS, said.append) as server:
+        yield server
+
+
+@pytest.fixture
+def client(server):
+    with connect(server.address) as client:
+        yield client
+
+
+def until(condition):
+    """Wait for what another thread does; the test fails if it never does."""
+    for _ in range(1000):
+        if condition():
+            return
+        time.sleep(0.01)
+    raise AssertionError("never came")
+
+
+def watched(client, name, **options):
+    """Return all packets of a plain entity: how others fare."""
+    stream = client.stream(client.register(name, ["flash"], position_m=HERE, **options))
+    packets = list(stream.packets(ahead=20))
+    stream.close()
+    return packets
+
+
+def test_the_kept_description_is_that_of_the_proto():
+    assert DESCRIPTION.read_bytes() == described()
+
+
+def test_packets_are_those_of_one_process_to_the_last_bit(client):
+    """Doubles travel as they are."""
+    entity = checked_entity("e", ALL, position_m=HERE, vehicle="hummingbird")
+    ticket = client.register("e", ALL, position_m=HERE, vehicle="hummingbird")
+    stream = client.stream(ticket)
+    there = list(stream.packets())
+    stream.close()
+    here = list(packets_of(playback(entity), stager()))
+    assert len(there) == len(here) == 200
+    for one, other in zip(there, here, strict=True):
+        assert one[:2] == other[:2]
+        assert one.last == other.last
+        for sense in ("force", "pressure", "sound"):
+            a, b = getattr(one, sense), getattr(other, sense)
+            assert (a.first, a.rate_hz) == (b.first, b.rate_hz)
+            np.testing.assert_array_equal(a.samples, b.samples)
+        assert [p[::2] + p[3:] for p in one.perceived] == [
+            p[::2] + p[3:] for p in other.perceived
+        ]
+        for a, b in zip(one.announcements, other.announcements, strict=True):
+            assert a.arrivals == b.arrivals
+            assert a.pulse == b.pulse
+            assert (a.burst, a.tnt_mass_kg) == (b.burst, b.tnt_mass_kg)
+            assert a.charge.name == b.charge.name
+            assert float(a.charge.time_s) == float(b.charge.time_s)
+            assert a.force is not None
+            assert b.force is not None
+            np.testing.assert_array_equal(a.force.force_n, b.force.force_n)
+            for x, y in zip(a.sound, b.sound, strict=True):
+                np.testing.assert_array_equal(x.samples, y.samples)
+
+
+def test_a_motion_that_is_reported_moves_the_arrival(client):
+    place = [90.0, 0.0, 2.0]
+    stream = client.stream(client.register("moves", ["pressure"], position_m=place))
+    stream.ask(1, checked_motion(0.0, place, [-30.0, 0.0, 0.0]))
+    packet = stream.next()
+    seen = {}
+    while packet is not None and not packet.last:
+        seen |= {one.shot: one.time_s for one in packet.perceived}
+        stream.ask()
+        packet = stream.next()
+    stream.close()
+    still = {
+        one.shot: one.time_s
+        for packet in packets_of(
+            playback(checked_entity("s", ["pressure"], position_m=place)), stager()
+        )
+        for one in packet.perceived
+    }
+    assert seen["1"] < still["1"] - 0.02
+
+
+def test_two_of_one_name_and_a_name_that_is_free_again(client, said):
+    stream = client.stream(client.register("twin", ["flash"], position_m=HERE))
+    with pytest.raises(InputError, match=r"another name.*ALREADY_EXISTS"):
+        client.register("twin", ["flash"], position_m=HERE)
+    stream.close()
+    assert len(watched(client, "twin")) == 200
+
+
+def test_a_blast_is_announced_to_all_and_not_too_late(server, client):
+    with serving(world(), OPTIONS) as fresh, connect(fresh.address) as one:
+        stream = one.stream(one.register("a", ["flash"], position_m=HERE))
+        one.announce("more", 1.9, [0.0, 9.0, 0.0], 2.0, "C4")
+        packets = list(stream.packets(ahead=10))
+        shots = [told.charge.name for p in packets for told in p.announcements]
+        assert sorted(shots) == ["1", "2", "more"]
+        with pytest.raises(InputError, match=r"time_s: expected one after 2\.5 s"):
+            one.announce("late", 2.0, [0.0, 9.0, 0.0], 2.0)
+        stream.close()
+
+
+def call(server, method, data):
+    """Send bytes; return the status and what is said, or the answer."""
+    with grpc.insecure_channel(server.address) as channel:
+        try:
+            return channel.unary_unary(f"/{SERVICE}/{method}")(data, timeout=10)
+        except grpc.RpcError as error:
+            return error.code().name, error.details()
+
+
+def registration(**values):
+    to = messages()
+    usual = {"protocol": PROTOCOL, "name": "x", "senses": [1]}
+    place = to.Vector(east=1.0)
+    return to.Registration(position_m=place, **(usual | values))
+
+
+REFUSED = {
+    "garbage": ("Register", b"\xff" * 40, "INVALID_ARGUMENT", "40 bytes that are none"),
+    "a large message": (
+        "Register",
+        b"\0" * (MOST_BYTES + 1),
+        "RESOURCE_EXHAUSTED",
+        "at most 1,048,576 bytes",
+    ),
+    "a larger one": (
+        "Register",
+        b"\0" * 2**23,
+        "RESOURCE_EXHAUSTED",
+        "larger than max",
+    ),
+    "another protocol": (
+        "Register",
+        registration(protocol=2).SerializeToString(),
+        "FAILED_PRECONDITION",
+        "expected version 1, got 2",
+    ),
+    "no protocol": ("Describe", b"", "FAILED_PRECONDITION", "got 0"),
+    "a rate out of range": (
+        "Register",
+        registration(senses=[3], samples_hz=1e9).SerializeToString(),
+        "INVALID_ARGUMENT",
+        "samples_hz: expected 100 to 192,000",
+    ),
+    "no such sense": (
+        "Register",
+        registration(senses=[77]).SerializeToString(),
+        "INVALID_ARGUMENT",
+        "sense 77",
+    ),
+    "after the end": (
+        "Register",
+        registration(first_packet=10**12).SerializeToString(),
+        "INVALID_ARGUMENT",
+        "before the world ends",
+    ),
+    "no such method": ("Registr", b"", "UNIMPLEMENTED", ""),
+}
+
+
+@pytest.mark.parametrize("name", REFUSED)
+def test_what_cannot_be_answered_has_a_status_and_a_reason(server, name):
+    method, data, status, message = REFUSED[name]
+    code, details = call(server, method, data)
+    assert code == status
+    assert message in details
+
+
+def test_who_is_slow_dies_or_sends_garbage_is_named_and_harms_nobody(server, said):
+    said.clear()
+    with connect(server.address) as good:
+        stream = good.stream(good.register("good", ["flash"], position_m=HERE))
+        stream.ask(100)
+        first = [stream.next() for _ in range(100)]
+        dies = connect(server.address)
+        dead = dies.stream(dies.register("dies", ["flash"], position_m=HERE))
+        dead.ask(5)
+        assert dead.next() is not None
+        dies.close()
+        to = messages()
+        answer = to.Registered.FromString(
+            call(server, "Register", registration(name="garbage").SerializeToString())
+        )
+        hello = to.Ask(name="garbage", ticket=answer.ticket).SerializeToString()
+        with grpc.insecure_channel(server.address) as channel:
+            asks = iter([hello, b"\xff" * 10])
+            with pytest.raises(grpc.RpcError, match="10 bytes that are none"):
+                list(channel.stream_stream(f"/{SERVICE}/Stream")(asks))
+        with socket.create_connection(server.address.split(":")) as other:
+            other.sendall(b"GET / HTTP/1.1\r\n\r\n")
+        until(lambda: len(said) == 2)
+        assert sum("'dies'" in line and "went away" in line for line in said) == 1
+        assert sum("'garbage'" in line and "bytes" in line for line in said) == 1
+        stream.ask(100)
+        rest = [stream.next() for _ in range(100)]
+        assert [p and p.number for p in first + rest] == list(range(200))
+        stream.close()
+        assert len(server.table.registry) == 0
+
+
+def test_who_keeps_the_server_waiting_is_dropped():
+    said = []
+    patient = Options(address="127.0.0.1:0", patience_s=0.2)
+    with serving(world(), patient, said.append) as server:
+        with connect(server.address) as client:
+            stream = client.stream(client.register("idle", ["flash"], position_m=HERE))
+            with pytest.raises(InputError, match=r"waiting for 0.2 s \(DEADLINE"):
+                stream.next()
+        call(server, "Register", registration(name="silent").SerializeToString())
+        until(lambda: len(said) == 2)
+    assert "'idle'" in said[0]
+    assert "'silent'" in said[1]
+    assert "opened no stream" in said[1]
+
+
+class TakesNothing:
+    """A client's end of a stream: asks once, takes three packets and no more."""
+
+    def __init__(self, hello):
+        self.hello, self.taken = [hello], []
+
+    async def read(self):
+        if self.hello:
+            return self.hello.pop()
+        return await asyncio.Event().wait()
+
+    async def write(self, data):
+        if len(self.taken) == 3:
+            await asyncio.Event().wait()
+        self.taken.append(data)
+
+
+def test_in_real_time_a_full_buffer_ends_the_stream_and_nothing_is_left_out():
+    """Between two processes gRPC holds some megabytes before a write waits."""
+    clock = ScaledRealTime(10.0)
+    table = Table(
+        ServedWorld(
+            world(),
+            BlastSchedule(world(), LEAD_S),
+            packet_times(1000.0),
+            clock,
+            math.inf,
+        ),
+        60.0,
+        lambda line: None,
+    )
+    entity = checked_entity("slow", ["ground"], position_m=HERE)
+    hello = messages().Ask(name="slow", ticket=table.join(entity, 0, "peer"))
+    context = TakesNothing(hello.SerializeToString())
+
+    async def run():
+        stream = Stream(table, context)
+        clock.begin()
+        with pytest.raises(BufferFull):
+            await stream.run()
+        assert table.sessions == {}
+
+    asyncio.run(run())
+    table.close()
+    numbers = [messages().Packet.FromString(data).number for data in context.taken]
+    assert numbers == [0, 1, 2]
+
+
+def test_in_real_time_the_last_packet_ends_the_stream():
+    fast = Options(address="127.0.0.1:0", lead_s=LEAD_S, speed=5.0, ends_s=ENDS_S)
+    with serving(world(), fast) as server, connect(server.address) as one:
+        stream = one.stream(one.register("a", ["flash"], position_m=HERE))
+        numbers = []
+        while (packet := stream.next()) is not None:
+            numbers.append(packet.number)
+        assert numbers == list(range(stream.ticket.first_packet, 200))
+        until(lambda: len(server.table.registry) == 0)
+
+
+def test_a_server_that_stops_says_so_to_who_streams_and_drops_nobody(capfd):
+    said = []
+    with serving(world(), OPTIONS, said.append) as server:
+        client = connect(server.address)
+        stream = client.stream(client.register("a", ["flash"], position_m=HERE))
+        stream.ask(3)
+        assert stream.next() is not None
+    # gRPC may cut the call before the words are through, and then has its own
+    words = r"(the server stops|Cancelling all calls) \(UNAVAILABLE\)"
+    with pytest.raises(InputError, match=words):
+        list(iter(stream.next, None))
+    client.close()
+    assert said == []
+    assert capfd.readouterr().err == ""
+
+
+def test_a_token_is_asked_for():
+    guarded = Options(address="127.0.0.1:0", token="secret")
+    with serving(world(), guarded) as server:
+        with connect(server.address) as client:
+            with pytest.raises(InputError, match="UNAUTHENTICATED"):
+                client.describe()
+            with pytest.raises(InputError, match="UNAUTHENTICATED"):
+                client.announce("a", 99.0, HERE, 1.0)
+        with connect(server.address, token="secret") as client:
+            assert client.describe().protocol == PROTOCOL
+
+
+def test_a_port_that_is_taken_is_said(server):
+    taken = Options(address=server.address)
+    with (
+        pytest.raises(InputError, match="expected a free port"),
+        serving(world(), taken),
+    ):
+        pass
+
+
+ADDRESSES = {
+    "everybody": ("0.0.0.0:1234", "token or TLS"),
+    "everybody by IPv6": ("[::]:1234", "token or TLS"),
+    "a name": ("example:1234", "token or TLS"),
+    "no port": ("127.0.0.1", "HOST:PORT"),
+    "no host": (":1234", "HOST:PORT"),
+    "a large port": ("127.0.0.1:65536", "0 to 65535"),
+}
+
+
+@pytest.mark.parametrize("name", ADDRESSES)
+def test_an_address_that_cannot_be_used_is_refused(name):
+    address, message = ADDRESSES[name]
+    options = Options(address=address)
+    with pytest.raises(InputError, match=message), serving(world(), options):
+        pass
+
+
+def test_every_method_is_there(server):
+    for method in set(METHODS) - {"Stream"}:
+        code = call(server, method, b"\xff")[0]
+        assert code == "INVALID_ARGUMENT"
