@@ -1,0 +1,1 @@
+"""The file of a plan: what a ground station wrote, read and written back."""

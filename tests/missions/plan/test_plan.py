@@ -1,0 +1,110 @@
+"""Plans read, written, read again; and what is said of those that are none."""
+
+import json
+
+import pytest
+
+from jblast.errors import InputError
+from jblast.missions import plan_text, read_plan, write_plan
+from tests.missions.plan.plans import POINT, RETURN, TAKEOFF, WAYPOINTS, item, text
+
+
+def read(tmp_path, content: str, name: str = "a.plan"):
+    file = tmp_path / name
+    file.write_text(content)
+    return read_plan(file)
+
+
+def test_both_forms_say_the_same(tmp_path):
+    plan, listed = read(tmp_path, text()), read(tmp_path, WAYPOINTS, "b.txt")
+    assert plan.items == listed.items
+    assert plan.home == listed.home == (35.3075, -80.7353, 200.0)
+    assert [one.command for one in plan.items] == [22, 16, 20]
+    assert plan.items[1].params == (2, 0, 0, None, 35.3077, -80.7353, 10)
+    assert plan.hover_speed_m_s == 5.0
+
+
+@pytest.mark.parametrize("ending", [".plan", ".waypoints"])
+def test_what_is_written_is_read_again(tmp_path, ending):
+    odd = item(16, [0.1, 2.5, 0, -37.25, 35.30771234567, -80.7353, 10.3], doJumpId=7)
+    plan = read(tmp_path, text(TAKEOFF, POINT, odd, RETURN))
+    write_plan(plan, tmp_path / f"again{ending}")
+    again = read_plan(tmp_path / f"again{ending}")
+    assert again.items == plan.items
+    assert again.home == plan.home
+    assert (again.hover_speed_m_s == 5.0) == (ending == ".plan")
+
+
+def test_parts_that_are_not_flown_are_told_and_written_back(tmp_path):
+    fence = {"circles": [{"circle": {"radius": 80}}], "polygons": [], "version": 2}
+    plan = read(tmp_path, text(geoFence=fence))
+    assert plan.not_flown == ("geoFence: a fence",)
+    written = json.loads(plan_text(plan, "b.plan"))
+    assert written["geoFence"] == fence
+    assert written["mission"]["globalPlanAltitudeMode"] == 1
+    assert written["fileType"] == "Plan"
+
+
+def test_blanks_for_tabs_and_ends_of_lines_are_read(tmp_path):
+    listed = WAYPOINTS.replace("\t", "  ").replace("\n", "\r\n")
+    assert read(tmp_path, listed).items == read(tmp_path, text()).items
+
+
+def _point(n: int, value) -> str:
+    params = list(POINT["params"])
+    params[n] = value
+    return text(TAKEOFF, POINT | {"params": params}, RETURN)
+
+
+REFUSED = {
+    "other version": (text(version=2), ["version: expected 1, got 2"]),
+    "no plan": ('{"a": 1}', ['fileType: expected "Plan", got None']),
+    "broken": ("{", ["broken JSON"]),
+    "empty": ("", ["line 1", "an empty file"]),
+    "another file": ("<kml>", ["QGC WPL 110", "<kml>"]),
+    "no height": (_point(6, None), ["item 2, waypoint, height", "got nothing"]),
+    "nan height": (_point(6, float("nan")), ["item 2, waypoint, height"]),
+    "no latitude": (_point(4, None), ["item 2, waypoint, latitude", "got nothing"]),
+    "latitude": (_point(4, 91.5), ["item 2, waypoint, latitude", "91.5"]),
+    "swapped": (_point(4, -120.0), ["item 2", "latitude", "swapped"]),
+    "longitude": (_point(5, 181), ["item 2, waypoint, longitude", "181"]),
+    "text": (_point(6, "ten"), ["item 2, waypoint, parameter 7", "'ten'"]),
+    "huge": (_point(6, 10**400), ["parameter 7", "finite"]),
+    "passing radius": (_point(2, 5), ["item 2, waypoint, parameter 3", "got 5"]),
+    "unknown command": (
+        text(TAKEOFF, item(206, [5, 0, 1, 0, 0, 0, 0], doJumpId=2)),
+        ["item 2 command", "22 (take-off)", "206 (camera trigger by distance)"],
+    ),
+    "terrain": (
+        text(TAKEOFF, POINT | {"frame": 10}),
+        ["item 2, waypoint, frame", "10 (above the terrain)"],
+    ),
+    "no frame": (text(TAKEOFF | {"frame": 2}), ["item 1, take-off, frame", "got 2"]),
+    "survey": (
+        text(TAKEOFF, {"type": "ComplexItem", "complexItemType": "survey"}),
+        ["item 2", "ComplexItem 'survey'"],
+    ),
+    "six params": (
+        text(POINT | {"params": [0] * 6}),
+        ["item 2 params", "list of 7"],
+    ),
+    "one number twice": (text(POINT, POINT), ["item 2", "another item"]),
+    "WPL version": (WAYPOINTS.replace("110", "120"), ["line 1", "'QGC WPL 120'"]),
+    "WPL fields": (WAYPOINTS + "4\t0\n", ["line 6", "12 fields", "got 2"]),
+    "WPL number": (WAYPOINTS.replace("\t16\t2", "\t16\tx"), ["line 4: p1", "'x'"]),
+}
+
+
+@pytest.mark.parametrize(("content", "said"), REFUSED.values(), ids=REFUSED)
+def test_what_cannot_be_flown_is_refused_by_name(tmp_path, content, said):
+    with pytest.raises(InputError) as caught:
+        read(tmp_path, content)
+    assert "a.plan" in str(caught.value)
+    for part in said:
+        assert part in str(caught.value)
+
+
+def test_a_name_says_in_which_form_it_is_written(tmp_path):
+    plan = read(tmp_path, text())
+    with pytest.raises(InputError, match=r"\.plan, \.waypoints, \.txt, got \.kml"):
+        plan_text(plan, "b.kml")

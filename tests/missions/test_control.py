@@ -1,0 +1,132 @@
+"""A short mission flown by a vehicle, wind and all, from the ground to the ground."""
+
+import dataclasses
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from jblast.missions import Mission, MissionControl, replay
+from jblast.missions.guidance import ENDED, FLYING
+from jblast.vehicle import (
+    Each,
+    PositionHold,
+    State,
+    named,
+    named_gains,
+    path_error,
+    simulate,
+)
+from tests.missions.missions import LAND, UP, mission
+
+STEP, SECONDS = 0.002, 40.0
+ROWS = (UP, (16, (6, 0, 6), {}), (16, (6, 5, 6), {"p1": 1.0}), LAND)
+
+
+def control_of(one: Mission, model: str) -> MissionControl:
+    return MissionControl(
+        one.guidance, PositionHold(jnp.zeros(3), named_gains(model, integral=True))
+    )
+
+
+def standing(*batch: int) -> State:
+    def none(size: int):
+        return jnp.zeros((*batch, size))
+
+    return State(none(3), none(3), none(4).at[..., 3].set(1.0), none(3), none(4))
+
+
+def flown(control, model="iris", state=None, **options):
+    return simulate(
+        named(model),
+        standing() if state is None else state,
+        duration_s=SECONDS,
+        step_s=STEP,
+        control=control,
+        ground_up_m=0.0,
+        **options,
+    )
+
+
+@pytest.mark.slow
+def test_it_takes_off_flies_and_stands_where_it_landed():
+    one = mission(*ROWS)
+    control = control_of(one, "iris")
+    flight = flown(control)
+    told = replay(control.guidance, flight, jnp.asarray(STEP))
+    phase = np.asarray(told.phase)
+    assert phase[-1] == ENDED
+    assert not bool(flight.lost)
+    place = np.asarray(flight.position_m)
+    # it has not stirred before it flies, and its rotors stand at the end
+    assert np.abs(place[phase < FLYING]).max() < 1e-6
+    assert np.abs(flight.rotor_speed_rad_s[-1]).max() < 1.0
+    np.testing.assert_allclose(place[-1], (0, 0, 0), atol=0.05)
+    error = np.asarray(path_error(flight, told.set_point_m))
+    assert error[phase == FLYING].max() < 0.5
+    for stop in one.stops[:3]:
+        off = np.linalg.norm(place - stop.goal_m, axis=1).min()
+        assert off < stop.acceptance_m
+    # who commands the speeds that the replay says flies the same: it is what flew
+    ready = control.ready(named("iris"))
+    seen = []
+    for n in range(1700, 1703):  # in the air
+        memory = _memory(control, flight, n)
+        state = _state(flight, n)
+        speeds, _ = ready(
+            flight.time_s[n], state, named("iris"), memory, jnp.asarray(STEP)
+        )
+        seen.append(speeds)
+    lag = np.exp(-STEP / float(named("iris").motor_lag_s))
+    before = np.asarray(flight.rotor_speed_rad_s)[1700:1703]
+    after = np.asarray(seen) + (before - np.asarray(seen)) * lag
+    np.testing.assert_allclose(after, flight.rotor_speed_rad_s[1701:1704], rtol=1e-4)
+
+
+def _state(flight, n):
+    return State(
+        *(
+            getattr(flight, name)[n]
+            for name in (
+                "position_m",
+                "velocity_m_s",
+                "quaternion",
+                "body_rate_rad_s",
+                "rotor_speed_rad_s",
+            )
+        )
+    )
+
+
+def _memory(control, flight, upto):
+    """The controller's memory at a row, asked again at each before."""
+
+    states = jax.vmap(lambda n: _state(flight, n))(jnp.arange(upto))
+    ready = control.ready(named("iris"))
+
+    def turn(memory, state):
+        period = jnp.asarray(STEP)
+        return ready(jnp.zeros(()), state, named("iris"), memory, period)[1], None
+
+    return jax.lax.scan(turn, control.start(), states)[0]
+
+
+@pytest.mark.slow
+def test_a_batch_flies_plans_of_different_lengths_as_each_alone():
+    many = [mission(*ROWS), mission(UP, LAND)]
+    count = max(one.guidance.legs.count for one in many)
+    alike = [
+        dataclasses.replace(one.guidance, legs=one.guidance.legs.padded(count))
+        for one in many
+    ]
+
+    guidance = jax.tree.map(lambda *x: jnp.stack(x), *alike)
+    hold = control_of(many[0], "iris").hold
+    holds = jax.tree.map(lambda x: jnp.stack([x, x]), hold)
+    together = flown(
+        Each(MissionControl(guidance, holds)), state=standing(2), store_every=500
+    )
+    for n, one in enumerate(many):
+        alone = flown(control_of(one, "iris"), store_every=500)
+        np.testing.assert_allclose(together.position_m[n], alone.position_m, atol=1e-6)

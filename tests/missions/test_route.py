@@ -1,0 +1,119 @@
+"""What a plan asks for, in the order in which it is flown; what cannot be."""
+
+import math
+
+import numpy as np
+import pytest
+
+from jblast.errors import InputError
+from jblast.missions import Plan, mission_of
+from jblast.scene import Place
+from tests.missions.missions import HOME, LAND, UP, item, mission, plan
+
+
+def goals(one):
+    return [tuple(np.round(stop.goal_m, 3) + 0.0) for stop in one.stops]
+
+
+def test_a_return_climbs_flies_home_and_lands_slowly():
+    one = mission(UP, (16, (40, 0, 6), {}), (20,))
+    assert goals(one) == [
+        *((0, 0, 6), (40, 0, 6)),
+        *((40, 0, 30), (0, 0, 30), (0, 0, 5), (0, 0, 0)),
+    ]
+    assert [stop.lands for stop in one.stops] == [False] * 5 + [True]
+    assert (one.stops[-1].descent_m_s, one.stops[-2].descent_m_s) == (0.7, 1.5)
+
+
+def test_jumps_are_unrolled_and_speeds_are_carried_along():
+    one = mission(
+        UP,
+        (178, None, {"p1": 1, "p2": 3.0}),
+        (16, (10, 0, 6), {}),
+        (16, (10, 10, 6), {"p2": 2.5}),
+        (178, None, {"p1": 1, "p2": 8.0}),
+        (177, None, {"p1": 3, "p2": 2}),
+        LAND,
+    )
+    stops = one.stops
+    assert [s.item for s in stops] == [0, 2, 3, 2, 3, 2, 3, 6, 6, 6]
+    assert [s.speed_m_s for s in stops[:4]] == [5.0, 3.0, 3.0, 8.0]
+    assert [s.acceptance_m for s in stops[:3]] == [1.0, 1.0, 2.5]
+
+
+def test_jumps_within_jumps_begin_to_count_again():
+    one = mission(
+        UP,
+        (16, (10, 0, 6), {}),
+        (177, None, {"p1": 2, "p2": 1}),
+        (177, None, {"p1": 2, "p2": 1}),
+        LAND,
+    )
+    assert [s.item for s in one.stops].count(1) == 4
+
+
+def test_headings_are_from_east_to_north():
+    one = mission(UP, (16, (9, 0, 6), {"p4": 0}), (16, (0, 9, 6), {"p4": 90}), LAND)
+    yaws = [stop.yaw_rad for stop in one.stops[:3]]
+    assert math.isnan(yaws[0])
+    np.testing.assert_allclose(yaws[1:], [math.pi / 2, 0], atol=1e-12)
+
+
+def test_heights_above_the_sea_and_above_home_are_told_apart():
+    low, high = item(2, 16, (20, 0, 6)), item(3, 16, (0, 20, 6))
+    high = type(high)(3, 16, 0, (*high.params[:6], 215.0))
+    items = (plan(UP).items[0], low, high, item(4, 20))
+    assert [stop[2] for stop in goals(mission_of(Plan(items, HOME)))[1:3]] == [6, 15]
+    # of a scene with a place of its own, home lies elsewhere
+    other = mission_of(Plan(items, HOME), place=Place(35.3075, -80.7364, 200.0))
+    np.testing.assert_allclose(other.home_m, (100, 0, 0), atol=0.2)
+    assert [stop[2] for stop in goals(other)[1:3]] == [6, 15]
+
+
+FAR = (16, (30e3, 0, 6), {})
+REFUSED = {
+    "empty": ([], "it is empty"),
+    "in the air": ([(16, (9, 0, 6), {}), LAND], "item 1, waypoint.*starts in the air"),
+    "no end": ([UP, (16, (9, 0, 6), {})], "landing .21. or a return .20."),
+    "loiters on": ([UP, (17, (9, 0, 6), {})], "landing .21. or a return .20."),
+    "after the end": ([UP, LAND, (16, (9, 0, 6), {})], "item 3, waypoint.*ended"),
+    "far": ([UP, FAR, LAND], "item 2, waypoint.*within 20 km.*30 km away: unreachable"),
+    "below": ([UP, (16, (9, 0, -6), {}), LAND], "-6 m above home.*below ground"),
+    "on the ground": ([UP, (16, (9, 0, 0), {}), LAND], "unreachable, on the ground"),
+    "high": ([UP, (16, (9, 0, 5e3), {}), LAND], "item 2.*4000 m.*ceiling"),
+    "jump to nowhere": ([UP, (177, None, {"p1": 9, "p2": 1}), LAND], "1 to 3, got 9"),
+    "jumps for ever": ([UP, (177, None, {"p1": 1, "p2": -1}), LAND], "never ends"),
+    "too many jumps": (
+        [UP, (16, (9, 0, 6), {}), (177, None, {"p1": 2, "p2": 10**6}), LAND],
+        "at most 5,000 items",
+    ),
+    "nothing but jumps": (
+        [UP, (177, None, {"p1": 2, "p2": 10**6}), LAND],
+        "at most 5,000 items",
+    ),
+    "no speed": ([UP, (178, None, {"p1": 1, "p2": 0}), LAND], "0.05 to 60 m/s"),
+    "hold": ([UP, (16, (9, 0, 6), {"p1": -2}), LAND], "parameter 1: expected 0 or"),
+}
+
+
+@pytest.mark.parametrize(("rows", "said"), REFUSED.values(), ids=REFUSED)
+def test_what_cannot_be_flown_says_why(rows, said):
+    with pytest.raises(InputError, match=said):
+        mission(*rows)
+
+
+def test_a_home_or_a_start_above_the_ground_is_refused():
+    with pytest.raises(InputError, match=r"alt_m 150.*got 200 m.*in the air"):
+        mission(UP, LAND, place=Place(35.3075, -80.7353, 150.0))
+    with pytest.raises(InputError, match=r"one at 3 m.*in the air"):
+        mission(UP, LAND, position_m=np.array([0, 0, 3.0]))
+    items = plan(UP, LAND).items
+    stays = type(items[0])(1, 22, 3, items[0].params, auto_continue=False)
+    with pytest.raises(InputError, match="autoContinue"):
+        mission_of(Plan((stays, items[1]), HOME))
+
+
+def test_without_an_end_it_hovers_on_where_that_is_wanted():
+    one = mission(UP, (16, (9, 0, 6), {}), may_hover_on=True)
+    assert one.stops[-1].hold_s == math.inf
+    assert goals(one)[-1] == goals(one)[-2]
