@@ -148,8 +148,8 @@ def _with_each(
     def with_row(row: Array) -> Float[Array, "free free"]:
         rows = jnp.append(jnp.arange(planned), row)
         of_rows = jax.tree.map(lambda x: x[rows], misfit)
-        told = whitened_rows(posterior, of_rows, jacobian[rows])
-        return told.T @ told + prior
+        gained = whitened_rows(posterior, of_rows, jacobian[rows])
+        return gained.T @ gained + prior
 
     rows = jnp.arange(planned, len(jacobian))
     return jax.lax.map(with_row, rows), misfit.valid[planned:]

@@ -48,7 +48,7 @@ def information_of_layout(
 def cramer_rao(
     posterior: Posterior,
     z: Float[np.ndarray, " free"],
-    told: Float[np.ndarray, "free told"],
+    basis: Float[np.ndarray, "free basis"],
     known: Float[np.ndarray, "free free"],
 ) -> Laplace:
     """Invert the information along the directions that are told.
@@ -59,11 +59,11 @@ def cramer_rao(
     Args:
         posterior: What a log without error would say.
         z: Where.
-        told: Basis of the directions that are told, one column each.
+        basis: Basis of the directions that are told, one column each.
         known: Information.
     """
-    values, vectors = np.linalg.eigh(told.T @ known @ told)
-    axes = told @ vectors / np.sqrt(np.maximum(values, NULL))
+    values, vectors = np.linalg.eigh(basis.T @ known @ basis)
+    axes = basis @ vectors / np.sqrt(np.maximum(values, NULL))
     top = float(posterior.log_density(jnp.asarray(z)))
     for value, axis in zip(values, axes.T, strict=True):
         ends = [
@@ -111,8 +111,8 @@ def spread_left(
         return Spread()
     covariance = np.zeros((n, n))
     covariance[np.ix_(kept, kept)] = part
-    told = marginals(posterior.parameters, Laplace(z, covariance, 0.0, True))
-    return told[posterior.parameters.names[target]].spread
+    marginal = marginals(posterior.parameters, Laplace(z, covariance, 0.0, True))
+    return marginal[posterior.parameters.names[target]].spread
 
 
 def worst(posterior: Posterior, z: Float[np.ndarray, " free"]) -> int:

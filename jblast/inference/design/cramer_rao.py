@@ -1,8 +1,9 @@
 r"""What a planned layout of sensors could tell, before any shot.
 
 The Cramer-Rao bound: no unbiased answer has a covariance below the inverse of the
-Fisher information $F$ (see `fisher`), and a fit of a log with few wild readings comes
-close to it. Where $F$ tells nothing the direction is named instead, with its cure.
+Fisher information $F$ (see `fisher_information`), and a fit of a log with few wild
+readings comes close to it. Where $F$ tells nothing the direction is named instead, with
+its cure.
 """
 
 from collections.abc import Mapping
@@ -193,12 +194,12 @@ def _climbed(posterior: Posterior, z, normal: Laplace) -> Laplace:
 def _parameters(solution: Solution) -> dict[str, Spread]:
     """Return the standard deviations; a number in a null direction has none."""
     parameters, normal = solution.posterior.parameters, solution.laplace
-    told = marginals(parameters, normal)
+    bounds = marginals(parameters, normal)
     answer = {}
     for i, (name, determined_) in enumerate(
         zip(parameters.names, solution.identifiability.determined, strict=True)
     ):
-        spread = told[name].spread
+        spread = bounds[name].spread
         if not np.isnan(spread.log_sd) and isinstance(parameters.beliefs[i], Free):
             log_sd = float(np.sqrt(normal.covariance[i, i]))
             spread = replace(spread, log_sd=log_sd)
@@ -207,8 +208,10 @@ def _parameters(solution: Solution) -> dict[str, Spread]:
 
 
 def _warnings(plan: Planned, solution: Solution, valid) -> list[Finding]:
-    told: list[Finding] = [] if valid.all() else [outside(plan.log, solution, valid)]
+    findings: list[Finding] = (
+        [] if valid.all() else [outside(plan.log, solution, valid)]
+    )
     scene = solution.posterior.parameters.scene_at(jnp.asarray(plan.z))
     for charge in scene.charges:
-        told += height_beside_the_curves(solution, charge)
-    return told
+        findings += height_beside_the_curves(solution, charge)
+    return findings

@@ -12,13 +12,20 @@ from jaxtyping import Array, Float
 
 from jblast.errors import InputError, argument, nearest
 from jblast.fidelity import TakenLaw
+from jblast.inference.design.hovering import hovering
 from jblast.inference.posterior.fireball_growth import GROWTH, as_seen, own_growth
 from jblast.inference.posterior.parameters import parameters_of
 from jblast.inference.posterior.posterior import Posterior, posterior_of
 from jblast.observations import Observations, resolve_positions
 from jblast.parameter_table import CHARGE_POSITION, CLOCK_OFFSET
 from jblast.quantities import TIMED
-from jblast.scene import Free, Scene, UncertainScene, place_of, with_values
+from jblast.scene import (
+    Free,
+    Scene,
+    UncertainScene,
+    parameter_named,
+    with_values,
+)
 from jblast.scene.parameters import names_in, value_of
 from jblast.scene.priors import Belief
 from jblast.sensors import layout_of, planned_layout, resolve_laws
@@ -78,6 +85,8 @@ def planned(
 ) -> Planned:
     """Write down what a scene's sensors would read, no errors made.
 
+    What rides along stands where the vehicle hovers.
+
     Args:
         uncertain: The scene; its sensors say what they record.
         at: Numbers taken for true; the others are the medians of their priors, and a
@@ -88,10 +97,10 @@ def planned(
         InputError: Nothing is uncertain, a free number has no value, a value is out of
             bounds, or the sensors cannot record what they should.
     """
-    told = uncertain
-    uncertain = _as_seen(told)
-    if GROWTH in set(uncertain.beliefs) - set(told.beliefs) - set(at):
-        likely = with_values(told.scene, values_at(told, at))
+    stated = uncertain
+    uncertain = _as_seen(stated)
+    if GROWTH in set(uncertain.beliefs) - set(stated.beliefs) - set(at):
+        likely = with_values(stated.scene, values_at(stated, at))
         at = {**at, GROWTH: own_growth(likely)}
     values = values_at(uncertain, at)
     beliefs = {
@@ -100,7 +109,7 @@ def planned(
         else Centred(belief, belief.unconstrain(jnp.asarray(values[name])))
         for name, belief in uncertain.beliefs.items()
     }
-    scene = with_values(uncertain.scene, values)
+    scene = hovering(with_values(uncertain.scene, values))
     drawn, sigma, sensors = planned_layout(scene)
     scene, drawn = settled(scene, drawn)
     z = jnp.stack([b.unconstrain(jnp.asarray(values[n])) for n, b in beliefs.items()])
@@ -197,7 +206,7 @@ def _shown_by_clocks(uncertain: UncertainScene) -> dict[str, float]:
 
 def _checked(name: str, value: float, belief: Belief, scene: Scene) -> float:
     """Return a number if the scene file, and its prior, would allow it."""
-    bounds, where = place_of(name).bounds, f"{argument('at')} {name}"
+    bounds, where = parameter_named(name).bounds, f"{argument('at')} {name}"
     if not bounds.allows(value):
         raise InputError(
             f"{where}: expected a number that is {bounds.words()}, got {value:g}"

@@ -72,9 +72,11 @@ def mass_exponents(plan: Planned) -> dict[str, tuple[float, float]]:
     there = parameters.scene_at(z)
     start = np.asarray(clock_offsets(there, layout) + there.charge.time_s)
     value, moved, grown = map(np.asarray, _mass_slopes(posterior, z, i))
-    told = [q for q in layout.quantities() if q == "air_arrival_s" or q not in ADDITIVE]
+    quantities = [
+        q for q in layout.quantities() if q == "air_arrival_s" or q not in ADDITIVE
+    ]
     answer = {}
-    for quantity in told:
+    for quantity in quantities:
         rows = np.isin(layout.quantity, quantity)
         if rows.any():
             base = value[rows] - (start[rows] if quantity in TIMES else 0.0)

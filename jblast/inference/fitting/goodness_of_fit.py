@@ -78,7 +78,7 @@ def chi_squared(
     posterior: Posterior,
     z: Float[np.ndarray, " free"],
     left: ResidualSummary,
-    told: int,
+    estimated: int,
 ) -> tuple[float, int]:
     """Return chi squared and its degrees of freedom.
 
@@ -93,7 +93,7 @@ def chi_squared(
     shared = np.sum(left.effects**2)
     chi2 = float(np.sum(scores**2) + shared + np.sum((priors * z) ** 2))
     heard = len(left.own) - int(np.sum(bounds_kept(left.own, posterior)))
-    return chi2, heard + int(priors.sum()) - told
+    return chi2, heard + int(priors.sum()) - estimated
 
 
 def bounds_kept(

@@ -76,13 +76,13 @@ def bands(
         )
         needed = tuple((name, laws[name]) for name, _ in components(quantity))
         near, first_at = np.unique(np.where(rows, distance, 0.0), return_index=True)
-        told = near > 0
+        covered = near > 0
         value, valid = _recordings(
             parameters,
             jnp.asarray(np.concatenate([z[None, :], draws])),
             layout,
-            None if is_radius else sensors.only(first_at[told]),
-            jnp.asarray(near[told]),
+            None if is_radius else sensors.only(first_at[covered]),
+            jnp.asarray(near[covered]),
             needed,
         )
         q05, q95 = np.quantile(np.asarray(value)[1:], [0.05, 0.95], axis=0)

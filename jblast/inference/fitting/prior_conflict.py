@@ -16,7 +16,7 @@ from jblast.inference.fitting.solution import Solution
 from jblast.inference.identifiability.null_space import identifiability
 from jblast.inference.mode.search import optima
 from jblast.inference.posterior.parameters import Parameters
-from jblast.scene import Free, place_of
+from jblast.scene import Free, parameter_named
 
 FAR = 3.0
 """A number further than this from its prior's middle, in its sds, is not believed."""
@@ -34,7 +34,9 @@ def against_priors(solution: Solution) -> dict[str, float]:
         return {}
     free = Parameters(
         parameters.names,
-        tuple(Free(positive=place_of(name).positive) for name in parameters.names),
+        tuple(
+            Free(positive=parameter_named(name).positive) for name in parameters.names
+        ),
         parameters.scene_at(jnp.asarray(solution.laplace.z)),
     )
     posterior = replace(solution.posterior, parameters=free)

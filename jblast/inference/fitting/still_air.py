@@ -71,8 +71,8 @@ def still_air(solution: Solution) -> Finding | None:
     """Return what still air did to an answer; None where not taken, or not felt."""
     posterior = solution.posterior
     air = posterior.parameters.scene.air
-    told = any(name.startswith("wind_") for name in posterior.parameters.names)
-    if told or float(air.wind_east) or float(air.wind_north):
+    known_wind = any(name.startswith("wind_") for name in posterior.parameters.names)
+    if known_wind or float(air.wind_east) or float(air.wind_north):
         return None
     arrivals = bool(set(BY_AIR) & set(posterior.layout.quantities()))
     factors = wider_with_wind(solution)

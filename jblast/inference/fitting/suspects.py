@@ -159,13 +159,13 @@ def _likeliest(solution: Solution, possible: Sequence[Suspect]) -> list[Suspect]
     posterior, z = solution.posterior, jnp.asarray(solution.laplace.z)
     misfit = posterior.misfit(z)
     missed = jnp.asarray(least_error(np.asarray(misfit.residual), posterior))
-    told = whitened_rows(posterior, misfit, missed[:, None])[:, 0]
-    slopes = whitened_jacobian(posterior, z)[: len(told)]
-    told, slopes = np.asarray(told), np.asarray(slopes)
-    if not (np.isfinite(told).all() and np.isfinite(slopes).all()):
+    moved = whitened_rows(posterior, misfit, missed[:, None])[:, 0]
+    slopes = whitened_jacobian(posterior, z)[: len(moved)]
+    moved, slopes = np.asarray(moved), np.asarray(slopes)
+    if not (np.isfinite(moved).all() and np.isfinite(slopes).all()):
         return list(possible)
     basis = np.linalg.svd(slopes / np.maximum(np.abs(slopes).max(0), 1e-300), False)[0]
-    left = told - basis @ (basis.T @ told)
+    left = moved - basis @ (basis.T @ moved)
 
     def fall(suspect: Suspect) -> float:
         free = np.eye(len(suspect.rows)) - basis[suspect.rows] @ basis[suspect.rows].T
@@ -178,8 +178,8 @@ def _judged(
     observations: Observations, rest: Solution, suspect: Suspect, among: int
 ) -> WrongSensor | None:
     """Return what a log says without a suspect; None if that does not explain it."""
-    normal, told = rest.laplace, rest.identifiability
-    if not (normal.converged and all(told.determined)):
+    normal, found = rest.laplace, rest.identifiability
+    if not (normal.converged and all(found.determined)):
         return None
     posterior, z = rest.posterior, normal.z
     left = standardised_residuals(posterior, z)

@@ -128,13 +128,13 @@ def uncertainty(
         store=store,
     )
     parameters = solution.posterior.parameters
-    told = marginals_of_draws(parameters, walk.draws())
+    by_name = marginals_of_draws(parameters, walk.draws())
     best = parameters.values(jnp.asarray(normal.z))
     return Uncertainty(
         method="emcee",
         reason=reason,
         z=walk.draws(DRAWS),
-        marginals={n: replace(told[n], value=float(best[n])) for n in told},
+        marginals={n: replace(by_name[n], value=float(best[n])) for n in by_name},
         converged=walk.converged,
         findings=(reason, *walk.findings) if method == "auto" else walk.findings,
         ensemble=walk,
@@ -157,12 +157,15 @@ def _weighted(solution: Solution, seed: int) -> Uncertainty:
             reason = FewEffectiveDraws(effective, FEW)
             finding = finding or NormalIntervals(reason)
         return _by_normal(solution, reason, seed, (finding,) if finding else ())
-    told = marginals_of_draws(parameters, drawn.z, drawn.weights, drawn.quantiles)
+    by_name = marginals_of_draws(parameters, drawn.z, drawn.weights, drawn.quantiles)
     alone = marginals_of_draws(parameters, drawn.straight, drawn.of_normal)
     exact = marginals(parameters, normal)
-    for name, number in told.items():  # what chance did to both, it did to one alike
+    for (
+        name,
+        number,
+    ) in by_name.items():  # what chance did to both, it did to one alike
         one, other = alone[name], exact[name]
-        told[name] = replace(
+        by_name[name] = replace(
             number,
             sd=_less_chance(number.sd, one.sd, other.sd),
             log_sd=_less_chance(number.log_sd, one.log_sd, other.log_sd),
@@ -173,7 +176,7 @@ def _weighted(solution: Solution, seed: int) -> Uncertainty:
         method="laplace",
         reason=DrawsWeighted(found.k_hat, effective),
         z=drawn.z[picked],
-        marginals={n: replace(told[n], value=float(best[n])) for n in told},
+        marginals={n: replace(by_name[n], value=float(best[n])) for n in by_name},
         converged=True,
         weighted=True,
     )

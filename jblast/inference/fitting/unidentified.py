@@ -68,13 +68,13 @@ def other_modes(solution: Solution, valid: bool) -> tuple[OtherMode, ...]:
     """
     found, posterior = solution.optima, solution.posterior
     best = solution.laplace.z
-    told: list[np.ndarray] = [best]
+    answers: list[np.ndarray] = [best]
     answer = []
     highest = float(found.log_density[0])
     for z, density in zip(*map(np.asarray, found), strict=True):
         if 2 * (highest - density) > NEAR:
             continue
-        if min(_apart(solution, other, z) for other in told) < SEPARATE:
+        if min(_apart(solution, other, z) for other in answers) < SEPARATE:
             continue
         if valid and not np.asarray(posterior.misfit(jnp.asarray(z)).valid).all():
             continue
@@ -82,7 +82,7 @@ def other_modes(solution: Solution, valid: bool) -> tuple[OtherMode, ...]:
             posterior, z, solution.identifiability.identified_basis
         ).converged:
             continue
-        told.append(z)
+        answers.append(z)
         values = posterior.parameters.values(jnp.asarray(z))
         sds = np.sqrt(np.diag(solution.laplace.covariance))
         differ = [

@@ -62,40 +62,42 @@ def warnings_of(
     effects: Float[np.ndarray, " effect"],
 ) -> list[Finding]:
     """Collect the warnings of an answer, the gravest first."""
-    told: list[Finding] = []
+    findings: list[Finding] = []
     against: Mapping[str, float] = {}
     blind = uncertain.source == NO_SCENE
     p = p_value(chi2, dof)
     if p is not None and p < POOR:
         log = (observations.source or "OBSERVATIONS.csv") if blind else ""
-        told.append(PoorFit(chi2, dof, p, log))
+        findings.append(PoorFit(chi2, dof, p, log))
         against = against_priors(solution)
     if against:
-        told.append(PriorConflict(against))
+        findings.append(PriorConflict(against))
     if not valid.all():
-        told.append(outside(observations, solution, valid))
+        findings.append(outside(observations, solution, valid))
     if not solution.laplace.converged:
-        told.append(NotAtOptimum())
+        findings.append(NotAtOptimum())
     if (known := solution.samples_known or 0.0) > ROUGH:
-        told.append(SamplesRoughlyCounted(known, ROUGH))
+        findings.append(SamplesRoughlyCounted(known, ROUGH))
     if not solution.laws_settled:
-        told.append(LawsUnsettled())
+        findings.append(LawsUnsettled())
     if not solution.bursts_settled:
-        told.append(BurstsUnsettled())
+        findings.append(BurstsUnsettled())
     if blind:
-        told.append(_without_scene(observations, uncertain))
-    told += _unlearned(solution, against)
+        findings.append(_without_scene(observations, uncertain))
+    findings += _unlearned(solution, against)
     if np.abs(effects).max(initial=0.0) > FAR:
-        told.append(FarFromItsLaw(float(np.abs(effects).max())))
+        findings.append(FarFromItsLaw(float(np.abs(effects).max())))
     scene = solution.posterior.parameters.scene_at(jnp.asarray(solution.laplace.z))
     for charge in scene.charges:
-        told += height_beside_the_curves(solution, charge)
-        told += charge_is_no_point([law.name for law in solution.laws.values()], charge)
-    told += _clocks_taken_as_right(observations, uncertain)
-    told += _round_earth(observations, solution)
+        findings += height_beside_the_curves(solution, charge)
+        findings += charge_is_no_point(
+            [law.name for law in solution.laws.values()], charge
+        )
+    findings += _clocks_taken_as_right(observations, uncertain)
+    findings += _round_earth(observations, solution)
     if still := still_air(solution):
-        told.append(still)
-    return told
+        findings.append(still)
+    return findings
 
 
 def _round_earth(observations: Observations, solution: Solution) -> list[Finding]:
@@ -164,11 +166,11 @@ def height_beside_the_curves(solution: Solution, charge: Charge) -> list[Finding
     scene = solution.posterior.parameters.scene_at(jnp.asarray(solution.laplace.z))
     shot = [each.name for each in scene.charges].index(charge.name)
     notes = height_notes(scene, solution.posterior.layout, shot)
-    told: list[Finding] = [HeightOfBurst(note) for note in notes]
+    findings: list[Finding] = [HeightOfBurst(note) for note in notes]
     height = float(scaled_height(scene, charge))
     if height < 0:
-        told.append(DeepCharge(charge.name, -height))
-    return told
+        findings.append(DeepCharge(charge.name, -height))
+    return findings
 
 
 def charge_is_no_point(laws: Collection[str], charge: Charge) -> list[Finding]:

@@ -166,6 +166,6 @@ def estimable_forms(found: Identifiability) -> Float[np.ndarray, "told free"]:
     size = np.abs(found.null).max(axis=0)[shy]
     null = found.null[:, shy] / size
     forms = np.linalg.svd(null)[2][len(null) :]
-    told = np.zeros((len(forms), len(found.determined)))
-    told[:, shy] = _led_by_one(echelon(forms[:, ::-1]) / size[::-1])[:, ::-1]
-    return told
+    estimable = np.zeros((len(forms), len(found.determined)))
+    estimable[:, shy] = _led_by_one(echelon(forms[:, ::-1]) / size[::-1])[:, ::-1]
+    return estimable

@@ -8,7 +8,7 @@ from jaxtyping import Float
 
 from jblast.inference.posterior.estimate import Estimate
 from jblast.inference.posterior.parameters import Parameters
-from jblast.scene import place_of
+from jblast.scene import parameter_named
 
 
 def marginals_of_draws(
@@ -42,7 +42,9 @@ def marginals_of_draws(
         answer[name] = Estimate(
             value=q50,
             sd=_sd(value, weights),
-            log_sd=_log_sd(value, weights) if place_of(name).positive else math.nan,
+            log_sd=_log_sd(value, weights)
+            if parameter_named(name).positive
+            else math.nan,
             q05=q05,
             q50=q50,
             q95=q95,

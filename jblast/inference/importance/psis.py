@@ -17,7 +17,7 @@ from jblast.inference.importance.marginals import weighted_quantiles
 from jblast.inference.importance.whitening import Whitened, densities, root_of
 from jblast.inference.mode.laplace import NORMAL_Q95, Laplace
 from jblast.inference.posterior.posterior import Posterior
-from jblast.scene import place_of
+from jblast.scene import parameter_named
 
 DRAWS = 4000
 FEWEST = 500
@@ -119,7 +119,7 @@ def largest_log_sd(posterior: Posterior, normal: Laplace) -> float:
     largest = 0.0
     for name in parameters.names:
         moved = float(np.abs(np.diff(np.asarray(slopes[name]))[0]))
-        if place_of(name).positive:
+        if parameter_named(name).positive:
             largest = max(largest, moved / max(abs(float(values[name])), 1e-300))
         elif name.startswith(("charge_east", "charge_north", "charge_up")):
             largest = max(largest, moved / max(nearest, 1e-300))

@@ -22,8 +22,8 @@ CHUNKS = {"cpu": 128, "gpu": 1}
 class Blocks:
     """Runs lanes through one loop's program, compiled for each size of block."""
 
-    def __init__(self, loop: Loop) -> None:
-        self.loop = loop
+    def __init__(self, loop: Loop, devices: int | None = None) -> None:
+        self.loop, self.devices = loop, devices
         self.programs: dict[tuple[int, int], Callable[..., LaneResults]] = {}
 
     def run(
@@ -40,7 +40,7 @@ class Blocks:
             stragglers: The share.
         """
         count = readings.bad.size
-        each, chunks, devices = _sizes(count)
+        each, chunks, devices = _sizes(count, self.devices or len(jax.devices()))
         block = each * chunks * devices
         program = self._program(chunks, devices, each)
         parts = []
@@ -67,14 +67,13 @@ class Blocks:
         return self.programs[chunks, each]
 
 
-def _sizes(count: int) -> tuple[int, int, int]:
+def _sizes(count: int, devices: int) -> tuple[int, int, int]:
     """Return lanes of a loop, loops of a device, and devices, for so many lanes."""
-    devices = jax.devices()
-    platform = "cpu" if devices[0].platform == "cpu" else "gpu"
-    share = -(-count // len(devices))
+    platform = "cpu" if jax.default_backend() == "cpu" else "gpu"
+    share = -(-count // devices)
     each = next((n for n in LANES[platform] if n >= share), LANES[platform][-1])
     chunks = min(CHUNKS[platform], 1 << (-(-share // each) - 1).bit_length())
-    return each, chunks, len(devices)
+    return each, chunks, devices
 
 
 def _cut(x: Array, begin: int, end: int) -> Array:

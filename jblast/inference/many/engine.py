@@ -49,7 +49,11 @@ _ENGINES: dict[Any, "Engine"] = {}
 
 
 def engine_for(
-    uncertain: UncertainScene, layout: Layout, laws: Mapping[str, str], noise: Noise
+    uncertain: UncertainScene,
+    layout: Layout,
+    laws: Mapping[str, str],
+    noise: Noise,
+    devices: int | None = None,
 ) -> "Engine":
     """Return what fits logs of a layout; compiled once for each."""
     leaves, tree = jax.tree.flatten((uncertain, layout))
@@ -60,6 +64,7 @@ def engine_for(
         tuple(sorted(laws.items())),
         noise,
         jnp.zeros(()).dtype.str,
+        devices,
     )
     if key not in _ENGINES:
         scene, layout = settled(uncertain.scene, layout)
@@ -75,15 +80,15 @@ def engine_for(
             )
         while len(_ENGINES) >= KEPT:
             del _ENGINES[next(iter(_ENGINES))]
-        _ENGINES[key] = Engine(rows)
+        _ENGINES[key] = Engine(rows, devices)
     return _ENGINES[key]
 
 
 class Engine:
     """Fits logs of one layout, compiled once for each size of batch."""
 
-    def __init__(self, rows: LaneRows) -> None:
-        self.rows = rows
+    def __init__(self, rows: LaneRows, devices: int | None = None) -> None:
+        self.rows, self.devices = rows, devices
         plain = rows.noise == "gaussian" and not rows.varies
         loss = half_square if plain else rows.loss
         self.solver = LaneLevenbergMarquardt(loss=loss, jacobian="aux")
@@ -191,7 +196,9 @@ class Engine:
         fixed = sigma[:, None] if isinstance(sigma, np.ndarray) else None
         key = None if fixed is None else fixed.tobytes()
         if key not in self.blocks:
-            self.blocks[key] = Blocks(Loop(self.rows, self.solver, self.form, fixed))
+            self.blocks[key] = Blocks(
+                Loop(self.rows, self.solver, self.form, fixed), self.devices
+            )
         return self.blocks[key]
 
     def _reference_set(self, sigma, seed: int) -> ReferenceSet:

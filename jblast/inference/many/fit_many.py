@@ -22,13 +22,14 @@ def fit_many(
     starts: Float[Array, "..."] | Float[np.ndarray, "..."] | None = None,
     tries: int = 4,
     seed: int = 0,
+    devices: int | None = None,
 ) -> ManyFits:
     r"""Fit many logs of one layout.
 
     What is minimised for each log is minus ln of the joint density of its readings, the
     shared effects among the unknowns (`fit` integrates them out: where laws scatter,
     its optimum differs by what ln det of their curvature varies). Levenberg-Marquardt
-    (`LaneLevenbergMarquardt`), on all devices there are.
+    (`LaneLevenbergMarquardt`).
 
     Where `burst` is left to the height, the curve sets are settled once, at the scene's
     own numbers, the same for all logs; nothing marks a log whose answer would change
@@ -52,6 +53,7 @@ def fit_many(
             that readings would hardly have (`many.lanes.COST_Z_MAX`); the lowest cost
             counts.
         seed: Of the reference set.
+        devices: 1: on the default device alone; None: on all there are.
 
     Returns:
         Estimates and standard deviations of each log, whether it converged, and what
@@ -68,5 +70,5 @@ def fit_many(
     # imports optimistix, which a fit of one log does without where it has been kept
     from jblast.inference.many.engine import engine_for
 
-    engine = engine_for(uncertain, layout, laws, noise)
+    engine = engine_for(uncertain, layout, laws, noise, devices)
     return engine.fit(values, relative_sigma, starts=starts, tries=tries, seed=seed)

@@ -2,7 +2,7 @@
 
 Walkers start from the normal approximation at every optimum that counts, and walk in
 coordinates in which the posterior is round: by emcee, or by the same moves in one
-compiled loop. Each step is one of the kinds in `walk.SHARES`.
+compiled loop. Each step is one of the kinds in `state.SHARES`.
 """
 
 import os
@@ -31,7 +31,7 @@ from jblast.inference.mcmc.findings import (
     shortfalls,
 )
 from jblast.inference.mcmc.modes import Mode, Ridge, modes, ridge
-from jblast.inference.mcmc.progress import Report, told
+from jblast.inference.mcmc.progress import Report, to_listener
 from jblast.inference.mcmc.run import (
     MOST_STEPS,
     PRECISION,
@@ -147,7 +147,7 @@ def ensemble(
         most_steps=most_steps,
         sampler=sampler,
         store=None if store is None else Store(Path(store)),
-        report=report or told(),
+        report=report or to_listener(),
     )
     names = posterior.parameters.names
     warm_up = found.convergence.warm_up

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from jblast.inference.mcmc.convergence import Convergence
-from jblast.progress import Level, telling
+from jblast.progress import Level, Task
 
 
 @dataclass(frozen=True)
@@ -48,9 +48,9 @@ def nothing(_: Progress) -> None:
     """Report nothing."""
 
 
-def told() -> Report:
+def to_listener() -> Report:
     """Return a report to whoever listens."""
-    tell = telling()
+    tell = Task()
     return lambda progress: tell(Level("", progress.words(), progress.share(), 0.0))
 
 

@@ -30,7 +30,7 @@ BLOCK = 100
 FIRST_JUDGED = 400
 JUDGED_AGAIN = 1.15
 """The next judgement comes after so many times as many steps."""
-NEARER = 0.5
+RETRY_SHRINK = 0.5
 """A walker that starts where the density is zero tries again so much nearer."""
 TRIES = 40
 SAME = 1e-6
@@ -197,7 +197,7 @@ def _first(density, starts: Sequence[Start], seed, walkers, sampler) -> WalkStat
         value = np.array(densities(density, jnp.asarray(center + away)), float)
         if np.isfinite(value).all():
             return WalkState(center + away, value, ENGINES[sampler].first_random(seed))
-        away = np.where(np.isfinite(value)[:, None], away, NEARER * away)
+        away = np.where(np.isfinite(value)[:, None], away, RETRY_SHRINK * away)
     raise InputError(
         "the posterior density is zero, or no number, at the optimum the walkers start "
         "from"

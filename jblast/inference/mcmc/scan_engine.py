@@ -1,7 +1,7 @@
 r"""The same moves as emcee's inside one `lax.scan`: no Python between the steps.
 
 Half of the walkers, drawn anew each step, move by the other half, then those by them.
-Each move is drawn for itself; `walk.SHARES` says how often.
+Each move is drawn for itself; `state.SHARES` says how often.
 """
 
 from collections.abc import Callable

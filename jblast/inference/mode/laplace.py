@@ -28,7 +28,7 @@ from jblast.inference.posterior.fisher_information import (
 from jblast.inference.posterior.parameters import Parameters
 from jblast.inference.posterior.posterior import Posterior
 from jblast.kept_programs import kept
-from jblast.scene import place_of
+from jblast.scene import parameter_named
 
 NORMAL_Q95 = 1.6448536269514722
 """95 % quantile of the standard normal."""
@@ -73,19 +73,19 @@ class Laplace:
 def laplace(
     posterior: Posterior,
     z: Float[np.ndarray, " free"],
-    told: Float[np.ndarray, "free told"],
+    basis: Float[np.ndarray, "free told"],
 ) -> Laplace:
     """Approximate a posterior about its optimum.
 
     Args:
         posterior: The posterior.
         z: Its optimum.
-        told: Basis of the directions the data tell, one column each.
+        basis: Basis of the directions the data tell, one column each.
     """
-    curvature = told.T @ np.asarray(information(posterior, jnp.asarray(z))) @ told
+    curvature = basis.T @ np.asarray(information(posterior, jnp.asarray(z))) @ basis
     values, vectors = np.linalg.eigh(curvature)
     top, slope = _top(posterior, z)
-    axes = told @ vectors / np.sqrt(np.maximum(values, NULL))
+    axes = basis @ vectors / np.sqrt(np.maximum(values, NULL))
     low, high = FALLS
     peak = True
     for k, axis in enumerate(axes.T):  # in place: each becomes one sd long
@@ -178,7 +178,9 @@ def marginals(parameters: Parameters, normal: Laplace) -> dict[str, Estimate]:
         name: Estimate(
             value=float(value[1]),
             sd=_sd(value[3:], weights),
-            log_sd=_log_sd(value[3:], weights) if place_of(name).positive else math.nan,
+            log_sd=_log_sd(value[3:], weights)
+            if parameter_named(name).positive
+            else math.nan,
             q05=float(value[0]),
             q50=float(value[1]),
             q95=float(value[2]),

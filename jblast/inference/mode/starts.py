@@ -10,7 +10,7 @@ from jblast.inference.mode.starts_by_clock import with_times_met
 from jblast.inference.posterior.posterior import Posterior
 from jblast.kept_programs import kept
 from jblast.parameter_table import CHARGE_POSITION
-from jblast.scene import Free, place_of
+from jblast.scene import Free, parameter_named
 from jblast.scene.parameters import value_of
 from jblast.scene.priors import Belief
 
@@ -37,7 +37,7 @@ def typical_step(posterior: Posterior) -> Float[Array, " free"]:
     def step(name: str, belief: Belief):
         if not isinstance(belief, Free) or belief.positive:
             return 1.0
-        amount, of = place_of(name).spread
+        amount, of = parameter_named(name).spread
         return amount * units[of] if of in units else size
 
     parameters = posterior.parameters
@@ -49,7 +49,7 @@ def start_sd(posterior: Posterior) -> Float[Array, " free"]:
 
     def factor(name: str, belief: Belief):
         is_ln = isinstance(belief, Free) and belief.positive
-        return jnp.log(place_of(name).spread.amount) if is_ln else 1.0
+        return jnp.log(parameter_named(name).spread.amount) if is_ln else 1.0
 
     parameters = posterior.parameters
     factors = jnp.array([*map(factor, parameters.names, parameters.beliefs)])
@@ -91,7 +91,7 @@ def _spread(
     """
     if not isinstance(belief, Free):
         return moved
-    parameter = place_of(name)
+    parameter = parameter_named(name)
     value = value_of(posterior.parameters.scene, name)
     if belief.positive:
         default = parameter.default

@@ -1,5 +1,7 @@
 """Where a search begins that knows a direction: along the line of sight."""
 
+import math
+
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
@@ -14,6 +16,8 @@ AWAY = 100.0
 """How far a charge is seen from at least, for a start [m]."""
 FARTHER = 3.0
 """Starts along a line are spread by this factor, one standard deviation."""
+BEARINGS = ("bearing_rad", "jolt_bearing_rad")
+"""What says in which direction the charge is, or in which it is not."""
 
 
 def sight_length(posterior: Posterior) -> Float[Array, ""]:
@@ -80,11 +84,13 @@ def _along_sight(
         spread: A standard normal draw for each.
     """
     layout = posterior.layout
-    seen = np.flatnonzero(of_shot & np.isin(layout.quantity, "bearing_rad"))
+    seen = np.flatnonzero(of_shot & np.isin(layout.quantity, BEARINGS))
     if seen.size == 0:
         return place
     tall = np.flatnonzero(of_shot & np.isin(layout.quantity, "elevation_rad"))
     angle = posterior.measured[seen[0]]
+    if layout.quantity[seen[0]] == "jolt_bearing_rad":  # thrown away from it
+        angle = angle + math.pi
     rise = jnp.tan(posterior.measured[tall[0]]) if tall.size else 0.0
     line = jnp.stack([jnp.sin(angle), jnp.cos(angle), jnp.asarray(rise)])
     distance = sight_length(posterior) * FARTHER**spread

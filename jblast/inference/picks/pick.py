@@ -35,6 +35,9 @@ LONG_SUCTION = 6.0
 """A negative phase of as many positive ones is rather a high-pass: laws have 1.8 to
 4.5."""
 
+DEEP_SUCTION = 0.1
+"""And it takes as large a share of the impulse, depth times duration."""
+
 UNTOLD = 0.05
 """A clipped peak whose ln is known no better than this is a lower bound."""
 
@@ -137,7 +140,7 @@ def pick_of(
     natural, scale = lanes.natural, lanes.scale
     nan = jnp.full_like(scale, jnp.nan)
 
-    def told(value):
+    def where_found(value):
         return jnp.where(lanes.found, value, nan)
 
     seconds = jnp.broadcast_to(step, scale.shape)
@@ -151,15 +154,18 @@ def pick_of(
     high = lanes.offset + scale * lanes.clipped_level
     low = jnp.abs(lanes.offset - scale * lanes.clipped_level)
     longer = natural.suction_duration > LONG_SUCTION * natural.duration
+    # of one as shallow as noise allows the duration tells nothing
+    deep = natural.suction * natural.suction_duration > DEEP_SUCTION * natural.impulse
+    longer &= deep
     return Pick(
-        air_arrival_s=told(start + step * (front + natural.arrival)),
-        peak_overpressure_pa=told(scale * natural.peak),
-        positive_duration_s=told(step * natural.duration),
-        positive_impulse_pa_s=told(scale * step * natural.impulse),
-        decay=told(natural.decay),
-        rise_time_s=told(step * natural.rise),
-        negative_pressure_pa=told(scale * natural.suction),
-        negative_duration_s=told(step * natural.suction_duration),
+        air_arrival_s=where_found(start + step * (front + natural.arrival)),
+        peak_overpressure_pa=where_found(scale * natural.peak),
+        positive_duration_s=where_found(step * natural.duration),
+        positive_impulse_pa_s=where_found(scale * step * natural.impulse),
+        decay=where_found(natural.decay),
+        rise_time_s=where_found(step * natural.rise),
+        negative_pressure_pa=where_found(scale * natural.suction),
+        negative_duration_s=where_found(step * natural.suction_duration),
         covariance=covariance[:, :4, :4],
         spread=spread,
         found=lanes.found,
@@ -176,10 +182,11 @@ def pick_of(
             lanes.rings, lanes.frequency / (2.0 * np.pi) / seconds, jnp.nan
         ),
         drifting=lanes.drifting,
+        curving=lanes.curving,
         cut_short=lanes.cut_short,
         noise_known=lanes.noise_known,
-        later_arrivals_s=told(start + step * (front + lanes.later))[:, None],
-        later_sigmas_s=told(
+        later_arrivals_s=where_found(start + step * (front + lanes.later))[:, None],
+        later_sigmas_s=where_found(
             jnp.where(jnp.isnan(lanes.later), jnp.nan, step * lanes.later_sd)
         )[:, None],
         misfit=lanes.misfit,

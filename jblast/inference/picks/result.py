@@ -33,7 +33,8 @@ class Pick(eqx.Module):
         positive_impulse_pa_s: Of the positive phase [Pa s].
         decay: Friedlander's $b$ behind the rise [-].
         rise_time_s: From zero to the peak [s].
-        negative_pressure_pa: Greatest underpressure [Pa].
+        negative_pressure_pa: Greatest underpressure; below zero where there is none and
+            noise makes it so [Pa].
         negative_duration_s: Of the negative phase [s].
         covariance: Of arrival [s], ln peak, ln duration and ln impulse.
         spread: Standard deviations of the eight, in the order of `NAMES`: of their
@@ -50,6 +51,8 @@ class Pick(eqx.Module):
             given.
         resonating: Whether the record rings at a frequency of its own.
         drifting: Whether the baseline moves by more than a fiftieth of the peak.
+        curving: Whether it bends by more than 3 % of the peak within the stretch that
+            is fitted, as a cubic that may not be all it does.
         cut_short: Whether the record ends before the positive phase does.
         noise_known: Whether enough quiet samples came before the front.
         resonance_hz: At what frequency it rings, undamped; NaN: it does not [Hz].
@@ -81,6 +84,7 @@ class Pick(eqx.Module):
     high_passed: Bool[Array, "*batch"]
     resonating: Bool[Array, "*batch"]
     drifting: Bool[Array, "*batch"]
+    curving: Bool[Array, "*batch"]
     cut_short: Bool[Array, "*batch"]
     noise_known: Bool[Array, "*batch"]
     resonance_hz: Float[Array, "*batch"]

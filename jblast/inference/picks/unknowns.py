@@ -1,15 +1,15 @@
 r"""What of a record is unknown, and what is believed of it beforehand.
 
 Times are counted in samples from the front's, pressures in the record's largest: so a
-record in another unit, or on another clock, is picked as the same. All that is positive
-is unknown by its logarithm:
+record in another unit, or on another clock, is picked as the same. What is positive
+for sure is unknown by its logarithm:
 
 | unknown | believed |
 |---|---|
 | arrival, $\ln P$, $\ln t_d$ | anything |
 | $\ln(1 + b)$ | 0.6, sd 0.7 |
 | $\ln \tau'$ | one sample, sd 2 |
-| $\ln P^-/P$ | 0.3, sd 0.7 |
+| $P^-/P$ | 0.3, sd 0.2 |
 | $\ln t^-/t_d$ | 2.4, sd 0.5 |
 | drift: level, slope, bend, twist | 0, sd 1, 0.5, 0.3, 0.2 |
 
@@ -17,7 +17,10 @@ Between Z = 2 and 300 the laws (shock kinematics on the ground) have the decay $
 0.4 to 2.9, $P^-/P$ from 0.12 to 0.49 and $t^-/t_d$ from 1.8 to 4.5; below $b = -1$ a
 pulse would rise behind its front. A weak shock rises in 0.2 us to
 0.2 ms (`rise_time.py`), and instruments add about a sample. The standard deviations are
-twice what these ranges ask for: what a record tells goes before what laws say.
+twice what these ranges ask for: what a record tells goes before what laws say. Many a
+record has no negative phase at all, which the logarithm of one would make impossible:
+the search would shorten the positive phase to make room for one. So the suction is
+unknown as it is, and where there is none noise may make it less.
 
 The rise is $\tau = \tau'/(1 + \tau'/t_d)$ of the unknown $\tau'$: never longer than the
 positive phase.
@@ -38,15 +41,15 @@ NAMES = (
     "ln_duration",
     "ln_one_and_decay",
     "ln_rise",
-    "ln_suction",
+    "suction",
     "ln_suction_duration",
     "level",
     "slope",
     "bend",
     "twist",
 )
-CENTRE = np.array([0.0, 0.0, 3.0, 0.6, 0.0, np.log(0.3), np.log(2.4), *[0.0] * 4])
-SPREAD = np.array([1e3, 5.0, 5.0, 0.7, 2.0, 0.7, 0.5, 1.0, 0.5, 0.3, 0.2])
+CENTRE = np.array([0.0, 0.0, 3.0, 0.6, 0.0, 0.3, np.log(2.4), *[0.0] * 4])
+SPREAD = np.array([1e3, 5.0, 5.0, 0.7, 2.0, 0.2, 0.5, 1.0, 0.5, 0.3, 0.2])
 PULSE_UNKNOWNS = 7
 
 FURTHER = (
@@ -72,7 +75,7 @@ class Natural(NamedTuple):
         impulse: Of the positive phase.
         decay: Friedlander's $b$ behind the rise.
         rise: From zero to the peak.
-        suction: Greatest underpressure.
+        suction: Greatest underpressure; below zero where noise makes it so.
         suction_duration: Of the negative phase.
     """
 
@@ -98,7 +101,7 @@ def natural_of(y: Float[Array, " unknown"]) -> Natural:
         impulse=peak * (0.5 * rise + (duration - rise) * impulse_fraction(decay)),
         decay=decay,
         rise=rise,
-        suction=peak * jnp.exp(y[5]),
+        suction=peak * y[5],
         suction_duration=duration * jnp.exp(y[6]),
     )
 

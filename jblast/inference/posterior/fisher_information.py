@@ -51,8 +51,8 @@ def whitened_jacobian(
     parameter, which counts where it has a prior.
     """
     jacobian = -jax.jacfwd(lambda z: posterior.misfit(z).residual)(z)
-    told = whitened_rows(posterior, posterior.misfit(z), jacobian)
-    return jnp.concatenate([told, jnp.diag(posterior.parameters.has_prior())])
+    rows = whitened_rows(posterior, posterior.misfit(z), jacobian)
+    return jnp.concatenate([rows, jnp.diag(posterior.parameters.has_prior())])
 
 
 def information_of_row(noise: Noise) -> float:
@@ -135,7 +135,7 @@ def known_covariance(
     size, values, vectors = unit_diagonal(judged, scale)
     is_null = values < NULL
     basis = jnp.where(is_null[None, :], 0.0, vectors / size[:, None])
-    told = basis.T @ matrix @ basis + jnp.diag(jnp.where(is_null, 1.0, 0.0))
+    informed = basis.T @ matrix @ basis + jnp.diag(jnp.where(is_null, 1.0, 0.0))
     part = jnp.where(is_null[None, :], jnp.abs(vectors), 0.0)
     unknown = jnp.any(part > TAKES_PART, axis=1)
-    return basis @ jnp.linalg.inv(told) @ basis.T, unknown
+    return basis @ jnp.linalg.inv(informed) @ basis.T, unknown

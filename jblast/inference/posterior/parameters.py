@@ -12,7 +12,7 @@ from jax.core import Tracer
 from jaxtyping import Array, Float
 
 from jblast.kept_programs import kept
-from jblast.scene import Free, Scene, UncertainScene, place_of, with_values
+from jblast.scene import Free, Scene, UncertainScene, parameter_named, with_values
 from jblast.scene.priors import Belief
 
 
@@ -62,7 +62,9 @@ class Parameters(eqx.Module):
 
     def space(self) -> tuple[str, ...]:
         """Return "ln" or "linear" for each number: the space it is told in."""
-        return tuple("ln" if place_of(n).positive else "linear" for n in self.names)
+        return tuple(
+            "ln" if parameter_named(n).positive else "linear" for n in self.names
+        )
 
 
 def parameters_of(uncertain: UncertainScene) -> Parameters:

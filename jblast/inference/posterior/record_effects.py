@@ -37,11 +37,13 @@ class Expansion(NamedTuple):
         cost: There.
         slope: To shared effects, and to each record's own.
         curvature: Of shared effects, of each record's own, and between them.
+        of_records: Of the cost, what each record has of it.
     """
 
     cost: Float[Array, ""]
     slope: EffectValues
     curvature: tuple[Array, Array, Array]
+    of_records: Float[Array, " record"]
 
 
 def newton_step(here: Expansion, damping) -> tuple[EffectValues, Array]:
@@ -67,8 +69,8 @@ def newton_step(here: Expansion, damping) -> tuple[EffectValues, Array]:
 
 def mode_of(
     expand: Callable[[EffectValues], Expansion], start: EffectValues
-) -> EffectValues:
-    """Return the mode of all effects, by damped steps that go downhill."""
+) -> tuple[EffectValues, Expansion]:
+    """Return the mode of all effects, by damped steps downhill, and its expansion."""
     # expanded in one place of the program alone: it takes long to compile
     blank = jax.tree.map(
         lambda x: jnp.zeros(x.shape, x.dtype), jax.eval_shape(expand, start)
@@ -99,7 +101,28 @@ def mode_of(
     most = jnp.asarray(jnp.inf, here.cost.dtype)
     first = jnp.asarray(10 * FIRST_DAMPING, here.cost.dtype)
     state = (0, start, here, start, first, most)
-    return lax.while_loop(unsettled, again, state)[1]
+    _, place, here, *_ = lax.while_loop(unsettled, again, state)
+    return place, here
+
+
+def weightiest(places: EffectValues, about: Expansion) -> EffectValues:
+    """Return of some modes the one of most weight, record by record.
+
+    Records' own unknowns meet by way of the shared effects alone, which are the best
+    mode's. By weight, and not by height: where a low and wide mode takes over from a
+    high and narrow one, what Laplace's method makes of them goes on without a step.
+
+    Args:
+        places: Modes, along a first axis.
+        about: And what is about them.
+    """
+    spread = jnp.linalg.slogdet(about.curvature[1])[1]
+    lost = about.of_records + 0.5 * spread
+    lost = jnp.where(jnp.isfinite(lost), lost, jnp.inf)
+    best = jnp.argmin(jnp.where(jnp.isnan(about.cost), jnp.inf, about.cost))
+    chosen = jnp.argmin(lost, axis=0)
+    own = jnp.take_along_axis(places.own, chosen[None, :, None], axis=0)[0]
+    return EffectValues(places.shared[best], own)
 
 
 def settled(

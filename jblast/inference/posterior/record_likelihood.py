@@ -7,7 +7,10 @@ suction, baseline), believed about what a pick says, widely. Samples are normal 
 the pulse once they are made white. All of $v$, $e$ and $n$ are integrated out by
 Laplace's method at their own mode, which Gauss-Newton finds from the pick, damped; a
 record's $e$ and $n$ meet those of another by way of $v$ alone, so they are eliminated
-record by record. Rows that are no samples count as in `likelihood`.
+record by record. A front that laws move by a sample rises otherwise than the pick's,
+within a sample or over several, and may do either: so there are several searches, each
+from the best of some trials, and of each record the end of most weight is taken. Rows
+that are no samples count as in `likelihood`.
 
 The density is counted per unit of what a pick of the record reads, so where samples
 are normal in $q$ it is that of the pick with its covariance.
@@ -30,10 +33,15 @@ from jblast.inference.posterior.record_effects import (
     Expansion,
     mode_of,
     settled,
+    weightiest,
 )
 from jblast.sensors.observe import Noise
 
 Terms = Callable[[Float[Array, " asked"], Float[Array, " nuisance"], Any], Array]
+Trials = Callable[
+    [Float[Array, " asked"], Float[Array, " nuisance"], Any],
+    Float[Array, "search trial nuisance"],
+]
 
 
 class SampledRecords(eqx.Module):
@@ -43,6 +51,7 @@ class SampledRecords(eqx.Module):
         terms: From what is asked for, as moved from the pick, and the nuisances, to a
             vector of which half the square is minus ln of the probability of a record's
             samples and of the nuisances.
+        trials: From the same to nuisances that each of several searches may begin at.
         rows: Rows of the log that a pick of each record fills: what is asked for.
         case: What `terms` takes of each record; arrays have a first axis of records.
         picked: What the picks read, on the scale of errors.
@@ -53,6 +62,7 @@ class SampledRecords(eqx.Module):
     """
 
     terms: Terms = eqx.field(static=True)
+    trials: Trials = eqx.field(static=True)
     rows: tuple[tuple[int, ...], ...] = eqx.field(static=True)
     case: Any
     picked: Float[Array, "record asked"]
@@ -113,9 +123,9 @@ def record_log_likelihood(
         return _expansion(place, given, records, noise, exact)
 
     still = lax.stop_gradient(given)
-    start = _start(still, records)
-    place = mode_of(lambda place: expand(place, still, exact=False), start)
-    place = lax.stop_gradient(place)
+    starts = _starts(still, records, noise)
+    ends = jax.vmap(lambda start: mode_of(lambda x: expand(x, still, False), start))
+    place = lax.stop_gradient(weightiest(*ends(starts)))
     cost, spread = settled(lambda place: expand(place, given), place)
     known = -cost - 0.5 * spread - jnp.sum(records.evidence)
     # e has a density of one at its mode in units in which a normal has this
@@ -140,14 +150,37 @@ def evidence(
     return 0.5 * (asked * np.log(2 * np.pi) - apart @ apart - spread)
 
 
-def _start(given: Given, records: SampledRecords) -> EffectValues:
-    """Return where the search begins: each record as picked, if its law scatters."""
+def _starts(given: Given, records: SampledRecords, noise: Noise) -> EffectValues:
+    """Return where searches begin: each record at the best of its trials.
+
+    Each is tried as picked, if its law scatters, and as the law says.
+    """
     some = given.sd > 0
-    own = jnp.where(some, -given.away / jnp.where(some, given.sd, 1.0), 0.0)
-    return EffectValues(
-        jnp.zeros(given.loading.shape[2]),
-        jnp.concatenate([own, records.nuisance], axis=1),
+    picked = jnp.where(some, -given.away / jnp.where(some, given.sd, 1.0), 0.0)
+
+    def of_record(picked, away, sd, nuisance, case):
+        asked = jnp.stack([picked, jnp.zeros_like(picked)])
+        moved = away[None, :] + sd[None, :] * asked
+        tried = jax.vmap(lambda m: records.trials(m, nuisance, case))(moved)
+
+        def cost(own, moved, nuisance):
+            apart = records.terms(moved, nuisance, case)
+            return 0.5 * apart @ apart + _own_error(own, noise, exact=True)[0]
+
+        over = jax.vmap(jax.vmap(cost, (None, None, 0)), (None, None, 0))
+        costs = jax.vmap(over)(asked, moved, tried)  # by asked, search, trial
+        costs = jnp.where(jnp.isfinite(costs), costs, jnp.inf)
+
+        def best(costs, tried):
+            row, trial = jnp.unravel_index(jnp.argmin(costs), costs.shape)
+            return jnp.concatenate([asked[row], tried[row, trial]])
+
+        return jax.vmap(best, (1, 1))(costs, tried)
+
+    own = jax.vmap(of_record, out_axes=1)(
+        picked, given.away, given.sd, records.nuisance, records.case
     )
+    return EffectValues(jnp.zeros((own.shape[0], given.loading.shape[2])), own)
 
 
 def _expansion(
@@ -191,6 +224,7 @@ def _expansion(
         jnp.sum(cost) - plain + 0.5 * v @ v,
         EffectValues(v - load.T @ slope + jnp.sum(to_shared, axis=0), to_own),
         (shared + jnp.sum(outer, axis=0), inner, between),
+        cost,
     )
 
 

@@ -10,4 +10,7 @@ from jblast.inference.records.log import (
     Reason as Reason,
     log_of as log_of,
 )
-from jblast.inference.records.told import Told as Told, told as told
+from jblast.inference.records.pick_estimate import (
+    PickEstimate as PickEstimate,
+    pick_estimate as pick_estimate,
+)

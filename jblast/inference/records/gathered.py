@@ -130,12 +130,12 @@ class _Reading:
                     )
                 recordings = open_record(file, self.scaling)
                 _check_lengths(recordings)
-                told = [(one, stretches(self._timed(one))) for one in recordings]
+                runs = [(one, stretches(self._timed(one))) for one in recordings]
             except InputError as error:
                 self.refused.append(error)
                 continue
             seen.add(file.stem)
-            for recording, channels in told:
+            for recording, channels in runs:
                 for name, channel in zip(recording.names, channels, strict=True):
                     self.channels.append(name)
                     if channel.quieter:

@@ -1,8 +1,10 @@
 """Picks as rows of a log that a fit takes as it stands.
 
 What a record cannot tell stands in no row, and is named: of samples that nobody scaled
-the peak and the impulse, of an unknown high-pass or a record that ends too early the
-duration and the impulse, of a poor pick everything.
+the peak and the impulse, of an unknown high-pass, a baseline that bends or a record
+that ends too early the duration and the impulse, of a poor pick everything. (The tail
+of a pulse and a baseline that bends are told apart by their form alone: textbook pulses
+with a long tail had durations off by 6 to 30 of their standard deviations.)
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -25,7 +27,13 @@ _, PEAK, DURATION, IMPULSE = TOLD
 
 
 Reason = Literal[
-    "poor", "onset_alone", "uncalibrated", "high_passed", "cut_short", "weaker"
+    "poor",
+    "onset_alone",
+    "uncalibrated",
+    "high_passed",
+    "curved_baseline",
+    "cut_short",
+    "weaker",
 ]
 """Why something stands in no row; weaker: than another of its bang at its sensor."""
 
@@ -100,7 +108,7 @@ def log_of(
     for at, shot in shots.items():
         one = found.picks[at]
         kept = list(TOLD)
-        for reason, lost in _untold(one):
+        for reason, lost in untold(one):
             gone = tuple(quantity for quantity in kept if quantity in lost)
             if gone:
                 left_out.append(LeftOut(names[at], gone, reason))
@@ -119,7 +127,7 @@ def log_of(
     return PickLog(observations, tuple(left_out), count, tuple(independent))
 
 
-def _untold(one: RecordPick) -> Iterator[tuple[Reason, tuple[str, ...]]]:
+def untold(one: RecordPick) -> Iterator[tuple[Reason, tuple[str, ...]]]:
     """Give why a pick does not tell some quantities."""
     if one.quality == "poor":
         yield "poor", TOLD
@@ -129,6 +137,8 @@ def _untold(one: RecordPick) -> Iterator[tuple[Reason, tuple[str, ...]]]:
         yield "uncalibrated", (PEAK, DURATION, IMPULSE)
     if one.pick.high_passed:
         yield "high_passed", (DURATION, IMPULSE)
+    if one.pick.curving:
+        yield "curved_baseline", (DURATION, IMPULSE)
     if one.pick.cut_short:
         yield "cut_short", (DURATION, IMPULSE)
 

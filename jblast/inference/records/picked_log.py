@@ -111,8 +111,8 @@ def _on_one_clock(
     Raises:
         InputError: Some files tell the time of day they began at, and others do not.
     """
-    told = [one.record.epoch for one in picks if one.record.epoch is not None]
-    if not told:
+    epochs = [one.record.epoch for one in picks if one.record.epoch is not None]
+    if not epochs:
         return observations.epoch, picks
     silent = [one.record.source for one in picks if one.record.epoch is None]
     if not silent and observations.epoch is None:
@@ -125,7 +125,7 @@ def _on_one_clock(
             f"{silent[0]}: expected a time of day, as records of the log tell it; got "
             "seconds alone"
         )
-    zero = observations.epoch or min(told)
+    zero = observations.epoch or min(epochs)
     moved = []
     for one in picks:
         later = ((one.record.epoch or zero) - zero).total_seconds()

@@ -23,6 +23,10 @@ ASKED = 4
 LEAST_FRACTION = 1e-4
 """Of the fractions that a pulse can have, one at either end is never reached."""
 
+RISES = (1.0, 2.0, 4.0), (0.05, 0.15, 0.4)
+"""Rises that searches may begin with [samples]: of fronts that samples resolve, and of
+those that rise within one."""
+
 
 class SampledCase(NamedTuple):
     """A record for the terms; times in samples, pressures in shares of the largest.
@@ -94,3 +98,28 @@ def unknowns_at(
     fraction = jnp.clip(fraction, LEAST_FRACTION, LEVEL - LEAST_FRACTION)
     decay = jnp.log1p(decay_of_fraction(fraction))
     return jnp.concatenate([most, decay[None], nuisance])
+
+
+def trial_nuisances(
+    moved: Float[Array, " asked"],
+    nuisance: Float[Array, " nuisance"],
+    case: SampledCase,
+) -> Float[Array, "search trial nuisance"]:
+    """Return nuisances to begin searches with: of some rises, all else as picked.
+
+    Samples tell where the middle of a front is, so one that arrives later rises faster:
+    beside `RISES`, and the pick's in the first search, stands the one that keeps it.
+
+    Args:
+        moved: As of `PulseTerms`.
+        nuisance: The pick's.
+        case: The record.
+    """
+    picked = jnp.exp(nuisance[0])
+    kept = picked - 2.0 * moved[0] * case.rate
+    slow, sharp = (jnp.asarray(rises, picked.dtype) for rises in RISES)
+    first = jnp.stack([picked, jnp.maximum(kept, slow[0]), *slow])
+    within = jnp.clip(kept, sharp[0], sharp[-1])
+    second = jnp.stack([jnp.minimum(picked, sharp[-1]), within, *sharp])
+    rises = jnp.log(jnp.stack([first, second]))
+    return jnp.tile(nuisance, (*rises.shape, 1)).at[:, :, 0].set(rises)

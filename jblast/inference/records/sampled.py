@@ -1,7 +1,6 @@
 """Records made ready to stand in a likelihood with their samples."""
 
 from collections.abc import Sequence
-from functools import partial
 
 import jax
 import jax.numpy as jnp
@@ -9,9 +8,9 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from jblast.inference.picks import RecordPick
-from jblast.inference.picks.fit.lanes import with_what_shows
-from jblast.inference.picks.fit.model import misfit, misfit_ratio
-from jblast.inference.picks.fit.optimum import optimum_of
+from jblast.inference.picks.fit.hypotheses import with_what_shows
+from jblast.inference.picks.fit.model import misfit_ratio, slow_misfit_ratio
+from jblast.inference.picks.fit.one_pulse import first_optimum
 from jblast.inference.picks.fit.posterior import NARROW, WIDE
 from jblast.inference.picks.ready.bins import bins_about_front
 from jblast.inference.picks.ready.case import prepared
@@ -21,7 +20,12 @@ from jblast.inference.picks.unknowns import CENTRE, SPREAD, natural_of
 from jblast.inference.posterior.correlated_errors import own_and_shared_errors
 from jblast.inference.posterior.record_likelihood import SampledRecords, evidence
 from jblast.inference.records.covariance import TOLD
-from jblast.inference.records.pulse_terms import ASKED, PulseTerms, SampledCase
+from jblast.inference.records.pulse_terms import (
+    ASKED,
+    PulseTerms,
+    SampledCase,
+    trial_nuisances,
+)
 from jblast.kept_programs import kept
 from jblast.observations import Observations
 from jblast.observations.records.pressure_record import PressureRecord
@@ -60,6 +64,7 @@ def sampled_records(
     between = jnp.sqrt(unresolved / 12.0) / case.rate
     return SampledRecords(
         terms=terms,
+        trials=trial_nuisances,
         rows=rows,
         case=case,
         picked=jnp.stack([picked for _, picked in ready]),
@@ -107,8 +112,8 @@ def _case(
     samples = np.pad(record.samples, (0, length - size), mode="edge")
     corner = None
     if high_passed:
-        told = record.high_pass_hz or NONE
-        corner = np.array(2 * np.pi * told / record.rate_hz)
+        hertz = record.high_pass_hz or NONE
+        corner = np.array(2 * np.pi * hertz / record.rate_hz)
     level = record.full_scale
     case, front, scale = _picked(
         jnp.asarray(samples),
@@ -141,11 +146,13 @@ def _picked(samples, count, full_scale, corner, *, more: bool):
     clipped = clipped_samples(samples, count, full_scale)
     ready = prepared(bins, bank, samples, clipped, count, corner)
     case = ready.case
-    best = optimum_of(partial(misfit, bins), ready.start, case)
+    best, _, _ = first_optimum(bins, ready)
     if more:
-        best, case = with_what_shows(bins, best, ready.start, case)
-    widened = jnp.sqrt(jnp.maximum(misfit_ratio(bins, best.y, case), 1.0))
+        shown = with_what_shows(bins, best, ready.start, case)
+        best, case = shown.best, shown.case
     y = best.y
+    ratio = jnp.maximum(misfit_ratio(bins, y, case), slow_misfit_ratio(bins, y, case))
+    widened = jnp.sqrt(jnp.maximum(ratio, 1.0))
     resolved = natural_of(y).rise >= WIDE
     rise = jnp.where(
         resolved,

@@ -36,7 +36,7 @@ class Agreement:
         residual: Of each reading, in its unit (ln, or seconds).
         offset: What its clock shows more than the time since the shot; 0 in ln.
         off: Which do not agree.
-        told: Which can disagree at all: a clock's only reading cannot.
+        checkable: Which can disagree at all: a clock's only reading cannot.
         unknowns: How many numbers were found from the rows.
     """
 
@@ -45,29 +45,29 @@ class Agreement:
     residual: Float[np.ndarray, " n"]
     offset: Float[np.ndarray, " n"]
     off: Bool[np.ndarray, " n"]
-    told: Bool[np.ndarray, " n"]
+    checkable: Bool[np.ndarray, " n"]
     unknowns: int
 
     def holds(self) -> bool:
         """Return whether so many agree that the rest is to be doubted."""
-        agree = int((self.told & ~self.off).sum())
-        return agree > self.unknowns and 2 * agree > int(self.told.sum())
+        agree = int((self.checkable & ~self.off).sum())
+        return agree > self.unknowns and 2 * agree > int(self.checkable.sum())
 
     def all_agree(self) -> bool:
         """Return whether no row is off."""
-        return not (self.told & self.off).any()
+        return not (self.checkable & self.off).any()
 
     def is_believable(self) -> bool:
         """Return whether as many rows agree as numbers were found, and two at least."""
-        return int((self.told & ~self.off).sum()) >= max(self.unknowns, 2)
+        return int((self.checkable & ~self.off).sum()) >= max(self.unknowns, 2)
 
     def price(self) -> int:
         """Return what it costs to believe it: three numbers for a row that is off."""
-        return 3 * int((self.told & self.off).sum()) + self.unknowns
+        return 3 * int((self.checkable & self.off).sum()) + self.unknowns
 
     def share(self) -> float:
         """Return the share of rows that agree."""
-        return float((self.told & ~self.off).sum() / max(self.told.sum(), 1))
+        return float((self.checkable & ~self.off).sum() / max(self.checkable.sum(), 1))
 
 
 def at_place(
@@ -145,7 +145,7 @@ def _best(
         residual=residual[0],
         offset=offset[0],
         off=np.abs(score[best]) > 1.0,
-        told=~lonely,
+        checkable=~lonely,
         unknowns=unknowns + sum(counts[c] > 1 for c in free),
     )
 
@@ -187,8 +187,8 @@ def _residuals(
 ]:
     """Return residuals, what clocks show (taken off them), and what is allowed."""
     distance = readings.distances(places)
-    told = readings.travelled(laws, distance, masses)
-    residual = readings.value - told
+    travelled = readings.travelled(laws, distance, masses)
+    residual = readings.value - travelled
     offset = np.zeros_like(residual)
     for clock in range(readings.clock.max(initial=-1) + 1):
         here = readings.clock == clock
@@ -200,7 +200,7 @@ def _residuals(
             offset[:, here] = np.median(residual[:, here], axis=1, keepdims=True)
     residual = residual - offset
     residual = np.where(readings.bound, np.maximum(residual, 0.0), residual)
-    allowed = readings.allowed(np.where(readings.timed, told, 0.0), distance)
+    allowed = readings.allowed(np.where(readings.timed, travelled, 0.0), distance)
     return residual, offset, allowed
 
 

@@ -110,7 +110,7 @@ def _named(
     observations: Observations, readings: Readings, laws: ScaledLaws, found: Agreement
 ) -> list[Doubt]:
     """Name the slip of each row that is off, or say that it is off."""
-    off = np.flatnonzero(found.off & found.told)
+    off = np.flatnonzero(found.off & found.checkable)
     doubted, done = [], set()
     by_sensor: dict[str, list[int]] = {}
     for i, row in enumerate(readings.row):
@@ -120,7 +120,7 @@ def _named(
         its = by_sensor[sensor]
         if i in done:
             continue
-        bad = [j for j in its if found.off[j] and found.told[j]]
+        bad = [j for j in its if found.off[j] and found.checkable[j]]
         rows = tuple(int(readings.row[j]) for j in bad)
         late = slip_of_clock(readings, found, its)
         if late:
@@ -161,14 +161,16 @@ def _off(readings: Readings, laws: ScaledLaws, found: Agreement, i: int) -> Doub
 
 def _divided(readings: Readings, found: Agreement) -> list[Doubt]:
     """Say that the rows of a shot are of no one blast, where none can be blamed."""
-    told = int(found.told.sum())
-    agree = int((found.told & ~found.off).sum())
-    if told < 2 or agree == told:
+    checkable = int(found.checkable.sum())
+    agree = int((found.checkable & ~found.off).sum())
+    if checkable < 2 or agree == checkable:
         return []
-    off = np.flatnonzero(found.off & found.told)
+    off = np.flatnonzero(found.off & found.checkable)
     rows = tuple(int(readings.row[i]) for i in off)
     return [
-        Doubt("of_no_one_blast", rows, {"agree": float(agree), "rows": float(told)})
+        Doubt(
+            "of_no_one_blast", rows, {"agree": float(agree), "rows": float(checkable)}
+        )
     ]
 
 

@@ -69,20 +69,22 @@ class Readings:
         mass: Float[np.ndarray, " place"],
     ) -> Float[np.ndarray, "place n"]:
         """Return what each would be: seconds since the shot, or ln."""
-        told = np.zeros_like(distance)
+        predicted = np.zeros_like(distance)
         for quantity in dict.fromkeys(self.quantity):
             here = np.array([q == quantity for q in self.quantity])
             if quantity != "flash_time_s":
                 law = laws.predicted(quantity, distance[:, here], mass[:, None])
-                told[:, here] = np.exp(law) if quantity == "air_arrival_s" else law
-        return told
+                predicted[:, here] = np.exp(law) if quantity == "air_arrival_s" else law
+        return predicted
 
     def allowed(
-        self, told: Float[np.ndarray, "place n"], distance: Float[np.ndarray, "place n"]
+        self,
+        predicted: Float[np.ndarray, "place n"],
+        distance: Float[np.ndarray, "place n"],
     ) -> Float[np.ndarray, "place n"]:
         """Return how far each may be off: its errors, and what laws leave open."""
         share = np.where(distance > FAR, FAR_SHARE, SHARE)
-        times = CLOCK_STEP + share * told
+        times = CLOCK_STEP + share * predicted
         return self.error + np.where(self.timed, times, np.log(FACTOR))
 
     def only(self, kept: Int[np.ndarray, " _"]) -> "Readings":

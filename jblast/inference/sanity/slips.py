@@ -153,6 +153,6 @@ def _scores(
     """Hold changed readings against the blast that was found, its clocks kept."""
     place, mass = found.place[None], np.array([found.mass])
     distance = readings.distances(place)
-    told = readings.travelled(laws, distance, mass)
-    allowed = readings.allowed(np.where(readings.timed, told, 0.0), distance)
-    return ((readings.value - told - offset) / allowed)[0]
+    travelled = readings.travelled(laws, distance, mass)
+    allowed = readings.allowed(np.where(readings.timed, travelled, 0.0), distance)
+    return ((readings.value - travelled - offset) / allowed)[0]

@@ -62,9 +62,9 @@ def supposed_blast(
     origin = None if "origin_time_s" + label in free else float(charge.time_s)
     place = np.array([float(x) for x in charge.position_m])
     if charge.range_m is not None:
-        told = np.full(len(readings.row), float(charge.range_m))
+        ranges = np.full(len(readings.row), float(charge.range_m))
         ranged = "charge_range_m" + label not in free
-        readings = readings.but(slant_range=told if ranged else np.nan * told)
+        readings = readings.but(slant_range=ranges if ranged else np.nan * ranges)
         place = None if not ranged else place
     elif free & {name + label for name in CHARGE_POSITION}:
         place = None

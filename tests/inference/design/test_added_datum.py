@@ -40,6 +40,7 @@ def with_one_at(distance: float) -> float:
     return 1 / np.sqrt(known)
 
 
+@pytest.mark.slow
 def test_a_pressure_at_a_new_place_leaves_what_the_slope_there_says():
     (entry,) = (
         e

@@ -62,6 +62,7 @@ def test_normal_errors_give_the_textbook_standard_deviation():
     assert found == pytest.approx(expected, rel=1e-4)
 
 
+@pytest.mark.slow
 def test_one_wild_reading_among_ten_moves_the_answer_by_less_than_its_interval():
     clean = pressures(15.0, TEN)
     value = clean.value.copy()
@@ -162,6 +163,7 @@ def test_an_answer_whose_law_holds_for_no_row_exits_4_and_says_so():
     )
 
 
+@pytest.mark.slow
 def test_a_burial_that_few_draws_leave_the_law_by_is_a_warning_and_no_refusal():
     # 1500 kg at 2.1 m, 0.183 m/kg^(1/3): inside of the law's 0.2, which 1158 kg
     # leaves; sd of ln W about 3 * 0.6 / sqrt(3)

@@ -81,6 +81,7 @@ def interval(posterior):
     return np.exp(np.interp([0.05, 0.95], mass / mass[-1], LOG_MASS))
 
 
+@pytest.mark.slow
 def test_four_clipped_gauges_leave_the_truth_in_and_as_readings_do_not():
     table = clipped()
     assert table.bounds().sum() == 4
@@ -117,6 +118,7 @@ def test_bounds_that_are_kept_are_no_residuals_and_no_degrees_of_freedom():
     assert [outlier.sensor for outlier in outliers] == ["a"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("noise", ["student", "gaussian"])
 def test_information_near_the_truth_lies_between_none_and_a_readings(noise):
     table, z = clipped(), jnp.array([np.log(TRUTH)])

@@ -65,6 +65,7 @@ def test_wu_hao_arrivals_cannot_tell_mass_from_speeds(ranges):
     assert told == pytest.approx(expected, rel=1e-6)
 
 
+@pytest.mark.slow
 def test_a_prior_on_the_sound_speed_cures_the_null_direction():
     r = 20.0
     air = float(wu_hao_air_arrival_time(r, 15.0, 340.0))
@@ -98,6 +99,7 @@ def test_one_datum_tells_one_combination_of_two_unknowns():
     assert told.is_local  # arrival is no power of the mass
 
 
+@pytest.mark.slow
 def test_sensors_in_a_line_leave_a_mirror_image_of_the_place():
     answer = fit(arrivals(LINE, 30.0, 60.0), PLACE_FREE).summary
     (other,) = answer.ambiguities
@@ -111,6 +113,7 @@ def test_sensors_in_a_line_leave_a_mirror_image_of_the_place():
     assert answer.null_directions == ()
 
 
+@pytest.mark.slow
 def test_sensors_about_a_charge_tell_its_place():
     answer = fit(arrivals(TRIANGLE, 30.0, 20.0), PLACE_FREE).summary
     assert answer.identifiable
@@ -126,6 +129,7 @@ def test_one_place_leaves_the_charge_anywhere_on_a_circle(times):
     assert result.summary.null_directions[0].space == "linear"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "ranges",
     [

@@ -143,6 +143,7 @@ def test_a_clock_free_beside_the_origin_time_alone_is_a_null_direction():
     )
 
 
+@pytest.mark.slow
 def test_wind_is_found_from_arrivals_around_the_charge():
     wind, rows = np.array([6.0, -3.0]), []
     for i, place in enumerate(RING):
@@ -185,6 +186,7 @@ def test_c4_weighs_less_than_the_tnt_that_does_the_same(quantity, law, factor):
     assert by_impulse == pytest.approx(1.19 * mass)
 
 
+@pytest.mark.slow
 def test_an_uncertain_tnt_factor_widens_the_mass_by_as_much():
     value = float(kingery_bulmash_pressure(30.0, 11.0))
     made = log(("a", "peak_overpressure_pa", value, 1e-3 * value, 30.0), at_range=True)

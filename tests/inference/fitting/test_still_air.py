@@ -71,6 +71,7 @@ def by_hand(scatter: bool, sd_of_wind: float) -> np.ndarray:
     return np.sqrt(np.diag(open_)[:3] / np.diag(fixed))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scatter", [False, True])
 def test_intervals_widen_as_with_the_wind_among_the_unknowns(scatter):
     factors = wider_with_wind(solved(scatter), 5.0)

@@ -11,6 +11,7 @@ from jblast.report import summary
 from tests.inference.fitting.clocks_off import ASKED, MASS, NAMES, accused, heard
 
 
+@pytest.mark.slow
 def test_a_clock_that_is_off_is_named_with_what_to_type():
     found = fit(heard("arrivals", np.random.default_rng(3), clock={"c": -0.8}), ASKED)
     assert found.exit_code == 4

@@ -4,6 +4,7 @@ from tests.inference.fitting.under_determined import KINDS, ended, fault, logs
 
 
 # arrivals at two sensors, pressures at two: one log in four was a crash
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS[:2], ids=lambda kind: kind.quantities[0])
 def test_half_a_dozen_under_determined_logs_end_with_a_sentence(kind):
     dozen = [made for of, made in logs(12, kinds=2, seed=0) if of is kind]

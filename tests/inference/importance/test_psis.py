@@ -79,6 +79,7 @@ def test_laplace_holds_where_it_fits_and_the_answer_is_narrow():
     assert not laplace_holds(np.inf, 0.05, 0.1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("wider", [1.0, 1.25])
 def test_the_ends_of_a_normal_too_wide_are_off_by_what_it_is_too_wide(wider):
     posterior, normal, _, _ = five_solved("gaussian")
@@ -90,7 +91,7 @@ def test_the_ends_of_a_normal_too_wide_are_off_by_what_it_is_too_wide(wider):
 
 
 def test_the_largest_log_sd_is_of_the_mass_or_of_the_place_over_its_range():
-    posterior, normal, _, _ = five_solved("gaussian")
+    posterior, normal, _, _ = five_solved()
     sds = np.sqrt(np.diag(normal.covariance))
     nearest = np.asarray(posterior.misfit(jnp.asarray(normal.z)).slant_range).min()
     assert largest_log_sd(posterior, normal) == pytest.approx(sds[0], rel=1e-3)

@@ -124,3 +124,18 @@ def test_in_noise_alone_and_in_nothing_nothing_is_found():
     found = pick(TIME, noise)
     assert int(found.found.sum()) == 0
     assert np.isnan(np.asarray(found.air_arrival_s)).all()
+
+
+def test_a_faint_pulse_is_not_told_three_times_as_long_with_its_suction():
+    found = pick(TIME, noisy(TRUTH, 0.25 * TRUTH.peak, MANY))
+    off = np.log(np.asarray(found.positive_duration_s) / TRUTH.duration)
+    # four standard deviations: once in 500 of 32 records
+    assert np.all(np.abs(off) < 4.0 * np.asarray(found.spread[:, 2]))
+    assert np.median(np.abs(off)) < 0.2
+
+
+def test_a_slow_wave_of_the_baseline_is_told(repeated):
+    wave = 0.1 * TRUTH.peak * np.sin(2 * np.pi * TIME / (5 * TRUTH.duration))
+    found = pick(TIME, noisy(TRUTH, 0.01 * TRUTH.peak, MANY) + wave)
+    assert np.mean(np.asarray(found.curving)) > 0.8
+    assert not np.any(np.asarray(repeated.curving))

@@ -179,6 +179,7 @@ def test_lanes_refuse_logs_whose_readings_share_errors():
         batch.batch_of([picks()], with_laws(MASS_FREE, LAWS))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("noise", ["gaussian", "student"])
 def test_errors_of_records_are_integrated_out_by_blocks_as_all_with_all(noise: Noise):
     """Rounding alone differs; records of three, two and one error, and rows of none."""

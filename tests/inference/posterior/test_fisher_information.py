@@ -43,6 +43,7 @@ def posterior(noise):
 Z = jnp.array([np.log(50.0), 0.01, 0.3])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("noise", "weight"), [("gaussian", 1.0), ("student", 5 / 7)])
 def test_information_is_that_of_the_whole_covariance(noise, weight):
     asked = posterior(noise)

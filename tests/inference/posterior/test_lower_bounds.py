@@ -167,9 +167,8 @@ ERRORS_OF_ROW = {
 }
 
 
-@pytest.mark.parametrize(
-    "noise", [pytest.param("gaussian", marks=pytest.mark.slow), "student"]
-)
+@pytest.mark.slow  # by default without a bound, test_likelihood.py, and a bound alone
+@pytest.mark.parametrize("noise", ["gaussian", "student"])
 def test_first_and_second_derivatives_agree_with_finite_differences(noise):
     def value(x):
         moved, wide = RESIDUAL + x[0], SD * x[1]

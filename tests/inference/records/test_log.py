@@ -51,6 +51,7 @@ def test_a_good_pick_gives_four_rows_and_their_covariance(tmp_path):
         ({"converged": False}, 0, {"poor"}),
         ({"calibrated": False}, 1, {"uncalibrated"}),
         ({"high_passed": True}, 2, {"high_passed"}),
+        ({"curving": True}, 2, {"curved_baseline"}),
         ({"cut_short": True}, 2, {"cut_short"}),
         ({"cut_short": True, "calibrated": False}, 1, {"uncalibrated"}),
     ],

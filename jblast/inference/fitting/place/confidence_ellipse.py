@@ -112,12 +112,12 @@ def place_draws(
     label = fit.scene.label(charge)
     asked = [f"charge_{axis}_m{label}" for axis in ("east", "north")]
     free = [name for name in asked if name in fit.summary.free]
-    told = [name for name in free if name in fit.draws]
-    if not told or len(told) < len(free) or not _finite(fit.draws, told):
+    drawn = [name for name in free if name in fit.draws]
+    if not drawn or len(drawn) < len(free) or not _finite(fit.draws, drawn):
         return None
-    count = len(fit.draws[told[0]])
+    count = len(fit.draws[drawn[0]])
     east, north = (
-        fit.draws[name] if name in told else np.full(count, float(known))
+        fit.draws[name] if name in drawn else np.full(count, float(known))
         for name, known in zip(asked, np.asarray(charge.position_m)[:2], strict=True)
     )
     return east, north

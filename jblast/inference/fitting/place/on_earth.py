@@ -83,10 +83,10 @@ def _place(fit: Fit, shot: int) -> PlaceOnEarth | None:
     frame, charge = fit.observations.frame, fit.scene.charges[shot]
     label = fit.scene.label(charge)
     asked = [f"charge_{axis}_m{label}" for axis in ("east", "north", "up")]
-    told = [fit.summary.estimates.get(name, Estimate(0.0)) for name in asked]
+    estimates = [fit.summary.estimates.get(name, Estimate(0.0)) for name in asked]
     if frame is None or charge.range_m is not None:
         return None
-    if not all(estimate.is_identified for estimate in told):
+    if not all(estimate.is_identified for estimate in estimates):
         return None
     lat, lon, alt = frame.to_geodetic(np.array([float(x) for x in charge.position_m]))
     found = charge_ellipse(fit, shot=shot)
@@ -100,10 +100,10 @@ def _time(fit: Fit, shot: int) -> str | None:
     """Return when a charge exploded."""
     epoch, charge = fit.observations.epoch, fit.scene.charges[shot]
     name = f"origin_time_s{fit.scene.label(charge)}"
-    told = fit.summary.estimates.get(name, Estimate(float(charge.time_s)))
-    if epoch is None or not told.is_identified:
+    estimate = fit.summary.estimates.get(name, Estimate(float(charge.time_s)))
+    if epoch is None or not estimate.is_identified:
         return None
-    return utc(epoch, told.value)
+    return utc(epoch, estimate.value)
 
 
 def utc(epoch: datetime, seconds: float) -> str:

@@ -4,7 +4,8 @@ Samples cost tens of milliseconds a density, what a pick of them reads some
 microseconds, and a fit asks for thousands and for slopes. The two differ by little, and
 smoothly: so both are computed at nodes about the optimum, and a spline through what one
 has over the other corrects the cheap one (`posterior/density_correction.py`). Where the
-optimum moves by that, or its width changes, more nodes are laid about the new one.
+optimum moves by that, or its width changes, more nodes are laid about the new one, and
+where the farthest still count, farther off.
 """
 
 from collections.abc import Callable
@@ -36,6 +37,10 @@ SPARE = 2.5
 """Nodes for each coefficient of a quadratic."""
 REACH = 3.0
 """Standard deviations beyond the typical draw's that nodes go to."""
+FARTHER = 1.6
+"""So many times as far nodes are laid next, where the farthest still count."""
+EDGE = 0.75
+"""Of the farthest node's distance, from which on nodes are the farthest."""
 MOVED = 0.7
 """An optimum that moves by less, in standard deviations, lies among its nodes."""
 WIDENED = 1.5
@@ -86,9 +91,10 @@ def with_sample_density(
     )
     rng = np.random.default_rng(seed)
     w, density, apart = np.zeros((0, center.size)), np.zeros(0), np.zeros(0)
+    far = 1.0
     for _ in each(range(ROUNDS), "rounds"):
         before = solution.laplace
-        z = before.z + _spread(rng, center.size) @ root.T
+        z = before.z + far * _spread(rng, center.size) @ root.T
         both = densities_of_samples(read, records, jnp.asarray(z))
         fine = np.isfinite(both).all(axis=0)
         w = np.concatenate([w, ((z - center) @ inverse.T)[fine]])
@@ -102,17 +108,19 @@ def with_sample_density(
         posterior = replace(solution.posterior, correction=made)
         found = search(posterior)
         at = np.asarray(found.z[0])
-        told = identifiability(posterior, at)
+        directions = identifiability(posterior, at)
         solution = solution._replace(
             posterior=posterior,
             optima=found,
-            identifiability=told,
-            laplace=laplace(posterior, at, told.identified_basis),
+            identifiability=directions,
+            laplace=laplace(posterior, at, directions.identified_basis),
             samples_known=known,
         )
         root, _ = _roots(solution.laplace)
-        if known < KNOWN and _stays(before, solution.laplace):
+        ends = _ends(w, density)
+        if known < KNOWN and ends and _stays(before, solution.laplace):
             break
+        far = 1.0 if ends else far * FARTHER
     return solution
 
 
@@ -161,10 +169,16 @@ def _spread(rng: np.random.Generator, free: int) -> Float[np.ndarray, "node free
     return np.concatenate([np.zeros((1, free)), far[:, None] * pairs[: count - 1]])
 
 
+def _ends(w: Float[np.ndarray, "node free"], density: np.ndarray) -> bool:
+    """Return whether the density has ended before the farthest nodes."""
+    size = np.linalg.norm(w, axis=1)
+    return bool(np.all(density[size > EDGE * size.max()] < density.max() - WITHIN))
+
+
 def _stays(before: Laplace, after: Laplace) -> bool:
     """Return whether an optimum and its widths stay about where they were."""
     was, now = (np.sqrt(np.diag(of.covariance)) for of in (before, after))
-    told = (was > 0) & (now > 0)
-    moved = np.abs(after.z - before.z)[told] / was[told]
-    wider = np.abs(np.log(now[told] / was[told]))
+    both = (was > 0) & (now > 0)
+    moved = np.abs(after.z - before.z)[both] / was[both]
+    wider = np.abs(np.log(now[both] / was[both]))
     return bool((moved < MOVED).all() and (wider < np.log(WIDENED)).all())

@@ -61,13 +61,13 @@ def _refuse_absolute(layout: Layout, values, sigma) -> None:
     errors = np.atleast_2d(np.asarray(sigma))
     most = np.mean(errors > 1.0, axis=0) > 0.5
     for row in np.flatnonzero(most & ~np.isin(layout.quantity, ADDITIVE)):
-        told = float(np.median(errors[:, row]))
+        typical = float(np.median(errors[:, row]))
         reading = float(np.median(np.abs(np.asarray(values)[:, row])))
-        if np.isfinite(reading) and reading > told:
+        if np.isfinite(reading) and reading > typical:
             raise InputError(
                 f"relative_sigma, row {row} ({layout.quantity[row]}): expected a share "
-                f"of the reading, got {told:g}: divide by the reading, {reading:g} "
-                f"there, which makes {told / reading:.3g}"
+                f"of the reading, got {typical:g}: divide by the reading, {reading:g} "
+                f"there, which makes {typical / reading:.3g}"
             )
 
 

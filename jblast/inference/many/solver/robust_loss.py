@@ -17,7 +17,7 @@ which bends upwards."""
 
 @dataclass(frozen=True)
 class TermLoss:
-    """Minus ln density of each term of `many.rows.Miss`, up to a constant.
+    """Minus ln density of each term of `many.residuals.rows.Miss`, up to a constant.
 
     Attributes:
         noise: Distribution of the independent errors.

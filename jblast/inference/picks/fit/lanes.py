@@ -1,6 +1,5 @@
 """Some records picked together, in the units of the fit; times in samples."""
 
-from functools import partial
 from typing import NamedTuple
 
 import jax
@@ -8,24 +7,30 @@ import jax.numpy as jnp
 from jax import lax
 from jaxtyping import Array, Bool, Float, Int
 
-from jblast.inference.picks.fit.model import drift_at, misfit, misfit_ratio
-from jblast.inference.picks.fit.optimum import Optimum, optimum_of
+from jblast.inference.picks.fit.hypotheses import LAG, with_what_shows
+from jblast.inference.picks.fit.model import (
+    drift_at,
+    misfit_ratio,
+    slow_misfit_ratio,
+)
+from jblast.inference.picks.fit.one_pulse import first_optimum
+from jblast.inference.picks.fit.optimum import Optimum
 from jblast.inference.picks.fit.posterior import values_of
-from jblast.inference.picks.fit.signs import NEAREST, signs_in
 from jblast.inference.picks.ready.bins import Bins, bins_about_front
-from jblast.inference.picks.ready.case import Case, Prepared, prepared
+from jblast.inference.picks.ready.case import SHORTER, Prepared, prepared
 from jblast.inference.picks.ready.start import bank_of
-from jblast.inference.picks.unknowns import CENTRE, FURTHER_CENTRE, Natural, natural_of
+from jblast.inference.picks.unknowns import CENTRE, Natural
 from jblast.kept_programs import kept
 
 LEAST_SIGNAL = 5.0
 """A pulse is found where its peak is so many of its standard deviations."""
 
-LAG = CENTRE.size + 2
-"""Place of ln lag among the unknowns."""
 
-BETTER = 15.0
-"""A ring or a further front is there if it raises ln posterior by as much."""
+CURVED = 0.03
+"""A baseline that bends by this share of the peak may do what no cubic does."""
+
+AGAIN = 3.0
+"""Squared misfit from which on a record is picked anew, over a shorter stretch."""
 
 
 class LanePicks(NamedTuple):
@@ -45,6 +50,7 @@ class LanePicks(NamedTuple):
     converged: Bool[Array, " lane"]
     found: Bool[Array, " lane"]
     drifting: Bool[Array, " lane"]
+    curving: Bool[Array, " lane"]
     cut_short: Bool[Array, " lane"]
     misfit: Float[Array, " lane"]
     rings: Bool[Array, " lane"]
@@ -73,10 +79,35 @@ def pick_lanes(
     bins = bins_about_front(samples.shape[1])
     bank = bank_of(bins, samples.shape[1])
 
+    def over(longest, samples, clipped, count, high_pass):
+        ready = prepared(bins, bank, samples, clipped, count, high_pass, longest)
+        duration = jnp.exp(lax.stop_gradient(ready.start[2]))
+        return _picked(bins, ready, clipped, count), duration
+
     @jax.jit  # traced once, for what it gives and for the shape of that
-    def picked(samples, clipped, count, high_pass):
-        ready = prepared(bins, bank, samples, clipped, count, high_pass)
-        return _picked(bins, ready, clipped, count)
+    def picked(*record):
+        longest = jnp.full((), jnp.inf, samples.dtype)
+        shapes, _ = jax.eval_shape(over, longest, *record)
+        nothing = jax.tree.map(lambda of: jnp.zeros(of.shape, of.dtype), shapes)
+        nothing = nothing._replace(misfit=jnp.full_like(nothing.misfit, jnp.inf))
+
+        def tried(best, _):
+            longest, before = best
+            odd = ~(before.misfit < AGAIN) | ~before.converged
+
+            def anew():
+                found, duration = over(longest, *record)
+                better = ~(before.misfit < found.misfit)
+                chosen = jax.tree.map(
+                    lambda new, old: jnp.where(better, new, old), found, before
+                )
+                return SHORTER * duration, chosen
+
+            return lax.cond(odd, anew, lambda: (longest, before)), None
+
+        # a drift that is larger than the pulse is looked at as one: then look closer
+        (_, found), _ = lax.scan(tried, (longest, nothing), length=2)
+        return found
 
     def one(record):
         shapes = jax.eval_shape(picked, *record)
@@ -95,11 +126,19 @@ def _picked(
     count: Int[Array, ""],
 ) -> LanePicks:
     """Pick a record that was made ready, as `pick_lanes` does."""
-    one = optimum_of(partial(misfit, bins), ready.start, ready.case)
-    best, case = with_what_shows(bins, one, ready.start, ready.case)
-    ratio = misfit_ratio(bins, best.y, case)
+    one, rival, share = first_optimum(bins, ready)
+    shown = with_what_shows(bins, one, ready.start, ready.case)
+    best, case = shown.best, shown.case
+    ratio = jnp.maximum(
+        misfit_ratio(bins, best.y, case), slow_misfit_ratio(bins, best.y, case)
+    )
     widened = jnp.maximum(ratio, 1.0)
-    natural, covariance = values_of(best.y, best.covariance, widened)
+    plain = case.rings + case.follows + case.passed == 0
+    # of two other optima the one that has more of the posterior
+    share = jnp.where(plain, share, 0.0)
+    rival = jnp.where(shown.share > share, shown.rival, rival)
+    share = jnp.maximum(share, shown.share)
+    natural, covariance = values_of(best.y, best.covariance, widened, rival, share)
     x = (natural.arrival - case.middle) / case.span
     one_way = drift_at(best.y, jnp.ones_like(x)) - drift_at(best.y, -jnp.ones_like(x))
     drift = jnp.maximum(jnp.abs(one_way), jnp.abs(best.y[9]))
@@ -127,6 +166,7 @@ def _picked(
         converged=best.converged,
         found=jnp.isfinite(covariance[1, 1]) & (seen | held),
         drifting=drift > 0.02 * natural.peak,
+        curving=_curving(best, natural.peak),
         cut_short=natural.arrival + natural.duration > left,
         misfit=ratio,
         rings=case.rings > 0,
@@ -137,73 +177,9 @@ def _picked(
     )
 
 
-def with_what_shows(
-    bins: Bins, one: Optimum, start: Float[Array, " unknown"], case: Case
-) -> tuple[Optimum, Case]:
-    """Return the optimum with a ring, a further front or a high-pass if one shows.
-
-    Each is tried where there is a sign of it, and of those that raise ln posterior by
-    `BETTER` the best is taken.
-
-    Args:
-        bins: Where the record is looked at.
-        one: Optimum of one pulse.
-        start: Where its search began.
-        case: The record.
-    """
-    apart = misfit(bins, one.y, case)
-    signs = lax.stop_gradient(
-        signs_in(bins, apart[: bins.first.size], case, natural_of(one.y))
-    )
-    none = jnp.zeros_like(signs.rings)
-    plain = case._replace(centre=jnp.concatenate([case.centre, signs.start]))
-    unmoved = Optimum(
-        jnp.concatenate([one.y, signs.start]),
-        _with_block(one.covariance),
-        one.converged,
-    )
-
-    def tried(best, hypothesis):
-        asked, start = hypothesis
-        more = plain._replace(rings=asked[0], follows=asked[1], passed=asked[2])
-        shown = jnp.sum(asked) > 0
-
-        def anew():
-            found = optimum_of(partial(misfit, bins), start, more)
-            return found, _cost(misfit(bins, lax.stop_gradient(found.y), more))
-
-        found, cost = lax.cond(shown, anew, lambda: (unmoved, best[0]))
-        # a further front within the first one's rise is only a rise of another form
-        apart = jnp.exp(found.y[LAG]) > NEAREST + 2.0 * natural_of(found.y).rise
-        taken = shown & (cost < best[0]) & (apart | (more.follows == 0))
-        better = jax.tree.map(
-            lambda new, old: jnp.where(taken, new, old), (cost, found, more), best
-        )
-        return better, None
-
-    asked = jnp.stack(
-        [
-            jnp.stack([signs.rings, none, none]),
-            jnp.stack([none, signs.follows, none]),
-            jnp.stack([none, signs.follows, none]),
-            jnp.stack([none, none, signs.passed]),
-        ]
-    )
-    best = (lax.stop_gradient(_cost(apart)) - BETTER, unmoved, plain)
-    # one pulse through a ring, or of two fronts, goes astray: begin before it did, too
-    afresh = jnp.concatenate([start, signs.start])
-    starts = jnp.stack([afresh, afresh, unmoved.y, unmoved.y])
-    (_, found, chosen), _ = lax.scan(tried, best, (asked, starts))
-    return found, chosen
-
-
-def _cost(apart: Float[Array, " term"]) -> Float[Array, ""]:
-    """Return minus ln posterior."""
-    return 0.5 * jnp.sum(apart * apart)
-
-
-def _with_block(covariance: Float[Array, "unknown unknown"]):
-    """Return a covariance with further unknowns, of which nothing is known."""
-    n, more = covariance.shape[0], FURTHER_CENTRE.size
-    index = jnp.arange(n, n + more)
-    return jnp.pad(covariance, [(0, more), (0, more)]).at[index, index].set(1.0)
+def _curving(best: Optimum, peak: Float[Array, ""]) -> Bool[Array, ""]:
+    """Return whether a baseline bends, by much of the peak and for sure."""
+    bends = jnp.square(best.y[9:11])
+    sure = 16.0 * jnp.diagonal(best.covariance)[9:11]
+    seen = jnp.where(bends > sure, bends, 0.0)
+    return jnp.sum(seen) > jnp.square(CURVED * peak)

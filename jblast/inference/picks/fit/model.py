@@ -2,6 +2,8 @@ r"""What a record's bins hold by the model, and its misfit.
 
     pulses -> resonance -> means over bins -> high-pass -> drift added -> whitened
 
+In wide bins what rings oscillates, and is whitened by what the taps make of its pole.
+
 The misfit is a vector whose half square is minus ln posterior: whitened differences,
 then the unknowns' distances from their priors. A clipped bin only says that the
 pressure $m$ was at least the level $c$; its part is
@@ -9,13 +11,14 @@ $\sqrt{-2 \ln \Phi((m - c)/\sigma)}$, of which half the square is minus the loga
 that probability.
 """
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import lax
 from jax.scipy.special import log_ndtr
 from jaxtyping import Array, Float
 
-from jblast.inference.picks.fit.pole import ringing
+from jblast.inference.picks.fit.pole import Ringing, pole_of, ringing
 from jblast.inference.picks.ready.bins import Bins
 from jblast.inference.picks.ready.case import Case
 from jblast.inference.picks.ready.noise import whitened_means
@@ -30,6 +33,12 @@ from jblast.inference.picks.unknowns import (
 )
 from jblast.waves.waveform.pulse import Pulse, pulse_mean
 
+TOGETHER = 8
+"""Bins whose differences are summed, to see what is slow."""
+
+SLOW_UNKNOWNS = 9.0
+"""All but arrival and rise."""
+
 FARTHEST_MEMORY = 300.0
 """Time constants from the front that a high-pass is followed over: exponents stay
 within double precision."""
@@ -37,26 +46,62 @@ within double precision."""
 
 def modelled(
     bins: Bins, y: Float[Array, " unknown"], case: Case
-) -> Float[Array, " bin"]:
-    """Return the mean pressure over each bin, as a share of the largest sample."""
+) -> tuple[Float[Array, " bin"], Ringing | None]:
+    """Return the mean pressure over each bin, as a share of the largest sample.
+
+    And what of it a resonance adds; None: the unknowns have none.
+    """
     natural = natural_of(y)
-    waves = _means(bins, pulse_by(natural))
+    waves, rings = _means(bins, pulse_by(natural)), None
     if (further := y[CENTRE.size :]).size:
-        second = pulse_by(following(natural, further))
-        waves = waves + case.follows * _means(bins, second)
-        damping = 1.0 / (1.0 + jnp.exp(-further[1]))
-        # of most records nothing is asked, and this is ten times all the rest
+        none = jnp.zeros_like(waves)
+        # of most records none of these is asked, and each is as much as all the rest
         waves = waves + lax.cond(
-            case.rings > 0,
-            lambda: ringing(bins, pulse_by(natural), jnp.exp(further[0]), damping),
-            lambda: jnp.zeros_like(waves),
+            case.follows > 0,
+            lambda: _means(bins, pulse_by(following(natural, further))),
+            lambda: none,
         )
-        passed = _low_passed(bins, waves, jnp.exp(further[5]))
-        waves = waves - case.passed * passed
+        rings = lax.cond(
+            case.rings > 0,
+            lambda: ringing(bins, pulse_by(natural), *_resonance(y)),
+            lambda: Ringing(none, none, none),
+        )
+        waves = waves + rings.mean
+        waves = waves - lax.cond(
+            case.passed > 0,
+            lambda: _low_passed(bins, waves, jnp.exp(further[5])),
+            lambda: none,
+        )
     if case.high_pass is not None:
         waves = waves - _low_passed(bins, waves, case.high_pass)
     x = (jnp.asarray(bins.middle, y.dtype) - case.middle) / case.span
-    return waves + drift_at(y, x)
+    return waves + drift_at(y, x), rings
+
+
+def _resonance(y: Float[Array, " unknown"]):
+    """Return frequency [1/sample] and damping of a sensor that rings."""
+    ln_omega, logit = y[CENTRE.size], y[CENTRE.size + 1]
+    return jnp.exp(ln_omega), 1.0 / (1.0 + jnp.exp(-logit))
+
+
+def _whitened(
+    bins: Bins,
+    y: Float[Array, " unknown"],
+    case: Case,
+    means: Float[Array, " bin"],
+    rings: Ringing | None,
+) -> Float[Array, " bin"]:
+    """Return means through the taps that make noise white."""
+    if rings is None:
+        return whitened_means(case.noise, bins, means)
+    # z(t - k) is z(t) exp(-pole k): the taps multiply what rings by a number
+    later = jnp.exp(-pole_of(*_resonance(y)))
+    taps = case.noise.taps.astype(later.dtype)
+    gain = jnp.zeros_like(later)
+    for k in reversed(range(taps.shape[0])):
+        gain = gain * later + taps[k]
+    passed = jnp.real(gain) * rings.real - jnp.imag(gain) * rings.imaginary
+    return whitened_means(case.noise, bins, means, rings.real, passed)
 
 
 def drift_at(
@@ -74,8 +119,25 @@ def drift_at(
 
 def _means(bins: Bins, pulse: Pulse) -> Float[Array, " bin"]:
     """Return the means of a pulse."""
-    kind = pulse.peak.dtype
-    return pulse_mean(pulse, bins.start.astype(kind), bins.stop.astype(kind))
+    numbers = jnp.stack(pulse[:7])
+    kind = numbers.dtype
+    start, stop = bins.start.astype(kind), bins.stop.astype(kind)
+
+    def means(numbers):
+        made = Pulse(*numbers, hold_time=jnp.zeros((), kind))
+        return pulse_mean(made, start, stop)
+
+    @jax.custom_jvp
+    def of(numbers):
+        return means(numbers)
+
+    @of.defjvp
+    def _(primals, tangents):
+        # slopes by these seven numbers once, not by each unknown there is
+        slopes = jax.jacfwd(means)(primals[0])
+        return of(primals[0]), slopes @ tangents[0]
+
+    return of(numbers)
 
 
 def _low_passed(
@@ -110,8 +172,8 @@ def misfit(
         y: The unknowns.
         case: The record.
     """
-    means = modelled(bins, y, case)
-    apart = case.white - case.weight * whitened_means(case.noise, bins, means)
+    means, rings = modelled(bins, y, case)
+    apart = case.white - case.weight * _whitened(bins, y, case, means, rings)
     held = case.clipped != 0
     above = jnp.where(held, case.clipped * means - case.level, 0.0)
     chance = log_ndtr(above / case.noise.marginal)
@@ -119,6 +181,7 @@ def misfit(
     short = jnp.sqrt(jnp.maximum(-2.0 * chance, 1e-20))
     spread = np.concatenate([SPREAD, FURTHER_SPREAD])[: y.shape[0]]
     prior = (y - case.centre) / spread.astype(y.dtype)
+    prior = prior.at[2].multiply(1.0 + case.hold)
     return jnp.concatenate([jnp.where(held, short, apart), prior])
 
 
@@ -135,3 +198,27 @@ def misfit_ratio(
     apart = misfit(bins, y, case)[: bins.first.size]  # without what is believed
     many = jnp.sum(jnp.where((case.weight > 0) | (case.clipped != 0), 1.0, 0.0))
     return jnp.sum(jnp.square(apart)) / jnp.maximum(many - float(CENTRE.size), 1.0)
+
+
+def slow_misfit_ratio(
+    bins: Bins, y: Float[Array, " unknown"], case: Case
+) -> Float[Array, ""]:
+    """Return the same of neighbours together: where a baseline is not the model's.
+
+    What moves slowly is small in each bin, and all of it goes into duration and
+    impulse; of `TOGETHER` bins' sum it is as many times more.
+
+    Args:
+        bins: Where the record is looked at.
+        y: The unknowns.
+        case: The record.
+    """
+    used = (case.weight > 0) & (case.clipped == 0)
+    apart = jnp.where(used, misfit(bins, y, case)[: bins.first.size], 0.0)
+    short = -apart.shape[0] % TOGETHER
+    blocks = jnp.pad(apart, (0, short)).reshape(-1, TOGETHER)
+    counts = jnp.pad(used.astype(y.dtype), (0, short)).reshape(-1, TOGETHER)
+    count = jnp.sum(counts, axis=1)
+    squares = jnp.square(jnp.sum(blocks, axis=1)) / jnp.maximum(count, 1.0)
+    many = jnp.sum((count > 0).astype(y.dtype))
+    return jnp.sum(squares) / jnp.maximum(many - SLOW_UNKNOWNS, 4.0)

@@ -16,15 +16,23 @@ from jaxtyping import Array, Bool, Float, Int
 from jblast.inference.picks.ready.case import Case
 
 MOST_STEPS = 60
-TOLERANCE = 1e-4
-"""Ends where the way left to an optimum is this long [standard deviations]."""
+TOLERANCE = 1e-3
+"""Ends with the step before which the way left to an optimum is this long [standard
+deviations, as they are widened by the misfit]: behind it a tenth or less is left."""
 
 KINK = 0.5
 """Where a sharp front meets the edge of a sample the cost has a kink, and may have its
 least there, so far from where its slopes would have it [standard deviations]."""
 
+STILL = 1e-4
+"""A step that lowers minus ln posterior by less, as errors are widened, is lost."""
+
+MOST_LOST = 6
+"""Steps in a row: at a kink the next are no better, whatever their damping, and it is
+an optimum, whatever the slopes say."""
+
 FIRST_DAMPING, LEAST_DAMPING, MOST_DAMPING = 1e-1, 1e-10, 1e6
-SMALL_DAMPING = 1e-3
+SMALL_DAMPING = 1e-2
 """Of a unit diagonal: no end is seen from a step that is damped more."""
 
 Misfit = Callable[[Float[Array, " unknown"], Case], Float[Array, " term"]]
@@ -44,16 +52,24 @@ class Optimum(NamedTuple):
     converged: Bool[Array, ""]
 
 
-def optimum_of(misfit: Misfit, start: Float[Array, " unknown"], case: Case) -> Optimum:
+def optimum_of(
+    misfit: Misfit,
+    start: Float[Array, " unknown"],
+    case: Case,
+    *,
+    most_steps: int = MOST_STEPS,
+) -> Optimum:
     """Return the optimum of a record.
 
     Args:
         misfit: Its misfit.
         start: Where to begin.
         case: The record.
+        most_steps: After which the search ends, at an optimum or not.
     """
     still = lax.stop_gradient(case)
-    y, covariance, converged = _search(misfit, lax.stop_gradient(start), still)
+    begin = lax.stop_gradient(start)
+    y, covariance, converged = _search(misfit, begin, still, most_steps)
     return Optimum(_settled(misfit, y, case), covariance, converged)
 
 
@@ -66,6 +82,7 @@ class _State(NamedTuple):
     here: "_Expansion"
     done: Bool[Array, ""]
     steps: Int[Array, ""]
+    lost: Int[Array, ""]
 
 
 class _Expansion(NamedTuple):
@@ -98,17 +115,20 @@ def _expansion(misfit: Misfit, y, case: Case) -> _Expansion:
     )
 
 
-def _search(misfit: Misfit, start, case: Case):
+def _search(misfit: Misfit, start, case: Case, most_steps: int):
     """Return the optimum, found by Levenberg-Marquardt."""
     unit = jnp.eye(start.size, dtype=start.dtype)
     eps = jnp.finfo(start.dtype).eps
     # what rounding makes of the cost, and of a slope in standard deviations
     rounding = 4.0 * eps * jnp.sqrt(jnp.sum(jnp.square(case.weight)))
+    many = jnp.maximum(jnp.sum((case.weight > 0).astype(start.dtype)), 1.0)
 
     def step(state: _State) -> _State:
         there = _expansion(misfit, state.tried, case)
         slack = rounding * (jnp.sqrt(2.0 * jnp.abs(there.cost)) + rounding)
         better = there.cost <= state.here.cost + slack
+        widened = jnp.maximum(2.0 * state.here.cost / many, 1.0)
+        lost = ~(there.cost < state.here.cost - STILL * widened)
         y, here = jax.tree.map(
             lambda new, old: jnp.where(better, new, old),
             (state.tried, there),
@@ -118,7 +138,8 @@ def _search(misfit: Misfit, start, case: Case):
         damping = jnp.clip(damping, LEAST_DAMPING, MOST_DAMPING)
         move = -jnp.linalg.solve(here.information + damping * unit, here.slope)
         left = -jnp.sum(move * (2.0 * here.slope + damping * move))
-        near = left <= jnp.square(jnp.maximum(TOLERANCE, rounding))
+        # what does not fit has larger errors, and no use for as many digits
+        near = left <= widened * jnp.square(jnp.maximum(TOLERANCE, rounding))
         move = jnp.where(jnp.isfinite(move), move, 0.0)
         return _State(
             y=y,
@@ -127,6 +148,7 @@ def _search(misfit: Misfit, start, case: Case):
             here=here,
             done=near & (damping <= SMALL_DAMPING),
             steps=state.steps + 1,
+            lost=jnp.where(lost, state.lost + 1, 0),
         )
 
     nothing = _Expansion(
@@ -142,13 +164,20 @@ def _search(misfit: Misfit, start, case: Case):
         here=nothing,
         done=jnp.asarray(False),
         steps=jnp.asarray(0),
+        lost=jnp.asarray(0),
     )
-    state = lax.while_loop(lambda s: ~s.done & (s.steps < MOST_STEPS), step, state)
+
+    def goes_on(state: _State) -> Bool[Array, ""]:
+        return ~state.done & (state.steps < most_steps) & (state.lost < MOST_LOST)
+
+    state = lax.while_loop(goes_on, step, state)
     inverse = jnp.linalg.inv(state.here.information)
     scale, slope = state.here.scale, state.here.slope
     covariance = inverse * scale[:, None] * scale[None, :]
     left = slope @ inverse @ slope
-    return state.y, covariance, state.done | (left < KINK**2)
+    y = jnp.where(state.done, state.tried, state.y)
+    ended = state.done | (state.lost >= MOST_LOST)
+    return y, covariance, ended | (left < KINK**2)
 
 
 def _slope(misfit: Misfit, y, case: Case):

@@ -1,4 +1,4 @@
-r"""What a resonant sensor, and a high-pass, make of a pulse.
+r"""What a resonant sensor makes of a pulse.
 
 A sensor that is a damped oscillator, $\ddot y + 2\zeta\omega\dot y + \omega^2 y =
 \omega^2 p$, has a pair of poles $\lambda = -\zeta\omega \pm i\Omega$, and
@@ -6,14 +6,19 @@ A sensor that is a damped oscillator, $\ddot y + 2\zeta\omega\dot y + \omega^2 y
 $$y = \mathrm{Re}\,(c\,z), \quad \dot y = \mathrm{Re}\,(c \lambda z), \quad
   z(t) = \int_0^t p(u)\,e^{\lambda(t-u)}\,\mathrm{d}u, \quad c = -i\,\omega^2/\Omega$$
 
-In each piece of the pulse $z$ is a particular solution of $\dot z = \lambda z + p$ and
-a multiple of $e^{\lambda t}$ that joins it to the piece before; the rise, which may be
-much shorter than a period, is a power series in $\lambda\tau$ there. Means over bins
-need no further integral: that of the oscillator's equation is
-$\bar y = \bar p - [\dot y]/(\omega^2 \Delta) - 2\zeta\,[y]/(\omega \Delta)$.
+Means over bins need no further integral: that of the oscillator's equation is
+$\bar y = \bar p - [\dot y]/(\omega^2 \Delta) - 2\zeta\,[y]/(\omega \Delta) =
+\bar p - [\mathrm{Re}\,(C z)]/\Delta$, with $C = c\,(\lambda/\omega^2 + 2\zeta/\omega)$.
+
+In each piece of the pulse $z$ is a particular solution of $\dot z = \lambda z + p$, a
+polynomial or one times the pulse's own decay, and a multiple of $e^{\lambda t}$ that
+joins it to the piece before: the ring. Only numbers of a piece are complex; at the
+instants nothing is but the ring. The rise, which may be much shorter than a period, is
+a power series in $\lambda\tau$ there.
 """
 
 import math
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -32,17 +37,44 @@ TERMS = 8
 """Of the series: the first left out is below 2e-15 then."""
 
 
+class Ringing(NamedTuple):
+    r"""What resonance adds to the mean pressure over each bin.
+
+    Attributes:
+        mean: All of it.
+        real: Of that what rings: it oscillates within a bin that is wide.
+        imaginary: The same a quarter of a period on: a filter that multiplies
+            $e^{\lambda t}$ by $F$ makes $\mathrm{Re}\,F$ times the one less
+            $\mathrm{Im}\,F$ times the other of it.
+    """
+
+    mean: Float[Array, " bin"]
+    real: Float[Array, " bin"]
+    imaginary: Float[Array, " bin"]
+
+
+def pole_of(omega: Float[Array, ""], damping: Float[Array, ""]) -> Complex[Array, ""]:
+    r"""Return $\lambda$.
+
+    Args:
+        omega: $\omega$ [1/sample].
+        damping: $\zeta$, below 1.
+    """
+    turned = omega * jnp.sqrt(1.0 - damping * damping)
+    return lax.complex(-damping * omega, turned)
+
+
 def ringing(
     bins: Bins,
     pulse: Pulse,
     omega: Float[Array, ""],
     damping: Float[Array, ""],
-) -> Float[Array, " bin"]:
+) -> Ringing:
     r"""Return what resonance adds to the mean pressure over each bin.
 
     Args:
         bins: Contiguous.
-        pulse: That the sensor feels; times in samples.
+        pulse: That the sensor feels, with nothing held; times in samples.
         omega: $\omega$ [1/sample].
         damping: $\zeta$, below 1.
     """
@@ -62,96 +94,134 @@ def ringing(
         slopes = jax.jacfwd(lambda x: _added(bins, x))(primals[0])
         return added(primals[0]), slopes @ tangents[0]
 
-    return added(jnp.stack(numbers))
+    return Ringing(*added(jnp.stack(numbers)))
 
 
-def _added(bins: Bins, numbers: Float[Array, "9"]) -> Float[Array, " bin"]:
+def _added(bins: Bins, numbers: Float[Array, "9"]) -> Float[Array, "3 bin"]:
     """Return what resonance adds, by the numbers of `ringing`."""
     arrival, peak, rise, duration, decay, suction, length, omega, damping = numbers
     none = jnp.zeros_like(peak)
     pulse = Pulse(arrival, peak, rise, duration, decay, suction, length, none)
-    turned = omega * jnp.sqrt(1.0 - damping * damping)
-    pole = lax.complex(-damping * omega, turned)
     ends = np.append(bins.start, bins.stop[-1]).astype(omega.dtype)
-    z = pole_response(pulse, ends, pole)
-    weight = lax.complex(jnp.zeros_like(omega), -omega * omega / turned)
-    slope = jnp.real(weight * pole * z)
-    value = jnp.real(weight * z)
-    moved = slope / (omega * omega) + 2.0 * damping / omega * value
-    return -(moved[1:] - moved[:-1]) / bins.width.astype(omega.dtype)
+    forced, real, imaginary = response_moments(pulse, ends, omega, damping)
+    moved = jnp.stack([forced + real, real, imaginary])
+    return -(moved[:, 1:] - moved[:, :-1]) / bins.width.astype(omega.dtype)[None, :]
 
 
-def pole_response(
-    pulse: Pulse, time: Float[np.ndarray, " instant"], pole: Complex[Array, ""]
-) -> Complex[Array, " instant"]:
-    r"""Return $z$ at instants: the pulse through a pole with an oscillation.
+def response_moments(
+    pulse: Pulse,
+    time: Float[np.ndarray, " instant"],
+    omega: Float[Array, ""],
+    damping: Float[Array, ""],
+) -> tuple[
+    Float[Array, " instant"], Float[Array, " instant"], Float[Array, " instant"]
+]:
+    r"""Return $\mathrm{Re}\,(C z)$ at instants: what is forced, and the ring $C z$.
 
     Args:
         pulse: With nothing held.
         time: On the clock of its arrival.
-        pole: $\lambda$, its imaginary part not zero.
+        omega: $\omega$.
+        damping: $\zeta$, below 1.
     """
-    since = time - pulse.arrival_time
-    rise, length = pulse.rise_time, pulse.decay_duration
-    fall = pulse.suction_duration
-    x = jnp.clip(since / rise, 0.0, 1.0)
-    s = jnp.clip((since - rise) / length, 0.0, 1.0)
-    q = jnp.clip((since - pulse.duration) / fall, 0.0, 1.0)
-    over = jnp.maximum(since - pulse.duration - fall, 0.0)
-    after = since > pulse.duration + fall
-    x, s, q, over, rise, length, fall, peak, suction, decay = (
-        number.astype(pole.dtype)
+    pole = pole_of(omega, damping)
+    kind = pole.dtype
+    rise, length, fall, end, decay, peak, suction = (
+        number.astype(kind)
         for number in (
-            *(x, s, q, over, rise, length, fall),
-            *(pulse.peak, pulse.suction, pulse.decay),
+            *(pulse.rise_time, pulse.decay_duration, pulse.suction_duration),
+            *(pulse.duration, pulse.decay, pulse.peak, pulse.suction),
         )
     )
-    up = _through_rise(x, pole * rise) * (peak * rise)
-    top = _through_rise(jnp.ones_like(rise), pole * rise) * (peak * rise)
-    down = _through_decay(s, pole * length, decay) * (peak * length)
-    first = _through_decay(jnp.zeros_like(rise), pole * length, decay)
-    last = _through_decay(jnp.ones_like(rise), pole * length, decay)
-    kept = top - first * (peak * length)
-    down = down + kept * jnp.exp(pole * length * s)
-    end = last * (peak * length) + kept * jnp.exp(pole * length)
-    depth = -6.75 * suction * fall
-    low = _through_suction(q, pole * fall) * depth
-    kept = end - _through_suction(jnp.zeros_like(rise), pole * fall) * depth
-    low = low + kept * jnp.exp(pole * fall * q)
-    still = _through_suction(jnp.ones_like(rise), pole * fall) * depth
-    still = (still + kept * jnp.exp(pole * fall)) * jnp.exp(pole * over)
-    behind = jnp.where(since < pulse.duration, down, jnp.where(after, still, low))
-    none = jnp.zeros_like(low)
-    return jnp.where(since < 0, none, jnp.where(since < pulse.rise_time, up, behind))
+    # c times what the moments are of
+    size = -omega * omega / jnp.imag(pole)
+    turned = lax.complex(jnp.zeros_like(size), size)
+    weight = turned * (
+        pole * (1.0 / (omega * omega)).astype(kind)
+        + (2.0 * damping / omega).astype(kind)
+    )
+    # forced: by powers of the share of each piece that has passed
+    up, begun = _rise_terms(pole * rise)
+    up, begun = peak * rise * up, peak * rise * begun
+    down = peak * length * _decay_terms(pole * length, decay)
+    low = -6.75 * suction * fall * _suction_terms(pole * fall)
+    # the ring of each piece, counted from where it begins
+    at_peak = jnp.sum(up) + begun * jnp.exp(pole * rise) - down[0]
+    at_end = jnp.sum(down) * jnp.exp(-decay) + at_peak * jnp.exp(pole * length) - low[0]
+    at_last = jnp.sum(low) + at_end * jnp.exp(pole * fall)
+    up, down, low = (jnp.real(weight * terms) for terms in (up, down, low))
+    rings = [weight * x for x in (begun, at_peak, at_end, at_last)]
+
+    since = time - pulse.arrival_time
+    last = pulse.duration + pulse.suction_duration
+    pieces = (since < pulse.rise_time, since < pulse.duration, since < last)
+
+    def chosen(*of):
+        return jnp.where(
+            pieces[0],
+            of[0],
+            jnp.where(pieces[1], of[1], jnp.where(pieces[2], of[2], of[3])),
+        )
+
+    x = jnp.clip(since / pulse.rise_time, 0.0, 1.0)
+    s = jnp.clip((since - pulse.rise_time) / pulse.decay_duration, 0.0, 1.0)
+    q = jnp.clip((since - pulse.duration) / pulse.suction_duration, 0.0, 1.0)
+    none = jnp.zeros_like(since)
+    falling = (down[0] + down[1] * s) * jnp.exp(-pulse.decay * s)
+    forced = chosen(_polynomial(up, x), falling, _polynomial(low, q), none)
+    starts = (none[0], pulse.rise_time, jnp.real(end), last)
+    elapsed = jnp.maximum(since - chosen(*starts), 0.0)
+    size = jnp.exp(jnp.real(pole) * elapsed)
+    cos = size * jnp.cos(jnp.imag(pole) * elapsed)
+    sin = size * jnp.sin(jnp.imag(pole) * elapsed)
+    a, b = chosen(*map(jnp.real, rings)), chosen(*map(jnp.imag, rings))
+    after = since >= 0
+    return (
+        jnp.where(after, forced, none),
+        jnp.where(after, a * cos - b * sin, none),
+        jnp.where(after, a * sin + b * cos, none),
+    )
 
 
-def _through_rise(x, pole):
-    """Return the integral of the smooth step through a pole, of a rise of length 1."""
+def _polynomial(terms, x):
+    """Return a polynomial, its constant term first."""
+    total = jnp.zeros_like(x)
+    for k in reversed(range(terms.shape[0])):
+        total = total * x + terms[k]
+    return total
+
+
+def _rise_terms(pole):
+    """Return the smooth step through a pole, a rise of length 1, and what rings."""
     small = jnp.abs(pole) < SMALL
     near = jnp.where(small, pole, jnp.zeros_like(pole))
-    series = jnp.zeros_like(x * near)
-    for m in reversed(range(TERMS)):
+    powers = [jnp.ones_like(pole)]
+    for _ in range(TERMS):
+        powers.append(powers[-1] * near)
+    series = [jnp.zeros_like(pole)] * (TERMS + 4)
+    for m in range(TERMS):
         first, second = 6.0 / math.factorial(m + 3), 12.0 / math.factorial(m + 4)
-        series = series * (near * x) + (first - second * x)
-    far = jnp.where(small, jnp.ones_like(pole), pole)
-    inverse = 1.0 / far
-    steps = (x * x * (3.0 - 2.0 * x), 6.0 * x * (1.0 - x), 6.0 - 12.0 * x)
-    held = ((-12.0 * inverse + steps[2]) * inverse + steps[1]) * inverse + steps[0]
-    start = (6.0 - 12.0 * inverse) * inverse**3
-    return jnp.where(small, series * x**3, start * jnp.exp(far * x) - held * inverse)
+        series[m + 3] = series[m + 3] + first * powers[m]
+        series[m + 4] = series[m + 4] - second * powers[m]
+    i = 1.0 / jnp.where(small, jnp.ones_like(pole), pole)
+    start = (6.0 - 12.0 * i) * i**3
+    closed = [-start, (12.0 * i - 6.0) * i * i, (6.0 * i - 3.0) * i, 2.0 * i]
+    closed += [jnp.zeros_like(pole)] * TERMS
+    none = jnp.zeros_like(start)
+    terms = jnp.where(small, jnp.stack(series), jnp.stack(closed))
+    return terms, jnp.where(small, none, start)
 
 
-def _through_decay(s, pole, decay):
-    """Return the particular solution behind the front, of a decay of length 1."""
+def _decay_terms(pole, decay):
+    """Return what is forced behind the front, over its own decay, of length 1."""
     both = 1.0 / (pole + decay)
-    return -(1.0 - s - both) * both * jnp.exp(-decay * s)
+    return jnp.stack([both * both - both, both])
 
 
-def _through_suction(q, pole):
-    """Return the particular solution within the suction, of length and depth 1."""
-    inverse = 1.0 / pole
-    slopes = (q * (1.0 - q) ** 2, (1.0 - q) * (1.0 - 3.0 * q), 6.0 * q - 4.0)
-    total = 6.0 * inverse
-    for slope in reversed(slopes):
-        total = (total + slope) * inverse
-    return -total
+def _suction_terms(pole):
+    """Return what is forced within the suction, of length and depth 1."""
+    i = 1.0 / pole
+    first = ((6.0 * i - 4.0) * i + 1.0) * i
+    return -i * jnp.stack(
+        [first, (6.0 * i - 4.0) * i + 1.0, 3.0 * i - 2.0, jnp.ones_like(i)]
+    )

@@ -4,7 +4,6 @@ from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
-import numpy as np
 from jaxtyping import Array, Float
 
 from jblast.inference.picks.unknowns import Natural, natural_of
@@ -29,31 +28,55 @@ def values_of(
     y: Float[Array, " unknown"],
     covariance: Float[Array, "unknown unknown"],
     widened: Float[Array, ""],
+    rival: Float[Array, " plain"],
+    share: Float[Array, ""],
 ) -> Values:
     r"""Return the values.
 
+    Where another optimum has a share $q$ of the posterior, a distance $\Delta$ off,
+    $q\,\Delta\Delta^T$ is added: the mean square about the better one.
+
     A front that rises within a sample may lie anywhere in it, whatever the instrument
     does between two samples: then $1/12$ of a squared sample is added to the variance
-    of the arrival.
+    of the arrival. What follows the front stays where it is, so with a later one
+    duration, peak, impulse and decay are less.
 
     Args:
         y: The unknowns.
         covariance: Theirs.
         widened: What to multiply it by.
+        rival: Unknowns of another optimum.
+        share: That it has of the posterior.
     """
     natural = natural_of(y)
     slopes = jax.jacfwd(_in_error_units)(jax.lax.stop_gradient(y))
     total = widened * (slopes @ covariance @ slopes.T)
+    here, there = _in_error_units(y), _in_error_units(rival)
+    off = jax.lax.stop_gradient(jnp.where(share > 0, there - here, 0.0))
+    total = total + share * off[:, None] * off[None, :]
     unresolved = jnp.clip((WIDE - natural.rise) / (WIDE - NARROW), 0.0, 1.0)
-    added = np.zeros((8, 8))
-    added[0, 0] = 1.0 / 12.0
-    return Values(natural, total + unresolved * jnp.asarray(added, total.dtype))
+    later = jax.lax.stop_gradient(_of_later_front(natural))
+    added = unresolved / 12.0 * later[:, None] * later[None, :]
+    return Values(natural, total + added)
+
+
+def _of_later_front(n: Natural) -> Float[Array, "8"]:
+    """Return what a front a sample later changes, behind which nothing moves."""
+    one, none = jnp.ones_like(n.peak), jnp.zeros_like(n.peak)
+    behind = n.duration - n.rise
+    peak, decay = -(1.0 + n.decay) / behind, -n.decay / behind
+    impulse = -n.peak / n.impulse
+    order = (one, peak, -1.0 / n.duration, impulse, decay, none, none, none)
+    return jnp.stack(order)
 
 
 def _in_error_units(y: Float[Array, " unknown"]) -> Float[Array, "8"]:
     """Return the values in the unit of their errors."""
     n = natural_of(y)
-    positive = (n.peak, n.duration, n.impulse, n.rise, n.suction, n.suction_duration)
-    peak, duration, impulse, rise, suction, length = (jnp.log(x) for x in positive)
+    sizes = (n.peak, n.duration, n.impulse, n.rise, n.suction, n.suction_duration)
+    # a suction below zero, too: its error is a share of its size
+    peak, duration, impulse, rise, suction, length = (
+        jnp.log(jnp.abs(x)) for x in sizes
+    )
     order = (n.arrival, peak, duration, impulse, n.decay, rise, suction, length)
     return jnp.stack(order)

@@ -14,8 +14,8 @@ from jblast.inference.picks.ready.bins import SINGLE_BEHIND, Bins
 from jblast.inference.picks.ready.case import Case
 from jblast.inference.picks.unknowns import CENTRE, Natural
 
-LOUD = 12.0
-"""Power of an oscillation [of white noise], which noise has once in 1,700 records."""
+LOUD = 9.5
+"""Power of an oscillation [of white noise], which noise has once in 140 records."""
 
 SHARP = 8.0
 """Standard deviations of a step."""
@@ -68,7 +68,6 @@ def signs_in(
     count = jnp.sum((apart != 0).astype(apart.dtype))
     ratio = jnp.sum(apart * apart) / jnp.maximum(count - CENTRE.size, 1.0)
     odd = ratio > 1.0 + ODD * jnp.sqrt(2.0 / jnp.maximum(count, 1.0))
-    # a slow front makes a sensor ring little, and delays it all the same
     rings = (power > LOUD) | odd
     start = [jnp.log(omega), np.log(0.05), jnp.log(lag), jnp.log(height), 0.0]
     start.append(np.log(CORNER) - jnp.log(natural.duration))

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import jax.numpy as jnp
 import numpy as np
 from jax import lax
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Array, ArrayLike, Bool, Float, Int
 
 from jblast.inference.picks.ready.bins import Bins, bins_within, means_in_bins
 from jblast.inference.picks.ready.front import Front, first_front
@@ -19,6 +19,11 @@ phase of the priors."""
 
 LEAST_REACH = 48
 """And at least as many samples."""
+
+
+SHORTER = 0.5
+"""A drift may pass for a suction, and a pulse and its suction for a longer pulse: a
+second search begins from one of this share of the duration at most."""
 
 
 class Case(NamedTuple):
@@ -37,6 +42,7 @@ class Case(NamedTuple):
         follows: 1 where a further front does, else 0.
         passed: 1 where an untold high-pass is looked for, else 0.
         high_pass: Corner of a high-pass [1/sample]; None: there is none.
+        hold: How much more firmly than believed ln duration stands at its centre.
     """
 
     white: Float[Array, " bin"]
@@ -51,6 +57,7 @@ class Case(NamedTuple):
     follows: Float[Array, ""]
     passed: Float[Array, ""]
     high_pass: Float[Array, ""] | None
+    hold: Float[Array, ""]
 
 
 class Prepared(NamedTuple):
@@ -59,6 +66,7 @@ class Prepared(NamedTuple):
     Attributes:
         case: For the fit.
         start: Unknowns to begin with.
+        shorter: Those of a pulse shorter by `SHORTER` or more.
         front: As seen at first.
         offset: What was taken off the samples.
         scale: And what they were then divided by.
@@ -67,6 +75,7 @@ class Prepared(NamedTuple):
 
     case: Case
     start: Float[Array, " unknown"]
+    shorter: Float[Array, " unknown"]
     front: Front
     offset: Float[Array, ""]
     scale: Float[Array, ""]
@@ -80,6 +89,7 @@ def prepared(
     clipped: Float[Array, " sample"],
     count: Int[Array, ""],
     high_pass: Float[Array, ""] | None,
+    longest: Float[ArrayLike, ""] = np.inf,
 ) -> Prepared:
     """Make a record ready.
 
@@ -90,6 +100,7 @@ def prepared(
         clipped: +1 where a sample is a lower bound, -1 an upper one, else 0.
         count: How many samples are the record's: the last of those repeats behind it.
         high_pass: Corner of a first-order high-pass [1/sample].
+        longest: Duration of the longest pulse to begin with [samples].
     """
     front = first_front(lax.stop_gradient(samples - samples[0]))
     offset = _mean_of_first(samples, jnp.maximum(front.sample - 2, 1))
@@ -98,7 +109,8 @@ def prepared(
     scale = jnp.where(scale > 0, scale, 1.0)
     share = moved / scale
     means = means_in_bins(bins, share, front.sample)
-    start, duration = start_of(bank, lax.stop_gradient(means))
+    start, duration = start_of(bank, lax.stop_gradient(means), longest)
+    shorter, _ = start_of(bank, lax.stop_gradient(means), SHORTER * duration)
     toe = 3.0 + 1.5 * jnp.exp(start[4]) + 0.02 * duration
     kept = jnp.maximum(front.sample - toe.astype(front.sample.dtype), front.sample // 2)
     noise = noise_before(share, kept)
@@ -125,9 +137,10 @@ def prepared(
         follows=jnp.zeros_like(scale),
         passed=jnp.zeros_like(scale),
         high_pass=high_pass,
+        hold=jnp.zeros_like(scale),
     )
     held = jnp.max(jnp.abs(share * clipped))
-    return Prepared(case, start, front, offset, scale, held)
+    return Prepared(case, start, shorter, front, offset, scale, held)
 
 
 def _mean_of_first(samples, count):

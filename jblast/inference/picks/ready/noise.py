@@ -93,21 +93,33 @@ def whitened(noise: Noise, samples: Float[Array, " sample"]) -> Float[Array, " s
 
 
 def whitened_means(
-    noise: Noise, bins: Bins, means: Float[Array, " bin"]
+    noise: Noise,
+    bins: Bins,
+    means: Float[Array, " bin"],
+    rings: Float[Array, " bin"] | float = 0.0,
+    passed: Float[Array, " bin"] | float = 0.0,
 ) -> Float[Array, " bin"]:
     r"""Return means over bins through the taps.
 
     Exact where samples are bins of their own. In wider ones a smooth signal passes as
     $\sum_k f_k\,m(t - k) = G\,m - D\,m'$, with $G = \sum f_k$ and $D = \sum k f_k$.
+
+    Args:
+        noise: The taps.
+        bins: Where the means are.
+        means: All that is in them.
+        rings: What of it is not smooth.
+        passed: And that through the taps.
     """
     lags = np.arange(ORDER + 1).astype(means.dtype)
     gain, lag = jnp.sum(noise.taps), jnp.sum(noise.taps * lags)
     middle = bins.middle.astype(means.dtype)
-    padded = jnp.concatenate([means[:1], means, means[-1:]])
+    smooth = means - rings
+    padded = jnp.concatenate([smooth[:1], smooth, smooth[-1:]])
     distance = np.diff(middle)
     about = np.concatenate([[distance[0]], distance, [distance[-1]]])
     slope = (padded[2:] - padded[:-2]) / (about[1:] + about[:-1]).astype(means.dtype)
-    wide = gain * means - lag * slope
+    wide = gain * smooth - lag * slope + passed
     first, last = bins.single.start + ORDER, bins.single.stop
     fine = noise.taps[0] * means[first:last]
     for k in range(1, ORDER + 1):

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, ArrayLike, Float
 
 from jblast.inference.picks.ready.bins import Bins
 from jblast.inference.picks.unknowns import CENTRE
@@ -74,18 +74,20 @@ def bank_of(bins: Bins, samples: int) -> Bank:
 
 
 def start_of(
-    bank: Bank, means: Float[Array, " bin"]
+    bank: Bank, means: Float[Array, " bin"], longest: Float[ArrayLike, ""] = np.inf
 ) -> tuple[Float[Array, " unknown"], Float[Array, ""]]:
     """Return the unknowns to begin with, and the duration [samples].
 
     Args:
         bank: Pulses.
         means: Of the record over the bins, as shares of its largest sample.
+        longest: Members may be so long [samples]; the shortest may always be.
     """
     kind = means.dtype
     peak = jnp.asarray(bank.filters, kind) @ means
     lowered = jnp.square(jnp.maximum(peak, 0.0)) * jnp.asarray(bank.energy, kind)
-    best = jnp.argmax(lowered)
+    short = jnp.asarray(bank.duration, kind) <= jnp.maximum(longest, SHORTEST)
+    best = jnp.argmax(jnp.where(short, lowered, -1.0))
     duration = jnp.asarray(bank.duration, kind)[best]
     rise = jnp.asarray(bank.rise, kind)[best]
     y = jnp.asarray(CENTRE, kind)
@@ -102,6 +104,6 @@ def _shape(x, duration, decay, rise):
     up = np.clip((x + 0.5) / max(rise, 1e-9) + 0.5, 0.0, 1.0)
     s = middle / duration
     positive = np.where(s < 1.0, (1.0 - s) * np.exp(-decay * np.clip(s, 0.0, 1.0)), 0.0)
-    depth, length = np.exp(CENTRE[5]), np.exp(CENTRE[6])
+    depth, length = CENTRE[5], np.exp(CENTRE[6])
     q = np.clip((s - 1.0) / length, 0.0, 1.0)
     return np.where(s >= 0, up * positive - 6.75 * depth * q * (1.0 - q) ** 2, 0.0)

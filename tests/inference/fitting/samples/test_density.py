@@ -41,7 +41,32 @@ def test_between_its_nodes_it_is_the_density_of_samples():
     read = replace(found.posterior, correction=None)
     exact, of_picks = densities_of_samples(read, samples, jnp.asarray(z))
     spline = [float(found.posterior.log_density(jnp.asarray(one))) for one in z]
-    off = np.asarray(spline) - exact
+    # this density falls by 11 in ln to the lower end and by 5 to the upper: what lies
+    # lower by more than 8 holds less than a thousandth of the mass, whatever is read
+    counts = exact > exact.max() - 8.0
+    assert counts.sum() >= 9
+    off = (np.asarray(spline) - exact)[counts]
     # a weight that is off by a tenth at 2.5 sd moves no end by 2 % of a sd
     np.testing.assert_allclose(off, 0.0, atol=0.1)
-    assert np.ptp(of_picks - exact) > 3 * np.ptp(off)
+    assert np.ptp((of_picks - exact)[counts]) > 3 * np.ptp(off)
+
+
+@pytest.mark.slow
+def test_nodes_go_as_far_as_the_density_does():
+    # a second mode 4.5 sd off, as high as the first: fronts within a sample. Nodes that
+    # ended at 4 sd had it 3.4 in ln too low at 5, and an end of 90 % off by 0.31 sd
+    rng = np.random.default_rng(20)
+    recorder = Recorder(snr=10.0)
+    recorded(rng, readings(rng, scatter=False), recorder)  # the log before it
+    picks = pick_records(recorded(rng, readings(rng, scatter=False), recorder))
+    log = log_of_picks(picks)
+    samples = sampled_records(log, [(one.record.name, one) for one in picks])
+    found = solve(log, uncertain_scene(scatter=False), records=samples)
+    sd = float(np.sqrt(found.laplace.covariance[0, 0]))
+    z = found.laplace.z + sd * np.array([-5.0, -4.0, 0.0])[:, None]
+    read = replace(found.posterior, correction=None)
+    exact, _ = densities_of_samples(read, samples, jnp.asarray(z))
+    spline = np.array([found.posterior.log_density(jnp.asarray(one)) for one in z])
+    assert np.ptp(exact) < 2.0
+    # known to 0.16 in ln by its own account; at its edge less so
+    np.testing.assert_allclose(spline - spline[2], exact - exact[2], atol=1.0)

@@ -12,14 +12,14 @@ IN_PASCALS = ("peak_overpressure_pa", "positive_impulse_pa_s", "negative_pressur
 """What samples that nobody scaled do not tell."""
 
 
-class Told(NamedTuple):
+class PickEstimate(NamedTuple):
     """A value and its standard deviation, in its unit."""
 
     value: float
     sd: float
 
 
-def told(one: RecordPick, name: str) -> Told | None:
+def pick_estimate(one: RecordPick, name: str) -> PickEstimate | None:
     """Return a value of a pick; None where samples are no pascals and it is in them.
 
     None, too, where only the onset is told.
@@ -33,4 +33,6 @@ def told(one: RecordPick, name: str) -> Told | None:
     value, spread = float(getattr(one.pick, name)), one.pick.spread[NAMES.index(name)]
     if np.isnan(value):
         return None
-    return Told(value, float(spread) * (1.0 if name in ADDITIVE else abs(value)))
+    return PickEstimate(
+        value, float(spread) * (1.0 if name in ADDITIVE else abs(value))
+    )

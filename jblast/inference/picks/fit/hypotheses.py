@@ -1,0 +1,173 @@
+"""What a record holds besides one pulse."""
+
+from functools import partial
+from typing import NamedTuple
+
+import jax.numpy as jnp
+from jax import lax
+from jaxtyping import Array, Float
+
+from jblast.inference.picks.fit.model import misfit
+from jblast.inference.picks.fit.one_pulse import LEAST_SHARE, cost_of, either
+from jblast.inference.picks.fit.optimum import Optimum, optimum_of
+from jblast.inference.picks.fit.signs import FREQUENCIES, NEAREST, ODD, signs_in
+from jblast.inference.picks.fit.trials import (
+    OMEGA,
+    Hidden,
+    best_ring,
+    hidden_ring,
+)
+from jblast.inference.picks.ready.bins import Bins
+from jblast.inference.picks.ready.case import Case
+from jblast.inference.picks.unknowns import CENTRE, FURTHER_CENTRE, natural_of
+
+LAG = CENTRE.size + 2
+"""Place of ln lag among the unknowns."""
+
+BETTER = 15.0
+"""A further front or a high-pass is there if it raises ln posterior by as much."""
+
+RING = 7.0
+"""And a ring: ln of the odds against one, 3, and of what is lost by frequency and
+damping being looked for, about 6. Sensors ring more often than pulses are followed."""
+
+HIDES = 1.0
+"""Gain in ln posterior from which on a slow front may hide a ring: noise has it once in
+4 records."""
+
+RESOLVED = 0.8
+"""A rise of so many samples can be seen to be bent."""
+
+HIGHEST = 1.05 * FREQUENCIES[-1]
+"""A ring above it [rad/sample] is a rise of another form."""
+
+FURTHER_STEPS = 60
+"""Most of a search for a ring or a further front: from a good start a dozen are
+enough."""
+
+
+class Shown(NamedTuple):
+    """What a record holds besides one pulse.
+
+    Attributes:
+        best: Its optimum.
+        case: The record, with what is in it.
+        rival: Unknowns of the pulse with a ring, if there is none, else without.
+        share: What these have of the posterior.
+    """
+
+    best: Optimum
+    case: Case
+    rival: Float[Array, " plain"]
+    share: Float[Array, ""]
+
+
+def with_what_shows(
+    bins: Bins, one: Optimum, start: Float[Array, " unknown"], case: Case
+) -> Shown:
+    """Return the optimum with a ring, a further front or a high-pass if one shows.
+
+    Each is tried where there is a sign of it, and of those that raise ln posterior by
+    `RING`, or `BETTER`, the best is taken.
+
+    Args:
+        bins: Where the record is looked at.
+        one: Optimum of one pulse.
+        start: Where its search began.
+        case: The record.
+    """
+    apart = misfit(bins, one.y, case)
+    signs = lax.stop_gradient(
+        signs_in(bins, apart[: bins.first.size], case, natural_of(one.y))
+    )
+    none = jnp.zeros_like(signs.rings)
+    plain = case._replace(centre=jnp.concatenate([case.centre, signs.start]))
+    unmoved = Optimum(
+        jnp.concatenate([one.y, signs.start]),
+        _with_block(one.covariance),
+        one.converged,
+    )
+
+    # a slow front makes a sensor ring little, and delays it all the same
+    slow = (natural_of(one.y).rise > RESOLVED) & (signs.rings == 0)
+    hidden = lax.cond(
+        slow,
+        lambda: hidden_ring(
+            partial(misfit, bins), one, unmoved.y, plain._replace(rings=1.0 + none)
+        ),
+        lambda: Hidden(-jnp.inf + none, unmoved.y),
+    )
+    bent = jnp.where(hidden.gain > HIDES, 1.0, signs.rings)
+
+    # with one that explains all there is, no other is asked for
+    many = jnp.sum(case.weight > 0).astype(one.y.dtype)
+    enough = 0.5 * many * (1.0 + ODD * jnp.sqrt(2.0 / jnp.maximum(many, 1.0)))
+
+    def explains_more(case):
+        return case.rings + case.follows + case.passed > 0
+
+    def tried(carried, hypothesis):
+        best, ring = carried
+        asked, start, price = hypothesis
+        more = plain._replace(rings=asked[0], follows=asked[1], passed=asked[2])
+        shown = (jnp.sum(asked) > 0) & ~(explains_more(best[2]) & (best[0] < enough))
+
+        def anew():
+            of = partial(misfit, bins)
+            begin = lax.cond(
+                asked[0] * signs.rings > 0,
+                lambda: best_ring(of, start, more),
+                lambda: start,
+            )
+            # a ring is believed to be where it is seen, or was tried with best success
+            seen = more._replace(centre=more.centre.at[OMEGA].set(begin[OMEGA]))
+            found = optimum_of(of, begin, seen, most_steps=FURTHER_STEPS)
+            cost = cost_of(misfit(bins, lax.stop_gradient(found.y), seen))
+            return found, cost + price, seen
+
+        found, cost, more = lax.cond(
+            shown, anew, lambda: (unmoved, jnp.inf + price, plain)
+        )
+        # a further front within the first one's rise is only a rise of another form
+        apart = jnp.exp(found.y[LAG]) > NEAREST + 2.0 * natural_of(found.y).rise
+        apart |= more.follows == 0
+        heard = (more.rings == 0) | (jnp.exp(found.y[OMEGA]) < HIGHEST)
+        taken = shown & (cost < best[0]) & apart & heard
+        better = either(taken, (cost, found, more), best)
+        rings = (more.rings > 0) & heard & (cost < ring[0])
+        ring = either(rings, (cost, lax.stop_gradient(found.y)), ring)
+        return (better, ring), None
+
+    asked = jnp.stack(
+        [
+            jnp.stack([bent, none, none]),
+            jnp.stack([signs.rings, none, none]),
+            jnp.stack([none, signs.follows, none]),
+            jnp.stack([none, signs.follows, none]),
+            jnp.stack([none, none, signs.passed]),
+        ]
+    )
+    cost = lax.stop_gradient(cost_of(apart))
+    prices = jnp.asarray([RING, RING, BETTER, BETTER, BETTER], cost.dtype)
+    # one pulse through a ring, or of two fronts, goes astray: begin before it did, too
+    afresh = jnp.concatenate([start, signs.start])
+    first = jnp.where(signs.rings > 0, unmoved.y, hidden.start)
+    starts = jnp.stack([first, afresh, afresh, unmoved.y, unmoved.y])
+    begin = (cost, unmoved, plain), (jnp.full_like(cost, jnp.inf), unmoved.y)
+    (best, ring), _ = lax.scan(tried, begin, (asked, starts, prices))
+    _, found, chosen = best
+    # a sensor that may ring, or may not: either may have the right pulse
+    odds = lax.stop_gradient(jnp.abs(ring[0] - cost))
+    share = jnp.where(jnp.isfinite(odds), 1.0 / (1.0 + jnp.exp(odds)), 0.0)
+    share = jnp.where(chosen.follows + chosen.passed > 0, 0.0, share)
+    rival = jnp.where(
+        chosen.rings > 0, lax.stop_gradient(one.y), ring[1][: CENTRE.size]
+    )
+    return Shown(found, chosen, rival, jnp.where(share > LEAST_SHARE, share, 0.0))
+
+
+def _with_block(covariance: Float[Array, "unknown unknown"]):
+    """Return a covariance with further unknowns, of which nothing is known."""
+    n, more = covariance.shape[0], FURTHER_CENTRE.size
+    index = jnp.arange(n, n + more)
+    return jnp.pad(covariance, [(0, more), (0, more)]).at[index, index].set(1.0)

@@ -1,0 +1,256 @@
+"""What is looked for: numbers of a scene, each in a coordinate of its own."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from jblast.errors import InputError, argument, nearest
+from jblast.inference.tuning.tunables import TUNABLES, Tunable
+from jblast.parameter_table import CLOCK_OFFSET
+from jblast.scene import (
+    Ambient,
+    Free,
+    Instrument,
+    Scene,
+    UncertainScene,
+    freed,
+    parameter_named,
+    value_of,
+)
+from jblast.scene.parameters import names_in, with_values
+from jblast.scene.priors import Belief
+
+TIME_STEP = 1e-3
+"""A large change of a time [s]: sound goes a third of a metre."""
+
+
+class Between(eqx.Module):
+    """Nothing is believed of a number but its bounds; flat in a logistic coordinate.
+
+    Attributes:
+        low: It is above this.
+        high: It is below this.
+        in_ln: Whether its logarithm lies between theirs.
+    """
+
+    low: float = eqx.field(static=True)
+    high: float = eqx.field(static=True)
+    in_ln: bool = eqx.field(static=True, default=False)
+
+    def constrain(self, z):
+        """Return the number at a fitted coordinate."""
+        low, high = self._ends()
+        part = low + (high - low) * jax.nn.sigmoid(jnp.asarray(z))
+        return jnp.exp(part) if self.in_ln else part
+
+    def unconstrain(self, value):
+        """Return the fitted coordinate of a number."""
+        low, high = self._ends()
+        part = jnp.log(value) if self.in_ln else jnp.asarray(value)
+        part = jnp.clip((part - low) / (high - low), 1e-3, 1.0 - 1e-3)
+        return jnp.log(part) - jnp.log1p(-part)
+
+    def log_density(self, z):
+        """Return zero: the density is improper."""
+        return jnp.zeros_like(z)
+
+    def _ends(self) -> tuple[float, float]:
+        if self.in_ln:
+            return math.log(self.low), math.log(self.high)
+        return self.low, self.high
+
+
+class Unknown(eqx.Module):
+    """A number that is looked for.
+
+    Attributes:
+        name: As after `--free`.
+        belief: In which coordinate, and what was believed.
+        step: A large change of its coordinate.
+        is_tunable: Whether it is of `TUNABLES`, and not of `PARAMETERS`.
+    """
+
+    name: str = eqx.field(static=True)
+    belief: Belief
+    step: Float[Array, ""]
+    is_tunable: bool = eqx.field(static=True)
+
+    @property
+    def has_prior(self) -> bool:
+        """Whether something was believed of it."""
+        return not isinstance(self.belief, Free | Between)
+
+
+def unknowns_of(
+    uncertain: UncertainScene, names: Sequence[str], kind: str, rate: float | None
+) -> tuple[UncertainScene, tuple[Unknown, ...]]:
+    """Return the scene with what is named freed, and all that is looked for.
+
+    What the scene leaves free or gives a prior is looked for beside what is named.
+
+    Args:
+        uncertain: The scene.
+        names: Of `TUNABLES` or of `PARAMETERS`.
+        kind: Of the record: "sound", "frames" or "events".
+        rate: Samples a second, which bound corners of filters [Hz].
+
+    Raises:
+        InputError: A name is none, stands twice, or such a record cannot tell it.
+    """
+    known = names_known(uncertain.scene, kind)
+    for name in names:
+        if name in TUNABLES and kind not in TUNABLES[name].told_by:
+            needed = " or ".join(TUNABLES[name].told_by)
+            raise InputError(
+                f"{argument('freed')} {name}: expected {needed} to tell it by, got "
+                f"{kind}; {kind} can tell {', '.join(known)}"
+            )
+        if name not in known and not name.startswith(f"{CLOCK_OFFSET}."):
+            raise InputError(
+                f"{argument('freed')} {name}: expected one of {', '.join(known)}; got "
+                f"{name!r}{nearest(name, known)}"
+            )
+        if list(names).count(name) > 1:
+            raise InputError(
+                f"{argument('freed')} {name}: expected each name once, got it twice"
+            )
+    own = [name for name in names if name in TUNABLES]
+    uncertain = freed(uncertain, [name for name in names if name not in TUNABLES])
+    found = [
+        Unknown(name, belief, jnp.asarray(_step(name, belief)), False)
+        for name, belief in _bounded(uncertain.beliefs).items()
+    ]
+    for name in own:
+        belief = _belief(TUNABLES[name], rate)
+        step = TUNABLES[name].step
+        if isinstance(belief, Between):
+            low, high = belief._ends()
+            step *= 4.0 / (high - low)  # slope of the logistic in its middle
+        found.append(Unknown(name, belief, jnp.asarray(step), True))
+    return uncertain, tuple(found)
+
+
+def names_known(scene: Scene, kind: str | None = None) -> tuple[str, ...]:
+    """Return what can be tuned in a scene by a kind of record, or by any.
+
+    A charge at a distance alone is neither heard nor seen from anywhere.
+    """
+    own = [
+        name for name, row in TUNABLES.items() if kind is None or kind in row.told_by
+    ]
+    rest = [name for name in names_in(scene) if not name.startswith("charge_range_m")]
+    return (*own, *rest)
+
+
+def filled(scene: Scene, index: int, names: Sequence[str], loudness: float) -> Scene:
+    """Return a scene that holds a number wherever one is looked for.
+
+    Args:
+        scene: The scene.
+        index: Of the sensor that recorded; -1 where a camera did.
+        names: What is looked for.
+        loudness: Where noise begins that the scene says nothing of [Pa].
+    """
+    if any(name.startswith("ambient_") for name in names) and scene.ambient is None:
+        scene = replace(scene, ambient=Ambient(level=loudness))
+    if index >= 0 and scene.sensors[index].instrument is None:
+        sensor = replace(scene.sensors[index], instrument=Instrument())
+        others = scene.sensors
+        sensors = (*others[:index], sensor, *others[index + 1 :])
+        scene = replace(scene, sensors=sensors)
+    values = {}
+    for name in names:
+        if name not in TUNABLES or name in ("ambient_slope_db_octave",):
+            continue
+        held = tuned_value(scene, index, name)
+        if held is not None and (float(held) > 0.0 or name == "absorption_scale"):
+            continue
+        start = TUNABLES[name].start
+        if name == "low_pass_hz":
+            start = 0.2 * _rate(scene, index)
+        values[name] = loudness if math.isnan(start) else start
+    return with_tuned(scene, index, values)
+
+
+def tuned_value(scene: Scene, index: int, name: str) -> Float[Array, ""] | None:
+    """Return a number of a scene by its name after `--free`."""
+    if name not in TUNABLES:
+        return value_of(scene, name)
+    row = TUNABLES[name]
+    leaf = _leaf(scene, index, row)
+    if leaf is None or not row.attribute.startswith("camera"):
+        return leaf
+    return leaf if row.key.index is None else leaf[row.key.index]
+
+
+def with_tuned(
+    scene: Scene, index: int, values: Mapping[str, Float[Array, ""] | float]
+) -> Scene:
+    """Return a scene with numbers of any of both tables replaced."""
+    own = {name: value for name, value in values.items() if name in TUNABLES}
+    rest = {name: value for name, value in values.items() if name not in own}
+    scene = with_values(scene, rest) if rest else scene
+    for name, value in own.items():
+        row = TUNABLES[name]
+        new = jnp.asarray(value, float)
+        if row.attribute.startswith("camera") and row.key.index is not None:
+            new = _leaf(scene, index, row).at[row.key.index].set(new)
+        scene = eqx.tree_at(
+            lambda s, row=row: _leaf(s, index, row),
+            scene,
+            new,
+            is_leaf=lambda leaf: leaf is None,
+        )
+    return scene
+
+
+def _leaf(scene: Any, index: int, row: Tunable) -> Any:
+    """Return what holds a number; None where the scene has nothing of that kind."""
+    held = scene
+    for part in row.attribute.split("."):
+        if held is None:
+            return None
+        held = held.sensors[index] if part == "sensor" else getattr(held, part)
+    return held
+
+
+def _rate(scene: Scene, index: int) -> float:
+    return (scene.sensors[index].instrument or Instrument()).rate
+
+
+def _belief(row: Tunable, rate: float | None) -> Belief:
+    """Return the coordinate of a tunable: bounded where it is."""
+    low, high = row.above, row.below
+    if row.name in ("high_pass_hz", "low_pass_hz") and rate is not None:
+        low, high = 1e-5 * rate, 0.499 * rate
+    if math.isfinite(high):
+        return Between(low, high, row.in_ln)
+    return Free(positive=row.in_ln)
+
+
+def _bounded(beliefs: Mapping[str, Belief]) -> dict[str, Belief]:
+    """Return beliefs, those of free numbers with two bounds kept between them."""
+    found = dict(beliefs)
+    for name, belief in beliefs.items():
+        bounds = parameter_named(name).bounds
+        ends = bounds.at_least, bounds.at_most
+        if isinstance(belief, Free) and np.isfinite(ends).all():
+            found[name] = Between(*ends)
+    return found
+
+
+def _step(name: str, belief: Belief) -> float:
+    """Return a large change of the coordinate of a number of `PARAMETERS`."""
+    if not isinstance(belief, Free):
+        return 1.0
+    spread = parameter_named(name).spread
+    if spread.of == "factor":
+        return math.log(2.0)
+    return {"unit": spread.amount, "layout": 1.0, "travel": TIME_STEP}[spread.of]

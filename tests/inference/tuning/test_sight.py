@@ -1,0 +1,128 @@
+"""What frames and events tell: the truth that comes back, from afar as well."""
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from jblast.inference.tuning.search.beginnings import best_of_several, places
+from jblast.inference.tuning.search.solve import problem_from
+from jblast.inference.tuning.sight import camera_of, look_of
+from jblast.inference.tuning.tune_sight import paired, tune_events, tune_frames
+from jblast.inference.tuning.unknowns import filled, unknowns_of
+from jblast.report.tune.figure import tune_figure
+from jblast.scene.reader.scene import scene_from_document
+from jblast.sensors.camera.events.exact.fireball import render_events
+from jblast.sensors.camera.files.png import srgb_bytes
+from jblast.sensors.camera.image.compositing import linear_to_srgb, srgb_to_linear
+from jblast.sensors.camera.image.grey_composite import luminance
+from jblast.sensors.camera.rendering.render import render
+
+TRUE = {
+    "charge": {"mass_kg": 15.0, "position_m": [0.0, 0.0, 1.0]},
+    "law": {"fireball_growth_s": 0.004},
+    "camera": {
+        "position_m": [0.0, -40.0, 2.0],
+        "look_at_m": [0.0, 0.0, 3.0],
+        "width": 24,
+        "height": 18,
+        "focal_px": 38.0,
+        "threshold": [0.25, 0.3],
+        "daylight_lux": 5e4,
+    },
+}
+WRONG = TRUE | {
+    "law": {"fireball_growth_s": 0.0022},
+    "camera": TRUE["camera"] | {"threshold": [0.2, 0.2], "daylight_lux": 9e4},
+}
+
+
+class Wavy:
+    """Two valleys, and a pass between them: only the further one is deep."""
+
+    index = -1
+
+    def misfit(self, scene):
+        return jnp.abs(jnp.log(scene.fireball_growth / 0.004)) + 0.0
+
+    def weights(self, scene):
+        return jnp.ones(())
+
+    def residuals(self, scene, weights):
+        del weights
+        x = jnp.log(scene.fireball_growth / 0.004)
+        # downhill from 0.0022 leads away: the slope changes its sign at x = -0.4
+        return (jnp.where(x < -0.4, 2.0 + x, x)[None],)
+
+
+def test_a_search_begins_beyond_what_shuts_it_off():
+    uncertain, unknowns = unknowns_of(
+        scene_from_document(WRONG, "w"), ["fireball_growth_s"], "frames", None
+    )
+    scene = filled(uncertain.scene, -1, ["fireball_growth_s"], 1.0)
+    problem = problem_from(Wavy(), scene, unknowns)
+    nearest = float(np.exp(places(problem)[0][0]))
+    assert nearest == pytest.approx(0.004, rel=0.1)
+    found, error = best_of_several(problem, 0.01)
+    assert error < 1e-2
+    assert np.exp(found.z[0]) == pytest.approx(0.004, rel=1e-2)
+
+
+def within(tuned, name, truth):
+    one = tuned.numbers[name]
+    assert one.value is not None
+    assert one.sd is not None
+    return abs(one.value - truth) < 5.0 * one.sd
+
+
+def true_events():
+    truth = scene_from_document(TRUE, "t").scene
+    camera = camera_of(truth)
+    times = np.linspace(0.0, 0.06, 121)
+    events = render_events(truth, camera, times, appearance=look_of(camera))
+    count = int(events.count)
+    x, y, time, sign = (
+        np.asarray(one)[:count]
+        for one in (events.x, events.y, events.time, events.polarity)
+    )
+    return paired(x, y, np.round(time, 6), sign, 0.0)
+
+
+@pytest.mark.slow
+def test_frames_tell_growth_and_exposure():
+    truth = scene_from_document(TRUE, "t").scene
+    camera, times = camera_of(truth), np.arange(30) * 2e-3
+    frames = np.asarray(render(truth, camera, times, appearance=look_of(camera)))
+    stored = np.stack([srgb_bytes(frame) for frame in frames]) / 255.0
+    light = luminance(srgb_to_linear(stored))
+    values = 255.0 * linear_to_srgb(np.asarray(light))
+    names = ["fireball_growth_s", "camera_daylight_lux"]
+    tuned = tune_frames(scene_from_document(WRONG, "w"), values, times, names)
+    assert tuned.converged
+    assert not tuned.explained.is_poor
+    assert within(tuned, "fireball_growth_s", 0.004)
+    assert within(tuned, "camera_daylight_lux", 5e4)
+    assert (tuned.numbers["fireball_growth_s"].sd or 1.0) < 1e-5
+    assert len(tune_figure(tuned).axes) == 15
+
+
+@pytest.mark.slow
+def test_events_tell_thresholds_and_growth():
+    pairs = true_events()
+    names = ["fireball_growth_s", "camera_threshold_brighter"]
+    names += ["camera_threshold_darker"]
+    camera_as_exposed = WRONG["camera"] | {"daylight_lux": 5e4}
+    wrong = scene_from_document(WRONG | {"camera": camera_as_exposed}, "w")
+    tuned = tune_events(wrong, pairs, names)
+    assert not tuned.explained.is_poor
+    assert within(tuned, "camera_threshold_brighter", 0.25)
+    assert within(tuned, "camera_threshold_darker", 0.3)
+    assert within(tuned, "fireball_growth_s", 0.004)
+    assert len(tune_figure(tuned).axes) == 4
+
+
+@pytest.mark.slow
+def test_events_of_another_exposure_than_is_supposed_are_poorly_explained():
+    pairs = true_events()
+    names = ["camera_threshold_brighter", "camera_threshold_darker"]
+    tuned = tune_events(scene_from_document(WRONG, "w"), pairs, names)
+    assert tuned.explained.is_poor
