@@ -158,7 +158,7 @@ def discover_in(
     begin("which terms")
     _refuse_overflow(record, candidates)
     terms = integrals(record, record.sides, candidates)
-    told = ~repeated_terms(terms)
+    distinct = ~repeated_terms(terms)
     covariances = [
         (to_left @ to_left.T).toarray() * record.noise_sd[state] ** 2
         for state in range(len(states))
@@ -169,15 +169,15 @@ def discover_in(
         terms: Float[np.ndarray, "window term"],
         left: Float[np.ndarray, "window state"],
     ) -> Bool[np.ndarray, "state term"]:
-        kept = np.zeros((len(states), len(told)), bool)
+        kept = np.zeros((len(states), len(distinct)), bool)
         for state, covariance in enumerate(covariances):
-            regression = Regression(terms[:, told], covariance)
-            kept[state, told] = select(regression, left[:, state], threshold)
+            regression = Regression(terms[:, distinct], covariance)
+            kept[state, distinct] = select(regression, left[:, state], threshold)
         return kept
 
     rng = np.random.default_rng(seed)
     through = counted(members, "records with new noise")
-    count = np.zeros((len(states), len(told)), int)
+    count = np.zeros((len(states), len(distinct)), int)
     for member in range(members):
         sides = record.sides_of(record.with_noise(record.smooth, rng))
         found = kept_in(integrals(record, sides, candidates), sides.left)
@@ -212,7 +212,7 @@ def discover_in(
         interval_level(members),
         inclusion,
         record.noise_in_unit,
-        tuple(names[~told].tolist()),
+        tuple(names[~distinct].tolist()),
         record.smooth[0],
         tuple(
             Judgement(float(skill[state]), *sure.odds[state], sure.likest[state])

@@ -127,8 +127,8 @@ def ensemble_uncertainty(
         odds[:, 2] = np.nan
     else:
         likest = [others.names[int(np.argmax(share))] for share in shares]
-    told = [(float(a), float(b), float(c)) for a, b, c in odds]
-    return Sureness(low, high, told, likest)
+    chances = [(float(a), float(b), float(c)) for a, b, c in odds]
+    return Sureness(low, high, chances, likest)
 
 
 def outside_terms(

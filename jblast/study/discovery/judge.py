@@ -111,7 +111,7 @@ def held_out_skill(
         for begin, end in pairwise(starts):
             some = slice(begin, end)
             start, truth = record.smooth[begin], record.states[some]
-            told = flow(
+            recorded = flow(
                 candidates.evaluate,
                 coefficients,
                 start,
@@ -120,7 +120,7 @@ def held_out_skill(
                 spread,
                 held=record.held,
             )
-            for nth, guess in enumerate((told, elsewhere, start)):
+            for nth, guess in enumerate((recorded, elsewhere, start)):
                 missed[nth] += np.sum((truth - guess) ** 2, axis=0)
     missed = np.where(np.isnan(missed), np.inf, missed)
     return 1.0 - missed[0] / np.minimum(missed[1], missed[2])
@@ -153,8 +153,8 @@ def left_over(
         return np.array([size, like_itself, 0.0]), np.zeros(0)
     free = outside - base @ (base.T @ outside)
     norm = np.linalg.norm(free, axis=0)
-    told = norm > 1e-6 * np.linalg.norm(outside, axis=0)
-    unit = np.where(told, free / np.where(told, norm, 1.0), 0.0)
+    outlying = norm > 1e-6 * np.linalg.norm(outside, axis=0)
+    unit = np.where(outlying, free / np.where(outlying, norm, 1.0), 0.0)
     share = (unit.T @ over) ** 2 / square
     vectors, sizes, _ = np.linalg.svd(unit, full_matrices=False)
     vectors = vectors[:, sizes > 1e-6 * sizes[0]] if sizes[0] > 0.0 else vectors[:, :0]

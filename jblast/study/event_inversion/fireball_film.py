@@ -12,6 +12,7 @@ from jblast.scene.pose import look_at
 from jblast.sensors.camera.events.ideal import ideal_events
 from jblast.sensors.camera.events.log_intensity import log_intensity
 from jblast.sensors.camera.image.grey_composite import luminance
+from jblast.sensors.camera.rendering.appearance import Appearance
 from jblast.sensors.camera.rendering.render import render
 from jblast.study.event_inversion.fit_events import event_counts
 
@@ -49,7 +50,10 @@ def log_frames(
     charge = dataclasses.replace(
         Charge(position_m=(0.0, 0.0, 1.5)), mass_kg=mass, time_s=start
     )
-    frames = render(Scene(charge=charge), film_camera(), times, exposures=1)
+    # what the fire does to the ground is left out: the fireball itself is looked for
+    look = Appearance(flash=False)
+    scene, camera = Scene(charge=charge), film_camera()
+    frames = render(scene, camera, times, exposures=1, appearance=look)
     return log_intensity(luminance(frames))
 
 

@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Float
 
 from jblast.errors import InputError
-from jblast.scene import Scene, UncertainScene, VehicleSpec, draw_scene, place_of
+from jblast.scene import Scene, UncertainScene, VehicleSpec, draw_scene, parameter_named
 from jblast.scene.parameters import leaf_of
 
 MOST_VEHICLES = 10_000_000
@@ -78,7 +78,7 @@ def drawn_scenes(uncertain: UncertainScene, vehicles: int, seed: int) -> Scene:
         keys = jax.random.split(key, vehicles)
         scenes = eqx.filter_vmap(lambda key: draw_scene(key, uncertain))(keys)
     for name, values in drawn_values(uncertain, scenes).items():
-        bounds = place_of(name).bounds
+        bounds = parameter_named(name).bounds
         refused = [v for v in values.ravel() if not bounds.allows(float(v))]
         if refused:
             raise InputError(

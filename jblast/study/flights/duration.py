@@ -6,10 +6,12 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array, Float
 
 from jblast.errors import InputError
+from jblast.kept_programs import kept
 from jblast.scene import Scene, VehicleSpec
-from jblast.study.flights.encounter import encounter_at, load_of
+from jblast.study.flights.encounter import FlightLoad, arrival_at, load_of
 from jblast.study.flights.records import Options
 from jblast.vehicle import hold_of, start_of
 
@@ -55,9 +57,7 @@ def flight_seconds(
 
     def arrivals(scene: Scene):
         load = load_of(scene, options.profile)
-        return jax.vmap(lambda place: encounter_at(load, place, turned).arrival_s)(
-            places
-        )
+        return _arrivals(load, places, turned)
 
     batch = scenes.air.wind_east.ndim > 0
     came = np.asarray((eqx.filter_vmap(arrivals) if batch else arrivals)(scenes))
@@ -89,6 +89,13 @@ def flight_seconds(
             f"{options.step_s:g} s, got {seconds:g} s"
         )
     return seconds
+
+
+@kept
+def _arrivals(
+    load: FlightLoad, places: Float[Array, "place 3"], turned: Float[Array, "4"]
+) -> Float[Array, "place blast"]:
+    return jax.vmap(lambda place: arrival_at(load, place, turned))(places)
 
 
 def rows_stored(seconds: float, vehicles: int) -> int:

@@ -1,7 +1,7 @@
 """Where and when the blasts of a scene come to a flight."""
 
-from collections.abc import Sequence
-from typing import NamedTuple
+from collections.abc import Callable, Mapping, Sequence
+from typing import Literal, NamedTuple
 
 import equinox as eqx
 import jax
@@ -10,12 +10,32 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from jblast.scene import Scene
-from jblast.vehicle import BlastLoad, CustomProfile, blast_load, vehicle_of
+from jblast.vehicle import (
+    BlastLoad,
+    CodedLoad,
+    CustomProfile,
+    PrintedLoad,
+    blast_load,
+    coded_load,
+    printed_load,
+    vehicle_of,
+)
+from jblast.vehicle.loads.blast.alike import over_alike
+from jblast.vehicle.loads.blast.passage import Blast
 from jblast.vehicle.loads.impulse_table.table import custom_profile
 from jblast.waves.paths import slant_range
 from jblast.waves.scaling import scaled_distance
 
-FlightLoad = BlastLoad | CustomProfile
+ThesisLoad = PrintedLoad | CodedLoad
+FlightLoad = BlastLoad | CustomProfile | ThesisLoad
+
+LoadLaw = Literal["laws", "thesis-as-printed", "thesis-as-coded"]
+LOADS: Mapping[LoadLaw, Callable[[Scene], FlightLoad]] = {
+    "laws": blast_load,
+    "thesis-as-printed": printed_load,
+    "thesis-as-coded": coded_load,
+}
+"""By what the blasts push: jblast's own laws, or what the thesis makes of it."""
 
 
 class Profile(NamedTuple):
@@ -38,7 +58,7 @@ class Encounter(NamedTuple):
         arrival_s: On the scene's clock; infinite: it never happens.
         distance_m: From the charge to the vehicle then.
         scaled_distance: Sachs's [m/kg^(1/3)]; NaN by a custom profile.
-        overpressure_pa: At its peak, incident; NaN by a custom profile.
+        overpressure_pa: At its peak, incident; NaN by all but jblast's own laws.
         in_range: Whether the load is known there.
     """
 
@@ -49,14 +69,19 @@ class Encounter(NamedTuple):
     in_range: Bool[Array, "*batch blast"]
 
 
-def load_of(scene: Scene, profile: Profile | None) -> FlightLoad:
+def load_of(scene: Scene, profile: Profile | None, by: LoadLaw = "laws") -> FlightLoad:
     """Return the load of a scene's blasts, or of a profile in place of its one charge.
+
+    Args:
+        scene: What is there.
+        profile: In place of the laws; None: by these.
+        by: Which laws.
 
     Raises:
         InputError: As in `vehicle.blast_load` and `vehicle.custom_profile`.
     """
     if profile is None:
-        return blast_load(scene)
+        return LOADS[by](scene)
     charge = scene.charge
     load = custom_profile(
         profile.cases,
@@ -70,38 +95,59 @@ def load_of(scene: Scene, profile: Profile | None) -> FlightLoad:
     )
 
 
+def arrival_at(
+    load: FlightLoad, position_m: Float[Array, "3"], quaternion: Float[Array, "4"]
+) -> Float[Array, " blast"]:
+    """Return when the blasts come to a place [s]; infinite: never."""
+    if isinstance(load, CustomProfile):
+        return (load.time_s + load.impulse_at(position_m, quaternion)[2])[None]
+    return load.arrival_time_s(position_m)
+
+
 def encounter_at(
     load: FlightLoad, position_m: Float[Array, "3"], quaternion: Float[Array, "4"]
 ) -> Encounter:
     """Return how the blasts come to a place."""
     if isinstance(load, CustomProfile):
-        delay = load.impulse_at(position_m, quaternion)[2]
         never = jnp.isposinf(load.time_s)
         distance = slant_range(load.charge_m, position_m)
         unknown = jnp.full((1,), jnp.nan)
         return Encounter(
-            (load.time_s + delay)[None],
+            arrival_at(load, position_m, quaternion),
             distance[None],
             unknown,
             unknown,
             (load.in_range(position_m, quaternion) | never)[None],
         )
-    distances = jnp.stack(
-        [slant_range(blast.position_m, position_m) for blast in load.blasts]
-    )
-    # a vehicle on the charge itself has a scaled distance too
-    scaled = [
-        scaled_distance(jnp.maximum(distance, 1e-9), blast.mass_kg, load.pressure_pa)
-        for distance, blast in zip(distances, load.blasts, strict=True)
-    ]
-    peaks = [load.wave(n, position_m).peak for n in range(len(load.blasts))]
+
+    if isinstance(load, ThesisLoad):
+        blasts = load.blasts
+        distance = blasts.distance_m(position_m)
+        unknown = jnp.full_like(distance, jnp.nan)
+        return Encounter(
+            arrival_at(load, position_m, quaternion),
+            distance,
+            scaled_distance(distance, blasts.mass_kg),
+            unknown,
+            distance > 0,
+        )
+
+    def met(blast: Blast) -> tuple[Array, ...]:
+        distance = slant_range(blast.position_m, position_m)
+        # a vehicle on the charge itself has a scaled distance too
+        positive = jnp.maximum(distance, 1e-9)
+        scaled = scaled_distance(positive, blast.mass_kg, load.pressure_pa)
+        return distance, scaled, load.wave_of(blast, position_m).peak, blast.never
+
+    found = zip(*over_alike(met, load.blasts), strict=True)
+    distances, scaled, peaks, never = map(jnp.stack, found)
     return Encounter(
-        load.arrival_time_s(position_m),
+        arrival_at(load, position_m, quaternion),
         distances,
-        jnp.stack(scaled),
-        jnp.stack(peaks) * load.pressure_pa,
+        scaled,
+        peaks * load.pressure_pa,
         # of one that never happens it is known that there is none
-        load.in_range(position_m) | jnp.stack([b.never for b in load.blasts]),
+        load.in_range(position_m) | never,
     )
 
 

@@ -1,16 +1,18 @@
 """What blasts do to a vehicle beside moving it: pressure, acceleration, fire."""
 
+from dataclasses import replace
 from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
-from jblast.scene import Scene
+from jblast.scene import Charge, Scene
 from jblast.sensors.camera.rendering.fireball_image import cloud
 from jblast.study.flights.encounter import Encounter, FlightLoad
-from jblast.vehicle import BlastLoad, State, Vehicle
+from jblast.vehicle import CustomProfile, State, Vehicle
+from jblast.vehicle.loads.blast.alike import over_alike
 from jblast.waves.fireball import fireball_duration
 
 WINDOW_S = 5e-5
@@ -82,13 +84,16 @@ def _in_fire(
     position_m: Float[Array, "time 3"],
 ) -> Float[Array, ""]:
     """Return how long a vehicle is within the fireball of any charge [s]."""
-    if not isinstance(load, BlastLoad):
+    if isinstance(load, CustomProfile):
         return jnp.full((), jnp.nan)
-    inside = jnp.zeros(time_s.shape, bool)
-    for charge in scene.charges:
+
+    def burns_about(charge: Charge) -> Bool[Array, " time"]:
         ball = jax.vmap(cloud, (None, None, 0))(scene, charge, time_s)
         away = jnp.sum(jnp.square(position_m - ball.centre), axis=-1)
         since = charge.since(time_s)
         life = fireball_duration(charge.tnt_mass("fireball_radius_m"))
-        inside |= (since > 0) & (since < life) & (away < jnp.square(ball.radius))
+        return (since > 0) & (since < life) & (away < jnp.square(ball.radius))
+
+    unnamed = [replace(charge, name="") for charge in scene.charges]
+    inside = jnp.stack(over_alike(burns_about, unnamed)).any(axis=0)
     return jnp.sum(jnp.where(inside[:-1], jnp.diff(time_s), 0.0))

@@ -6,6 +6,8 @@ wind leaves an offset for ever, and no recovery.
 """
 
 import math
+from dataclasses import replace
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -19,7 +21,7 @@ from jblast.scene import Scene, UncertainScene, VehicleSpec
 from jblast.study.flights.bursts import with_bursts_at_start
 from jblast.study.flights.draws import checked_scene, drawn_scenes, drawn_values
 from jblast.study.flights.duration import BATCH_ROWS, flight_seconds, rows_stored
-from jblast.study.flights.encounter import FlightLoad, Profile, encounter_of, load_of
+from jblast.study.flights.encounter import FlightLoad, encounter_of, load_of
 from jblast.study.flights.exposure import exposed
 from jblast.study.flights.records import Flights, Flown, Options
 from jblast.vehicle import (
@@ -93,7 +95,9 @@ def fly(
         lanes = np.minimum(np.arange(n * size, (n + 1) * size), vehicles - 1)
         some = scenes if vehicles == 1 else _lanes(scenes, lanes)
         for nth, name in enumerate(names, start=1):
-            flown[name].append(_flown(some, vehicle, name, seconds, vehicles, options))
+            flown[name].append(
+                flown_by(some, vehicle, name, seconds, vehicles, options)
+            )
             here = min(size, vehicles - n * size)
             through(n * size + nth / len(names) * here)
     charges = scenes.charges
@@ -112,7 +116,7 @@ def fly(
     )
 
 
-def _flown(
+def flown_by(
     scenes: Scene,
     spec: VehicleSpec,
     hold: str,
@@ -120,11 +124,20 @@ def _flown(
     vehicles: int,
     options: Options,
 ) -> Flown:
-    """Fly some vehicles with one hold."""
+    """Fly some vehicles with one hold.
+
+    Args:
+        scenes: One, or several with a leading axis in every array.
+        spec: The vehicle.
+        hold: A name of `HOLDS`.
+        seconds: How long each flight is.
+        vehicles: How many are flown in all: of one alone every row is kept.
+        options: How to fly.
+    """
     single = vehicles == 1
     control = hold_of(spec, integral=HOLDS[hold])
-    start, load = start_of(spec), _load(scenes, options.profile, single)
-    wind = StepGust(_wind(scenes), 0 * scenes.air.wind_east)
+    start, load = start_of(spec), _load(scenes, options, single)
+    wind = StepGust(steady_wind(scenes), 0 * scenes.air.wind_east)
     if not single:
         count = scenes.air.wind_east.shape
         start = jax.tree.map(lambda x: jnp.broadcast_to(x, (*count, *x.shape)), start)
@@ -162,7 +175,7 @@ def _flown(
     last = jnp.sum(times < first[..., None], axis=-1, keepdims=True) - 1
     before = jnp.take_along_axis(error, jnp.maximum(last, 0), axis=-1)[..., 0]
     exposure = (_exposed if single else _exposed_each)(
-        scenes,
+        unwatched(scenes),
         load,
         vehicle_of(spec),
         encounter,
@@ -193,15 +206,25 @@ _exposed_each = eqx.filter_jit(
 )
 
 
-def _load(scenes: Scene, profile: Profile | None, single: bool) -> FlightLoad:
+def _load(scenes: Scene, options: Options, single: bool) -> FlightLoad:
     if single:
-        return load_of(scenes, profile)
-    return eqx.filter_vmap(lambda scene: load_of(scene, profile))(scenes)
+        return load_of(scenes, options.profile, options.load)
+    each = eqx.filter_vmap(lambda one: load_of(one, options.profile, options.load))
+    return each(scenes)
 
 
-def _wind(scenes: Scene) -> Float[Array, "*batch 3"]:
+def steady_wind(scenes: Scene) -> Float[Array, "*batch 3"]:
+    """Return the velocity of a scene's air: east, north, up [m/s]."""
     air = scenes.air
     return jnp.stack([air.wind_east, air.wind_north, 0 * air.wind_east], axis=-1)
+
+
+def unwatched(scenes: Scene) -> Scene:
+    """Leave out who looks on: one program whoever it is and what charges are called."""
+    first, *others = (replace(charge, name="") for charge in scenes.charges)
+    nobody: dict[str, Any] = {"sensors": (), "camera": None, "clocks": ()}
+    nobody |= {"vehicle": None, "ambient": None, "law": ()}
+    return replace(scenes, charge=first, others=tuple(others), **nobody)
 
 
 def _lanes(scenes: Scene, lanes: np.ndarray) -> Scene:

@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from jblast.scene import VehicleSpec
-from jblast.study.flights.encounter import Encounter, Profile
+from jblast.study.flights.encounter import Encounter, LoadLaw, Profile
 from jblast.study.flights.exposure import Exposure
 from jblast.vehicle import STEP_S, FlightMetrics, Trajectory
 
@@ -24,6 +24,7 @@ class Options:
         backend: As `vehicle.simulate` takes it.
         tolerance_m: Of the path error, within which a vehicle has recovered.
         profile: In place of the laws' load.
+        load: By which laws blasts push; "laws" are jblast's own.
     """
 
     seconds: float | None = None
@@ -32,6 +33,7 @@ class Options:
     backend: str = "auto"
     tolerance_m: float = TOLERANCE_M
     profile: Profile | None = None
+    load: LoadLaw = "laws"
 
 
 @dataclass(frozen=True)

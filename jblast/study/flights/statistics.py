@@ -114,7 +114,7 @@ def warnings_of(flights: Flights) -> list[str]:
 
 def target_of(vehicle: VehicleSpec) -> Float[np.ndarray, "3"]:
     """Return the place a vehicle holds: east, north, up [m]."""
-    return np.asarray(vehicle.position if vehicle.target is None else vehicle.target)
+    return np.asarray(vehicle.held)
 
 
 def trajectory_of(flights: Flights, name: str) -> Trajectory:

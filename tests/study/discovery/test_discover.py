@@ -133,6 +133,7 @@ def test_the_drag_of_a_vehicle_is_found(drag):
     assert again.reproduced == (True, True)
 
 
+@pytest.mark.slow
 def test_the_lag_of_a_motor_is_found():
     case = motor_case()
     found, again = found_in_case(case, 0.01)

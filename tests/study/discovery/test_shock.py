@@ -29,6 +29,7 @@ def test_a_strong_shock_slows_down_as_sedov_says():
     assert factor == pytest.approx(case.truth["R"]["R^-1.5"], rel=1e-3)
 
 
+@pytest.mark.slow
 def test_noise_of_one_percent_leaves_the_exponent_within_its_interval_mostly():
     case, held = shock_case(), 0
     for seed in range(8):

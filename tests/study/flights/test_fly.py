@@ -48,6 +48,7 @@ def test_the_blast_comes_when_the_load_says(flights):
         assert flown.encounter.in_range.tolist() == [True]
 
 
+@pytest.mark.slow
 def test_metrics_are_those_of_the_trajectory(flights):
     for flown in flights.holds.values():
         expected = flight_metrics(
@@ -60,6 +61,7 @@ def test_metrics_are_those_of_the_trajectory(flights):
         assert not flown.metrics.crashed
 
 
+@pytest.mark.slow
 def test_the_two_holds_differ(flights):
     deviations = [f.metrics.error_after_m for f in flights.holds.values()]
     assert deviations[0] != deviations[1]
@@ -143,7 +145,7 @@ def test_a_long_flight_has_as_fine_rows_as_a_short_one(monkeypatch):
         sizes.append(scenes.charge.mass_kg.shape[0])
         raise InputError("enough")
 
-    monkeypatch.setattr(fly_module, "_flown", noted)
+    monkeypatch.setattr(fly_module, "flown_by", noted)
     uncertain = scene(beliefs={"charge_mass_kg": LogNormal(1.0, 1.5)})
     for seconds in (6.0, 100.0):
         with pytest.raises(InputError, match="enough"):

@@ -1,0 +1,1 @@
+"""What every study of millions needs: tiles of samples, devices, stores, going on."""

@@ -1,0 +1,126 @@
+"""Tiles shared among the workers of a Dask cluster.
+
+A task is the number of a tile and where the store is: whoever gets it reads the study
+from the store, calculates the tile and writes its chunks itself, each whole or not at
+all. So a task that is done twice, by a worker that was thought dead, writes the same
+bytes again, and one that is lost is done by another. What comes back is a word that it
+is done. All workers see the store under the same path.
+"""
+
+import contextlib
+import itertools
+import os
+from collections.abc import Callable, Iterator
+from typing import Any
+
+from jblast.errors import InputError, needed
+
+EXTRA, WHAT = "cluster", "work is shared among processes"
+RETRIES = 5
+"""Of a task whose worker died."""
+AHEAD = 3
+"""Tasks of a worker that are handed out before their turn."""
+CONNECT_S = 10.0
+
+Task = Callable[[str, int], str]
+"""From the store and the number of a tile to the version that wrote it."""
+
+
+@contextlib.contextmanager
+def client_of(address: str) -> Iterator[Any]:
+    """Give a client of a scheduler.
+
+    Raises:
+        InputError: Dask is not installed, or the scheduler does not answer.
+    """
+    distributed = needed("distributed", EXTRA, address, WHAT)
+    try:
+        client = distributed.Client(address, timeout=CONNECT_S, set_as_default=False)
+    except (OSError, ValueError, TimeoutError) as error:
+        raise InputError(
+            f"scheduler: expected one that answers at {address}, got "
+            f"{' '.join(str(error).split()) or type(error).__name__}"
+        ) from None
+    with client:
+        yield client
+
+
+@contextlib.contextmanager
+def workers_here(count: int) -> Iterator[Any]:
+    """Give a client of so many worker processes on this machine.
+
+    Each has its share of the cores, as many CPU devices of JAX, and one task at a time.
+
+    Raises:
+        InputError: Dask is not installed, or no worker is asked for.
+    """
+    distributed = needed("distributed", EXTRA, f"{count} workers", WHAT)
+    if count < 1:
+        raise InputError(f"workers: expected a whole number from 1, got {count}")
+    cluster = distributed.LocalCluster(
+        n_workers=count,
+        threads_per_worker=1,
+        processes=True,
+        dashboard_address=None,
+        env=environment(max(1, (os.cpu_count() or 1) // count)),
+        silence_logs=50,
+    )
+    with cluster, distributed.Client(cluster, set_as_default=False) as client:
+        yield client
+
+
+def environment(cores: int) -> dict[str, str]:
+    """Return what a worker of a CPU is started with.
+
+    Args:
+        cores: Of the machine that it may use.
+    """
+    return {
+        "JAX_PLATFORMS": os.environ.get("JAX_PLATFORMS", "cpu"),
+        "JAX_NUM_CPU_DEVICES": str(cores),
+        "OMP_NUM_THREADS": "1",
+        "OPENBLAS_NUM_THREADS": "1",
+        "XLA_FLAGS": os.environ.get("XLA_FLAGS", ""),
+    }
+
+
+def shared(
+    client: Any, task: Task, store: str, tiles: list[int], version: str
+) -> Iterator[int]:
+    """Have tiles calculated and written; give each number as it is done.
+
+    Args:
+        client: Of a cluster.
+        task: What a worker does.
+        store: The store's folder, as every worker sees it.
+        tiles: Which tiles.
+        version: What each worker has to be.
+
+    Raises:
+        InputError: There is no worker, or one is of another version.
+    """
+    from distributed import as_completed
+
+    there = client.scheduler_info(n_workers=-1)["workers"]
+    if not there:
+        raise InputError("scheduler: expected at least one worker, got none")
+    left = iter(tiles)
+    most = AHEAD * len(there)
+
+    def begun(tile: int) -> Any:
+        return client.submit(task, store, tile, pure=False, retries=RETRIES)
+
+    futures = {begun(tile): tile for tile in itertools.islice(left, most)}
+    waiting = as_completed(list(futures), loop=client.loop)
+    for future in waiting:
+        found = future.result()
+        if found != version:
+            raise InputError(
+                f"workers: expected jblast {version}, as here, got {found}"
+            )
+        yield futures.pop(future)
+        for tile in left:
+            new = begun(tile)
+            futures[new] = tile
+            waiting.add(new)
+            break

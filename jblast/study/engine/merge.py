@@ -1,0 +1,160 @@
+"""Stores put together: parts of one study, or the same study by other seeds.
+
+Parts of one study share their samples' numbers, so each tile is taken from whoever has
+it. Studies that differ in their seed alone come one after another.
+"""
+
+import os
+import re
+import shutil
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from jblast.errors import InputError
+from jblast.files import replacing
+from jblast.study.engine.store import Store, open_store, places_of
+
+SEED = re.compile(r"^\s*seed\s*=.*$", re.MULTILINE)
+LIKE = ("scene_sha256", "design", "block", "cells", "variants", "jblast", "keep")
+
+
+def merged(
+    stores: Sequence[str | os.PathLike[str]], out: str | os.PathLike[str]
+) -> Store:
+    """Put stores together.
+
+    Args:
+        stores: Their folders.
+        out: Where the whole goes: a new folder, or the first store, which takes in
+            what the others have of its own study.
+
+    Returns:
+        The whole; complete if no sample is missing.
+
+    Raises:
+        InputError: One is no store, or of another study, or the folder is another's.
+        OSError: It cannot be written.
+    """
+    found = [_opened(path) for path in stores]
+    first = found[0]
+    for other in found[1:]:
+        _refuse_other(first, other)
+    seeds = [store.attributes["seed"] for store in found]
+    if len(set(seeds)) == 1:
+        return _parts(found, Path(out))
+    if len(set(seeds)) < len(seeds):
+        raise InputError(
+            f"{stores[0]}: expected all stores of one seed, or each of its own, got "
+            f"seeds {', '.join(map(str, seeds))}"
+        )
+    return _seeds(found, Path(out), seeds)
+
+
+def _opened(path: str | os.PathLike[str]) -> Store:
+    store = open_store(path)
+    if store is None:
+        raise InputError(f"{path}: no such store; expected one that jblast study wrote")
+    return store
+
+
+def _refuse_other(first: Store, other: Store) -> None:
+    """Refuse a store whose samples are not of the same kind."""
+    a, b = first.attributes, other.attributes
+    texts = [SEED.sub("", str(said["study"])) for said in (a, b)]
+    different = [name for name in LIKE if a[name] != b[name]]
+    if texts[0] != texts[1]:
+        different.insert(0, "study")
+    if different or first.tile != other.tile or first.variables != other.variables:
+        raise InputError(
+            f"{other.path}: expected a store of the study of {first.path}, but for the "
+            f"seed; got another {', '.join(different) or 'layout'}"
+        )
+
+
+def _begun(first: Store, out: Path, samples: int, more: dict[str, object]) -> Store:
+    """Begin the whole in a folder of its own.
+
+    Raises:
+        InputError: There is something already.
+    """
+    if open_store(out) is not None:
+        raise InputError(f"{out}: there is a study already; expected a new folder")
+    attributes = first.attributes | {"complete": False, "samples": samples} | more
+    store = Store(out, first.variables, samples, first.tile, attributes)
+    store.create(places_of(first))
+    return store
+
+
+def _parts(found: Sequence[Store], out: Path) -> Store:
+    """Take each tile from whoever has it."""
+    first = found[0]
+    samples = max(store.samples for store in found)
+    ended = [store for store in found if store.attributes["complete"]]
+    if ended:  # by targets, perhaps, after fewer samples than there might be
+        samples = ended[0].samples
+    same = out.resolve() == first.path.resolve()
+    whole = first if same else _begun(first, out, samples, {})
+    have = whole.done()
+    for store in found:
+        for tile in sorted(store.done() - have):
+            if tile < -(-samples // first.tile):
+                _copy(store, tile, whole, tile)
+                have.add(tile)
+    if len(have) >= -(-samples // first.tile) and not whole.attributes["complete"]:
+        whole.finish(samples)
+    return whole
+
+
+def _seeds(found: Sequence[Store], out: Path, seeds: Sequence[int]) -> Store:
+    """Put one study after another; the last alone may end within a tile."""
+    for store in found:
+        if not store.attributes["complete"]:
+            raise InputError(
+                f"{store.path}: expected a complete study, as the seeds differ, got "
+                f"{len(store.done())} of {store.tiles} tiles"
+            )
+    if any(store.path.resolve() == out.resolve() for store in found):
+        raise InputError(
+            f"{out}: expected a new folder, as the seeds differ, got one of the stores"
+        )
+    samples = sum(store.samples for store in found)
+    whole = _begun(found[0], out, samples, {"seeds": list(seeds)})
+    if all(store.samples % store.tile == 0 for store in found[:-1]):
+        at = 0
+        for store in found:
+            for tile in range(store.tiles):
+                _copy(store, tile, whole, at + tile)
+            at += store.tiles
+    else:
+        _rewritten(found, whole)
+    whole.finish(samples)
+    return whole
+
+
+def _rewritten(found: Sequence[Store], whole: Store) -> None:
+    """Cut the rows of stores into tiles anew."""
+    left: dict[str, np.ndarray] = {}
+    tile = 0
+    rows = (store.read_tile(n) for store in found for n in range(store.tiles))
+    for columns in rows:
+        left = {
+            name: np.concatenate([left[name], values]) if left else values
+            for name, values in columns.items()
+        }
+        while len(next(iter(left.values()))) >= whole.tile:
+            now = {name: values[: whole.tile] for name, values in left.items()}
+            whole.write_tile(tile, now)
+            left = {name: values[whole.tile :] for name, values in left.items()}
+            tile += 1
+    if len(next(iter(left.values()))):
+        whole.write_tile(tile, left)
+
+
+def _copy(store: Store, tile: int, whole: Store, onto: int) -> None:
+    """Copy the chunks of a tile."""
+    for variable in store.variables:
+        source = store.chunk_path(variable, tile)
+        with replacing(whole.chunk_path(variable, onto), durable=False) as temporary:
+            shutil.copyfile(source, temporary)

@@ -1,0 +1,252 @@
+"""The store of a study on disk: a Zarr group that can be read before it is complete.
+
+A chunk is a file of plain numbers, written whole or not at all (`jblast.files`). A tile
+is done when every column has its chunk, so nothing else has to be kept about what is
+done, and to write a tile twice changes nothing. The layout is Zarr 3 without
+compression (`zarr_format`); to write it takes no package.
+"""
+
+import json
+import os
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from jblast.errors import InputError, shown
+from jblast.files import write_bytes, write_text
+from jblast.study.engine.variable import Variable
+from jblast.study.engine.zarr_format import (
+    PLACES,
+    array_of,
+    as_json,
+    read_words,
+    sensor_arrays,
+    words_chunk,
+)
+
+SCHEMA = 1
+"""Of the attributes and columns: `jblast_study_schema`."""
+GROUP = "zarr.json"
+WHAT = "the store of a study"
+COORDINATES = ("sensor", PLACES)
+
+
+class Store:
+    """A study's store.
+
+    Attributes:
+        path: Its folder.
+        variables: Its columns.
+        samples: How many rows it has when it is complete.
+        tile: Rows of a chunk.
+        attributes: What it says of itself.
+    """
+
+    def __init__(
+        self,
+        path: str | os.PathLike[str],
+        variables: Sequence[Variable],
+        samples: int,
+        tile: int,
+        attributes: Mapping[str, Any],
+    ) -> None:
+        self.path, self.variables = Path(path), tuple(variables)
+        self.samples, self.tile = samples, tile
+        self.attributes = dict(attributes)
+
+    @property
+    def tiles(self) -> int:
+        """How many tiles it has."""
+        return -(-self.samples // self.tile)
+
+    def create(self, places: Mapping[str, Sequence[float]]) -> None:
+        """Make it, with no sample in it.
+
+        Args:
+            places: East, north, up [m] of the sensors by name.
+
+        Raises:
+            OSError: It cannot be written.
+        """
+        self.path.mkdir(parents=True, exist_ok=True)
+        for variable in self.variables:
+            (self.path / variable.name).mkdir(exist_ok=True)
+        if places:
+            names = "sensor", words_chunk(list(places))
+            where = np.array(list(places.values()), "<f8").tobytes()
+            for name, data in (names, (PLACES, where)):
+                (self.path / name).mkdir(exist_ok=True)
+                chunk = "0" if name == "sensor" else "0.0"
+                write_bytes(self.path / name / chunk, data)
+        self._describe(len(places))
+
+    def _describe(self, sensors: int) -> None:
+        """Write what the arrays are, and last the group: without it there is none."""
+        arrays = {v.name: array_of(v, self.samples, self.tile) for v in self.variables}
+        if sensors:
+            arrays |= sensor_arrays(sensors)
+        for name, array in arrays.items():
+            write_text(self.path / name / GROUP, as_json(array))
+        group = {
+            "zarr_format": 3,
+            "node_type": "group",
+            "attributes": self.attributes,
+            "consolidated_metadata": {
+                "kind": "inline",
+                "must_understand": False,
+                "metadata": arrays,
+            },
+        }
+        write_text(self.path / GROUP, as_json(group))
+
+    def finish(self, samples: int, **more: Any) -> None:
+        """Say that so many samples are all there are, and that they are there."""
+        self.samples = samples
+        self.attributes |= {"complete": True, "samples": samples, **more}
+        self._describe(len(self.sensors()))
+
+    def sensors(self) -> tuple[str, ...]:
+        """Return the names of its sensors."""
+        return next((v.sensors for v in self.variables if v.sensors), ())
+
+    def write_tile(self, tile: int, columns: Mapping[str, np.ndarray]) -> None:
+        """Write the chunks of a tile, each whole or not at all.
+
+        Args:
+            tile: Its number.
+            columns: Values of every column, a row a sample; rows that are missing at
+                the end are filled up.
+
+        Raises:
+            OSError: A chunk cannot be written.
+        """
+        for variable in self.variables:
+            whole = np.full(
+                variable.shape(self.tile), variable.missing, dtype=variable.dtype
+            )
+            given = columns[variable.name]
+            whole[: len(given)] = given
+            path = self.chunk_path(variable, tile)
+            write_bytes(path, whole.tobytes(), durable=False)
+
+    def read_tile(self, tile: int, names: Sequence[str] = ()) -> dict[str, np.ndarray]:
+        """Return the columns of a tile that is done."""
+        found = {}
+        rows = min(self.tile, self.samples - tile * self.tile)
+        for variable in self.variables:
+            if names and variable.name not in names:
+                continue
+            data = self.chunk_path(variable, tile).read_bytes()
+            whole = np.frombuffer(data, variable.dtype)
+            found[variable.name] = whole.reshape(variable.shape(self.tile))[:rows]
+        return found
+
+    def done(self) -> set[int]:
+        """Return the tiles that are there: every column has its whole chunk."""
+        there: set[int] | None = None
+        for variable in self.variables:
+            size = int(np.prod(variable.shape(self.tile))) * variable.dtype.itemsize
+            whole = set()
+            with os.scandir(self.path / variable.name) as entries:
+                for entry in entries:
+                    number = entry.name.partition(".")[0]
+                    if number.isdigit() and entry.stat().st_size == size:
+                        whole.add(int(number))
+            there = whole if there is None else there & whole
+        return {tile for tile in there or () if tile < self.tiles}
+
+    def chunk_path(self, variable: Variable, tile: int) -> Path:
+        """Return the file of a column's part of a tile."""
+        name = f"{tile}.0" if variable.sensors else f"{tile}"
+        return self.path / variable.name / name
+
+    def sweep(self) -> None:
+        """Take away what was being written when somebody was killed."""
+        for part in self.path.glob("**/.*.part"):
+            part.unlink(missing_ok=True)
+
+
+def open_store(path: str | os.PathLike[str]) -> Store | None:
+    """Return the store at a path; None where there is nothing.
+
+    Raises:
+        InputError: There is something else, or the store of a newer jblast.
+    """
+    folder = Path(path)
+    if not folder.exists() or (folder.is_dir() and not any(folder.iterdir())):
+        return None
+    group = folder / GROUP
+    try:
+        said = json.loads(group.read_text())
+        attributes = said["attributes"]
+        schema = attributes["jblast_study_schema"]
+        arrays = said["consolidated_metadata"]["metadata"]
+    except FileNotFoundError:
+        if {entry.name for entry in folder.iterdir()} <= _begun(folder):
+            return None  # killed before it was a store
+        raise InputError(f"{path}: expected {WHAT}, got another folder") from None
+    except (OSError, ValueError, KeyError, TypeError):
+        raise InputError(f"{path}: expected {WHAT}, got something else") from None
+    if schema != SCHEMA:
+        raise InputError(
+            f"{path}: expected schema {SCHEMA}, got {shown(schema)}: a newer jblast "
+            "wrote it"
+        )
+    variables = tuple(
+        _variable(name, array, arrays)
+        for name, array in arrays.items()
+        if name not in COORDINATES
+    )
+    first = arrays[variables[0].name]
+    tile = first["chunk_grid"]["configuration"]["chunk_shape"][0]
+    if "sensor" in arrays:
+        names = read_words((folder / "sensor" / "0").read_bytes())
+        variables = tuple(
+            v._replace(sensors=names) if v.sensors else v for v in variables
+        )
+    return Store(folder, variables, first["shape"][0], tile, attributes)
+
+
+def places_of(store: Store) -> dict[str, tuple[float, ...]]:
+    """Return where the sensors of a store stand, by name."""
+    path = store.path / PLACES / "0.0"
+    if not path.exists():
+        return {}
+    places = np.frombuffer(path.read_bytes(), "<f8").reshape(-1, 3)
+    return dict(zip(store.sensors(), map(tuple, places.tolist()), strict=True))
+
+
+def _begun(folder: Path) -> set[str]:
+    """Return names of what a store has before it is one."""
+    inside = [entry for entry in folder.iterdir() if entry.is_dir()]
+    return (
+        {
+            entry.name
+            for entry in inside
+            if all(
+                p.name in (GROUP, "0", "0.0") or p.suffix == ".part"
+                for p in entry.iterdir()
+            )
+        }
+        | {".lock"}
+        | {p.name for p in folder.glob(".*.part")}
+    )
+
+
+def _variable(name: str, array: dict[str, Any], arrays: dict[str, Any]) -> Variable:
+    said = array["attributes"]
+    sensors = ()
+    if len(array["shape"]) > 1:
+        sensors = tuple(str(n) for n in range(arrays["sensor"]["shape"][0]))
+    kind = "yes_no" if array["data_type"] == "int8" else "number"
+    return Variable(
+        name,
+        said["role"],
+        said["units"],
+        said["long_name"],
+        kind,
+        sensors,
+        tuple(said.get("names", ())),
+    )

@@ -1,0 +1,1 @@
+"""A scene's vehicle on its mission through blasts."""

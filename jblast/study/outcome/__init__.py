@@ -1,0 +1,1 @@
+"""What may be asked of a sample of a study; each outcome is registered once."""

@@ -1,0 +1,211 @@
+r"""Whether each microphone hears the blast in noise, and how soon.
+
+Noise is the scene's ambient sound, the microphone's own, and what wind does to it
+(`sensor.wind_noise`), as it samples them. The detector is the filter matched to the
+very pulse that comes, what the air absorbs included: no filter does better, and the
+house's own, matched to templates, does at best as well. With $S_k$ the transform of
+the $n$ samples of the pulse and $P_k$ the noise's spectrum (of mean square the
+level's), its output is normal about the deflection
+
+$$d = \Big(\sum_k |S_k|^2 / (n P_k)\Big)^{1/2}$$
+
+with standard deviation 1 (Kay 1998, Detection Theory, eqs. 4.16 and 5.14). It tells
+when it is above a threshold $u$ at which noise alone rises through it, at most half a
+time a sample (Rice 1945, eq. 3.3-11, white in the band), as often as is borne with:
+$u = \sqrt{2 \ln(f_s T / 2)}$ for one false alarm in $T$. The latency is when, after the
+arrival, what has come of the whitened pulse suffices for that: as for a filter that
+need not wait for the end. No outcome of a sample that is not heard.
+"""
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from jblast.errors import InputError
+from jblast.scene import Scene, Sensor
+from jblast.scene.parameters import with_values
+from jblast.scene.reader.priors import finite
+from jblast.sensors import even_overpressure, heard, record_laws
+from jblast.sensors.microphone.ambient import share_at_height
+from jblast.sensors.microphone.sound import WIND_SLOPE
+from jblast.sensors.signal.noise import power_spectrum
+from jblast.study.outcome.family import (
+    Answers,
+    Family,
+    Outcome,
+    Prepared,
+    Setting,
+    register,
+    register_family,
+    yes_no,
+)
+from jblast.waves.propagation.absorption_filter import absorption_transfer
+from jblast.waves.propagation.ambient import ambient as ambient_of
+from jblast.waves.propagation.atmosphere import air_density
+
+RATE_HZ, SECONDS, BEFORE_S = 2000.0, 1.0, 0.02
+FALSE_ALARMS_PER_HOUR = 1.0
+BAND = 4096
+"""Places of a band that the mean of a spectrum is taken over."""
+OPTIONS = {
+    "false_alarms_per_hour": "that are borne with (default: 1)",
+    "detector_rate_hz": f"samples a second (default: {RATE_HZ:g})",
+}
+
+
+def prepare(setting: Setting) -> Prepared:
+    """Make detectors ready for a scene.
+
+    Raises:
+        InputError: It has no sensor with a place, or no noise.
+    """
+    scene, source = setting.uncertain.scene, setting.uncertain.source or "scene"
+    for sensor in scene.sensors:
+        if not np.isfinite(np.asarray(sensor.position_m)).all():
+            raise InputError(
+                f"{source}: [[sensor]] {sensor.name!r} position_m: expected [east, "
+                "north, up], where a blast is to be heard, got nothing"
+            )
+        if not _noises(scene, sensor):
+            raise InputError(
+                f"{source}: [[sensor]] {sensor.name!r}: expected noise that a blast is "
+                "to be heard in, as noise_pa, wind_noise or [ambient] level_pa, got "
+                "none"
+            )
+    if not scene.sensors:
+        raise InputError(f"{source}: [[sensor]]: expected a microphone, got none")
+    rate = _positive(setting.options, "detector_rate_hz", RATE_HZ)
+    alarms = _positive(setting.options, "false_alarms_per_hour", FALSE_ALARMS_PER_HOUR)
+    threshold = math.sqrt(2 * math.log(max(1800.0 * rate / alarms, 2.0)))
+    count = 1 << math.ceil(math.log2(rate * SECONDS))
+    laws = record_laws(scene)
+
+    def one(key, numbers) -> Answers:
+        drawn = with_values(scene, numbers)
+        errors = jax.random.normal(key, (len(drawn.sensors),))
+        found = [
+            _heard(drawn, sensor, error, rate, count, threshold, laws)
+            for sensor, error in zip(drawn.sensors, errors, strict=True)
+        ]
+        whole = {name: jnp.stack([f[name] for f in found]) for name in found[0]}
+        return {name: whole[name] for name in setting.names}
+
+    note = (
+        f"heard above {threshold:.3g} standard deviations, by the filter matched to "
+        f"the pulse itself at {rate:g} Hz"
+    )
+    return Prepared(jax.vmap(one), notes=(note,))
+
+
+def _noises(scene: Scene, sensor: Sensor) -> list[tuple[Any, Any]]:
+    """Return level [Pa] and slope [dB/octave] of what a microphone hears as noise."""
+    found, ambient = [], scene.ambient
+    if ambient is not None and not ambient.file:
+        share = share_at_height(ambient, sensor.position_m[2])
+        found.append((ambient.level * share, ambient.slope))
+    instrument = sensor.instrument
+    if instrument is not None and instrument.noise is not None:
+        slope = instrument.noise_slope
+        found.append((instrument.noise, 0.0 if slope is None else slope))
+    if instrument is not None and instrument.wind_noise is not None:
+        air = scene.air
+        density = air_density(*ambient_of(air), air.relative_humidity)
+        speed = jnp.square(air.wind_east) + jnp.square(air.wind_north)
+        found.append((instrument.wind_noise * density * speed, WIND_SLOPE))
+    return found
+
+
+def _heard(
+    scene: Scene, sensor: Sensor, error, rate: float, count: int, threshold: float, laws
+) -> Answers:
+    """Return what one microphone makes of the first wave that comes."""
+    place = sensor.position_m
+    wave = heard(scene, place, laws)[0]
+    start = wave.pulse.arrival_time - BEFORE_S
+    samples = even_overpressure(scene, place, start, rate, count, laws)
+    way = jnp.where(wave.absorbed, scene.air.absorption_scale * wave.distance, 0.0)
+    transfer = absorption_transfer(
+        count, rate, way, *ambient_of(scene.air), scene.air.relative_humidity
+    )
+    native = rate if sensor.instrument is None else sensor.instrument.rate
+    frequency = jnp.linspace(0.0, 0.5 * rate, count // 2 + 1)
+    power = sum(
+        jnp.square(level) * share_of_band(frequency, slope, max(native, rate), rate)
+        for level, slope in _noises(scene, sensor)
+    )
+    spectrum = jnp.fft.rfft(samples) * transfer
+    deflection, energy = whitened(spectrum, power, count)
+    statistic = deflection + error
+    known = jnp.isfinite(deflection) & ~scene.charge.never
+    tells = statistic > threshold
+    enough = jnp.sqrt(energy) + error > threshold
+    first = jnp.argmax(enough) / rate - BEFORE_S
+    return {
+        "detected": yes_no(tells, known),
+        "detection_statistic": jnp.where(known, statistic, jnp.nan),
+        "detection_latency_s": jnp.where(
+            known & tells, jnp.maximum(first, 0.0), jnp.nan
+        ),
+    }
+
+
+def share_of_band(frequency, slope, native: float, rate: float):
+    """Return the spectrum of noise of rms 1, sampled more slowly.
+
+    Its mean over the slower band is the share of the mean square that lies there.
+
+    Args:
+        frequency: In the slower band [Hz].
+        slope: Rise above 20 Hz [dB/octave].
+        native: Samples a second over whose band the rms is 1 [Hz].
+        rate: Samples a second that are looked at [Hz].
+    """
+    band = (np.arange(BAND) + 0.5) * (0.5 * native / BAND)
+    mean = jnp.mean(power_spectrum(band, slope))
+    return power_spectrum(frequency, slope) / mean * (rate / native)
+
+
+def whitened(spectrum, power, count: int):
+    """Return the deflection of a pulse in noise, and its square as it builds up.
+
+    Args:
+        spectrum: Of the pulse's samples, at 0 to half the rate [Pa].
+        power: Mean square of the noise at each frequency, as if it were all like that
+            [Pa2].
+        count: How many samples.
+    """
+    white = jnp.fft.irfft(spectrum / jnp.sqrt(power), count)
+    energy = jnp.cumsum(jnp.square(white))
+    return jnp.sqrt(energy[-1]), energy
+
+
+def _positive(options: Mapping[str, Any], name: str, default: float) -> float:
+    value = finite(options.get(name, default), f"[options] {name}")
+    if value <= 0:
+        raise InputError(f"[options] {name}: expected a positive number, got {value:g}")
+    return value
+
+
+register_family(
+    Family("detection", 4, prepare, block=64, tile=1 << 14, options=OPTIONS)
+)
+for _name, _units, _words, _yes in (
+    ("detected", "1", "whether a microphone hears the blast", True),
+    ("detection_statistic", "1", "output of the matched filter, in its sds", False),
+    ("detection_latency_s", "s", "from the arrival until it is heard", False),
+):
+    register(
+        Outcome(
+            _name,
+            _units,
+            f"{_words}, at each sensor",
+            "detection",
+            kind="yes_no" if _yes else "number",
+            per_sensor=True,
+            needs="[[sensor]] and noise",
+        )
+    )

@@ -1,0 +1,130 @@
+"""Outcomes, in families whose members come from one calculation.
+
+A family prepares itself for a scene once, outside JAX, where it may refuse, and gives a
+function of a batch: pure, so that it is compiled, differentiated and shared among
+devices by whoever calls it. What only runs from Python on whole batches (fits in their
+many tries) takes what that function returns, block by block.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float, Int8, Key
+
+from jblast.scene import UncertainScene
+from jblast.study.engine.variable import NO_ANSWER, Kind
+
+Answers = Mapping[str, Array]
+"""By outcome a value for each sample, or for each sample and sensor."""
+
+Numbers = Mapping[str, Float[Array, " sample"]]
+"""What was drawn, and what axes set, by name of the scene's numbers."""
+
+Batched = Callable[[Key[Array, " sample"], Numbers], Answers]
+"""From the keys of samples and their numbers to answers."""
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What may be asked of a sample.
+
+    Attributes:
+        name: As in the file of a study.
+        units: Of its value; "1" of none.
+        long_name: In words.
+        family: What it is calculated with.
+        kind: A number, or yes and no.
+        per_sensor: Whether every sensor has its own.
+        needs: What the scene must have, in words.
+    """
+
+    name: str
+    units: str
+    long_name: str
+    family: str
+    kind: Kind = "number"
+    per_sensor: bool = False
+    needs: str = ""
+
+
+class Prepared(NamedTuple):
+    """A family, ready for the scenes of a study.
+
+    Attributes:
+        batched: What calculates it.
+        host: What makes answers of what that returns, for a block, from Python; None:
+            they are answers already.
+        notes: What there is to say of how it is calculated.
+    """
+
+    batched: Batched
+    host: Callable[[Mapping[str, np.ndarray]], Mapping[str, np.ndarray]] | None = None
+    notes: tuple[str, ...] = ()
+
+
+class Setting(NamedTuple):
+    """What a family is made ready for.
+
+    Attributes:
+        uncertain: The scene, and what its numbers are drawn from.
+        believed: The same scene with what it says of its numbers itself, free ones
+            among them: what a fit goes by.
+        names: Outcomes that are asked for.
+        options: What else the study says.
+        pilot: Numbers of some samples, of each cell of the axes among them.
+    """
+
+    uncertain: UncertainScene
+    believed: UncertainScene
+    names: tuple[str, ...]
+    options: Mapping[str, Any]
+    pilot: Mapping[str, np.ndarray]
+
+
+Prepare = Callable[[Setting], Prepared]
+"""Raises InputError where the scene lacks what an outcome needs."""
+
+
+@dataclass(frozen=True)
+class Family:
+    """Outcomes that come from one calculation.
+
+    Attributes:
+        name: Of the family.
+        number: Folded into a sample's key for what the family draws; never changed.
+        prepare: Makes it ready for a scene.
+        block: The most samples that should be calculated together, a power of two.
+        tile: The most of a chunk of the store.
+        options: Keys of [options] that it reads, and what each means.
+    """
+
+    name: str
+    number: int
+    prepare: Prepare
+    block: int = 1024
+    tile: int = 1 << 20
+    options: Mapping[str, str] = field(default_factory=dict)
+
+
+FAMILIES: dict[str, Family] = {}
+OUTCOMES: dict[str, Outcome] = {}
+
+
+def register_family(family: Family) -> Family:
+    """Enter a family into the table."""
+    FAMILIES[family.name] = family
+    return family
+
+
+def register(outcome: Outcome) -> Outcome:
+    """Enter an outcome into the table; one of the same name is replaced."""
+    OUTCOMES[outcome.name] = outcome
+    return outcome
+
+
+def yes_no(yes: Bool[Array, "..."], known: Bool[Array, "..."]) -> Int8[Array, "..."]:
+    """Return 1 for yes, 0 for no, and -1 where there is no answer."""
+    return jnp.where(known, yes.astype(jnp.int8), jnp.int8(NO_ANSWER))

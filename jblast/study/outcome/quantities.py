@@ -1,0 +1,195 @@
+"""What each sensor would read without an error of its own: times, pressures, impulses.
+
+Values are those of nature: where the scene's laws scatter about it, they do. The layout
+is every sensor and every quantity asked for, whatever the sensors say that they record.
+"""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from jblast.errors import InputError
+from jblast.quantities import BY_CAMERA, BY_VEHICLE, PLACELESS, TIMED
+from jblast.quantity_table import QUANTITIES
+from jblast.scene import Scene, UncertainScene
+from jblast.scene.parameters import with_values
+from jblast.scene.reader.priors import finite
+from jblast.sensors import Layout, planned_layout, record, resolve_laws
+from jblast.sensors.bursts import settled
+from jblast.sensors.law_choice import law_names
+from jblast.sensors.observe import observe
+from jblast.study.outcome.family import (
+    Answers,
+    Family,
+    Outcome,
+    Prepared,
+    Setting,
+    register,
+    register_family,
+    yes_no,
+)
+
+NOT_AT_SENSORS = {*BY_CAMERA, *BY_VEHICLE, *PLACELESS, *TIMED}
+OWN_SIGMA = 1.0
+"""Stands where a sensor says nothing of a quantity; nothing reads it."""
+
+
+def planned(
+    uncertain: UncertainScene, quantities: tuple[str, ...]
+) -> tuple[Scene, Layout, dict[str, str]]:
+    """Return scene, rows and laws of quantities at every sensor: quantity by quantity.
+
+    Raises:
+        InputError: There is no sensor, one has no place, or a quantity has no law.
+    """
+    scene = uncertain.scene
+    source = uncertain.source or "scene"
+    if not scene.sensors:
+        raise InputError(
+            f"{source}: [[sensor]]: expected at least one, where {quantities[0]} is "
+            "asked for, got none"
+        )
+    for sensor in scene.sensors:
+        if not np.isfinite(np.asarray(sensor.position_m)).all():
+            raise InputError(
+                f"{source}: [[sensor]] {sensor.name!r} position_m: expected [east, "
+                f"north, up], where {quantities[0]} is asked for, got nothing"
+            )
+    records = tuple((quantity, OWN_SIGMA) for quantity in quantities)
+    asked = tuple(replace(sensor, records=records) for sensor in scene.sensors)
+    layout, _, _ = planned_layout(replace(scene, sensors=asked))
+    shots = 1 + max(layout.shot)
+    if shots > 1:
+        raise InputError(
+            f"{source}: [[charge]]: expected one charge, where {quantities[0]} at "
+            f"sensors is asked for, got {len(scene.charges)}"
+        )
+    order = np.arange(len(layout.quantity)).reshape(len(asked), len(quantities)).T
+    layout = layout.only(order.ravel())
+    scene, layout = settled(scene, layout)
+    laws = law_names(resolve_laws(scene, layout))
+    return scene, layout, laws
+
+
+class Limit(NamedTuple):
+    """A value of a quantity above which something happens.
+
+    Attributes:
+        quantity: At a sensor.
+        value: In its unit; None: the study says it, as [options] threshold.
+        words: What happens.
+        source: Where that is from.
+    """
+
+    quantity: str
+    value: float | None
+    words: str
+    source: str
+
+
+PSI_PA = 6894.757
+LIMITS = {
+    "windows_break": Limit(
+        "peak_overpressure_pa",
+        0.15 * PSI_PA,
+        "typical glass fails",
+        "0.15 psi: Clancey (1972), as quoted in Lees, Loss Prevention; from memory",
+    ),
+    "eardrum_ruptures": Limit(
+        "peak_overpressure_pa",
+        5.0 * PSI_PA,
+        "the threshold of eardrum rupture",
+        "5 psi: UFC 3-340-02, section 1-6; from memory",
+    ),
+    "lung_damage": Limit(
+        "peak_overpressure_pa",
+        10.0 * PSI_PA,
+        "the threshold of lung damage in long blasts, the lowest there is",
+        "10 psi: UFC 3-340-02, section 1-6; from memory",
+    ),
+    "above_threshold": Limit(
+        "peak_overpressure_pa", None, "[options] threshold_pa", "the study"
+    ),
+}
+"""Outcomes that a quantity decides: thresholds of harm, not its probability."""
+
+
+def prepare(setting: Setting) -> Prepared:
+    """Make quantities at sensors ready for a scene; see `planned`."""
+    limits = {n: _limit(n, setting.options) for n in setting.names if n in LIMITS}
+    asked = [LIMITS[n].quantity if n in limits else n for n in setting.names]
+    quantities = tuple(dict.fromkeys(asked))
+    like, layout, laws = planned(setting.uncertain, quantities)
+    count = len(like.sensors)
+    exact = jnp.zeros(len(layout.quantity))
+
+    def one(key, numbers) -> Answers:
+        scene = with_values(like, numbers)
+        if scene.scatter:
+            values = observe(key, scene, layout, laws, exact)
+        else:
+            values = record(scene, layout, laws).value
+        rows = {q: values[n * count :][:count] for n, q in enumerate(quantities)}
+        answers = {name: rows[name] for name in setting.names if name in rows}
+        for name, limit in limits.items():
+            value = rows[LIMITS[name].quantity]
+            answers[name] = yes_no(value > limit, ~jnp.isnan(value))
+        return answers
+
+    used = tuple(f"{quantity} by {law}" for quantity, law in laws.items())
+    said = tuple(
+        f"{name}: above {limit:.4g} Pa ({LIMITS[name].source})"
+        for name, limit in limits.items()
+    )
+    return Prepared(jax.vmap(one), notes=used + said)
+
+
+def _limit(name: str, options: Mapping[str, Any]) -> float:
+    """Return above what something happens."""
+    value = LIMITS[name].value
+    if value is not None:
+        return value
+    if "threshold_pa" not in options:
+        raise InputError(
+            f"[options] threshold_pa: expected the pressure that {name} is asked for, "
+            "got nothing"
+        )
+    return finite(options["threshold_pa"], "[options] threshold_pa")
+
+
+register_family(
+    Family(
+        "quantities",
+        1,
+        prepare,
+        options={"threshold_pa": "peak overpressure of above_threshold [Pa]"},
+    )
+)
+for _name, _limit_of in LIMITS.items():
+    register(
+        Outcome(
+            _name,
+            "1",
+            f"whether the peak overpressure is above {_limit_of.words}",
+            "quantities",
+            kind="yes_no",
+            per_sensor=True,
+            needs="[[sensor]]",
+        )
+    )
+for _quantity in QUANTITIES.values():
+    if _quantity.name not in NOT_AT_SENSORS:
+        register(
+            Outcome(
+                _quantity.name,
+                _quantity.unit,
+                f"{_quantity.meaning}, at each sensor",
+                "quantities",
+                per_sensor=True,
+                needs="[[sensor]]",
+            )
+        )

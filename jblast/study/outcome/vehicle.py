@@ -1,0 +1,153 @@
+"""What blasts do to the scene's vehicle: deviation, recovery, survival, exposure.
+
+Each sample is one flight of position hold, with integral action unless the scene says
+otherwise, in the sample's wind, from 0 on the scene's clock until 5 s after the blast
+comes latest. The curve sets of the blasts, and how long flights last, are settled once
+for all samples, by the study's first draws; a sample whose blast comes after the end
+has no answer.
+"""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array
+
+from jblast.scene import Scene, VehicleSpec
+from jblast.scene.parameters import with_values
+from jblast.scene.reader.priors import finite
+from jblast.study.flights.bursts import with_bursts_at_start
+from jblast.study.flights.draws import checked_scene
+from jblast.study.flights.duration import flight_seconds
+from jblast.study.flights.fly import flown_by
+from jblast.study.flights.records import TOLERANCE_M, Flown, Options
+from jblast.study.outcome.family import (
+    Answers,
+    Family,
+    Outcome,
+    Prepared,
+    Setting,
+    register,
+    register_family,
+    yes_no,
+)
+from jblast.vehicle.thresholds import THRESHOLDS
+
+STEP_S = 1e-3
+OPTIONS = {
+    "flight_step_s": f"step of the integrator [s] (default: {STEP_S:g})",
+    "flight_tolerance_m": "path error within which a vehicle has recovered [m] "
+    f"(default: {TOLERANCE_M:g})",
+}
+SEVERAL = 2
+"""Flights that are not one alone: few of their rows are kept."""
+
+
+def prepare(setting: Setting) -> Prepared:
+    """Make flights ready for a scene.
+
+    Raises:
+        InputError: The scene cannot be flown.
+    """
+    uncertain = setting.uncertain
+    options = _options(setting.options)
+    spec = checked_scene(uncertain, 1, False)
+    pilot = {name: jnp.asarray(values) for name, values in setting.pilot.items()}
+    some = _scenes(uncertain.scene, pilot)
+    some, notes = with_bursts_at_start(some, spec)
+    seconds = flight_seconds(some, spec, uncertain.source, options)
+    hold = "without_integral" if spec.integral is False else "with_integral"
+    bursts = [charge.burst for charge in some.charges]
+
+    def batched(keys, numbers) -> Answers:
+        # without numbers all are alike, and each is flown all the same
+        count = {"": jnp.zeros(keys.shape[0])}
+        scenes = _scenes(uncertain.scene, numbers or count)
+        charges = [
+            replace(charge, burst=burst, by_height=True)
+            for charge, burst in zip(scenes.charges, bursts, strict=True)
+        ]
+        scenes = replace(scenes, charge=charges[0], others=tuple(charges[1:]))
+        flown = flown_by(scenes, spec, hold, seconds, SEVERAL, options)
+        return {name: _answers(flown, spec, seconds)[name] for name in setting.names}
+
+    words = hold.replace("_", " ")
+    flights = f"flights of {seconds:g} s in steps of {options.step_s:g} s, {words}"
+    return Prepared(batched, notes=(f"{flights} action", *notes))
+
+
+def _scenes(scene: Scene, numbers: Mapping[str, Array]) -> Scene:
+    """Return a scene for each sample, every array with a leading axis."""
+
+    def one(values: Mapping[str, Array]) -> Scene:
+        return with_values(scene, {k: v for k, v in values.items() if k})
+
+    return eqx.filter_vmap(one)(dict(numbers))
+
+
+def _answers(flown: Flown, spec: VehicleSpec, seconds: float) -> dict[str, Array]:
+    """Return all outcomes; of a sample whose blast comes too late or too early none."""
+    metrics, exposure = flown.metrics, flown.exposure
+    arrival = flown.encounter.arrival_s
+    happens = arrival < jnp.inf
+    known = jnp.all(~happens | ((arrival > 0) & (arrival < seconds)), axis=-1)
+    recovered = jnp.isfinite(metrics.recovery_time_s) & ~metrics.crashed
+    unharmed = jnp.ones_like(metrics.crashed)
+    for name, limit in THRESHOLDS[spec.model].items():
+        if limit.value is not None:
+            # NaN, of who was lost, is not within any limit
+            unharmed = unharmed & (getattr(exposure, name) <= limit.value)
+
+    def number(values: Array, where: Array = known) -> Array:
+        return jnp.where(where, values, jnp.nan)
+
+    return {
+        "peak_deviation_m": number(metrics.peak_deviation_m),
+        "recovery_time_s": number(metrics.recovery_time_s, known & recovered),
+        "recovers": yes_no(recovered, known),
+        "flies_on": yes_no(~metrics.crashed, known),
+        "survives": yes_no(~metrics.crashed & unharmed, known),
+        "vehicle_overpressure_pa": number(exposure.peak_overpressure_pa),
+        "vehicle_acceleration_m_s2": number(exposure.peak_acceleration_m_s2),
+        "vehicle_fireball_time_s": number(exposure.fireball_time_s),
+    }
+
+
+def _options(options: Mapping[str, Any]) -> Options:
+    def asked(name: str, default: float) -> float:
+        return finite(options.get(name, default), f"[options] {name}")
+
+    step = asked("flight_step_s", STEP_S)
+    return Options(
+        step_s=step, tolerance_m=asked("flight_tolerance_m", TOLERANCE_M), backend="jax"
+    )
+
+
+register_family(Family("vehicle", 2, prepare, block=64, tile=1024, options=OPTIONS))
+for _name, _units, _words, _yes in (
+    ("peak_deviation_m", "m", "greatest path error after the blast", False),
+    (
+        "recovery_time_s",
+        "s",
+        "from the blast until back within the tolerance; no answer of who is not",
+        False,
+    ),
+    ("recovers", "1", "whether it is back within the tolerance for good", True),
+    ("flies_on", "1", "whether it neither crashes nor is lost", True),
+    ("survives", "1", "whether it flies on, past no threshold of its model", True),
+    ("vehicle_overpressure_pa", "Pa", "incident peak overpressure at it", False),
+    ("vehicle_acceleration_m_s2", "m/s2", "peak acceleration by the blasts", False),
+    ("vehicle_fireball_time_s", "s", "how long it is within a glowing fireball", False),
+):
+    register(
+        Outcome(
+            _name,
+            _units,
+            f"{_words}, of the scene's vehicle",
+            "vehicle",
+            kind="yes_no" if _yes else "number",
+            needs="[vehicle]",
+        )
+    )

@@ -1,0 +1,1 @@
+"""From a study to its samples: keys, draws, outcomes, the run."""

@@ -1,0 +1,211 @@
+"""A study made ready: its columns, and what calculates a tile of them."""
+
+from collections.abc import Callable, Mapping
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.sharding import Mesh
+from jaxtyping import Array
+
+from jblast.scene import parameter_named
+from jblast.study.engine.launch import Launcher, mesh_of
+from jblast.study.engine.numbering import numbered
+from jblast.study.engine.variable import Variable
+from jblast.study.file.study import Study
+from jblast.study.sampling.draws import key_of_study, normal_scores, sample_keys
+from jblast.study.sampling.parts import answers_of, outcome_variables, parts_of
+from jblast.study.sampling.points import points_of
+
+LAUNCH = {"cpu": 1 << 15, "gpu": 1 << 20}
+"""Samples that a device is given at a time, by platform."""
+
+Columns = dict[str, np.ndarray]
+
+
+class Work:
+    """What calculates the samples of a study.
+
+    Attributes:
+        study: The study.
+        variables: Its columns: what was drawn, what axes set, outcomes.
+        numbering: Which sample is which.
+        notes: What there is to say of how it is calculated.
+    """
+
+    def __init__(self, study: Study, mesh: Mesh | None = None) -> None:
+        self.study = study
+        self.mesh = mesh_of() if mesh is None else mesh
+        self.parts = [parts_of(study, n) for n in range(len(study.variants))]
+        self.variables = (*_inputs(study), *outcome_variables(study))
+        families = [part.family for part in self.parts[0]]
+        cells = len(study.cells)
+        self.numbering = numbered(
+            study.samples,
+            cells,
+            len(study.variants),
+            block=min(family.block for family in families),
+            tile_samples=min(
+                _tile_samples(self.variables),
+                *(family.tile for family in families),
+            ),
+        )
+        each = -(-self.numbering.samples // len(study.variants))
+        self.points = points_of(
+            study.design, len(study.drawn), -(-each // cells), study.seed, study.source
+        )
+        said = [note for part in self.parts[0] for note in part.prepared.notes]
+        self.notes = tuple(dict.fromkeys(said))
+        self._launchers: dict[int, Launcher] = {}
+        self._table = np.array(study.cells, float).reshape(cells, -1)
+
+    def cut_as(self, tile: int) -> None:
+        """Cut samples into tiles of another size, as a store has them."""
+        self.numbering = self.numbering._replace(tile=tile)
+
+    @property
+    def places(self) -> dict[str, tuple[float, ...]]:
+        """East, north, up [m] of the sensors by name, if any outcome is theirs."""
+        if not any(variable.sensors for variable in self.variables):
+            return {}
+        return {
+            s.name: tuple(np.asarray(s.position_m).tolist())
+            for s in self.study.uncertain.scene.sensors
+        }
+
+    def tile(self, tile: int) -> Columns:
+        """Calculate a tile: a value of every column for each of its samples."""
+        numbering = self.numbering
+        blocks = numbering.blocks_of(tile)
+        columns: Columns = {
+            v.name: np.empty((len(blocks), *v.shape(numbering.block)), v.dtype)
+            for v in self.variables
+        }
+        variants = numbering.variant_of(blocks)
+        for variant in np.unique(variants):
+            rows = np.flatnonzero(variants == variant)
+            for name, values in self._blocks(int(variant), blocks[rows]).items():
+                columns[name][rows] = values
+        begin = tile * numbering.tile
+        count = min(numbering.tile, numbering.samples - begin)
+        whole = {
+            name: values.reshape(-1, *values.shape[2:])[:count]
+            for name, values in columns.items()
+        }
+        return whole | self._words(begin, begin + count)
+
+    def _words(self, begin: int, end: int) -> Columns:
+        """Return the columns of axes over words."""
+        variant, _ = self.numbering.of_samples(begin, end)
+        found, each = {}, len(self.study.variants)
+        for axis in self.study.words:
+            each //= len(axis.values)
+            found[axis.key] = (variant // each % len(axis.values)).astype(np.int16)
+        return found
+
+    def _blocks(self, variant: int, blocks: np.ndarray) -> Columns:
+        """Calculate blocks of one variant."""
+        numbering = self.numbering
+        if variant not in self._launchers:
+            kind = "cpu" if self.mesh.devices.flat[0].platform == "cpu" else "gpu"
+            self._launchers[variant] = Launcher(
+                self._block(variant), self.mesh, LAUNCH[kind] // numbering.block
+            )
+        first = blocks * numbering.block
+        within = numbering.begins_at(blocks)
+        each: dict[str, np.ndarray] = {
+            "index": (first % 2**32).astype(np.uint32),
+            "cell": (within % numbering.cells).astype(np.int32),
+        }
+        if self.points is not None:
+            each["scores"] = np.stack([self._scores(int(at)) for at in within])
+        key = key_of_study(self.study.seed, int(first[0]) >> 32)
+        shared = {"key": jax.random.key_data(key), "table": jnp.asarray(self._table)}
+        answers = self._launchers[variant](shared, each)
+        return self._by_host(variant, answers)
+
+    def _scores(self, at: int) -> np.ndarray:
+        """Return the points of a block."""
+        assert self.points is not None
+        draws = np.arange(at, at + self.numbering.block) // self.numbering.cells
+        points = self.points(int(draws[0]), int(draws[-1] - draws[0]) + 1)
+        return points[draws - draws[0]]
+
+    def _block(self, variant: int):
+        """Return what calculates a block: pure, of arrays."""
+        study, numbering = self.study, self.numbering
+
+        def block(shared: dict[str, Array], each: dict[str, Array]) -> dict[str, Array]:
+            lanes = jnp.arange(numbering.block, dtype=jnp.uint32)
+            keys = sample_keys(
+                jax.random.wrap_key_data(shared["key"]), each["index"] + lanes
+            )
+            scores = each.get("scores")
+            if scores is None:
+                scores = normal_scores(keys, len(study.drawn))
+            cell = (each["cell"] + lanes.astype(jnp.int32)) % numbering.cells
+            return answers_of(study, variant, keys, scores, shared["table"], cell)
+
+        return block
+
+    def _by_host(self, variant: int, answers: Mapping[str, np.ndarray]) -> Columns:
+        """Finish what only runs from Python, and keep the columns."""
+        found = dict(answers)
+        for part in self.parts[variant]:
+            if part.prepared.host is None:
+                continue
+            rows = self._on_each_device(part.prepared.host, found)
+            found |= {name: np.stack([r[name] for r in rows]) for name in rows[0]}
+        return {v.name: found[v.name] for v in self.variables if v.name in found}
+
+    def _on_each_device(
+        self,
+        host: Callable[[Mapping[str, np.ndarray]], Mapping[str, np.ndarray]],
+        found: Columns,
+    ) -> list[Mapping[str, np.ndarray]]:
+        """Finish blocks, as many at a time as there are devices."""
+        devices = list(self.mesh.devices.flat)
+        blocks = len(next(iter(found.values())))
+
+        def some(nth: int) -> list[tuple[int, Mapping[str, np.ndarray]]]:
+            with jax.default_device(devices[nth]):
+                return [
+                    (n, host({name: values[n] for name, values in found.items()}))
+                    for n in range(nth, blocks, len(devices))
+                ]
+
+        with ThreadPoolExecutor(len(devices)) as pool:
+            parts = [
+                done for part in pool.map(some, range(len(devices))) for done in part
+            ]
+        return [columns for _, columns in sorted(parts, key=lambda one: one[0])]
+
+
+def _inputs(study: Study) -> tuple[Variable, ...]:
+    """Return the columns of what is drawn, and of what axes set."""
+
+    def number(name: str, role: Any) -> Variable:
+        said = parameter_named(name)
+        return Variable(name, role, said.unit, said.words)
+
+    drawn = [number(name, "input") for name in study.drawn]
+    axes = [number(axis.key, "axis") for axis in study.numbers]
+    words = [
+        Variable(
+            axis.key,
+            "axis",
+            "1",
+            f"{axis.key} of the scene",
+            names=tuple(str(value) for value in axis.values),
+        )
+        for axis in study.words
+    ]
+    return (*drawn, *axes, *words)
+
+
+def _tile_samples(variables: tuple[Variable, ...]) -> int:
+    """Return how many samples a chunk holds, so that the largest stays below 8 MiB."""
+    widest = max(v.dtype.itemsize * max(1, len(v.sensors)) for v in variables)
+    return (8 << 20) // widest

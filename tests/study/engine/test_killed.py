@@ -1,0 +1,149 @@
+"""Runs that are killed, and go on: what is in the store is that of a whole run."""
+
+import json
+import os
+import random
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+
+from jblast.errors import InputError
+from jblast.study import run_into
+from jblast.study.engine import store as store_module
+from jblast.study.engine.lock import locked
+from jblast.study.engine.store import open_store
+from jblast.study.sampling import work as work_module
+from tests.study.example import STUDY, study_in, written
+
+SMALL = 1024
+MANY = STUDY.replace("samples = 300", "samples = 200_000")
+CODE = """
+import sys, time
+from jblast.cli.jax_start import start_jax
+start_jax(quick=True)
+from jblast.study import read_study, run_into
+from jblast.study.sampling import work
+work._tile_samples = lambda _: 4096
+calculated = work.Work.tile
+work.Work.tile = lambda self, tile: time.sleep(0.2) or calculated(self, tile)
+print("begun", flush=True)
+run_into(read_study(sys.argv[1]), sys.argv[2], resume=True)
+"""
+
+
+def chunks(folder):
+    return {
+        str(path.relative_to(folder)): path.read_bytes()
+        for path in sorted(folder.rglob("*"))
+        if path.is_file() and path.name not in ("zarr.json", ".lock")
+    }
+
+
+def opened(folder):
+    store = open_store(folder)
+    assert store is not None
+    return store
+
+
+@pytest.fixture
+def small(monkeypatch):
+    monkeypatch.setattr(work_module, "_tile_samples", lambda _: SMALL)
+
+
+@pytest.mark.slow
+def test_ten_kills_and_a_resume_make_the_store_of_a_whole_run(tmp_path):
+    path = written(tmp_path, MANY)
+    whole, killed = tmp_path / "whole", tmp_path / "killed"
+
+    def begun(store):
+        return subprocess.Popen(
+            [sys.executable, "-c", CODE, str(path), str(store)], stdout=subprocess.PIPE
+        )
+
+    def ended(store):
+        with begun(store) as process:
+            assert process.wait(300) == 0
+
+    ended(whole)
+    draw, kills = random.Random(0), 0
+    for _ in range(10):
+        with begun(killed) as process:
+            assert process.stdout is not None
+            process.stdout.readline()  # from here on, somewhere in the run
+            time.sleep(draw.uniform(0.0, 4.0))
+            process.send_signal(signal.SIGKILL)
+            kills += process.wait(60) == -signal.SIGKILL
+        store = open_store(killed)
+        if store is not None and len(store.done()) < store.tiles:
+            assert not store.attributes["complete"]
+    assert kills >= 5  # the last ones may find nothing left to do
+    ended(killed)
+    assert opened(killed).attributes["complete"]
+    assert chunks(killed) == chunks(whole)
+    names = ("zarr.json", "air_arrival_s/zarr.json")
+    assert all((killed / n).read_text() == (whole / n).read_text() for n in names)
+
+
+def test_a_full_disk_loses_nothing_that_was_computed(tmp_path, monkeypatch, small):
+    study = study_in(tmp_path, STUDY.replace("samples = 300", "samples = 2500"))
+    run_into(study, tmp_path / "whole")
+    written_bytes, left = store_module.write_bytes, [6]
+
+    def full(path, data, **options):
+        if left[0] == 0:
+            raise OSError(28, "No space left on device")
+        left[0] -= 1
+        written_bytes(path, data, **options)
+
+    monkeypatch.setattr(store_module, "write_bytes", full)
+    with pytest.raises(OSError, match="No space left"):
+        run_into(study, tmp_path / "full")
+    monkeypatch.setattr(store_module, "write_bytes", written_bytes)
+    there = opened(tmp_path / "full")
+    assert there.done() == {0}
+    assert not there.attributes["complete"]
+    ran = run_into(study, tmp_path / "full", resume=True)
+    assert ran.new == 2500 - SMALL
+    assert chunks(tmp_path / "full") == chunks(tmp_path / "whole")
+
+
+def test_half_a_chunk_is_calculated_anew(tmp_path, small):
+    study = study_in(tmp_path, STUDY.replace("samples = 300", "samples = 2500"))
+    run_into(study, tmp_path / "whole")
+    run_into(study, tmp_path / "cut", limit=2048)
+    chunk = tmp_path / "cut" / "air_arrival_s" / "1.0"
+    chunk.write_bytes(chunk.read_bytes()[:100])
+    (tmp_path / "cut" / "air_arrival_s" / ".1.0.abcd.part").write_bytes(b"half")
+    run_into(study, tmp_path / "cut", resume=True)
+    assert chunks(tmp_path / "cut") == chunks(tmp_path / "whole")
+
+
+def test_a_store_is_written_by_one_process(tmp_path):
+    study = study_in(tmp_path)
+    with locked(tmp_path / "store"), pytest.raises(InputError, match="another process"):
+        run_into(study, tmp_path / "store")
+
+
+def test_a_store_of_a_newer_schema_and_another_folder_are_refused(tmp_path):
+    study = study_in(tmp_path)
+    run_into(study, tmp_path / "store")
+    group = tmp_path / "store" / "zarr.json"
+    said = json.loads(group.read_text())
+    said["attributes"]["jblast_study_schema"] = 2
+    group.write_text(json.dumps(said))
+    with pytest.raises(InputError, match="expected schema 1, got 2"):
+        run_into(study, tmp_path / "store", resume=True)
+    (tmp_path / "other").mkdir()
+    (tmp_path / "other" / "letter.txt").write_text("dear")
+    with pytest.raises(InputError, match="got another folder"):
+        run_into(study, tmp_path / "other", resume=True)
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason="root may write anywhere")
+def test_a_read_only_folder_is_refused(tmp_path):
+    (tmp_path / "closed").mkdir(mode=0o500)
+    with pytest.raises(OSError, match="Permission"):
+        run_into(study_in(tmp_path), tmp_path / "closed" / "store")

@@ -1,0 +1,121 @@
+"""Against events whose probability is known."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scipy.special import ndtr, ndtri
+
+from jblast.study.rare import design_points, rare_probability
+from jblast.study.rare.mixture import mixture_about, parts_of, weights_of
+from jblast.verification.cases.rare_pressure import CASE, margin, probability_above
+
+TRUE = 1e-6
+DISTANCE = float(-ndtri(TRUE))
+ALONG = np.array([1.0, 2.0, -1.0]) / np.sqrt(6.0)
+
+
+def flat(u):
+    """An edge that is a plane, so that the first-order answer is exact."""
+    return jnp.sum(u * ALONG) - DISTANCE
+
+
+def two_sided(u):
+    return jnp.maximum(u[0] - DISTANCE, -u[1] - DISTANCE - 0.2)
+
+
+@pytest.fixture(scope="module")
+def plane():
+    return design_points(flat, 3)
+
+
+def test_the_design_point_of_a_plane_is_its_foot(plane):
+    assert plane.points.shape == (1, 3)
+    assert plane.points[0] == pytest.approx(DISTANCE * ALONG, rel=1e-9)
+    assert plane.distance[0] == pytest.approx(DISTANCE, rel=1e-9)
+
+
+def test_both_sides_of_an_event_are_found_and_counted():
+    found = rare_probability(two_sided, 2, 20_000)
+    assert len(found.design.points) == 2
+    true = TRUE + float(ndtr(-DISTANCE - 0.2))
+    assert found.probability == pytest.approx(true, abs=4 * found.standard_error)
+    assert found.standard_error < 0.03 * true
+
+
+@pytest.mark.parametrize("points", ["random", "sobol"])
+def test_one_in_a_million_is_known_to_a_tenth_by_a_thousand_samples(plane, points):
+    """Unbiased over 200 repetitions; plain draws would need 100 million samples."""
+    samples = 1024
+    found = [
+        rare_probability(flat, 3, samples, seed=seed, points=points, design=plane)
+        for seed in range(200 if points == "random" else 40)
+    ]
+    values = np.array([one.probability for one in found])
+    scatter = values.std(ddof=1)
+    assert scatter < 0.1 * TRUE
+    # bias: four standard errors of the mean of the repetitions
+    assert values.mean() == pytest.approx(TRUE, abs=4 * scatter / np.sqrt(len(values)))
+    errors = np.array([one.standard_error for one in found])
+    # the scatter of 40 is known to 1 / sqrt(80), 11 %
+    assert errors.mean() == pytest.approx(scatter, rel=0.45)
+    inside = np.mean([one.low <= TRUE <= one.high for one in found])
+    # 0.90, binomial of 40: standard deviation 0.047; four of these
+    assert inside > 0.71
+    # a hundred times fewer than plain draws, the search counted
+    plain = (1 - TRUE) / TRUE / (scatter / TRUE) ** 2
+    assert plain > 100 * (samples + plane.evaluations)
+
+
+def test_a_pressure_past_a_threshold_is_as_rare_as_the_prior_says():
+    found = rare_probability(margin, 3, 4096, seed=3)
+    true = probability_above(CASE.threshold_pa)
+    assert 1e-7 < true < 1e-5
+    assert found.probability == pytest.approx(true, abs=4 * found.standard_error)
+    assert found.standard_error < 0.06 * true
+    assert found.effective_size > 100
+
+
+def test_the_first_samples_are_the_same_of_any_number():
+    index = np.arange(1000)
+    mixture = mixture_about(np.array([[3.0, 0.0]]))
+    assert (parts_of(index, mixture)[:10] == parts_of(index[:10], mixture)).all()
+    counts = np.bincount(parts_of(index, mixture), minlength=2)
+    assert counts[0] == pytest.approx(100, abs=2)
+
+
+def test_no_weight_is_above_one_over_the_share_of_the_prior():
+    mixture = mixture_about(np.array([[5.0, 0.0]]), 0.25)
+    scores = np.random.default_rng(1).normal(size=(4000, 2)) * 3
+    weights = weights_of(scores, parts_of(np.arange(4000), mixture), mixture)
+    assert weights.max() <= 1 / 0.2499
+    # and where the densities underflow they are still numbers
+    far = np.full((4000, 2), 60.0)
+    assert np.isfinite(
+        weights_of(far, parts_of(np.arange(4000), mixture), mixture)
+    ).all()
+
+
+def test_what_went_wrong_is_named():
+    with pytest.raises(ValueError, match="may not happen at all"):
+        design_points(lambda u: -1.0 - 0.0 * u[0], 2)
+    with pytest.raises(ValueError, match="expected 32 or more, got 3"):
+        rare_probability(flat, 3, 3)
+    with pytest.raises(ValueError, match="above 0 and at most 1, got 0"):
+        rare_probability(flat, 3, defensive=0.0, design=design_points(flat, 3))
+    with pytest.raises(ValueError, match="expected finite ones, got nan"):
+        weights_of(
+            np.full((40, 1), np.nan), np.zeros(40, int), mixture_about(np.ones((1, 1)))
+        )
+
+
+def test_margins_that_are_nan_are_counted():
+    holed = lambda u: jnp.where(u[1] > 2.0, jnp.nan, u[0] - 3.0)  # noqa: E731
+    found = rare_probability(holed, 2, 2000)
+    assert found.lost > 0
+
+
+def test_the_design_point_of_a_pressure_is_on_its_edge():
+    points = design_points(margin, 3)
+    value = float(jax.jit(margin)(jnp.asarray(points.points[0])))
+    assert value == pytest.approx(0.0, abs=1e-6)

@@ -1,0 +1,155 @@
+"""Against the function of Ishigami and Homma, whose indices are known."""
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scipy.special import ndtr
+
+from jblast.study.sensitivity import (
+    disagreement,
+    elasticities,
+    fitted_slopes,
+    indices_from_samples,
+    indices_of_function,
+)
+
+A, B = 7.0, 0.1
+NAMES = ("x", "y", "z")
+
+
+def ishigami(angles):
+    x, y, z = angles.T
+    return np.sin(x) + A * np.sin(y) ** 2 + B * z**4 * np.sin(x)
+
+
+def exact():
+    """First and total indices: Ishigami and Homma (1990), Saltelli et al. (2008)."""
+    p4, p8 = np.pi**4, np.pi**8
+    own_x = 0.5 * (1 + B * p4 / 5) ** 2
+    own_y = A**2 / 8
+    both = B**2 * p8 * (1 / 18 - 1 / 50)
+    whole = own_x + own_y + both
+    return (
+        np.array([own_x, own_y, 0.0]) / whole,
+        np.array([own_x + both, own_y, both]) / whole,
+    )
+
+
+def angles_of(scores):
+    return np.pi * (2 * ndtr(scores) - 1)
+
+
+def test_samples_alone_tell_the_indices_of_ishigami():
+    angles = np.random.default_rng(1).uniform(-np.pi, np.pi, size=(4000, 3))
+    inputs = {name: angles[:, n] for n, name in enumerate(NAMES)}
+    found = indices_from_samples(inputs, ishigami(angles), resamples=50)
+    assert found is not None
+    first, total = exact()
+    # 4000 samples scatter shares by a few hundredths
+    assert found.first == pytest.approx(first, abs=0.04)
+    assert found.total == pytest.approx(total, abs=0.04)
+    assert found.explained > 0.97
+    assert (found.total_interval[0] <= found.total + 0.02).all()
+
+
+def test_calls_of_the_function_tell_the_indices_of_ishigami():
+    found = indices_of_function(
+        lambda scores: ishigami(angles_of(scores)), NAMES, 4096, resamples=50
+    )
+    first, total = exact()
+    assert found.first == pytest.approx(first, abs=0.02)
+    assert found.total == pytest.approx(total, abs=0.02)
+    assert (found.first_interval[0] < first + 1e-3).all()
+    assert (first - 1e-3 < found.first_interval[1]).all()
+
+
+@pytest.mark.slow
+def test_intervals_hold_the_indices_nine_times_in_ten():
+    """Of a product of two normals and a third: S = (0.2, 0.3, 0), T = (0.7, 0.8, 0)."""
+    held = []
+    for seed in range(30):
+        u = np.random.default_rng(seed).normal(size=(600, 3))
+        y = np.sqrt(0.2) * u[:, 0] + np.sqrt(0.3) * u[:, 1]
+        y = y + np.sqrt(0.5) * u[:, 0] * u[:, 1]
+        found = indices_from_samples(dict(zip(NAMES, u.T, strict=True)), y)
+        assert found is not None
+        for n, true in enumerate((0.7, 0.8)):
+            low, high = found.total_interval[:, n]
+            held.append(low <= true <= high)
+    # 60 of which 54 are expected, standard deviation 2.3 or, as pairs, 3.3: four
+    assert sum(held) >= 41
+
+
+def test_noise_belongs_to_no_number():
+    rng = np.random.default_rng(2)
+    u = rng.normal(size=(3000, 2))
+    found = indices_from_samples(
+        {"x": u[:, 0], "y": u[:, 1]}, u[:, 0] + rng.normal(size=3000), resamples=20
+    )
+    assert found is not None
+    assert found.explained == pytest.approx(0.5, abs=0.05)
+    assert found.first == pytest.approx([0.5, 0.0], abs=0.05)
+
+
+def test_what_does_not_vary_tells_nothing():
+    u = np.random.default_rng(3).normal(size=100)
+    assert indices_from_samples({"x": u}, np.ones(100)) is None
+    assert indices_from_samples({"x": np.ones(100)}, u) is None
+    assert indices_from_samples({"x": u[:5]}, u[:5]) is None
+    assert indices_from_samples({"x": u}, np.full(100, np.nan)) is None
+
+
+def test_a_number_of_points_that_is_no_power_of_two_is_refused():
+    with pytest.raises(ValueError, match="power of two, got 100"):
+        indices_of_function(lambda u: u[:, 0], ("x",), 100)
+
+
+def test_elasticities_of_powers_are_their_exponents():
+    found = elasticities(
+        lambda of: 3.0 * of["mass"] ** 0.25 * of["range"] ** -1.5 + 0.0 * of["other"],
+        {"mass": 15.0, "range": 20.0, "other": 2.0},
+    )
+    assert found == pytest.approx({"mass": 0.25, "range": -1.5, "other": 0.0})
+    assert np.isnan(elasticities(lambda of: of["x"], {"x": 0.0})["x"])
+
+
+def test_slopes_of_samples_are_those_of_the_function():
+    rng = np.random.default_rng(4)
+    mass, away = rng.lognormal(3, 0.1, 5000), rng.normal(20, 0.5, 5000)
+    elastic, shares = fitted_slopes(
+        {"mass": mass, "range": away}, mass**0.5 * away**-2.0
+    )
+    assert elastic == pytest.approx({"mass": 0.5, "range": -2.0}, rel=0.05)
+    # (0.5 * 0.1)^2 and (2 * 0.025)^2 are alike
+    assert shares["mass"] == pytest.approx(0.5, abs=0.05)
+
+
+def test_where_slope_and_variance_disagree_the_reason_is_told():
+    u = np.random.default_rng(5).normal(size=(3000, 2))
+    inputs = {"x": u[:, 0], "y": u[:, 1]}
+    curved = indices_from_samples(inputs, u[:, 0] ** 2 + 0.1 * u[:, 1], resamples=5)
+    together = indices_from_samples(inputs, u[:, 0] * u[:, 1], resamples=5)
+    straight = indices_from_samples(inputs, u[:, 0] + u[:, 1], resamples=5)
+    assert curved is not None
+    assert together is not None
+    assert straight is not None
+    at_middle = {"x": 0.0, "y": 1.0}
+    assert disagreement(curved, at_middle) == {"x": "range", "y": "nonlinearity"}
+    assert disagreement(together, {"x": 0.5, "y": 0.5}) == dict.fromkeys(
+        ("x", "y"), "interaction"
+    )
+    assert disagreement(straight, {"x": 0.5, "y": 0.5}) == {}
+
+
+def test_a_rank_is_all_that_is_needed_of_a_prior():
+    u = np.random.default_rng(6).normal(size=(2000, 2))
+    y = u[:, 0] + 0.5 * u[:, 1]
+    one = indices_from_samples({"x": u[:, 0], "y": u[:, 1]}, y, resamples=5)
+    other = indices_from_samples(
+        {"x": np.exp(u[:, 0]), "y": np.asarray(jnp.asarray(u[:, 1]) * 7)},
+        y,
+        resamples=5,
+    )
+    assert one is not None
+    assert other is not None
+    assert one.first == pytest.approx(other.first, rel=1e-9)

@@ -1,0 +1,67 @@
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from hypothesis import given, settings, strategies as st
+from scipy.stats import binomtest
+
+from jblast.study.statistics import YES_NO, wilson_interval
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.lists(st.sampled_from([-1, 0, 1]), min_size=1, max_size=50))
+def test_a_share_has_the_interval_of_wilson(flags):
+    found = YES_NO.finish(YES_NO.add(YES_NO.empty(), np.array(flags, np.int8)))
+    yes, known = flags.count(1), len(flags) - flags.count(-1)
+    assert (found["yes"], found["count"]) == (yes, known)
+    assert found["lost"] == flags.count(-1)
+    if not known:
+        assert np.isnan(found["share"])
+        assert (found["low"], found["high"]) == (0.0, 1.0)
+        return
+    theirs = binomtest(yes, known).proportion_ci(0.90, method="wilson")
+    assert found["share"] == yes / known
+    assert found["low"] == pytest.approx(theirs.low, abs=1e-12)
+    assert found["high"] == pytest.approx(theirs.high, abs=1e-12)
+
+
+def test_ends_that_are_exact_stay_so():
+    low, high = wilson_interval(np.array([0.0, 1.0]), np.array([10.0, 10.0]))
+    assert low[0] == 0.0
+    assert high[1] == 1.0
+
+
+def test_flags_and_whole_numbers_count_alike():
+    flags = np.random.default_rng(1).uniform(size=(300, 2)) < 0.2
+    one = YES_NO.add(YES_NO.empty((2,)), flags)
+    other = YES_NO.add(YES_NO.empty((2,)), flags.astype(np.int8))
+    for here, there in zip(one, other, strict=True):
+        assert (here == there).all()
+    jitted = jax.jit(YES_NO.of)(jnp.asarray(flags))
+    for here, there in zip(one, jitted, strict=True):
+        assert (here == np.asarray(there)).all()
+
+
+def test_a_weighted_share_is_unbiased_and_its_interval_covers():
+    # how often a normal is above 3, drawn about 3: 400 repetitions of 400 draws
+    rng, true = np.random.default_rng(2), 0.0013498980316300933
+    shares, inside = [], 0
+    for _ in range(400):
+        draws = rng.normal(3.0, 1.0, size=400)
+        weights = np.exp(4.5 - 3.0 * draws)
+        empty = YES_NO.empty(weighted=True)
+        found = YES_NO.finish(YES_NO.add(empty, draws > 3.0, weights))
+        shares.append(found["share"])
+        inside += found["low"] <= true <= found["high"]
+    error = np.std(shares) / np.sqrt(400)
+    assert np.mean(shares) == pytest.approx(true, abs=4 * error)
+    # 360 expected of 400, standard deviation 6: four of these
+    assert 336 <= inside <= 384
+
+
+def test_lost_lanes_of_a_weighted_share_have_no_weight():
+    found = YES_NO.finish(
+        YES_NO.add(YES_NO.empty(), np.array([1, -1, 0], np.int8), np.array([1, 9, 1.0]))
+    )
+    assert found["share"] == 0.5
+    assert found["effective_size"] == 2.0
