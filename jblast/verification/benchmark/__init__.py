@@ -9,9 +9,11 @@ from jblast.verification.benchmark import (
     fits as fits,
     flights as flights,
     laws as laws,
+    montecarlo as montecarlo,
     records as records,
     samplers as samplers,
     shock_solver as shock_solver,
+    views as views,
     waveforms as waveforms,
 )
 from jblast.verification.benchmark.chart import BENCHMARKS as BENCHMARKS

@@ -1,6 +1,6 @@
 """Events: ways to their times, and what each effect of a real camera costs.
 
-The scene is `event_disc`, whose events are known. The camera of the second chart sees
+The scene is `moving_disc`, whose events are known. The camera of the second chart sees
 it in grey values of 8 bits, and 0.92 s more of the disc at rest.
 """
 

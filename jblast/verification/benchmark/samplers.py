@@ -49,7 +49,7 @@ REFERENCE_SEED = 100
 Interval = Float[np.ndarray, "2 free"]
 
 
-class Known(NamedTuple):
+class Solved(NamedTuple):
     """What every sampler starts from.
 
     Attributes:
@@ -67,7 +67,7 @@ class Known(NamedTuple):
     density: Whitened
 
 
-def known() -> Known:
+def solved() -> Solved:
     """Find the optimum and the normal approximation."""
     posterior = one_posterior()
     z = np.asarray(optima(jax.random.key(0), posterior).z[0])
@@ -76,7 +76,7 @@ def known() -> Known:
         lambda: laplace(posterior, z, identified.identified_basis)
     )
     density = whitened_density(posterior, normal, identified)
-    return Known(posterior, identified, normal, seconds, density)
+    return Solved(posterior, identified, normal, seconds, density)
 
 
 def weighted_ends(found: Importance, normal: Laplace) -> Interval:
@@ -104,7 +104,7 @@ def sampler_points(
     """
     tell = in_words()
     tell("the optimum")
-    what = known()
+    what = solved()
     free, axes = what.normal.z.size, np.asarray(what.density.root)
     tell("the reference")
     long, took = timed_walk(Scan(), what.density, free, reference, REFERENCE_SEED)

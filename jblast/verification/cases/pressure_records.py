@@ -41,9 +41,13 @@ class Recorder:
         rise: Time of rise [samples].
         colour: Share of the noise of a sample that the next one has.
         drift: Of the baseline over the record, share of the peak.
+        wander: Of the baseline to and fro, share of the peak either way.
+        wander_period: Of that, in durations.
         full_scale: At which it clips, share of the peak; None: nowhere.
         echo: Arrival of a second wave, in durations behind the first; None: none.
         echo_size: Its peak over that of the first.
+        echo_rise: Its time of rise [samples]; None: that of the first.
+        before: Durations before the front that a record begins.
     """
 
     snr: float = 20.0
@@ -51,9 +55,13 @@ class Recorder:
     rise: float = 2.0
     colour: float = 0.0
     drift: float = 0.0
+    wander: float = 0.0
+    wander_period: float = 4.0
     full_scale: float | None = None
     echo: float | None = None
     echo_size: float = 0.3
+    echo_rise: float | None = None
+    before: float = BEFORE
 
 
 def uncertain_scene(*, scatter: bool) -> UncertainScene:
@@ -104,17 +112,22 @@ def recorded(
     found = []
     for gauge, asked in enumerate(values.tolist()):
         arrival, peak, duration, _ = asked
-        step = (BEFORE + BEHIND) * duration / recorder.samples
-        start = arrival - (BEFORE + 0.01 * rng.uniform()) * duration
+        step = (recorder.before + BEHIND) * duration / recorder.samples
+        start = arrival - (recorder.before + 0.01 * rng.uniform()) * duration
         edges = (np.arange(recorder.samples + 1) - 0.5) * step + start
         rise = recorder.rise * step
         samples = _wave(asked, rise, edges)
         if recorder.echo is not None:
             later = [arrival + recorder.echo * duration, *asked[1:]]
-            samples = samples + recorder.echo_size * _wave(later, rise, edges)
+            slow = rise if recorder.echo_rise is None else recorder.echo_rise * step
+            samples = samples + recorder.echo_size * _wave(later, slow, edges)
         samples = samples + _noise(rng, recorder) * peak / recorder.snr
         run = np.linspace(-0.5, 0.5, recorder.samples)
         samples = samples + recorder.drift * peak * run
+        if recorder.wander:
+            turns = recorder.samples * step / (recorder.wander_period * duration)
+            phase = 2.0 * np.pi * (turns * run + rng.uniform())
+            samples = samples + recorder.wander * peak * np.cos(phase)
         level = None
         if recorder.full_scale is not None:
             level = recorder.full_scale * peak
@@ -146,13 +159,13 @@ def _noise(rng: np.random.Generator, recorder: Recorder):
 
 def log_of_picks(picks: Sequence[RecordPick]) -> Observations:
     """Return the rows of picks of all gauges, with what they share."""
-    told = [log_value(one, quantity) for one in picks for quantity in TOLD]
+    values = [log_value(one, quantity) for one in picks for quantity in TOLD]
     names = tuple(one.record.name for one in picks for _ in TOLD)
     return observed(
         names,
         TOLD * len(picks),
-        [value for value, _ in told],
-        [sigma for _, sigma in told],
+        [value for value, _ in values],
+        [sigma for _, sigma in values],
         slant_range=np.repeat(np.array(RANGES), len(TOLD)),
         record=names,
         covariances=tuple(covariance_of(one, one.record.name, TOLD) for one in picks),

@@ -94,9 +94,16 @@ def _flights() -> tuple[Measure, ...]:
 
 
 def _detectors() -> tuple[Measure, ...]:
+    from jblast.verification.stability.camera.flashes import flash_failures
     from jblast.verification.stability.detectors import detector_failures
 
-    return (detector_failures,)
+    return (detector_failures, flash_failures)
+
+
+def _records() -> tuple[Measure, ...]:
+    from jblast.verification.stability.records import record_failures
+
+    return (record_failures,)
 
 
 AREAS: dict[str, Callable[[], tuple[Measure, ...]]] = {
@@ -110,6 +117,7 @@ AREAS: dict[str, Callable[[], tuple[Measure, ...]]] = {
     "events": _events,
     "flights": _flights,
     "detectors": _detectors,
+    "records": _records,
 }
 """By the name of an area, what imports the functions that measure its failure modes."""
 

@@ -5,6 +5,7 @@ from jblast.verification.benchmark import BENCHMARKS, detectors
 from jblast.verification.cases.detectors import RATE
 
 
+@pytest.mark.slow
 def test_longer_templates_wait_longer_and_lack_less():
     points = detectors.latency_points()
     assert {point.panel for point in points} == {

@@ -51,6 +51,7 @@ def test_scipy_from_poor_starts_ends_mostly_at_the_optimum(logs):
     assert missed(logs, [outcomes])[0] / len(outcomes.z) <= 0.3
 
 
+@pytest.mark.slow
 def test_an_end_off_by_a_standard_deviation_or_by_nan_is_missed(logs):
     best = best_known(logs)
     other = best.copy()

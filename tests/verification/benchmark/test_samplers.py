@@ -6,7 +6,7 @@ from jblast.inference.importance.psis import Importance
 from jblast.inference.mcmc.emcee_engine import Emcee
 from jblast.inference.mcmc.scan_engine import Scan
 from jblast.inference.mode.laplace import Laplace
-from jblast.verification.benchmark.samplers import known, sampler_points, weighted_ends
+from jblast.verification.benchmark.samplers import sampler_points, solved, weighted_ends
 from jblast.verification.cases.timed_sampling import (
     WALKERS,
     interval_ends,
@@ -80,7 +80,7 @@ def test_the_reference_is_the_longest_walk_and_no_error_is_below_its_own(points)
 
 @pytest.mark.slow
 def test_the_scan_and_emcee_agree():
-    what = known()
+    what = solved()
     axes = np.asarray(what.density.root)
     sd = np.sqrt(np.diag(what.normal.covariance))
     ends = [

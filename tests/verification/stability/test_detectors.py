@@ -5,10 +5,14 @@ import pytest
 
 from jblast.verification.stability import detectors
 from jblast.verification.stability.areas import AREAS
+from jblast.verification.stability.camera import flashes
 
 
 def test_detectors_are_entered_into_the_map():
-    assert AREAS["detectors"]() == (detectors.detector_failures,)
+    assert AREAS["detectors"]() == (
+        detectors.detector_failures,
+        flashes.flash_failures,
+    )
 
 
 def test_a_rotor_deafens_the_plain_filter_only():

@@ -98,10 +98,12 @@ def fly_on() -> tuple[
         ground_up_m=0.0,
         store_every=10,
     )
-    told = flight_metrics(flown, jnp.asarray(HOME), blast_time_s=0.0, ground_up_m=0.0)
+    metrics = flight_metrics(
+        flown, jnp.asarray(HOME), blast_time_s=0.0, ground_up_m=0.0
+    )
     shape = len(NAMES), CHARGES.size
-    alive = ~np.asarray(told.crashed).reshape(shape)
-    return alive, np.asarray(told.peak_deviation_m).reshape(shape)
+    alive = ~np.asarray(metrics.crashed).reshape(shape)
+    return alive, np.asarray(metrics.peak_deviation_m).reshape(shape)
 
 
 def charge_failures() -> list[FailureMode]:

@@ -47,7 +47,7 @@ def impulse_errors() -> tuple[
     )
     heavy = eqx.tree_at(lambda v: v.mass_kg, named("crazyflie"), jnp.asarray(1e9))
     state = hovering(heavy)
-    wave = load.wave(0, state.position_m)
+    wave = load.wave_of(load.blasts[0], state.position_m)
     arrival = float(load.arrival_time_s(state.position_m)[0])
     phase = float(wave.duration_s)
     given = jax.jit(jax.vmap(lambda a, b: load.impulse(a, b, state, heavy)[0]))

@@ -49,7 +49,7 @@ def _failure(dtype: type[np.floating[Any]], sigma: float, name: str) -> FailureM
     )
     # on a clock that runs since 1970
     start, way = TIMES["Unix time"], 0.1234567
-    told = float(dtype(start + way)) - start
+    arrival = float(dtype(start + way)) - start
     before = _is_refused(math.nextafter(boundary, 0.0) / 1.01, sigma, dtype)
     after = _is_refused(boundary, sigma, dtype)
     return FailureMode(
@@ -59,7 +59,7 @@ def _failure(dtype: type[np.floating[Any]], sigma: float, name: str) -> FailureM
         boundary=boundary,
         unit="s on the clock",
         beyond=f"steps of {spacings}; a way of {way:.4f} s at Unix time is read as "
-        f"{told:.4f} s",
+        f"{arrival:.4f} s",
         response=verified("refuses", after and not before, f"clock times in {name}"),
         message="fit and batch_of refuse such a row; every command runs in float64",
     )
@@ -77,5 +77,5 @@ def _is_refused(time: float, sigma: float, dtype: type[np.floating[Any]]) -> boo
 def arrival_at(time: float, sigma: float) -> Observations:
     """Return a log of one arrival [s]."""
     place = np.array([[30.0, 0.0, 0.0]])
-    told = {"position": place, "source": "one arrival"}
-    return observed(["a"], ["air_arrival_s"], [time], [sigma], **told)
+    fields = {"position": place, "source": "one arrival"}
+    return observed(["a"], ["air_arrival_s"], [time], [sigma], **fields)

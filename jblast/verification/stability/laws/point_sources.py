@@ -127,6 +127,6 @@ def _pressure_of_tnt() -> FailureMode:
 
 
 def _is_told(law: str) -> bool:
-    told = charge_is_no_point([law], Charge(mass_kg=1.0))
+    findings = charge_is_no_point([law], Charge(mass_kg=1.0))
     nuclear = charge_is_no_point([law], Charge(mass_kg=1.0, explosive="nuclear"))
-    return law in POINT_SOURCES and bool(told) and not nuclear
+    return law in POINT_SOURCES and bool(findings) and not nuclear

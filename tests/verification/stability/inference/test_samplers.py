@@ -24,6 +24,7 @@ def test_walks_are_entered_into_the_map():
     assert two_modes.found_failure in AREAS["walks"]()
 
 
+@pytest.mark.slow
 def test_the_stretch_move_finds_a_near_mode_and_misses_a_far_one():
     near = two_modes.share_beyond(two_modes.from_one(4.0).kept(), 4.0)
     # 750 steps of 64 walkers, some 85 steps to a draw: a standard error of 0.02
@@ -40,6 +41,7 @@ def test_walkers_started_in_both_modes_stay_and_emcee_finds_nothing_wrong():
     assert not walk.judged.reached(1.0)
 
 
+@pytest.mark.slow  # by default inference/mcmc/test_run.py: from mode to mode
 def test_the_walk_of_jblast_gives_each_mode_its_share():
     found = two_modes.by_jblast(FAR)
     assert found.reached

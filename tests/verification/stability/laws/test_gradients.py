@@ -39,6 +39,7 @@ def test_a_sharp_front_hides_the_slope_of_a_misfit_and_a_rise_shows_it():
     assert slope_felt(10) == pytest.approx(1.0, abs=0.02)
 
 
+@pytest.mark.slow
 def test_at_distance_zero_the_slope_is_defined_and_laws_are_refused():
     origin = jnp.zeros(3)
     assert bool(jnp.isnan(jax.grad(jnp.linalg.norm)(origin)).all())

@@ -39,6 +39,7 @@ from jblast.waves.laws.kingery_bulmash.table import kingery_bulmash_curve
 SOUND = 340.29
 
 
+@pytest.mark.slow
 def test_every_claim_of_the_map_was_seen_and_says_where():
     modes = law_failures()
     assert len({(mode.method, mode.failure, mode.boundary) for mode in modes}) == len(
@@ -181,6 +182,7 @@ def test_stokes_leaves_a_blast_as_loud_at_1_km_as_at_1_m():
         assert bool(iso_9613_absorption(frequency, *air) > 10.0 * stokes) == short
 
 
+@pytest.mark.slow
 def test_power_laws_beyond_the_table_have_one_slope():
     for quantity in ("positive_impulse_pa_s", "positive_duration_s", "air_arrival_s"):
         law = LAWS[quantity, "kingery_bulmash"]

@@ -1,0 +1,1 @@
+"""Film in which detectors of flashes are compared: blasts, and what looks like them."""
