@@ -1,5 +1,6 @@
 """What a report was made of: command, date, versions, and files by their SHA-256."""
 
+import functools
 import hashlib
 import platform
 import shlex
@@ -60,9 +61,12 @@ def provenance_of(
         scene: The scene's file; "" where there is none.
         command: The words that were typed, the program first.
     """
-    told = _bytes(scene)
-    files = [file for path in logs if path for file in _files(path)]
-    found = [_source(file, _bytes(file)) for file in files]
+    scene_bytes = _bytes(scene)
+    # one that is named twice, or stands in a folder that is named, too, is told once
+    files = {
+        file.resolve(): file for path in logs if path for file in _files(path)
+    }.values()
+    found = [_source(file) for file in files]
     return Provenance(
         command=shlex.join(command),
         date=datetime.now(UTC).isoformat(timespec="seconds"),
@@ -72,8 +76,10 @@ def provenance_of(
             "python": platform.python_version(),
         },
         logs=tuple(file for file in found if file is not None),
-        scene=_source(scene, told),
-        scene_text="" if told is None else told.decode("utf-8", "replace"),
+        scene=None if scene_bytes is None else _source(Path(scene)),
+        scene_text=""
+        if scene_bytes is None
+        else scene_bytes.decode("utf-8", "replace"),
     )
 
 
@@ -109,7 +115,19 @@ def _bytes(path: str | Path) -> bytes | None:
         return None
 
 
-def _source(path: str | Path, held: bytes | None) -> SourceFile | None:
-    if held is None:
+def _source(path: Path) -> SourceFile | None:
+    try:
+        if not path.is_file():
+            return None
+        now = path.stat()
+        return SourceFile(path.name, _sha256(path, now.st_size, now.st_mtime_ns))
+    except OSError:
         return None
-    return SourceFile(Path(path).name, hashlib.sha256(held).hexdigest())
+
+
+@functools.lru_cache
+def _sha256(path: Path, size: int, changed_ns: int) -> str:
+    """Return what a file is told by: read once, piece by piece, until it changes."""
+    del size, changed_ns
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()

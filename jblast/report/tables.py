@@ -53,6 +53,11 @@ def _bars(cells: Iterable[str]) -> str:
     return "| " + " | ".join(cell.replace("|", r"\|") for cell in cells) + " |"
 
 
+def commented(comments: Iterable[str]) -> str:
+    """Return lines of comment above a table of CSV, each on one line."""
+    return "".join(f"# {' '.join(line.split())}\n" for line in comments)
+
+
 def comma_separated(rows: Iterable[Iterable[Any]]) -> str:
     """Return rows as CSV; the first holds the names of the columns."""
     text = io.StringIO()

@@ -3,6 +3,7 @@ import html
 import json
 import platform
 import re
+import shlex
 from datetime import UTC, datetime
 
 import jax
@@ -44,6 +45,25 @@ def test_versions_and_date_are_those_of_now():
     assert -1.0 < since.total_seconds() < 60.0
     assert (made.logs, made.scene, made.scene_text, made.command) == ((), None, "", "")
     assert "The log was made in memory." in provenance_lines(made)
+
+
+def test_a_file_is_told_once_and_read_once_until_it_changes(tmp_path, monkeypatch):
+    log = tmp_path / """it's "g 1".csv"""
+    log.write_text("one")
+    read = []
+    digest = hashlib.file_digest
+    monkeypatch.setattr(
+        hashlib, "file_digest", lambda file, of: read.append(1) or digest(file, of)
+    )
+    made = provenance_of([log, tmp_path, str(log)], command=["jblast", str(log)])
+    again = provenance_of([log])
+    assert [file.name for file in made.logs] == ["""it's "g 1".csv"""]
+    assert made.logs == again.logs
+    assert len(read) == 1
+    assert shlex.split(made.command) == ["jblast", str(log)]
+    log.write_text("another")
+    assert provenance_of([log]).logs[0].sha256 == hashlib.sha256(b"another").hexdigest()
+    assert len(read) == 2
 
 
 def test_every_file_of_a_folder_is_told_and_what_is_no_file_is_not(tmp_path):

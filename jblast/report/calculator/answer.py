@@ -79,11 +79,11 @@ class RecommendedEntry:
     """The answer to one question.
 
     Attributes:
-        told: What it is.
+        recommended: What it is.
         reason: Why this law; "" where there is no other.
     """
 
-    told: Recommended = field(metadata=AMONG)
+    recommended: Recommended = field(metadata=AMONG)
     reason: str
 
 
@@ -147,7 +147,7 @@ def calculator_answer(
     answer: Calculation,
     other: Calculation | None = None,
     apart: Sequence[Disagreement] = (),
-    told: Recommended | None = None,
+    recommended: Recommended | None = None,
 ) -> CalculatorAnswer:
     """Put together what laws say of some rows.
 
@@ -156,7 +156,7 @@ def calculator_answer(
         answer: What the laws say.
         other: What those of two curve sets say by the other set, if that is of use.
         apart: Where laws that hold disagree.
-        told: The answer, where one question was asked.
+        recommended: The answer, where one question was asked.
     """
 
     def entry(quantity: str, name: str, of_law: Calculated) -> LawEntry:
@@ -172,22 +172,22 @@ def calculator_answer(
     return CalculatorAnswer(
         inputs=inputs(question),
         quantities=quantities,
-        recommended=_recommended(told) if told else None,
+        recommended=_recommended(recommended) if recommended else None,
         disagreements=tuple(map(_disagreement, apart)),
     )
 
 
 def inverse_answer(
-    question: Question, answer: Mapping[str, Roots], told: Recommended
+    question: Question, answer: Mapping[str, Roots], recommended: Recommended
 ) -> InverseAnswer:
     """Put together where laws take a value."""
     asked = inputs(question)
     by_law = {name: _root_entry(found) for name, found in answer.items()}
-    return InverseAnswer(asked, _recommended(told), {asked.asked or "": by_law})
+    return InverseAnswer(asked, _recommended(recommended), {asked.asked or "": by_law})
 
 
-def _recommended(told: Recommended) -> RecommendedEntry:
-    return RecommendedEntry(told, why_recommended(told))
+def _recommended(recommended: Recommended) -> RecommendedEntry:
+    return RecommendedEntry(recommended, why_recommended(recommended))
 
 
 def _disagreement(found: Disagreement) -> DisagreementEntry:

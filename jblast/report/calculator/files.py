@@ -21,15 +21,19 @@ def calculation_json(
     answer: Calculation,
     other: Calculation | None = None,
     apart: Sequence[Disagreement] = (),
-    told: Recommended | None = None,
+    recommended: Recommended | None = None,
 ) -> str:
     """Return inputs and quantities as JSON; arguments as of `calculator_answer`."""
-    return _json(calculator_answer(question, answer, other, apart, told).to_dict())
+    return _json(
+        calculator_answer(question, answer, other, apart, recommended).to_dict()
+    )
 
 
-def roots_json(question: Question, answer: dict[str, Roots], told: Recommended) -> str:
+def roots_json(
+    question: Question, answer: dict[str, Roots], recommended: Recommended
+) -> str:
     """Return inputs, the answer, and by law the best root and all of them as JSON."""
-    return _json(inverse_answer(question, answer, told).to_dict())
+    return _json(inverse_answer(question, answer, recommended).to_dict())
 
 
 def calculation_csv(

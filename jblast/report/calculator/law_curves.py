@@ -6,12 +6,12 @@ import numpy as np
 from jaxtyping import Bool, Float
 from matplotlib.axes import Axes
 
-from jblast.quantities import DIRECTIONS, FIREBALL_RADII
+from jblast.quantities import BY_VEHICLE, DIRECTIONS, FIREBALL_RADII
 from jblast.registry import LAWS
 from jblast.report.figure_style import COLOURS, INK
 from jblast.report.fit.figures.recordings import runs
 
-NOT_DRAWN = ("flash_time_s", *FIREBALL_RADII, *DIRECTIONS)
+NOT_DRAWN = ("flash_time_s", *FIREBALL_RADII, *DIRECTIONS, *BY_VEHICLE)
 """No waves of the air or the ground."""
 LAW_COLOURS = (
     *(*COLOURS, INK, "#882255", "#E8308A", "#332288", "#999933", "#AA4499"),

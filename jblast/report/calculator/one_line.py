@@ -28,22 +28,24 @@ SAID = ("as TNT", "burst", "air")
 
 
 def value_line(
-    question: Question, told: Recommended, by_law: Mapping[str, Calculated]
+    question: Question, recommended: Recommended, by_law: Mapping[str, Calculated]
 ) -> str:
     """Return one quantity at one range from one charge by the law we take.
 
     Args:
         question: Of one range and one mass.
-        told: The answer.
+        recommended: The answer.
         by_law: What all laws say.
     """
-    words = quantity_words(told.quantity)
-    value = printed_number(told.quantity, told.value, system=question.units)
-    unit = one_unit(question, told.quantity, by_law)
+    words = quantity_words(recommended.quantity)
+    value = printed_number(
+        recommended.quantity, recommended.value, system=question.units
+    )
+    unit = one_unit(question, recommended.quantity, by_law)
     others = [
         line
         for name, of_law in by_law.items()
-        if name != told.law
+        if name != recommended.law
         for line in entry(
             name,
             *printed_value(of_law, unit),
@@ -51,45 +53,57 @@ def value_line(
             law_column(by_law),
         )
     ]
-    first = f"{title(question)}: {words} {value}, {_sure(told)}"
-    return _whole(first, others, question, told, by_law[told.law].range)
+    first = f"{title(question)}: {words} {value}, {_sure(recommended)}"
+    return _whole(first, others, question, recommended, by_law[recommended.law].range)
 
 
 def root_line(
-    question: Question, told: Recommended, by_law: Mapping[str, Roots]
+    question: Question, recommended: Recommended, by_law: Mapping[str, Roots]
 ) -> str:
     """Return the range or mass at which a quantity takes its value.
 
     Args:
         question: Of the quantity, and of one range or one mass.
-        told: The answer.
+        recommended: The answer.
         by_law: What all laws say.
     """
     target = printed_number(question.quantity, question.target, system=question.units)
-    value = printed_number(told.quantity, told.value, system=question.units)
+    value = printed_number(
+        recommended.quantity, recommended.value, system=question.units
+    )
     others = [
         line
         for name, found in by_law.items()
-        if name != told.law
+        if name != recommended.law
         for line in root_entries(question, name, found, law_column(by_law))
     ]
-    first = f"{target}: {value}, {_sure(told)}"
-    return _whole(first, others, question, told, by_law[told.law].law.range)
+    first = f"{target}: {value}, {_sure(recommended)}"
+    return _whole(
+        first, others, question, recommended, by_law[recommended.law].law.range
+    )
 
 
-def _sure(told: Recommended) -> str:
+def _sure(recommended: Recommended) -> str:
     """Say by which law, whether it holds, and how far nature departs from it."""
-    holds = "holds there" if told.valid else "outside its range"
-    scatter = f", scatter {100.0 * told.scatter:.2g} %" if told.scatter > 0.0 else ""
-    return f"{told.law} ({holds}{scatter})"
+    holds = "holds there" if recommended.valid else "outside its range"
+    scatter = (
+        f", scatter {100.0 * recommended.scatter:.2g} %"
+        if recommended.scatter > 0.0
+        else ""
+    )
+    return f"{recommended.law} ({holds}{scatter})"
 
 
 def _whole(
-    first: str, others: list[str], question: Question, told: Recommended, range_: str
+    first: str,
+    others: list[str],
+    question: Question,
+    recommended: Recommended,
+    range_: str,
 ) -> str:
     lines = [first, "-" * LINE, *others]
     lines += [""] if others else []
-    facts = [("by", f"{told.law}: {why_recommended(told) or range_}")]
+    facts = [("by", f"{recommended.law}: {why_recommended(recommended) or range_}")]
     facts += [("asked", title(question))] if question.quantity else []
     facts += [fact for fact in header(question) if fact[0] in SAID]
     facts += [("note", note) for note in notes(question)]

@@ -37,7 +37,7 @@ STYLES = ("-", (0, (6, 2.5)), (0, (2.5, 1.5)), (0, (8, 2, 2, 2)))
 
 
 def question_figure(
-    question: Question, quantity: str, told: Recommended | None, law: str = ""
+    question: Question, quantity: str, recommended: Recommended | None, law: str = ""
 ) -> Figure:
     """Draw one quantity against range, or against mass where that is asked for.
 
@@ -47,12 +47,12 @@ def question_figure(
     Args:
         question: What was asked; of one mass, or of one range and no mass.
         quantity: What is drawn.
-        told: The answer, which is marked; None where several were asked for.
+        recommended: The answer, which is marked; None where several were asked for.
         law: This one alone; "" for all.
     """
-    x, ranges, masses = _along(question, told)
+    x, ranges, masses = _along(question, recommended)
     by_law = only(calculate(question.scene, ranges, masses), quantity, law)[quantity]
-    first = told.law if told else ""
+    first = recommended.law if recommended else ""
     held = holding(by_law, first)
     figure = new_figure(8.0, 5.4)
     axes = figure.subplots()
@@ -61,16 +61,16 @@ def question_figure(
     unit = unit_for(quantity, float(np.median(np.abs(seen))), system=question.units)
     _draw(axes, x, by_law, groups(by_law, held), unit.size)
     _frame(axes, seen / unit.size)
-    if told is not None:
-        value = question.target if question.quantity else told.value
-        at = told.value if question.quantity else question.slant_range[0]
+    if recommended is not None:
+        value = question.target if question.quantity else recommended.value
+        at = recommended.value if question.quantity else question.slant_range[0]
         _mark(axes, at / _size(question), value / unit.size)
     axes.set_xlabel(_label(question))
     axes.set_ylabel(unit.symbol)
     titled(axes, capitalised(quantity_words(quantity)))
     burst = question.scene.charge.burst or "surface or free-air"
     figure.suptitle(
-        f"{_words(question, told)}, {burst} burst",
+        f"{_words(question, recommended)}, {burst} burst",
         x=0.01, ha="left", fontsize=13, color=INK,
     )  # fmt: skip
     return figure
@@ -122,14 +122,14 @@ def _mark(axes: Axes, x: float, y: float) -> None:
 
 
 def _along(
-    question: Question, told: Recommended | None
+    question: Question, recommended: Recommended | None
 ) -> tuple[Float[np.ndarray, " point"], ...]:
     """Return what is drawn along, in its unit, and the ranges and masses there."""
-    if question.quantity and not question.charge_mass and told is not None:
-        masses = told.value * np.geomspace(AROUND**-3, AROUND**3, POINTS)
+    if question.quantity and not question.charge_mass and recommended is not None:
+        masses = recommended.value * np.geomspace(AROUND**-3, AROUND**3, POINTS)
         ranges = np.full_like(masses, question.slant_range[0])
         return masses / _size(question), ranges, masses
-    asked = question.slant_range or ((told.value,) if told else (1.0,))
+    asked = question.slant_range or ((recommended.value,) if recommended else (1.0,))
     low, high = min(asked), max(asked)
     if high < 1.5 * low:
         low, high = low / AROUND, high * AROUND
@@ -154,10 +154,12 @@ def _label(question: Question) -> str:
     return f"{'charge mass' if _of_mass(question) else 'slant range'} ({unit})"
 
 
-def _words(question: Question, told: Recommended | None) -> str:
-    if told is None:
+def _words(question: Question, recommended: Recommended | None) -> str:
+    if recommended is None:
         return title(question)
-    value = printed_number(told.quantity, told.value, system=question.units)
+    value = printed_number(
+        recommended.quantity, recommended.value, system=question.units
+    )
     if not question.quantity:
         return f"{title(question)}: {value}"
     given = question.charge_mass or question.slant_range

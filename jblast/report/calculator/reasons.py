@@ -9,11 +9,11 @@ if TYPE_CHECKING:
     from jblast.fidelity import Choice
 
 
-def why_recommended(told: Recommended) -> str:
+def why_recommended(recommended: Recommended) -> str:
     """Return why an answer is by its law; "" where there is no other."""
-    if told.is_nearest:
+    if recommended.is_nearest:
         return "the nearest to the others of those that give it where they hold"
-    return _of_choice(told.choice) if told.choice else ""
+    return _of_choice(recommended.choice) if recommended.choice else ""
 
 
 def why_taken(found: Disagreement) -> str:

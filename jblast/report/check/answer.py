@@ -102,8 +102,8 @@ def check_answer(
 
 def _line(fault: str) -> int:
     """Return the line that a message names; 0, before all, where it names none."""
-    told = re.search(r": line (\d+)[:,]", fault)
-    return int(told.group(1)) if told else 0
+    numbered = re.search(r": line (\d+)[:,]", fault)
+    return int(numbered.group(1)) if numbered else 0
 
 
 def _warned(doubt: Doubt, log: Observations) -> Warned:

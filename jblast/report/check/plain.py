@@ -9,6 +9,17 @@ from jblast.report.numbers import printed_number, significant
 from jblast.report.words import quantity_words
 
 
+def _since_1970(doubt: Doubt, log: Observations) -> str:
+    unit, when = doubt.names
+    many = len(doubt.rows)
+    these = "this looks" if many == 1 else f"these {many} rows look"
+    return (
+        f"{log.sensor[doubt.rows[0]]}: {these} like {unit} since 1970, here {when}; "
+        "taken for seconds of an unknown start, as nothing says so: dates belong in "
+        "column value_utc, written like this one"
+    )
+
+
 def _copied(doubt: Doubt, _: Observations) -> str:
     one, other = doubt.names
     return (
@@ -78,6 +89,7 @@ SENTENCES: dict[str, Callable[[Doubt, Observations], str]] = {
     "sensor_copied": _copied,
     "two_sensors_at_one_place": _together,
     "sensor_at_two_places": _moved,
+    "since_1970": _since_1970,
     "shot_unheard": _unheard,
     "clock_of_one_row": _lonely,
     "arrival_before_flash": _before_flash,

@@ -88,15 +88,15 @@ def _folded(faults: Sequence[str], source: str) -> list[str]:
     came: dict[str, list[str]] = {}
     lists: set[str] = set()
     for fault in faults:
-        told = LINE.fullmatch(fault.removeprefix(f"{source}: "))
-        what = told.group(2) if told else fault.removeprefix(f"{source}: ")
+        numbered = LINE.fullmatch(fault.removeprefix(f"{source}: "))
+        what = numbered.group(2) if numbered else fault.removeprefix(f"{source}: ")
         known = KNOWN.search(what)
         if known and known.group() in lists and what not in lines:
             what = what.removesuffix(known.group())
         elif known:
             lists.add(known.group())
-        what, got, text = what.partition("; got ") if told else (what, "", "")
-        lines.setdefault(what, []).extend([told.group(1)] if told else [])
+        what, got, text = what.partition("; got ") if numbered else (what, "", "")
+        lines.setdefault(what, []).extend([numbered.group(1)] if numbered else [])
         came.setdefault(what, []).extend([got + text] if got else [])
     return [
         _lines(numbers)

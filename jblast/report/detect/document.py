@@ -53,14 +53,18 @@ def detection_document(
             for one in searched
         ],
         "dead_channels": list(dead),
-        "arrays": [_array(told) for told in arrays],
+        "arrays": [_array(finding) for finding in arrays],
     }
     return plain(document)
 
 
-def _array(told: ArrayFinding) -> dict[str, Any]:
-    came = told.direction
-    document = {"array": told.array, "bang": told.bang + 1, "in_log": told.used}
+def _array(finding: ArrayFinding) -> dict[str, Any]:
+    came = finding.direction
+    document = {
+        "array": finding.array,
+        "bang": finding.bang + 1,
+        "in_log": finding.used,
+    }
     if came is None:
         return document
     sds = came.covariance.diagonal() ** 0.5
@@ -72,5 +76,5 @@ def _array(told: ArrayFinding) -> dict[str, Any]:
         "elevation_sd_rad": sds[1],
         "undetermined": list(came.undetermined),
         "mirror_rad": came.mirror,
-        "p_plane_wave": told.probability,
+        "p_plane_wave": finding.probability,
     }

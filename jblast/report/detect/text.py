@@ -85,8 +85,8 @@ def _table(searched: Sequence[Searched]) -> list[str]:
 def _of_log(log: Log) -> list[str]:
     """Say what the rows of the log are, and what stands in none."""
     lines = [""]
-    for told in log.arrays:
-        lines += _of_array(told)
+    for finding in log.arrays:
+        lines += _of_array(finding)
     for sensor, found in log.left_out:
         lines.append(
             f"{sensor}: the arrival at {found.time_s:.6g} s is weaker than one of the "
@@ -95,9 +95,9 @@ def _of_log(log: Log) -> list[str]:
     return lines if len(lines) > 1 else []
 
 
-def _of_array(told: ArrayFinding) -> list[str]:
-    came = told.direction
-    name = f"Array {told.array}, bang {told.bang + 1}"
+def _of_array(finding: ArrayFinding) -> list[str]:
+    came = finding.direction
+    name = f"Array {finding.array}, bang {finding.bang + 1}"
     if came is None:
         return [f"{name}: the microphones have no delay in common; rows of their own"]
     sds = came.covariance.diagonal() ** 0.5
@@ -113,11 +113,11 @@ def _of_array(told: ArrayFinding) -> list[str]:
     lost = [ANGLES[key] for key in came.undetermined]
     if lost:
         said += f"; {joined(lost)} is not told by them"
-    if not told.used and told.probability <= CONTRADICTED:
+    if not finding.used and finding.probability <= CONTRADICTED:
         said += (
-            f"; the times contradict a plane wave (p = {told.probability:.1g}), so "
+            f"; the times contradict a plane wave (p = {finding.probability:.1g}), so "
             "each microphone has its own row"
         )
-    elif told.used:
+    elif finding.used:
         said += f"; within {WIDEST:g} m of each other, so one row of time for all"
     return [said]

@@ -19,7 +19,7 @@ HELD = (0.73, 1.0)
 """Share of noisy records whose 90 % interval held the truth; least and greatest of the
 cases and noises simulated, where the true terms came out
 (calibration/results/discovery.txt)."""
-SEEN = 0.05
+MIN_SHARE = 0.05
 """Share of the ensemble from which a term left out is told of."""
 
 
@@ -109,7 +109,7 @@ def kept_terms(found: Discovery, state: int) -> tuple[KeptTerm, ...]:
 def left_out_terms(found: Discovery, state: int) -> tuple[LeftOutTerm, ...]:
     """Return the terms that only some of the ensemble had, if not few of it."""
     share = found.inclusion[state]
-    left = (found.coefficients[state] == 0.0) & (share >= SEEN)
+    left = (found.coefficients[state] == 0.0) & (share >= MIN_SHARE)
     return tuple(
         LeftOutTerm(found.candidates.names[place], float(share[place]))
         for place in np.flatnonzero(left)

@@ -104,16 +104,16 @@ def _inclusion(axes: Axes, found: Discovery, state: int) -> None:
     quiet(axes)
     kept = found.coefficients[state] != 0.0
     share = found.inclusion[state]
-    told = np.flatnonzero(kept | (share > 0.0))[::-1]
-    places = np.arange(len(told))
-    colours = [BLUE if kept[place] else "#c8c8c8" for place in told]
-    axes.barh(places, share[told], height=0.6, color=colours)
-    axes.set_yticks(places, [found.candidates.names[place] for place in told])
-    axes.set_ylim(-0.6, max(len(told), 3) - 0.4)
+    shown = np.flatnonzero(kept | (share > 0.0))[::-1]
+    places = np.arange(len(shown))
+    colours = [BLUE if kept[place] else "#c8c8c8" for place in shown]
+    axes.barh(places, share[shown], height=0.6, color=colours)
+    axes.set_yticks(places, [found.candidates.names[place] for place in shown])
+    axes.set_ylim(-0.6, max(len(shown), 3) - 0.4)
     axes.set_xlim(0.0, 1.0)
     axes.grid(False, axis="y")
     axes.tick_params(axis="y", length=0)
-    if not len(told):
+    if not len(shown):
         axes.text(0.5, 1.0, "no term", ha="center", color=INK)
 
 

@@ -29,7 +29,7 @@ class FilmEvents:
     events: int
     brighter: int
     darker: int
-    stamps: Literal["solved for", "interpolated"]
+    stamps: Literal["solved for", "interpolated", "of the frame"]
     stamp_error_s: float
 
 
@@ -40,11 +40,13 @@ class FilmFiles:
     Attributes:
         frames: The directory of frames; absent with `--mode events`.
         events: The file of events; absent with `--mode rgb`.
+        video: The video; absent without `--video`.
         contact_sheet: Some of the frames on one page.
     """
 
     frames: str | None = field(metadata=ABSENT)
     events: str | None = field(metadata=ABSENT)
+    video: str | None = field(metadata=ABSENT)
     contact_sheet: str
 
 
@@ -59,10 +61,13 @@ class FilmAnswer:
         width: Of a frame, in pixels.
         height: Of a frame, in pixels.
         fps: Frames a second.
+        video_fps: Frames of the video a second; absent without `--video`.
         start_s: When the first frame stands, on the scene's clock.
         duration_s: From the first frame to the last.
         seed: Of noise and priors.
         found: Its events; None with `--mode rgb`.
+        lifted_m: How far above the ground a set of pictures stands that shows a burst
+            on the ground; absent where it stands on it, or there is none.
         files: Where they are.
     """
 
@@ -72,10 +77,12 @@ class FilmAnswer:
     width: int
     height: int
     fps: float
+    video_fps: float | None = field(metadata=ABSENT)
     start_s: float
     duration_s: float
     seed: int
     found: FilmEvents | None = field(metadata=AMONG)
+    lifted_m: float | None = field(metadata=ABSENT)
     files: FilmFiles
 
     def to_dict(self) -> dict[str, Any]:

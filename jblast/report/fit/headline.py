@@ -45,10 +45,10 @@ def freeing(more: MoreToFree) -> str:
     names = ",".join(more.parameters)
     free = joined([parameter_words(name) for name in more.parameters])
     clock = f", as the clock of {more.clock} is wrong," if more.clock else ""
-    told = _mass(more.estimates)
+    mass = _mass(more.estimates)
     return (
         f"With {free} free{clock} the recordings fit (p {printed_p(more.p_value)}"
-        f"{f': {told}' if told else ''}). Type the command again and behind it: "
+        f"{f': {mass}' if mass else ''}). Type the command again and behind it: "
         f"--free {names}"
     )
 
@@ -80,9 +80,9 @@ def explanation(wrong: WrongSensor) -> str:
         )
     else:
         said = f"Without the sensor {name} {fits}."
-    if told := _mass(wrong.estimates):
+    if mass := _mass(wrong.estimates):
         outside = "" if wrong.law_valid_rows else ", outside the laws"
-        said += f" Without it: {told}{outside}."
+        said += f" Without it: {mass}{outside}."
     if isinstance(wrong, WrongClock) and wrong.parameter:
         return f"{said} To fit its clock: --free {wrong.parameter}."
     return f"{said} To leave it out, put a # before its rows."

@@ -14,7 +14,7 @@ from jblast.report.fit.cures import cure_words, datum_words, reason_words
 from jblast.report.fit.document import NEAR_ALONE
 from jblast.report.numbers import finite, printed_number, rounded, significant
 from jblast.report.words import capitalised, joined, parameter_words, quantity_words
-from jblast.scene import place_of
+from jblast.scene import parameter_named
 
 UNIDENTIFIED_LOG_SD = 0.5
 """A positive parameter with a larger sd in ln is called practically unidentified."""
@@ -54,7 +54,7 @@ def null_direction_sentence(direction: NullDirection) -> str:
 
 
 def _in_ln(name: str, space: str) -> bool:
-    return space != "linear" and place_of(name).positive
+    return space != "linear" and parameter_named(name).positive
 
 
 def _signed(name: str, step: float) -> str:

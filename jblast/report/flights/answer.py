@@ -191,7 +191,7 @@ class FlightsAnswer:
         integrator: Which.
         backend: What calculated it.
         tolerance_m: Within which a vehicle has recovered.
-        load: "laws" or "custom profile".
+        load: "laws", "custom profile" or the preset of a world.
         drawn: What was drawn of priors; quantiles of several.
         blasts: Each as it came.
         thresholds: By exposure.

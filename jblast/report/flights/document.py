@@ -63,7 +63,7 @@ def flights_answer(flights: Flights, *, scene: str, seed: int) -> FlightsAnswer:
         integrator=options.integrator,
         backend=options.backend,
         tolerance_m=options.tolerance_m,
-        load="laws" if options.profile is None else "custom profile",
+        load=options.load if options.profile is None else "custom profile",
         drawn={
             name: _spread(values) if several else float(values)
             for name, values in flights.drawn.items()

@@ -143,8 +143,8 @@ def _exposures(flights: Flights) -> list[tuple[str, ...]]:
         past = [past_threshold(model, f)[name] for f in held]
         cells = ["not known" if each is None else _past(each) for each in past]
         limit = THRESHOLDS[model][name].value
-        told = "" if limit is None else f" {_one(name, limit, 3)}"
-        rows.append((f"  past{told or ' a threshold'}", *cells))
+        limit_words = "" if limit is None else f" {_one(name, limit, 3)}"
+        rows.append((f"  past{limit_words or ' a threshold'}", *cells))
     return rows
 
 

@@ -18,7 +18,7 @@ from jblast.report.figure_style import (
     titled,
 )
 from jblast.report.listen.overview import Envelope
-from jblast.report.listen.track import Track
+from jblast.report.listen.sensor_record import SensorRecord
 from jblast.report.numbers import Unit, unit_for
 from jblast.report.words import split_name
 from jblast.sensors.listening.plan import Listening
@@ -33,22 +33,22 @@ REFERENCE = {"_pa": (20e-6, "(20 µPa)²/Hz"), "_m_s": (1.0, "(m/s)²/Hz")}
 ARRIVALS = {"ground_arrival_s": (VERMILLION, "ground"), "air_arrival_s": (INK, "air")}
 
 
-def waveform_figure(listening: Listening, tracks: Sequence[Track]) -> Figure:
+def waveform_figure(listening: Listening, records: Sequence[SensorRecord]) -> Figure:
     """Draw each record whole, and around the first blast that comes."""
-    drawn = tracks[:MOST_DRAWN]
+    drawn = records[:MOST_DRAWN]
     figure = new_figure(11.0, 0.8 + ROW_INCHES * len(drawn))
     grid = figure.subplots(len(drawn), 2, squeeze=False, width_ratios=[1.0, 1.0])
-    for number, (track, (left, right)) in enumerate(zip(drawn, grid, strict=True)):
-        unit = unit_for(track.column, track.largest)
-        for axes, envelope in ((left, track.whole), (right, track.near)):
+    for number, (record, (left, right)) in enumerate(zip(drawn, grid, strict=True)):
+        unit = unit_for(record.column, record.largest)
+        for axes, envelope in ((left, record.whole), (right, record.near)):
             quiet(axes)
             if envelope is None:
                 axes.set_axis_off()
                 continue
             _draw(axes, envelope, unit)
             _arrivals(axes, listening, number)
-        left.set_ylabel(f"{_words(track)} [{unit.symbol}]")
-        titled(left, track.sensor.name, _clipping(track))
+        left.set_ylabel(f"{_words(record)} [{unit.symbol}]")
+        titled(left, record.sensor.name, _clipping(record))
     titled(grid[0][1], "Around the arrivals")
     for axes in grid[-1]:
         axes.set_xlabel("time by the sensor's clock [s]")
@@ -56,27 +56,27 @@ def waveform_figure(listening: Listening, tracks: Sequence[Track]) -> Figure:
     return figure
 
 
-def spectrogram_figure(listening: Listening, tracks: Sequence[Track]) -> Figure:
+def spectrogram_figure(listening: Listening, records: Sequence[SensorRecord]) -> Figure:
     """Draw the power density of each record against time and frequency."""
-    drawn = tracks[:MOST_DRAWN]
+    drawn = records[:MOST_DRAWN]
     figure = new_figure(11.0, 0.8 + ROW_INCHES * len(drawn))
     grid = figure.subplots(len(drawn), 1, squeeze=False)[:, 0]
-    for number, (track, axes) in enumerate(zip(drawn, grid, strict=True)):
+    for number, (record, axes) in enumerate(zip(drawn, grid, strict=True)):
         quiet(axes)
         axes.grid(False)
-        spectrogram = track.spectrogram
-        reference, words = REFERENCE[split_name(track.column)[1]]
+        spectrogram = record.spectrogram
+        reference, words = REFERENCE[split_name(record.column)[1]]
         density = spectrogram.density().T
         with np.errstate(divide="ignore"):
             level = 10.0 * np.log10(density / reference**2)
-        titled(axes, track.sensor.name, _clipping(track))
+        titled(axes, record.sensor.name, _clipping(record))
         axes.set_ylabel("frequency [Hz]")
         axes.set_yscale("log")
         step = spectrogram.frequency_hz[0]
         edges = step * (0.5 + np.arange(spectrogram.frequency_hz.size + 1))
-        axes.set_ylim(step, track.rate_hz / 2)
+        axes.set_ylim(step, record.rate_hz / 2)
         log_ticks(axes.yaxis, axes.get_ylim())
-        axes.set_xlim(0.0, track.whole.stop / track.rate_hz)
+        axes.set_xlim(0.0, record.whole.stop / record.rate_hz)
         loudest = float(np.max(level, where=np.isfinite(level), initial=-np.inf))
         if np.isfinite(loudest):
             axes.set_facecolor(colormaps["cividis"](0.0))  # where no window fits
@@ -143,11 +143,11 @@ def _legend(figure: Figure) -> None:
     )
 
 
-def _words(track: Track) -> str:
-    return split_name(track.column)[0].replace("_", " ")
+def _words(record: SensorRecord) -> str:
+    return split_name(record.column)[0].replace("_", " ")
 
 
-def _clipping(track: Track) -> str:
-    if not track.clipped_samples:
-        return track.sensor.kind
-    return f"{track.sensor.kind}; {track.clipped_samples:,} samples clipped"
+def _clipping(record: SensorRecord) -> str:
+    if not record.clipped_samples:
+        return record.sensor.kind
+    return f"{record.sensor.kind}; {record.clipped_samples:,} samples clipped"

@@ -14,7 +14,7 @@ from jblast.progress import each
 from jblast.report.figure_files import write_figure
 from jblast.report.listen.document import CLOCK, truth_csv
 from jblast.report.listen.figures import spectrogram_figure, waveform_figure
-from jblast.report.listen.track import Track
+from jblast.report.listen.sensor_record import SensorRecord
 from jblast.scene import Sensor
 from jblast.sensors.listening.plan import Listening
 from jblast.sensors.listening.recorders import packets
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 JSON, TRUTH = "listen.json", "truth.csv"
-FIGURES: dict[str, Callable[[Listening, Sequence[Track]], "Figure"]] = {
+FIGURES: dict[str, Callable[[Listening, Sequence[SensorRecord]], "Figure"]] = {
     "waveforms.png": waveform_figure,
     "spectrograms.png": spectrogram_figure,
 }
@@ -36,7 +36,7 @@ def write_tracks(
     directory: Path,
     comments: Sequence[str],
     packets_hz: float | None = None,
-) -> list[Track]:
+) -> list[SensorRecord]:
     """Write what every sensor records, and the truth behind it, into a directory.
 
     Args:
@@ -55,23 +55,32 @@ def write_tracks(
     names = file_names(listening.sensors)
     for name in (JSON, TRUTH, *FIGURES, *names.values()):  # would mislead
         (directory / name).unlink(missing_ok=True)
-    tracks = []
+    records = []
     for sensor in each(listening.sensors, "sensors"):
-        track = Track(listening, sensor, names[sensor.name])
-        place = ", ".join(f"{x:g}" for x in np.asarray(sensor.position_m).tolist())
-        own = f"{sensor.kind} {sensor.name!r} at ({place}) m east, north, up"
-        track.write(
-            directory / track.file,
+        record = SensorRecord(listening, sensor, names[sensor.name])
+        own = f"{sensor.kind} {sensor.name!r} {_standpoint(sensor)}"
+        record.write(
+            directory / record.file,
             packets(listening, sensor, packets_hz),
             [*comments, own],
         )
-        tracks.append(track)
-    write_text(directory / TRUTH, truth_csv(listening, tracks, comments))
-    return tracks
+        records.append(record)
+    write_text(directory / TRUTH, truth_csv(listening, records, comments))
+    return records
+
+
+def _standpoint(sensor: Sensor) -> str:
+    """Return where a sensor is, in words."""
+    place, axes = sensor.position_m, "east, north, up"
+    if sensor.mount:
+        place = sensor.offset_m
+        axes = f"forward, left, up from the middle of the {sensor.mount}"
+    at = ", ".join(f"{x:g}" for x in np.asarray(place).tolist())
+    return f"at ({at}) m {axes}"
 
 
 def write_pictures(
-    listening: Listening, tracks: Sequence[Track], directory: Path
+    listening: Listening, records: Sequence[SensorRecord], directory: Path
 ) -> list[str]:
     """Draw the records; return the names of the files.
 
@@ -80,7 +89,7 @@ def write_pictures(
     written = []
     for name, draw in FIGURES.items():
         try:
-            write_figure(draw(listening, tracks), directory / name)
+            write_figure(draw(listening, records), directory / name)
         except Exception as error:
             # whatever went wrong with a picture, the samples are kept
             warnings.warn(f"{name} was not written: {error!r}", stacklevel=2)

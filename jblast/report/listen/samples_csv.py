@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Float
 
 from jblast.files import replacing
-from jblast.report.tables import comma_separated
+from jblast.report.tables import comma_separated, commented
 
 
 def write_samples(
@@ -38,7 +38,7 @@ def write_samples(
         replacing(path) as temporary,
         temporary.open("w", encoding="utf-8", newline="") as file,
     ):
-        file.writelines(f"# {' '.join(line.split())}\n" for line in comments)
+        file.write(commented(comments))
         file.write(comma_separated([["time_s", *columns]]))
         try:
             for packet in packets:

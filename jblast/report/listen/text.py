@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from jblast.report.listen.document import warnings_of
-from jblast.report.listen.track import Track
+from jblast.report.listen.sensor_record import SensorRecord
 from jblast.report.numbers import printed_number
 from jblast.report.tables import aligned
 from jblast.sensors.listening.plan import Listening
@@ -16,29 +16,29 @@ TOLD = ("ground_arrival_s", "air_arrival_s", "peak_overpressure_pa")
 
 
 def listening_text(
-    listening: Listening, tracks: Sequence[Track], notes: Sequence[str] = ()
+    listening: Listening, records: Sequence[SensorRecord], notes: Sequence[str] = ()
 ) -> str:
     """Return the records as a table, and what to know of them.
 
     Args:
         listening: What was to be recorded.
-        tracks: What was.
+        records: What was.
         notes: What else there is to know.
     """
     rows = [["sensor", "kind", "file", "ground", "air", "peak"]]
-    for number, track in enumerate(tracks[:MOST_LINES]):
+    for number, record in enumerate(records[:MOST_LINES]):
         values = {name: row[number] for name, row in listening.truth.values.items()}
         shot = int(np.nan_to_num(values["air_arrival_s"], nan=np.inf).argmin())
-        told = [_number(name, values[name][shot]) for name in TOLD]
-        rows.append([track.sensor.name, track.sensor.kind, track.file, *told])
+        numbers = [_number(name, values[name][shot]) for name in TOLD]
+        rows.append([record.sensor.name, record.sensor.kind, record.file, *numbers])
     lines = aligned(rows, right=(3, 4, 5))
-    if len(tracks) > MOST_LINES:
-        lines.append(f"and {len(tracks) - MOST_LINES} more, in truth.csv")
+    if len(records) > MOST_LINES:
+        lines.append(f"and {len(records) - MOST_LINES} more, in truth.csv")
     lines.append(f"{listening.seconds:g} s each, from 0 on the sensor's own clock")
     if len(listening.truth.shots) > 1:
         lines.append("arrivals and peak of the first blast that comes")
-    told = (*notes, *listening.notes, *warnings_of(listening, tracks))
-    lines += [f"Note: {note.removeprefix('note: ')}" for note in told]
+    notes = (*notes, *listening.notes, *warnings_of(listening, records))
+    lines += [f"Note: {note.removeprefix('note: ')}" for note in notes]
     return "\n".join(lines) + "\n"
 
 

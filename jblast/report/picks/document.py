@@ -6,7 +6,7 @@ from datetime import UTC
 from typing import Any
 
 from jblast.inference.picks import NAMES, RecordPick
-from jblast.inference.records import Gathered, PickLog, told
+from jblast.inference.records import Gathered, PickLog, pick_estimate
 from jblast.json_values import plain
 from jblast.report.picks.answer import PickAnswer, PickedValue, PicksAnswer
 from jblast.report.picks.words import note_words
@@ -64,5 +64,5 @@ def _answer(one: RecordPick, name: str, order: int, shot: str) -> PickAnswer:
 
 def _estimate(one: RecordPick, quantity: str) -> PickedValue | None:
     """Return a value and its standard deviation; None where the pick has none."""
-    found = told(one, quantity)
+    found = pick_estimate(one, quantity)
     return None if found is None else PickedValue(*found)

@@ -97,6 +97,6 @@ def _draw(above: Axes, below: Axes, name: str, one: RecordPick, curve: Curve) ->
     below.set_ylim(-1.15 * largest or -1.0, 1.15 * largest or 1.0)
     above.tick_params(labelbottom=False)
     above.set_ylabel(f"[{unit.symbol}]")
-    told = [estimate_words(one, "peak_overpressure_pa") or "uncalibrated"]
-    told.append(estimate_words(one, "positive_duration_s"))
-    titled(above, name, "onset alone" if alone else ", ".join(filter(None, told)))
+    words = [estimate_words(one, "peak_overpressure_pa") or "uncalibrated"]
+    words.append(estimate_words(one, "positive_duration_s"))
+    titled(above, name, "onset alone" if alone else ", ".join(filter(None, words)))

@@ -3,7 +3,7 @@
 from datetime import timedelta
 
 from jblast.inference.picks import RecordPick
-from jblast.inference.records import Gathered, PickLog, Reason, told
+from jblast.inference.records import Gathered, PickLog, Reason, pick_estimate
 from jblast.report.numbers import rounded, unit_for
 from jblast.report.picks.words import REASONS, note_words
 from jblast.report.tables import aligned
@@ -59,7 +59,7 @@ def utc(found: Gathered) -> str:
 
 def estimate_words(one: RecordPick, quantity: str) -> str:
     """Print a value and its standard deviation with its unit; "" where untold."""
-    found = told(one, quantity)
+    found = pick_estimate(one, quantity)
     if found is None:
         return ""
     value, sd = found

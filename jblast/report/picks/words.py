@@ -17,8 +17,10 @@ NOTES: dict[NoteKind, str] = {
     "sharp_front": "the front rises within a sample",
     "cut_short": "the record ends before the positive phase does",
     "drifting": "the baseline drifts",
+    "curved_baseline": "the baseline bends: duration and impulse rest on its form",
     "resonating": "the sensor rings at {rings}",
-    "high_passed": "what follows the pulse looks high-passed, and no corner was given",
+    "high_passed": "what follows the pulse looks high-passed, and no corner was given; "
+    "a Friedlander pulse that runs on below zero looks the same",
     "later_arrival": "further fronts at {later}",
     "duration_unsure": "the duration is hardly told",
     "faint": "the pulse is faint",
@@ -29,6 +31,7 @@ REASONS: dict[Reason, str] = {
     "onset_alone": "no pulse fits the samples",
     "uncalibrated": "nobody said how many pascals a sample stands for",
     "high_passed": "a high-pass of unknown corner changes them",
+    "curved_baseline": "the baseline bends, and they rest on its form",
     "cut_short": "the record ends too early",
     "weaker": "weaker than another of the same bang there: an echo, perhaps",
 }
@@ -50,10 +53,10 @@ def note_words(one: RecordPick) -> list[str]:
     level = f"{scale:.3g} of full scale"
     if one.record.calibrated and scale == scale:
         level = printed_number("clipped_at_pa", scale, 3)
-    told = {
+    values = {
         "clipped_at": level,
         "rings": f"{float(one.pick.resonance_hz):.3g} Hz",
         "misfit": f"{float(one.pick.misfit):.3g}",
         "later": f"{joined([f'{time:.6g}' for time in later])} s",
     }
-    return [NOTES[kind].format(**told) for kind in one.notes]
+    return [NOTES[kind].format(**values) for kind in one.notes]

@@ -20,10 +20,12 @@ def stability_figure(modes: Mapping[str, Sequence[FailureMode]]) -> Figure:
     """
     beside = [area for area in PANELS if area in modes]
     every = [mode for found in modes.values() for mode in found]
-    counts = any(mode.cases for mode in every)
+    counts = sum(bool(mode.cases) for mode in every)
     mapped = "laws" in modes
     rows = -(-len(beside) // 2)
-    figure = new_figure(8.0 * mapped + 8.6 * bool(beside or counts) or 8.0, 10.5)
+    heights = [1.0] * rows + [0.28 * counts] * bool(counts)
+    height = max(10.5, 1.9 * sum(heights))
+    figure = new_figure(8.0 * mapped + 8.6 * bool(beside or counts) or 8.0, height)
     columns = ([0.92] if mapped else []) + ([1.0] if beside or counts else [])
     parts = figure.subfigures(
         1, max(len(columns), 1), squeeze=False, width_ratios=columns or None
@@ -35,7 +37,6 @@ def stability_figure(modes: Mapping[str, Sequence[FailureMode]]) -> Figure:
         _key(axes)
     if not parts:
         return figure
-    heights = [1.0] * rows + [1.3] * counts
     grid = parts[0].add_gridspec(len(heights) or 1, 2, height_ratios=heights or None)
     for place, area in enumerate(beside):
         alone = place % 2 == 0 and place == len(beside) - 1

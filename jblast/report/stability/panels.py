@@ -15,6 +15,11 @@ from jblast.verification.stability.laws.clocks import FINE, SIGMA, TIMES
 from jblast.verification.stability.laws.gradients import MOST_SAMPLES, slope_felt
 from jblast.verification.stability.laws.shock_solver import SHORT, sod_end, wave_error
 from jblast.verification.stability.laws.waveforms import impulse_errors
+from jblast.verification.stability.records import (
+    COLOUR,
+    SNRS as NOISES,
+    noise_shares,
+)
 
 MOST_BARS = 14
 
@@ -145,6 +150,23 @@ def detectors(axes: Axes, modes: Sequence[FailureMode]) -> None:
     titled(axes, "Matched filters beside a rotor")
 
 
+def records(axes: Axes, modes: Sequence[FailureMode]) -> None:
+    """Draw what share of picks is far off against the noise of a record."""
+    for colour, hue, words in ((0.0, BLUE, "white"), (COLOUR, VERMILLION, "coloured")):
+        found = noise_shares(colour)
+        axes.semilogx(NOISES, found.failed, color=hue, linewidth=1.8, label=words)
+        axes.semilogx(
+            NOISES, found.unmarked, color=hue, linewidth=1.8, linestyle=(0, (1, 1.5))
+        )
+    at = max(mode.boundary for mode in modes if mode.unit.startswith("peak over"))
+    _line(axes, at, f"{at:g}")
+    axes.text(60.0, 0.04, "dotted: called good", color=MUTED, fontsize=9)
+    axes.legend(frameon=False, fontsize=9, labelcolor=MUTED, title="noise")
+    axes.set(xlabel="peak over noise", ylabel="share lost or far off", ylim=(-0.03, 1))
+    quiet(axes)
+    titled(axes, "Picks of pressure records")
+
+
 def shares(axes: Axes, modes: Sequence[FailureMode]) -> None:
     """Draw what share of cases fails, a bar a failure mode whose unit counts cases."""
     counted = [mode for mode in modes if mode.cases][:MOST_BARS]
@@ -164,7 +186,7 @@ def shares(axes: Axes, modes: Sequence[FailureMode]) -> None:
             alpha=0.8,
             label=f"jblast {response}",
         )
-    axes.legend(loc="center right", frameon=False, fontsize=9, labelcolor=MUTED)
+    axes.legend(loc="upper right", frameon=False, fontsize=9, labelcolor=MUTED)
     axes.set_yticks([])
     axes.set(xlim=(0.0, 110.0), ylim=(len(counted) - 0.5, -0.8))
     axes.set_xticks([0, 25, 50, 75, 100])
@@ -181,6 +203,7 @@ PANELS: dict[str, Callable[[Axes, Sequence[FailureMode]], None]] = {
     "solver": solver,
     "flights": flights,
     "detectors": detectors,
+    "records": records,
 }
 """By area; those that count cases share one panel."""
 

@@ -10,8 +10,8 @@ from jblast.report.film.text import events_text, film_text
 
 SIZE = (5, 64, 48, 100.0)
 FOUND = FilmEvents((0.2, 0.2), "off", 3000, 2000, 1000, "solved for", 1e-6)
-FILES = FilmFiles("out/frames", "out/events.h5", "out/contact_sheet.png")
-BOTH = FilmAnswer("a.toml", "both", *SIZE, 0.0, 0.04, 0, FOUND, FILES)
+FILES = FilmFiles("out/frames", "out/events.h5", None, "out/contact_sheet.png")
+BOTH = FilmAnswer("a.toml", "both", *SIZE, None, 0.0, 0.04, 0, FOUND, None, FILES)
 FRAMES = replace(BOTH, mode="rgb", found=None, files=replace(FILES, events=None))
 EVENTS = EventsAnswer(*SIZE, 0.04, (0.2, 0.3), False, "on", 0, 3, 2, 1, "events.h5")
 

@@ -49,6 +49,7 @@ def pages(tmp_path_factory):
     return root, written
 
 
+@pytest.mark.slow
 def test_the_files_are_those_returned(pages):
     root, written = pages
     for name, paths in written.items():

@@ -68,9 +68,9 @@ def reduction(fit: Fit, quantity: str, shot: int) -> Reduction | None:
 def common_clock(fit: Fit) -> Float[np.ndarray, " row"]:
     """Return what to take off each row's clock to read the common clock [s]."""
     offsets = fit.scene.clock_offsets()
-    told = [
+    values = [
         0.0 if f"clock_offset_s.{clock}" in fit.summary.unidentified else offset
         for clock, offset in offsets.items()
     ]
-    by_name = dict(zip(offsets, map(float, told), strict=True))
+    by_name = dict(zip(offsets, map(float, values), strict=True))
     return np.array([by_name.get(clock, 0.0) for clock in fit.observations.clocks()])

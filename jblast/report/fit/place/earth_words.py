@@ -12,13 +12,13 @@ from jblast.report.numbers import printed_number
 def earth_lines(fit: Fit) -> list[str]:
     """Return a sentence for each charge of a log in degrees or with dates."""
     lines = []
-    told = on_earth(fit)
-    for charge, found in zip(fit.scene.charges, told.charges_on_earth, strict=True):
+    earth = on_earth(fit)
+    for charge, found in zip(fit.scene.charges, earth.charges_on_earth, strict=True):
         named = f"{charge.name}: it" if charge.name else "It"
         said = [f"{named} stood at {_place(found.place)}"] if found.place else []
         if found.origin_time_utc:
             when = _time(fit, f"origin_time_s{fit.scene.label(charge)}")
-            by = f" by the clock {told.origin_clock}" if told.origin_clock else ""
+            by = f" by the clock {earth.origin_clock}" if earth.origin_clock else ""
             who = "it" if said else named
             said.append(f"{who} exploded at {when}{by}")
         if said:
@@ -41,14 +41,17 @@ def _place(place: PlaceOnEarth) -> str:
 
 def _time(fit: Fit, name: str) -> str:
     """Return an origin time as far as it is known: 2020-08-04 15:08:18.31 UTC."""
-    epoch, told = fit.observations.epoch, fit.summary.estimates.get(name, Estimate())
+    epoch, estimate = (
+        fit.observations.epoch,
+        fit.summary.estimates.get(name, Estimate()),
+    )
     if epoch is None:
         return ""
-    half = 0.5 * (told.q95 - told.q05)
+    half = 0.5 * (estimate.q95 - estimate.q05)
     if not half > 0.0:
         value = float(fit.origin_time[0])
         return f"{utc(epoch, value)[:-1].replace('T', ' ')} UTC"
     decimals = min(max(1 - math.floor(math.log10(half)), 0), 6)
-    text = utc(epoch, round(told.value, decimals))[:-1].replace("T", " ")
+    text = utc(epoch, round(estimate.value, decimals))[:-1].replace("T", " ")
     text = text[: len(text) - 6 + decimals] if decimals else text[:-7]
     return f"{text} UTC ± {half:.{decimals}f} s (90 %)"

@@ -83,18 +83,18 @@ def _sensors(shown: GroundMap, frame: Frame) -> Iterator[Feature]:
 def _charge(charge: ChargePlace, frame: Frame, found: Summary, label) -> Iterator:
     numbers = estimates_of(found)
     suffix = f".{charge.name}" if charge.name else ""
-    told: dict[str, Any] = {}
+    properties: dict[str, Any] = {}
     for name, estimate in numbers.items():
         stem, _, of = name.partition(".")
         if f".{of}" * bool(of) == suffix and (stem.startswith("charge_") or not suffix):
-            told[stem] = estimate.value
-            told |= {f"{stem}.q05": estimate.q05, f"{stem}.q95": estimate.q95}
+            properties[stem] = estimate.value
+            properties |= {f"{stem}.q05": estimate.q05, f"{stem}.q95": estimate.q95}
     yield Feature(
         kind="charge",
         name=charge.name or "charge",
         colour=CHARGE,
         point=_point(frame, charge.position),
-        properties={"place": "fitted" if charge.asked else "given", **told},
+        properties={"place": "fitted" if charge.asked else "given", **properties},
     )
     for east, north in charge.elsewhere:
         yield Feature(

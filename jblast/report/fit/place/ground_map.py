@@ -43,8 +43,8 @@ class Station:
     @property
     def worst(self) -> float:
         """The residual that is furthest from 0 [sd]; NaN where there is none."""
-        told = [r for _, r in self.residuals if np.isfinite(r)]
-        return max(told, key=abs, default=float("nan"))
+        finite = [r for _, r in self.residuals if np.isfinite(r)]
+        return max(finite, key=abs, default=float("nan"))
 
 
 @dataclass(frozen=True)

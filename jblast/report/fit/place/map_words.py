@@ -64,13 +64,13 @@ def ring_lines(charge: ChargePlace) -> list[str]:
     if not charge.rings:
         return []
     of = f" of {charge.name}" if charge.name else ""
-    told = [
+    reaches = [
         f"{printed_number('_pa', ring.peak_overpressure_pa)} to "
         f"{printed_number('_m', ring.range_m, 3)}" + "*" * (not ring.valid)
         for ring in charge.rings
     ]
     # a number is not parted from its unit where a line is broken
-    reach = ", ".join(told).replace(" kPa", "\u00a0kPa").replace(" m", "\u00a0m")
+    reach = ", ".join(reaches).replace(" kPa", "\u00a0kPa").replace(" m", "\u00a0m")
     outside = "; * outside the law, dashed" * any(not r.valid for r in charge.rings)
     law = law_words(charge.rings[0].law)
     wide = any(ring.range_q05_m < ring.range_q95_m for ring in charge.rings)
@@ -93,7 +93,7 @@ def absent_map_note(fit: Fit) -> str:
 
 def map_alt(fit: Fit) -> str:
     """Say in words what a map shows, for who cannot see it."""
-    told = []
+    parts = []
     for shot, charge in enumerate(fit.scene.charges):
         if (ellipse := charge_ellipse(fit, shot=shot)) is not None:
             of = f" of {charge.name}" if charge.name else ""
@@ -101,11 +101,11 @@ def map_alt(fit: Fit) -> str:
                 printed_number("_m", 2 * half, 3)
                 for half in (ellipse.major, ellipse.minor)
             )
-            told.append(
+            parts.append(
                 f"{100 * ellipse.share:.0f} % ellipse{of} {long} by {wide}, its longer "
                 f"axis at {ellipse.azimuth_deg:.0f}° from north"
             )
-    return "; ".join(["Map of sensors, coloured by residual, and charge", *told]) + "."
+    return "; ".join(["Map of sensors, coloured by residual, and charge", *parts]) + "."
 
 
 def map_caption(fit: Fit) -> str:

@@ -31,7 +31,7 @@ BEFORE, AFTER = 0.25, 6.0
 positive phase before it, and so many positive phases after the last."""
 
 
-class Track:
+class SensorRecord:
     """One sensor's record: where it is written, and what is kept of it to be told.
 
     Attributes:

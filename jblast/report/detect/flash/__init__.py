@@ -1,0 +1,1 @@
+"""What was seen in a film: words, JSON, picture, files."""

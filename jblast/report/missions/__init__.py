@@ -1,0 +1,1 @@
+"""Missions: terminal, document, map, figures."""

@@ -1,0 +1,1 @@
+"""What studies came to: the text of a run, its JSON, and pages."""

@@ -1,0 +1,233 @@
+"""The columns of a study's store, as what reports on it asks for."""
+
+import itertools
+import textwrap
+import warnings
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from jblast.errors import InputError
+
+if TYPE_CHECKING:
+    import xarray
+
+SCHEMA = 1
+"""Of a store that this version reads."""
+
+
+@dataclass(frozen=True)
+class Lane:
+    """An outcome, of one sensor where it has several.
+
+    Attributes:
+        name: As it was asked for.
+        sensor: Whose it is; "" of none.
+        units: Of its values; "1" of none.
+        kind: "number" or "yes_no".
+        long_name: In words.
+        values: Of each sample, NaN where it failed.
+    """
+
+    name: str
+    sensor: str
+    units: str
+    kind: str
+    long_name: str
+    values: Float[np.ndarray, " sample"]
+
+    @property
+    def title(self) -> str:
+        """Its name, and its sensor's."""
+        return f"{self.name}, {self.sensor}" if self.sensor else self.name
+
+    @property
+    def label(self) -> str:
+        """What it is, and its unit, for an axis of a figure."""
+        unit = "" if self.units in ("", "1") else f" [{self.units}]"
+        words = (self.long_name or self.name).partition(",")[0]
+        return textwrap.fill(f"{words}{unit}", 34)
+
+
+@dataclass(frozen=True)
+class StudyAxis:
+    """What was varied.
+
+    Attributes:
+        name: A number of the scene, or a key of its file.
+        units: Of its values.
+        values: Its different values, from the least; codes where it has words.
+        words: What the codes stand for; () of numbers.
+        at: Which of them each sample has.
+    """
+
+    name: str
+    units: str
+    values: Float[np.ndarray, " value"]
+    words: tuple[str, ...]
+    at: np.ndarray
+
+    @property
+    def label(self) -> str:
+        """Its name and unit, for an axis of a figure."""
+        unit = "" if self.units in ("", "1") else f" [{self.units}]"
+        return f"{self.name}{unit}"
+
+    def said(self, place: int) -> str:
+        """Return one of its values in words."""
+        return self.words[place] if self.words else f"{self.values[place]:.4g}"
+
+
+@dataclass(frozen=True)
+class StudyColumns:
+    """All that was kept of a study's samples.
+
+    Attributes:
+        lanes: The outcomes.
+        inputs: What was drawn, by name.
+        input_units: Their units.
+        axes: What was varied, in the order of the store.
+        weights: Of the samples; None where they have none.
+        attributes: What the store says of itself.
+        samples: How many there are.
+    """
+
+    lanes: tuple[Lane, ...]
+    inputs: Mapping[str, Float[np.ndarray, " sample"]]
+    input_units: Mapping[str, str]
+    axes: tuple[StudyAxis, ...]
+    weights: Float[np.ndarray, " sample"] | None
+    attributes: Mapping[str, Any]
+    samples: int
+    notes: list[str] = field(default_factory=list)
+
+    @property
+    def numeric_axes(self) -> list[StudyAxis]:
+        """Axes whose values are numbers, of two or more."""
+        return [one for one in self.axes if not one.words and one.values.size > 1]
+
+    @property
+    def word_axes(self) -> list[StudyAxis]:
+        """Axes over words."""
+        return [one for one in self.axes if one.words and one.values.size > 1]
+
+    def cells(self) -> Iterator[tuple[tuple[str, ...], Bool[np.ndarray, " sample"]]]:
+        """Yield each combination of the axes' values, in words, and its samples."""
+        places = [range(axis.values.size) for axis in self.axes]
+        for chosen in itertools.product(*places):
+            mask = np.ones(self.samples, bool)
+            for axis, place in zip(self.axes, chosen, strict=True):
+                mask &= axis.at == place
+            if mask.any():
+                said = (axis.said(n) for axis, n in zip(self.axes, chosen, strict=True))
+                yield tuple(said), mask
+
+
+def read_columns(path: str) -> StudyColumns:
+    """Read a store.
+
+    Raises:
+        InputError: There is none, or it is of another kind or of a newer schema.
+    """
+    import xarray
+
+    try:
+        with warnings.catch_warnings():
+            # a store has a lock beside its columns
+            warnings.filterwarnings("ignore", message=".*not recognized as a component")
+            dataset = xarray.open_zarr(path, consolidated=False)
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise InputError(
+            f"{path}: expected the store of a study, as `jblast study` writes it: "
+            f"{error}"
+        ) from None
+    return columns_of(dataset, path)
+
+
+def columns_of(dataset: "xarray.Dataset", source: str = "study") -> StudyColumns:
+    """Return the columns of a data set in the layout of a study.
+
+    Raises:
+        InputError: It is not, or of a newer schema, or keeps no samples.
+    """
+    schema = dataset.attrs.get("jblast_study_schema")
+    if schema is None:
+        raise InputError(
+            f"{source}: expected the store of a study, got one without "
+            "jblast_study_schema"
+        )
+    if int(schema) != SCHEMA:
+        raise InputError(
+            f"{source}: expected schema {SCHEMA} of a study, got {schema}: this is "
+            "read by another version of jblast"
+        )
+    if "sample" not in dataset.sizes:
+        raise InputError(
+            f"{source}: expected samples to report on, got a store of statistics alone "
+            '(keep = "summary")'
+        )
+    lanes: list[Lane] = []
+    inputs, units, axes, weights = {}, {}, [], None
+    sensors = (
+        [str(one) for one in dataset["sensor"].values]
+        if ("sensor" in dataset.sizes)
+        else []
+    )
+    for name, variable in dataset.data_vars.items():
+        role, own = variable.attrs.get("role"), str(variable.attrs.get("units", "1"))
+        if role == "outcome":
+            lanes += _lanes(str(name), variable, sensors)
+        elif role == "input":
+            inputs[str(name)] = np.asarray(variable.values, float)
+            units[str(name)] = own
+        elif role == "axis":
+            axes.append(_axis(str(name), variable))
+        elif role == "weight":
+            weights = np.asarray(variable.values, float)
+    found = StudyColumns(
+        tuple(lanes),
+        inputs,
+        units,
+        tuple(axes),
+        weights,
+        dict(dataset.attrs),
+        int(dataset.sizes["sample"]),
+    )
+    if not dataset.attrs.get("complete", False):
+        found.notes.append(
+            "The study is not complete: what is not there yet counts as failed. "
+            "--resume of jblast study goes on with it."
+        )
+    return found
+
+
+def _lanes(name: str, variable: Any, sensors: list[str]) -> list[Lane]:
+    """Return an outcome, once for each sensor it has."""
+    kind = str(variable.attrs.get("kind", "number"))
+    values = np.asarray(variable.values, float)
+    if kind == "yes_no":
+        values = np.where(values < 0, np.nan, values)
+    said = {
+        "units": str(variable.attrs.get("units", "1")),
+        "kind": kind,
+        "long_name": str(variable.attrs.get("long_name", name)),
+    }
+    if values.ndim == 1:
+        return [Lane(name, "", values=values, **said)]
+    return [
+        Lane(name, sensor, values=values[:, n], **said)
+        for n, sensor in enumerate(sensors)
+    ]
+
+
+def _axis(name: str, variable: Any) -> StudyAxis:
+    words = tuple(str(one) for one in variable.attrs.get("names", ()))
+    values, at = np.unique(np.asarray(variable.values, float), return_inverse=True)
+    if words:
+        words = tuple(words[int(n)] if n >= 0 else "-" for n in values)
+    return StudyAxis(
+        name, str(variable.attrs.get("units", "1")), values, words, at.reshape(-1)
+    )

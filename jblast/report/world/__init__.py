@@ -1,0 +1,1 @@
+"""Random blasts and who perceived them, as documents, tables and text."""

@@ -1,0 +1,1 @@
+"""A world in a window, as its clock passes."""

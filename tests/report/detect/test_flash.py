@@ -1,0 +1,71 @@
+"""What is told of flashes: by key, in words, drawn."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+from jsonschema import Draft202012Validator
+
+from docs.generate import answer_schemas
+from jblast.detect.flash.directions import Direction
+from jblast.detect.flash.growth import Growth
+from jblast.detect.flash.search import Flash, FlashDetections
+from jblast.detect.flash.silhouette import Silhouette
+from jblast.report.detect.flash.answer import Searched, flash_answer
+from jblast.report.detect.flash.figure import flash_figure
+from jblast.report.detect.flash.text import flash_text, slow_film
+
+GROWN = Growth(0.0304, 1e-4, 41.0, 0.3, 33.0, 0.4, *(15.0, 0.1, 3e-3, 1e-4, 0.2))
+SPOTS = tuple(
+    Silhouette(0.001 * k, 2.0 * (k - 30), 41.0, 30.0, 9.0, k > 36)
+    for k in range(31, 40)
+)
+FLASH = Flash(6.0, 0.0370, 31, GROWN, SPOTS, np.full((60, 80), 0.2))
+TIMES = np.arange(80) / 1000
+SEEN = FlashDetections((FLASH,), TIMES, np.zeros(80), 4.0, 0.005, 1)
+NOTHING = SEEN._replace(flashes=())
+FILM = Searched("film", "frames", 80, 60, 80, 1000.0, 0.079)
+WHERE = [Direction(0.5, 0.01, -0.1, 0.02)]
+
+
+def test_the_schema_takes_a_flash_with_and_without_a_scene_and_none():
+    schema = answer_schemas.detect_film()
+    Draft202012Validator.check_schema(schema)
+    bare = SEEN._replace(
+        flashes=(FLASH._replace(growth=GROWN._replace(radius_px=None, growth_s=None)),)
+    )
+    for seen, where in ((SEEN, WHERE), (SEEN, []), (bare, []), (NOTHING, [])):
+        told = flash_answer(seen, FILM, 1.0, where).to_dict()
+        Draft202012Validator(schema).validate(json.loads(json.dumps(told)))
+        assert told["detected"] == bool(seen.flashes)
+
+
+def test_keys_that_sound_and_film_share_mean_the_same():
+    told = flash_answer(SEEN, FILM, 1.0).to_dict()
+    (arrival,) = told["arrivals"]
+    assert arrival["time_s"] == 0.0304
+    assert arrival["snr_db"] == 20 * np.log10(6.0)
+    assert (arrival["pixel"], arrival["frame"]) == ([41.0, 33.0], 31)
+    assert told["threshold_snr_db"] == 20 * np.log10(4.0)
+    assert told["latency_s"] == np.subtract(0.0370, 0.0304)
+
+
+def test_it_is_told_in_words():
+    told = flash_text(flash_answer(SEEN, FILM, 1.0, WHERE))
+    assert "1 blast seen in 80 frames of 80 x 60 pixels, 0.079 s" in told
+    assert "first light  0.03040 ± 0.0001 s, frame 31, told 6.6 ms later" in told
+    assert "x 41.0 ± 0.3 px, y 33.0 ± 0.4 px" in told
+    assert "bearing 28.65 ± 0.57 degrees, elevation -5.73 ± 1.1 degrees" in told
+    assert "15.0 ± 0.1 px, time constant 3.00 ± 0.1 ms" in told
+    slow = replace(FILM, frames_hz=30.0)
+    told = flash_text(flash_answer(NOTHING, slow, 2.0, (), [slow_film(30.0)]))
+    assert told.startswith("No blast seen")
+    assert "30 frames/s: a fireball grows within" in told
+
+
+def test_pictures_of_one_of_events_and_of_nothing_can_be_drawn():
+    events = SEEN._replace(flashes=(FLASH._replace(picture=None),))
+    for seen, panels in ((SEEN, 3), (events, 3), (NOTHING, 1)):
+        figure = flash_figure(seen, (60, 80))
+        figure.draw_without_rendering()
+        assert len(figure.axes) == panels
