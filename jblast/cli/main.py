@@ -41,8 +41,12 @@ def main(arguments: Sequence[str] | None = None, *, progress: bool = True) -> in
     try:
         asked = parsed(words)
         debug = asked.debug
-        told = progress_told(asked.verb) if progress else contextlib.nullcontext()
-        with warnings.catch_warnings(), told:
+        progress_lines = (
+            progress_told(asked.verb)
+            if progress and asked.progress
+            else contextlib.nullcontext()
+        )
+        with warnings.catch_warnings(), progress_lines:
             warnings.showwarning = _say
             code = asked.run(asked)
         sys.stdout.flush()

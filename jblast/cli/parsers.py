@@ -52,6 +52,7 @@ def verb_parser(verb: Verb) -> VerbParser:
     """Return the parser of one verb; no other is imported."""
     module = verb.module()
     parser = VerbParser(prog=f"jblast {verb.name}", description=module.__doc__)
+    parser.set_defaults(progress=True)
     module.add_arguments(parser)
     parser.add_argument(
         "--debug", action="store_true", help="show the traceback of an error"
@@ -98,8 +99,8 @@ def _refuse_verb(root: argparse.ArgumentParser, name: str) -> NoReturn:
     """Say which verbs there are, with the usage of the nearest; exit 2."""
     names = [verb.name for verb in VERBS]
     close = closest(name, names)
-    told = root if close is None else verb_parser(VERBS[names.index(close)])
-    told.print_usage(sys.stderr)
+    parser = root if close is None else verb_parser(VERBS[names.index(close)])
+    parser.print_usage(sys.stderr)
     known = ", ".join(map(repr, names))
     root.exit(
         2,

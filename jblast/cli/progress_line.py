@@ -96,8 +96,8 @@ class ProgressLine(Listener):
 
     def _line(self, words: str, gone: float) -> str:
         left = self.seconds_left()
-        told = f", about {_time(left)} left" if left is not None else ""
-        first, last = f"jblast {self._verb}: ", f", {_time(gone)} so far{told}"
+        left_words = f", about {_time(left)} left" if left is not None else ""
+        first, last = f"jblast {self._verb}: ", f", {_time(gone)} so far{left_words}"
         words, room = words or "working", WIDTH - len(first) - len(last)
         if self._terminal and len(words) > room:  # the end says most
             words = "..." + words[3 - room :]

@@ -65,7 +65,7 @@ SCENES = {
     ),
     "a camera without a place": ("[camera]\n", ["[camera] position_m", "got nothing"]),
     "a vehicle without a model": ("[vehicle]\n", ["[vehicle] model", "got nothing"]),
-    "a world": ("[world]\n", ["world", "not supported yet"]),
+    "a world of nothing": ("[world]\ncount = 0\n", ["[world] count", "got 0"]),
     "a law to come": (
         '[law]\nair_arrival_s = "euler"\n',
         ["air_arrival_s", "euler", "not supported yet"],

@@ -63,11 +63,46 @@ def test_words_within_a_stage_stand_behind_it_until_the_next(clock):
         assert line.words() == "vehicle (2 of 2)"
 
 
+def test_a_task_that_is_over_leaves_its_place_to_the_next(clock):
+    def fit():
+        begin = stages({"reading": 1.0, "fitting": 1.0})
+        for name in ("reading", "fitting"):
+            begin(name)
+            for _ in each(range(2), "logs"):
+                said.append(line.words())
+
+    line, said = line_on(Stream(), clock), []
+    with heard_by(line):
+        begin = stages({"bands": 1.0, "fits": 1.0})
+        begin("fits")
+        fit()
+        first, said = said, []
+        assert line.words() == "fits (2 of 2)"
+        fit()
+    assert said == first
+    assert said[-1] == "fits (2 of 2): fitting (2 of 2): 1 of 2 logs"
+
+
+def test_a_task_that_is_let_go_late_takes_nothing_from_the_next(clock):
+    line = line_on(Stream(), clock)
+    with heard_by(line):
+        begin = stages({"bands": 1.0, "fits": 1.0})
+        begin("bands")
+        held = in_words()
+        held("a band")
+        begin("fits")
+        tell = in_words()
+        tell("a fit")
+        del held
+    assert line.words() == "fits (2 of 2): a fit"
+
+
 def test_after_a_second_the_stage_is_told_and_of_how_many(clock):
     stream = Stream()
     line = line_on(stream, clock)
     with heard_by(line):
-        stages({"reading": 1.0, "fitting": 1.0})("reading")
+        begin = stages({"reading": 1.0, "fitting": 1.0})
+        begin("reading")
         clock.now += 1.0
         line.show()  # what the ticking thread does
     assert stream.getvalue() == "jblast fit: reading (1 of 2), 1 s so far\n"
@@ -94,10 +129,10 @@ def test_a_first_item_that_compiles_does_not_count_for_the_rest(clock):
         for log in each(range(10), "logs"):
             clock.now += 30.0 if log == 0 else 1.0
             if log == 3:
+                # three through after 32 s, the last two of them in a second each
+                assert line.words() == "3 of 10 logs"
+                assert line.seconds_left() == pytest.approx(7.0 - 1.0)
                 break
-        # three through after 32 s, the last two of them in a second each
-        assert line.words() == "3 of 10 logs"
-        assert line.seconds_left() == pytest.approx(7.0 - 1.0)
 
 
 def test_a_task_within_a_task_moves_the_whole(clock):

@@ -1,4 +1,4 @@
-"""What `--background` names: light, an image, or an image for each frame."""
+"""What `--background` names: light, an image, pictures in a folder, or a video."""
 
 from pathlib import Path
 
@@ -7,28 +7,36 @@ from jaxtyping import Float
 
 from jblast.errors import InputError
 from jblast.scene import Camera
+from jblast.sensors.camera.files.backgrounds import (
+    MovingBackground,
+    background_frames,
+    background_image,
+    background_video,
+)
 from jblast.sensors.camera.files.frames import frame_files
-from jblast.sensors.camera.film import background_image
+
+Background = float | Float[np.ndarray, "..."] | MovingBackground
 
 
 def background_named(
-    text: str, camera: Camera, frames: int
-) -> float | Float[np.ndarray, "..."] | tuple[Path, ...]:
+    text: str, camera: Camera, times: Float[np.ndarray, " frame"]
+) -> Background:
     """Return the background a word names.
 
     Args:
         text: A grey of linear light, 0 to 1; red, green and blue with commas between; a
-            PNG file; or a directory of them. Files are sRGB.
+            PNG file; a directory of them, one for each frame; or a video, whose first
+            frame stands behind the first frame. PNG files are sRGB.
         camera: Whose image size a file must have.
-        frames: How many there are to be.
+        times: Of the frames there are to be [s].
 
     Raises:
-        InputError: It is none of these, or there are too few frames.
+        InputError: It is none of these, or there are too few pictures.
     """
     try:
         numbers = [float(word) for word in text.split(",")]
     except ValueError:
-        return _read(text, camera, frames)
+        return _read(text, camera, times - times[0])
     light = np.array(numbers)
     if len(numbers) not in (1, 3) or not ((light >= 0) & (light <= 1)).all():
         raise InputError(
@@ -38,21 +46,31 @@ def background_named(
 
 
 def _read(
-    text: str, camera: Camera, frames: int
-) -> Float[np.ndarray, "..."] | tuple[Path, ...]:
-    """Return the image of a file, or the files of a directory, one for each frame."""
+    text: str, camera: Camera, times: Float[np.ndarray, " frame"]
+) -> Float[np.ndarray, "..."] | MovingBackground:
+    """Return the image of a file, or pictures for times from the first frame on."""
     path = Path(text)
-    if path.is_file():
+    if path.is_dir():
+        files = frame_files(path)
+        if len(files) < len(times):
+            raise InputError(
+                f"{path}: expected at least {len(times):,} frames, one for each that "
+                f"is to be rendered, got {len(files):,}"
+            )
+        return background_frames(files[: len(times)], times, camera)
+    if not path.is_file():
+        raise InputError(
+            "--background: expected a grey, R,G,B, a PNG file, a directory of them or "
+            f"a video, got {text!r}"
+        )
+    if path.suffix.lower() == ".png":
         return background_image(path, camera)
-    if not path.is_dir():
+    background = background_video(path, camera)
+    # each frame is shown until the next one would be
+    lasts = background.times[-1] * len(background.times) / (len(background.times) - 1)
+    if times[-1] > lasts:
         raise InputError(
-            "--background: expected a grey, R,G,B, a PNG file or a directory of them, "
-            f"got {text!r}"
+            f"{path}: expected a video as long as the film, {times[-1]:.6g} s, got one "
+            f"of {lasts:.6g} s"
         )
-    files = frame_files(path)
-    if len(files) < frames:
-        raise InputError(
-            f"{path}: expected at least {frames:,} frames, one for each that is to be "
-            f"rendered, got {len(files):,}"
-        )
-    return tuple(files[:frames])
+    return background

@@ -12,7 +12,8 @@ from jblast.errors import InputError
 if TYPE_CHECKING:
     from jblast.scene import Camera, Scene
     from jblast.sensors.camera.film import Film
-    from jblast.sensors.camera.rendering.billboards import Views
+    from jblast.sensors.camera.rendering.appearance import Appearance
+    from jblast.sensors.camera.rendering.view_set import ViewSet
 
 TOO_MANY = 1_000_000
 """Frames: a quarter of an hour at 1 kHz; more are probably a slip of the pen."""
@@ -31,8 +32,15 @@ def film_asked(asked: argparse.Namespace, most: int) -> "Film":
     import jax
 
     from jblast.cli.arguments.background import background_named
+    from jblast.cli.arguments.flights.carried_camera import (
+        camera_path,
+        landscape_asked,
+        still_landscape,
+    )
+    from jblast.cli.arguments.views import views_named
     from jblast.scene import draw_scene, read_scene
-    from jblast.sensors.camera.files.views import read_views
+    from jblast.sensors.camera.files.backgrounds import MovingBackground
+    from jblast.sensors.camera.files.depth import read_depth
     from jblast.sensors.camera.film import Film
 
     uncertain = read_scene(asked.scene)
@@ -50,13 +58,31 @@ def film_asked(asked: argparse.Namespace, most: int) -> "Film":
     camera = _camera(uncertain.scene.camera, asked)
     if asked.supersample < 1:
         raise InputError(f"--supersample: expected at least 1, got {asked.supersample}")
-    views = read_views(asked.views) if asked.views else None
+    views = views_named(asked.views, scene, camera) if asked.views else None
     times = _times(scene, float(camera.frames_hz), views, asked, most)
-    film = Film(scene, camera, times, views=views, supersample=asked.supersample)
-    if asked.background is not None:
-        light = background_named(asked.background, camera, len(times))
+    film = Film(
+        scene,
+        camera,
+        times,
+        views=views,
+        supersample=asked.supersample,
+        depth=None if asked.depth is None else read_depth(asked.depth, camera),
+        appearance=_appearance(asked, camera),
+        bloom=asked.bloom,
+    )
+    path = camera_path(asked, uncertain, camera, times)
+    ground = landscape_asked(asked, carried=path is not None)
+    if ground is not None:
+        light = ground if path is not None else still_landscape(ground, camera)
         film = replace(film, background=light)
-    if not isinstance(film.background, tuple):  # one that moves is to be seen itself
+    elif asked.background is not None:
+        light = background_named(asked.background, camera, times)
+        film = replace(film, background=light)
+    if path is not None:
+        _refuse_still(film, asked)
+        return replace(film, path=path)
+    # a background that moves is to be seen itself
+    if not isinstance(film.background, MovingBackground):
         _refuse_looking_away(film, asked.scene)
     return film
 
@@ -76,10 +102,23 @@ def _camera(camera: "Camera", asked: argparse.Namespace) -> "Camera":
     return camera
 
 
+def _appearance(asked: argparse.Namespace, camera: "Camera") -> "Appearance":
+    """Return how bright day and fire are; the picture is exposed for the day."""
+    from jblast.sensors.camera.rendering.appearance import Appearance
+
+    flash = asked.flash == "on"
+    daylight = asked.daylight
+    if daylight is None and camera.daylight is not None:
+        daylight = float(camera.daylight)
+    if daylight is None:
+        return Appearance(flash=flash)
+    return Appearance(white=daylight / math.pi, flash=flash)
+
+
 def _times(
     scene: "Scene",
     hz: float,
-    views: "Views | None",
+    views: "ViewSet | None",
     asked: argparse.Namespace,
     most: int,
 ) -> np.ndarray:
@@ -114,6 +153,34 @@ def _times(
             f"{seconds:g} s"
         )
     return start + np.arange(int(count)) / hz
+
+
+def lifted(film: "Film") -> float | None:
+    """Return how far above the ground a set stands that shows a burst on it [m].
+
+    None where it stands on it, or there is no such set.
+    """
+    from jblast.sensors.camera.rendering.baked.explosion_views import ExplosionViews
+    from jblast.sensors.camera.rendering.baked.plane import foot_height
+
+    if not isinstance(film.views, ExplosionViews):
+        return None
+    highest = max(float(foot_height(charge)) for charge in film.scene.charges)
+    return highest if highest > 0 else None
+
+
+def _refuse_still(film: "Film", asked: argparse.Namespace) -> None:
+    """Refuse a picture behind a camera that moves, if it is always the same."""
+    if asked.depth is not None:
+        raise InputError(
+            "--depth: expected a camera that stands still, got one that moves, before "
+            "which nothing stays where it is"
+        )
+    if isinstance(film.background, np.ndarray) and film.background.ndim > 1:
+        raise InputError(
+            f"--background: expected sky, light, a folder with a frame for each or a "
+            f"video, behind a camera that moves, got a picture, {asked.background!r}"
+        )
 
 
 def _refuse_looking_away(film: "Film", source: str) -> None:

@@ -1,30 +1,38 @@
 """What `jblast render` writes: frames as they come, events, and the contact sheet."""
 
 import math
-from collections.abc import Iterator, Sequence
+import os
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import Literal, NamedTuple
 
 import jax
 import numpy as np
 
-from jblast.cli.arguments.paths import refuse_existing
-from jblast.errors import InputError
+from jblast.cli.arguments.film_outputs import FilmOutputs
 from jblast.progress import counted
-from jblast.report.film.answer import FilmFiles
 from jblast.report.film.contact_sheet import (
     sheet_frames,
     time_label,
     write_contact_sheet,
 )
 from jblast.sensors.camera.events.exact.fireball import render_events
+from jblast.sensors.camera.events.frame_differences import (
+    frame_differences,
+    grey_bytes,
+)
 from jblast.sensors.camera.events.ideal import Events
 from jblast.sensors.camera.events.noise import NoiseModel
 from jblast.sensors.camera.events.noisy import noisy_stream
 from jblast.sensors.camera.events.stream import stream_events
-from jblast.sensors.camera.files.events import Written, write_events
-from jblast.sensors.camera.files.png import write_png
+from jblast.sensors.camera.files.backgrounds import MovingBackground
+from jblast.sensors.camera.files.events.write import Written, write_events
+from jblast.sensors.camera.files.png import srgb_bytes, write_values
+from jblast.sensors.camera.files.video.write import video_writer
 from jblast.sensors.camera.film import Film
 from jblast.sensors.camera.instants import (
     LIGHT_ERROR,
@@ -33,8 +41,8 @@ from jblast.sensors.camera.instants import (
     first_instants,
     subdivided,
 )
+from jblast.sensors.camera.rendering.landscape import Landscape
 
-FRAMES, EVENTS, SHEET = "frames", "events.h5", "contact_sheet.png"
 SOLVED = 1e-6
 """Times in the file are whole microseconds [s]."""
 
@@ -49,51 +57,30 @@ class Stamps(NamedTuple):
     """
 
     error_s: float
-    how: Literal["solved for", "interpolated"]
+    how: Literal["solved for", "interpolated", "of the frame"]
 
 
 def is_solvable(film: Film) -> bool:
     """Return whether a film's light is the law's fireball before what stands still."""
-    still = not isinstance(film.background, tuple)
+    still = film.path is None and not isinstance(film.background, MovingBackground)
     return film.views is None and film.supersample == 1 and still
 
 
-def cleared(
-    out: Path, mode: str, *, force: bool, read: Sequence[str | None] = ()
+def saved(path: Path, frame: np.ndarray) -> np.ndarray:
+    """Write a frame of linear light; return its values, sRGB of 8 bits."""
+    values = srgb_bytes(frame)
+    write_values(path, values)
+    return values
+
+
+def finished(
+    written: Sequence["Future[np.ndarray]"], add: Callable[[np.ndarray], None] | None
 ) -> None:
-    """Make the directory, without what an earlier run left of the files to come.
-
-    Args:
-        out: The directory.
-        mode: "rgb", "events" or "both".
-        force: Whether such files may be replaced.
-        read: Files and directories that the frames are made from; None if there are
-            none.
-
-    Raises:
-        InputError: It holds such files and `force` is not set, they are read from, or
-            it is no directory.
-    """
-    if out.exists() and not out.is_dir():
-        raise InputError(f"{out}: expected a directory, got a file")
-    wanted = [out / SHEET]
-    if mode != "rgb":
-        wanted.append(out / EVENTS)
-    if mode != "events":
-        wanted += sorted((out / FRAMES).glob("*.png"))
-    for file in wanted:
-        refuse_existing(file, force=force)
-    sources = [Path(source).resolve() for source in read if source is not None]
-    for file in filter(Path.exists, wanted):
-        whole = file.resolve()
-        if any(s in (whole, whole.parent, out.resolve()) for s in sources):
-            raise InputError(
-                f"{file}: expected another --out, as the frames are made from what is "
-                "here, and it would be overwritten"
-            )
-    for file in wanted:
-        file.unlink(missing_ok=True)
-    (out / FRAMES if mode != "events" else out).mkdir(parents=True, exist_ok=True)
+    """Wait for frames that are being written, and add them to a video."""
+    for frame in written:
+        values = frame.result()
+        if add is not None:
+            add(values)
 
 
 @dataclass
@@ -102,34 +89,44 @@ class FilmWriter:
 
     Attributes:
         film: What is filmed.
-        out: The directory.
-        mode: "rgb", "events" or "both".
+        outputs: What is written of it, and where.
         shown: Frames kept for the contact sheet, by number.
     """
 
     film: Film
-    out: Path
-    mode: str
+    outputs: FilmOutputs
     shown: dict[int, np.ndarray] = field(default_factory=dict)
 
     def write_frames(self) -> None:
         """Write the frames; or look only at those of the contact sheet."""
         film = self.film
         times, digits = film.times, max(4, len(str(len(film.times) - 1)))
-        wanted = sheet_frames(times, [float(c.time_s) for c in film.scene.charges])
-        if self.mode == "events":
+        bursts = [float(charge.time_s) for charge in film.scene.charges]
+        wanted = {*sheet_frames(times, bursts)}
+        if self.outputs.mode == "events":
             few = sorted(wanted)
             images = film.some(few)
             self.shown |= dict(zip(few, images, strict=True))
             return
-        through = counted(len(times), "frames")
-        for which, frames in film.frames():
-            numbers = range(which.start, which.stop)
-            for number, frame in zip(numbers, frames, strict=True):
-                write_png(self.out / FRAMES / f"{number:0{digits}}.png", frame)
-                if number in wanted:
-                    self.shown[number] = frame
-            through(which.stop)
+        through, video = counted(len(times), "frames"), self.outputs.video
+        with ExitStack() as stack:
+            add = None
+            if video is not None:
+                size = film.camera.width, film.camera.height
+                writer = video_writer(video, *size, self.outputs.video_hz)
+                add = stack.enter_context(writer)
+            pool = stack.enter_context(ThreadPoolExecutor(os.cpu_count()))
+            written: list[Future[np.ndarray]] = []
+            for which, frames in film.frames():
+                finished(written, add)  # while the next block is rendered
+                numbers = range(which.start, which.stop)
+                paths = [self.outputs.frames / f"{n:0{digits}}.png" for n in numbers]
+                written = [*map(partial(pool.submit, saved), paths, frames)]
+                for number in wanted.intersection(numbers):
+                    self.shown[number] = frames[number - which.start]
+                through(which.start)
+            finished(written, add)
+            through(len(times))
 
     def write_events(self, noise: bool, seed: int) -> tuple[Written, Stamps]:
         """Write the events; and say how good their times are.
@@ -154,9 +151,27 @@ class FilmWriter:
         else:
             events = [self._solved()]
         start, stop = float(film.times[0]), float(film.times[-1])
-        path, size = self.out / EVENTS, (camera.width, camera.height)
+        path, size = self.outputs.events, (camera.width, camera.height)
         written = write_events(path, events, *size, duration_s=stop - start)
         return written, stamps
+
+    def write_frame_differences(self) -> tuple[Written, Stamps]:
+        """Write events as the thesis makes them; each may be a frame late."""
+        film = self.film
+        start, stop = float(film.times[0]), float(film.times[-1])
+        greys = (
+            (float(time) - start, grey_bytes(frame))
+            for which, frames in film.frames()
+            for time, frame in zip(film.times[which], frames, strict=True)
+        )
+        size = film.camera.width, film.camera.height
+        written = write_events(
+            self.outputs.events,
+            frame_differences(greys),
+            *size,
+            duration_s=stop - start,
+        )
+        return written, Stamps(1.0 / self.outputs.video_hz, "of the frame")
 
     def _instants(self, threshold: float, light_error: float) -> Iterator[Block]:
         """Return times from frame 0 on and grey light, and tell how far it is."""
@@ -170,12 +185,14 @@ class FilmWriter:
     def _solved(self) -> Events:
         """Return the events of an ideal camera, at their times from frame 0 on."""
         film = self.film
-        assert not isinstance(film.background, tuple)
+        assert not isinstance(film.background, MovingBackground | Landscape)
         events = render_events(
             film.scene,
             film.camera,
             first_instants(film),
             background=film.background,
+            depth=film.depth,
+            appearance=film.appearance,
             tolerance=0.1 * SOLVED,
         )
         return replace(events, time=events.time - film.times[0])
@@ -185,12 +202,6 @@ class FilmWriter:
         first = min(float(charge.time_s) for charge in self.film.scene.charges)
         numbers = sorted(self.shown)
         labels = [time_label(float(self.film.times[n]) - first) for n in numbers]
-        write_contact_sheet(self.out / SHEET, [self.shown[n] for n in numbers], labels)
-
-    def files(self) -> FilmFiles:
-        """Return what is written where."""
-        return FilmFiles(
-            frames=None if self.mode == "events" else str(self.out / FRAMES),
-            events=None if self.mode == "rgb" else str(self.out / EVENTS),
-            contact_sheet=str(self.out / SHEET),
+        write_contact_sheet(
+            self.outputs.sheet, [self.shown[n] for n in numbers], labels
         )

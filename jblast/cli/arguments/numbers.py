@@ -135,6 +135,24 @@ def vector(text: str) -> tuple[float, ...]:
     return values
 
 
+def azimuth_and_elevation(text: str) -> tuple[float, float]:
+    """Return the two numbers of `AZIMUTH,ELEVATION` [deg].
+
+    Raises:
+        ArgumentTypeError: It is not that, or no place in the sky.
+    """
+    try:
+        azimuth, elevation = (float(word) for word in text.split(","))
+    except ValueError:
+        azimuth = elevation = math.nan
+    if not (math.isfinite(azimuth) and 0.0 <= elevation <= 90.0):
+        raise ArgumentTypeError(
+            "expected AZIMUTH,ELEVATION in degrees, the elevation from 0 to 90, got "
+            f"{shown(text)}"
+        )
+    return azimuth, elevation
+
+
 def seed(text: str) -> int:
     """Return a seed that JAX can hold.
 

@@ -1,8 +1,12 @@
 """Options that verbs share; read without JAX, so that --help need not wait for it."""
 
 import argparse
+from typing import TYPE_CHECKING
 
 from jblast.parameter_table import PARAMETERS
+
+if TYPE_CHECKING:
+    from jblast.errors import InputError
 
 
 def add_free(verb: argparse.ArgumentParser) -> None:
@@ -50,6 +54,12 @@ OTHERWISE = {
     "mass_kg": "--charge",
     "range_m": "--range",
     "rate_hz": "sampling rate",
+    "address": "--listen",
+    "packets_hz": "--rate",
+    "lead_s": "--lead",
+    "patience_s": "--patience",
+    "ends_s": "--seconds",
+    "certificate": "--tls-cert",
     "recording": "RECORDING.wav",
     "false_alarms_per_hour": "--false-alarms",
     "moment_point_m": "moment_point_m (--profile-moments-about X,Y,Z)",
@@ -60,3 +70,10 @@ OTHERWISE = {
 def option_for(argument: str) -> str:
     """Return how the command line calls an argument that a message names."""
     return OTHERWISE.get(argument, f"--{argument.replace('_', '-')}")
+
+
+def in_options(error: "InputError") -> "InputError":
+    """Return an error in the words of the command line."""
+    from jblast.errors import InputError
+
+    return InputError(error.worded(option_for))

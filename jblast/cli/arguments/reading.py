@@ -36,8 +36,8 @@ def add_reading(verb: argparse.ArgumentParser) -> None:
 def reading_words(asked: argparse.Namespace) -> str:
     """Return the options of reading as they were typed, to be typed again."""
     said = "".join(f" --{name}" for name in ("strict", "wide") if getattr(asked, name))
-    told = {name: getattr(asked, name) for name in ("date", "zone")}
-    return said + "".join(f" --{name} {word}" for name, word in told.items() if word)
+    options = {name: getattr(asked, name) for name in ("date", "zone")}
+    return said + "".join(f" --{name} {word}" for name, word in options.items() if word)
 
 
 def read_asked(

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from jblast.cli.arguments.numbers import positive
+from jblast.cli.arguments.options import in_options
 from jblast.cli.arguments.paths import path
 
 if TYPE_CHECKING:
@@ -77,6 +78,7 @@ def picked(
         keep_samples=keep_samples,
         stations=stations,
     )
+    found = found._replace(refused=tuple(map(in_options, found.refused)))
     if found.refused and not found.channels:
         raise refusal(found)
     log = log_of(found, stations, _provenance(found_files.files, asked))
@@ -187,8 +189,10 @@ def scene_of_records(log: "Observations") -> "UncertainScene":
 
     one = max(by_shot(log).values(), key=len)
     alone = replace(one, shot=("",) * len(one))
-    told = scene_from_document(tomllib.loads(starter_scene(alone)), "starter scene")
-    free = [name for name, belief in told.beliefs.items() if isinstance(belief, Free)]
+    starter = scene_from_document(tomllib.loads(starter_scene(alone)), "starter scene")
+    free = [
+        name for name, belief in starter.beliefs.items() if isinstance(belief, Free)
+    ]
     default = default_scene()
     return freed(default, [name for name in free if name not in default.beliefs])
 

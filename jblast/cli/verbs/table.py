@@ -45,7 +45,12 @@ VERBS = (
         "calculate a blast by every law, or the range or mass for a value",
     ),
     Verb("fit", "infer", "fit a blast to a log of sensor readings"),
-    Verb("detect", "infer", "find a bang in recordings of sound, and when it came"),
+    Verb(
+        "tune",
+        "infer",
+        "tune how sensors and media behave to recorded sound, frames or events",
+    ),
+    Verb("detect", "infer", "find a blast in sound, film or events, and when it came"),
     Verb("bound", "infer", "say what a planned layout of sensors could tell"),
     Verb(
         "discover",
@@ -60,6 +65,9 @@ VERBS = (
     ),
     Verb("render", "simulate", "film a scene's blast: frames and events of its camera"),
     Verb(
+        "bake", "simulate", "make pictures of an explosion from all sides, by Blender"
+    ),
+    Verb(
         "events",
         "simulate",
         "turn a sequence of frames into the events of an event camera",
@@ -69,6 +77,25 @@ VERBS = (
         "simulate",
         "fly a scene's vehicle through its blasts: deviation, recovery, who flies on",
     ),
+    Verb(
+        "plan", "simulate", "write a plan for a vehicle: lanes over a field, a circle"
+    ),
+    Verb(
+        "world",
+        "simulate",
+        "draw random blasts, and write what every sense of a scene perceives of them",
+    ),
+    Verb(
+        "serve",
+        "simulate",
+        "let other simulators take part in a world, told of its blasts ahead of time",
+    ),
+    Verb(
+        "study",
+        "simulate",
+        "draw a scene many times over, and ask each sample what came of it",
+    ),
+    Verb("report", "simulate", "show a world on one page: every sense on one clock"),
     Verb("check", "check", "say everything that is wrong with a log at once"),
     Verb("choose", "check", "name the cheapest method that is good enough for a scene"),
     Verb("chart", "check", "chart speed against accuracy, measured on this machine"),

@@ -16,7 +16,8 @@ def add_arguments(verb: argparse.ArgumentParser) -> None:
         default=ALL,
         metavar="TOPIC",
         help="arrival, pressure, impulse, duration, waveform, solver, fit, sampler, "
-        "events, event_effects, vehicle, detector, records or all (default)",
+        "events, event_effects, views, vehicle, detector, records, montecarlo or all "
+        "(default)",
     )
     verb.add_argument(
         "--out",

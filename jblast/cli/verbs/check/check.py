@@ -45,7 +45,7 @@ def run(asked: argparse.Namespace) -> int:
     import json
 
     import jblast.waves as _waves  # noqa: F401  which laws there are is asked below
-    from jblast.cli.arguments.options import option_for
+    from jblast.cli.arguments.options import in_options
     from jblast.cli.arguments.paths import refuse_existing, writing
     from jblast.cli.arguments.reading import read_asked
     from jblast.errors import InputError
@@ -72,7 +72,7 @@ def run(asked: argparse.Namespace) -> int:
     faults += refusals(log, uncertain) if len(log) else []
     placed = with_places(log, uncertain)
     odd = doubts(placed, uncertain) if len(log) else []
-    worded = [InputError(fault.worded(option_for)) for fault in faults]
+    worded = [in_options(fault) for fault in faults]
     understood = [*understood_lines(log.understood), *setting_lines(placed, uncertain)]
     answer = check_answer(placed, worded, odd, understood)
     if asked.json:

@@ -1,7 +1,7 @@
 """Measure where each method breaks, and look at what jblast does there.
 
 Laws are followed out of their range, fits started far off, clocks run too long. Nothing
-is looked up: it takes a minute or two.
+is looked up: it takes some minutes.
 """
 
 import argparse
@@ -20,7 +20,7 @@ def add_arguments(verb: argparse.ArgumentParser) -> None:
         metavar="AREA",
         nargs="*",
         help="laws, wave-forms, gradients, clocks, solver, fits, walks, events, "
-        "flights, detectors (default: all)",
+        "flights, detectors, records (default: all)",
     )
     verb.add_argument(
         "--out",

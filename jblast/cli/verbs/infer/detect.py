@@ -1,15 +1,20 @@
-"""Find a bang in recordings: when it came, how loud, and how sure.
+"""Find a blast in what was heard or seen: when it came, and how sure that is.
 
-Without a template and a charge, a bank of pulses made from the laws of blasts is looked
-for. Exit code 3: nothing was found.
+In sound a template is looked for, or without one and without a charge a bank of pulses
+made from the laws of blasts; in frames, a video or events a flash that grows. Exit code
+3: nothing was found.
 """
 
 import argparse
 import sys
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from jblast.cli.arguments.numbers import positive
+from jblast.cli.arguments.numbers import positive, positive_of_any_size
 from jblast.cli.arguments.paths import path
+
+if TYPE_CHECKING:
+    from jblast.report.detect.flash.answer import Kind
 
 NOT_FOUND = 3
 
@@ -18,11 +23,26 @@ def add_arguments(verb: argparse.ArgumentParser) -> None:
     """Say what the verb takes."""
     verb.add_argument(
         "recordings",
-        metavar="RECORDING.wav",
+        metavar="RECORDING",
         nargs="+",
         type=path,
         help="WAV or FLAC of one to eight channels, each searched; several files are "
-        "taken to begin at the same time, unless --positions gives them clocks",
+        "taken to begin at the same time, unless --positions gives them clocks. Or one "
+        "directory of PNG frames, video, or file of events (.h5, .npz, .raw, .aedat4)",
+    )
+    verb.add_argument(
+        "--fps",
+        metavar="HZ",
+        type=positive_of_any_size,
+        help="frames a second: frame k stands at k/fps; a directory needs it, a video "
+        "is taken for slow motion with it",
+    )
+    verb.add_argument(
+        "--scene",
+        metavar="SCENE.toml",
+        type=path,
+        help="whose camera filmed it: its pose and lens turn the place in the image "
+        "into a direction, and with --out into a log for jblast fit",
     )
     verb.add_argument(
         "--template",
@@ -45,7 +65,8 @@ def add_arguments(verb: argparse.ArgumentParser) -> None:
         metavar="PER_HOUR",
         type=positive,
         default=1.0,
-        help="of noise alone, in each channel, set the threshold (default: 1)",
+        help="set the threshold: of noise alone, in each channel; in film, of scenes "
+        "that look like a blast (default: 1)",
     )
     verb.add_argument(
         "--stream",
@@ -64,9 +85,9 @@ def add_arguments(verb: argparse.ArgumentParser) -> None:
         "--out",
         metavar="DIR",
         type=path,
-        help="also write detect.json, detection.png, what the filter put out "
-        "(filtered.wav, in standard deviations of the noise), and with --positions "
-        "observations.csv, a log for jblast fit",
+        help="also write detect.json, detection.png, of sound what the filter put out "
+        "(filtered.wav, in standard deviations of the noise), and with --positions or "
+        "--scene observations.csv, a log for jblast fit",
     )
     verb.add_argument("--json", action="store_true", help="print JSON")
     verb.add_argument(
@@ -76,6 +97,11 @@ def add_arguments(verb: argparse.ArgumentParser) -> None:
 
 def run(asked: argparse.Namespace) -> int:
     """Search, write, print; return the exit code."""
+    from jblast.cli.arguments.flash_film import kind_asked
+
+    kind = kind_asked(asked)
+    if kind != "sound":
+        return _run_film(asked, kind)
     from jblast.progress import stages
 
     begin = stages({"reading": 1.0, "searching": 4.0, "writing": 2.0})
@@ -116,6 +142,45 @@ def run(asked: argparse.Namespace) -> int:
                 "--free origin_time_s,charge_east_m,charge_north_m\n"
             )
     return 0 if document["detected"] else NOT_FOUND
+
+
+def _run_film(asked: argparse.Namespace, kind: "Kind") -> int:
+    """Watch, write, print; return the exit code."""
+    import json
+
+    from jblast.cli.arguments.flash_film import flashes_found
+    from jblast.progress import stages
+    from jblast.report.detect.flash.text import flash_text
+
+    if asked.out:
+        from jblast.report.fit.files import check_directory
+
+        check_directory(asked.out, asked.force)
+    begin = stages({"watching": 4.0, "writing": 1.0})
+    begin("watching")
+    found = flashes_found(asked, kind)
+    begin("writing")
+    document = found.answer.to_dict()
+    text = json.dumps(document, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+    written: list[str] = []
+    if asked.out:
+        from jblast.report.detect.flash.files import write_flashes
+
+        written = write_flashes(
+            Path(asked.out), found.watched, found.shape, text, found.log
+        )
+    if asked.json:
+        sys.stdout.write(text)
+    else:
+        sys.stdout.write(flash_text(found.answer))
+        if written:
+            sys.stdout.write(f"\nWritten: {asked.out}, {', '.join(written)}\n")
+        if "observations.csv" in written:
+            sys.stdout.write(
+                f"Fit it with: jblast fit {Path(asked.out) / 'observations.csv'} "
+                f"--scene {asked.scene}\n"
+            )
+    return 0 if found.answer.detected else NOT_FOUND
 
 
 def _check(asked: argparse.Namespace) -> None:

@@ -9,8 +9,8 @@ from jblast.cli.arguments.options import (
     add_free,
     add_law,
     add_noise,
+    in_options,
     names_to_free,
-    option_for,
 )
 from jblast.cli.arguments.paths import path, writing
 from jblast.cli.arguments.reading import add_reading, read_asked
@@ -101,12 +101,13 @@ def run(asked: argparse.Namespace) -> int:
     from jblast.report import check_directory, summary, write_report
     from jblast.report.fit.document import fit_document, picks_entry
     from jblast.report.provenance import provenance_of
-    from jblast.scene import default_scene, freed, read_scene, with_laws
+    from jblast.scene import default_scene, freed, with_laws
+    from jblast.world import scene_to_fit
 
     out = Path(asked.out) if asked.out else None
     if out and not only_a_walk(out):
         check_directory(out, asked.force)
-    uncertain = read_scene(asked.scene) if asked.scene else default_scene()
+    uncertain = scene_to_fit(asked.scene) if asked.scene else default_scene()
     made = None
     if out:
         files = [*asked.observations, *([asked.positions] if asked.positions else [])]
@@ -133,7 +134,11 @@ def run(asked: argparse.Namespace) -> int:
         fitted = fit_each(
             readable, uncertain, noise=asked.noise, posterior=asked.posterior
         )
-        answers = {name: _worded(fitted.get(name, logs[name])) for name in logs}
+        answers = {name: fitted.get(name, logs[name]) for name in logs}
+        answers = {
+            name: in_options(answer) if isinstance(answer, InputError) else answer
+            for name, answer in answers.items()
+        }
         return _many(answers, picks, out, made_of, asked)
     (observations,) = readable.values()
     answer = fit(
@@ -180,15 +185,6 @@ def _held(quantities: Iterable[str]) -> set[str]:
 def _is_small(files: Sequence[str]) -> bool:
     """Return whether logs are so short that a fit compiles for longer than it runs."""
     return sum(os.path.getsize(file) for file in files if os.path.isfile(file)) < SMALL
-
-
-def _worded(answer):
-    """Return an answer, or an error in the words of the command line."""
-    from jblast.errors import InputError
-
-    if isinstance(answer, InputError):
-        return InputError(answer.worded(option_for))
-    return answer
 
 
 def _many(answers, picks, out, made_of, asked: argparse.Namespace) -> int:

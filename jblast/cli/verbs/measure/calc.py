@@ -32,13 +32,13 @@ def run(asked: argparse.Namespace) -> int:
         check_figure("--plot", asked.plot, force=asked.force)
         check_plot(question)
     answer = _roots if question.quantity else _forward
-    text, told = answer(asked, question, quantity, law)
+    text, recommended = answer(asked, question, quantity, law)
     if asked.plot:
         from jblast.report.calculator.figure import calculator_figure
         from jblast.report.calculator.question_figure import question_figure
 
         one = question.quantity or quantity
-        draw = question_figure(question, one, told, law) if one else None
+        draw = question_figure(question, one, recommended, law) if one else None
         save_figure(draw or calculator_figure(question, law), asked.plot)
         if not (asked.json or asked.csv):
             text += f"\nPlot: {asked.plot}\n"
@@ -59,12 +59,12 @@ def _roots(
 
     found = {name: one for name, one in roots(question).items() if law in ("", name)}
     check_roots(question, found)
-    told = recommended_root(question, found)
+    recommended = recommended_root(question, found)
     if asked.json:
-        return roots_json(question, found, told), told
+        return roots_json(question, found, recommended), recommended
     if asked.csv or asked.table:
-        return (roots_csv if asked.csv else roots_text)(question, found), told
-    return root_line(question, told, found), told
+        return (roots_csv if asked.csv else roots_text)(question, found), recommended
+    return root_line(question, recommended, found), recommended
 
 
 def _forward(
@@ -81,17 +81,19 @@ def _forward(
 
     rows = question.rows()
     answer = only(calculate(question.scene, *rows), quantity, law)
-    told = None
+    recommended = None
     if quantity and len(rows[0]) == 1:
-        told = recommended_value(question, quantity, answer[quantity])
+        recommended = recommended_value(question, quantity, answer[quantity])
         if not (asked.json or asked.csv or asked.table):
-            return value_line(question, told, answer[quantity]), told
+            return value_line(question, recommended, answer[quantity]), recommended
     other = None
     if between_limits(question):
         other = only(calculate(with_other_burst(question.scene), *rows), quantity, law)
     apart = disagreements(question, answer)
     if asked.csv:
-        return calculation_csv(question, answer, apart), told
+        return calculation_csv(question, answer, apart), recommended
     if asked.json:
-        return calculation_json(question, answer, other, apart, told), told
-    return calculation_text(question, answer, other, apart), told
+        return calculation_json(
+            question, answer, other, apart, recommended
+        ), recommended
+    return calculation_text(question, answer, other, apart), recommended

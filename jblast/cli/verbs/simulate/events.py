@@ -1,4 +1,4 @@
-"""Turn frames into what an event camera would send: any sequence of PNG files."""
+"""Turn frames into what an event camera would send: PNG files in order, or a video."""
 
 import argparse
 import sys
@@ -11,16 +11,16 @@ def add_arguments(verb: argparse.ArgumentParser) -> None:
     """Say what the verb takes."""
     verb.add_argument(
         "frames",
-        metavar="FRAMES_DIR",
+        metavar="FRAMES_DIR|VIDEO",
         type=path,
-        help="directory of PNG frames, taken in the order of their names",
+        help="directory of PNG frames, taken in the order of their names, or a video",
     )
     verb.add_argument(
         "--fps",
-        required=True,
         type=positive_of_any_size,
         metavar="HZ",
-        help="frames a second: frame k stands at k/fps",
+        help="frames a second: frame k stands at k/fps; a video goes by its own clock "
+        "if nothing is said, which for slow motion is not that of what was filmed",
     )
     verb.add_argument(
         "--threshold",
@@ -41,14 +41,14 @@ def add_arguments(verb: argparse.ArgumentParser) -> None:
     verb.add_argument(
         "--srgb",
         action="store_true",
-        help="grey values are sRGB; by default they are linear light",
+        help="grey values of PNG frames are sRGB; by default they are linear light",
     )
     verb.add_argument(
         "--out",
         required=True,
         metavar="FILE",
         type=path,
-        help="events.h5 (HDF5 in the layout of DSEC) or events.npz",
+        help="events.h5 (HDF5 in the layout of DSEC), .npz, .raw (EVT3) or .aedat4",
     )
     verb.add_argument("--json", action="store_true", help="print a summary as JSON")
     verb.add_argument(
@@ -64,36 +64,42 @@ def run(asked: argparse.Namespace) -> int:
     import jax
 
     from jblast.cli.arguments.paths import refuse_existing, writing
+    from jblast.errors import InputError
     from jblast.report.film.answer import EventsAnswer, as_json
     from jblast.report.film.text import events_text
     from jblast.sensors.camera.events.log_intensity import grey_table
     from jblast.sensors.camera.events.noise import NoiseModel
     from jblast.sensors.camera.events.noisy import noisy_stream
     from jblast.sensors.camera.events.stream import stream_events
-    from jblast.sensors.camera.files.events import check_suffix, write_events
-    from jblast.sensors.camera.files.frames import frame_files, read_frame, read_frames
+    from jblast.sensors.camera.files.events.write import check_suffix, write_events
+    from jblast.sensors.camera.files.recordings import open_recording
 
-    fps, thresholds = asked.fps, asked.threshold
+    thresholds = asked.threshold
     check_suffix(asked.out)
     refuse_existing(asked.out, force=asked.force)
-    files = frame_files(asked.frames)
-    height, width = read_frame(files[0]).shape
-    blocks = _timed(read_frames(files, srgb=asked.srgb), fps, len(files))
+    film = open_recording(asked.frames, asked.fps, srgb=asked.srgb)
+    if asked.srgb and film.is_video:
+        raise InputError(
+            f"--srgb: is said of PNG frames; {asked.frames} names its own curve"
+        )
+    blocks = _counted(film.blocks(decoded=False), len(film))
     table = grey_table(srgb=asked.srgb)
     if asked.noise == "off":
         events = stream_events(blocks, thresholds, table=table)
     else:
-        key, shape = jax.random.key(asked.seed), (height, width)
+        key, shape = jax.random.key(asked.seed), (film.height, film.width)
         effects = NoiseModel()
         events = noisy_stream(key, blocks, shape, thresholds, effects, table=table)
-    seconds = (len(files) - 1) / fps
+    seconds = float(film.times[-1])
     with writing(asked.out):
-        written = write_events(asked.out, events, width, height, duration_s=seconds)
+        written = write_events(
+            asked.out, events, film.width, film.height, duration_s=seconds
+        )
     answer = EventsAnswer(
-        frames=len(files),
-        width=width,
-        height=height,
-        fps=fps,
+        frames=len(film),
+        width=film.width,
+        height=film.height,
+        fps=film.frames_hz,
         duration_s=seconds,
         threshold=thresholds,
         srgb=asked.srgb,
@@ -106,14 +112,12 @@ def run(asked: argparse.Namespace) -> int:
     return 0
 
 
-def _timed(blocks, fps: float, total: int):
-    """Give each block its times, and tell how many frames are through."""
-    import numpy as np
-
+def _counted(blocks, total: int):
+    """Return the blocks, and tell how many frames are through."""
     from jblast.progress import counted
 
     through, done = counted(total, "frames"), 0
-    for frames in blocks:
-        yield (done + np.arange(len(frames))) / fps, frames
-        done += len(frames)
+    for times, frames in blocks:
+        yield times, frames
+        done += len(times)
         through(done)

@@ -1,17 +1,27 @@
-"""Fly a scene's vehicle through its blasts, holding its place.
+"""Fly a scene's vehicle through its blasts, holding its place or on a mission.
 
 The flight begins at 0 on the scene's clock, over level ground at height 0, in the
 scene's wind; a blast comes at its charge's time_s and the way to the vehicle. Position
 hold with integral action and without it are flown side by side. A crash is an answer:
 the exit code is 0.
+
+Where the scene's [vehicle] names a mission, a plan of QGroundControl, that is flown:
+from the ground, unattended, until the vehicle has landed and is disarmed.
 """
 
 import argparse
 import sys
+from collections.abc import Callable
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from jblast.cli.arguments.numbers import positive, seed, vector
 from jblast.cli.arguments.paths import path
+
+if TYPE_CHECKING:
+    from jblast.scene import UncertainScene
+
+Told = tuple[dict[str, Any], str, Callable[[str, Path], list[str]]]
 
 
 def add_arguments(verb: argparse.ArgumentParser) -> None:
@@ -21,7 +31,7 @@ def add_arguments(verb: argparse.ArgumentParser) -> None:
         metavar="SCENE.toml",
         type=path,
         help="what is there, with a [vehicle]: its model, position_m, and if wanted "
-        "velocity_m_s and control; numbers with a prior are drawn",
+        "velocity_m_s and control, or its mission; numbers with a prior are drawn",
     )
     verb.add_argument(
         "--vehicles",
@@ -35,13 +45,14 @@ def add_arguments(verb: argparse.ArgumentParser) -> None:
         "--seconds",
         type=positive,
         metavar="S",
-        help="how long to fly [s] (default: until 5 s after the last blast's arrival)",
+        help="how long to fly [s] (default: until 5 s after the last blast's arrival; "
+        "of a mission until it is disarmed)",
     )
     verb.add_argument(
         "--step",
         type=positive,
         metavar="S",
-        help="step of the integrator [s] (default: 0.0005)",
+        help="step of the integrator [s] (default: 0.0005; of a mission 0.004)",
     )
     verb.add_argument(
         "--integrator",
@@ -60,7 +71,8 @@ def add_arguments(verb: argparse.ArgumentParser) -> None:
         "--tolerance",
         type=positive,
         metavar="M",
-        help="path error within which it has recovered [m] (default: 0.05)",
+        help="path error within which it has recovered [m] (default: 0.05; of a "
+        "mission 0.2)",
     )
     verb.add_argument(
         "--profile",
@@ -83,7 +95,15 @@ def add_arguments(verb: argparse.ArgumentParser) -> None:
         metavar="DIR",
         type=path,
         help="also write fly.json and flight.csv, path.png, loads.png, error.png, or "
-        "of several vehicles flights.csv, distribution.png",
+        "of several vehicles flights.csv, distribution.png, or of a mission fly.json, "
+        "flight.csv, map.png, mission.png and mission.kml",
+    )
+    verb.add_argument(
+        "--plan-out",
+        metavar="FILE",
+        type=path,
+        help="write the mission's plan back: .plan as QGroundControl's, .waypoints as "
+        "QGC WPL 110",
     )
     verb.add_argument("--json", action="store_true", help="print JSON")
     verb.add_argument(
@@ -99,58 +119,69 @@ def run(asked: argparse.Namespace) -> int:
     begin = stages({"starting": 1.0, "flying": 8.0, "writing": 1.0})
     begin("starting")
     start_jax(all_cores=asked.vehicles > 1)
-    import json
-
-    from jblast.cli.arguments.flight_files import write_flights
+    from jblast.cli.arguments.flights.asked import flown_scene
     from jblast.report.fit.files import check_directory
-    from jblast.report.flights.document import flights_answer
-    from jblast.report.flights.text import flights_text
-    from jblast.scene import read_scene
-    from jblast.study.flights.fly import fly
 
     if asked.out:
         check_directory(asked.out, asked.force)
-    options = _options(asked)
+    uncertain = flown_scene(asked)
+    vehicle = uncertain.scene.vehicle
+    has_mission = vehicle is not None and vehicle.mission is not None
     begin("flying")
-    flights = fly(
-        read_scene(asked.scene), options, vehicles=asked.vehicles, seed=asked.seed
-    )
+    flown = _mission if has_mission else _flights
+    document, words, write = flown(asked, uncertain)
     begin("writing")
-    answer = flights_answer(flights, scene=asked.scene, seed=asked.seed)
-    document = {"schema": 1} | answer.to_dict()
+    import json
+
     text = json.dumps(document, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
-    written = write_flights(flights, text, Path(asked.out)) if asked.out else []
-    sys.stdout.write(text if asked.json else flights_text(flights))
+    written = write(text, Path(asked.out)) if asked.out else []
+    sys.stdout.write(text if asked.json else words)
     if written and not asked.json:
         sys.stdout.write(f"\nWritten: {asked.out}, {', '.join(written)}\n")
     return 0
 
 
-def _options(asked: argparse.Namespace):
-    """Return how to fly.
+def _flights(asked: argparse.Namespace, uncertain: "UncertainScene") -> Told:
+    """Fly holding a place; return the document, the text, and who writes files."""
+    from jblast.cli.arguments.flights.asked import flight_options, refuse_plan_out
+    from jblast.cli.arguments.flights.files import write_flights
+    from jblast.report.flights.document import flights_answer
+    from jblast.report.flights.text import flights_text
+    from jblast.study.flights.fly import fly
 
-    Raises:
-        InputError: A number cannot be used, or the profile is none.
-    """
-    from jblast.errors import InputError
-    from jblast.study.flights.encounter import Profile
-    from jblast.study.flights.records import TOLERANCE_M, Options
-    from jblast.vehicle import STEP_S, read_custom_profile
+    refuse_plan_out(asked)
+    flights = fly(
+        uncertain, flight_options(asked), vehicles=asked.vehicles, seed=asked.seed
+    )
+    answer = flights_answer(flights, scene=asked.scene, seed=asked.seed)
+    return (
+        {"schema": 1} | answer.to_dict(),
+        flights_text(flights),
+        lambda text, directory: write_flights(flights, text, directory),
+    )
 
-    if asked.profile_moments_about and not asked.profile:
-        raise InputError(
-            "--profile-moments-about: expected a --profile whose moments they are, got "
-            "none"
-        )
-    profile = None
-    if asked.profile:
-        about = asked.profile_moments_about
-        profile = Profile(read_custom_profile(asked.profile), about)
-    return Options(
-        seconds=asked.seconds,
-        step_s=STEP_S if asked.step is None else asked.step,
-        integrator=asked.integrator,
-        backend=asked.backend,
-        tolerance_m=TOLERANCE_M if asked.tolerance is None else asked.tolerance,
-        profile=profile,
+
+def _mission(asked: argparse.Namespace, uncertain: "UncertainScene") -> Told:
+    """Fly a mission; return the document, the text, and who writes files."""
+    from jblast.cli.arguments.flights.asked import flight_options, refuse_several
+    from jblast.cli.arguments.flights.mission_files import write_mission
+    from jblast.cli.arguments.paths import refuse_existing, save_text
+    from jblast.missions.plan.read import check_form, plan_text
+    from jblast.report.missions.document import mission_answer
+    from jblast.report.missions.text import mission_text
+    from jblast.study.missions.fly import MISSION_STEP_S, TOLERANCE_M, fly_mission
+
+    refuse_several(asked)
+    if asked.plan_out:
+        refuse_existing(asked.plan_out, force=asked.force)
+        check_form(asked.plan_out)
+    options = flight_options(asked, step_s=MISSION_STEP_S, tolerance_m=TOLERANCE_M)
+    flight = fly_mission(uncertain, options, seed=asked.seed)
+    if asked.plan_out:
+        save_text(plan_text(flight.mission.plan, asked.plan_out), asked.plan_out)
+    answer = mission_answer(flight, scene=asked.scene, seed=asked.seed)
+    return (
+        {"schema": 1} | answer.to_dict(),
+        mission_text(flight),
+        lambda text, directory: write_mission(flight, text, directory),
     )

@@ -91,8 +91,8 @@ def run(asked: argparse.Namespace) -> int:
     begin("recording")
     with writing(asked.out):
         tracks = write_tracks(listening, Path(asked.out), comments, asked.packets)
-    told = {"schema": 1, "scene": asked.scene, "seed": asked.seed}
-    document = told | listening_document(listening, tracks, notes)
+    header = {"schema": 1, "scene": asked.scene, "seed": asked.seed}
+    document = header | listening_document(listening, tracks, notes)
     text = json.dumps(document, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
     save_text(text, Path(asked.out) / JSON)
     begin("drawing")

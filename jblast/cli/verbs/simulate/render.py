@@ -2,21 +2,22 @@
 
 Frame k stands at START + k / frames_hz. Into the directory go frames/0000.png and so on
 (sRGB; `jblast events DIR/frames --srgb` reads them), events.h5 (times in microseconds
-from frame 0) and contact_sheet.png. Frames end at white; events are of the light
-itself, and bright fire sends more of them than its frames tell. Their times owe nothing
-to the frames: with --noise off they are solved for, unless --views, --supersample or a
-directory as --background is given. Else the light is looked at as often as it takes to
-know 99 in 100 of them to 0.1 ms (of a real camera by trial, noise aside). What holds is
-printed.
+from frame 0), contact_sheet.png, and a video where --video says. Frames end at white;
+events are of the light itself, and bright fire sends more of them than its frames tell.
+Their times owe nothing to the frames: with --noise off they are solved for, unless
+--views, --supersample or a --background that moves is given. Else the light is looked
+at as often as it takes to know 99 in 100 of them to 0.1 ms (of a real camera by trial,
+noise aside). What holds is printed.
 """
 
 import argparse
 import sys
-from pathlib import Path
 
 from jblast.cli.arguments.numbers import (
+    azimuth_and_elevation,
     positive_of_any_size,
     seed,
+    share,
     threshold_pair,
     time_span,
 )
@@ -48,8 +49,8 @@ def add_arguments(verb: argparse.ArgumentParser) -> None:
         type=time_span,
         metavar="START:STOP",
         help="from when to when, on the scene's clock [s]; STOP is no frame any more "
-        "(default: from the first explosion until no fireball glows, but at most "
-        f"{MOST:,} frames)",
+        "(default: from the first explosion until no fireball glows, with --views to "
+        f"the last picture, but at most {MOST:,} frames)",
     )
     verb.add_argument(
         "--seconds",
@@ -65,17 +66,71 @@ def add_arguments(verb: argparse.ArgumentParser) -> None:
     )
     verb.add_argument(
         "--background",
-        metavar="GREY|R,G,B|FILE.png|DIR",
+        metavar="GREY|R,G,B|FILE.png|DIR|VIDEO|sky",
         type=path,
-        help="linear light from 0 to 1, an sRGB image, or a directory with one for "
-        "each frame (default: a grey of 0.18)",
+        help="linear light from 0 to 1, an sRGB image, a directory with one for each "
+        "frame, a video that runs from the first frame on, or sky: ground and a clear "
+        "sky (default: a grey of 0.18; sky behind a camera that moves)",
     )
     verb.add_argument(
         "--views",
-        metavar="DIR",
+        metavar="explosion|DIR",
         type=path,
-        help="pictures of an explosion from several sides, with views.toml, in place "
-        "of the fireball that is computed",
+        help="pictures in place of the smooth fireball: explosion is the set that "
+        "comes with jblast, turbulent fire and smoke scaled and lit by the laws; DIR "
+        "holds another such set, or pictures of your own, with views.toml (a folder "
+        "that is called explosion is ./explosion)",
+    )
+    verb.add_argument(
+        "--ground",
+        metavar="FILE.png:M",
+        type=path,
+        help="texture of the ground, sRGB, its middle at the origin, north up, and how "
+        "many metres a pixel of it is; tiled, under a clear sky",
+    )
+    verb.add_argument(
+        "--sun",
+        metavar="AZIMUTH,ELEVATION",
+        type=azimuth_and_elevation,
+        help="put the sun into the sky, with glare around it: degrees clockwise from "
+        "north, and above the horizon",
+    )
+    verb.add_argument(
+        "--flight",
+        metavar="FILE.csv",
+        type=path,
+        help="where the vehicle was that carries the camera, as `jblast fly` writes it "
+        "(default: the scene's vehicle is flown)",
+    )
+    verb.add_argument(
+        "--depth",
+        metavar="FILE.png|FILE.npy",
+        type=path,
+        help="how far away what stands in the background is, along the camera's axis: "
+        "16 bits of millimetres (0: nothing there), or floats in metres; it hides the "
+        "fire behind it, and is lit by it",
+    )
+    verb.add_argument(
+        "--daylight",
+        metavar="LUX",
+        type=positive_of_any_size,
+        help="light of sky and sun on the ground, for which the picture is exposed "
+        "(default: 94,000, full sun; an overcast day has 10,000, dusk 10)",
+    )
+    verb.add_argument(
+        "--flash",
+        choices=("on", "off"),
+        default="on",
+        help="whether the fire lights the ground, and what --depth tells of (default: "
+        "on)",
+    )
+    verb.add_argument(
+        "--bloom",
+        metavar="PART",
+        type=share,
+        default=0.0,
+        help="part of the light of frames that the lens spreads over pixels around, "
+        "before they end at white, as 0.05; events have none (default: 0)",
     )
     verb.add_argument(
         "--supersample",
@@ -100,6 +155,26 @@ def add_arguments(verb: argparse.ArgumentParser) -> None:
     verb.add_argument(
         "--seed", type=seed, default=0, help="of noise and of priors (default: 0)"
     )
+    verb.add_argument(
+        "--events-format",
+        choices=("h5", "npz", "raw", "aedat4"),
+        default="h5",
+        help="of the file of events: HDF5 in the layout of DSEC (default), npz, EVT3 "
+        "or AEDAT4",
+    )
+    verb.add_argument(
+        "--video",
+        metavar="FILE.mp4",
+        type=path,
+        help="write the frames as a video, too: H.264 in .mp4, .mov or .mkv",
+    )
+    verb.add_argument(
+        "--video-fps",
+        type=positive_of_any_size,
+        metavar="HZ",
+        help="its frames a second (default: the camera's frames_hz up to 60, and 30 "
+        "for faster ones: slow motion)",
+    )
     verb.add_argument("--json", action="store_true", help="print a summary as JSON")
     verb.add_argument(
         "--force", action="store_true", help="overwrite what DIR holds of these files"
@@ -115,22 +190,25 @@ def run(asked: argparse.Namespace) -> int:
     begin = stages({**lasts, "drawing the sheet": 0.5})
     begin("starting")
     start_jax()
-    from jblast.cli.arguments.film import film_asked
-    from jblast.cli.arguments.film_files import FilmWriter, cleared
+    from jblast.cli.arguments.film import film_asked, lifted
+    from jblast.cli.arguments.film_files import FilmWriter
+    from jblast.cli.arguments.film_outputs import cleared, outputs_asked
     from jblast.cli.arguments.paths import writing
+    from jblast.cli.arguments.views import folder_named
     from jblast.report.film.answer import FilmAnswer, FilmEvents, as_json
     from jblast.report.film.text import film_text
 
     film = film_asked(asked, MOST)
+    outputs = outputs_asked(asked, float(film.camera.frames_hz))
     next(film.frames())  # what cannot be rendered is refused with all files in place
-    out, noise = Path(asked.out), asked.noise == "on"
-    writer = FilmWriter(film, out, asked.mode)
     camera, times = film.camera, film.times
+    noise = asked.noise == "on"
+    writer = FilmWriter(film, outputs)
     found = None
     begin("filming")
     with writing(asked.out):
-        read = asked.background, asked.views
-        cleared(out, asked.mode, force=asked.force, read=read)
+        read = asked.background, folder_named(asked.views), asked.depth, asked.flight
+        cleared(outputs, force=asked.force, read=read)
         writer.write_frames()
         if asked.mode != "rgb":
             begin("finding events")
@@ -151,11 +229,13 @@ def run(asked: argparse.Namespace) -> int:
         width=camera.width,
         height=camera.height,
         fps=float(camera.frames_hz),
+        video_fps=None if outputs.video is None else outputs.video_hz,
         start_s=float(times[0]),
         duration_s=float(times[-1] - times[0]),
         seed=asked.seed,
         found=found,
-        files=writer.files(),
+        lifted_m=lifted(film),
+        files=outputs.files(),
     )
     sys.stdout.write(as_json(answer) if asked.json else film_text(answer))
     return 0

@@ -60,6 +60,7 @@ def of_contract(out: str) -> dict:
     return answer
 
 
+@pytest.mark.slow
 def test_the_answer_has_every_key_and_stdout_holds_nothing_else(jblast):
     # as spreadsheets write it, with a name that quotes itself
     log = TWO.replace("b,peak", '"b, ""q"" é",peak').replace("\n", "\r\n")
@@ -103,6 +104,7 @@ def test_the_law_on_the_command_line_wins_over_the_scene(jblast):
     assert law == {(): "wu_hao", ("auto",): "kingery_bulmash", ("wu_hao",): "wu_hao"}
 
 
+@pytest.mark.slow
 def test_what_the_log_cannot_tell_exits_4_with_null_and_a_cure(jblast):
     code, out, err = jblast(
         "fit", jblast.file("f.csv", FLASH), "--free", "origin_time_s", "--json"

@@ -32,6 +32,7 @@ def test_auto_says_which_it_took_and_why(jblast):
         )
 
 
+@pytest.mark.slow
 def test_the_approximation_alone_warns_where_its_intervals_are_off(jblast):
     # two pressures of a charge twelve times as large: Student-t errors allow both
     more = "s3,peak_overpressure_pa,650000,200000,15,0,0\n"
@@ -56,6 +57,7 @@ def test_the_approximation_alone_warns_where_its_intervals_are_off(jblast):
     assert "--posterior emcee walks" in warning
 
 
+@pytest.mark.slow
 def test_the_default_says_nothing_of_intervals_that_hold(jblast):
     scene = jblast.file("scene.toml", EXACT)
     log = jblast.file("log.csv", HEADER + ROWS.format(20000, 4300, 1500))

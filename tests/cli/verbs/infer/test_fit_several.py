@@ -30,6 +30,7 @@ def log(*rows: str, columns: str = "") -> str:
     return HEADER.replace("\n", f"{columns}\n") + "".join(rows)
 
 
+@pytest.mark.slow
 def test_several_logs_give_a_table_and_a_bad_one_fails_alone(jblast, tmp_path):
     good = jblast.file("good.csv", log(*pressures(15.0)))
     other = jblast.file("other.csv", log(*pressures(40.0)))
@@ -83,6 +84,7 @@ scatter = false
 """
 
 
+@pytest.mark.slow
 def test_recordings_of_one_event_have_clocks_of_their_own(jblast):
     at, start, late = np.array([3.0, -2.0, 0.0]), 1.5, 12.25
     places = [(30, 0, 0), (0, 40, 0), (-50, 5, 0), (10, -60, 0), (25, 25, 0)]

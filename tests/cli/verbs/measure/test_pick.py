@@ -48,6 +48,9 @@ def test_what_cannot_be_read_is_one_message(jblast, name, content, said):
 def test_volts_are_told_the_option_by_its_name(jblast):
     volts = jblast.file("a.csv", "time_s,p_v\n0,1\n1,2\n")
     assert "is told by --sensitivity" in jblast.refused("pick", volts)
+    more = jblast.file("b.csv", "time_s,p_v\n0,1\n1,2\n")
+    said = jblast.refused("pick", volts, more)
+    assert said.count("is told by --sensitivity") == 2
 
 
 def test_what_exists_is_not_overwritten_unasked(jblast):

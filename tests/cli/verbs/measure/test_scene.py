@@ -16,6 +16,7 @@ SOURCE_TABLES = {
     "point_source_s1x4",
     "rotorpy_flights",
     "seismic_ford2021",
+    "sloane_packings",
 }
 """No logs, but what calibration scripts read."""
 

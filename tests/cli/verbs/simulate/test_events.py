@@ -5,7 +5,9 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from jblast.sensors.camera.files.events.read import read_events
 from tests.cli.cli_files import Command
+from tests.sensors.camera.files.video.made import flat, make_video
 
 SHAPE = (6, 9)
 GREYS = (32, 64, 64, 128, 32, 16)
@@ -92,6 +94,62 @@ def test_npz_holds_the_same(jblast):
             np.testing.assert_array_equal(arrays[name], column(file, f"events/{name}"))
 
 
+@pytest.mark.parametrize("suffix", [".raw", ".aedat4", ".npz"])
+def test_other_formats_hold_the_same(jblast, suffix):
+    converted(jblast)
+    assert converted(jblast, out=f"events{suffix}")[0] == 0
+    ours, theirs = (read_events(jblast.path(f"events{end}")) for end in (".h5", suffix))
+    for one, other in zip(ours, theirs, strict=True):
+        np.testing.assert_array_equal(one, other)
+
+
+def video(jblast: Command, *options: str, stamps: list[int] | None = None):
+    """Convert a video that doubles and halves, but for what 8 bits of it lose."""
+    lumas = [60, 90, 90, 140, 60, 40]
+    make_video(jblast.directory / "a.mp4", flat(*lumas), stamps)
+    words = ["--noise", "off", "--out", jblast.path("events.h5"), *options]
+    return jblast("events", jblast.path("a.mp4"), *words)
+
+
+def test_a_video_goes_by_its_clock_or_by_what_is_said(jblast):
+    code, out, _ = video(jblast, "--json")
+    answer = json.loads(out)
+    assert (code, answer["frames"], answer["fps"]) == (0, 6, pytest.approx(30.0))
+    own = read_events(jblast.path("events.h5"))
+    assert answer["events"] == len(own.t) > 0
+    assert own.t.max() <= 5 / 30 * 1e6
+    code, out, _ = video(jblast, "--json", "--fps", "1000", "--force")
+    assert json.loads(out)["duration_s"] == pytest.approx(5e-3)
+    slow = read_events(jblast.path("events.h5"))
+    # thirty times a thirtieth of a second is a thousand times a millisecond
+    np.testing.assert_allclose(slow.t * 1000 / 30, own.t, atol=1000 / 60 + 1)
+    for name in "xyp":
+        np.testing.assert_array_equal(getattr(slow, name), getattr(own, name))
+
+
+def test_a_video_whose_rate_varies_needs_the_rate(jblast):
+    stamps = [0, 20, 40, 100, 120, 140]
+    code, _, err = video(jblast, stamps=stamps)
+    assert code == 2
+    assert "a.mp4: expected a constant frame rate, got frames 2 and 3 100 ms" in err
+    assert "say its rate (--fps)" in err
+    assert video(jblast, "--fps", "30", stamps=stamps)[0] == 0
+
+
+def test_a_video_names_its_own_curve(jblast):
+    code, _, err = video(jblast, "--srgb")
+    assert code == 2
+    assert "--srgb: is said of PNG frames" in err
+
+
+def test_png_frames_need_their_rate(jblast):
+    words = ["--out", jblast.path("events.h5")]
+    message = jblast.refused("events", jblast.path("frames"), *words)
+    assert (
+        "expected to be told how many PNG frames a second there are (--fps)" in message
+    )
+
+
 def test_frames_without_events_give_an_empty_file(jblast):
     for i in range(len(GREYS)):
         save(jblast.directory, i, np.full(SHAPE, 9, np.uint8))
@@ -174,7 +232,7 @@ def test_no_directory_no_frames_and_other_suffixes_are_refused(jblast):
         path.unlink()
     assert "expected at least two PNG frames, got 0" in refused(jblast)
     (jblast.directory / "frames").rmdir()
-    assert "no such directory; expected one with PNG frames" in refused(jblast)
+    assert "no such file or directory; expected a directory of PNG" in refused(jblast)
 
 
 def test_an_existing_file_is_left_alone_without_force(jblast):

@@ -5,13 +5,13 @@ import pytest
 from jsonschema import Draft202012Validator
 
 from docs.generate.answer_schemas import fly
-from jblast.cli.arguments import flight_files as fly_files
+from jblast.cli.arguments.flights import files as fly_files
 from tests.cli.cli_files import Command
 
 CHARGE = "[charge]\nmass_kg = 1.0\n"
 VEHICLE = '[vehicle]\nmodel = "crazyflie"\nposition_m = [5.0, 0.0, 2.0]\n'
 OWN = "control = { integral = true }\n"
-SHORT = ("--seconds", "0.4", "--step", "0.002", "--integrator", "euler")
+SHORT = ("--seconds", "0.6", "--step", "0.002", "--integrator", "euler")
 """So short that the vehicle is still away at the end; euler is the shorter program."""
 FILES = {"fly.json", "flight.csv", "path.png", "loads.png", "error.png"}
 
@@ -20,6 +20,7 @@ def flown(jblast: Command, *options: str, scene: str = CHARGE + VEHICLE + OWN):
     return jblast("fly", jblast.file("scene.toml", scene), *SHORT, *options, "--debug")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "integrator", ["euler", pytest.param("rk4", marks=pytest.mark.slow)]
 )
@@ -27,7 +28,7 @@ def test_the_answer_is_printed(jblast, integrator):
     code, out, err = flown(jblast, "--integrator", integrator)
     assert (code, err) == (0, "")
     lines = out.splitlines()
-    assert lines[0].startswith("Crazyflie holding (5, 0, 2) m for 0.4 s")
+    assert lines[0].startswith("Crazyflie holding (5, 0, 2) m for 0.6 s")
     blast = next(line for line in lines if line.startswith("the charge"))
     assert "9.2 ms" in blast
     assert "5.385" in blast
@@ -63,7 +64,7 @@ def test_files_are_written_once_and_the_flight_can_be_discovered(jblast):
     with open(jblast.path("flight/flight.csv"), encoding="utf-8") as file:
         assert next(file).startswith("# crazyflie, position hold with integral action")
         rows = list(csv.DictReader(file))
-    assert len(rows) == 201
+    assert len(rows) == 301
     assert float(rows[0]["east_m"]) == 5.0
     assert float(rows[-1]["path_error_m"]) > 0.05
     found = ("--state", "velocity_east_m_s", "--ensemble", "19")

@@ -49,6 +49,7 @@ def rows(text: str) -> list[dict[str, str]]:
     return list(csv.DictReader(lines))
 
 
+@pytest.mark.slow
 def test_every_sensor_writes_what_the_laws_say(jblast):
     scene = jblast.file("scene.toml", SCENE)
     code, out, err = jblast("listen", scene, "--out", jblast.path("o"), "--json")
@@ -98,6 +99,7 @@ def test_every_sensor_writes_what_the_laws_say(jblast):
     )
 
 
+@pytest.mark.slow
 def test_packets_make_the_same_files(jblast):
     scene = jblast.file("scene.toml", SCENE)
     for name, more in (("whole", ()), ("packets", ("--packets", "100"))):

@@ -24,6 +24,7 @@ def test_the_thesis_case_comes_out_as_printed(numbers):
     assert between == pytest.approx(air - ground, rel=1e-12)
 
 
+@pytest.mark.slow
 def test_defaults_are_printed_and_named(calc, numbers):
     text = calc("--mass 15 --range 20")
     for words in (
@@ -66,6 +67,7 @@ def test_a_number_outside_its_range_is_marked_in_text(calc):
     assert "outside" not in acoustic
 
 
+@pytest.mark.slow
 def test_lines_are_not_wider_than_96_columns(calc):
     for words in (
         "--mass 15 --range 20 --height 1",
@@ -75,6 +77,7 @@ def test_lines_are_not_wider_than_96_columns(calc):
         assert max(len(line) for line in calc(words).splitlines()) <= 96
 
 
+@pytest.mark.slow
 def test_air_of_an_altitude_is_the_standard_atmosphere(numbers):
     inputs = numbers("--mass 1 --range 9 --altitude 5000")["inputs"]
     assert inputs["temperature_k"] == pytest.approx(255.65)
@@ -82,6 +85,7 @@ def test_air_of_an_altitude_is_the_standard_atmosphere(numbers):
     assert inputs["altitude_m"] == 5000.0
 
 
+@pytest.mark.slow  # a program of its own; an inverse by an explosive is a default test
 def test_an_explosive_is_worth_its_tnt(numbers):
     c4, tnt = (
         numbers(f"--range 20 {words}")["quantities"]

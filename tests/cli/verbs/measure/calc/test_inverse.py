@@ -42,6 +42,7 @@ def test_a_pressure_gives_the_range_and_the_mass(numbers):
     assert back == pytest.approx(20000.0, rel=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("option", "quantity"),
     [

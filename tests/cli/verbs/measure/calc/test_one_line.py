@@ -56,6 +56,7 @@ def test_feet_pounds_and_psi_go_in_and_come_out(calc):
     assert float(pressure) == pytest.approx(PSI, rel=2e-3)  # four digits of the range
 
 
+@pytest.mark.slow
 def test_units_of_options_are_those_of_si_times_the_factor(numbers):
     foreign = numbers("--mass 10lb --range 10ft:100ft:2 --height 3ft --pressure 14psi")
     ours = numbers(

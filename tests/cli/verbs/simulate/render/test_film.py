@@ -16,6 +16,7 @@ from tests.cli.verbs.simulate.render.scenes import (
     refused,
     rendered,
 )
+from tests.sensors.camera.rendering.baked.noise_set import write_noise_set
 
 SENSOR = """[[sensor]]
 name = "a"
@@ -29,6 +30,7 @@ def events_in(path: str) -> dict[str, np.ndarray]:
         return {name: np.asarray(file[f"events/{name}"]) for name in "xytp"}
 
 
+@pytest.mark.slow
 def test_frames_events_and_a_contact_sheet(jblast):
     said = rendered(jblast, "--seconds", "0.04")
     assert (said["frames"], said["width"], said["height"]) == (20, 24, 18)
@@ -48,6 +50,7 @@ def test_frames_events_and_a_contact_sheet(jblast):
     assert png_files.read_png(said["files"]["contact_sheet"]).shape[1] > 100
 
 
+@pytest.mark.slow
 def test_the_frames_are_what_jblast_events_reads(jblast):
     said = rendered(jblast, "--seconds", "0.02", "--background", "0.3")
     again = ["--fps", "500", "--srgb", "--noise", "off", "--threshold", "0.2,0.3"]
@@ -77,6 +80,7 @@ def test_times_of_events_owe_nothing_to_the_frame_rate(jblast):
     assert np.abs(off).max() <= 1
 
 
+@pytest.mark.slow
 def test_a_real_camera_has_its_times_to_a_bound_that_is_said(jblast):
     said = rendered(jblast, "--seconds", "0.04", "--mode", "events", "--noise", "on")
     assert (said["stamps"], said["stamp_error_s"]) == ("interpolated", 1e-4)
@@ -136,6 +140,7 @@ def test_the_default_lasts_until_no_fireball_glows(jblast):
     assert len(list((jblast.directory / "out" / "frames").iterdir())) == 1000
 
 
+@pytest.mark.slow
 def test_priors_are_drawn_and_repeat_with_the_seed(jblast):
     prior = CHARGE.replace("15.0", "{ lognormal = [15.0, 2.0] }")
     jblast.file("scene.toml", prior + CAMERA)
@@ -146,6 +151,7 @@ def test_priors_are_drawn_and_repeat_with_the_seed(jblast):
     assert counts[0] == counts[1] != counts[2]
 
 
+@pytest.mark.slow  # a second witness: sensors/camera/test_film.py
 def test_exposure_blurs_frames_but_not_events(jblast):
     sharp = rendered(jblast, "--seconds", "0.02")
     before = (jblast.directory / "out" / "frames" / "0003.png").read_bytes()
@@ -190,6 +196,7 @@ def test_a_camera_may_look_away_at_a_background_that_moves(jblast):
         image = np.full((18, 24, 3), 40 * k + 30, np.uint8)
         Image.fromarray(image).save(jblast.directory / "behind" / f"{k}.png")
     words = ["--seconds", "0.01", "--background", jblast.path("behind")]
+    words += ["--flash", "off"]  # the ground before it is lit from behind
     said = rendered(jblast, *words)
     assert said["events"] > 18 * 24
     frame = np.asarray(Image.open(jblast.path("out/frames/0003.png")))
@@ -209,3 +216,23 @@ def test_a_camera_changes_nothing_of_what_the_sensors_say(jblast):
         _, planned, _ = jblast("bound", path, "--json")
         answers.append((jblast.text("log.csv"), fitted, planned))
     assert answers[0] == answers[1]
+
+
+@pytest.mark.slow
+def test_an_explosion_set_stands_in_the_place_of_the_ball(jblast, tmp_path):
+    folder = write_noise_set(tmp_path / "set", views=[(180.0, 5.0), (0.0, 40.0)])
+    high = CHARGE.replace("[0, 0, 1]", "[0, 0, 4]") + CAMERA
+    jblast.file("scene.toml", high)
+    words = ["--seconds", "0.04", "--views", str(folder)]
+    said = rendered(jblast, *words)
+    # the largest radius is 4.46 m, and the picture stands half of it below the burst
+    assert said["lifted_m"] == pytest.approx(4.0 - 0.5 * 1.81 * 15 ** (1 / 3))
+    assert said["events"] > 50
+    last = np.asarray(Image.open(jblast.directory / "out" / "frames" / "0019.png"))
+    assert last.max() == 255
+    code, text, _ = jblast(
+        *("render", jblast.path("scene.toml"), "--out", jblast.path("again")),
+        *(*words, "--mode", "rgb"),
+    )
+    assert code == 0
+    assert "higher than half its fireball's radius, and they hover at 1.77 m" in text

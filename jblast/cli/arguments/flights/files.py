@@ -46,7 +46,7 @@ def write_flights(flights: Flights, text: str, directory: Path) -> list[str]:
         directory.mkdir(parents=True, exist_ok=True)
         for name in (JSON, *TABLES, *ONE, *MANY):  # an earlier run's would mislead
             (directory / name).unlink(missing_ok=True)
-    table = flights_csv(flights) if several else _flight_csv(flights)
+    table = flights_csv(flights) if several else flight_csv(flights)
     written = [JSON, TABLES[several]]
     for name, content in zip(written, (text, table), strict=True):
         save_text(content, directory / name)
@@ -61,7 +61,7 @@ def write_flights(flights: Flights, text: str, directory: Path) -> list[str]:
     return written
 
 
-def _flight_csv(flights: Flights) -> str:
+def flight_csv(flights: Flights) -> str:
     """Return the first hold's flight."""
     name = next(iter(flights.holds))
     trajectory = trajectory_of(flights, name)

@@ -1,0 +1,1 @@
+"""Flights as commands ask for and write them."""

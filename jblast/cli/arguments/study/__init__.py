@@ -1,0 +1,1 @@
+"""What `jblast study` does beside running a study: it puts stores together."""

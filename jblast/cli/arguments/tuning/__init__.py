@@ -1,0 +1,1 @@
+"""What a tuning is asked of the command line."""

@@ -1,0 +1,1 @@
+"""Worlds as `jblast world` asks for and writes them."""

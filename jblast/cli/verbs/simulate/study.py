@@ -1,0 +1,135 @@
+"""Run a study: draw a scene many times over, and ask each sample what came of it.
+
+`jblast study STUDY.toml --out STUDY.zarr` runs it, and is told by the file what is
+varied and asked. What is killed goes on with --resume, and nothing is calculated twice.
+`jblast study report STUDY.zarr --out DIR` tells what came of it, on one page.
+`jblast study merge A.zarr B.zarr --out C.zarr` puts stores together.
+"""
+
+import argparse
+import sys
+from pathlib import Path
+
+from jblast.cli.arguments.paths import path
+
+WORDS = ("merge", "report")
+"""First words that are no study's file."""
+
+
+def add_arguments(verb: argparse.ArgumentParser) -> None:
+    """Say what the verb takes."""
+    verb.add_argument(
+        "given",
+        metavar="STUDY.toml | report STUDY.zarr | merge A.zarr B.zarr",
+        nargs="*",
+        type=path,
+        help="the study; or report and a store; or merge and the stores to put "
+        "together",
+    )
+    verb.add_argument(
+        "--out",
+        metavar="STUDY.zarr",
+        type=path,
+        help="the store, a folder; of a report the folder of page, figures and "
+        "report.json",
+    )
+    verb.add_argument(
+        "--resume",
+        action="store_true",
+        help="go on with a store; of none begin it",
+    )
+    verb.add_argument(
+        "--limit",
+        metavar="N",
+        type=int,
+        help="calculate about so many samples, then stop (default: all)",
+    )
+    verb.add_argument(
+        "--devices",
+        metavar="all|N",
+        default="all",
+        help="of this machine: GPUs, or the cores of its CPU (default: all)",
+    )
+    verb.add_argument(
+        "--workers",
+        metavar="N",
+        type=int,
+        help="share the work among so many processes of this machine, by Dask",
+    )
+    verb.add_argument(
+        "--scheduler",
+        metavar="ADDRESS",
+        help="share it among the workers of a Dask scheduler, as tcp://HOST:8786; all "
+        "see --out under the same path",
+    )
+    verb.add_argument(
+        "--allow-code",
+        action="store_true",
+        help="let outcomes be functions of Python, as python:module.function",
+    )
+    verb.add_argument(
+        "--list",
+        action="store_true",
+        help="print the outcomes that may be asked for, with their units",
+    )
+    verb.add_argument("--json", action="store_true", help="print JSON")
+    verb.add_argument(
+        "--force", action="store_true", help="overwrite an existing --out of a report"
+    )
+
+
+def run(asked: argparse.Namespace) -> int:
+    """Run, go on, or put together; print; return the exit code."""
+    from jblast.cli.jax_start import start_jax
+    from jblast.errors import InputError
+
+    if not asked.list and not asked.given:
+        raise InputError("study: expected STUDY.toml, or merge and stores, got nothing")
+    if asked.given[:1] == ["merge"]:
+        from jblast.cli.arguments.study.merge import merge
+
+        return merge(asked)
+    if asked.given[:1] == ["report"]:
+        from jblast.cli.arguments.study.report import report
+
+        start_jax(quick=True)
+        return report(asked)
+    start_jax(all_cores=asked.workers is None and asked.scheduler is None)
+    if asked.list:
+        from jblast.report.study.run_text import outcomes_text
+        from jblast.study.outcome.registry import OUTCOMES
+
+        sys.stdout.write(outcomes_text(OUTCOMES.values()))
+        return 0
+    if len(asked.given) > 1:
+        raise InputError(f"study: expected one STUDY.toml, got {' '.join(asked.given)}")
+    if not asked.out:
+        raise InputError("--out: expected the folder of the store, got nothing")
+    return _run(asked)
+
+
+def _run(asked: argparse.Namespace) -> int:
+    import json
+
+    from jblast.cli.arguments.study.devices import devices_asked, tiles_asked
+    from jblast.report.study.run_answer import study_answer
+    from jblast.report.study.run_text import run_text
+    from jblast.study.engine.launch import mesh_of
+    from jblast.study.file.read import read_study
+    from jblast.study.sampling.run import run_into
+
+    study = read_study(asked.given[0], allow_code=asked.allow_code)
+    mesh = mesh_of(devices_asked(asked.devices))
+    with tiles_asked(asked) as tiles:
+        ran = run_into(
+            study,
+            Path(asked.out),
+            resume=asked.resume,
+            limit=asked.limit,
+            mesh=mesh,
+            tiles=tiles,
+        )
+    answer = study_answer(ran)
+    text = json.dumps(answer.to_dict(), indent=2, allow_nan=False) + "\n"
+    sys.stdout.write(text if asked.json else run_text(answer))
+    return 0

@@ -1,0 +1,39 @@
+"""`jblast render --depth --daylight --flash`."""
+
+import numpy as np
+import pytest
+
+from jblast.sensors.camera.files.png import read_png
+from tests.cli.verbs.simulate.render.scenes import refused, rendered
+
+SHORT = ("--times", "2.0:2.006", "--mode", "rgb", "--fps", "250")
+
+
+def last_frame(jblast):
+    return read_png(jblast.directory / "out" / "frames" / "0001.png").astype(int)
+
+
+@pytest.mark.slow
+def test_fire_lights_the_ground_more_at_dusk_and_not_at_all_if_told_so(jblast):
+    frames = []
+    for words in (("--flash", "off"), (), ("--daylight", "1000")):
+        rendered(jblast, *SHORT, "--force", *words)
+        frames.append(last_frame(jblast).sum(axis=(1, 2)))
+    dark, day, dusk = (int(rows[-4:].sum()) for rows in frames)  # the ground's rows
+    assert dark < day < dusk
+
+
+def test_a_wall_hides_the_fire_in_frames_and_events(jblast):
+    wall = jblast.directory / "wall.npy"
+    np.save(wall, np.full((18, 24), 10.0))
+    words = ("--times", "2.0:2.006", "--depth", str(wall), "--flash", "off")
+    document = rendered(jblast, *words)
+    assert document["events"] == 0
+    assert np.ptp(last_frame(jblast)) == 0
+
+
+def test_what_cannot_be_is_refused_in_one_line(jblast):
+    np.save(jblast.directory / "small.npy", np.ones((2, 2)))
+    small = jblast.path("small.npy")
+    assert "small.npy: expected 24 x 18 pixels" in refused(jblast, "--depth", small)
+    assert "--daylight: expected a positive" in refused(jblast, "--daylight", "0")

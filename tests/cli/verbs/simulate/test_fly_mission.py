@@ -1,0 +1,95 @@
+"""A mission from the shell: what is refused, and one that is flown."""
+
+import csv
+import json
+from xml.etree import ElementTree as ET
+
+import pytest
+from jsonschema import Draft202012Validator
+
+from docs.generate.answer_schemas import fly_mission
+from jblast.missions import grid_plan, read_plan, write_plan
+from jblast.scene import Place
+
+HOME = Place(35.3075, -80.7353, 200.0)
+SCENE = """
+[charge]
+mass_kg = 0.5
+position_m = [1.0, 4.0, 0.0]
+time_s = 8.0
+[vehicle]
+model = "crazyflie"
+mission = "short.plan"
+"""
+
+
+def scene(jblast, text=SCENE):
+    plan = grid_plan(HOME, width_m=6.0, depth_m=0.0, spacing_m=1.0, up_m=3.0)
+    write_plan(plan, jblast.path("short.plan"))
+    return jblast.file("scene.toml", text)
+
+
+@pytest.mark.slow
+def test_a_mission_is_flown_from_ground_to_ground_and_told(jblast):
+    options = ("--out", jblast.path("out"), "--plan-out", jblast.path("b.waypoints"))
+    code, out, err = jblast("fly", scene(jblast), *options, "--debug")
+    assert (code, err) == (0, "")
+    first, second, *_ = out.splitlines()
+    assert first.startswith("Crazyflie on ")
+    assert "landed, disarmed after" in second
+    assert "4 of 4 waypoints reached" in second
+    document = json.loads(jblast.text("out/fly.json"), parse_constant=pytest.fail)
+    Draft202012Validator(fly_mission()).validate(document)
+    points = document["waypoints"]
+    assert [one["index"] for one in points] == [1, 2, 3, 4]
+    assert all(one["reached"] and one["error_m"] < 1.0 for one in points)
+    times = [one["time_s"] for one in points]
+    assert times == sorted(times)
+    assert document["completed"]
+    assert document["disarmed_s"] == times[-1]
+    (blast,) = document["disturbances"]
+    assert blast["waypoint"] in (2, 3)
+    assert blast["peak_deviation_m"] > blast["error_before_m"]
+    written = {path.name for path in (jblast.directory / "out").iterdir()}
+    assert written == {
+        *("fly.json", "flight.csv", "mission.kml", "map.png", "mission.png")
+    }
+    rows = list(csv.DictReader(jblast.text("out/flight.csv").splitlines()[1:]))
+    assert float(rows[0]["up_m"]) == 0.0
+    assert abs(float(rows[-1]["up_m"])) < 1e-9
+    lines = ET.fromstring(jblast.text("out/mission.kml")).iter(
+        "{http://www.opengis.net/kml/2.2}LineString"
+    )
+    assert len(list(lines)) == 2
+    assert read_plan(jblast.path("b.waypoints")).items == tuple(
+        read_plan(jblast.path("short.plan")).items
+    )
+
+
+AIR = SCENE.replace('mission = "short.plan"', 'mission = "a.plan"')
+REFUSED = {
+    "no plan": (AIR, (), ["a.plan", "no such file"]),
+    "in the air": (SCENE + "position_m = [0, 0, 3]\n", (), ["starts in the air"]),
+    "several": (SCENE, ("--vehicles", "3"), ["--vehicles", "expected 1"]),
+    "no charge's place": (
+        SCENE.replace("position_m = [1.0, 4.0, 0.0]", "range_m = 5.0"),
+        (),
+        ["range_m"],
+    ),
+    "existing plan": (SCENE, ("--plan-out", "short.plan"), ["exists already"]),
+    "other form": (SCENE, ("--plan-out", "b.kml"), ["b.kml", ".plan"]),
+}
+
+
+@pytest.mark.parametrize(("text", "options", "said"), REFUSED.values(), ids=REFUSED)
+def test_what_cannot_be_flown_is_refused(jblast, monkeypatch, text, options, said):
+    monkeypatch.chdir(jblast.directory)
+    error = jblast.refused("fly", scene(jblast, text), *options)
+    for part in said:
+        assert part in error
+
+
+def test_a_hold_writes_no_plan(jblast):
+    holds = SCENE.replace('mission = "short.plan"', "position_m = [5, 0, 2]")
+    error = jblast.refused("fly", scene(jblast, holds), "--plan-out", "a.plan")
+    assert "holds its place" in error
