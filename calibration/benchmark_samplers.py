@@ -27,7 +27,7 @@ from jblast.inference.mcmc.emcee_engine import Emcee, moves, of_emcee
 from jblast.inference.mcmc.scan_engine import Scan
 from jblast.inference.mcmc.state import Segment
 from jblast.inference.mode.laplace import NORMAL_Q95
-from jblast.verification.benchmark.samplers import REFERENCE_SEED, known, weighted_ends
+from jblast.verification.benchmark.samplers import REFERENCE_SEED, solved, weighted_ends
 from jblast.verification.cases.five_microphones import RECORDS
 from jblast.verification.cases.timed_sampling import (
     WALKERS,
@@ -56,7 +56,7 @@ def samplers_text() -> str:
 
 
 def _text() -> str:
-    what = known()
+    what = solved()
     normal, density = what.normal, what.density
     free = normal.z.size
     axes = np.asarray(density.root)

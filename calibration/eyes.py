@@ -133,10 +133,12 @@ def eyes_figure(cameras: list[Seen]) -> Figure:
     return figure
 
 
-def picture(events: Events, start: float, stop: float) -> np.ndarray:
+def picture(
+    events: Events, start: float, stop: float, size: tuple[int, int] = (HEIGHT, WIDTH)
+) -> np.ndarray:
     """Return an image of some events: blue brighter, red darker, white none."""
     within = (events.time > start) & (events.time <= stop)
-    image = np.ones((HEIGHT, WIDTH, 3))
+    image = np.ones((*size, 3))
     for sign, colour in ((1, BLUE), (-1, VERMILLION)):
         chosen = within & (events.polarity == sign)
         rgb = [int(colour[i : i + 2], 16) / 255 for i in (1, 3, 5)]

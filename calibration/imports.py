@@ -9,7 +9,16 @@ import jblast
 PACKAGE = Path(jblast.__file__).parent
 ROOMS = (
     *("units", "scene", "waves", "fidelity", "vehicle", "observations", "sensors"),
-    *("detect", "inference", "study", "verification", "report", "cli"),
+    *(
+        "detect",
+        "world",
+        "missions",
+        "inference",
+        "study",
+        "verification",
+        "report",
+        "cli",
+    ),
 )
 """In the order of their imports; what stands above all rooms is in none."""
 

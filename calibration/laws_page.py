@@ -12,6 +12,7 @@ from pathlib import Path
 from matplotlib.figure import Figure
 from PIL import Image
 
+import jblast.sensors
 import jblast.waves
 from calibration.laws_curves import drawn_laws, panels
 from calibration.laws_figure import law_figure
@@ -38,8 +39,8 @@ missing there. The lower panels compare laws where both hold, and are cut off at
 at 15 % for arrivals and shock speeds: near the charge the laws of nuclear shots and of
 point sources, whose own mass is nothing, are far from those of TNT.
 
-A law is `jblast.waves.FUNCTION`; its scatter is one standard deviation of what a whole
-shot shares, and of each record.
+A law is `jblast.waves.FUNCTION`, of a jolt `jblast.sensors.FUNCTION`; its scatter is
+one standard deviation of what a whole shot shares, and of each record.
 """
 
 
@@ -65,14 +66,14 @@ def figure_name(quantity: str) -> str:
 
 
 def public_name(law: Law) -> str:
-    """Return what a law is called in `jblast.waves`.
+    """Return what a law is called in `jblast.waves`, of a vehicle in `jblast.sensors`.
 
     Raises:
         ValueError: It is not re-exported there.
     """
     name = law.function.__name__
     for each in (name, f"{law.name}_{name}"):  # laws with a calibration are closures
-        if hasattr(jblast.waves, each):
+        if hasattr(jblast.waves, each) or hasattr(jblast.sensors, each):
             return each
     raise ValueError(f"{law.name}, {law.quantity}: jblast.waves has no {name}")
 

@@ -23,7 +23,7 @@ MICROPHONES = 1000
 DURATION_S = 1.0
 SCENE = Scene(Charge(mass_kg=15.0))
 PINK = Scene(Charge(mass_kg=15.0), ambient=Ambient(level=0.1, slope=-3.0))
-AIR = microphone.Ways(ground=False, absorption=False)
+AIR = microphone.WavePaths(ground=False, absorption=False)
 NOISY = Instrument(full_scale=200.0, noise=0.02, bits=24)
 CASES = {
     "closed form": (SCENE, Instrument(), AIR),
@@ -33,12 +33,14 @@ CASES = {
 }
 
 
-def recorder(scene: Scene, instrument: Instrument, ways: microphone.Ways) -> Callable:
+def recorder(
+    scene: Scene, instrument: Instrument, wave_paths: microphone.WavePaths
+) -> Callable:
     """Return a compiled function of places and keys."""
 
     def one(place, key):
         sensor = Sensor("m", place, "microphone", instrument=instrument)
-        return microphone.record(scene, sensor, DURATION_S, key, ways=ways)
+        return microphone.record(scene, sensor, DURATION_S, key, wave_paths=wave_paths)
 
     return jax.jit(jax.vmap(one))
 

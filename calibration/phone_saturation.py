@@ -29,7 +29,7 @@ STEPS = 14
 """Of the bisection in ln of the range: its last step is 0.06 %."""
 NEAREST_M, FARTHEST_M = 5.0, 50_000.0
 BEFORE_S, LONG_S = 0.01, 0.08
-WAYS = microphone.Ways(ground=False, absorption=False)
+PATHS = microphone.WavePaths(ground=False, absorption=False)
 PHONE = {"high_pass": 20.0, "low_pass": 20_000.0}
 
 
@@ -41,7 +41,9 @@ def loudest(mass, distance, corners):
     pulse = heard(scene, place)[0].pulse
     key = jax.random.key(0)
     start = pulse.arrival_time - BEFORE_S
-    samples = microphone.record(scene, phone, LONG_S, key, start_s=start, ways=WAYS)
+    samples = microphone.record(
+        scene, phone, LONG_S, key, start_s=start, wave_paths=PATHS
+    )
     return jnp.max(samples), pulse.peak
 
 

@@ -21,7 +21,7 @@ from jblast.cli.jax_start import start_jax
 from jblast.inference.picks import pick
 from jblast.report.tables import aligned
 
-MANY, MADE, SEED = 10_000, 320, 21
+MANY, MADE, SEED = 6_000, 320, 21
 
 
 def main(many: int = MANY) -> None:

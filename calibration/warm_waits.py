@@ -2,8 +2,9 @@
 
     python -m calibration.warm_waits [--runs 5]
 
-Each command runs in a process of its own, with programs and compiled code kept in a
-folder made for this: once to fill it, then a few times, of which the least counts.
+Each command runs in a process of its own, with programs, compiled code and modules'
+bytecode kept in a folder made for this: once to fill it, then a few times, of which
+the least counts.
 Counted is processor time, on a shared machine the steadier figure; the unit J is that
 of `import jax`, taken between the runs. No random numbers beside those of the commands.
 """
@@ -78,7 +79,8 @@ def main() -> None:
     asked = options.parse_args()
     lines = []
     with tempfile.TemporaryDirectory() as kept, tempfile.TemporaryDirectory() as out:
-        env = {**os.environ, "XDG_CACHE_HOME": kept}
+        env = {**os.environ, "XDG_CACHE_HOME": kept, "PYTHONPYCACHEPREFIX": kept}
+        env.pop("PYTHONDONTWRITEBYTECODE", None)
         units: list[float] = []
         for what, (words, bound) in commands(str(Path(out) / "report")).items():
             command = [*JBLAST, *words]

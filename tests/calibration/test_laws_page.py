@@ -75,6 +75,7 @@ def test_there_is_a_small_figure_for_each_quantity_and_no_other():
 # --- what is drawn
 
 
+@pytest.mark.slow
 def test_every_law_is_drawn_and_only_where_it_has_a_set(drawn):
     for quantity, bursts in drawn.items():
         names = {name for curves in bursts.values() for name in curves}

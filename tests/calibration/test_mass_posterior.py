@@ -11,6 +11,7 @@ OF_PATH = np.array([[1.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
 SHOT_SD, PATH_SD, RECORD_SD = 0.2, 0.15, 0.1
 
 
+@pytest.mark.slow
 def test_likelihood_is_the_integral_over_shot_and_paths():
     def own(rows, z, u):
         left = RESIDUAL[rows] - SHOT_SD * z - PATH_SD * u

@@ -1,4 +1,5 @@
 import math
+from functools import partial
 
 import jax
 import jax.numpy as jnp
@@ -33,6 +34,7 @@ def effects(sds, x):
     return sds[0] * x[:3][SHOT] + sds[1] * x[3:6][PATH]
 
 
+@partial(jax.jit, static_argnums=(2, 3))
 def integrated(sds, weight, nu, restricted):
     def predict(sds, x):
         if restricted:
@@ -46,6 +48,7 @@ def integrated(sds, weight, nu, restricted):
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("weight", [np.ones(8), np.array([1.0] * 5 + [0.0] * 3)])
 def test_gaussian_likelihood_is_scipys_with_its_normalisation(weight):
     got = integrated(jnp.asarray(SDS), jnp.asarray(weight), math.inf, False)
@@ -66,6 +69,7 @@ def test_restricted_gaussian_likelihood_is_the_integral_over_the_coefficients():
     assert np.allclose(got.covariance[:2, :2], np.linalg.inv(information), atol=1e-10)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("nu", [4.0, math.inf])
 def test_gradient_through_the_mode_agrees_with_finite_differences(nu):
     def value(sds):
@@ -95,15 +99,20 @@ def test_laplace_of_student_errors_is_near_the_integral():
     # One effect, five records: Laplace leaves out terms of order one over the number
     # of records; 0.1 in ln L is what remains here.
     value = np.array([0.2, 0.3, 0.25, 0.1, 1.5])
-    got = marginal(
-        lambda sds, x: jnp.broadcast_to(sds[0] * x[0], (5,)),
-        jnp.array([0.3, 0.1]),
-        jnp.ones(1),
-        jnp.zeros(1),
-        jnp.asarray(value),
-        jnp.ones(5),
-        4.0,
-    )
+
+    @jax.jit
+    def integrated(value):
+        return marginal(
+            lambda sds, x: jnp.broadcast_to(sds[0] * x[0], (5,)),
+            jnp.array([0.3, 0.1]),
+            jnp.ones(1),
+            jnp.zeros(1),
+            value,
+            jnp.ones(5),
+            4.0,
+        )
+
+    got = integrated(jnp.asarray(value))
     exact, _ = quad(
         lambda u: norm.pdf(u) * np.prod(t.pdf(value, 4, loc=0.3 * u, scale=0.1)), -8, 8
     )

@@ -1,0 +1,311 @@
+"""A campus mission of 32 waypoints through three blasts, and what its flight costs.
+
+python -m calibration.missions --out FIGURE.png
+
+The thesis of Parab flew 32 waypoints over its campus (figures 4.5, 4.6, 4.8) and shows
+deviations between 4-5-6, 18-19 and 31-32, without a scale, the plan or the vehicle's
+speed. The plan here is one like it: a loop of 32 waypoints about the University of
+North Carolina at Charlotte, 6 m/s, 20 m up. Three charges of TNT go off as a vehicle
+passes these legs. All three vehicles fly it; and the Iris flies it once more through
+the thesis's own profile, `--profile custom_blast_impulses.csv`, its charge at each of
+the three legs where its first case has it, moments about the point 100 m away that the
+file means. Then a mission of 10 minutes is flown in steps of 1 to 10 ms: processor time
+after compilation, and how far from the flight in steps of 0.5 ms.
+"""
+
+import argparse
+import math
+import time
+from pathlib import Path
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from matplotlib.figure import Figure
+
+from jblast.cli.jax_start import start_jax
+from jblast.missions import (
+    Item,
+    Mission,
+    MissionControl,
+    Plan,
+    Told,
+    grid_plan,
+    mission_of,
+    planned_seconds,
+    replay,
+    write_plan,
+)
+from jblast.missions.frame import geodetic
+from jblast.missions.plan.commands import MISSION, RELATIVE, RETURN, TAKEOFF, WAYPOINT
+from jblast.observations.places.frame import Frame
+from jblast.report.figure_style import (
+    COLOURS,
+    INK,
+    MUTED,
+    VERMILLION,
+    new_figure,
+    quiet,
+    titled,
+)
+from jblast.report.missions.figures import draw_map
+from jblast.scene import Charge, Place, Scene, UncertainScene, VehicleSpec
+from jblast.study.flights.encounter import Profile
+from jblast.study.flights.records import Options
+from jblast.study.missions.fly import MISSION_STEP_S, TOLERANCE_M, fly_mission
+from jblast.study.missions.records import MissionFlight
+from jblast.vehicle import (
+    PositionHold,
+    State,
+    Trajectory,
+    named,
+    named_gains,
+    read_custom_profile,
+    simulate,
+)
+
+CAMPUS = Place(35.3075, -80.7353, 200.0)
+UP_M, SPEED_M_S = 20.0, 6.0
+VEHICLES = ("crazyflie", "hummingbird", "iris")
+LEGS = ((4, 5), (18, 19), (31, 32))
+"""Where the blasts come; the first of them after waypoint 4."""
+MASS_KG, ASIDE_M = 150.0, 22.0
+"""Of each charge, and how far it stands from the leg, on the ground."""
+CASE_M, ARM_M = (-5.0, -5.0, -5.0), (100.0, 0.0, 0.0)
+"""Where the first case of the thesis's profile has its charge, and the point that its
+moments are about, both from the vehicle."""
+STEPS_S, FINEST_S = (1e-3, 2e-3, 4e-3, 8e-3), 5e-4
+
+
+def campus_plan() -> Plan:
+    """Return 32 waypoints, take-off the first and return the last, around a campus."""
+    angle = np.linspace(0, 2 * np.pi, 30, endpoint=False) - np.pi / 2
+    size = 110.0 * (1 + 0.22 * np.cos(3 * angle) + 0.12 * np.sin(5 * angle))
+    places = np.stack([size * np.cos(angle), 0.75 * size * np.sin(angle), 0 * angle])
+    home = (CAMPUS.lat_deg, CAMPUS.lon_deg, UP_M)
+    items = [Item(1, TAKEOFF, RELATIVE, (0.0, 0.0, 0.0, None, *home))]
+    for n, (lat, lon, _) in enumerate(geodetic(Frame(*CAMPUS), places.T), start=2):
+        where = (round(float(lat), 8), round(float(lon), 8), UP_M)
+        items.append(Item(n, WAYPOINT, RELATIVE, (0.0, 0.0, 0.0, None, *where)))
+    items.append(Item(32, RETURN, MISSION, (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)))
+    return Plan(tuple(items), CAMPUS, hover_speed_m_s=SPEED_M_S)
+
+
+def passes(mission: Mission, model: str) -> list[tuple[float, np.ndarray, np.ndarray]]:
+    """Return when a vehicle is half-way along each of `LEGS`, where, and which way."""
+    flight, told = flown(mission, model, MISSION_STEP_S)
+    visit = np.asarray(mission.guidance.legs.visit)[np.asarray(told.leg)]
+    found = []
+    for _, to in LEGS:
+        rows = np.flatnonzero(visit == to - 1)
+        middle = rows[len(rows) // 4 if to == 32 else len(rows) // 2]
+        place = np.asarray(flight.position_m)[middle]
+        way = np.asarray(flight.velocity_m_s)[middle]
+        found.append((float(flight.time_s[middle]), place, way))
+    return found
+
+
+def flown(mission: Mission, model: str, step: float) -> tuple[Trajectory, Told]:
+    """Fly a mission in still air, from the ground at home."""
+    hold = PositionHold(jnp.zeros(3), named_gains(model, integral=True))
+    control = MissionControl(mission.guidance, hold)
+    rate = float(mission.guidance.acceleration_m_s2)
+    seconds = 20.0 * math.ceil(1.05 * planned_seconds(mission.guidance.legs, rate) / 20)
+    none = jnp.zeros(3)
+    level = jnp.array([0.0, 0.0, 0.0, 1.0])
+    start = State(jnp.asarray(mission.home_m), none, level, none, jnp.zeros(4))
+    flight = simulate(
+        named(model),
+        start,
+        duration_s=seconds,
+        step_s=step,
+        control=control,
+        ground_up_m=0.0,
+    )
+    return flight, replay(control.guidance, flight, jnp.asarray(step))
+
+
+def charges(passed: list) -> list[Charge]:
+    """Return a charge beside each leg, on the ground, that goes off as it is passed."""
+    found = []
+    for (first, to), (when, place, way) in zip(LEGS, passed, strict=True):
+        right = np.array([way[1], -way[0], 0.0]) / np.hypot(*way[:2])
+        there = place + ASIDE_M * right
+        east, north = (float(x) for x in there[:2])
+        found.append(Charge(MASS_KG, (east, north, 0.0), when, name=f"{first}-{to}"))
+    return found
+
+
+def through(
+    plan: Path, model: str, blasts: list[Charge], profile: Profile | None = None
+) -> MissionFlight:
+    """Fly the plan through blasts, as `jblast fly` does."""
+    spec = VehicleSpec(model, np.zeros(3), mission=str(plan), placed=False)
+    scene = Scene(blasts[0], others=tuple(blasts[1:]), vehicle=spec)
+    options = Options(step_s=MISSION_STEP_S, tolerance_m=TOLERANCE_M, profile=profile)
+    return fly_mission(UncertainScene(scene), options)
+
+
+def report(flight: MissionFlight, what: str) -> str:
+    """Return a row of the table for each blast."""
+    lines = []
+    reached = sum(one.reached for one in flight.waypoints)
+    for n, one in enumerate(flight.disturbances):
+        peak = float(flight.encounter.overpressure_pa[n]) / 1e3
+        back = f"{one.recovery_time_s:.2f}" if one.recovery_time_s < 99 else "-"
+        lines.append(
+            f"{flight.vehicle.model:<12} {what:<8} {one.charge or '-':<6} {peak:6.1f} "
+            f"{1e3 * one.error_before_m:7.1f} {1e3 * one.peak_deviation_m:8.1f} "
+            f"{back:>6} {reached:3d} of {len(flight.waypoints)} "
+            f"{flight.disarmed_s:8.1f} {flight.crash or 'landed'}"
+        )
+    return "\n".join(lines)
+
+
+def costs() -> str:
+    """Return what 10 minutes cost by step, and how far off they are."""
+    plan = grid_plan(
+        CAMPUS, width_m=140.0, depth_m=120.0, spacing_m=10.0, up_m=UP_M, speed_m_s=4.0
+    )
+    mission = mission_of(plan)
+    rate = float(mission.guidance.acceleration_m_s2)
+    planned = planned_seconds(mission.guidance.legs, rate)
+    lines = [f"A mission of {planned:.0f} s, iris, cpu, float64, one thread's time"]
+    lines.append("step [ms]  seconds  largest difference of places [mm]  rms [mm]")
+    finest = None
+    for step in (FINEST_S, *STEPS_S):
+        taken, flight = [], None
+        for _ in range(1 if step == FINEST_S else 3):
+            begin = time.process_time()
+            flight, told = flown(mission, "iris", step)
+            jax.block_until_ready((flight, told))
+            taken.append(time.process_time() - begin)
+        assert flight is not None
+        every = round(0.04 / step)
+        places = np.asarray(flight.position_m)[::every]
+        if finest is None:
+            finest = places
+            continue
+        rows = min(len(places), len(finest))
+        off = np.linalg.norm(places[:rows] - finest[:rows], axis=1)
+        lines.append(
+            f"{1e3 * step:9.0f}  {min(taken):7.2f}  {1e3 * off.max():33.2f}  "
+            f"{1e3 * math.sqrt(np.mean(off**2)):8.2f}"
+        )
+    return "\n".join(lines)
+
+
+def main() -> None:
+    """Fly, print the tables, draw the figure."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--out", required=True)
+    parser.add_argument("--profile", help="the thesis's custom_blast_impulses.csv")
+    parser.add_argument("--no-costs", action="store_true")
+    asked = parser.parse_args()
+    start_jax()
+    import tempfile
+
+    plan = campus_plan()
+    passed = passes(mission_of(plan), "iris")
+    blasts = charges(passed)
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "campus.plan"
+        write_plan(plan, file)
+        flights = {model: through(file, model, blasts) for model in VEHICLES}
+        by_profile = []
+        if asked.profile:
+            cases = Profile(read_custom_profile(asked.profile), ARM_M)
+            for one, (when, place, _) in zip(blasts, passed, strict=True):
+                # it is level, and heads east, as it passes
+                east, north, up = (
+                    float(a + b) for a, b in zip(place, CASE_M, strict=True)
+                )
+                charge = Charge(1.0, (east, north, up), when, name=one.name)
+                by_profile.append(through(file, "iris", [charge], cases))
+    print(
+        f"Three charges of {MASS_KG:g} kg, {ASIDE_M:g} m beside the leg, flown "
+        f"{UP_M:g} m up at {SPEED_M_S:g} m/s"
+    )
+    print(
+        "vehicle      load     leg    [kPa]  before  peak [mm] back [s] waypoints "
+        "disarmed [s]"
+    )
+    for flight in flights.values():
+        print(report(flight, "laws"))
+    for flight in by_profile:
+        print(report(flight, "profile"))
+    figure(flights, by_profile).savefig(asked.out, dpi=110)
+    if not asked.no_costs:
+        print()
+        print(costs())
+
+
+def figure(
+    flights: dict[str, MissionFlight], by_profile: list[MissionFlight]
+) -> Figure:
+    """Draw the thesis's figures 4.5, 4.6 and 4.8 again."""
+    drawn = new_figure(13.0, 9.6)
+    rows = drawn.subfigures(2, 1, squeeze=False, height_ratios=[1.5, 1.0])
+    upper, lower = rows[:, 0]
+    whole, zooms = upper.subfigures(1, 2, squeeze=False, width_ratios=[1.25, 1.0])[0]
+    axes = whole.subplots()
+    iris = flights["iris"]
+    draw_map(axes, iris)
+    axes.legend(frameon=False, fontsize=8, loc="lower right")
+    titled(axes, "4.5: 32 waypoints through three blasts", "Iris")
+    parts = np.ravel(zooms.subplots(3, 1))
+    for n, (first, to) in enumerate(LEGS):
+        part = parts[n]
+        quiet(part)
+        came = float(iris.encounter.arrival_s[n])
+        for model, colour in zip(VEHICLES, COLOURS, strict=False):
+            off = across(flights[model], came)
+            part.plot(*off, color=colour, linewidth=1.3, label=f"{model}, laws")
+        if by_profile:
+            came_there = float(by_profile[n].encounter.arrival_s[0])
+            off = across(by_profile[n], came_there)
+            part.plot(
+                *off, color=INK, linewidth=1.3, linestyle="--", label="iris, profile"
+            )
+        part.axvline(0.0, color=MUTED, linewidth=0.8, linestyle=":")
+        titled(part, f"4.6: between {first} and {to}")
+        part.set_ylabel("off path [m]")
+    parts[-1].set_xlabel("way along the leg since the blast [m]")
+    parts[-1].legend(frameon=False, fontsize=8, ncols=2)
+    axes = lower.subplots()
+    quiet(axes)
+    for model, colour in zip(VEHICLES, COLOURS, strict=False):
+        flight = flights[model]
+        rows = slice(None, None, 5)
+        time_s = np.asarray(flight.trajectory.time_s)[rows]
+        axes.plot(
+            time_s, flight.path_error_m[rows], color=colour, linewidth=1.0, label=model
+        )
+    for came in np.asarray(iris.encounter.arrival_s):
+        axes.axvline(came, color=VERMILLION, linewidth=1.0, linestyle="--")
+    axes.set_xlabel("time [s]; dashed: a blast arrives")
+    axes.set_ylabel("path error [m]")
+    axes.set_ylim(0.0)
+    axes.legend(frameon=False, fontsize=9)
+    titled(axes, "4.8: distance from the set point")
+    return drawn
+
+
+def across(flight: MissionFlight, came: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return way along the path and distance across it, about a blast's arrival [m]."""
+    time_s = np.asarray(flight.trajectory.time_s)
+    rows = (time_s > came - 0.5) & (time_s < came + 2.5)
+    place = np.asarray(flight.trajectory.position_m)[rows]
+    aim = np.asarray(flight.told.set_point_m)[rows]
+    way = np.gradient(aim, axis=0)
+    size = np.linalg.norm(way, axis=1, keepdims=True)
+    way = way / np.where(size > 0, size, 1.0)
+    off = place - aim
+    off = off - np.sum(off * way, axis=1, keepdims=True) * way
+    along = np.cumsum(size[:, 0])
+    along -= np.interp(came, time_s[rows], along)
+    return along, np.linalg.norm(off, axis=1)
+
+
+if __name__ == "__main__":
+    main()
