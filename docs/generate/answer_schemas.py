@@ -26,11 +26,18 @@ from jblast.observations.understood import Understood
 from jblast.report.calculator.answer import CalculatorAnswer, InverseAnswer
 from jblast.report.check.answer import CheckAnswer
 from jblast.report.choice.answer import ChoiceAnswer
+from jblast.report.detect.flash.answer import DirectionSeen, FlashAnswer
 from jblast.report.discovery.answer import DiscoveryAnswer
 from jblast.report.film.answer import EventsAnswer, FilmAnswer
 from jblast.report.flights.answer import FlightsAnswer
+from jblast.report.missions.answer import MissionAnswer
 from jblast.report.picks.answer import PicksAnswer
 from jblast.report.provenance import Provenance
+from jblast.report.study.page.document import StudyReportAnswer
+from jblast.report.study.run_answer import StudyAnswer
+from jblast.report.tune.answer import TuneAnswer
+from jblast.report.world.answer import WorldAnswer
+from jblast.report.world.served import ServedAnswer
 from jblast.verification.stability.failure import KEYS as FAILURE_KEYS, FailureMode
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
@@ -42,9 +49,10 @@ SIMPLE: dict[Any, dict[str, Any]] = {
     int: {"type": "integer"},
     bool: {"type": "boolean"},
     str: {"type": "string"},
+    Any: {},
 }
 Schema = dict[str, Any]
-LAZY = {"Choice": Choice}
+LAZY = {"Choice": Choice, "DirectionSeen": DirectionSeen}
 """Types that classes name and import for checkers alone."""
 
 
@@ -82,6 +90,11 @@ def bound() -> Schema:
     return _document("An answer of jblast bound", schema_of(BoundSummary))
 
 
+def study() -> Schema:
+    """Return the schema of what `jblast study --json` prints."""
+    return _titled("An answer of jblast study", schema_of(StudyAnswer))
+
+
 def choose() -> Schema:
     """Return the schema of what `jblast choose --json` prints."""
     return _titled("An answer of jblast choose", schema_of(ChoiceAnswer))
@@ -95,6 +108,11 @@ def calc() -> Schema:
 def calc_inverse() -> Schema:
     """Return the schema of what it prints where a range or a mass is asked for."""
     return _titled("A range or a mass by jblast calc", schema_of(InverseAnswer))
+
+
+def detect_film() -> Schema:
+    """Return the schema of what `jblast detect --json` prints of film or events."""
+    return _document("Film seen by jblast detect", schema_of(FlashAnswer))
 
 
 def render() -> Schema:
@@ -115,6 +133,35 @@ def discover() -> Schema:
 def fly() -> Schema:
     """Return the schema of what `jblast fly --json` prints."""
     return _document("An answer of jblast fly", schema_of(FlightsAnswer))
+
+
+def tune() -> Schema:
+    """Return the schema of what `jblast tune --json` prints, and of tune.json."""
+    return _document("An answer of jblast tune", schema_of(TuneAnswer))
+
+
+def fly_mission() -> Schema:
+    """Return the schema of what `jblast fly --json` prints of a mission."""
+    return _document("A mission of jblast fly", schema_of(MissionAnswer))
+
+
+def world() -> Schema:
+    """Return the schema of what `jblast world --json` prints, and of run.json."""
+    told = _document("An answer of jblast world", schema_of(WorldAnswer))
+    flight = told["properties"]["flight"]
+    flown = {"schema": {"const": 1}} | schema_of(FlightsAnswer)["properties"]
+    flight["anyOf"] = [_object(flown), NULL]
+    return told
+
+
+def study_report() -> Schema:
+    """Return the schema of what `jblast study report --json` prints, and its file."""
+    return _document("A report on a study", schema_of(StudyReportAnswer))
+
+
+def serve() -> Schema:
+    """Return the schema of what `jblast serve --json` prints when it is stopped."""
+    return _document("What came of jblast serve", schema_of(ServedAnswer))
 
 
 def check() -> Schema:

@@ -26,6 +26,16 @@ def bound() -> str:
     return keys_of(answer_schemas.bound())
 
 
+def study() -> str:
+    """Write the keys of a run of a study."""
+    return keys_of(answer_schemas.study())
+
+
+def one_outcome() -> str:
+    """Write the keys of one of its outcomes."""
+    return keys_of(answer_schemas.study()["properties"]["outcomes"]["items"])
+
+
 def choose() -> str:
     """Write the keys of a choice."""
     return keys_of(answer_schemas.choose())
@@ -39,6 +49,16 @@ def calc() -> str:
 def calc_inputs() -> str:
     """Write the keys of what a calculation was made with."""
     return keys_of(answer_schemas.calc()["properties"]["inputs"])
+
+
+def detect_film() -> str:
+    """Write the keys of what was seen in a film."""
+    return keys_of(answer_schemas.detect_film())
+
+
+def one_flash() -> str:
+    """Write the keys of one flash."""
+    return keys_of(answer_schemas.detect_film()["properties"]["flashes"]["items"])
 
 
 def render() -> str:
@@ -59,6 +79,53 @@ def discover() -> str:
 def fly() -> str:
     """Write the keys of flights."""
     return keys_of(answer_schemas.fly())
+
+
+def fly_mission() -> str:
+    """Write the keys of a mission."""
+    return keys_of(answer_schemas.fly_mission())
+
+
+def tune() -> str:
+    """Write the keys of what was tuned."""
+    return keys_of(answer_schemas.tune())
+
+
+def one_tuned() -> str:
+    """Write the keys of one number that was tuned."""
+    estimates = answer_schemas.tune()["properties"]["estimates"]
+    return keys_of(estimates["additionalProperties"])
+
+
+def world() -> str:
+    """Write the keys of a world."""
+    return keys_of(answer_schemas.world())
+
+
+def study_report() -> str:
+    """Write the keys of a report on a study."""
+    return keys_of(answer_schemas.study_report())
+
+
+def study_report_outcome() -> str:
+    """Write the keys of one outcome of such a report."""
+    return keys_of(answer_schemas.study_report()["properties"]["outcomes"]["items"])
+
+
+def study_report_shares() -> str:
+    """Write the keys of what an outcome's scatter comes from."""
+    return keys_of(answer_schemas.study_report()["properties"]["sensitivity"]["items"])
+
+
+def study_report_input() -> str:
+    """Write the keys of one number of these."""
+    told = answer_schemas.study_report()["properties"]["sensitivity"]["items"]
+    return keys_of(told["properties"]["numbers"]["items"])
+
+
+def serve() -> str:
+    """Write the keys of what came of a server."""
+    return keys_of(answer_schemas.serve())
 
 
 def check() -> str:

@@ -24,11 +24,18 @@ SCHEMAS = {
     "check": answer_schemas.check,
     "calc": answer_schemas.calc,
     "calc_inverse": answer_schemas.calc_inverse,
+    "detect_film": answer_schemas.detect_film,
     "render": answer_schemas.render,
     "events": answer_schemas.events,
+    "study": answer_schemas.study,
     "choose": answer_schemas.choose,
     "fly": answer_schemas.fly,
+    "fly_mission": answer_schemas.fly_mission,
     "discover": answer_schemas.discover,
+    "tune": answer_schemas.tune,
+    "world": answer_schemas.world,
+    "study_report": answer_schemas.study_report,
+    "serve": answer_schemas.serve,
     "stability": answer_schemas.stability,
 }
 """JSON Schemas, by name."""

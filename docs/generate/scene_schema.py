@@ -10,17 +10,23 @@ from jblast.bounds import Bounds
 from jblast.parameter_table import CLOCK, PARAMETERS, PLACE_LIMITS
 from jblast.quantities import ADDITIVE
 from jblast.quantity_table import QUANTITIES
+from jblast.scene.camera import MOUNTS
 from jblast.scene.charge import BURSTS
 from jblast.scene.instrument import FEWEST_BITS, MOST_BITS
+from jblast.scene.random.numbers import WORLD_NUMBERS
+from jblast.scene.random.spec import ABOUT
 from jblast.scene.reader.ambient import STEEPEST
 from jblast.scene.reader.priors import LISTS, PRIORS
 from jblast.scene.reader.schema import (
     GROUND_PATHS,
+    IMU_KEYS,
+    INSTRUMENT_KEYS,
     KEYS,
     SATURATIONS,
     SENSOR_KINDS,
     VEHICLE_MODELS,
 )
+from jblast.scene.reader.world import MOST_BLASTS
 
 NUMBER = {"type": "number"}
 POSITIVE = {"type": "number", "exclusiveMinimum": 0}
@@ -48,9 +54,14 @@ KNOWN: dict[tuple[str, str], dict[str, Any]] = {
     },
     **{
         ("sensor", key): POSITIVE
-        for key in ("rate_hz", "full_scale_pa", "full_scale_m_s")
+        for key in (*INSTRUMENT_KEYS, *IMU_KEYS)
+        if key.startswith(("rate", "full_scale"))
     },
-    **{("sensor", key): NOT_NEGATIVE for key in ("noise_pa", "noise_m_s")},
+    **{
+        ("sensor", key): NOT_NEGATIVE
+        for key in (*INSTRUMENT_KEYS, *IMU_KEYS)
+        if key.startswith(("noise", "bias"))
+    },
     ("sensor", "bits"): {
         "anyOf": [
             {"type": "integer", "minimum": FEWEST_BITS, "maximum": MOST_BITS},
@@ -73,9 +84,28 @@ KNOWN: dict[tuple[str, str], dict[str, Any]] = {
     },
     **{("ambient", key): POSITIVE for key in ("full_scale_pa", "height_m")},
     ("air", "absorption"): TRUTH,
+    ("air", "absorption_scale"): NOT_NEGATIVE,
     ("vehicle", "model"): {"enum": list(VEHICLE_MODELS)},
+    ("vehicle", "mission"): TEXT,
     ("control", "integral"): TRUTH,
     ("law", "scatter"): TRUTH,
+    ("camera", "mount"): {"enum": list(MOUNTS)},
+    ("sensor", "mount"): {"enum": list(MOUNTS)},
+    ("world", "count"): {"type": "integer", "minimum": 1, "maximum": MOST_BLASTS},
+    ("world", "probability"): {
+        "type": "number",
+        "exclusiveMinimum": 0,
+        "maximum": 1,
+    },
+    ("world", "tick_s"): POSITIVE,
+    ("region", "box"): {
+        "type": "array",
+        "items": {"type": "array", "items": NUMBER, "minItems": 3, "maxItems": 3},
+        "minItems": 2,
+        "maxItems": 2,
+    },
+    **{(table, "about"): {"enum": list(ABOUT)} for table in ("world", "region")},
+    ("camera", "daylight_lux"): POSITIVE,
     ("camera", "width"): {"type": "integer", "minimum": 1},
     ("camera", "height"): {"type": "integer", "minimum": 1},
     **{("law", quantity): TEXT for quantity in QUANTITIES},
@@ -113,6 +143,12 @@ def _key(table: str, key: str) -> dict[str, Any]:
         return KNOWN[table, key]
     if key in KEYS:
         return _table(key)
+    if key == "region_m":
+        return _table("region")
+    if table == "world":
+        pair = {"type": "array", "items": NUMBER, **_length(2)}
+        one, _, prior = _uncertain(WORLD_NUMBERS[key].bounds)["anyOf"]
+        return {"anyOf": [one, pair, prior]}
     if (table, key) == ("clock", "offset_s"):
         return _uncertain(CLOCK.bounds)
     if table == "place":

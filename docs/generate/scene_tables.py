@@ -5,7 +5,10 @@ from jblast.observations.table import COLUMNS, NEEDED
 from jblast.parameter_table import PARAMETERS
 from jblast.quantities import ADDITIVE, TIMED
 from jblast.quantity_table import DERIVED_QUANTITIES, QUANTITIES
+from jblast.scene.camera import MOUNTS
 from jblast.scene.explosives import EXPLOSIVES
+from jblast.scene.random.numbers import WORLD_NUMBERS
+from jblast.scene.random.spec import ABOUT
 from jblast.scene.reader.priors import LISTS
 from jblast.scene.reader.schema import (
     GROUND_PATHS,
@@ -67,6 +70,16 @@ def numbers() -> str:
     return "\n".join([*head, "|---|---|---|---|---:|---|", *rows])
 
 
+def world_numbers() -> str:
+    """Write the numbers of random blasts."""
+    rows = []
+    for key, one in WORLD_NUMBERS.items():
+        bounds = "" if one.bounds == UNBOUNDED else one.bounds.words()
+        rows.append(f"| `{key}` | {one.words} | {one.unit} | {bounds} |")
+    head = ["| key | is the | unit | has to be |", "|---|---|---|---|"]
+    return "\n".join([*head, *rows])
+
+
 def keys_of_tables() -> str:
     """Write the keys of every table."""
     rows = []
@@ -90,6 +103,8 @@ def words() -> str:
         "`[[sensor]] saturation`": SATURATIONS,
         "`[ground] path`": GROUND_PATHS,
         "`[vehicle] model`": VEHICLE_MODELS,
+        "`mount` of a sensor, of the camera": MOUNTS,
+        "`[world] about`": ABOUT,
     }
     lines = [
         f"| {key} | {', '.join(f'`{w}`' for w in ws)} |" for key, ws in rows.items()
