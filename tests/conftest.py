@@ -4,8 +4,12 @@ What is compiled is kept in `.jax_cache`, for both workers, the processes that t
 start and the next run; XLA optimises little: tests compile much and compute little.
 """
 
+import contextlib
+import ctypes
+import gc
 import os
 import threading
+import zlib
 from pathlib import Path
 
 CACHE = Path(__file__).parents[1] / ".jax_cache"
@@ -15,6 +19,7 @@ os.environ["JBLAST_KEEP_PROGRAMS"] = "0"  # tests put other numbers into the pac
 
 import jax  # noqa: E402 (after what it reads from the environment)
 import pytest  # noqa: E402
+from jax._src import compilation_cache  # noqa: E402
 from jax._src.interpreters import mlir  # noqa: E402
 from jaxlib.mlir import ir  # noqa: E402
 
@@ -31,8 +36,14 @@ def pytest_sessionstart() -> None:
 
     start_jax(quick=True)
     reuse_contexts()
+    write_quickly()
     jax.config.update("jax_numpy_rank_promotion", "raise")
     jax.config.update("jax_numpy_dtype_promotion", "strict")
+
+
+def pytest_collection_finish() -> None:
+    gc.collect()
+    gc.freeze()  # what modules hold stays: it need not be looked through again
 
 
 def reuse_contexts(uses: int = 100) -> None:
@@ -57,12 +68,29 @@ def reuse_contexts(uses: int = 100) -> None:
     mlir.make_ir_context = context
 
 
+def write_quickly() -> None:
+    """Keep programs packed less tightly, in half the time: there are ten thousand.
+
+    Where another packer than zlib is there, JAX takes that, which is quick by itself.
+    """
+    others = (getattr(compilation_cache, name, None) for name in ("zstd", "zstandard"))
+    if not any(others):
+        compilation_cache.compress_executable = lambda whole: zlib.compress(whole, 1)
+
+
 @pytest.fixture(autouse=True, scope="module")
 def forget_what_was_compiled():
-    """Drop compiled programs once there are so many that memory could run out."""
+    """Drop compiled programs once there are so many that memory could run out.
+
+    What is freed goes back to the system: else this process would seem full at the end
+    of each module from then on, and each would compile everything anew.
+    """
     yield
     if held() > FULL:
         jax.clear_caches()
+        gc.collect()
+        with contextlib.suppress(AttributeError):  # another C library than GNU's
+            ctypes.CDLL(None).malloc_trim(0)
 
 
 def held() -> int:

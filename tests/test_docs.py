@@ -3,6 +3,8 @@
 `make docs` builds the pages; here is what can be said of them without.
 """
 
+import ast
+import builtins
 import re
 import tomllib
 from pathlib import Path
@@ -20,7 +22,7 @@ from docs.generate.scene_schema import scene_schema
 from jblast.cli.verbs.table import VERBS
 from jblast.parameter_table import PARAMETERS
 from jblast.quantity_table import DERIVED_QUANTITIES, QUANTITIES
-from jblast.scene.reader.scene import scene_from_document
+from jblast.scene.reader.scene import scene_from_document, world_from_document
 from jblast.scene.reader.schema import KEYS
 from tests.test_import_order import ORDER, WITHIN
 
@@ -74,6 +76,26 @@ def test_every_file_that_the_manual_links_to_stands_on_the_site(path):
 def test_python_that_is_shown_is_python(path):
     for block in python_blocks(path):
         compile(block, name(path), "exec")
+
+
+@each_page
+def test_python_that_is_shown_uses_names_it_has(path):
+    known = set(dir(builtins))
+    for block in python_blocks(path):
+        nodes = list(ast.walk(ast.parse(block)))
+        names = [node for node in nodes if isinstance(node, ast.Name)]
+        used = {node.id for node in names if isinstance(node.ctx, ast.Load)}
+        known |= {node.id for node in names if isinstance(node.ctx, ast.Store)}
+        known |= {node.arg for node in nodes if isinstance(node, ast.arg)}
+        known |= {
+            (node.asname or node.name).split(".")[0]
+            for node in nodes
+            if isinstance(node, ast.alias)
+        }
+        known |= {
+            n.name for n in nodes if isinstance(n, ast.FunctionDef | ast.ClassDef)
+        }
+        assert used <= known, used - known
 
 
 @each_page
@@ -139,7 +161,8 @@ def test_scenes_that_are_shown_can_be_read(path):
         document = tomllib.loads(block)
         if "view" not in document:
             schema.validate(document)
-            scene_from_document(document, name(path))
+            read = world_from_document if "world" in document else scene_from_document
+            read(document, name(path))
 
 
 def test_readme_is_a_page_one_reads_through():

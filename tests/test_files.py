@@ -241,8 +241,19 @@ BY_HAND = re.compile(
 )
 """Ways to write a file."""
 THROUGH_FILES = re.compile(r"with (\(\s*)?replacing\(")
-ALLOWED = {"cli/main.py"}
-"""It writes into os.devnull."""
+ALLOWED = {
+    "cli/main.py": "into os.devnull",
+    "sensors/camera/bake/blender_program.py": "a log, which is added to",
+    "sensors/camera/bake/blender/simulate.py": "within Blender, which has no jblast",
+    **dict.fromkeys(
+        (
+            "sensors/camera/files/events/arrays.py",
+            "sensors/camera/files/events/evt3/write.py",
+            "sensors/camera/files/events/aedat4/write.py",
+        ),
+        "what `files/events/write.py` replaces the file by",
+    ),
+}
 
 
 def test_whatever_writes_a_file_writes_it_whole():
@@ -252,4 +263,4 @@ def test_whatever_writes_a_file_writes_it_whole():
         if BY_HAND.search(path.read_text())
         and not THROUGH_FILES.search(path.read_text())
     }
-    assert found == ALLOWED
+    assert found == set(ALLOWED)

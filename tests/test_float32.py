@@ -35,6 +35,7 @@ def in_float32():
     return json.loads(run.stdout)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("question", ["laws", "recording"])
 def test_values_and_gradients_are_finite_and_stay_in_single_precision(
     in_float32, question
@@ -48,6 +49,7 @@ def test_values_and_gradients_are_finite_and_stay_in_single_precision(
             assert finite, name
 
 
+@pytest.mark.slow
 def test_a_fit_gives_the_mass_back(in_float32):
     answer = in_float32["fit"]
     mass = answer["estimates"]["charge_mass_kg"]

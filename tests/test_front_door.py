@@ -78,7 +78,7 @@ def test_the_names_are_these():
         jblast.fits  # noqa: B018  # pyright: ignore[reportAttributeAccessIssue]
 
 
-@pytest.mark.parametrize("name", ["detect", "report", "study"])
+@pytest.mark.parametrize("name", ["detect", "report", "study", "world"])
 def test_a_verb_that_is_a_package_is_no_function(name):
     assert inspect.ismodule(importlib.import_module(f"jblast.{name}"))
     assert inspect.ismodule(getattr(jblast, name))
@@ -110,12 +110,14 @@ def test_a_log_is_simulated_written_and_read(log, tmp_path):
     assert again.quantity == log.quantity
 
 
+@pytest.mark.slow
 def test_a_log_is_fitted(log, unknown):
     answer = jblast.fit(log, unknown, posterior="laplace")
     mass = answer.summary.estimates["charge_mass_kg"]
     assert mass.q05 < 15.0 < mass.q95
 
 
+@pytest.mark.slow  # by default inference/many/test_batch.py
 def test_many_logs_are_fitted(known, unknown):
     logs = [jblast.simulate(known, seed) for seed in (1, 2)]
     fits = jblast.fit_many(unknown, *batch_of(logs, unknown))
@@ -124,6 +126,7 @@ def test_many_logs_are_fitted(known, unknown):
     np.testing.assert_allclose(fits.values["charge_mass_kg"], 15.0, rtol=0.5)
 
 
+@pytest.mark.slow  # by default the scenes of README, test_docs.py
 def test_a_layout_reads_what_the_calculator_says():
     scene = jblast.Scene(
         jblast.Charge(mass_kg=15.0),
@@ -137,6 +140,7 @@ def test_a_layout_reads_what_the_calculator_says():
     np.testing.assert_allclose(read.value, laws["kingery_bulmash"].value, rtol=1e-9)
 
 
+@pytest.mark.slow
 def test_a_layout_is_bounded(unknown):
     bound = jblast.bound(unknown, {"charge_mass_kg": 15.0})
     assert bound.exit_code == 0

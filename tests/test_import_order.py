@@ -33,11 +33,15 @@ LEVEL = {name: level for level, names in enumerate(ORDER) for name in names}
 WITHIN = {
     "waves": ("curves", "propagation", "shock", "laws", "waveform"),
     "vehicle": ("quadrotor", "dynamics", "control", "loads", "rollout", "warp"),
-    "sensors.camera": ("image", "geometry", "rendering", "events", "files"),
+    "sensors.camera": (
+        *("image", "geometry", "sampling", "rendering", "events", "files"),
+        "bake",
+    ),
     "inference": (
         *("sanity", "posterior", "picks", "records", "mode", "identifiability"),
-        *("importance", "mcmc", "fitting", "design"),
+        *("importance", "mcmc", "fitting", "design", "tuning"),
     ),
+    "world": ("presets", "server", "remote"),
     "inference.many": ("solver", "residuals", "starts"),
     "verification": ("cases", "stability", "benchmark"),
     "cli": ("arguments", "verbs"),

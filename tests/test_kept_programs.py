@@ -1,5 +1,6 @@
 """A kept program answers as the one it was made of, and never for another."""
 
+import subprocess
 import sys
 from collections import Counter
 from dataclasses import dataclass, replace
@@ -164,3 +165,30 @@ def test_without_a_folder_nothing_is_kept(store):
     keep_in(None)
     kept(climb)(Line(jnp.asarray(2.0), 2), X)
     assert not list(store.iterdir())
+
+
+SOLVERS = """
+import subprocess
+import sys
+import jax.numpy as jnp
+from jblast.kept_programs import keep_in, kept
+
+def doubled(x):
+    return x + x
+
+def root(x):
+    return jnp.linalg.cholesky(x)
+
+doubled.__module__ = root.__module__ = "jblast.climb"
+keep_in(sys.argv[1])
+assert kept(doubled)(jnp.ones(2)).tolist() == [2.0, 2.0]
+print("scipy.linalg" in sys.modules)
+print(kept(root)(4.0 * jnp.eye(2)).tolist())
+"""
+
+
+def test_scipy_s_solvers_are_loaded_where_a_program_calls_them_alone(store):
+    done = subprocess.run(
+        [sys.executable, "-c", SOLVERS, str(store)], capture_output=True, text=True
+    )
+    assert done.stdout.splitlines() == ["False", "[[2.0, 0.0], [0.0, 2.0]]"]

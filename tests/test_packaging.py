@@ -94,6 +94,15 @@ def test_data_files_are_found_as_resources(name):
     assert files("jblast.waves").joinpath("data", name).is_file()
 
 
+def test_the_explosion_is_found_as_a_resource_and_is_small():
+    folder = files("jblast.sensors.camera").joinpath("explosion")
+    index = tomllib.loads(folder.joinpath("views.toml").read_text("utf-8"))
+    sheets = [folder.joinpath(view["file"]) for view in index["view"]]
+    assert len(sheets) >= 32
+    assert all(sheet.is_file() for sheet in sheets)
+    assert sum(len(sheet.read_bytes()) for sheet in sheets) <= 8e6
+
+
 @pytest.mark.slow
 def test_the_wheel_holds_the_whole_package_and_its_data(tmp_path):
     command = [sys.executable, "-m", "build", "--wheel", "--no-isolation"]

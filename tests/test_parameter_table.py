@@ -15,21 +15,23 @@ from jblast.parameter_table import (
 )
 from jblast.report.numbers import LADDERS
 from jblast.report.words import parameter_words, split_name
-from jblast.scene import Scene, place_of, value_of
+from jblast.scene import Scene, parameter_named, value_of
 from jblast.scene.parameters import names_in
 from jblast.scene.reader.priors import LISTS
-from jblast.scene.reader.schema import INSTRUMENT_KEYS, KEYS
+from jblast.scene.reader.schema import IMU_KEYS, INSTRUMENT_KEYS, KEYS
 
 ALL = (*PARAMETERS.values(), CLOCK)
 every_parameter = pytest.mark.parametrize("one", ALL, ids=lambda one: one.name)
 
 NO_NUMBERS = {
     "charge": {"name", "explosive", "burst"},
-    "air": {"absorption"},
+    "air": {"absorption", "absorption_scale"},
     "ground": {"path"},
     "sensor": {
         *("name", "kind", "position_m", "records", "times_s"),
+        *("mount", "offset_m", "quaternion_xyzw"),
         *INSTRUMENT_KEYS,
+        *IMU_KEYS,
     },
 }
 """Keys that hold words, or numbers that cannot be free."""
@@ -96,12 +98,14 @@ def test_an_opening_has_room_for_one_value(one):
 
 def test_numbers_are_found_by_the_names_they_have_beside_others():
     assert described("charge_mass_kg.east") is PARAMETERS["charge_mass_kg"]
-    assert described(f"{CLOCK_OFFSET}.b") is place_of(f"{CLOCK_OFFSET}.b") is CLOCK
+    assert (
+        described(f"{CLOCK_OFFSET}.b") is parameter_named(f"{CLOCK_OFFSET}.b") is CLOCK
+    )
     assert described("charge_energy_j") is DERIVED_NUMBERS["charge_energy_j"]
     assert described("charge_mass") is None
     assert parameter_words("clock_offset_s.b") == "clock offset of b"
     with pytest.raises(KeyError):
-        place_of("charge_mass")
+        parameter_named("charge_mass")
 
 
 def test_a_position_is_east_north_up():

@@ -12,6 +12,7 @@ from jblast.quantities import (
     ADDITIVE,
     ARRIVALS,
     BY_CAMERA,
+    BY_VEHICLE,
     CIRCULAR,
     CLOCK_TIMES,
     DIRECTIONS,
@@ -72,9 +73,16 @@ def test_groups_hold_what_they_are_called_after():
     assert ("shock_radius_m", *FIREBALL_RADII) == TIMED
     assert PLACELESS == ("shock_radius_m", "fireball_radius_m")
     assert BY_CAMERA == ("fireball_radius_px",)
-    assert {"bearing_rad": 2 * math.pi, "elevation_rad": math.pi / 2} == DIRECTIONS
-    assert CIRCULAR == ("bearing_rad",)
-    assert (*TIMES, "bearing_rad", "elevation_rad") == ADDITIVE
+    assert {
+        "bearing_rad": 2 * math.pi,
+        "elevation_rad": math.pi / 2,
+        "jolt_bearing_rad": 2 * math.pi,
+        "jolt_elevation_rad": math.pi / 2,
+    } == DIRECTIONS
+    assert CIRCULAR == ("bearing_rad", "jolt_bearing_rad")
+    assert (*TIMES, *DIRECTIONS) == ADDITIVE
+    jolts = "jolt_velocity_m_s", "jolt_bearing_rad", "jolt_elevation_rad"
+    assert jolts == BY_VEHICLE
     assert set(FEEL_WIND) - set(TIMES) == {
         "positive_impulse_pa_s",
         "positive_duration_s",

@@ -45,10 +45,13 @@ from jblast.report.discovery.answer import (
 from jblast.report.fit.document import answer_json, fit_document
 from jblast.report.picks.document import picks_document
 from jblast.report.provenance import provenance_of
+from jblast.report.study.run_answer import study_answer
 from jblast.scene.reader.scene import scene_from_document
+from jblast.study import run_into
 from jblast.verification.stability.failure import FailureMode
 from tests.report import example
 from tests.report.picks.test_picks import found as picked
+from tests.study.example import study_in
 
 ROOT = Path(__file__).parents[1]
 LOG = str(ROOT / "calibration" / "data" / "hta_1.csv")
@@ -66,8 +69,11 @@ def check(schema: dict[str, Any], document: Any) -> None:
 
 def test_the_schema_of_a_scene_takes_what_the_reader_takes():
     schema = Draft202012Validator(scene_schema())
-    for path in (ROOT / "calibration").rglob("*.toml"):
-        schema.validate(tomllib.loads(path.read_text("utf-8")))
+    files = (ROOT / "calibration").rglob("*.toml")
+    for path in (file for file in files if file.name != "views.toml"):
+        document = tomllib.loads(path.read_text("utf-8"))
+        if "outcomes" not in document:  # else a study
+            schema.validate(document)
     for document in (
         {"charge": {"mass_kg": -1.0}},
         {"charge": {"mass_kg": {"normal": [1.0]}}},
@@ -161,6 +167,11 @@ def test_the_schema_of_a_bound_takes_every_answer():
     check(answer_schemas.bound(), bound_document(bound))
 
 
+def test_the_schema_of_a_study_takes_one(tmp_path):
+    ran = run_into(study_in(tmp_path), tmp_path / "store")
+    check(answer_schemas.study(), study_answer(ran).to_dict())
+
+
 def test_the_schema_of_a_choice_takes_one():
     scene = jblast.read_scene(ROOT / "calibration/scenes/arrivals.toml")
     choice = jblast.choose(scene, "air_arrival_s", 0.01)
@@ -223,7 +234,8 @@ def test_the_schema_of_failure_modes_takes_one():
     "name",
     [
         *("fit", "pick", "one_pick", "bound", "calc", "check", "choose", "fly"),
-        *("discover", "stability", "render", "events"),
+        *("discover", "stability", "render", "events", "world", "serve"),
+        *("tune", "one_tuned"),
     ],
 )
 def test_every_key_of_an_answer_is_told(name):

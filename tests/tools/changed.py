@@ -22,6 +22,7 @@ ROOM_OF = {
 ALWAYS = (
     "tests/test_import_order.py",
     "tests/test_packaging.py",
+    "tests/test_set_up.py",
     "tests/test_docs.py",
 )
 

@@ -54,6 +54,9 @@ def laws() -> dict[str, list[tuple[str, bool]]]:
         toward_east=along,
         toward_north=along,
         toward_up=along,
+        jolt_east=1.0 / along,
+        jolt_north=1.0 / along,
+        jolt_up=0.1 / along,
         fireball_growth=jnp.asarray(3e-3),
         camera_focal=jnp.asarray(1e3),
     )
