@@ -36,7 +36,7 @@ def test_runs_from_top_to_bottom(path, tmp_path, monkeypatch):
     monkeypatch.setenv("IPYTHONDIR", str(tmp_path))
     run = NotebookClient(
         nbformat.read(path, as_version=4),
-        timeout=300,  # a cell takes seconds, minutes on a busy machine
+        timeout=900,  # a cell takes seconds, minutes on a busy machine
         kernel_name="python3",
         resources={"metadata": {"path": str(path.parent)}},
     ).execute()  # raises on the first error

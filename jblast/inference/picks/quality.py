@@ -36,6 +36,11 @@ LARGEST_MISFIT = 3.0
 """Above it [squared misfit by degree of freedom] the model does not hold."""
 
 HOPELESS_MISFIT = 30.0
+SLIGHT = 1e-3
+"""What of a record the model may leave, of its peak, whatever the misfit: in a record
+with hardly any noise a tremor of the ground before the front is a hundred sigma, and
+moves nothing."""
+
 UNSURE_DURATION = 0.2
 """Standard deviation of ln duration from which on it is hardly known."""
 
@@ -74,6 +79,13 @@ def quality_of(pick: Pick) -> Quality:
     notes = set(notes_of(pick))
     if "onset_alone" in notes:
         return "doubtful"
-    if notes & POOR or float(pick.misfit) > HOPELESS_MISFIT:
+    if notes & POOR or _hopeless(pick):
         return "poor"
     return "doubtful" if notes - HARMLESS else "good"
+
+
+def _hopeless(pick: Pick) -> bool:
+    """Return whether the model explains next to nothing of the record."""
+    left = np.sqrt(float(pick.misfit)) * float(pick.noise_pa)
+    slight = left < SLIGHT * abs(float(pick.peak_overpressure_pa))
+    return float(pick.misfit) > HOPELESS_MISFIT and not slight
