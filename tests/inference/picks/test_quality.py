@@ -1,4 +1,4 @@
-"""How far a pick may be trusted: what its model leaves, beside noise and beside peak."""
+"""How far a pick is trusted: what its model leaves, beside noise and beside peak."""
 
 import pytest
 
