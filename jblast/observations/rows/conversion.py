@@ -4,13 +4,14 @@ from jblast.errors import nearest, shown
 from jblast.observations.rows.fields import Fields
 from jblast.observations.rows.measured import Measured
 from jblast.observations.table import SAMPLES
+from jblast.observations.times.clock_times import COLUMN as VALUE_UTC
 from jblast.observations.understood import (
     Converted,
     LevelConverted,
     Renamed,
     Understood,
 )
-from jblast.quantities import ADDITIVE
+from jblast.quantities import ADDITIVE, CLOCK_TIMES
 from jblast.quantity_table import QUANTITIES
 from jblast.units import LEVEL, SHARE, OurName, our_name, what_to_write
 from jblast.units.names import dimension_of
@@ -24,13 +25,16 @@ def measured(rows: Fields, *, strict: bool) -> Measured:
         strict: Whether quantities have to be ours to the letter.
     """
     theirs, columns = rows.text("quantity"), rows.units
+    clocked = rows.texts.get(VALUE_UTC) or [""] * len(theirs)
+    dated = {name for name, text in zip(theirs, clocked, strict=True) if text}
     names = {name: name for name in (*QUANTITIES, SAMPLES)}
     units: dict[str, OurName] = {}
     unknown: set[str] = set()
     for name in dict.fromkeys(theirs):
         if name in names:
             continue
-        found = None if strict else _meant(name, columns.get("value"))
+        value = columns.get("value")
+        found = None if strict else _meant(name, value, dated=name in dated)
         if found is None:
             unknown.add(name)
             names[name] = name
@@ -50,9 +54,14 @@ def measured(rows: Fields, *, strict: bool) -> Measured:
     return found
 
 
-def _meant(name: str, value: OurName | None) -> OurName | None:
-    """Return which of our quantities a name means; its unit may be the column's."""
+def _meant(name: str, value: OurName | None, *, dated: bool) -> OurName | None:
+    """Return which of our quantities a name means; its unit may be the column's.
+
+    A time of the day has its unit, too: beside one, the name of a time needs none.
+    """
     found = our_name(name)
+    if found is None and dated and f"{name}_s" in CLOCK_TIMES:
+        return our_name(f"{name}_s")
     if found is None and value is not None:
         found = our_name(f"{name}_{value.unit}")
     return found if found is not None and found.name in QUANTITIES else None

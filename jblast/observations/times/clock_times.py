@@ -16,6 +16,7 @@ from jblast.observations.times.instant import (
     zone_named,
 )
 from jblast.quantities import CLOCK_TIMES
+from jblast.quantity_table import QUANTITIES
 
 COLUMN = "value_utc"
 HALF_DAY = 12 * 3600 * SECOND
@@ -73,8 +74,9 @@ def take_clock_times(
         COLUMN,
         lambda _: "either value or value_utc, got both",
     )
+    # of an unknown quantity that is told, and no more is known
     rows.refuse(
-        dated & ~timed,
+        dated & ~timed & np.isin(quantity, tuple(QUANTITIES)),
         COLUMN,
         lambda row: f"nothing, as {quantity[row]} is no time of a clock; use value",
     )

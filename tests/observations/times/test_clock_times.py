@@ -50,6 +50,21 @@ def test_a_clock_a_day_off_keeps_its_microseconds(tmp_path):
     assert log.value[1] == 86402.500001
 
 
+def test_a_quantity_beside_a_time_of_the_day_needs_no_unit(tmp_path):
+    text = LOG.replace("air_arrival_s", "air_arrival")
+    log = read(tmp_path, text)
+    assert log.quantity[1] == "air_arrival_s"
+    assert log.value[1] == 2.5
+    with pytest.raises(InputError, match="unknown quantity 'air_arrival'"):
+        read(tmp_path, text, strict=True)
+
+
+def test_of_an_unknown_quantity_with_a_time_of_the_day_one_fault_is_told(tmp_path):
+    with pytest.raises(InputError, match="unknown quantity 'bang'") as told:
+        read(tmp_path, LOG.replace("air_arrival_s", "bang"))
+    assert "no time of a clock" not in str(told.value)
+
+
 @pytest.mark.parametrize(
     ("old", "new", "said"),
     [
