@@ -11,13 +11,13 @@ $\sqrt{-2 \ln \Phi((m - c)/\sigma)}$, of which half the square is minus the loga
 that probability.
 """
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import lax
 from jax.scipy.special import log_ndtr
 from jaxtyping import Array, Float
 
+from jblast.inference.picks.fit.means import means_over
 from jblast.inference.picks.fit.pole import Ringing, pole_of, ringing
 from jblast.inference.picks.ready.bins import Bins
 from jblast.inference.picks.ready.case import Case
@@ -31,7 +31,6 @@ from jblast.inference.picks.unknowns import (
     natural_of,
     pulse_by,
 )
-from jblast.waves.waveform.pulse import Pulse, pulse_mean
 
 TOGETHER = 8
 """Bins whose differences are summed, to see what is slow."""
@@ -52,13 +51,13 @@ def modelled(
     And what of it a resonance adds; None: the unknowns have none.
     """
     natural = natural_of(y)
-    waves, rings = _means(bins, pulse_by(natural)), None
+    waves, rings = means_over(bins, pulse_by(natural)), None
     if (further := y[CENTRE.size :]).size:
         none = jnp.zeros_like(waves)
         # of most records none of these is asked, and each is as much as all the rest
         waves = waves + lax.cond(
             case.follows > 0,
-            lambda: _means(bins, pulse_by(following(natural, further))),
+            lambda: means_over(bins, pulse_by(following(natural, further))),
             lambda: none,
         )
         rings = lax.cond(
@@ -117,29 +116,6 @@ def drift_at(
     return level + x * (slope + x * (bend + x * twist))
 
 
-def _means(bins: Bins, pulse: Pulse) -> Float[Array, " bin"]:
-    """Return the means of a pulse."""
-    numbers = jnp.stack(pulse[:7])
-    kind = numbers.dtype
-    start, stop = bins.start.astype(kind), bins.stop.astype(kind)
-
-    def means(numbers):
-        made = Pulse(*numbers, hold_time=jnp.zeros((), kind))
-        return pulse_mean(made, start, stop)
-
-    @jax.custom_jvp
-    def of(numbers):
-        return means(numbers)
-
-    @of.defjvp
-    def _(primals, tangents):
-        # slopes by these seven numbers once, not by each unknown there is
-        slopes = jax.jacfwd(means)(primals[0])
-        return of(primals[0]), slopes @ tangents[0]
-
-    return of(numbers)
-
-
 def _low_passed(
     bins: Bins, means: Float[Array, " bin"], corner: Float[Array, ""]
 ) -> Float[Array, " bin"]:
@@ -175,14 +151,20 @@ def misfit(
     means, rings = modelled(bins, y, case)
     apart = case.white - case.weight * _whitened(bins, y, case, means, rings)
     held = case.clipped != 0
-    above = jnp.where(held, case.clipped * means - case.level, 0.0)
-    chance = log_ndtr(above / case.noise.marginal)
-    # far above the level the root has no slope, and needs none
-    short = jnp.sqrt(jnp.maximum(-2.0 * chance, 1e-20))
+
+    def bounded():
+        above = jnp.where(held, case.clipped * means - case.level, 0.0)
+        chance = log_ndtr(above / case.noise.marginal)
+        # far above the level the root has no slope, and needs none
+        short = jnp.sqrt(jnp.maximum(-2.0 * chance, 1e-20))
+        return jnp.where(held, short, apart)
+
+    # few records are clipped, and the chance of one costs more than all its means
+    apart = lax.cond(jnp.any(held), bounded, lambda: apart)
     spread = np.concatenate([SPREAD, FURTHER_SPREAD])[: y.shape[0]]
     prior = (y - case.centre) / spread.astype(y.dtype)
     prior = prior.at[2].multiply(1.0 + case.hold)
-    return jnp.concatenate([jnp.where(held, short, apart), prior])
+    return jnp.concatenate([apart, prior])
 
 
 def misfit_ratio(

@@ -26,6 +26,7 @@ import numpy as np
 from jax import lax
 from jaxtyping import Array, Complex, Float
 
+from jblast.inference.picks.fit.computed_once import oscillation, polynomial
 from jblast.inference.picks.ready.bins import Bins
 from jblast.waves.waveform.pulse import Pulse
 
@@ -150,7 +151,7 @@ def response_moments(
     at_end = jnp.sum(down) * jnp.exp(-decay) + at_peak * jnp.exp(pole * length) - low[0]
     at_last = jnp.sum(low) + at_end * jnp.exp(pole * fall)
     up, down, low = (jnp.real(weight * terms) for terms in (up, down, low))
-    rings = [weight * x for x in (begun, at_peak, at_end, at_last)]
+    rings = weight * jnp.stack([begun, at_peak, at_end, at_last])
 
     since = time - pulse.arrival_time
     last = pulse.duration + pulse.suction_duration
@@ -163,32 +164,26 @@ def response_moments(
             jnp.where(pieces[1], of[1], jnp.where(pieces[2], of[2], of[3])),
         )
 
+    # which piece each instant lies in, 1 of 4, so that a product of matrices chooses
+    ends = [jnp.zeros_like(since), *(x.astype(since.dtype) for x in pieces)]
+    ends.append(jnp.ones_like(since))
+    inside = jnp.diff(jnp.stack(ends), axis=0)
     x = jnp.clip(since / pulse.rise_time, 0.0, 1.0)
     s = jnp.clip((since - pulse.rise_time) / pulse.decay_duration, 0.0, 1.0)
     q = jnp.clip((since - pulse.duration) / pulse.suction_duration, 0.0, 1.0)
     none = jnp.zeros_like(since)
     falling = (down[0] + down[1] * s) * jnp.exp(-pulse.decay * s)
-    forced = chosen(_polynomial(up, x), falling, _polynomial(low, q), none)
-    starts = (none[0], pulse.rise_time, jnp.real(end), last)
-    elapsed = jnp.maximum(since - chosen(*starts), 0.0)
-    size = jnp.exp(jnp.real(pole) * elapsed)
-    cos = size * jnp.cos(jnp.imag(pole) * elapsed)
-    sin = size * jnp.sin(jnp.imag(pole) * elapsed)
-    a, b = chosen(*map(jnp.real, rings)), chosen(*map(jnp.imag, rings))
+    forced = chosen(polynomial(up, x), falling, polynomial(low, q), none)
+    starts = jnp.stack([none[0], pulse.rise_time, jnp.real(end), last])
+    elapsed = jnp.maximum(since - starts @ inside, 0.0)
+    cos, sin = oscillation(jnp.real(pole), jnp.imag(pole), elapsed)
+    a, b = jnp.real(rings) @ inside, jnp.imag(rings) @ inside
     after = since >= 0
     return (
         jnp.where(after, forced, none),
         jnp.where(after, a * cos - b * sin, none),
         jnp.where(after, a * sin + b * cos, none),
     )
-
-
-def _polynomial(terms, x):
-    """Return a polynomial, its constant term first."""
-    total = jnp.zeros_like(x)
-    for k in reversed(range(terms.shape[0])):
-        total = total * x + terms[k]
-    return total
 
 
 def _rise_terms(pole):
