@@ -158,14 +158,14 @@ def table(found: dict[str, Known]) -> str:
 
 def figure(found: dict[str, Known]) -> Figure:
     """Draw, for each that is asked, fits beside the bound by subset of senses."""
-    drawn = new_figure(10.5, 3.4)
+    drawn = new_figure(10.5, 3.7)
     panels = drawn.subplots(1, len(ASKED), sharey=True)
     places = np.arange(len(found))[::-1]
     for i, (axes, (name, size)) in enumerate(zip(panels, ASKED.items(), strict=True)):
         for place, known in zip(places, found.values(), strict=True):
             low, middle, high = size * np.quantile(known.sd[:, i], (0.05, 0.5, 0.95))
             axes.plot([low, high], [place, place], color=BLUE, linewidth=2.0)
-            first = place == places[0]
+            first = i == 0 and place == places[0]
             label = "fits: median, 90 %" if first else None
             axes.plot(middle, place, "o", color=BLUE, label=label)
             least = size * np.median(known.least[:, i])
@@ -173,13 +173,13 @@ def figure(found: dict[str, Known]) -> Figure:
             axes.plot(
                 *(least, place, "|"), color=VERMILLION, markersize=16, label=label
             )
-        axes.set_xscale("log")
+        axes.set_xlim(left=0.0)
         axes.set_xlabel(f"sd of {name}")
         titled(axes, name.split(" [")[0].capitalize())
         quiet(axes)
     panels[0].set_yticks(places, list(found))
     panels[0].set_ylim(-0.6, len(found) - 0.4)
-    panels[-1].legend(frameon=False, fontsize=8.5, loc="upper right")
+    drawn.legend(frameon=False, fontsize=9, loc="outside lower center", ncols=2)
     return drawn
 
 
