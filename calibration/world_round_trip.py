@@ -21,37 +21,24 @@ worlds out. Writes calibration/results/world_round_trip.png.
 
 import sys
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Array, Float
 from matplotlib.figure import Figure
 from scipy.stats import kstest
 
 from calibration.sbc import WRONG, holm
+from calibration.world_fits import Told, fits, worlds
 from jblast.cli.jax_start import start_jax
-from jblast.inference import Posterior
-from jblast.inference.identifiability.null_space import identifiability
-from jblast.inference.importance.psis import importance
-from jblast.inference.mode.laplace import laplace
-from jblast.inference.mode.search import optima
-from jblast.inference.posterior.fisher_information import information
-from jblast.inference.posterior.parameters import parameters_of
-from jblast.observations import Observations
-from jblast.observations.grouping import some_rows
 from jblast.report.figure_style import BLUE, INK, VERMILLION, new_figure, quiet, titled
-from jblast.scene import UncertainScene, WorldSpec
-from jblast.scene.parameters import value_of
+from jblast.scene import UncertainScene
+from jblast.scene.priors import Belief
 from jblast.scene.reader.scene import world_from_document
-from jblast.sensors import layout_of, resolve_laws
-from jblast.sensors.bursts import settled
-from jblast.sensors.law_choice import law_names
-from jblast.sensors.record import to_error_scale
-from jblast.world import arrivals_of, draw_world, readings_of, scene_of_one_blast
+from jblast.world import scene_of_one_blast
 
 WORLDS = 200
 RECORDS = {
@@ -121,77 +108,32 @@ class RoundTrip(NamedTuple):
     k_hat: Float[np.ndarray, " world"]
 
 
-class Told(NamedTuple):
-    """One world: its readings, and the numbers of its blast by name."""
-
-    log: Observations
-    truth: dict[str, float]
-
-
-def worlds(
-    uncertain: UncertainScene, spec: WorldSpec, names: Sequence[str], count: int
-) -> list[Told]:
-    """Draw worlds and read them."""
-    found = []
-    for seed in range(count):
-        world = draw_world(uncertain, spec, seed)
-        log, _ = readings_of(world, arrivals_of(world.scene), np.inf)
-        assert log is not None
-        truth = {name: float(np.asarray(value_of(world.scene, name))) for name in names}
-        found.append(Told(replace(log, shot=("",) * len(log)), truth))
-    return found
-
-
 def round_trip(
     told: Sequence[Told], one: UncertainScene, quantities: tuple[str, ...]
 ) -> RoundTrip:
     """Fit some quantities of every world."""
-    rows = np.flatnonzero(np.isin(told[0].log.quantity, quantities))
-    first = some_rows(told[0].log, rows)
-    scene, layout = settled(one.scene, layout_of(first, one.scene))
-    parameters = parameters_of(replace(one, scene=scene))
-    laws = tuple(sorted(law_names(resolve_laws(scene, layout)).items()))
-    mass = parameters.names.index("charge_mass_kg")
-
-    @jax.jit
-    def log_mass(z):
-        return jnp.log(parameters.beliefs[mass].constrain(z))
-
-    columns = []
-    for seed, (log, truth) in enumerate(told):
-        some = some_rows(log, rows)
-        posterior = Posterior(
-            parameters,
-            layout,
-            to_error_scale(some.value, some.quantity),
-            jnp.asarray(some.error_scale()),
-            laws,
+    names, columns = (), []
+    for parameters, drawn, at, covariance in fits(told, one, quantities):
+        names, mass = parameters.names, parameters.names.index("charge_mass_kg")
+        ln, slope = jax.vmap(log_slope, (None, 0))(
+            parameters.beliefs[mass], jnp.asarray([*drawn.z[:, mass], at[mass]])
         )
-        z = np.asarray(optima(jax.random.key(seed), posterior).z[0])
-        normal = laplace(posterior, z, identifiability(posterior, z).identified_basis)
-        drawn = importance(posterior, normal, seed=seed)
-        at = np.array(
-            [
-                belief.unconstrain(truth[name])
-                for name, belief in zip(
-                    parameters.names, parameters.beliefs, strict=True
-                )
-            ]
-        )
-        rank = drawn.weights @ (drawn.z < at)
-        ln = np.asarray(log_mass(jnp.asarray(drawn.z[:, mass])))
+        ln, slope = np.asarray(ln)[:-1], float(slope[-1])
         mean = drawn.weights @ ln
-        covariance = np.linalg.inv(np.asarray(information(posterior, jnp.asarray(at))))
-        slope = float(jax.grad(log_mass)(jnp.asarray(at[mass])))
         columns.append(
             (
-                rank,
+                drawn.weights @ (drawn.z < at),
                 np.sqrt(drawn.weights @ np.square(ln - mean)),
                 slope * np.sqrt(covariance[mass, mass]),
                 drawn.k_hat,
             )
         )
-    return RoundTrip(parameters.names, *map(np.array, zip(*columns, strict=True)))
+    return RoundTrip(names, *map(np.array, zip(*columns, strict=True)))
+
+
+def log_slope(belief: Belief, z: Float[Array, ""]) -> tuple[Array, Array]:
+    """Return the logarithm of a positive number, and how it goes with z."""
+    return jax.value_and_grad(lambda z: jnp.log(belief.constrain(z)))(z)
 
 
 def inside(rank: Float[np.ndarray, " world"]) -> float:

@@ -1,5 +1,6 @@
 """Who perceives what of which blast, and when."""
 
+from collections.abc import Collection
 from typing import NamedTuple
 
 import numpy as np
@@ -48,7 +49,10 @@ class Perceived(NamedTuple):
 
 
 def perceived(
-    scene: Scene, arrivals: Arrivals, seconds: float
+    scene: Scene,
+    arrivals: Arrivals,
+    seconds: float,
+    out_of_view: Collection[str] = (),
 ) -> tuple[tuple[Perceived, ...], int]:
     """Return who perceives what and when, in order of time.
 
@@ -56,6 +60,7 @@ def perceived(
         scene: What is there.
         arrivals: When the waves of its blasts come to whom.
         seconds: When the world ends; what comes later is not perceived [s].
+        out_of_view: Names of blasts that the camera does not see.
 
     Returns:
         What is perceived, and how much comes too late to be.
@@ -66,7 +71,7 @@ def perceived(
         for row, entity in enumerate(arrivals.entities)
         for wave, sense in senses[entity]
         for charge, time in zip(scene.charges, arrivals.times_s[wave][row], strict=True)
-        if np.isfinite(time)
+        if np.isfinite(time) and (entity != CAMERA or charge.name not in out_of_view)
     ]
     seen = sorted((one for one in found if one.time_s < seconds), key=_order)
     return tuple(seen), len(found) - len(seen)

@@ -30,6 +30,7 @@ from jblast.world import (
     readings_of,
     tracks_of,
 )
+from jblast.world.field_of_view import out_of_view
 
 BLASTS, PERCEIVED, READINGS = "blasts.csv", "perceived.csv", "observations.csv"
 FLIGHT, RUN, SOUND, CAMERA = "flight.csv", "run.json", "sound", "camera"
@@ -79,7 +80,8 @@ def ran(
         answer = {"schema": 1} | told.to_dict()
     if arrivals is None or tracks:
         arrivals = arrivals_in(world, tracks)
-    seen, late = perceived(world.scene, arrivals, seconds)
+    unseen = out_of_view(world.scene, flight)
+    seen, late = perceived(world.scene, arrivals, seconds, unseen)
     clock = "times are on the common clock, of the laws, without errors"
     save_text(perceived_csv(seen, [*head, clock]), directory / PERCEIVED)
     begin("listening")
@@ -99,6 +101,11 @@ def ran(
         readings = joined(readings, found.readings)
         missed += found.missed
     notes += [*straight, *Picked(None, missed).words()]
+    if unseen:
+        notes.append(
+            f"{len(unseen)} of {len(world.shots)} blasts are outside the camera's "
+            "picture as they go off: it does not perceive them"
+        )
     if readings is not None:
         with writing(directory):
             write(directory / READINGS, readings, comments=head)

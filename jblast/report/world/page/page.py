@@ -20,11 +20,6 @@ from jblast.scene import Scene
 
 ALT_MAP = "Map of blasts, sensors and the vehicle's path."
 ALT_TIMELINE = "Flight, samples and events against time on one axis."
-RECOVERY = (
-    *("peak_deviation_m", "peak_time_s", "recovery_time_s"),
-    "peak_overpressure_pa",
-)
-"""What is told of a flight, by its answer's keys."""
 
 
 @dataclass(frozen=True)
@@ -162,10 +157,6 @@ def _recovery(flight: dict[str, Any]) -> Table:
     ]
     title = f"The {flight['vehicle'].capitalize()}"
     return Table(title, head, rows, (1, 2, 3, 4), lines=lines)
-
-
-def _number(key: str, value: float | None) -> str:
-    return "-" if value is None else printed_number(key, value, 3)
 
 
 def _picture(figure: Figure, alt: str, caption: str) -> dict[str, Any]:
