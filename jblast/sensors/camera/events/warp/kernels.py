@@ -177,10 +177,8 @@ def take(
 ):
     """Take a pixel through a run; events go where is room. Return its new bounds.
 
-    Args:
-        run: First frame of the run; `end` is the one after its last.
-        start: First frame of the part, whose frame before is known by `pixels.value`.
-        last_time: Of that frame [s].
+    The run begins with the frame `run` and ends before `end`. The frame before `start`
+    is known by `pixels.value`; it was at `last_time` [s].
     """
     rise = camera.positive[p]
     fall = camera.negative[p]
