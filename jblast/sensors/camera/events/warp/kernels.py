@@ -249,15 +249,6 @@ def follow(
         seen = span_of(frames, p, run, end, camera)
         if seen[1] > quiet[1] or seen[0] < quiet[0]:
             quiet = take(
-                frames,
-                times,
-                p,
-                run,
-                end,
-                start,
-                last_time,
-                camera,
-                pixels,
-                found,
+                frames, times, p, run, end, start, last_time, camera, pixels, found
             )
     pixels.value[p] = wp.uint32(frames[stop - 1, p])
