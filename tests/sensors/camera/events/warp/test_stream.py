@@ -58,9 +58,10 @@ def test_grey_frames_give_the_events_of_the_stream(size, together, monkeypatch):
 
 
 def test_events_of_one_instant_are_in_order_of_their_pixels():
-    frames = np.zeros((3, *SHAPE[1:]), np.uint8) + np.array([9, 90, 30], np.uint8)[
-        :, None, None
-    ]
+    frames = (
+        np.zeros((3, *SHAPE[1:]), np.uint8)
+        + np.array([9, 90, 30], np.uint8)[:, None, None]
+    )
     blocks = [(TIMES[:3] - 0.1, frames)]  # before zero, too
     x, y, time, sign = joined(kernel_events(blocks, SHAPE[1:], BOTH, device="cpu"))
     pixel = y * SHAPE[2] + x
