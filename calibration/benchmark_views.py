@@ -98,7 +98,12 @@ def fire_window(views: ExplosionViews, film: Filmed) -> tuple[slice, slice]:
 
 
 def batched(
-    views: ExplosionViews, film: Filmed, *, window: bool = True, grey: bool = False
+    views: ExplosionViews,
+    film: Filmed,
+    *,
+    window: bool = True,
+    grey: bool = False,
+    smoothed: bool = True,
 ) -> Callable[[jax.Array], jax.Array]:
     """Return what makes a batch of frames of their times.
 
@@ -107,13 +112,15 @@ def batched(
         film: Of a camera that stands still.
         window: Whether to look only where the fire ever is.
         grey: Luminance in place of three colours.
+        smoothed: Whether it is asked, and computed, what is finer than a pixel; here
+            a texel is always larger than one.
     """
     rays, size = pixel_rays(film.camera), (film.camera.height, film.camera.width)
     part = (
         fire_window(views, film) if window else (slice(0, size[0]), slice(0, size[1]))
     )
     looked = Rays(rays.origin, rays.direction[:, *part], rays.farthest[part])
-    views = replace(views, windows=False)
+    views = replace(views, windows=False, smoothed=smoothed)
     channels = () if grey else (3,)
 
     def frame(views, looked, moment):
@@ -166,18 +173,24 @@ def batches_text(batch: int = BATCH, *, width: int = 640, height: int = 480) -> 
         f"{jax.__version__}, float32, {width} x {height} in batches of {batch}; fire "
         f"in {rows.stop - rows.start} rows and {columns.stop - columns.start} columns"
     )
-    lines = [head, "", f"{'':34}{'frames/s':>12}"]
+    lines = [head, "", f"{'':38}{'frames/s':>12}"]
 
     def row(label: str, make: Callable[[jax.Array], jax.Array]) -> None:
         rate = batch_rate(make, film.times.astype(np.float32), batch)
-        lines.append(f"{label:34}{rate:12.3g}")
+        lines.append(f"{label:38}{rate:12.3g}")
         print(lines[-1], file=sys.stderr, flush=True)
 
     row("nearest view, RGB", batched(views, film))
-    row("nearest view, grey", batched(views, film, grey=True))
-    row("nearest view, RGB, whole images", batched(views, film, window=False))
+    sharp = batched(views, film, smoothed=False)
+    some = jnp.asarray(film.times[::8].astype(np.float32))
+    off = float(jnp.max(jnp.abs(sharp(some) - batched(views, film)(some))))
+    row(f"the same, not low-passed ({off:.0e} off)", sharp)
+    row("nearest view, grey", batched(views, film, grey=True, smoothed=False))
+    whole = batched(views, film, window=False, smoothed=False)
+    row("nearest view, RGB, whole images", whole)
     three = explosion_views(towards=np.asarray(film.camera.position), sides=3)
     row("three views, RGB", batched(three, film))
+    row("the same, not low-passed", batched(three, film, smoothed=False))
     shape = (height, width, 3)
 
     @jax.jit

@@ -13,12 +13,12 @@ from jaxtyping import Array, ArrayLike, Float
 from jblast.errors import InputError, shown
 from jblast.scene import Camera, Scene
 from jblast.sensors.camera.geometry.pixel_rays import Rays, pixel_rays, pixels
-from jblast.sensors.camera.geometry.surfaces import Surfaces, surfaces_seen
+from jblast.sensors.camera.geometry.surfaces import surfaces_seen
 from jblast.sensors.camera.image.compositing import straight
 from jblast.sensors.camera.rendering.appearance import Appearance
 from jblast.sensors.camera.rendering.exposure import exposed
 from jblast.sensors.camera.rendering.fireball_window import fireballs_in_window
-from jblast.sensors.camera.rendering.flash import flash
+from jblast.sensors.camera.rendering.lit_rows import LitRows, brightened, lit_rows
 from jblast.sensors.camera.rendering.view_set import ViewSet
 from jblast.types import as_float_array
 
@@ -119,7 +119,7 @@ def render(
         # a picture may hold what is below ground, but the ground is there
         plane = ground or views is not None
         ends = pixel_rays(camera, depth, ground=plane)
-        lit = surfaces_seen(ends, image=depth is not None)
+        lit = lit_rows(surfaces_seen(ends, image=depth is not None))
     shown_by = appearance, views, lit
     exposure = camera.exposure_s
     if not isinstance(exposure, Tracer) and exposure.item() == 0:
@@ -136,7 +136,7 @@ def _render(
     times: Float[Array, " time"],
     source: Any,
     exposure: Float[Array, ""],
-    shown_by: tuple[Appearance, ViewSet | None, Surfaces | None],
+    shown_by: tuple[Appearance, ViewSet | None, LitRows | None],
     counts: tuple[int, int],
     size: tuple[int, int, int],
     alpha: bool,
@@ -158,8 +158,7 @@ def _render(
             image: Any = source(time)
             behind = _fitting(as_float_array(image), [size], size)
         if lit is not None:
-            gained = flash(scene, lit, time, appearance)
-            behind = behind * (1.0 + jnp.moveaxis(gained, 0, -1))
+            behind = brightened(behind, lit, scene, time, appearance)
         return seen[..., :3] + (1.0 - seen[..., 3:]) * behind
 
     def gathered(time, behind):

@@ -1,11 +1,11 @@
-"""Warp kernels of frames to events: screen all pixels, follow the few that are loud.
+"""Warp kernels of frames to events: screen all pixels, follow where they are loud.
 
-As in `events.strip`, the extremes of a pixel's light over some frames are compared with
-the bounds within which it stays quiet. The kernel that does so has little to remember,
-so that many threads run at once and memory is read at its full speed. Where a bound is
-passed, another takes the pixel from frame to frame, with logarithms in float64. Frames
-are grey values of 8 bits or words of RGBA that are laid over a background first, as
-`grey_composite` does it.
+As in `events.strip`, the extremes of a pixel's light over a run of frames are compared
+with the bounds within which it stays quiet. The frames of a run are asked for together,
+as a GPU's memory answers late. Where a bound is passed, the same thread takes the pixel
+through the run once more, frame by frame, with logarithms in float64: the run's values
+are in a cache by then. Frames are grey values of 8 bits or words of RGBA that are laid
+over a background first, as `grey_composite` does it.
 """
 
 import typing
@@ -146,7 +146,7 @@ def span_of(
     return wp.vec2f(low, top)
 
 
-@wp.kernel
+@wp.kernel(enable_backward=False)
 @typing.no_type_check
 def begin(frames: wp.array2d[Any], camera: Camera, pixels: Pixels):
     """See the first frame: it sets the reference and gives no event."""
@@ -161,45 +161,25 @@ def begin(frames: wp.array2d[Any], camera: Camera, pixels: Pixels):
     pixels.value[p] = wp.uint32(value)
 
 
-@wp.kernel
+@wp.func
 @typing.no_type_check
-def screen(
-    frames: wp.array2d[Any],
-    start: wp.int32,
-    stop: wp.int32,
-    part: wp.int32,
-    camera: Camera,
-    pixels: Pixels,
-    loud: Loud,
-):
-    """List a pixel if its light leaves the bounds in some frames."""
-    p = wp.tid()
-    seen = span_of(frames, p, start, stop, camera)
-    quiet = pixels.quiet[p]
-    if seen[1] > quiet[1] or seen[0] < quiet[0]:
-        loud.pixel[wp.atomic_add(loud.count, part, 1)] = p
-    else:
-        pixels.value[p] = wp.uint32(frames[stop - 1, p])
-
-
-@wp.kernel
-@typing.no_type_check
-def follow(
+def take(
     frames: wp.array2d[Any],
     times: wp.array[wp.float64],
+    p: wp.int32,
+    run: wp.int32,
+    end: wp.int32,
     start: wp.int32,
-    stop: wp.int32,
-    part: wp.int32,
     last_time: wp.float64,
     camera: Camera,
     pixels: Pixels,
-    loud: Loud,
     found: Found,
 ):
-    """Take one of the pixels listed through some frames; events go where is room."""
-    if wp.tid() >= loud.count[part]:
-        return
-    p = loud.pixel[wp.tid()]
+    """Take a pixel through a run; events go where is room. Return its new bounds.
+
+    The run begins with the frame `run` and ends before `end`. The frame before `start`
+    is known by `pixels.value`; it was at `last_time` [s].
+    """
     rise = camera.positive[p]
     fall = camera.negative[p]
     behind = camera.behind[p]
@@ -208,15 +188,16 @@ def follow(
     down = pixels.downs[p]
     quiet = pixels.quiet[p]
     value = type(frames[0, p])(pixels.value[p])
+    earlier = last_time
+    if run > start:
+        value = frames[run - 1, p]
+        earlier = times[run - 1]
     light = light_of(value, behind, camera.lights)
     level = first + wp.float64(up) * rise - wp.float64(down) * fall
     room = found.pixel.shape[0]
-    earlier = last_time
-    coming = frames[start, p]
-    for k in range(start, stop):
+    for k in range(run, end):
         then, then_light = value, light
-        value = coming
-        coming = frames[wp.min(k + 1, stop - 1), p]  # asked for before it is needed
+        value = frames[k, p]
         light = light_of(value, behind, camera.lights)
         if light > quiet[1] or light < quiet[0]:
             now = log_of(value, light, camera.table)
@@ -226,8 +207,6 @@ def follow(
             less = wp.max(wp.int32(wp.floor((slack - change) / fall)), 0)
             number = more + less
             if number > 0:
-                if k > start:
-                    earlier = times[k - 1]
                 before = log_of(then, then_light, camera.table)
                 step = wp.where(more > 0, rise, -fall)
                 slot = wp.atomic_add(found.count, 0, number)
@@ -243,7 +222,33 @@ def follow(
                 down += less
                 level = first + wp.float64(up) * rise - wp.float64(down) * fall
                 quiet = bounds_of(level, rise, fall)
+        earlier = times[k]
     pixels.ups[p] = up
     pixels.downs[p] = down
     pixels.quiet[p] = quiet
-    pixels.value[p] = wp.uint32(value)
+    return quiet
+
+
+@wp.kernel(enable_backward=False)
+@typing.no_type_check
+def follow(
+    frames: wp.array2d[Any],
+    times: wp.array[wp.float64],
+    start: wp.int32,
+    stop: wp.int32,
+    last_time: wp.float64,
+    camera: Camera,
+    pixels: Pixels,
+    found: Found,
+):
+    """Follow a pixel through some frames, run by run."""
+    p = wp.tid()
+    quiet = pixels.quiet[p]
+    for run in range(start, stop, RUN):
+        end = wp.min(run + RUN, stop)
+        seen = span_of(frames, p, run, end, camera)
+        if seen[1] > quiet[1] or seen[0] < quiet[0]:
+            quiet = take(
+                frames, times, p, run, end, start, last_time, camera, pixels, found
+            )
+    pixels.value[p] = wp.uint32(frames[stop - 1, p])

@@ -50,7 +50,7 @@ NEVER = wp.constant(wp.float64(-1e300))
 """When a pixel is let go that is not held."""
 
 
-@wp.kernel
+@wp.kernel(enable_backward=False)
 @typing.no_type_check
 def begin_reset(
     frames: wp.array2d[Any], camera: Camera, reset: Reset, pixels: HeldPixels
@@ -64,7 +64,7 @@ def begin_reset(
     pixels.value[p] = wp.uint32(value)
 
 
-@wp.kernel
+@wp.kernel(enable_backward=False)
 @typing.no_type_check
 def screen_reset(
     frames: wp.array2d[Any],
@@ -92,7 +92,7 @@ def screen_reset(
         pixels.value[p] = wp.uint32(frames[stop - 1, p])
 
 
-@wp.kernel
+@wp.kernel(enable_backward=False)
 @typing.no_type_check
 def follow_reset(
     frames: wp.array2d[Any],

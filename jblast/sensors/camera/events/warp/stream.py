@@ -1,4 +1,4 @@
-"""Frames to events on a GPU, by one kernel over the pixels.
+"""Frames to events on a GPU, by a kernel over the pixels.
 
 The events are those of `stream_events`, in the same order. Frames may be arrays of
 NumPy, or arrays of JAX that lie on the GPU already and are not copied. Of a real
@@ -17,8 +17,6 @@ from jblast.sensors.camera.events.ideal import Events
 from jblast.sensors.camera.events.log_intensity import grey_table
 from jblast.sensors.camera.events.noise import Leak
 from jblast.sensors.camera.events.pixel import check_thresholds
-from jblast.sensors.camera.events.stream import gathered
-from jblast.sensors.camera.events.strip import Found as FoundOnHost
 from jblast.sensors.camera.events.warp.kernels import (
     Camera,
     Found,
@@ -26,8 +24,8 @@ from jblast.sensors.camera.events.warp.kernels import (
     Pixels,
     begin,
     follow,
-    screen,
 )
+from jblast.sensors.camera.events.warp.order import Ordering
 from jblast.sensors.camera.events.warp.reset_kernel import (
     HeldPixels,
     Reset,
@@ -102,7 +100,8 @@ class EventKernel:
         kind = Pixels if self.is_ideal else HeldPixels
         self.pixels, self.spare = (self._room_for(kind, self.size) for _ in range(2))
         self._set_reset(leak, refractory_s)
-        self.loud = self._room_for(Loud, self.size)
+        self.loud = None if self.is_ideal else self._room_for(Loud, self.size)
+        self.ordering = Ordering(shape, self.device)
         self.room, self.time = ROOM, -np.inf
 
     def _set_reset(self, leak: Leak | None, refractory_s: float) -> None:
@@ -148,19 +147,18 @@ class EventKernel:
     def _run(self, values: wp.array, clock: wp.array, times) -> None:
         """Follow all pixels, part by part."""
         starts = range(0, len(times), TOGETHER)
-        self.loud.count = wp.zeros(len(starts), dtype=wp.int32, device=self.device)
+        if self.loud is not None:
+            self.loud.count = wp.zeros(len(starts), dtype=wp.int32, device=self.device)
         last = self.time if self.time > -np.inf else float(times[0])
         for part, start in enumerate(starts):
             stop = min(start + TOGETHER, len(times))
-            where = start, stop, part
             now = wp.float64(last)
             if self.is_ideal:
-                state = self.camera, self.pixels, self.loud
-                self._launch(screen, values, *where, *state)
-                self._launch(follow, values, clock, *where, now, *state, self.found)
+                state = self.camera, self.pixels, self.found
+                self._launch(follow, values, clock, start, stop, now, *state)
             else:
                 state = self.camera, self.reset, self.pixels, self.loud
-                both = values, clock, *where, now, *state
+                both = values, clock, start, stop, part, now, *state
                 self._launch(screen_reset, *both)
                 self._launch(follow_reset, *both, self.found)
             last = float(times[stop - 1])
@@ -180,11 +178,7 @@ class EventKernel:
 
     def in_order(self) -> Events:
         """Return the events of the last frames, in order of time, then of pixel."""
-        fields = self.found.pixel, self.found.time, self.found.sign
-        return gathered(
-            [FoundOnHost(*(field.numpy()[: self.count] for field in fields))],
-            self.shape[1],
-        )
+        return self.ordering.events(self.found, self.count)
 
     def _check(self, times, frames) -> None:
         if not (np.diff(times, prepend=self.time) > 0.0).all():

@@ -69,7 +69,8 @@ def explosion_layer(
             box = views.box[view, frame] + margin * jnp.array([-1.0, 1.0, -1.0, 1.0])
             cells |= touched(x, y, met.ever, corners.farthest <= 0.0, box)
             picture = texel_light(views.frames[view, frame], glow, day)
-            picture = low_passed(picture.astype(rays.direction.dtype), pitch)
+            picture = picture.astype(rays.direction.dtype)
+            picture = low_passed(picture, pitch) if views.smoothed else picture
             pictures.append((laid, share * part * picture))
         layers.append((axes, pictures))
 

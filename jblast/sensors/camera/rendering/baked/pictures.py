@@ -34,6 +34,9 @@ class Pictures(ViewSet):
         sides: How many views a picture is mixed of: the nearest, or three around it.
         windows: Whether no more of an image is looked at than may show some of a
             picture. Under `vmap`, where all branches are taken, it is slower.
+        smoothed: Whether pictures shown smaller than they are lose what is finer than a
+            pixel (`low_pass.py`). Under `vmap` that is done for all, wanted or not, and
+            takes as long as the rest: leave it out where no picture is shown so small.
     """
 
     frames: UInt8[Array, "view frame size size 5"]
@@ -49,6 +52,7 @@ class Pictures(ViewSet):
     inverses: Float[Array, "triangle 3 3"] = eqx.field(converter=as_float_array)
     sides: Literal[1, 3] = eqx.field(static=True, default=1)
     windows: bool = eqx.field(static=True, default=True)
+    smoothed: bool = eqx.field(static=True, default=True)
 
     def views_towards(
         self, towards: Float[Array, "3"]

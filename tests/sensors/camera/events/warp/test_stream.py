@@ -57,6 +57,21 @@ def test_grey_frames_give_the_events_of_the_stream(size, together, monkeypatch):
     assert (np.diff(ours[2]) >= 0.0).all()
 
 
+def test_events_of_one_instant_are_in_order_of_their_pixels():
+    frames = (
+        np.zeros((3, *SHAPE[1:]), np.uint8)
+        + np.array([9, 90, 30], np.uint8)[:, None, None]
+    )
+    blocks = [(TIMES[:3] - 0.1, frames)]  # before zero, too
+    x, y, time, sign = joined(kernel_events(blocks, SHAPE[1:], BOTH, device="cpu"))
+    pixel = y * SHAPE[2] + x
+    assert len(time) == SHAPE[1] * SHAPE[2] * (11 + 3)
+    assert (np.diff(time) >= 0.0).all()
+    assert (np.diff(pixel)[np.diff(time) == 0.0] > 0).all()
+    assert (sign[: len(sign) // 2] == 1).all()
+    assert sign[-1] == -1
+
+
 @pytest.mark.slow  # a kernel for itself
 def test_colour_over_a_background_gives_the_events_of_the_stream():
     """Composited in float32 by two compilers: times differ by their rounding."""
