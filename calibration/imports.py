@@ -13,6 +13,7 @@ ROOMS = (
         "detect",
         "world",
         "missions",
+        "environments",
         "inference",
         "study",
         "verification",

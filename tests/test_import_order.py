@@ -42,6 +42,7 @@ WITHIN = {
         *("importance", "mcmc", "fitting", "design", "tuning"),
     ),
     "world": ("presets", "server", "remote"),
+    "environments": ("tasks", "gymnasium"),
     "inference.many": ("solver", "residuals", "starts"),
     "verification": ("cases", "stability", "benchmark"),
     "cli": ("arguments", "verbs"),

@@ -16,7 +16,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from jblast.constants import FLIGHT_GRAVITY
-from jblast.missions.guidance import ARMED, FLYING, Guidance, Progress
+from jblast.missions.guidance import ARMED, FLYING, Guidance, Progress, SetPoint
 from jblast.vehicle import Controller, Gains, PositionHold, State, Vehicle
 
 IDLE_SHARE = 0.2
@@ -83,23 +83,38 @@ class _Ready(eqx.Module):
     ) -> tuple[Float[Array, "4"], Memory]:
         integral, now = memory
         aim, after = self.control.guidance(state, now, period_s)
-        weight = vehicle.mass_kg * FLIGHT_GRAVITY
-        hover = jnp.sqrt(weight / (4 * vehicle.thrust_coefficient))
-        drag = 4 * hover * vehicle.rotor_drag / vehicle.mass_kg
-        lead = aim.acceleration_m_s2 + drag * aim.velocity_m_s
-        k_d = self.control.gains.velocity
-        some = k_d > 0
-        lead = jnp.where(some, lead / jnp.where(some, k_d, 1.0), 0.0)
-        moved = dataclasses.replace(
-            state, velocity_m_s=state.velocity_m_s - aim.velocity_m_s - lead
-        )
+        moved = as_if_at_rest(vehicle, self.control.gains, state, aim)
         hold = eqx.tree_at(
             lambda ready: (ready.hold.target_m, ready.hold.yaw_rad),
             self.hold,
             (aim.position_m, now.yaw_rad),
         )
         speeds, gained = hold(time_s, moved, vehicle, integral, period_s)
-        idle = jnp.where(now.phase == ARMED, IDLE_SHARE * hover, 0.0)
+        idle = IDLE_SHARE * _hover_speed(vehicle)
+        idle = jnp.where(now.phase == ARMED, idle, 0.0)
         flies = now.phase == FLYING
         speeds = jnp.where(flies, speeds, idle)
         return speeds, (jnp.where(flies, gained, 0.0), after)
+
+
+def as_if_at_rest(vehicle: Vehicle, gains: Gains, state: State, aim: SetPoint) -> State:
+    """Return what a hold is shown, so that it follows an aim that moves.
+
+    Args:
+        vehicle: As the hold knows it.
+        gains: Of the hold.
+        state: Of the vehicle.
+        aim: Where it should be.
+    """
+    drag = 4 * _hover_speed(vehicle) * vehicle.rotor_drag / vehicle.mass_kg
+    lead = aim.acceleration_m_s2 + drag * aim.velocity_m_s
+    some = gains.velocity > 0
+    lead = jnp.where(some, lead / jnp.where(some, gains.velocity, 1.0), 0.0)
+    shown = state.velocity_m_s - aim.velocity_m_s - lead
+    return dataclasses.replace(state, velocity_m_s=shown)
+
+
+def _hover_speed(vehicle: Vehicle) -> Float[Array, ""]:
+    """Return the speed at which the rotors carry the weight [rad/s]."""
+    weight = vehicle.mass_kg * FLIGHT_GRAVITY
+    return jnp.sqrt(weight / (4 * vehicle.thrust_coefficient))

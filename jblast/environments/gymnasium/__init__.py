@@ -1,0 +1,1 @@
+"""The classes that Gymnasium makes; its library is an extra."""

@@ -1,0 +1,150 @@
+"""Many lanes at once, each as if alone; one that ended begins again with the next step.
+
+Few lanes are in a blast, and few begin, in any step. Both cost more than the step
+itself, so both are computed for blocks of those lanes alone, as many as it takes; the
+rest pay nothing. What a lane gets is the same as by `step`.
+"""
+
+from collections.abc import Callable
+from typing import TypeVar
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float, Key, PRNGKeyArray, PyTree
+
+from jblast.environments.core import (
+    Step,
+    advance,
+    begin,
+    in_blast,
+    pushed_by,
+    reset,
+)
+from jblast.environments.params import EnvironmentParams
+from jblast.environments.state import EnvironmentState
+from jblast.vehicle.dynamics.equations import Wrench
+
+PUSHED_SHARE, BEGUN_SHARE, LEAST_BLOCK = 64, 256, 8
+"""A block holds one in so many pairs of lane and blast, one in so many lanes that
+begin, and so many at least."""
+
+T = TypeVar("T")
+
+
+def lane_keys(key: PRNGKeyArray, lanes: Array) -> Key[Array, " lane"]:
+    """Return the keys of lanes, each its number folded into the seed's key."""
+    return jax.vmap(jax.random.fold_in, (None, 0))(key, lanes)
+
+
+def reset_lanes(
+    key: PRNGKeyArray, lanes: Array, params: EnvironmentParams
+) -> tuple[EnvironmentState, Float[Array, "lane seen"]]:
+    """Begin the first episodes of lanes.
+
+    Args:
+        key: Of the seed.
+        lanes: Their numbers.
+        params: Of the environment.
+    """
+    return jax.vmap(reset, (0, None))(lane_keys(key, lanes), params)
+
+
+def step_lanes(
+    states: EnvironmentState,
+    actions: Float[Array, "lane action"],
+    params: EnvironmentParams,
+) -> Step:
+    """Take a step of every lane; those that ended begin their next episode instead.
+
+    That is Gymnasium's `NEXT_STEP`: the observation at the end of an episode is
+    returned as such, the action after it is not looked at, and earns nothing.
+
+    Args:
+        states: Of the lanes, a row each.
+        actions: Likewise.
+        params: Of the environment.
+    """
+    wrench = _pushed(states, params)
+    taken = jax.vmap(advance, (0, 0, None, 0))(states, actions, params, wrench)
+
+    fresh = states.ended
+    state, seen = for_some(
+        fresh,
+        lambda lane: begin(states.key[lane], states.number[lane] + 1, params),
+        lambda all_, lanes, begun: jax.tree.map(
+            lambda x, some: x.at[lanes].set(some, mode="drop"), all_, begun
+        ),
+        (taken.state, taken.observation),
+        BEGUN_SHARE,
+    )
+    none = jnp.zeros_like(taken.reward)
+    info = {
+        name: jnp.where(fresh, jnp.zeros_like(value), value)
+        for name, value in taken.info.items()
+    }
+    return Step(
+        state,
+        seen,
+        jnp.where(fresh, none, taken.reward),
+        taken.terminated & ~fresh,
+        taken.truncated & ~fresh,
+        info,
+    )
+
+
+def _pushed(states: EnvironmentState, params: EnvironmentParams) -> PyTree[Array]:
+    """Return what the blasts give all lanes, a row each."""
+    pushes = jax.vmap(in_blast, (0, None))(states, params) & ~states.ended[:, None]
+    zero = jnp.zeros_like(states.farthest_m)
+
+    def one(place: Array) -> Wrench:
+        lane, blast = place // pushes.shape[1], place % pushes.shape[1]
+        state = jax.tree.map(lambda x: x[lane], states)
+        which = jax.tree.map(lambda x: x[blast], state.episode.blasts)
+        return pushed_by(state, which, params)
+
+    return for_some(
+        pushes.ravel(),
+        one,
+        lambda total, places, given: jax.tree.map(
+            lambda x, some: x.at[places // pushes.shape[1]].add(some, mode="drop"),
+            total,
+            given,
+        ),
+        ((zero, zero, zero), (zero, zero, zero)),
+        PUSHED_SHARE,
+    )
+
+
+def for_some(
+    mask: Bool[Array, " row"],
+    function: Callable[[Array], PyTree],
+    put: Callable[[T, Array, PyTree], T],
+    start: T,
+    share: int,
+) -> T:
+    """Return what is there with what a function gives for some rows put in.
+
+    Args:
+        mask: Which rows.
+        function: Of the number of one row.
+        put: Of what is there, the numbers of some rows and what the function gave.
+            Numbers past the end are to be dropped.
+        start: What is there before.
+        share: One in so many rows makes a block, but `LEAST_BLOCK` at least.
+    """
+    count = mask.shape[0]
+    size = min(count, max(LEAST_BLOCK, count // share))
+
+    def more(carried: tuple[Array, T]) -> Array:
+        return jnp.any(carried[0])
+
+    def block(carried: tuple[Array, T]) -> tuple[Array, T]:
+        left, found = carried
+        (places,) = jnp.nonzero(left, size=size, fill_value=count)
+        given = jax.vmap(function)(jnp.minimum(places, count - 1))
+        # those that fill up the block point past the end, whatever they are divided by
+        past = jnp.where(places < count, places, jnp.iinfo(places.dtype).max)
+        return left.at[places].set(False, mode="drop"), put(found, past, given)
+
+    return jax.lax.while_loop(more, block, (mask, start))[1]

@@ -1,0 +1,141 @@
+"""Gymnasium finds the environments, and they keep its rules."""
+
+import os
+import subprocess
+import sys
+
+import gymnasium
+import numpy as np
+import pytest
+from gymnasium.utils.env_checker import check_env
+from gymnasium.vector import AutoresetMode
+
+import jblast.environments
+from jblast.environments import QuadrotorBlast
+from jblast.environments.registration import NAMES, register_environments
+from jblast.errors import InputError
+from tests.environments.lanes_of_one_blast import PARAMS
+
+STEPS = int(PARAMS.episode_steps)
+
+
+@pytest.fixture(scope="module")
+def lanes():
+    return QuadrotorBlast(3, params=PARAMS)
+
+
+def test_all_four_are_registered_once_with_both_entry_points():
+    register_environments()
+    for name in NAMES:
+        spec = gymnasium.spec(f"jblast/{name}-v0")
+        assert spec.entry_point
+        assert spec.vector_entry_point
+
+
+@pytest.mark.filterwarnings("ignore:.*A Box observation space m:UserWarning")
+def test_gymnasiums_own_checker_passes():
+    check_env(
+        gymnasium.make("jblast/Hover-v0", params=PARAMS).unwrapped,
+        skip_render_check=True,
+    )
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore::UserWarning")
+@pytest.mark.parametrize("name", NAMES)
+def test_gymnasiums_own_checker_passes_as_registered(name):
+    made = gymnasium.make(f"jblast/{name}-v0", disable_env_checker=True)
+    check_env(made.unwrapped, skip_render_check=True)
+    many = gymnasium.make_vec(f"jblast/{name}-v0", num_envs=2)
+    seen, _ = many.reset(seed=0)
+    assert seen in many.observation_space
+    many.action_space.seed(0)
+    for _ in range(20):
+        seen, reward, *_ = many.step(many.action_space.sample())
+        assert seen in many.observation_space
+        assert np.isfinite(seen).all()
+        assert np.isfinite(reward).all()
+
+
+def test_a_vector_has_the_shapes_and_types_that_it_says(lanes):
+    seen, info = lanes.reset(seed=3)
+    assert seen in lanes.observation_space
+    assert info == {}
+    assert lanes.metadata["autoreset_mode"] is AutoresetMode.NEXT_STEP
+    found = lanes.step(np.zeros((3, 3), np.float32))
+    assert found[0] in lanes.observation_space
+    assert [x.shape for x in found[1:4]] == [(3,)] * 3
+    assert [x.dtype for x in found[1:4]] == [np.float64, bool, bool]
+    assert found[4]["peak_deviation_m"].shape == (3,)
+
+
+def test_one_seed_gives_one_trajectory_and_another_seed_another(lanes):
+    def flown(seed):
+        rows = [lanes.reset(seed=seed)[0]]
+        still = np.zeros((3, 3), np.float32)
+        return np.array(rows + [lanes.step(still)[0] for _ in range(STEPS)])
+
+    np.testing.assert_array_equal(flown(5), flown(5))
+    assert np.abs(flown(5) - flown(6)).max() > 1e-3
+
+
+def test_a_vector_resets_by_itself_a_step_after_the_end(lanes):
+    lanes.reset(seed=0)
+    still = np.zeros((3, 3), np.float32)
+    last, _, _, truncated, _ = [lanes.step(still) for _ in range(STEPS)][-1]
+    assert truncated.all()
+    seen, reward, terminated, truncated, _ = lanes.step(still)
+    assert not (terminated | truncated).any()
+    assert (reward == 0).all()
+    assert np.abs(last - seen).max() > 1e-3
+
+
+def test_a_lane_with_an_action_that_is_no_number_is_named(lanes):
+    lanes.reset(seed=0)
+    asked = np.zeros((3, 3), np.float32)
+    asked[2, 0] = np.nan
+    _, _, terminated, _, infos = lanes.step(asked)
+    assert terminated.tolist() == [False, False, True]
+    assert infos["bad_action"].tolist() == [False, False, True]
+
+
+@pytest.mark.parametrize("count", [0, -1, True])
+def test_a_vector_without_lanes_is_refused(count):
+    with pytest.raises(
+        InputError, match="num_envs: expected a whole number, 1 or more"
+    ):
+        QuadrotorBlast(count)
+
+
+def test_actions_of_another_shape_and_a_step_before_a_reset_are_refused(lanes):
+    with pytest.raises(InputError, match="expected a reset before it"):
+        QuadrotorBlast(2, params=PARAMS).step(np.zeros((2, 3)))
+    lanes.reset(seed=0)
+    with pytest.raises(InputError, match=r"expected the shape \(3, 3\), got \(3, 4\)"):
+        lanes.step(np.zeros((3, 4)))
+    with pytest.raises(InputError, match="expected numbers, got 'up'"):
+        lanes.step("up")
+
+
+def test_options_beside_params_are_refused():
+    with pytest.raises(InputError, match="expected them alone, got spread_m"):
+        QuadrotorBlast(2, params=PARAMS, spread_m=1.0)
+
+
+def test_without_gymnasium_the_core_is_there_and_the_rest_says_what_is_missing():
+    code = (
+        "import sys; sys.modules['gymnasium'] = None\n"
+        "import jblast.environments as e\n"
+        "assert e.step and e.reset\n"
+        "try: e.QuadrotorBlast\n"
+        "except ValueError as error: print(error)\n"
+    )
+    root = os.path.dirname(os.path.dirname(jblast.__file__))
+    run = subprocess.run(
+        [sys.executable, "-c", code],
+        check=True,
+        capture_output=True,
+        text=True,
+        env={**os.environ, "PYTHONPATH": root},
+    )
+    assert "jblast[environments]" in run.stdout

@@ -1,0 +1,53 @@
+"""What an environment is built of is checked, and named where it cannot be used."""
+
+import math
+
+import jax.numpy as jnp
+import pytest
+
+from jblast.environments import Randomisation, environment_params
+from jblast.environments.tasks.mission import default_guidance
+from jblast.errors import InputError
+from jblast.scene import Normal, Uniform, WorldSpec
+from jblast.scene.random.spec import ByCount, ByRate
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"task": "Hovr"}, "task 'Hovr': expected Hover, Rates, Mission, Detect"),
+        ({"command": "thrust"}, "command 'thrust': expected rotor_speeds"),
+        ({"vehicle": "iriss"}, "vehicle 'iriss': expected crazyflie"),
+        ({"step_s": 0.05}, "stable up to 0.03482 s with iris, got 0.05 s"),
+        ({"step_s": 0.0}, "step_s: expected a positive number, got 0"),
+        ({"episode_s": math.nan}, "episode_s: expected a positive number, got nan"),
+        ({"task": "Mission"}, "guidance: expected that of a mission"),
+        (
+            {"task": "Detect", "command": "velocity"},
+            "expected 'hold' of the task Detect",
+        ),
+        ({"world": WorldSpec(ByRate(0.2))}, "expected ByCount of 1 or more"),
+        ({"world": WorldSpec(ByCount(0))}, "expected ByCount of 1 or more"),
+        (
+            {"randomisation": Randomisation(delay_s=Uniform(0.0, 0.5))},
+            "delay_s: expected 0 to 0.1 s, 10 steps, got 0 to 0.5 s",
+        ),
+        (
+            {"randomisation": Randomisation(delay_s=Normal(0.0, 0.5))},
+            "delay_s: expected a number or a Uniform",
+        ),
+    ],
+)
+def test_what_cannot_be_used_is_named(given, message):
+    with pytest.raises(InputError, match=message):
+        environment_params(**given)
+
+
+def test_guidance_is_refused_where_there_is_no_mission():
+    with pytest.raises(InputError, match="none for another; got one for Hover"):
+        environment_params(guidance=default_guidance())
+
+
+def test_a_delay_is_counted_in_steps():
+    late = Randomisation(delay_s=jnp.asarray(0.03))
+    assert environment_params(randomisation=late).most_delay == 3
