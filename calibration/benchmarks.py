@@ -20,6 +20,7 @@ BENCHMARKS = (
     "event_kernel",
     "flight_kernel",
     "world",
+    "study",
 )
 """Each `calibration.benchmark_NAME` has a function `NAME_text`."""
 
@@ -31,7 +32,7 @@ def main() -> None:
     asked = parser.parse_args().name or list(BENCHMARKS)
     if unknown := [name for name in asked if name not in BENCHMARKS]:
         parser.error(f"no benchmark {unknown[0]!r}: expected {', '.join(BENCHMARKS)}")
-    split = {"fit_many", "euler", "flights", "world"} & {*asked}
+    split = {"fit_many", "euler", "flights", "world", "study"} & {*asked}
     if split and "device_count" not in os.environ.get("XLA_FLAGS", ""):
         jax.config.update("jax_num_cpu_devices", os.cpu_count())
     for name in asked:

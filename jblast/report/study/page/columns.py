@@ -11,12 +11,15 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from jblast.errors import InputError
+from jblast.study.engine.store import open_store
 
 if TYPE_CHECKING:
     import xarray
 
 SCHEMA = 1
 """Of a store that this version reads."""
+GO_ON = "--resume of jblast study goes on with it."
+INCOMPLETE = f"The study is not complete: this is what there is so far. {GO_ON}"
 
 
 @dataclass(frozen=True)
@@ -30,6 +33,7 @@ class Lane:
         kind: "number" or "yes_no".
         long_name: In words.
         values: Of each sample, NaN where it failed.
+        state: In place of values, statistics of each variant and cell.
     """
 
     name: str
@@ -38,6 +42,7 @@ class Lane:
     kind: str
     long_name: str
     values: Float[np.ndarray, " sample"]
+    state: Any = None
 
     @property
     def title(self) -> str:
@@ -92,7 +97,11 @@ class StudyColumns:
         axes: What was varied, in the order of the store.
         weights: Of the samples; None where they have none.
         attributes: What the store says of itself.
-        samples: How many there are.
+        samples: How many there are; of statistics alone how many variants and cells.
+        notes: What to know.
+        counted: How many samples statistics are of, where they alone were kept.
+        course: What was known of each lane after so many samples, likewise.
+        rows: The samples that were kept beside statistics.
     """
 
     lanes: tuple[Lane, ...]
@@ -103,6 +112,14 @@ class StudyColumns:
     attributes: Mapping[str, Any]
     samples: int
     notes: list[str] = field(default_factory=list)
+    counted: int | None = None
+    course: tuple[tuple[int, Mapping[str, Mapping[str, Any]]], ...] = ()
+    rows: "StudyColumns | None" = None
+
+    @property
+    def total(self) -> int:
+        """How many samples all this is of."""
+        return self.samples if self.counted is None else self.counted
 
     @property
     def numeric_axes(self) -> list[StudyAxis]:
@@ -144,7 +161,14 @@ def read_columns(path: str) -> StudyColumns:
             f"{path}: expected the store of a study, as `jblast study` writes it: "
             f"{error}"
         ) from None
-    return columns_of(dataset, path)
+    found = columns_of(dataset, path)
+    if dataset.attrs.get("keep", "all") == "all":
+        return found
+    from jblast.report.study.page.summary_columns import summary_columns
+
+    store = open_store(path)
+    assert store is not None, "it was read"
+    return summary_columns(store, found if found.samples else None, INCOMPLETE)
 
 
 def columns_of(dataset: "xarray.Dataset", source: str = "study") -> StudyColumns:
@@ -163,11 +187,6 @@ def columns_of(dataset: "xarray.Dataset", source: str = "study") -> StudyColumns
         raise InputError(
             f"{source}: expected schema {SCHEMA} of a study, got {schema}: this is "
             "read by another version of jblast"
-        )
-    if "sample" not in dataset.sizes:
-        raise InputError(
-            f"{source}: expected samples to report on, got a store of statistics alone "
-            '(keep = "summary")'
         )
     lanes: list[Lane] = []
     inputs, units, axes, weights = {}, {}, [], None
@@ -194,12 +213,12 @@ def columns_of(dataset: "xarray.Dataset", source: str = "study") -> StudyColumns
         tuple(axes),
         weights,
         dict(dataset.attrs),
-        int(dataset.sizes["sample"]),
+        int(dataset.sizes.get("sample", 0)),
     )
     if not dataset.attrs.get("complete", False):
         found.notes.append(
             "The study is not complete: what is not there yet counts as failed. "
-            "--resume of jblast study goes on with it."
+            f"{GO_ON}"
         )
     return found
 
