@@ -51,7 +51,7 @@ def summarised(work: Work, store: Store, limit: int | None, tiles: Tiles | None)
     summary, reduced = opened_summary(store, work)
     run = _Run(work, summary, reduced)
     if store.attributes["complete"]:
-        summary.tiles = -(-int(store.attributes["samples"]) // reduced.tile)
+        summary.tiles = summary.tiles_said()
         run.take(summary.done())
         reached = run.samples < work.numbering.samples
         return Ran(store, run.estimates, run.samples, 0, 0.0, True, reached, work.notes)

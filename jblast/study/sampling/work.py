@@ -227,7 +227,8 @@ def _together(
 ) -> Columns:
     """Finish all blocks at once, as a GPU has room for."""
     shape = next(iter(found.values())).shape[:2]
-    whole = {name: x.reshape(-1, *x.shape[2:]) for name, x in found.items()}
+    rows = shape[0] * shape[1]  # not -1: a column may have no width
+    whole = {name: x.reshape(rows, *x.shape[2:]) for name, x in found.items()}
     return {name: x.reshape(*shape, *x.shape[1:]) for name, x in host(whole).items()}
 
 

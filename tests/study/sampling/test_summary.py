@@ -16,7 +16,7 @@ from jblast.study.engine.summary.store import SummaryStore
 from jblast.study.sampling import reduced as reduced_module, work as work_module
 from jblast.study.statistics import NUMBER
 from tests.study.engine.test_killed import chunks
-from tests.study.example import STUDY, study_in
+from tests.study.example import SCENE, STUDY, study_in
 
 SAMPLES = 5000
 SUMMARY = STUDY.replace("samples = 300", f'samples = {SAMPLES}\nkeep = "summary"')
@@ -79,6 +79,7 @@ def test_it_does_not_depend_on_devices_or_interruption(tmp_path):
     assert run_into(study, tmp_path / "b", resume=True).new == 0
 
 
+@pytest.mark.slow
 def test_blocks_that_go_together_as_on_a_gpu_say_the_same(tmp_path, monkeypatch):
     study = study_in(tmp_path, SUMMARY)
     run_into(study, tmp_path / "one")
@@ -108,13 +109,13 @@ def test_xarray_reads_the_statistics(tmp_path):
     assert found["air_arrival_s.counts"].sum() == 2 * SAMPLES
 
 
+@pytest.mark.slow
 def test_parts_and_other_seeds_are_merged(tmp_path):
     study = study_in(tmp_path, SUMMARY)
     run_into(study, tmp_path / "whole")
     run_into(study, tmp_path / "part", limit=2048)
     run_into(study, tmp_path / "rest")
     (tmp_path / "rest" / "summary" / "air_arrival_s.counts" / "0.0.0.0").unlink()
-    (tmp_path / "part" / "zarr.json").read_text()
     both = merged([tmp_path / "part", tmp_path / "rest"], tmp_path / "both")
     assert both.attributes["complete"]
     assert chunks(tmp_path / "both") == chunks(tmp_path / "whole")
@@ -135,6 +136,7 @@ def test_a_study_ends_when_its_standard_errors_are_reached(tmp_path):
     assert (ran.estimates.moments["air_arrival_s"].standard_error() <= 2e-3).all()
 
 
+@pytest.mark.slow
 def test_shares_count_lanes_that_failed(tmp_path):
     text = YES_NO + "[options]\nthreshold_pa = 30000.0\n"
     study = study_in(tmp_path, text)
@@ -153,3 +155,17 @@ def test_sketches_of_too_many_cells_are_refused(tmp_path):
         run_into(study, tmp_path / "store")
     more = dataclasses.replace(study, keep="all")
     assert run_into(more, tmp_path / "rows").complete
+
+
+@pytest.mark.slow
+def test_each_variant_of_the_scene_has_its_own(tmp_path):
+    (tmp_path / "other.toml").write_text(SCENE.replace("20.0, 0.0", "40.0, 0.0"))
+    text = SUMMARY.replace('"scene.toml"', '["scene.toml", "other.toml"]')
+    study = study_in(tmp_path, text)
+    run_into(study, tmp_path / "store")
+    rows = run(study)
+    found = NUMBER.finish(whole_state(tmp_path / "store"))
+    for n in (0, 1):
+        own = rows.air_arrival_s.values[rows.scene.values == n]
+        np.testing.assert_allclose(found["mean"][n], own.mean(0), rtol=1e-13)
+        assert (found["count"][n] == len(own)).all()

@@ -2,7 +2,6 @@
 
 import itertools
 import textwrap
-import warnings
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
@@ -11,7 +10,6 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from jblast.errors import InputError
-from jblast.study.engine.store import open_store
 
 if TYPE_CHECKING:
     import xarray
@@ -143,34 +141,6 @@ class StudyColumns:
                 yield tuple(said), mask
 
 
-def read_columns(path: str) -> StudyColumns:
-    """Read a store.
-
-    Raises:
-        InputError: There is none, or it is of another kind or of a newer schema.
-    """
-    import xarray
-
-    try:
-        with warnings.catch_warnings():
-            # a store has a lock beside its columns
-            warnings.filterwarnings("ignore", message=".*not recognized as a component")
-            dataset = xarray.open_zarr(path, consolidated=False)
-    except (OSError, ValueError, KeyError, TypeError) as error:
-        raise InputError(
-            f"{path}: expected the store of a study, as `jblast study` writes it: "
-            f"{error}"
-        ) from None
-    found = columns_of(dataset, path)
-    if dataset.attrs.get("keep", "all") == "all":
-        return found
-    from jblast.report.study.page.summary_columns import summary_columns
-
-    store = open_store(path)
-    assert store is not None, "it was read"
-    return summary_columns(store, found if found.samples else None, INCOMPLETE)
-
-
 def columns_of(dataset: "xarray.Dataset", source: str = "study") -> StudyColumns:
     """Return the columns of a data set in the layout of a study.
 
@@ -187,6 +157,10 @@ def columns_of(dataset: "xarray.Dataset", source: str = "study") -> StudyColumns
         raise InputError(
             f"{source}: expected schema {SCHEMA} of a study, got {schema}: this is "
             "read by another version of jblast"
+        )
+    if "sample" not in dataset.sizes:
+        raise InputError(
+            f"{source}: expected samples to report on, got a data set without any"
         )
     lanes: list[Lane] = []
     inputs, units, axes, weights = {}, {}, [], None
@@ -213,7 +187,7 @@ def columns_of(dataset: "xarray.Dataset", source: str = "study") -> StudyColumns
         tuple(axes),
         weights,
         dict(dataset.attrs),
-        int(dataset.sizes.get("sample", 0)),
+        int(dataset.sizes["sample"]),
     )
     if not dataset.attrs.get("complete", False):
         found.notes.append(

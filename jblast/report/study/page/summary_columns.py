@@ -39,7 +39,7 @@ def summary_columns(
     anchors, done = summary.anchors(), summary.done()
     states: dict[str, State] | None = None
     ends = np.unique(np.geomspace(1, max(1, len(done)), MOST_POINTS).astype(int))
-    course: list[tuple[int, dict[str, dict[str, float]]]] = []
+    course: list[tuple[int, dict[str, dict[str, Any]]]] = []
     number = 0
     while number in done:
         own = summary.read(number, anchors)
@@ -75,7 +75,7 @@ def _counted(lanes: tuple[Lane, ...]) -> int:
     return int(sum(np.sum(part) for part in parts))
 
 
-def _course(lanes: tuple[Lane, ...]) -> dict[str, dict[str, float]]:
+def _course(lanes: tuple[Lane, ...]) -> dict[str, dict[str, Any]]:
     """Return what is known of each lane, of all cells together."""
     return {
         lane.title: found_in(lane.kind, lane.state, slice(None), quantiles=())

@@ -22,8 +22,8 @@ def summary_of(store: Store) -> SummaryStore:
     summary = SummaryStore(store.path, store.variables, groups, 0)
     if not summary.there:
         raise InputError(
-            f"{store.path}: expected statistics of tiles, got none yet; --resume of "
-            "jblast study goes on with it"
+            f"{store.path}: expected statistics of tiles, got none: it was killed "
+            "as it was begun"
         )
     summary.tiles = summary.tiles_said()
     return summary
