@@ -204,7 +204,8 @@ def fit_lines(platform: str) -> list[str]:
     numbers = {"charge_mass_kg": jax.numpy.asarray(mass)}
     read = jax.jit(part.prepared.batched)(keys, numbers)
     readings, sigma = np.asarray(read["_readings"]), np.asarray(sigma)
-    laws = dict.fromkeys(("air_arrival_s", "peak_overpressure_pa"), "kingery_bulmash")
+    quantities: tuple[str, ...] = ("air_arrival_s", "peak_overpressure_pa")
+    laws = dict.fromkeys(quantities, "kingery_bulmash")
 
     def fit() -> None:
         jax.device_get(

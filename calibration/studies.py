@@ -227,7 +227,7 @@ def main() -> None:
         text = "\n".join([said, *columns.notes, "", *lines]) + "\n"
         print(text)
         write_text(RESULTS / f"studies_{name}.txt", text)
-        write_figure(RESULTS / f"studies_{name}.png", figure)
+        write_figure(figure, RESULTS / f"studies_{name}.png")
 
 
 if __name__ == "__main__":

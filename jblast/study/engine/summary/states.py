@@ -89,7 +89,7 @@ def moments_from(array: Float[np.ndarray, "... 7"]) -> Moments:
     finite, infinite, lost, mean, squares, low, high = np.moveaxis(array, -1, 0)
     whole = [x.astype(np.int64) for x in (finite, infinite, lost)]
     one = finite.astype(float), mean, squares
-    return Moments(*whole, *one, *one, low, high)
+    return Moments._make([*whole, *one, *one, low, high])
 
 
 def packed(variable: Variable, state: State) -> dict[str, np.ndarray]:
