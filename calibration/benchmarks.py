@@ -21,8 +21,11 @@ BENCHMARKS = (
     "flight_kernel",
     "world",
     "environments",
+    "study",
 )
 """Each `calibration.benchmark_NAME` has a function `NAME_text`."""
+SPLIT = {"fit_many", "euler", "flights", "world", "environments", "study"}
+"""Those that use every core as a device of its own."""
 
 
 def main() -> None:
@@ -32,7 +35,7 @@ def main() -> None:
     asked = parser.parse_args().name or list(BENCHMARKS)
     if unknown := [name for name in asked if name not in BENCHMARKS]:
         parser.error(f"no benchmark {unknown[0]!r}: expected {', '.join(BENCHMARKS)}")
-    split = {"fit_many", "euler", "flights", "world", "environments"} & {*asked}
+    split = SPLIT & {*asked}
     if split and "device_count" not in os.environ.get("XLA_FLAGS", ""):
         jax.config.update("jax_num_cpu_devices", os.cpu_count())
     for name in asked:

@@ -8,7 +8,7 @@ import numpy as np
 from jblast.json_values import entries
 from jblast.study.engine.estimates import Moments
 from jblast.study.engine.variable import Variable
-from jblast.study.sampling.run import Ran
+from jblast.study.sampling.ran import Ran
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ kind of processor.
 
 import warnings
 from collections.abc import Callable
-from typing import Any
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -23,6 +23,19 @@ LANES = "lanes"
 
 Block = Callable[[PyTree[Array], PyTree[Array]], PyTree[Array]]
 """From what all blocks share and what is of one block to an answer for each sample."""
+
+
+class Reduce(NamedTuple):
+    """What is kept of blocks in place of their answers.
+
+    Attributes:
+        empty: Whole numbers that a device begins to count from, from what is shared.
+        step: From what is shared, the counts so far, and the answers of some blocks,
+            to the counts and to what is kept of each block.
+    """
+
+    empty: Callable[[PyTree[Array]], PyTree[Array]]
+    step: Callable[..., tuple[PyTree[Array], PyTree[Array]]]
 
 
 def mesh_of(devices: int | None = None) -> Mesh:
@@ -45,17 +58,27 @@ class Launcher:
 
     Attributes:
         capacity: Blocks of a device in one launch; halved where memory runs out.
+        group: Blocks that a device takes at once: one on a core, many on a GPU.
     """
 
-    def __init__(self, block: Block, mesh: Mesh, capacity: int) -> None:
+    def __init__(
+        self,
+        block: Block,
+        mesh: Mesh,
+        capacity: int,
+        *,
+        group: int = 1,
+        reduce: Reduce | None = None,
+    ) -> None:
         if len(mesh.axis_names) != 1:
             raise InputError(
                 f"mesh: expected one axis, along which samples are shared, got "
                 f"{len(mesh.axis_names)}: {', '.join(map(str, mesh.axis_names))}"
             )
-        self._block, self._mesh = block, mesh
-        self.capacity = max(1, capacity)
-        self._programs: dict[int, Any] = {}
+        self._block, self._mesh, self._reduce = block, mesh, reduce
+        self.group = max(1, min(group, capacity))
+        self.capacity = max(self.group, capacity // self.group * self.group)
+        self._programs: dict[tuple[int, int], Any] = {}
 
     def __call__(
         self, shared: PyTree[Array], each: PyTree[np.ndarray]
@@ -69,18 +92,28 @@ class Launcher:
         Raises:
             MemoryError: Not even one block fits into a device.
         """
+        return self.reduced(shared, each)[0]
+
+    def reduced(
+        self, shared: PyTree[Array], each: PyTree[np.ndarray]
+    ) -> tuple[PyTree[np.ndarray], PyTree[np.ndarray]]:
+        """Return what is kept of each block, and the counts of all; likewise."""
         count = jax.tree.leaves(each)[0].shape[0]
-        parts, done = [], 0
+        parts, counts, done = [], None, 0
         while done < count:
             begun = self.capacity * self._mesh.size
             some = jax.tree.map(lambda x, a=done, n=begun: x[a : a + n], each)
             try:
-                parts.append(self._launch(shared, some))
+                part, counted = self._launch(shared, some)
             except (MemoryError, jax.errors.JaxRuntimeError) as error:
                 self._cut(error)
                 continue
+            parts.append(part)
+            if counts is not None:
+                counted = jax.tree.map(np.add, counts, counted)
+            counts = counted
             done += jax.tree.leaves(some)[0].shape[0]
-        return jax.tree.map(lambda *x: np.concatenate(x), *parts)
+        return jax.tree.map(lambda *x: np.concatenate(x), *parts), counts
 
     def _cut(self, error: Exception) -> None:
         """Halve what a device is given, where it ran out of memory."""
@@ -91,6 +124,7 @@ class Launcher:
                 "a device has too little memory for one block of samples"
             ) from error
         self.capacity //= 2
+        self.group = min(self.group, self.capacity)
         warnings.warn(
             f"a device ran out of memory: it is given {self.capacity} blocks of "
             "samples at a time from now on; the answers are the same",
@@ -99,7 +133,7 @@ class Launcher:
 
     def _launch(
         self, shared: PyTree[Array], each: PyTree[np.ndarray]
-    ) -> PyTree[np.ndarray]:
+    ) -> tuple[PyTree[np.ndarray], PyTree[np.ndarray]]:
         """Run at most as many blocks as the devices take at once."""
         devices, capacity = self._mesh.size, self.capacity
         count = jax.tree.leaves(each)[0].shape[0]
@@ -117,17 +151,19 @@ class Launcher:
             (counts.astype(np.int32), jax.tree.map(spread, each)), along
         )
         shared = jax.device_put(shared, NamedSharding(self._mesh, PartitionSpec()))
-        answers = self._program(capacity)(shared, *inputs)
+        answers, counted = self._program(capacity)(shared, *inputs)
 
         def gathered(x: Array) -> np.ndarray:
             rows = np.asarray(x)
             return np.concatenate([rows[d, : counts[d]] for d in range(devices)])
 
-        return jax.tree.map(gathered, answers)
+        totals = jax.tree.map(lambda x: np.asarray(x).sum(axis=0), counted)
+        return jax.tree.map(gathered, answers), totals
 
     def _program(self, capacity: int) -> Callable[..., PyTree[Array]]:
         """Return the compiled program for so many blocks a device."""
-        if capacity not in self._programs:
+        which = capacity, self.group
+        if which not in self._programs:
             axis = PartitionSpec(self._mesh.axis_names[0])
             spread = jax.shard_map(
                 self._here,
@@ -136,37 +172,51 @@ class Launcher:
                 out_specs=axis,
                 check_vma=False,
             )
-            self._programs[capacity] = jax.jit(spread)
-        return self._programs[capacity]
+            self._programs[which] = jax.jit(spread)
+        return self._programs[which]
 
     def _here(
         self, shared: PyTree[Array], count: Int[Array, "1"], each: PyTree[Array]
     ) -> PyTree[Array]:
         """Go through the blocks of one device."""
         each = jax.tree.map(lambda x: x[0], each)
-        capacity = jax.tree.leaves(each)[0].shape[0]
+        capacity, group = jax.tree.leaves(each)[0].shape[0], self.group
+        reduce = self._reduce or Reduce(lambda _: (), lambda _, none, x: (none, x))
 
-        def one(n: Array) -> PyTree[Array]:
-            return self._block(shared, jax.tree.map(lambda x: x[n], each))
+        def some(n: Array) -> PyTree[Array]:
+            if group == 1:
+                one = self._block(shared, jax.tree.map(lambda x: x[n], each))
+                return jax.tree.map(lambda x: x[None], one)
+            these = jax.tree.map(
+                lambda x: jax.lax.dynamic_slice_in_dim(x, n * group, group), each
+            )
+            return jax.vmap(lambda one: self._block(shared, one))(these)
 
+        def step(n: Array, counts: PyTree[Array]) -> Any:
+            # a barrier, so that nothing of what is done with answers goes into them
+            return reduce.step(shared, counts, jax.lax.optimization_barrier(some(n)))
+
+        none = reduce.empty(shared)
+        _, like = jax.eval_shape(step, jax.ShapeDtypeStruct((), jnp.int32), none)
         empty = jax.tree.map(
-            lambda like: jnp.zeros((capacity, *like.shape), like.dtype),
-            jax.eval_shape(one, jax.ShapeDtypeStruct((), jnp.int32)),
+            lambda x: jnp.zeros((capacity, *x.shape[1:]), x.dtype), like
         )
 
-        def body(n: Array, filled: PyTree[Array]) -> PyTree[Array]:
-            # a barrier, so that nothing of how answers are stored is fused into them
-            answers = jax.lax.optimization_barrier(one(n))
-            return jax.tree.map(
-                lambda whole, part: jax.lax.dynamic_update_index_in_dim(
-                    whole, part, n, 0
+        def body(n: Array, so_far: Any) -> Any:
+            counts, filled = so_far
+            counts, kept = step(n, counts)
+            filled = jax.tree.map(
+                lambda whole, part: jax.lax.dynamic_update_slice_in_dim(
+                    whole, part, n * group, 0
                 ),
                 filled,
-                answers,
+                kept,
             )
+            return counts, filled
 
-        filled = jax.lax.fori_loop(0, count[0], body, empty)
-        return jax.tree.map(lambda x: x[None], filled)
+        last = -(-count[0] // group)
+        counts, filled = jax.lax.fori_loop(0, last, body, (none, empty))
+        return jax.tree.map(lambda x: x[None], (filled, counts))
 
 
 def out_of_memory(error: Exception) -> bool:

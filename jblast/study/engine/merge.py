@@ -15,6 +15,7 @@ import numpy as np
 from jblast.errors import InputError
 from jblast.files import replacing
 from jblast.study.engine.store import Store, open_store, places_of
+from jblast.study.engine.summary.merge import merge_summaries
 
 SEED = re.compile(r"^\s*seed\s*=.*$", re.MULTILINE)
 LIKE = ("scene_sha256", "design", "block", "cells", "variants", "jblast", "keep")
@@ -73,16 +74,16 @@ def _refuse_other(first: Store, other: Store) -> None:
         )
 
 
-def _begun(first: Store, out: Path, samples: int, more: dict[str, object]) -> Store:
-    """Begin the whole in a folder of its own.
+def _begun(first: Store, out: Path, rows: int, more: dict[str, object]) -> Store:
+    """Begin the whole in a folder of its own, for so many rows.
 
     Raises:
         InputError: There is something already.
     """
     if open_store(out) is not None:
         raise InputError(f"{out}: there is a study already; expected a new folder")
-    attributes = first.attributes | {"complete": False, "samples": samples} | more
-    store = Store(out, first.variables, samples, first.tile, attributes)
+    attributes = first.attributes | {"complete": False} | more
+    store = Store(out, first.variables, rows, first.tile, attributes)
     store.create(places_of(first))
     return store
 
@@ -90,20 +91,25 @@ def _begun(first: Store, out: Path, samples: int, more: dict[str, object]) -> St
 def _parts(found: Sequence[Store], out: Path) -> Store:
     """Take each tile from whoever has it."""
     first = found[0]
-    samples = max(store.samples for store in found)
+    rows = max(store.samples for store in found)
+    samples = max(store.attributes["samples"] for store in found)
     ended = [store for store in found if store.attributes["complete"]]
     if ended:  # by targets, perhaps, after fewer samples than there might be
-        samples = ended[0].samples
+        rows, samples = ended[0].samples, ended[0].attributes["samples"]
     same = out.resolve() == first.path.resolve()
-    whole = first if same else _begun(first, out, samples, {})
-    have = whole.done()
+    whole = first if same else _begun(first, out, rows, {"samples": samples})
+    have, tiles = whole.done(), -(-rows // first.tile)
     for store in found:
         for tile in sorted(store.done() - have):
-            if tile < -(-samples // first.tile):
+            if tile < tiles:
                 _copy(store, tile, whole, tile)
                 have.add(tile)
-    if len(have) >= -(-samples // first.tile) and not whole.attributes["complete"]:
-        whole.finish(samples)
+    complete = len(have) >= tiles
+    if first.attributes["keep"] != "all":
+        whole.attributes["samples"] = samples
+        complete &= merge_summaries(found, whole, apart=False)
+    if complete and not whole.attributes["complete"]:
+        whole.finish(samples, rows)
     return whole
 
 
@@ -119,8 +125,10 @@ def _seeds(found: Sequence[Store], out: Path, seeds: Sequence[int]) -> Store:
         raise InputError(
             f"{out}: expected a new folder, as the seeds differ, got one of the stores"
         )
-    samples = sum(store.samples for store in found)
-    whole = _begun(found[0], out, samples, {"seeds": list(seeds)})
+    rows = sum(store.samples for store in found)
+    samples = sum(store.attributes["samples"] for store in found)
+    more = {"seeds": list(seeds), "samples": samples}
+    whole = _begun(found[0], out, rows, more)
     if all(store.samples % store.tile == 0 for store in found[:-1]):
         at = 0
         for store in found:
@@ -129,7 +137,9 @@ def _seeds(found: Sequence[Store], out: Path, seeds: Sequence[int]) -> Store:
             at += store.tiles
     else:
         _rewritten(found, whole)
-    whole.finish(samples)
+    if whole.attributes["keep"] != "all":
+        merge_summaries(found, whole, apart=True)
+    whole.finish(samples, rows)
     return whole
 
 

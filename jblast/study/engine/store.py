@@ -101,9 +101,15 @@ class Store:
         }
         write_text(self.path / GROUP, as_json(group))
 
-    def finish(self, samples: int, **more: Any) -> None:
-        """Say that so many samples are all there are, and that they are there."""
-        self.samples = samples
+    def finish(self, samples: int, rows: int | None = None, **more: Any) -> None:
+        """Say that so many samples are all there are, and that they are there.
+
+        Args:
+            samples: How many.
+            rows: How many of them are kept; None: all.
+            **more: What else the store says of itself.
+        """
+        self.samples = samples if rows is None else rows
         self.attributes |= {"complete": True, "samples": samples, **more}
         self._describe(len(self.sensors()))
 
@@ -126,7 +132,7 @@ class Store:
             whole = np.full(
                 variable.shape(self.tile), variable.missing, dtype=variable.dtype
             )
-            given = columns[variable.name]
+            given = columns[variable.name][: self.samples - tile * self.tile]
             whole[: len(given)] = given
             path = self.chunk_path(variable, tile)
             write_bytes(path, whole.tobytes(), durable=False)

@@ -162,7 +162,7 @@ def _compared(number, truth, middle, low, high, good, found) -> dict[str, np.nda
     }
 
 
-register_family(Family("fit", 3, prepare, block=2048, tile=1 << 13, options=OPTIONS))
+register_family(Family("fit", 3, prepare, block=2048, tile=1 << 16, options=OPTIONS))
 for _name, _words, _yes in (
     ("fit_value", "fitted number, in its own unit", False),
     ("fit_error", "fit minus truth; of a positive number ln of their ratio", False),

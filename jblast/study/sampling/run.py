@@ -1,10 +1,7 @@
 """A study run: into a store that a kill does not harm, or into memory."""
 
-import math
 import os
 import time
-from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -12,7 +9,6 @@ import numpy as np
 from jax.sharding import Mesh
 
 from jblast.errors import InputError
-from jblast.progress import Level, Task
 from jblast.study.engine.estimates import Estimates
 from jblast.study.engine.lock import locked
 from jblast.study.engine.store import Store, open_store
@@ -20,41 +16,12 @@ from jblast.study.engine.tiles import Columns, InOrder, Writer, calculated
 from jblast.study.file.study import Study
 from jblast.study.sampling.dataset import dataset_of
 from jblast.study.sampling.provenance import attributes_of, refuse_other
+from jblast.study.sampling.ran import Ran, Tiles, telling
+from jblast.study.sampling.summarise import rows_of, summarised
 from jblast.study.sampling.work import Work
 
 if TYPE_CHECKING:
     import xarray
-
-SHOWN = 3
-"""Outcomes whose running estimates a progress line tells."""
-
-Tiles = Callable[[list[int]], Iterable[tuple[int, Columns | None]]]
-"""Calculates tiles, in any order; None: whoever calculated it has written it."""
-
-
-@dataclass
-class Ran:
-    """What became of a run.
-
-    Attributes:
-        store: The store.
-        estimates: What is known of each outcome.
-        samples: How many there are now.
-        new: How many were calculated by this run.
-        seconds: How long that took, but for getting ready.
-        complete: Whether the study is complete.
-        reached: Whether it ended by its targets.
-        notes: What there is to say of how it was calculated.
-    """
-
-    store: Store
-    estimates: Estimates
-    samples: int
-    new: int
-    seconds: float
-    complete: bool
-    reached: bool
-    notes: tuple[str, ...] = field(default_factory=tuple)
 
 
 def run(study: Study, mesh: Mesh | None = None) -> "xarray.Dataset":
@@ -77,7 +44,7 @@ def run(study: Study, mesh: Mesh | None = None) -> "xarray.Dataset":
     """
     work = Work(study, mesh)
     estimates = Estimates(work.variables, work.numbering)
-    order = InOrder(estimates, study.sd_target, _telling(work))
+    order = InOrder(estimates, study.sd_target, telling(work.numbering))
     parts: list[Columns] = []
     for tile, columns in calculated(work, range(work.numbering.tiles)):
         parts.append(columns)
@@ -115,8 +82,6 @@ def run_into(
             on, or it is another study's.
         OSError: It cannot be written; what was computed is kept.
     """
-    if study.keep != "all":
-        raise InputError(f'{study.source}: keep: expected "all": not supported yet')
     if limit is not None and limit < 1:
         raise InputError(f"limit: expected a positive whole number, got {limit}")
     store = open_store(path)
@@ -134,20 +99,21 @@ def run_into(
             store = Store(
                 path,
                 work.variables,
-                numbering.samples,
+                rows_of(study.keep, numbering.samples),
                 numbering.tile,
                 attributes_of(work),
             )
             store.create(work.places)
         store.sweep()
-        return _run(work, store, limit, tiles)
+        calculates = _run if study.keep == "all" else summarised
+        return calculates(work, store, limit, tiles)
 
 
 def _run(work: Work, store: Store, limit: int | None, tiles: Tiles | None) -> Ran:
     """Calculate what a store lacks."""
     study, numbering = work.study, work.numbering
     estimates = Estimates(work.variables, numbering)
-    order = InOrder(estimates, study.sd_target, _telling(work))
+    order = InOrder(estimates, study.sd_target, telling(work.numbering))
     if store.attributes["complete"]:
         for tile in range(store.tiles):
             order.take(tile, 0, store.read_tile(tile))
@@ -162,7 +128,8 @@ def _run(work: Work, store: Store, limit: int | None, tiles: Tiles | None) -> Ra
     begun, new = time.monotonic(), 0
     if not order.reached:
         with Writer(store) as writer:
-            for tile, columns in (tiles or _here(work))(missing):
+            begun_tiles = tiles(missing) if tiles else calculated(work, missing)
+            for tile, columns in begun_tiles:
                 if columns is None:
                     columns = store.read_tile(tile)
                 else:
@@ -189,41 +156,3 @@ def _run(work: Work, store: Store, limit: int | None, tiles: Tiles | None) -> Ra
         order.reached,
         work.notes,
     )
-
-
-def _here(work: Work) -> Tiles:
-    def tiles(missing: list[int]) -> Iterator[tuple[int, Columns]]:
-        return calculated(work, missing)
-
-    return tiles
-
-
-def _telling(work: Work) -> Callable[[int, Estimates], None]:
-    """Return what tells how far a run is, how fast, and what is known by now."""
-    teller, total, begun = Task(), work.numbering.samples, time.monotonic()
-    first: list[int] = []
-
-    def heard(samples: int, estimates: Estimates) -> None:
-        first.append(samples) if not first else None
-        gone = time.monotonic() - begun
-        rate = (samples - first[0]) / gone if gone > 0 else 0.0
-        known = "; ".join(
-            _known(name, estimates) for name in [*estimates.moments][:SHOWN]
-        )
-        words = f"{samples:,} of {total:,} samples, {rate:.3g}/s; {known}"
-        through = samples / total
-        teller(
-            Level("", words, through, min(1.0 - through, work.numbering.tile / total))
-        )
-
-    return heard
-
-
-def _known(name: str, estimates: Estimates) -> str:
-    """Return an outcome's mean and its standard error in words."""
-    whole = estimates.moments[name].whole()
-    mean, error = float(whole.mean.flat[0]), float(whole.standard_error().flat[0])
-    if not math.isfinite(error):
-        return f"{name} {mean:.3g}"
-    digits = max(0, 1 - math.floor(math.log10(error))) if error > 0 else 6
-    return f"{name} {mean:.{min(digits, 9)}f} ± {error:.2g}"

@@ -11,8 +11,9 @@ from jax.sharding import Mesh
 from jaxtyping import Array
 
 from jblast.scene import parameter_named
-from jblast.study.engine.launch import Launcher, mesh_of
+from jblast.study.engine.launch import Launcher, Reduce, mesh_of
 from jblast.study.engine.numbering import numbered
+from jblast.study.engine.summary.tally import VALID
 from jblast.study.engine.variable import Variable
 from jblast.study.file.study import Study
 from jblast.study.sampling.draws import key_of_study, normal_scores, sample_keys
@@ -21,6 +22,10 @@ from jblast.study.sampling.points import points_of
 
 LAUNCH = {"cpu": 1 << 15, "gpu": 1 << 20}
 """Samples that a device is given at a time, by platform."""
+GROUP = {"cpu": 1, "gpu": 1 << 19}
+"""Samples, in whole blocks, that go through its instructions together."""
+REDUCED = {"cpu": 1 << 20, "gpu": 1 << 24}
+"""Samples of a launch of which statistics alone are kept."""
 
 Columns = dict[str, np.ndarray]
 
@@ -107,24 +112,54 @@ class Work:
 
     def _blocks(self, variant: int, blocks: np.ndarray) -> Columns:
         """Calculate blocks of one variant."""
-        numbering = self.numbering
         if variant not in self._launchers:
-            kind = "cpu" if self.mesh.devices.flat[0].platform == "cpu" else "gpu"
-            self._launchers[variant] = Launcher(
-                self._block(variant), self.mesh, LAUNCH[kind] // numbering.block
-            )
+            self._launchers[variant] = self.launcher(variant)
+        answers = self._launchers[variant](*self.given(blocks))
+        return self.finished(variant, answers)
+
+    def launcher(self, variant: int, reduce: Reduce | None = None) -> Launcher:
+        """Return what runs blocks of a variant, or reduces them."""
+        kind = "cpu" if self.mesh.devices.flat[0].platform == "cpu" else "gpu"
+        block = self.numbering.block
+        at_once = (REDUCED if reduce else LAUNCH)[kind]
+        blocks = -(-self.numbering.samples // block // self.mesh.size)
+        return Launcher(
+            self._block(variant),
+            self.mesh,
+            at_once // block,
+            group=min(GROUP[kind] // block, 1 << (blocks - 1).bit_length()),
+            reduce=reduce,
+        )
+
+    def given(
+        self, blocks: np.ndarray, seed: int | None = None
+    ) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
+        """Return what blocks of one variant share, and what is of each.
+
+        Args:
+            blocks: Their numbers.
+            seed: In place of the study's; its draws are random ones.
+        """
+        numbering = self.numbering
         first = blocks * numbering.block
         within = numbering.begins_at(blocks)
         each: dict[str, np.ndarray] = {
             "index": (first % 2**32).astype(np.uint32),
             "cell": (within % numbering.cells).astype(np.int32),
+            "valid": np.clip(numbering.samples - first, 0, numbering.block).astype(
+                np.int32
+            ),
         }
-        if self.points is not None:
+        if self.points is not None and seed is None:
             each["scores"] = np.stack([self._scores(int(at)) for at in within])
-        key = key_of_study(self.study.seed, int(first[0]) >> 32)
+        elif self.points is not None:
+            shape = len(blocks), numbering.block, len(self.study.drawn)
+            each["scores"] = np.random.default_rng(seed).standard_normal(shape)
+        key = key_of_study(
+            self.study.seed if seed is None else seed, int(first[0]) >> 32
+        )
         shared = {"key": jax.random.key_data(key), "table": jnp.asarray(self._table)}
-        answers = self._launchers[variant](shared, each)
-        return self._by_host(variant, answers)
+        return shared, each
 
     def _scores(self, at: int) -> np.ndarray:
         """Return the points of a block."""
@@ -137,7 +172,7 @@ class Work:
         """Return what calculates a block: pure, of arrays."""
         study, numbering = self.study, self.numbering
 
-        def block(shared: dict[str, Array], each: dict[str, Array]) -> dict[str, Array]:
+        def block(shared: dict[str, Any], each: dict[str, Array]) -> dict[str, Array]:
             lanes = jnp.arange(numbering.block, dtype=jnp.uint32)
             keys = sample_keys(
                 jax.random.wrap_key_data(shared["key"]), each["index"] + lanes
@@ -146,15 +181,19 @@ class Work:
             if scores is None:
                 scores = normal_scores(keys, len(study.drawn))
             cell = (each["cell"] + lanes.astype(jnp.int32)) % numbering.cells
-            return answers_of(study, variant, keys, scores, shared["table"], cell)
+            found = answers_of(study, variant, keys, scores, shared["table"], cell)
+            return found | {VALID: lanes.astype(jnp.int32) < each["valid"]}
 
         return block
 
-    def _by_host(self, variant: int, answers: Mapping[str, np.ndarray]) -> Columns:
+    def finished(self, variant: int, answers: Mapping[str, np.ndarray]) -> Columns:
         """Finish what only runs from Python, and keep the columns."""
         found = dict(answers)
         for part in self.parts[variant]:
             if part.prepared.host is None:
+                continue
+            if self.mesh.devices.flat[0].platform != "cpu":
+                found |= _together(part.prepared.host, found)
                 continue
             rows = self._on_each_device(part.prepared.host, found)
             found |= {name: np.stack([r[name] for r in rows]) for name in rows[0]}
@@ -181,6 +220,16 @@ class Work:
                 done for part in pool.map(some, range(len(devices))) for done in part
             ]
         return [columns for _, columns in sorted(parts, key=lambda one: one[0])]
+
+
+def _together(
+    host: Callable[[Mapping[str, np.ndarray]], Mapping[str, np.ndarray]], found: Columns
+) -> Columns:
+    """Finish all blocks at once, as a GPU has room for."""
+    shape = next(iter(found.values())).shape[:2]
+    rows = shape[0] * shape[1]  # not -1: a column may have no width
+    whole = {name: x.reshape(rows, *x.shape[2:]) for name, x in found.items()}
+    return {name: x.reshape(*shape, *x.shape[1:]) for name, x in host(whole).items()}
 
 
 def _inputs(study: Study) -> tuple[Variable, ...]:

@@ -8,8 +8,11 @@ import jax
 import jblast
 from jblast.errors import InputError
 from jblast.study.engine.store import Store, open_store
+from jblast.study.engine.summary.store import SummaryStore
 from jblast.study.file.read import sha256_of, study_from_text
 from jblast.study.sampling.provenance import scenes_of
+from jblast.study.sampling.reduced import Reduced
+from jblast.study.sampling.summarise import opened_summary
 from jblast.study.sampling.work import Work
 
 
@@ -29,6 +32,23 @@ def write_tile(path: str, tile: int) -> str:
     if store.attributes["jblast"] == jblast.__version__ and tile not in store.done():
         store.write_tile(tile, work.tile(tile))
     return jblast.__version__
+
+
+def write_summary(path: str, tile: int) -> str:
+    """Calculate the statistics of a tile and write them; likewise."""
+    stamp = (Path(path) / "zarr.json").stat().st_mtime_ns
+    store = _opened(path, stamp)[0]
+    if store.attributes["jblast"] == jblast.__version__:
+        summary, reduced = _summary(path, stamp)
+        if tile not in summary.done():
+            summary.write(tile, reduced.states(tile))
+    return jblast.__version__
+
+
+@functools.lru_cache(maxsize=2)
+def _summary(path: str, stamp: int) -> tuple[SummaryStore, Reduced]:
+    """Return the statistics of a store and what adds to them, made ready once."""
+    return opened_summary(*_opened(path, stamp))
 
 
 @functools.lru_cache(maxsize=2)

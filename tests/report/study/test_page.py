@@ -10,9 +10,10 @@ from jsonschema import Draft202012Validator
 from docs.generate import answer_schemas
 from jblast.errors import InputError
 from jblast.report.study.page import study_report
-from jblast.report.study.page.columns import columns_of, read_columns
+from jblast.report.study.page.columns import columns_of
 from jblast.report.study.page.contour_figure import shares_on_grid
 from jblast.report.study.page.curve_figures import is_geometric
+from jblast.report.study.page.read import read_columns
 from jblast.report.study.page.summaries import summary_of
 
 ATTRIBUTES = {

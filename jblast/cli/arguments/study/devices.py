@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from jblast.errors import InputError
 
 if TYPE_CHECKING:
-    from jblast.study.sampling.run import Tiles
+    from jblast.study.sampling.ran import Tiles
 
 
 def devices_asked(words: str) -> int | None:
@@ -39,7 +39,7 @@ def tiles_asked(asked: argparse.Namespace) -> "Iterator[Tiles | None]":
         raise InputError("--workers: expected it, or --scheduler, got both")
     import jblast
     from jblast.study.engine.cluster import client_of, shared, workers_here
-    from jblast.study.sampling.worker import write_tile
+    from jblast.study.sampling.worker import write_summary, write_tile
 
     store = str(Path(asked.out).resolve())
     workers: int | None = asked.workers
@@ -47,8 +47,11 @@ def tiles_asked(asked: argparse.Namespace) -> "Iterator[Tiles | None]":
     cluster = client_of(address) if workers is None else workers_here(workers)
     with cluster as client:
 
-        def tiles(missing: list[int]) -> "Iterator[tuple[int, None]]":
-            for tile in shared(client, write_tile, store, missing, jblast.__version__):
+        def tiles(
+            missing: list[int], *, summary: bool = False
+        ) -> "Iterator[tuple[int, None]]":
+            task = write_summary if summary else write_tile
+            for tile in shared(client, task, store, missing, jblast.__version__):
                 yield tile, None
 
         yield tiles

@@ -18,10 +18,15 @@ def merge(asked: argparse.Namespace) -> int:
     if len(stores) < 2:
         raise InputError(f"merge: expected at least two stores, got {len(stores)}")
     store = merged(stores, asked.out or stores[0])
-    done = len(store.done())
+    done, tiles = len(store.done()), store.tiles
+    if store.attributes["keep"] != "all":
+        from jblast.study.engine.summary.merge import summary_of
+
+        summary = summary_of(store)
+        done, tiles = done + len(summary.done()), tiles + summary.tiles
     state = "complete" if store.attributes["complete"] else "not complete"
     sys.stdout.write(
-        f"{store.path}: {done:,} of {store.tiles:,} tiles from {len(stores)} stores; "
+        f"{store.path}: {done:,} of {tiles:,} tiles from {len(stores)} stores; "
         f"{state}\n"
     )
     return 0

@@ -17,7 +17,7 @@ def report(asked: argparse.Namespace) -> int:
     from jblast.errors import InputError
     from jblast.report.fit.files import check_directory
     from jblast.report.study.page import study_report
-    from jblast.report.study.page.columns import read_columns
+    from jblast.report.study.page.read import read_columns
 
     stores = asked.given[1:]
     if len(stores) != 1:

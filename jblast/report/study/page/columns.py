@@ -2,7 +2,6 @@
 
 import itertools
 import textwrap
-import warnings
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
@@ -17,6 +16,8 @@ if TYPE_CHECKING:
 
 SCHEMA = 1
 """Of a store that this version reads."""
+GO_ON = "--resume of jblast study goes on with it."
+INCOMPLETE = f"The study is not complete: this is what there is so far. {GO_ON}"
 
 
 @dataclass(frozen=True)
@@ -30,6 +31,7 @@ class Lane:
         kind: "number" or "yes_no".
         long_name: In words.
         values: Of each sample, NaN where it failed.
+        state: In place of values, statistics of each variant and cell.
     """
 
     name: str
@@ -38,6 +40,7 @@ class Lane:
     kind: str
     long_name: str
     values: Float[np.ndarray, " sample"]
+    state: Any = None
 
     @property
     def title(self) -> str:
@@ -92,7 +95,11 @@ class StudyColumns:
         axes: What was varied, in the order of the store.
         weights: Of the samples; None where they have none.
         attributes: What the store says of itself.
-        samples: How many there are.
+        samples: How many there are; of statistics alone how many variants and cells.
+        notes: What to know.
+        counted: How many samples statistics are of, where they alone were kept.
+        course: What was known of each lane after so many samples, likewise.
+        rows: The samples that were kept beside statistics.
     """
 
     lanes: tuple[Lane, ...]
@@ -103,6 +110,14 @@ class StudyColumns:
     attributes: Mapping[str, Any]
     samples: int
     notes: list[str] = field(default_factory=list)
+    counted: int | None = None
+    course: tuple[tuple[int, Mapping[str, Mapping[str, Any]]], ...] = ()
+    rows: "StudyColumns | None" = None
+
+    @property
+    def total(self) -> int:
+        """How many samples all this is of."""
+        return self.samples if self.counted is None else self.counted
 
     @property
     def numeric_axes(self) -> list[StudyAxis]:
@@ -126,27 +141,6 @@ class StudyColumns:
                 yield tuple(said), mask
 
 
-def read_columns(path: str) -> StudyColumns:
-    """Read a store.
-
-    Raises:
-        InputError: There is none, or it is of another kind or of a newer schema.
-    """
-    import xarray
-
-    try:
-        with warnings.catch_warnings():
-            # a store has a lock beside its columns
-            warnings.filterwarnings("ignore", message=".*not recognized as a component")
-            dataset = xarray.open_zarr(path, consolidated=False)
-    except (OSError, ValueError, KeyError, TypeError) as error:
-        raise InputError(
-            f"{path}: expected the store of a study, as `jblast study` writes it: "
-            f"{error}"
-        ) from None
-    return columns_of(dataset, path)
-
-
 def columns_of(dataset: "xarray.Dataset", source: str = "study") -> StudyColumns:
     """Return the columns of a data set in the layout of a study.
 
@@ -166,8 +160,7 @@ def columns_of(dataset: "xarray.Dataset", source: str = "study") -> StudyColumns
         )
     if "sample" not in dataset.sizes:
         raise InputError(
-            f"{source}: expected samples to report on, got a store of statistics alone "
-            '(keep = "summary")'
+            f"{source}: expected samples to report on, got a data set without any"
         )
     lanes: list[Lane] = []
     inputs, units, axes, weights = {}, {}, [], None
@@ -199,7 +192,7 @@ def columns_of(dataset: "xarray.Dataset", source: str = "study") -> StudyColumns
     if not dataset.attrs.get("complete", False):
         found.notes.append(
             "The study is not complete: what is not there yet counts as failed. "
-            "--resume of jblast study goes on with it."
+            f"{GO_ON}"
         )
     return found
 

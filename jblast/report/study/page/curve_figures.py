@@ -1,6 +1,7 @@
 """Curves of a study: over an axis, past a value, and as samples come in."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -17,6 +18,7 @@ from jblast.report.figure_style import (
     titled,
 )
 from jblast.report.study.page.columns import Lane, StudyAxis, StudyColumns
+from jblast.report.study.page.lane_states import found_in, pooled
 from jblast.report.study.page.summaries import summary_of
 from jblast.study.statistics import NUMBER, YES_NO, wilson_interval
 
@@ -131,7 +133,7 @@ def _response(axes, columns, lane, across, other, place, words, n) -> None:
 def exceedance_figure(columns: StudyColumns) -> Figure | None:
     """Draw how often each number is above a value, with Wilson's 90 % interval."""
     parts = panels_of([lane for lane in columns.lanes if lane.kind == "number"])
-    parts = [p for p in parts if any(np.isfinite(one.values).any() for one in p)]
+    parts = [p for p in parts if any(np.isfinite(above_of(one)[0]).any() for one in p)]
     if not parts or columns.weights is not None:
         return None
     figure, grid = grid_of(len(parts))
@@ -140,28 +142,23 @@ def exceedance_figure(columns: StudyColumns) -> Figure | None:
         titled(axes, lanes[0].name, "90 % intervals")
         positive = True
         for n, lane in enumerate(lanes[:MOST_CURVES]):
-            known = np.sort(lane.values[~np.isnan(lane.values)])
-            finite = known[np.isfinite(known)]
-            if not finite.size:
+            at, above, count = above_of(lane)
+            if not at.size:
                 continue
-            positive &= bool(finite[0] > 0)
-            last = finite.size - 1
-            tail = last - np.geomspace(1, last + 1, 200).astype(int) + 1
-            at = np.unique([*np.linspace(0, last, 200).astype(int), *tail])
-            above = 1 - (at + 1) / known.size
-            low, high = wilson_interval(above, np.full(at.size, float(known.size)))
+            positive &= bool(at[0] > 0)
+            low, high = wilson_interval(above, np.full(at.size, float(count)))
             colour = COLOURS[n % len(COLOURS)]
             seen = above > 0
             axes.plot(
-                finite[at][seen],
+                at[seen],
                 above[seen],
                 color=colour,
                 linewidth=1.4,
                 label=lane.sensor or lane.name,
             )
             axes.fill_between(
-                finite[at],
-                np.maximum(low, 0.3 / known.size),
+                at,
+                np.maximum(low, 0.3 / count),
                 high,
                 color=colour,
                 alpha=0.15,
@@ -177,20 +174,46 @@ def exceedance_figure(columns: StudyColumns) -> Figure | None:
     return figure
 
 
+def above_of(lane: Lane) -> tuple[np.ndarray, np.ndarray, int]:
+    """Return values, the share of samples above each, and of how many that is."""
+    if lane.state is not None:
+        found = found_in("number", lane.state, slice(None), quantiles=())
+        ends = float(found["minimum"]), float(found["maximum"])
+        values, counts = pooled(lane.state.sketch, *ends)
+        count = max(1, int(counts.sum()))
+        above = 1 - np.cumsum(counts) / count
+        some = np.unique(np.linspace(0, len(values) - 1, 600).astype(int))
+        return (values[some], above[some], count) if len(values) else (values, above, 1)
+    known = np.sort(lane.values[~np.isnan(lane.values)])
+    finite = known[np.isfinite(known)]
+    if not finite.size:
+        return finite, finite, 1
+    last = finite.size - 1
+    tail = last - np.geomspace(1, last + 1, 200).astype(int) + 1
+    at = np.unique([*np.linspace(0, last, 200).astype(int), *tail])
+    return finite[at], 1 - (at + 1) / known.size, known.size
+
+
 def convergence_figure(columns: StudyColumns) -> Figure | None:
     """Draw the estimate of each outcome as samples come in, in their order."""
     lanes = [part[0] for part in panels_of(columns.lanes)]
-    lanes = [lane for lane in lanes if np.isfinite(lane.values).sum() > 1]
+    if columns.counted is None:
+        lanes = [lane for lane in lanes if np.isfinite(lane.values).sum() > 1]
+    elif len(columns.course) < 2:
+        return None
     if not lanes:
         return None
     figure, grid = grid_of(len(lanes))
-    ends = np.unique(
-        np.geomspace(min(10, columns.samples), columns.samples, 40).astype(int)
-    )
+    ends = np.array([end for end, _ in columns.course])
+    if columns.counted is None:
+        first = min(10, columns.samples)
+        ends = np.unique(np.geomspace(first, columns.samples, 40).astype(int))
     for axes, lane in zip(grid, lanes, strict=True):
         quiet(axes)
         titled(axes, lane.title, "90 % intervals")
-        rows = [_running(columns, lane, int(end)) for end in ends]
+        rows = [_ends(lane, known[lane.title]) for _, known in columns.course]
+        if columns.counted is None:
+            rows = [_running(columns, lane, int(end)) for end in ends]
         middle, low, high = np.array(rows).T
         axes.plot(ends, middle, color=BLUE, linewidth=1.4)
         axes.fill_between(ends, low, high, color=BLUE, alpha=0.15, linewidth=0)
@@ -207,9 +230,14 @@ def _running(columns: StudyColumns, lane: Lane, end: int) -> tuple[float, ...]:
     values = lane.values[:end]
     if lane.kind == "yes_no":
         flags = np.where(np.isnan(values), -1, values).astype(np.int8)
-        found = YES_NO.finish(YES_NO.add(YES_NO.empty(), flags, weights))
-        return tuple(float(found[name]) for name in ("share", "low", "high"))
+        return _ends(lane, YES_NO.finish(YES_NO.add(YES_NO.empty(), flags, weights)))
     state = NUMBER.empty(weighted=weights is not None)
-    found = NUMBER.finish(NUMBER.add(state, values, weights))
+    return _ends(lane, NUMBER.finish(NUMBER.add(state, values, weights)))
+
+
+def _ends(lane: Lane, found: Mapping[str, Any]) -> tuple[float, ...]:
+    """Return an estimate and its interval."""
+    if lane.kind == "yes_no":
+        return tuple(float(found[name]) for name in ("share", "low", "high"))
     mean, half = float(found["mean"]), NORMAL_Q95 * float(found["standard_error"])
     return mean, mean - half, mean + half

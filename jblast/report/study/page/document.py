@@ -123,7 +123,7 @@ def study_document(
         return None if said.get(name) is None else str(said[name])
 
     answer = StudyReportAnswer(
-        columns.samples,
+        columns.total,
         bool(said.get("complete", False)),
         None if said.get("seed") is None else int(said["seed"]),
         word("design"),

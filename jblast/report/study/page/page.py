@@ -122,7 +122,7 @@ class StudyReport:
         said = self.columns.attributes
         return template.render(
             title=f"Study {self.name}".strip(),
-            subtitle=f"{self.columns.samples:,} samples, seed {said.get('seed')}, "
+            subtitle=f"{self.columns.total:,} samples, seed {said.get('seed')}, "
             f"design {said.get('design')}",
             notes=self.columns.notes,
             sections=[one for one in self._sections() if one.tables or one.pictures],

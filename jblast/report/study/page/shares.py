@@ -47,6 +47,8 @@ def shares_of(columns: StudyColumns) -> list[LaneShares]:
     inputs: dict[str, Float[np.ndarray, " sample"]] = dict(columns.inputs)
     inputs |= {axis.name: axis.values[axis.at] for axis in columns.numeric_axes}
     found = []
+    if columns.counted is not None:
+        return [] if columns.rows is None else shares_of(columns.rows)
     for lane in columns.lanes[:MOST_LANES]:
         indices = indices_from_samples(inputs, lane.values)
         if indices is None:

@@ -7,9 +7,8 @@ import numpy as np
 from jaxtyping import Bool
 
 from jblast.report.study.page.columns import Lane, StudyColumns
+from jblast.report.study.page.lane_states import NAMES, QUANTILES, found_in
 from jblast.study.statistics import NUMBER, YES_NO
-
-QUANTILES = (0.05, 0.5, 0.95)
 
 
 @dataclass(frozen=True)
@@ -37,6 +36,9 @@ def summary_of(
 
     Quantiles are those of the samples themselves where they have no weights.
     """
+    if lane.state is not None:
+        which = slice(None) if mask is None else np.flatnonzero(mask)
+        return LaneSummary(lane, cell, numbers(found_in(lane.kind, lane.state, which)))
     values = lane.values if mask is None else lane.values[mask]
     weights = columns.weights
     if weights is not None and mask is not None:
@@ -51,7 +53,7 @@ def summary_of(
     known = values[~np.isnan(values)]
     if weights is None and known.size:
         quantiles = np.quantile(known, QUANTILES, method="inverted_cdf")
-    named = zip(("q05", "q50", "q95"), quantiles, strict=True)
+    named = zip(NAMES, quantiles, strict=True)
     return LaneSummary(lane, cell, numbers(found | dict(named)))
 
 

@@ -1,0 +1,120 @@
+"""What sharing a study among workers costs, and what 1e12 samples would take.
+
+python -m calibration.study_scaling
+
+- Start: from the command until the first tile is written, the second time.
+- Workers that calculate: a study of arrivals and pressures at 16 sensors,
+  `keep = "summary"`, by this process alone on one core, by one worker, by two.
+- Simulated workers: as many processes, whose tiles are a second of sleep: what is lost
+  is what Dask takes to hand tiles out and to hear of them.
+- Cost model: samples x seconds a sample of one core / (workers x efficiency), the
+  efficiency that of the most simulated workers, whose loss is the largest.
+"""
+
+import os
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+SIMULATED = (1, 2, 4, 8)
+EACH = 5
+"""Tiles of a simulated worker."""
+TILE_S = 1.0
+SAMPLES = 1 << 23
+RUN = "import sys; from jblast.cli.main import main; sys.exit(main())"
+KEPT = Path(__file__).parent / "results" / "study_scaling.txt"
+
+
+def asleep(store: str, tile: int) -> str:
+    """Take as long as a tile does; return a version."""
+    del store, tile
+    time.sleep(TILE_S)
+    return "simulated"
+
+
+def simulated(workers: int) -> float:
+    """Return how long tiles of sleep take in all, against the least they could."""
+    from jblast.study.engine.cluster import shared, workers_here
+
+    with workers_here(workers) as client:
+        list(shared(client, asleep, "", list(range(workers)), "simulated"))
+        begun = time.perf_counter()
+        tiles = list(range(EACH * workers))
+        done = list(shared(client, asleep, "", tiles, "simulated"))
+        assert sorted(done) == tiles
+        return EACH * TILE_S / (time.perf_counter() - begun)
+
+
+def command(folder: Path, out: str, *more: str) -> float:
+    """Run a study by its command; return the seconds."""
+    begun = time.perf_counter()
+    words = [sys.executable, "-c", RUN, "study", str(folder / "study.toml")]
+    subprocess.run(
+        [*words, "--out", str(folder / out), *more],
+        check=True,
+        capture_output=True,
+    )
+    return time.perf_counter() - begun
+
+
+def written(folder: Path, samples: int) -> None:
+    """Write the study of arrivals and pressures."""
+    from calibration.benchmark_study import AIR, sensors
+
+    (folder / "scene.toml").write_text(AIR + sensors(16))
+    (folder / "study.toml").write_text(
+        f'scene = "scene.toml"\nsamples = {samples}\nkeep = "summary"\n'
+        'outcomes = ["air_arrival_s", "peak_overpressure_pa"]\n'
+    )
+
+
+def workers_lines() -> tuple[list[str], float]:
+    """Measure workers that calculate; return seconds a sample of one core, too.
+
+    What a run takes whatever its size is taken off: a run of one tile.
+    """
+    with tempfile.TemporaryDirectory() as name:
+        folder, found = Path(name), {}
+        written(folder, SAMPLES)
+        command(folder, "first", "--limit", "1")
+        start = command(folder, "second", "--limit", "1")
+        ways = {
+            "this process, one core": ("--devices", "1"),
+            "one worker": ("--workers", "1"),
+            "two workers": ("--workers", "2"),
+        }
+        for way, more in ways.items():
+            once = command(folder, f"{way} once", *more, "--limit", "1")
+            found[way] = command(folder, way, *more) - once
+    lines = [f"start to first tile, warm: {start:.1f} s", ""]
+    lines += [f"  {way:26}{took:8.2f} s" for way, took in found.items()]
+    return lines, found["this process, one core"] / SAMPLES
+
+
+def main() -> None:
+    """Measure; print and keep."""
+    from jblast.files import write_text
+
+    lines = [
+        f"Sharing a study: {os.cpu_count()} cores, load average "
+        f"{os.getloadavg()[0]:.1f} before",
+    ]
+    measured, each = workers_lines()
+    lines += measured
+    lines += ["", f"simulated workers, tiles of {TILE_S:g} s, {EACH} for each"]
+    efficiency = {n: simulated(n) for n in SIMULATED}
+    lines += [f"  {n:2} workers: efficiency {e:.1%}" for n, e in efficiency.items()]
+    worst = efficiency[SIMULATED[-1]]
+    lines += ["", f"cost model: {each:.3g} s a sample of 16 sensors on one core"]
+    for cores in (2, 64, 1024):
+        hours = 1e12 * each / (cores * worst) / 3600
+        lines.append(f"  1e12 samples on {cores:5,} cores: {hours:12,.1f} h")
+    text = "\n".join(lines) + "\n"
+    print(text)
+    write_text(KEPT, text)
+
+
+if __name__ == "__main__":
+    main()
