@@ -25,7 +25,7 @@ from jax._src.interpreters import mlir  # noqa: E402
 from jax._src.lax import lax  # noqa: E402
 from jaxlib.mlir import ir  # noqa: E402
 
-pytest_plugins = ["tests.tools.minutes"]
+pytest_plugins = ["tests.tools.minutes", "tests.tools.two_ends"]
 
 PAGE = os.sysconf("SC_PAGE_SIZE")
 FULL = 0.2 * os.sysconf("SC_PHYS_PAGES") * PAGE
