@@ -157,6 +157,8 @@ def main() -> None:
         right[kind] += not said
         if said:
             sys.stdout.write(f"{i}: {kind}: {said}\n")
+        if said or i % 50 == 0:
+            sys.stdout.write(f"{right.total()} of {tried.total()}\n")
             sys.stdout.flush()
     for kind in KINDS:
         what = ", ".join(kind.quantities) + f" at {kind.sensors}"
