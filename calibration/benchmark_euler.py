@@ -27,8 +27,8 @@ from jaxtyping import Array, Float
 from jblast.waves.euler import (
     Ambient,
     Flow,
+    FlowState,
     IdealGas,
-    State,
     primitives,
     run,
     start_sedov,
@@ -48,7 +48,7 @@ START, END = 0.02, 10.0
 REPEATS = 5
 
 
-def started(energies: Float[Array, " lane"], cells: int) -> tuple[Flow, State]:
+def started(energies: Float[Array, " lane"], cells: int) -> tuple[Flow, FlowState]:
     """Return point sources side by side, the lane as last axis."""
     number = energies.dtype.type
 

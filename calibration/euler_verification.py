@@ -18,9 +18,9 @@ from jblast.cli.jax_start import start_jax
 from jblast.waves.euler import (
     Ambient,
     Flow,
+    FlowState,
     IdealGas,
     Primitives,
-    State,
     front_pressure_at,
     march,
     primitives,
@@ -41,7 +41,7 @@ STEP = 0.05
 NAMES = ("density", "velocity", "pressure")
 
 
-def errors(state: State, flow: Flow, exact: Primitives) -> np.ndarray:
+def errors(state: FlowState, flow: Flow, exact: Primitives) -> np.ndarray:
     """Return the L1 norms of density, velocity and pressure against exact means."""
     width = jnp.diff(state.radius)
     cells = primitives(state, flow.gas)

@@ -1,6 +1,8 @@
 """Array types shared by the whole package."""
 
+import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, ArrayLike, Float
 
 
@@ -10,7 +12,9 @@ def as_float_array(value: ArrayLike) -> Float[Array, "..."]:
     A bare Python float in a PyTree recompiles at each new value under `eqx.filter_jit`
     and is skipped by `eqx.filter_grad`, so every field with a unit goes through here.
     """
-    array = jnp.asarray(value)
+    # of NumPy's `asarray` compiles a program for each shape, where a copy will do
+    put = jax.device_put if isinstance(value, np.ndarray) else jnp.asarray
+    array = put(value)
     return array if jnp.issubdtype(array.dtype, jnp.floating) else array.astype(float)
 
 

@@ -18,12 +18,14 @@ os.environ.setdefault("MPLBACKEND", "agg")
 os.environ["JBLAST_KEEP_PROGRAMS"] = "0"  # tests put other numbers into the package
 
 import jax  # noqa: E402 (after what it reads from the environment)
+import numpy as np  # noqa: E402
 import pytest  # noqa: E402
-from jax._src import compilation_cache  # noqa: E402
+from jax._src import compilation_cache, core  # noqa: E402
 from jax._src.interpreters import mlir  # noqa: E402
+from jax._src.lax import lax  # noqa: E402
 from jaxlib.mlir import ir  # noqa: E402
 
-pytest_plugins = ["tests.tools.minutes"]
+pytest_plugins = ["tests.tools.minutes", "tests.tools.two_ends"]
 
 PAGE = os.sysconf("SC_PAGE_SIZE")
 FULL = 0.2 * os.sysconf("SC_PHYS_PAGES") * PAGE
@@ -37,6 +39,7 @@ def pytest_sessionstart() -> None:
     start_jax(quick=True)
     reuse_contexts()
     write_quickly()
+    copy_arrays()
     jax.config.update("jax_numpy_rank_promotion", "raise")
     jax.config.update("jax_numpy_dtype_promotion", "strict")
 
@@ -76,6 +79,24 @@ def write_quickly() -> None:
     others = (getattr(compilation_cache, name, None) for name in ("zstd", "zstandard"))
     if not any(others):
         compilation_cache.compress_executable = lambda whole: zlib.compress(whole, 1)
+
+
+def copy_arrays() -> None:
+    """Have `jnp.asarray` copy an array of NumPy's, as `jax.device_put` does.
+
+    From JAX 0.10 on it compiles a program for each shape instead, for 15 ms each; tests
+    hand over some four hundred. Within another program it is as it was.
+    """
+    if not hasattr(lax, "stage") or not hasattr(core, "trace_state_clean"):
+        return
+    stage = lax.stage
+
+    def copied(x):
+        if isinstance(x, np.ndarray) and core.trace_state_clean():
+            return jax.device_put(x)
+        return stage(x)
+
+    lax.stage = copied
 
 
 @pytest.fixture(autouse=True, scope="module")

@@ -5,6 +5,8 @@ its foot, z into the scene. A rotation takes camera axes to world axes.
 
 A quaternion is (x, y, z, w), scalar last, in all of jblast: of a camera and of a
 vehicle, in files, arrays and columns, as SciPy and ROS have it.
+
+Each is compiled as a whole: read from a file, a pose would else be some sixty programs.
 """
 
 import jax
@@ -14,6 +16,7 @@ from jaxtyping import Array, ArrayLike, Float
 from jblast.types import as_float_array
 
 
+@jax.jit
 def quaternion_matrix(quaternion: Float[ArrayLike, "4"]) -> Float[Array, "3 3"]:
     r"""Matrix of a rotation given as a quaternion.
 
@@ -34,6 +37,7 @@ def quaternion_matrix(quaternion: Float[ArrayLike, "4"]) -> Float[Array, "3 3"]:
     return jnp.eye(3, dtype=q.dtype) + 2.0 / jnp.sum(jnp.square(q)) * turned
 
 
+@jax.jit
 def quaternion_product(
     after: Float[ArrayLike, "4"], before: Float[ArrayLike, "4"]
 ) -> Float[Array, "4"]:
@@ -48,6 +52,7 @@ def quaternion_product(
     return jnp.append(vector, a[3] * b[3] - jnp.dot(a[:3], b[:3]))
 
 
+@jax.jit
 def matrix_quaternion(matrix: Float[ArrayLike, "3 3"]) -> Float[Array, "4"]:
     r"""Unit quaternion (x, y, z, w) of a rotation matrix, with $w \ge 0$.
 
@@ -73,6 +78,7 @@ def matrix_quaternion(matrix: Float[ArrayLike, "3 3"]) -> Float[Array, "4"]:
     return jnp.where(unit[3] < 0, -unit, unit)
 
 
+@jax.jit
 def look_at(
     position: Float[ArrayLike, "3"], target: Float[ArrayLike, "3"]
 ) -> Float[Array, "4"]:

@@ -105,7 +105,7 @@ def direction(
     other = wave.nearest(wave.mirrored(found))
     if wave.misfit(other) < wave.misfit(found):
         found, other = other, found
-    resolved, covariance, mirror = _told(wave, found, other, span)
+    resolved, covariance, mirror = _resolved_angles(wave, found, other, span)
     hidden = ~resolved
     values = np.where(resolved, angles_of(found.toward), np.nan)
     names = {1: "two" if len(positions) == 2 else "collinear", 2: "coplanar"}
@@ -121,7 +121,7 @@ def direction(
     )
 
 
-def _told(
+def _resolved_angles(
     wave: PlaneWave, found: Front, other: Front, span: int
 ) -> tuple[np.ndarray, np.ndarray, tuple[float, float] | None]:
     """Return which angles are told, their covariance, and the other direction."""

@@ -106,7 +106,7 @@ def detect_flashes(
     kept: deque[_Kept] = deque(maxlen=LEAD + AFTER)
     alarm: tuple[int, Seen] | None = None
     flashes: list[Flash] = []
-    times, told, binned = [], [], 1
+    times, statistics, binned = [], [], 1
     number = -1
     for number, (time, image) in enumerate(_grouped(blocks, group)):
         if watch is None:
@@ -117,7 +117,7 @@ def detect_flashes(
         none = np.zeros(image.shape, bool)
         kept.append(_Kept(number, time, image, watch.last.lit if watch.last else none))
         times.append(time)
-        told.append(seen.statistic)
+        statistics.append(seen.statistic)
         if alarm is None and seen.statistic > threshold:
             alarm = number, seen
         if alarm is not None and number - alarm[0] >= AFTER:
@@ -128,7 +128,7 @@ def detect_flashes(
         flashes += _measured(kept, *alarm, group, binned, changes)
     wait = (stays_for(rate) - 1) / rate
     return FlashDetections(
-        tuple(flashes), np.array(times), np.array(told), threshold, wait, binned
+        tuple(flashes), np.array(times), np.array(statistics), threshold, wait, binned
     )
 
 

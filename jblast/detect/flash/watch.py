@@ -70,10 +70,10 @@ class Watch:
             self._cusum.rest()
             return self._nothing
         sums = [down_the_columns(mask) for mask in self.last]
-        told = [tiles.evidence(*sums) for tiles in self._tiles]
+        evidence = [tiles.evidence(*sums) for tiles in self._tiles]
         whole = (
             np.concatenate([v.ravel() for v in some])
-            for some in zip(*told, strict=True)
+            for some in zip(*evidence, strict=True)
         )
         statistic = self._cusum.push(*whole)
         best = int(np.argmax(statistic))

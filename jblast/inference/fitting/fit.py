@@ -143,10 +143,10 @@ def fit(
         shot=density.layout.shot,
         draws={
             name: np.asarray(values[name])
-            for name, told in zip(
+            for name, identified in zip(
                 parameters.names, solution.identifiability.determined, strict=True
             )
-            if told
+            if identified
         },
         posterior_reason=sure.reason,
         weighted=sure.weighted,

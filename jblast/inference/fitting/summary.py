@@ -194,8 +194,10 @@ def _estimates(solution: Solution, sure: Uncertainty) -> dict[str, Estimate]:
     """Summarise every free number; one in a null direction has nothing to say."""
     names = solution.posterior.parameters.names
     return {
-        name: sure.marginals[name] if told else Estimate()
-        for name, told in zip(names, solution.identifiability.determined, strict=True)
+        name: sure.marginals[name] if identified else Estimate()
+        for name, identified in zip(
+            names, solution.identifiability.determined, strict=True
+        )
     }
 
 

@@ -157,8 +157,8 @@ def _values(parameters: Parameters, z, which) -> tuple[dict[str, float], ...]:
     return tuple(
         {
             name: float(values[name][i])
-            for name, told in zip(parameters.names, which, strict=True)
-            if told
+            for name, asked in zip(parameters.names, which, strict=True)
+            if asked
         }
         for i in range(len(z))
     )

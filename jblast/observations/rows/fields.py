@@ -73,7 +73,7 @@ class Fields:
         self.refuse(
             odd,
             column,
-            lambda row: f"a finite number, got {_told(texts[row], column)}",
+            lambda row: f"a finite number, got {_what_came(texts[row], column)}",
         )
         own = None if column in PER_ROW else self.units.get(column)
         return numbers if own is None else products(si_ratio(own.unit), texts)
@@ -105,7 +105,7 @@ class Fields:
             self.faults.tell(InputError(f"{where}: {said(row)}"))
 
 
-def _told(text: str, column: str) -> str:
+def _what_came(text: str, column: str) -> str:
     """Say what came in place of a number, and what may be wrong with it."""
     if not text:
         return "nothing"

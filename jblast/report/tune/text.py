@@ -69,13 +69,13 @@ def _who(answer: TuneAnswer) -> str:
 
 def _decibels(answer: TuneAnswer) -> str:
     """Return levels of sound as they are mostly told."""
-    told = []
+    levels = []
     for name in ("ambient_level_pa", "noise_pa"):
         one = answer.estimates.get(name)
         if one is not None and one.value is not None and one.value > 0:
             level = 20.0 * math.log10(one.value / 20e-6)
-            told.append(f"{words_of(name)} {level:.1f} dB")
-    return f"{', '.join(told)} re 20 µPa" if told else ""
+            levels.append(f"{words_of(name)} {level:.1f} dB")
+    return f"{', '.join(levels)} re 20 µPa" if levels else ""
 
 
 def _fixed(answer: TuneAnswer) -> str:

@@ -17,6 +17,7 @@ from jblast.scene import Scene
 from jblast.scene.charge import Burst
 from jblast.sensors.calculator.combined import COMBINATIONS, combined_of
 from jblast.sensors.calculator.question import scene_path, tnt_factor_in, with_rows
+from jblast.types import as_float_array
 
 NEEDS_MORE = {"time_since_detonation", "toward_east", "jolt_east"}
 
@@ -145,7 +146,8 @@ def evaluate(
     n = len(slant_range)
     padding = (0, max(FEWEST_ROWS, 1 << (n - 1).bit_length()) - n)
     ranges, masses = (
-        jnp.asarray(np.pad(x, padding, mode="edge")) for x in (slant_range, charge_mass)
+        as_float_array(np.pad(x, padding, mode="edge"))
+        for x in (slant_range, charge_mass)
     )
     values, valid = _evaluate(scene, ranges, masses, laws)
     return np.asarray(values)[:, :n], np.asarray(valid)[:, :n]

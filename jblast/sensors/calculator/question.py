@@ -14,6 +14,7 @@ from jblast.kept_programs import kept
 from jblast.scene import Scene
 from jblast.sensors.layout import Layout
 from jblast.sensors.record import path_to
+from jblast.types import as_float_array
 from jblast.waves.height_of_burst import bursts_in_free_air
 from jblast.waves.paths import Path
 
@@ -118,7 +119,7 @@ def path_of_rows(question: Question, quantity: str = "peak_overpressure_pa") -> 
     ranges, masses = question.rows()
     factor = tnt_factor_in(question.scene, quantity).item()
     path = scene_path(question.scene)
-    return with_rows(path, jnp.asarray(ranges), jnp.asarray(factor * masses))
+    return with_rows(path, as_float_array(ranges), as_float_array(factor * masses))
 
 
 def free_air_rows(question: Question) -> Bool[np.ndarray, " row"]:

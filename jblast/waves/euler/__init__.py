@@ -3,7 +3,7 @@
 The equations of motion of an ideal gas in one dimension, with the leading shock fitted
 as the moving end of the mesh. `run` is pure, to be batched and differentiated; `march`
 goes to the end however many steps it takes. A start returns what stays (`Flow`) and
-what changes (`State`); another start or gas is another file.
+what changes (`FlowState`); another start or gas is another file.
 """
 
 from jblast.waves.euler.exact_riemann import (
@@ -37,7 +37,7 @@ from jblast.waves.euler.run import History as History, run as run
 from jblast.waves.euler.state import (
     Ambient as Ambient,
     Flow as Flow,
+    FlowState as FlowState,
     Primitives as Primitives,
-    State as State,
     primitives as primitives,
 )

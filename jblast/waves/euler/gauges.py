@@ -5,7 +5,7 @@ from jaxtyping import Array, Float
 
 from jblast.waves.euler.geometry import Geometry
 from jblast.waves.euler.shock_fitting import fitted_front
-from jblast.waves.euler.state import Flow, State, primitives
+from jblast.waves.euler.state import Flow, FlowState, primitives
 
 
 def cell_centres(
@@ -23,7 +23,7 @@ def cell_centres(
 
 
 def gauge_readings(
-    state: State, flow: Flow, places: Float[Array, " gauge"]
+    state: FlowState, flow: Flow, places: Float[Array, " gauge"]
 ) -> tuple[Float[Array, " gauge"], Float[Array, " gauge"]]:
     """Return pressure [Pa] and velocity [m/s] at some radii.
 

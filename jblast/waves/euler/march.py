@@ -12,7 +12,7 @@ import numpy as np
 from jblast.waves.euler.gas import Gas
 from jblast.waves.euler.gauges import cell_centres
 from jblast.waves.euler.run import COURANT, History, run
-from jblast.waves.euler.state import Flow, State, is_positive, primitives
+from jblast.waves.euler.state import Flow, FlowState, is_positive, primitives
 from jblast.waves.euler.step import step
 
 RECORDS = 500
@@ -30,13 +30,13 @@ class March:
         lost: Where and when positivity was lost, in words; empty if it was not.
     """
 
-    state: State
+    state: FlowState
     history: History
     lost: str
 
 
 def march(
-    state: State,
+    state: FlowState,
     flow: Flow,
     end: float,
     *,
@@ -92,7 +92,7 @@ def _stretch(state, flow, end, stride, courant, gauges):
 
 
 @eqx.filter_jit
-def _last_step(state, flow, end, courant) -> tuple[State, State]:
+def _last_step(state, flow, end, courant) -> tuple[FlowState, FlowState]:
     """Return the last state that is positive, and the first that is not."""
 
     def onward(pair):
@@ -103,7 +103,7 @@ def _last_step(state, flow, end, courant) -> tuple[State, State]:
     )
 
 
-def _where_lost(before: State, after: State, gas: Gas) -> str:
+def _where_lost(before: FlowState, after: FlowState, gas: Gas) -> str:
     """Return the message; of several cells it names the innermost."""
     was, is_now = primitives(before, gas), primitives(after, gas)
     good = (np.asarray(is_now.density) > 0.0) & (np.asarray(is_now.pressure) > 0.0)

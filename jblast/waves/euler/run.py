@@ -11,7 +11,7 @@ from jaxtyping import Array, ArrayLike, Bool, Float
 from jblast.errors import InputError
 from jblast.types import as_float_array
 from jblast.waves.euler.gauges import gauge_readings
-from jblast.waves.euler.state import Flow, State, is_positive
+from jblast.waves.euler.state import Flow, FlowState, is_positive
 from jblast.waves.euler.step import step
 
 COURANT = 0.7
@@ -43,7 +43,7 @@ class History(eqx.Module):
 
 
 def run(
-    state: State,
+    state: FlowState,
     flow: Flow,
     end: Float[ArrayLike, "..."],
     *,
@@ -52,7 +52,7 @@ def run(
     courant: float = COURANT,
     gauges: Sequence[float] | Float[Array, " gauge"] = (),
     frugal: bool = False,
-) -> tuple[State, History]:
+) -> tuple[FlowState, History]:
     """Advance by `records` times `stride` steps, or to the end and stand there.
 
     Where a density or pressure is not positive any more the run stands: the last state
@@ -91,10 +91,10 @@ def run(
     once_more = functools.partial(jax.checkpoint, prevent_cse=False)
 
     @once_more
-    def again(state: State, _) -> tuple[State, None]:
+    def again(state: FlowState, _) -> tuple[FlowState, None]:
         return step(state, flow, courant, end)[0], None
 
-    def stretch(state: State, _) -> tuple[State, History]:
+    def stretch(state: FlowState, _) -> tuple[FlowState, History]:
         first, front = once_more(lambda s: step(s, flow, courant, end))(state)
         pressure, velocity = gauge_readings(state, flow, places)
         record = History(

@@ -11,7 +11,7 @@ from jblast.waves.euler.geometry import Geometry
 from jblast.waves.euler.mesh import Mesh
 
 
-class State(eqx.Module):
+class FlowState(eqx.Module):
     """The flow at one instant; masses, volumes and energies a steradian (or m2).
 
     Attributes:
@@ -84,7 +84,7 @@ class Primitives(NamedTuple):
     pressure: Float[Array, "..."]
 
 
-def primitives(state: State, gas: Gas) -> Primitives:
+def primitives(state: FlowState, gas: Gas) -> Primitives:
     """Return what is in each cell."""
     density = state.mass / state.volume
     velocity = state.momentum / state.mass
@@ -92,7 +92,7 @@ def primitives(state: State, gas: Gas) -> Primitives:
     return Primitives(density, velocity, gas.pressure(density, internal))
 
 
-def is_positive(state: State, gas: Gas) -> Bool[Array, "..."]:
+def is_positive(state: FlowState, gas: Gas) -> Bool[Array, "..."]:
     """Return whether all densities and pressures are positive."""
     cells = primitives(state, gas)
     least = jnp.minimum(cells.density, cells.pressure)

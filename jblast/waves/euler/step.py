@@ -27,7 +27,7 @@ from jblast.waves.euler.geometry import area, swept_radius
 from jblast.waves.euler.reconstruction import reconstruct
 from jblast.waves.euler.riemann import face_flux, wave_mass_flux
 from jblast.waves.euler.shock_fitting import Front, fitted_front
-from jblast.waves.euler.state import Flow, Primitives, State, primitives
+from jblast.waves.euler.state import Flow, FlowState, Primitives, primitives
 from jblast.waves.euler.xla_layout import materialized, worked_out_faces
 
 
@@ -54,11 +54,11 @@ class Rates(NamedTuple):
 
 
 def step(
-    state: State,
+    state: FlowState,
     flow: Flow,
     courant: float | Float[Array, ""],
     end: Float[Array, "..."],
-) -> tuple[State, Front]:
+) -> tuple[FlowState, Front]:
     """Advance by one step, and return what the front was at its beginning.
 
     Args:
@@ -88,8 +88,8 @@ def step(
     return eqx.tree_at(lambda s: s.alive, new, alive), front
 
 
-def _moved(state: State, rates: Rates, clock: Float[Array, "..."], flow: Flow):
-    return State(
+def _moved(state: FlowState, rates: Rates, clock: Float[Array, "..."], flow: Flow):
+    return FlowState(
         radius=swept_radius(state.radius, rates.swept, flow.geometry),
         mass=state.mass + rates.mass,
         volume=state.volume + rates.volume,
@@ -110,7 +110,7 @@ def _front(cells: Primitives, flow: Flow) -> Front:
 
 
 def _largest_step(
-    state: State,
+    state: FlowState,
     flow: Flow,
     cells: Primitives,
     front: Front,
@@ -127,7 +127,7 @@ def _largest_step(
 
 
 def _rates(
-    state: State,
+    state: FlowState,
     flow: Flow,
     cells: Primitives,
     front: Front,

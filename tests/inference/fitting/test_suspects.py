@@ -31,6 +31,19 @@ def test_a_clock_that_is_off_is_named_with_what_to_type():
     assert "0.8 s behind" in said or "s behind" in said
 
 
+def test_asked_one_by_one_no_sensor_of_an_honest_log_is_accused():
+    made = heard("arrivals", np.random.default_rng(4))
+    asked = []
+
+    def without_one(log):
+        asked.append(log)
+        return solve(log, ASKED)
+
+    assert explained_by(made, solve(made, ASKED), True, without_one) == ()
+    assert len(asked) == len(NAMES)
+
+
+@pytest.mark.slow  # of a whole fit, which asks them where the log does not fit
 def test_an_honest_log_of_the_same_sensors_accuses_nobody():
     found = fit(heard("arrivals", np.random.default_rng(4)), ASKED)
     assert accused(found) == []

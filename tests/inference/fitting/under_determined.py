@@ -1,12 +1,14 @@
 """Logs that leave something open: fewer readings than unknowns, or readings alike.
 
-    python tests/inference/fitting/under_determined.py [LOGS] [SEED]
+    python tests/inference/fitting/under_determined.py [LOGS] [SEED] [FIRST]
 
-fits so many and prints which do not end as they should.
+fits so many, from the one of that number on, and prints which do not end as they
+should, and how many of each kind do.
 """
 
 import dataclasses
 import sys
+from collections import Counter
 from collections.abc import Iterator
 from typing import NamedTuple
 
@@ -143,16 +145,32 @@ def main() -> None:
     from jblast.cli.jax_start import start_jax
 
     start_jax(quick=True)
-    count, seed = map(int, [*sys.argv[1:], *("1000", "0")[len(sys.argv) - 1 :]])
-    wrong = 0
-    for i, (kind, made) in enumerate(logs(count, len(KINDS), seed), start=1):
-        if said := fault(ended(made)):
-            wrong += 1
+    given = sys.argv[1:]
+    count, seed, first = map(int, [*given, *("1000", "0", "1")[len(given) :]])
+    every = enumerate(logs(first - 1 + count, len(KINDS), seed), start=1)
+    right, tried = Counter[Kind](), Counter[Kind]()
+    for i, (kind, made) in every:
+        if i < first:
+            continue
+        said = fault(ended(made))
+        tried[kind] += 1
+        right[kind] += not said
+        if said:
             sys.stdout.write(f"{i}: {kind}: {said}\n")
-        if i % 50 == 0:
-            sys.stdout.write(f"{i - wrong} of {i}\n")
+        if said or i % 50 == 0:
+            sys.stdout.write(f"{right.total()} of {tried.total()}\n")
             sys.stdout.flush()
-    sys.stdout.write(f"{count - wrong} of {count} as they should be\n")
+    for kind in KINDS:
+        what = ", ".join(kind.quantities) + f" at {kind.sensors}"
+        what += f" x {kind.repeats}" if kind.repeats > 1 else ""
+        what += "".join(f" by {law}" for _, law in kind.law)
+        free = ", ".join(("charge_mass_kg", *kind.free))
+        sys.stdout.write(f"{right[kind]:4d} of {tried[kind]:4d}  {what}; {free}\n")
+    last = first + count - 1
+    sys.stdout.write(
+        f"{right.total()} of {tried.total()} end with exit code 4 and a sentence "
+        f"(logs {first} to {last}, seed {seed})\n"
+    )
 
 
 if __name__ == "__main__":

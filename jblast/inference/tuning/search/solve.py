@@ -175,9 +175,9 @@ def parts_told(
         is no surer than that.
     """
     values, vectors = np.linalg.eigh(information)
-    told = values >= LEAST
+    identified = values >= LEAST
     covariance = (vectors / np.maximum(values, LEAST)) @ vectors.T
-    return vectors[:, told].T, vectors[:, ~told].T, covariance
+    return vectors[:, identified].T, vectors[:, ~identified].T, covariance
 
 
 def names_of(unknowns: Sequence[Unknown]) -> tuple[str, ...]:

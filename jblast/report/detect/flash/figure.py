@@ -87,5 +87,5 @@ def _statistic(axes: Axes, watched: FlashDetections) -> None:
     axes.set(xlabel="time [s]", ylabel="statistic", ylim=(0, None))
     quiet(axes)
     count = len(watched.flashes)
-    told = f"{count} seen" if count else "nothing seen"
-    titled(axes, told, f"dashed: threshold, {watched.threshold:.1f}")
+    title = f"{count} seen" if count else "nothing seen"
+    titled(axes, title, f"dashed: threshold, {watched.threshold:.1f}")

@@ -97,7 +97,7 @@ def _turning() -> FailureMode:
 
 def _lightning() -> FailureMode:
     films = [negative("lightning", seed)[1] for seed in SEEDS]
-    told = [
+    seen = [
         len(
             detect_flashes(
                 [(np.arange(len(f)) / 1e3, _light(f))], 1e3, flash_threshold()
@@ -114,7 +114,7 @@ def _lightning() -> FailureMode:
         boundary=float(np.sum(np.array(rises) > height)),
         unit=f"of {len(SEEDS)}",
         beyond=f"up to {max(rises):,} more in a frame; a fireball has {height:,.0f}",
-        response=verified("holds", sum(told) == 0, "lightning"),
+        response=verified("holds", sum(seen) == 0, "lightning"),
         message="what changes all round is taken away: none is told",
     )
 

@@ -13,9 +13,9 @@ from jblast.verification.stability.failure import FailureMode, verified
 from jblast.verification.stability.threshold import crossing, switching_point
 from jblast.waves.euler import (
     Flow,
+    FlowState,
     IdealGas,
     Primitives,
-    State,
     decay_at,
     march,
     point_source_march,
@@ -49,7 +49,7 @@ def solver_failures() -> list[FailureMode]:
 
 
 @eqx.filter_jit
-def advance_barely(state: State, flow: Flow, end, courant) -> State:
+def advance_barely(state: FlowState, flow: Flow, end, courant) -> FlowState:
     """Step to an end with any fraction of the largest stable step: none is refused."""
 
     def body(carry):
@@ -82,7 +82,7 @@ def wave_error(courant: float) -> float:
     return _error(end, flow, simple_wave_means(end.radius, WAVE_TIME).density)
 
 
-def _error(end: State, flow: Flow, exact) -> float:
+def _error(end: FlowState, flow: Flow, exact) -> float:
     off = jnp.abs(primitives(end, flow.gas).density - exact)
     return float(jnp.sum(off * jnp.diff(end.radius)))
 

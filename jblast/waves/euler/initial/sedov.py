@@ -27,7 +27,7 @@ from jaxtyping import Array, ArrayLike, Float
 from jblast.errors import InputError
 from jblast.types import as_float_array
 from jblast.waves.euler.mesh import GradedMesh
-from jblast.waves.euler.state import Ambient, Flow, State
+from jblast.waves.euler.state import Ambient, Flow, FlowState
 from jblast.waves.laws.sedov_taylor.alpha import sedov_alpha
 
 FEWEST_CELLS = 20
@@ -48,7 +48,7 @@ def start_sedov(
     cells: int,
     length: Float[ArrayLike, ""] | None = None,
     limited: bool = True,
-) -> tuple[Flow, State]:
+) -> tuple[Flow, FlowState]:
     r"""Return a point source whose shock has come to a radius.
 
     Args:
@@ -90,7 +90,7 @@ def start_sedov(
     volume = volume * radius**3
     hot = energies * (0.5 * density * velocity**2 * radius**3)
     cold = ambient.gas.energy(ambient.density, ambient.pressure) * volume
-    state = State(
+    state = FlowState(
         radius=place * radius,
         mass=mesh.masses(radius),
         volume=volume,

@@ -7,7 +7,7 @@ from jblast.errors import InputError
 from jblast.types import as_float_array
 from jblast.waves.euler.gas import Gas, IdealGas
 from jblast.waves.euler.mesh import SlidingMesh
-from jblast.waves.euler.state import Flow, Primitives, State
+from jblast.waves.euler.state import Flow, FlowState, Primitives
 
 SOD_LEFT = (1.0, 0.0, 1.0)
 SOD_RIGHT = (0.125, 0.0, 0.1)
@@ -21,7 +21,7 @@ def start_tube(
     *,
     rate: Float[Array, " face"] | None = None,
     limited: bool = True,
-) -> tuple[Flow, State]:
+) -> tuple[Flow, FlowState]:
     """Return a tube filled cell by cell.
 
     Args:
@@ -40,7 +40,7 @@ def start_tube(
     volume = jnp.diff(faces)
     internal = gas.energy(cells.density, cells.pressure)
     mass = cells.density * volume
-    state = State(
+    state = FlowState(
         radius=faces,
         mass=mass,
         volume=volume,
@@ -56,7 +56,7 @@ def start_tube(
 
 def start_sod(
     cells: int, length: Float[ArrayLike, ""] = 1.0, *, limited: bool = True
-) -> tuple[Flow, State]:
+) -> tuple[Flow, FlowState]:
     """Return Sod's shock tube, the diaphragm in its middle.
 
     Args:

@@ -17,7 +17,7 @@ from jaxtyping import Array, Float
 from jblast.types import as_float_array
 from jblast.waves.euler.gas import IdealGas
 from jblast.waves.euler.initial.shock_tube import start_tube
-from jblast.waves.euler.state import Flow, Primitives, State
+from jblast.waves.euler.state import Flow, FlowState, Primitives
 
 AMPLITUDE = 0.1
 """Of the velocity, in speeds of sound: the first paths meet at t = 4.1."""
@@ -69,7 +69,7 @@ def simple_wave_means(
 
 def start_simple_wave(
     cells: int, *, overtaking: float = 0.0, limited: bool = True
-) -> tuple[Flow, State]:
+) -> tuple[Flow, FlowState]:
     """Return the wave in a tube.
 
     Args:

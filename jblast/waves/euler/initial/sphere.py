@@ -17,7 +17,7 @@ from jblast.waves.euler.exact_riemann import star_state
 from jblast.waves.euler.gas import IdealGas
 from jblast.waves.euler.mesh import GradedMesh
 from jblast.waves.euler.shock_fitting import sound_speed
-from jblast.waves.euler.state import Ambient, Flow, Primitives, State
+from jblast.waves.euler.state import Ambient, Flow, FlowState, Primitives
 
 FEWEST_CELLS = 10
 """In the sphere, and in the air."""
@@ -34,7 +34,7 @@ def start_sphere(
     core_cells: int,
     air_cells: int,
     length: Float[ArrayLike, ""] | None = None,
-) -> tuple[Flow, State]:
+) -> tuple[Flow, FlowState]:
     r"""Return a sphere of the ambient gas at rest, compressed, a moment after release.
 
     Args:
@@ -102,7 +102,7 @@ def start_sphere(
     cold = gas.energy(ambient.density, ambient.pressure) * (clock**3 - radius**3) / 3.0
     given = jnp.sum(air_energy) - cold
     pushed = (pressure - star) * radius**2 * time
-    state = State(
+    state = FlowState(
         radius=place,
         mass=jnp.concatenate([density * core_volume, air_mass]),
         volume=volume,

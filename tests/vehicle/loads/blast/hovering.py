@@ -49,10 +49,17 @@ def scene(mass=1.0, **charge) -> Scene:
     return Scene(charge=Charge(mass_kg=mass, **charge))
 
 
+@jax.jit
+def impulse(load: BlastLoad, start_s, end_s, state, vehicle):
+    """What a load gives between two times, compiled as a whole."""
+    return load.impulse(start_s, end_s, state, vehicle)
+
+
 def held(state, vehicle, load: BlastLoad, steps) -> np.ndarray:
     """Sum of the impulses between times, the vehicle held where it is."""
-    sums = jax.jit(lambda a, b: load.impulse(a, b, state, vehicle)[0])
-    return np.array([sums(a, b) for a, b in itertools.pairwise(steps)])
+    return np.array(
+        [impulse(load, a, b, state, vehicle)[0] for a, b in itertools.pairwise(steps)]
+    )
 
 
 @functools.cache
