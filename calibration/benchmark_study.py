@@ -205,7 +205,7 @@ def fit_lines(platform: str) -> list[str]:
     read = jax.jit(part.prepared.batched)(keys, numbers)
     readings, sigma = np.asarray(read["_readings"]), np.asarray(sigma)
     quantities: tuple[str, ...] = ("air_arrival_s", "peak_overpressure_pa")
-    laws = dict.fromkeys(quantities, "kingery_bulmash")
+    laws: dict[str, str] = dict.fromkeys(quantities, "kingery_bulmash")
 
     def fit() -> None:
         jax.device_get(

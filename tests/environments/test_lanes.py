@@ -52,6 +52,7 @@ def test_a_lane_goes_the_same_way_alone_and_in_any_batch():
     assert np.ptp(many[-1, :, 0]) > 1e-3  # lanes differ
 
 
+@pytest.mark.slow
 def test_the_last_observation_of_an_episode_is_shown_before_the_next_begins():
     rows, found = batch(3, STEPS + 2)
     assert np.array(found[STEPS - 1].truncated).all()

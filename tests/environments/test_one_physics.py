@@ -41,6 +41,7 @@ def flown(params, steps):
     return start, np.array(places), pushed
 
 
+@pytest.mark.slow
 def test_a_hover_without_actions_is_the_flight_of_the_hold_through_the_same_blast():
     steps = int(PARAMS.episode_steps)
     start, places, pushed = flown(PARAMS, steps)

@@ -9,6 +9,7 @@ from jblast.environments.lanes import lane_keys
 from tests.environments.lanes_of_one_blast import RESET_LANES, params_of
 
 
+@pytest.mark.slow
 def test_whoever_is_not_in_a_blast_is_not_pushed_wherever_it_has_gone():
     params = params_of(episode_s=2.0)
     assert lane_keys(jax.random.key(0), jnp.arange(2)).shape == (2,)

@@ -32,6 +32,7 @@ def test_all_four_are_registered_once_with_both_entry_points():
         assert spec.vector_entry_point
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:.*A Box observation space m:UserWarning")
 def test_gymnasiums_own_checker_passes():
     check_env(

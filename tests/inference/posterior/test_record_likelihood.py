@@ -51,8 +51,11 @@ def densities(posterior, z):
 def test_where_a_pick_is_normal_samples_say_what_it_says(noise):
     of_picks, of_samples = both(200.0, noise)
     picks, samples = densities(of_picks, LOG_MASS), densities(of_samples, LOG_MASS)
-    # errors of 0.2 % in readings leave the pulse linear to some 1e-3 in ln-density
-    np.testing.assert_allclose(samples, picks, atol=0.01)
+    off = np.asarray(samples - picks)
+    # errors of 0.2 % in readings leave the pulse linear to some 1e-3 in ln-density; the
+    # level goes with the errors of picks, which where a front lies in its sample widens
+    np.testing.assert_allclose(off, off.mean(), atol=0.005)
+    assert abs(off.mean()) < 0.03
 
 
 @pytest.mark.slow

@@ -59,7 +59,7 @@ def test_tables_are_those_of_all_samples(reports, name):
                 names = ("q05", "q50", "q95")
                 near = [[x["found"][key] for key in names] for x in (one, other)]
                 spread = other["found"]["maximum"] - other["found"]["minimum"]
-                assert np.abs(np.subtract(*near)).max() < 0.02 * spread
+                assert np.abs(np.subtract(near[0], near[1])).max() < 0.02 * spread
 
 
 def test_it_has_the_same_figures(reports):
