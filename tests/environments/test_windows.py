@@ -3,6 +3,7 @@
 import jax
 import jax.numpy as jnp
 import numpy as np
+import pytest
 
 from jblast.environments.core import in_blast, pushed_by
 from jblast.environments.lanes import lane_keys
