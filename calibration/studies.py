@@ -151,7 +151,8 @@ def contours(
             shares.append([found[key] for key in ("share", "low", "high")])
         ends = [where(away.values, share) for share in np.array(shares).T]
         least, most = sorted(ends[1:]) if np.isfinite(ends[1:]).all() else ends[1:]
-        rows.append((*words, f"{ends[0]:.4g}", f"{least:.4g}", f"{most:.4g}"))
+        told = ("none" if np.isnan(x) else f"{x:.4g}" for x in (ends[0], least, most))
+        rows.append((*words, *told))
     return rows
 
 
@@ -165,7 +166,7 @@ def survival(columns: StudyColumns) -> tuple[list[str], Figure]:
         for m, mass in enumerate(masses.values)
     ]
     lines = [
-        "distance [m] beyond which half do; nan: half at no distance within 2 to 64"
+        "distance [m] beyond which half do; none: half at no distance within 2 to 64"
     ]
     for name in ("flies_on", "survives"):
         rows = [("vehicle", "charge [kg]", "half", "from", "to")]

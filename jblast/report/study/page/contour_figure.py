@@ -1,5 +1,6 @@
 """Where yes and no are even, over two axes, and how surely."""
 
+import textwrap
 from collections.abc import Sequence
 
 import numpy as np
@@ -15,6 +16,8 @@ from jblast.report.study.page.summaries import summary_of
 EVEN = 0.5
 MOST_PANELS = 6
 LEVELS = np.linspace(0.0, 1.0, 11)
+LABEL_WIDTH = 36
+"""Letters of a line beside the bar of colours, which is as high as a panel."""
 
 
 def contour_figure(columns: StudyColumns) -> Figure | None:
@@ -44,7 +47,8 @@ def contour_figure(columns: StudyColumns) -> Figure | None:
         axes.label_outer()
     assert drawn is not None, "there is a panel"
     bar = figure.colorbar(drawn, ax=list(grid.flat[: len(panels)]), shrink=0.85)
-    bar.set_label(f"share: {lanes[0].long_name or lanes[0].name}", color=INK)
+    of = f": {lanes[0].long_name or lanes[0].name}" if len(lanes) == 1 else " of yes"
+    bar.set_label(textwrap.fill(f"share{of}", LABEL_WIDTH), color=INK)
     bar.outline.set_visible(False)
     handles = [
         Line2D([], [], color=INK, linewidth=1.8, label="50 %"),
