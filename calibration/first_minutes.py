@@ -28,9 +28,8 @@ class Clone:
     def __init__(self, folder: Path):
         self.tree = folder / "jblast"
         cache = folder / "cache"
-        self.env = {**os.environ, "HOME": str(folder)} | dict.fromkeys(
-            CACHES, str(cache)
-        )
+        own = {k: v for k, v in os.environ.items() if not k.startswith("MAKE")}
+        self.env = own | {"HOME": str(folder)} | dict.fromkeys(CACHES, str(cache))
         command = ["git", "clone", "--quiet", str(ROOT), str(self.tree)]
         subprocess.run(command, check=True)
 

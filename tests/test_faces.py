@@ -16,7 +16,12 @@ import pytest
 import jblast
 
 ROOT = Path(__file__).parents[1]
-LAZY = {"jblast": "_HOMES", "jblast.report": "HOMES", "jblast.study": "HOMES"}
+LAZY = {
+    "jblast": "_HOMES",
+    "jblast.environments": "_HOMES",
+    "jblast.report": "HOMES",
+    "jblast.study": "HOMES",
+}
 """Faces that import a name when it is asked for, and the table it is looked up in."""
 DOES = {
     "jblast.waves": "registry.mark_packaged()",

@@ -3,9 +3,7 @@
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from jblast.environments.registration import (
-    register_environments as register_environments,
-)
+from jblast.environments import registration
 from jblast.errors import InputError
 
 if TYPE_CHECKING:
@@ -41,7 +39,7 @@ _HOMES = {
     "step_lanes": "lanes",
 }
 
-register_environments()
+registration.register_environments()
 
 
 def __getattr__(name: str) -> Any:
