@@ -1,8 +1,10 @@
 """Figures as files, written whole or not at all, and as bytes for a page."""
 
+import base64
 import io
 import os
 import warnings
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -21,6 +23,20 @@ def write_figure(figure: Figure, path: str | os.PathLike[str]) -> None:
         figure.savefig(temporary, format=Path(path).suffix[1:])
 
 
+def write_drawn(draw: Callable[[], Figure], path: Path) -> Figure | None:
+    """Draw and write a figure; None, and a warning that names it, where that fails.
+
+    Whatever went wrong with a picture, what was computed is kept.
+    """
+    try:
+        figure = draw()
+        write_figure(figure, path)
+    except Exception as error:
+        warnings.warn(f"{path.name} was not written: {error!r}", stacklevel=2)
+        return None
+    return figure
+
+
 @dataclass(frozen=True)
 class Picture:
     """A figure as a PNG file, drawn once for whoever shows it.
@@ -32,6 +48,11 @@ class Picture:
 
     png: bytes
     width: int
+
+    @property
+    def source(self) -> str:
+        """The file as an address that holds it."""
+        return f"data:image/png;base64,{base64.b64encode(self.png).decode('ascii')}"
 
 
 def picture_of(figure: Figure) -> Picture:

@@ -1,12 +1,8 @@
 """The report as one HTML page that needs nothing beside it."""
 
-import base64
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from importlib.resources import files
 from typing import Any
-
-from jinja2 import Environment, StrictUndefined
 
 import jblast
 from jblast.inference.fitting.result import Fit
@@ -27,6 +23,7 @@ from jblast.report.fit.laws import laws_used, validity_sentence
 from jblast.report.fit.place.map_words import absent_map_note, map_alt, map_caption
 from jblast.report.fit.reference_values import Accepted, compare
 from jblast.report.fit.rows import log_name, residual_rows
+from jblast.report.pages import page
 from jblast.report.picks.words import RECORDS_ALT, RECORDS_CAPTION
 from jblast.report.provenance import Provenance, provenance_lines
 from jblast.report.understood import understood_lines
@@ -61,15 +58,10 @@ def report_page(
         accepted: Published values by parameter name, each with where it comes from.
         extra_warnings: What went wrong since the fit, such as a figure not drawn.
     """
-    environment = Environment(
-        autoescape=True, undefined=StrictUndefined, trim_blocks=False
-    )
-    template = environment.from_string(
-        files("jblast.report.fit").joinpath("template.html").read_text("utf-8")
-    )
     found, name, used = fit.summary, log_name(fit), laws_used(fit)
     p = goodness_p(found)
-    return template.render(
+    return page(
+        "fit/template.html",
         title=f"Blast fit: {name}" if name else "Blast fit",
         subtitle=_subtitle(fit),
         conclusion=conclusion(fit, accepted),
@@ -174,6 +166,4 @@ def _shown(fit: Fit, kind: str, picture: Picture) -> Shown:
             "together with it.",
         ),
     }[kind]
-    data = base64.b64encode(picture.png).decode("ascii")
-    source = f"data:image/png;base64,{data}"
-    return Shown(heading, source, alt, caption, picture.width)
+    return Shown(heading, picture.source, alt, caption, picture.width)

@@ -1,8 +1,8 @@
 """Records as files: samples first, then the truth, then pictures."""
 
 import re
-import warnings
 from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -11,7 +11,7 @@ import numpy as np
 import jblast
 from jblast.files import write_text
 from jblast.progress import each
-from jblast.report.figure_files import write_figure
+from jblast.report.figure_files import write_drawn
 from jblast.report.listen.document import CLOCK, truth_csv
 from jblast.report.listen.figures import spectrogram_figure, waveform_figure
 from jblast.report.listen.sensor_record import SensorRecord
@@ -88,12 +88,8 @@ def write_pictures(
     """
     written = []
     for name, draw in FIGURES.items():
-        try:
-            write_figure(draw(listening, records), directory / name)
-        except Exception as error:
-            # whatever went wrong with a picture, the samples are kept
-            warnings.warn(f"{name} was not written: {error!r}", stacklevel=2)
-        else:
+        figure = write_drawn(partial(draw, listening, records), directory / name)
+        if figure is not None:
             written.append(name)
     return written
 

@@ -1,8 +1,8 @@
 """What was picked as files: JSON, log, pictures, page."""
 
 import json
-import warnings
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -60,7 +60,7 @@ def write_picks(
 
 def _pictures(directory: Path, found: Gathered, written: list[str]) -> "list[Figure]":
     """Draw records, so many a picture, and write them."""
-    from jblast.report.figure_files import write_figure
+    from jblast.report.figure_files import write_drawn
     from jblast.report.picks.figure import MOST, records_figure
 
     names, pictures = found.named(), []
@@ -68,13 +68,9 @@ def _pictures(directory: Path, found: Gathered, written: list[str]) -> "list[Fig
     for number, first in enumerate(firsts, start=1):
         part = slice(first, first + MOST)
         name = PICTURE.format(number)
-        try:
-            figure = records_figure(names[part], found.picks[part])
-            write_figure(figure, directory / name)
-        except Exception as error:
-            # whatever went wrong with a picture, the picks are kept
-            warnings.warn(f"{name} was not written: {error!r}", stacklevel=2)
-            continue
-        pictures.append(figure)
-        written.append(name)
+        draw = partial(records_figure, names[part], found.picks[part])
+        figure = write_drawn(draw, directory / name)
+        if figure is not None:
+            pictures.append(figure)
+            written.append(name)
     return pictures

@@ -1,13 +1,13 @@
 """What was tuned as files: the scene, the answer, the figure."""
 
 import tomllib
-import warnings
+from functools import partial
 from pathlib import Path
 
 import jblast
 from jblast.files import write_text
 from jblast.inference.tuning.result import Tuned
-from jblast.report.figure_files import write_figure
+from jblast.report.figure_files import write_drawn
 from jblast.report.tune.answer import as_json, tune_answer
 from jblast.report.tune.scene_file import moved, scene_text, tuned_document
 
@@ -46,14 +46,11 @@ def write_tuned(
     for name in (SCENE, JSON, FIGURE):
         (directory / name).unlink(missing_ok=True)
     write_text(directory / SCENE, text)
-    names = [SCENE, JSON]
-    try:
-        from jblast.report.tune.figure import tune_figure
+    from jblast.report.tune.figure import tune_figure
 
-        write_figure(tune_figure(tuned), directory / FIGURE)
+    names = [SCENE, JSON]
+    if write_drawn(partial(tune_figure, tuned), directory / FIGURE) is not None:
         names.append(FIGURE)
-    except Exception as error:
-        warnings.warn(f"{FIGURE} was not written: {error!r}", stacklevel=2)
     answer = tune_answer(tuned, scene, recorded, tuple(names))
     write_text(directory / JSON, as_json(answer))
     return tuple(names)

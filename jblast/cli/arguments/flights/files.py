@@ -1,14 +1,14 @@
 """What `jblast fly` writes: the numbers first, then the figures."""
 
-import warnings
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 from matplotlib.figure import Figure
 
 from jblast.cli.arguments.paths import save_text, writing
-from jblast.report.figure_files import write_figure
+from jblast.report.figure_files import write_drawn
 from jblast.report.flights.distribution_figure import distribution_figure
 from jblast.report.flights.document import flights_csv
 from jblast.report.flights.figure import error_figure, loads_figure
@@ -51,12 +51,7 @@ def write_flights(flights: Flights, text: str, directory: Path) -> list[str]:
     for name, content in zip(written, (text, table), strict=True):
         save_text(content, directory / name)
     for name, draw in (MANY if several else ONE).items():
-        try:
-            write_figure(draw(flights), directory / name)
-        except Exception as error:
-            # whatever went wrong with a picture, the flights are kept
-            warnings.warn(f"{name} was not written: {error!r}", stacklevel=2)
-        else:
+        if write_drawn(partial(draw, flights), directory / name) is not None:
             written.append(name)
     return written
 

@@ -1,7 +1,7 @@
 """What `jblast fly` writes of a mission: the numbers first, then the figures."""
 
-import warnings
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 
 from jblast.cli.arguments.flights.files import JSON, MANY, ONE, TABLES
 from jblast.cli.arguments.paths import save_text, writing
-from jblast.report.figure_files import write_figure
+from jblast.report.figure_files import write_drawn
 from jblast.report.flights.trajectory_csv import trajectory_csv
 from jblast.report.missions.figures import error_figure, map_figure
 from jblast.report.missions.kml import mission_kml
@@ -49,12 +49,7 @@ def write_mission(flight: MissionFlight, text: str, directory: Path) -> list[str
         save_text(content, directory / name)
     written = list(whole)
     for name, draw in FIGURES.items():
-        try:
-            write_figure(draw(flight), directory / name)
-        except Exception as error:
-            # whatever went wrong with a picture, the flight is kept
-            warnings.warn(f"{name} was not written: {error!r}", stacklevel=2)
-        else:
+        if write_drawn(partial(draw, flight), directory / name) is not None:
             written.append(name)
     return written
 

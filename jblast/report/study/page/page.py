@@ -1,16 +1,14 @@
 """A study as one HTML page that needs nothing beside it."""
 
-import base64
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
-from importlib.resources import files
 from typing import Any
 
-from jinja2 import Environment, StrictUndefined
 from matplotlib.figure import Figure
 
 from jblast.report.figure_files import Picture, picture_of
+from jblast.report.pages import page
 from jblast.report.study.page.columns import StudyColumns
 from jblast.report.study.page.contour_figure import contour_figure
 from jblast.report.study.page.curve_figures import (
@@ -113,14 +111,9 @@ class StudyReport:
         Args:
             made: What else there is to say of how it came about.
         """
-        environment = Environment(autoescape=True, undefined=StrictUndefined)
-        template = environment.from_string(
-            files("jblast.report.study.page")
-            .joinpath("template.html")
-            .read_text("utf-8")
-        )
         said = self.columns.attributes
-        return template.render(
+        return page(
+            "study/page/template.html",
             title=f"Study {self.name}".strip(),
             subtitle=f"{self.columns.total:,} samples, seed {said.get('seed')}, "
             f"design {said.get('design')}",
@@ -181,10 +174,13 @@ class StudyReport:
         picture = self.pictures.get(name)
         if picture is None:
             return []
-        data = base64.b64encode(picture.png).decode("ascii")
-        source = f"data:image/png;base64,{data}"
         return [
-            {"source": source, "alt": alt, "caption": caption, "width": picture.width}
+            {
+                "source": picture.source,
+                "alt": alt,
+                "caption": caption,
+                "width": picture.width,
+            }
         ]
 
 

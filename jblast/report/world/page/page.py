@@ -1,16 +1,14 @@
 """A world as one HTML page that needs nothing beside it."""
 
-import base64
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from importlib.resources import files
 from typing import Any
 
-from jinja2 import Environment, StrictUndefined
 from matplotlib.figure import Figure
 
 from jblast.report.figure_files import picture_of
 from jblast.report.numbers import printed_number
+from jblast.report.pages import page
 from jblast.report.words import capitalised
 from jblast.report.world.page.answers import ShotAnswer
 from jblast.report.world.page.folder import RunFolder
@@ -51,10 +49,6 @@ def world_page(run: RunFolder, scene: Scene, answers: Sequence[ShotAnswer] = ())
         scene: Where its sensors stand.
         answers: What its readings tell of each blast, if that was asked.
     """
-    environment = Environment(autoescape=True, undefined=StrictUndefined)
-    template = environment.from_string(
-        files("jblast.report.world.page").joinpath("template.html").read_text("utf-8")
-    )
     document = run.document
     count = len(document["blasts"])
     tables = [_blasts(document), _perceived(document)]
@@ -65,7 +59,8 @@ def world_page(run: RunFolder, scene: Scene, answers: Sequence[ShotAnswer] = ())
         (map_figure(run, scene, answers), ALT_MAP, "Seen from above; north is up."),
     ]
     versions = ", ".join(f"{name} {of}" for name, of in document["versions"].items())
-    return template.render(
+    return page(
+        "world/page/template.html",
         title=f"{count} blast{'' if count == 1 else 's'} in {document['seconds']:g} s",
         subtitle=f"{document['scene']}, seed {document['seed']}",
         mark=_mark(document.get("preset")),
@@ -161,9 +156,8 @@ def _recovery(flight: dict[str, Any]) -> Table:
 
 def _picture(figure: Figure, alt: str, caption: str) -> dict[str, Any]:
     picture = picture_of(figure)
-    data = base64.b64encode(picture.png).decode("ascii")
     return {
-        "source": f"data:image/png;base64,{data}",
+        "source": picture.source,
         "alt": alt,
         "caption": caption,
         "width": picture.width,

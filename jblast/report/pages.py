@@ -1,0 +1,23 @@
+"""Pages of HTML from the templates that stand beside who fills them."""
+
+from importlib.resources import files
+from typing import Any
+
+from jinja2 import Environment, FunctionLoader, StrictUndefined
+
+
+def page(template: str, **values: Any) -> str:
+    """Return a page that needs nothing beside it.
+
+    Args:
+        template: Its path in this room; it may include what else is there.
+        **values: What the template names; what it does not find is an error.
+    """
+    environment = Environment(
+        autoescape=True, undefined=StrictUndefined, loader=FunctionLoader(_read)
+    )
+    return environment.get_template(template).render(**values)
+
+
+def _read(name: str) -> str:
+    return files("jblast.report").joinpath(name).read_text("utf-8")
