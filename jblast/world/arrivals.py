@@ -16,6 +16,9 @@ from jblast.world.drawn import CAMERA, VEHICLE, DrawnWorld
 WAVES = ("flash_time_s", "ground_arrival_s", "air_arrival_s")
 """What brings a blast, by the quantity that says when."""
 
+BEFORE_S, AFTER_S = 0.25, 0.5
+"""Of a stretch about an arrival, at most."""
+
 BY_LIGHT = ("flash_time_s", "fireball_radius_px", "fireball_radius_m")
 DIRECTIONS = ("bearing_rad", "elevation_rad")
 
@@ -38,6 +41,22 @@ class Arrivals(NamedTuple):
         """Return when the last wave comes to anyone; 0 where none does."""
         times = np.concatenate([times.ravel() for times in self.times_s.values()])
         return float(times.max(where=np.isfinite(times), initial=0.0))
+
+
+def stretch_about(
+    comes_s: Float[np.ndarray, " shot"], shot: int
+) -> tuple[float, float]:
+    """Return when to begin and to end looking for one arrival among others [s].
+
+    Args:
+        comes_s: When each blast comes to somebody.
+        shot: Whose arrival.
+    """
+    here = comes_s[shot]
+    before = max((t for t in comes_s if t < here), default=-np.inf)
+    after = min((t for t in comes_s if t > here), default=np.inf)
+    first = max(here - BEFORE_S, 0.5 * (before + here))
+    return float(first), float(min(here + AFTER_S, 0.5 * (here + after)))
 
 
 def waves_of(sensor: Sensor) -> dict[str, str]:

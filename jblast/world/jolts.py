@@ -18,13 +18,11 @@ from jblast.sensors.imu.motion import Felt, felt
 from jblast.sensors.imu.pick import JoltPick, base_of, pick_jolt
 from jblast.vehicle import State, vehicle_of
 from jblast.vehicle.quadrotor.body import required_body
-from jblast.world.arrivals import Arrivals
+from jblast.world.arrivals import Arrivals, stretch_about
 from jblast.world.drawn import DrawnWorld
 from jblast.world.imus import ImuRecord
 
 AIR = "air_arrival_s"
-BEFORE_S, AFTER_S = 0.25, 0.5
-"""Of a stretch about an arrival, at most."""
 POOR_RAD = 0.5
 """A direction known no better is none."""
 
@@ -83,13 +81,10 @@ def _pick(
     world: DrawnWorld, record: ImuRecord, comes_s: np.ndarray, shot: int
 ) -> tuple[JoltPick | None, int]:
     """Return the jolt of one blast, and the first sample that it was looked for in."""
-    here, spec = comes_s[shot], world.scene.vehicle
+    spec = world.scene.vehicle
     if spec is None:
         return None, 0
-    before = max((t for t in comes_s if t < here), default=-np.inf)
-    after = min((t for t in comes_s if t > here), default=np.inf)
-    start = max(here - BEFORE_S, 0.5 * (before + here))
-    stop = min(here + AFTER_S, 0.5 * (here + after))
+    start, stop = stretch_about(comes_s, shot)
     common = record.common_s
     some = np.flatnonzero((common >= start) & (common < stop))
     if not some.size:

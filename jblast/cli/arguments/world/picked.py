@@ -30,12 +30,11 @@ from jblast.observations.records.pressure_record import PressureRecord
 from jblast.observations.records.recording import Recording
 from jblast.scene import Sensor
 from jblast.world import Arrivals, DrawnWorld
+from jblast.world.arrivals import stretch_about
 
 KINDS = ("microphone", "pressure")
 AIR, PEAK = TAKEN = ("air_arrival_s", "peak_overpressure_pa")
 """What is taken of a pick."""
-BEFORE_S, AFTER_S = 0.25, 0.5
-"""Of a stretch about an arrival, at most."""
 
 
 class Picked(NamedTuple):
@@ -133,12 +132,8 @@ def _about(
     recording: Recording, sensor: Sensor, comes_s: np.ndarray, shot: int
 ) -> PressureRecord:
     """Return the stretch of a record about one blast."""
-    here = comes_s[shot]
-    before = max((t for t in comes_s if t < here), default=-np.inf)
-    after = min((t for t in comes_s if t > here), default=np.inf)
-    first = max(here - BEFORE_S, 0.5 * (before + here), 0.0)
-    last = min(here + AFTER_S, 0.5 * (here + after))
-    start, stop = (round(recording.rate_hz * t) for t in (first, last))
+    first, last = stretch_about(comes_s, shot)
+    start, stop = (round(recording.rate_hz * t) for t in (max(first, 0.0), last))
     stop = min(max(stop, start + LEAST_SAMPLES), recording.length)
     record = recording.record(0, min(start, stop - LEAST_SAMPLES), stop)
     instrument = sensor.instrument
