@@ -4,10 +4,10 @@ from collections.abc import Callable
 from typing import TypeVar
 
 import jax
-from jax.sharding import AxisType, PartitionSpec
 from jaxtyping import Array, PyTree
 
 from jblast.errors import InputError
+from jblast.vehicle.rollout.batching import over_devices
 
 T = TypeVar("T")
 
@@ -46,12 +46,5 @@ def in_chunks(
     def here(parts: PyTree[Array]) -> PyTree[Array]:
         return jax.lax.map(function, parts)
 
-    spread = here
-    if devices > 1:
-        mesh = jax.make_mesh((devices,), ("lane",), axis_types=(AxisType.Auto,))
-        along = PartitionSpec("lane")
-        spread = jax.shard_map(
-            here, mesh=mesh, in_specs=along, out_specs=along, check_vma=False
-        )
-    found = spread(parts)
+    found = over_devices(here, parts, devices)
     return jax.tree.map(lambda x: x.reshape(-1, *x.shape[2:]), found)

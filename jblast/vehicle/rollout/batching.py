@@ -5,13 +5,15 @@ in the nearest cache is the fastest; a GPU takes the whole batch at once.
 """
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, TypeVar
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jax.sharding import AxisType, PartitionSpec
 from jaxtyping import Array, PyTree
+
+T = TypeVar("T")
 
 CHUNK_BYTES = 512
 """Of one number for every vehicle of a chunk, on a CPU. XLA runs a loop over arrays up
@@ -93,12 +95,25 @@ def over_lanes(
     def here(parts: PyTree[Array]) -> PyTree[Array]:
         return jax.lax.map(jax.vmap(one, axis_name=CHUNK_AXIS), parts)
 
-    spread = here
-    if devices > 1:
-        mesh = jax.make_mesh((devices,), ("lane",), axis_types=(AxisType.Auto,))
-        along = PartitionSpec("lane")
-        spread = jax.shard_map(
-            here, mesh=mesh, in_specs=along, out_specs=along, check_vma=False
-        )
-    together = spread(jax.tree.map(part, lanes))
+    together = over_devices(here, jax.tree.map(part, lanes), devices)
     return jax.tree.map(lambda x: x.reshape(-1, *x.shape[2:])[:count], together)
+
+
+def over_devices(
+    function: Callable[[PyTree[Array]], T], parts: PyTree[Array], devices: int
+) -> T:
+    """Return what a function of some parts gives for all, shared among devices.
+
+    Args:
+        function: Of arrays whose first axis are parts; so are those that it returns.
+        parts: As many for each device.
+        devices: How many.
+    """
+    if devices == 1:
+        return function(parts)
+    mesh = jax.make_mesh((devices,), ("lane",), axis_types=(AxisType.Auto,))
+    along = PartitionSpec("lane")
+    spread = jax.shard_map(
+        function, mesh=mesh, in_specs=along, out_specs=along, check_vma=False
+    )
+    return spread(parts)
