@@ -35,6 +35,7 @@ from jaxtyping import Array, Float, PRNGKeyArray
 from calibration.six_stations import (
     LAWS,
     Problem,
+    columns_of,
     cost_of,
     draw,
     least_known,
@@ -81,11 +82,7 @@ def _text() -> str:
     problem = draw(LOGS[platform])
     uncertain = scene_of(problem)
     layout, sigma, _ = planned_layout(uncertain.scene)
-    order = [
-        6 * (q == "ground_arrival_s") + int(s[1:])
-        for q, s in zip(layout.quantity, layout.clock, strict=True)
-    ]
-    host, sigma = problem.readings[:, order], np.asarray(sigma)
+    host, sigma = problem.readings[:, columns_of(layout)], np.asarray(sigma)
     readings = jnp.asarray(host)
 
     def drawn() -> Array:

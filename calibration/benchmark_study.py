@@ -27,7 +27,7 @@ import jax
 import numpy as np
 
 from calibration import benchmark_flights
-from calibration.six_stations import LAWS, draw, scene_of
+from calibration.six_stations import LAWS, columns_of, draw, scene_of
 from jblast.inference import fit_many
 from jblast.inference.many.from_host import fit_from_host
 from jblast.sensors import planned_layout
@@ -226,11 +226,7 @@ def host_lines(platform: str) -> list[str]:
     problem = draw(LOGS[platform])
     uncertain = scene_of(problem)
     layout, sigma, _ = planned_layout(uncertain.scene)
-    order = [
-        6 * (q == "ground_arrival_s") + int(s[1:])
-        for q, s in zip(layout.quantity, layout.clock, strict=True)
-    ]
-    readings = np.ascontiguousarray(problem.readings[:, order])
+    readings = np.ascontiguousarray(problem.readings[:, columns_of(layout)])
     given = (uncertain, layout, readings, np.asarray(sigma), LAWS)
     lines = [f"fits from host to host, 12 readings, 4 unknowns: {len(readings):,} logs"]
 

@@ -16,6 +16,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jblast.scene import Scene, Sensor, UncertainScene, freed, with_values
+from jblast.sensors import Layout
 
 SIGMA = 1e-4
 DISTANCES = (60.0, 140.0, 80.0, 120.0, 70.0, 130.0)
@@ -111,6 +112,14 @@ def scene_of(problem: Problem) -> UncertainScene:
     scene = dataclasses.replace(Scene(), scatter=False, sensors=sensors)
     fixed = {"air_sound_speed_m_s": SOUND, "ground_p_speed_m_s": ROCK}
     return freed(UncertainScene(with_values(scene, fixed)), FREE)
+
+
+def columns_of(layout: Layout) -> list[int]:
+    """Return which column of `readings` each row of the scene's layout is."""
+    return [
+        6 * (q == "ground_arrival_s") + int(s[1:])
+        for q, s in zip(layout.quantity, layout.clock, strict=True)
+    ]
 
 
 def scipy_ends(problem: Problem, starts: np.ndarray) -> tuple[float, np.ndarray] | None:

@@ -19,6 +19,7 @@ go to calibration/results/studies_NAME.txt, figures to studies_NAME.png.
 import argparse
 import tempfile
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -173,8 +174,6 @@ def survival(columns: StudyColumns) -> tuple[list[str], Figure]:
         rows += contours(columns, name, labels, first_even, "charge_east_m")
         lines += ["", name, *aligned(rows, right=(1, 2, 3, 4))]
     kept = tuple(one for one in columns.lanes if one.name == "flies_on")
-    from dataclasses import replace
-
     figure = contour_figure(replace(columns, lanes=kept))
     assert figure is not None
     return lines, figure

@@ -87,7 +87,7 @@ class InOrder:
         self.samples = 0
         self.reached = False
 
-    def take(self, tile: int, begin: int, columns: Columns) -> None:
+    def take(self, tile: int, columns: Columns) -> None:
         """Take in a tile; nothing is taken in any more when the targets are reached."""
         self._early[tile] = columns
         while self.next in self._early and not self.reached:

@@ -51,7 +51,8 @@ def telling(numbering: Numbering) -> Callable[[int, Estimates], None]:
     first: list[int] = []
 
     def heard(samples: int, estimates: Estimates) -> None:
-        first.append(samples) if not first else None
+        if not first:
+            first.append(samples)
         gone = time.monotonic() - begun
         rate = (samples - first[0]) / gone if gone > 0 else 0.0
         known = "; ".join(

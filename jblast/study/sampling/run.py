@@ -48,7 +48,7 @@ def run(study: Study, mesh: Mesh | None = None) -> "xarray.Dataset":
     parts: list[Columns] = []
     for tile, columns in calculated(work, range(work.numbering.tiles)):
         parts.append(columns)
-        order.take(tile, 0, columns)
+        order.take(tile, columns)
         if order.reached:
             break
     whole = {v.name: np.concatenate([p[v.name] for p in parts]) for v in work.variables}
@@ -116,7 +116,7 @@ def _run(work: Work, store: Store, limit: int | None, tiles: Tiles | None) -> Ra
     order = InOrder(estimates, study.sd_target, telling(work.numbering))
     if store.attributes["complete"]:
         for tile in range(store.tiles):
-            order.take(tile, 0, store.read_tile(tile))
+            order.take(tile, store.read_tile(tile))
         reached = store.samples < numbering.samples
         return Ran(store, estimates, store.samples, 0, 0.0, True, reached, work.notes)
     done = store.done()
@@ -124,7 +124,7 @@ def _run(work: Work, store: Store, limit: int | None, tiles: Tiles | None) -> Ra
     if limit is not None:
         missing = missing[: -(-limit // numbering.tile)]
     for tile in sorted(done):
-        order.take(tile, 0, store.read_tile(tile))
+        order.take(tile, store.read_tile(tile))
     begun, new = time.monotonic(), 0
     if not order.reached:
         with Writer(store) as writer:
@@ -135,7 +135,7 @@ def _run(work: Work, store: Store, limit: int | None, tiles: Tiles | None) -> Ra
                 else:
                     writer.write(tile, columns)
                 new += len(next(iter(columns.values())))
-                order.take(tile, 0, columns)
+                order.take(tile, columns)
                 if order.reached:
                     break
     seconds = time.monotonic() - begun
