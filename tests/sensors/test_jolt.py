@@ -102,6 +102,7 @@ def test_a_level_vehicle_is_thrown_straight_away_from_the_charge():
     assert float(elevation) > np.arctan2(3.0, 15.0)  # its rotors lift it besides
 
 
+@pytest.mark.slow  # slopes of a load are compiled
 def test_jolts_have_the_slopes_of_finite_differences():
     given = jnp.asarray(10.0), PLACE
     forward = jax.jit(jax.jacfwd(read_at, argnums=(0, 1)))(*given)

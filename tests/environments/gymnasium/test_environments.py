@@ -58,6 +58,7 @@ def test_gymnasiums_own_checker_passes_as_registered(name):
         assert np.isfinite(reward).all()
 
 
+@pytest.mark.slow  # a vector of lanes is compiled; test_lanes.py has its core
 def test_a_vector_has_the_shapes_and_types_that_it_says(lanes):
     seen, info = lanes.reset(seed=3)
     assert seen in lanes.observation_space
@@ -70,6 +71,7 @@ def test_a_vector_has_the_shapes_and_types_that_it_says(lanes):
     assert found[4]["peak_deviation_m"].shape == (3,)
 
 
+@pytest.mark.slow  # a vector of lanes is compiled
 def test_one_seed_gives_one_trajectory_and_another_seed_another(lanes):
     def flown(seed):
         rows = [lanes.reset(seed=seed)[0]]
@@ -80,6 +82,7 @@ def test_one_seed_gives_one_trajectory_and_another_seed_another(lanes):
     assert np.abs(flown(5) - flown(6)).max() > 1e-3
 
 
+@pytest.mark.slow  # a vector of lanes is compiled
 def test_a_vector_resets_by_itself_a_step_after_the_end(lanes):
     lanes.reset(seed=0)
     still = np.zeros((3, 3), np.float32)
@@ -91,6 +94,7 @@ def test_a_vector_resets_by_itself_a_step_after_the_end(lanes):
     assert np.abs(last - seen).max() > 1e-3
 
 
+@pytest.mark.slow  # a vector of lanes is compiled
 def test_a_lane_with_an_action_that_is_no_number_is_named(lanes):
     lanes.reset(seed=0)
     asked = np.zeros((3, 3), np.float32)

@@ -159,6 +159,7 @@ def test_wind_is_found_from_arrivals_around_the_charge():
     assert np.isnan(estimates["wind_north_m_s"].log_sd)
 
 
+@pytest.mark.slow  # a layout of its own is compiled
 @pytest.mark.parametrize(
     ("quantity", "law", "factor"),
     [

@@ -8,6 +8,8 @@ import pytest
 from jblast.inference.picks import pick
 from tests.inference.picks.simulated import SAMPLES
 
+pytestmark = pytest.mark.slow  # twenty-four records; test_pick.py has one of them
+
 PEAK, ARRIVAL = 5e3, 300.37
 CASES = list(product((30.0, 130.0), (0.2, 1.0, 2.0, 4.0), (30.0, 300.0, 3000.0)))
 """Durations [samples], decays, peaks over the noise."""

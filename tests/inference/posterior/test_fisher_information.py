@@ -57,6 +57,7 @@ def test_information_is_that_of_the_whole_covariance(noise, weight):
     np.testing.assert_allclose(information(asked, Z), expected, rtol=1e-9)
 
 
+@pytest.mark.slow  # a second witness of the score
 def test_information_is_the_mean_square_of_the_score():
     # normal errors: over logs drawn at Z, the slope of the ln-density in the
     # predictions has the information as its covariance

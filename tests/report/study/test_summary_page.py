@@ -41,6 +41,7 @@ def by_name(rows):
     return sorted(rows, key=named)
 
 
+@pytest.mark.slow  # three studies are run
 @pytest.mark.parametrize("name", ["summary", "some"])
 def test_tables_are_those_of_all_samples(reports, name):
     ours, exact = reports[name].document(), reports["all"].document()
@@ -62,12 +63,14 @@ def test_tables_are_those_of_all_samples(reports, name):
                 assert np.abs(np.subtract(near[0], near[1])).max() < 0.02 * spread
 
 
+@pytest.mark.slow  # three studies are run
 def test_it_has_the_same_figures(reports):
     drawn = set(reports["summary"].pictures)
     assert drawn == {"response", "contours", "exceedance", "convergence"}
     assert "Statistics alone were kept" in reports["summary"].page()
 
 
+@pytest.mark.slow  # three studies are run
 def test_what_scatter_comes_from_is_told_by_samples_that_were_kept(reports):
     assert not reports["summary"].document()["sensitivity"]
     found = reports["some"].document()["sensitivity"][0]

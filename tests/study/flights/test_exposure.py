@@ -62,6 +62,7 @@ def test_a_place_in_a_fireball_is_in_it_from_when_it_comes_to_when_it_fades():
     assert found.peak_acceleration_m_s2 > far.peak_acceleration_m_s2 > push / 0.03
 
 
+@pytest.mark.slow  # a film is compiled
 def test_the_fireball_flown_into_is_the_one_filmed():
     """With the growth time of the scene, and the explosive's worth in TNT."""
     charge = Charge(mass_kg=1.0, time_s=0.2, explosive="C4")

@@ -69,6 +69,7 @@ def test_the_two_holds_differ(flights):
     assert flights.own is None
 
 
+@pytest.mark.slow  # a whole study of flights is compiled
 def test_the_scenes_own_hold_comes_first():
     spec = dataclasses.replace(SPEC, integral=False)
     flights = fly(scene(spec), SHORT)

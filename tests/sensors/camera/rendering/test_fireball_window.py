@@ -53,7 +53,10 @@ def both(scene, rays, time):
     )
 
 
-@pytest.mark.parametrize("time", [0.05, 0.1001, 0.3, 2.0])
+LATER = [pytest.param(t, marks=pytest.mark.slow) for t in (0.1001, 2.0)]
+
+
+@pytest.mark.parametrize("time", [0.05, 0.3, *LATER])
 @pytest.mark.parametrize("name", CAMERAS)
 def test_it_shows_what_looking_everywhere_does(name, time):
     whole, part = both(FAR, pixel_rays(CAMERAS[name]), jnp.asarray(time))

@@ -92,6 +92,7 @@ def test_rotors_in_a_still_wave_add_nothing_and_in_a_wind_their_drag():
     np.testing.assert_allclose(after[0], 4 * speed * k_d * way * east, rtol=4e-3)
 
 
+@pytest.mark.slow  # a program of two charges; test_never.py flies two
 def test_several_charges_add_up_each_at_its_own_time():
     first, second = (
         Charge(mass_kg=1.0, name="a"),

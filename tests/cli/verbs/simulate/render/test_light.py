@@ -23,6 +23,7 @@ def test_fire_lights_the_ground_more_at_dusk_and_not_at_all_if_told_so(jblast):
     assert dark < day < dusk
 
 
+@pytest.mark.slow  # a program with a wall
 def test_a_wall_hides_the_fire_in_frames_and_events(jblast):
     wall = jblast.directory / "wall.npy"
     np.save(wall, np.full((18, 24), 10.0))

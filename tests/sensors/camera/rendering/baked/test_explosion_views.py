@@ -73,6 +73,7 @@ def test_the_visible_radius_is_that_of_the_law_between_frames_too(puffs, mass):
     assert np.abs(off).max() < 0.05
 
 
+@pytest.mark.slow  # a second witness of the radius
 def test_a_long_cloud_has_the_law_s_radius_however_its_picture_is_turned(tmp_path):
     """From above a view from beside is turned: its own columns are not the camera's.
 
