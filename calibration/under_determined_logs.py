@@ -1,14 +1,8 @@
 """Logs that leave something open: fewer readings than unknowns, or readings alike.
 
-    python tests/inference/fitting/under_determined.py [LOGS] [SEED] [FIRST]
-
-fits so many, from the one of that number on, and prints which do not end as they
-should, and how many of each kind do.
+`calibration.under_determined` fits them.
 """
 
-import dataclasses
-import sys
-from collections import Counter
 from collections.abc import Iterator
 from typing import NamedTuple
 
@@ -18,7 +12,6 @@ from jblast.inference import Fit, fit
 from jblast.observations import Observations
 from jblast.report.fit.terminal import cannot_tell
 from jblast.scene import UncertainScene, default_scene, freed, with_laws
-from tests.inference.logs import log
 
 PLACE = ("charge_east_m", "charge_north_m")
 TIMED_PLACE = ("origin_time_s", *PLACE)
@@ -33,6 +26,12 @@ class Kind(NamedTuple):
     free: tuple[str, ...]
     repeats: int = 1
     law: tuple[tuple[str, str], ...] = ()
+
+    def __str__(self) -> str:
+        what = ", ".join(self.quantities) + f" at {self.sensors}"
+        what += f" x {self.repeats}" if self.repeats > 1 else ""
+        what += "".join(f" by {law}" for _, law in self.law)
+        return what + "; free: " + ", ".join(("charge_mass_kg", *self.free))
 
 
 ARRIVAL, PRESSURE = ("air_arrival_s",), ("peak_overpressure_pa",)
@@ -80,7 +79,7 @@ def drawn(kind: Kind, rng: np.random.Generator) -> tuple[Observations, Uncertain
     if case == 2:
         places[:] = places[0]
     mass = 10 ** rng.uniform(-1, 4)
-    rows, times = [], []
+    rows = []
     for i, at in enumerate(places):
         away = charge - at
         r = max(float(np.linalg.norm(away)), 0.3)
@@ -101,10 +100,23 @@ def drawn(kind: Kind, rng: np.random.Generator) -> tuple[Observations, Uncertain
                     value *= np.exp(SHARE * error)
                 else:
                     value += sigma * error
-                rows.append((f"s{i}", quantity, value, sigma, tuple(at)))
                 timed = quantity == "fireball_radius_m"
-                times.append(3 + time if timed else np.nan)
-    observed = dataclasses.replace(log(*rows), time=np.array(times))
+                seen = 3 + time if timed else np.nan
+                rows.append((f"s{i}", quantity, value, sigma, at, seen))
+    sensor, quantity, value, sigma, position, time = zip(*rows, strict=True)
+    nowhere = ("",) * len(rows)
+    observed = Observations(
+        sensor=sensor,
+        quantity=quantity,
+        value=np.array(value),
+        sigma=np.array(sigma),
+        position=np.array(position),
+        slant_range=np.full(len(rows), np.nan),
+        time=np.array(time),
+        path=nowhere,
+        shot=nowhere,
+        clock=nowhere,
+    )
     asked = freed(with_laws(default_scene(), dict(kind.law)), list(kind.free))
     return observed, asked
 
@@ -138,40 +150,3 @@ def fault(found: Fit | Exception) -> str:
     if len(answer.null_directions) < least:
         return f"{len(answer.null_directions)} null directions for {least}"
     return "" if cannot_tell(answer, answer.estimates) else "no sentence"
-
-
-def main() -> None:
-    """Fit as many as asked for."""
-    from jblast.cli.jax_start import start_jax
-
-    start_jax(quick=True)
-    given = sys.argv[1:]
-    count, seed, first = map(int, [*given, *("1000", "0", "1")[len(given) :]])
-    every = enumerate(logs(first - 1 + count, len(KINDS), seed), start=1)
-    right, tried = Counter[Kind](), Counter[Kind]()
-    for i, (kind, made) in every:
-        if i < first:
-            continue
-        said = fault(ended(made))
-        tried[kind] += 1
-        right[kind] += not said
-        if said:
-            sys.stdout.write(f"{i}: {kind}: {said}\n")
-        if said or i % 50 == 0:
-            sys.stdout.write(f"{right.total()} of {tried.total()}\n")
-            sys.stdout.flush()
-    for kind in KINDS:
-        what = ", ".join(kind.quantities) + f" at {kind.sensors}"
-        what += f" x {kind.repeats}" if kind.repeats > 1 else ""
-        what += "".join(f" by {law}" for _, law in kind.law)
-        free = ", ".join(("charge_mass_kg", *kind.free))
-        sys.stdout.write(f"{right[kind]:4d} of {tried[kind]:4d}  {what}; {free}\n")
-    last = first + count - 1
-    sys.stdout.write(
-        f"{right.total()} of {tried.total()} end with exit code 4 and a sentence "
-        f"(logs {first} to {last}, seed {seed})\n"
-    )
-
-
-if __name__ == "__main__":
-    main()
