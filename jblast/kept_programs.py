@@ -13,7 +13,7 @@ import functools
 import hashlib
 import json
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any, ParamSpec, TypeVar
@@ -163,21 +163,47 @@ def _key(function: Callable, arguments: Any) -> str:
 @functools.cache
 def _source() -> str:
     """Return a fingerprint of the package's files and the libraries' versions."""
-    digest = hashlib.sha256(fingerprint(Path(__file__).parent).encode())
+    digest = hashlib.sha256(_contents(Path(__file__).parent).encode())
     digest.update(" ".join(version(name) for name in LIBRARIES).encode())
     return digest.hexdigest()
+
+
+def _contents(root: Path) -> str:
+    """Return the fingerprint of a folder's files, read anew only if one was touched."""
+    if STORE.folder is None:
+        return fingerprint(root)
+    state = hashlib.sha256(str(root).encode())
+    for path in _files(root):
+        at = os.stat(path)
+        touched = f" {path} {at.st_size} {at.st_mtime_ns} {at.st_ctime_ns} {at.st_ino}"
+        state.update(touched.encode())
+    known = STORE.folder / f"source-{state.hexdigest()}"
+    with contextlib.suppress(OSError, UnicodeDecodeError):
+        if len(digest := known.read_text()) == 2 * state.digest_size:
+            return digest
+    digest = fingerprint(root)
+    with contextlib.suppress(OSError):  # a full disk: read again the next time
+        known.parent.mkdir(parents=True, exist_ok=True)
+        write_bytes(known, digest.encode(), durable=False)
+    return digest
 
 
 def fingerprint(root: Path) -> str:
     """Return one of all files below a folder, but what Python compiled of them."""
     digest = hashlib.sha256()
+    for path in _files(root):
+        digest.update(f" {os.path.relpath(path, root)} ".encode())
+        digest.update(Path(path).read_bytes())
+    return digest.hexdigest()
+
+
+def _files(root: Path) -> Iterator[str]:
+    """Go through the files below a folder in their order."""
     for folder, folders, names in os.walk(root):
         folders[:] = sorted(set(folders) - {"__pycache__"})
-        digest.update(os.path.relpath(folder, root).encode())
         for name in sorted(names):
             if not name.endswith(".pyc"):
-                digest.update(f" {name} ".encode() + Path(folder, name).read_bytes())
-    return digest.hexdigest()
+                yield os.path.join(folder, name)
 
 
 def _surroundings() -> str:

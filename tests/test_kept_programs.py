@@ -80,7 +80,7 @@ def found(monkeypatch):
 def test_a_second_start_answers_the_same_without_tracing(store, found):
     line = Line(jnp.asarray(2.0), 2)
     first = kept(climb)(line, X)
-    assert len(list(store.iterdir())) == 1
+    assert len(list(store.glob("traced-*"))) == 1
     second = started_again(store)(line, X)
     assert TRACED[2] == 1
     assert isinstance(second, Pair)
@@ -92,11 +92,11 @@ def test_arrays_are_given_and_all_else_is_another_program(store, found):
     program = kept(climb)
     program(Line(jnp.asarray(2.0), 2), X)
     assert program(Line(jnp.asarray(5.0), 2), X).total == 5.0 * np.sum(X**2)
-    assert len(list(store.iterdir())) == 1
+    assert len(list(store.glob("traced-*"))) == 1
     assert program(Line(jnp.asarray(2.0), 3), X).total == 2.0 * np.sum(X**3)
     program(Line(jnp.asarray(2.0), 2), X[:2])
     program(Line(jnp.asarray(2.0, jnp.float32), 2), X.astype(np.float32))
-    assert len(list(store.iterdir())) == 4
+    assert len(list(store.glob("traced-*"))) == 4
 
 
 def test_another_state_of_the_package_is_another_program(store, found, monkeypatch):
@@ -118,10 +118,28 @@ def test_what_python_compiled_leaves_the_fingerprint_as_it_is(tmp_path):
     assert kept_programs.fingerprint(tmp_path) != before
 
 
+def test_files_are_read_anew_only_once_one_was_touched(store, tmp_path, monkeypatch):
+    law = tmp_path / "room" / "law.py"
+    law.parent.mkdir()
+    law.write_text("x = 1\n")
+    read = []
+    whole = kept_programs.fingerprint
+    monkeypatch.setattr(
+        kept_programs, "fingerprint", lambda root: read.append(root) or whole(root)
+    )
+    room = law.parent
+    first = kept_programs._contents(room)
+    assert kept_programs._contents(room) == first == whole(room)
+    assert len(read) == 1
+    law.write_text("x = 2\n")  # as long as before
+    assert kept_programs._contents(room) == whole(room) != first
+    assert len(read) == 2
+
+
 def test_half_a_file_is_made_again(store, found):
     line = Line(jnp.asarray(2.0), 2)
     kept(climb)(line, X)
-    (file,) = store.iterdir()
+    (file,) = store.glob("traced-*")
     whole = file.read_bytes()
     for size in (0, 10, len(whole) // 2):
         file.write_bytes(whole[:size])
@@ -158,7 +176,7 @@ def test_beside_a_law_that_is_not_the_packages_nothing_is_kept(store, found, nam
         del LAWS["flash_time_s", name]
         register(law)
     program(line, X)
-    assert list(store.iterdir())
+    assert list(store.glob("traced-*"))
 
 
 def test_without_a_folder_nothing_is_kept(store):

@@ -129,6 +129,10 @@ class Charge(Described):
 
     def tnt_mass(self, quantity: str) -> Float[Array, ""]:
         """Return the mass of TNT that makes the same of a quantity [kg]."""
+        return self.mass_kg * self.tnt_factor_for(quantity)
+
+    def tnt_factor_for(self, quantity: str) -> Float[Array, "..."] | float:
+        """Return the mass of TNT that makes the same of a quantity as 1 kg [-]."""
         if self.tnt_factor is not None:
-            return self.mass_kg * self.tnt_factor
-        return self.mass_kg * tnt_factor(self.explosive, quantity)
+            return self.tnt_factor
+        return tnt_factor(self.explosive, quantity)

@@ -221,7 +221,7 @@ def _derived(
         if factor in parameters.names:  # the product is not normal in one coordinate
             continue
         per_kg = {
-            what: float(charge.tnt_mass(quantity) / charge.mass_kg)
+            what: float(charge.tnt_factor_for(quantity))
             for what, quantity in TNT_MASS_BY.items()
         }
         front_alone = set(solution.posterior.layout.quantity) == {"shock_radius_m"}

@@ -14,7 +14,6 @@ from jblast.sensors.calculator.question import (
     Question,
     charge_radius,
     scene_path,
-    tnt_factor_in,
 )
 from jblast.waves.laws.ground_factor import ground_factor
 from jblast.waves.propagation.ambient import ambient
@@ -101,7 +100,7 @@ def inputs(question: Question) -> Inputs:
     charge, air = scene.charge, scene.air
     path = scene_path(scene)
     temperature, _ = ambient(air)
-    pressure_factor = tnt_factor_in(scene, "peak_overpressure_pa").item()
+    pressure_factor = float(charge.tnt_factor_for("peak_overpressure_pa"))
     mass = distance = asked = scaled = None
     if question.quantity and question.charge_mass:
         mass, asked = question.charge_mass[0], "range_m"
@@ -127,7 +126,7 @@ def inputs(question: Question) -> Inputs:
         explosive=charge.explosive,
         tnt_factor=TntFactor(
             pressure=pressure_factor,
-            impulse=tnt_factor_in(scene, "positive_impulse_pa_s").item(),
+            impulse=float(charge.tnt_factor_for("positive_impulse_pa_s")),
         ),
         burst=charge.burst or "by height",
         height_m=charge.up.item(),

@@ -9,7 +9,6 @@ from jblast.sensors.calculator.question import (
     Question,
     free_air_rows,
     scene_path,
-    tnt_factor_in,
 )
 from jblast.waves.burst_and_height import burst_notes
 from jblast.waves.scaling import sachs_distance_factor
@@ -78,7 +77,7 @@ def _scaled_heights(question: Question) -> tuple[float, float]:
     height = question.scene.charge.up.item()
     if not (height and question.charge_mass):  # of an unknown mass only the sign counts
         return height, height
-    factor = tnt_factor_in(question.scene, "peak_overpressure_pa").item()
+    factor = float(question.scene.charge.tnt_factor_for("peak_overpressure_pa"))
     pressure = scene_path(question.scene).ambient_pressure.item()
     masses = factor * np.asarray(question.charge_mass)
     heights = height / np.asarray(sachs_distance_factor(masses, pressure))

@@ -53,19 +53,28 @@ class Disagreement:
 
 def disagreements(question: Question, answer: Calculation) -> list[Disagreement]:
     """Return the quantities of a calculation of which laws that hold disagree."""
-    found = (_of(question, name, by_law) for name, by_law in answer.items())
+    paths: dict[float, Path] = {}  # pressures and impulses may have a TNT mass each
+    found = []
+    for name, by_law in answer.items():
+        laws = [law for law in by_law if (name, law) in LAWS]
+        laws = [law for law in laws if by_law[law].valid.any()]
+        if len(laws) < 2:
+            continue
+        factor = float(question.scene.charge.tnt_factor_for(name))
+        if factor not in paths:
+            paths[factor] = path_of_rows(question, name)
+        found.append(_of(question, paths[factor], name, by_law, laws))
     return [one for one in found if one is not None]
 
 
 def _of(
-    question: Question, quantity: str, by_law: Mapping[str, Calculated]
+    question: Question,
+    path: Path,
+    quantity: str,
+    by_law: Mapping[str, Calculated],
+    names: list[str],
 ) -> Disagreement | None:
-    """Return where the laws of a quantity are furthest apart, if they disagree."""
-    names = [name for name in by_law if (quantity, name) in LAWS]
-    names = [name for name in names if by_law[name].valid.any()]
-    if len(names) < 2:
-        return None
-    path = path_of_rows(question, quantity)
+    """Return where some laws of a quantity are furthest apart, if they disagree."""
     scatter = {name: _scatter(quantity, name, path) for name in names}
     apart = {
         pair: _sds_apart([by_law[n] for n in pair], [scatter[n] for n in pair])

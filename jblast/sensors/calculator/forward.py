@@ -16,7 +16,7 @@ from jblast.registry import LAWS, Law, call
 from jblast.scene import Scene
 from jblast.scene.charge import Burst
 from jblast.sensors.calculator.combined import COMBINATIONS, combined_of
-from jblast.sensors.calculator.question import scene_path, tnt_factor_in, with_rows
+from jblast.sensors.calculator.question import scene_path, with_rows
 from jblast.types import as_float_array
 
 NEEDS_MORE = {"time_since_detonation", "toward_east", "jolt_east"}
@@ -164,7 +164,7 @@ def _evaluate(
     path = scene_path(scene)
     values, valid = {}, {}
     for law in laws:
-        mass = tnt_factor_in(scene, law.quantity) * charge_mass
+        mass = scene.charge.tnt_factor_for(law.quantity) * charge_mass
         way = with_rows(path, slant_range, mass)
         key = law.quantity, law.name
         values[key] = jnp.broadcast_to(call(law.function, way), slant_range.shape)

@@ -18,7 +18,6 @@ from jblast.sensors.calculator.question import (
     Question,
     charge_radius,
     scene_path,
-    tnt_factor_in,
 )
 
 SCALED_DISTANCES = np.geomspace(1e-2, 1e5, 4096)
@@ -85,7 +84,7 @@ def roots(question: Question) -> dict[str, Roots]:
 
 def _grid(question: Question) -> Float[np.ndarray, " point"]:
     """Return ranges or masses of the explosive to look at, ascending."""
-    factor = tnt_factor_in(question.scene, question.quantity).item()
+    factor = float(question.scene.charge.tnt_factor_for(question.quantity))
     pressure = scene_path(question.scene).ambient_pressure.item()
     scale = factor * STANDARD_PRESSURE / pressure
     if question.charge_mass:

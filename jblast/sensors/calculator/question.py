@@ -7,7 +7,7 @@ from typing import Literal
 
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, ArrayLike, Bool, Float
+from jaxtyping import ArrayLike, Bool, Float
 
 from jblast.constants import TNT_DENSITY
 from jblast.kept_programs import kept
@@ -55,11 +55,6 @@ def charge_radius(charge_mass: Float[ArrayLike, "..."]) -> Float[np.ndarray, "..
     """
     volume = np.asarray(charge_mass) / TNT_DENSITY
     return np.asarray(np.cbrt(3.0 * volume / (4.0 * math.pi)))
-
-
-def tnt_factor_in(scene: Scene, quantity: str) -> Float[Array, ""]:
-    """Return the TNT mass of a scene's charge over its mass, for a quantity [-]."""
-    return scene.charge.tnt_mass(quantity) / scene.charge.mass_kg
 
 
 @kept
@@ -117,7 +112,7 @@ def with_rows(
 def path_of_rows(question: Question, quantity: str = "peak_overpressure_pa") -> Path:
     """Return the path of each row, its masses those of TNT for a quantity."""
     ranges, masses = question.rows()
-    factor = tnt_factor_in(question.scene, quantity).item()
+    factor = float(question.scene.charge.tnt_factor_for(quantity))
     path = scene_path(question.scene)
     return with_rows(path, as_float_array(ranges), as_float_array(factor * masses))
 

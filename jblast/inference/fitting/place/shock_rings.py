@@ -12,7 +12,7 @@ from jblast.registry import Law
 from jblast.scene import Scene
 from jblast.sensors.calculator.forward import calculated_laws, evaluate
 from jblast.sensors.calculator.inverse import SCALED_DISTANCES
-from jblast.sensors.calculator.question import scene_path, tnt_factor_in
+from jblast.sensors.calculator.question import scene_path
 
 PEAK = "peak_overpressure_pa"
 LEVELS = (1e3, 5e3, 20e3, 100e3)
@@ -115,7 +115,9 @@ def ranges_at(
         on both sides.
     """
     ambient = float(scene_path(scene).ambient_pressure)
-    scale = float(tnt_factor_in(scene, law.quantity)) * STANDARD_PRESSURE / ambient
+    scale = (
+        float(scene.charge.tnt_factor_for(law.quantity)) * STANDARD_PRESSURE / ambient
+    )
     log_range = (
         np.log(SCALED_DISTANCES) + np.log(scale * np.asarray(masses))[:, None] / 3
     )
