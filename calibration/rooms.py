@@ -56,6 +56,13 @@ WALKS = {
     "choose": "scene.toml --quantity air_arrival_s --tolerance 0.01",
 }
 """A log of four rows and one unknown; one vehicle; five frames; one quantity."""
+BEFORE = {
+    "fit": (111, 12700, 479, 217, 134, 1920, 249),
+    "fly": (105, 11500, 417, 187, 140, 4269, 302),
+    "render": (68, 7300, 215, 100, 65, 3675, 286),
+    "choose": (67, 7400, 188, 100, 64, 475, 248),
+}
+"""The same, walked before there were rooms (4b8d7e4, 22 November 2026)."""
 
 
 def room_of(path: Path) -> str:
@@ -172,13 +179,13 @@ def rooms_table(between: Counter[tuple[str, str]]) -> str:
 
 
 def walks_table(walks: dict[str, dict[str, int]]) -> str:
-    """Return a line a command."""
+    """Return two lines a command: now, and before there were rooms."""
     heads = list(next(iter(walks.values())))
-    lines = ["".join([f"{'command':13s}", *(f"{head:>15s}" for head in heads)])]
+    lines = ["".join([f"{'command':15s}", *(f"{head:>15s}" for head in heads)])]
     for verb, found in walks.items():
-        lines.append(
-            "".join([f"{verb:13s}", *(f"{found[head]:15d}" for head in heads)])
-        )
+        now = [found[head] for head in heads]
+        for name, numbers in ((verb, now), ("  before rooms", BEFORE[verb])):
+            lines.append("".join([f"{name:15s}", *(f"{n:15d}" for n in numbers)]))
     return "\n".join(lines)
 
 
