@@ -40,8 +40,8 @@ from jblast.scene import (
 )
 from jblast.scene.random.spec import ByCount
 from jblast.sensors import microphone
-from jblast.sensors.camera import render
 from jblast.sensors.camera.events.stream import stream_events
+from jblast.sensors.camera.film import Film
 from jblast.sensors.camera.image.grey_composite import luminance
 from jblast.vehicle import (
     Each,
@@ -112,14 +112,15 @@ def parts_of_one() -> dict[str, Callable[[], Any]]:
         ear = _ear(jnp.asarray(PLACE), RATE_HZ)
         return microphone.record(own, ear, SECONDS, jax.random.key(0), wave_paths=PATHS)
 
-    def frames() -> Any:
-        return jax.block_until_ready(render(scene, camera, times))
-
+    film = Film(scene, camera, times)
     grey_of = jax.jit(luminance)
 
+    def frames() -> Any:
+        return [block for _, block in film.frames()][-1]
+
     def pictures() -> Any:
-        grey = np.asarray(grey_of(frames()))
-        return [list(stream_events([(times, grey)], (0.2, 0.2)))[-1].count]
+        blocks = ((times[n], np.asarray(grey_of(x))) for n, x in film.frames())
+        return [sum(int(e.count) for e in stream_events(blocks, (0.2, 0.2)))]
 
     def flight() -> Any:
         return simulate(

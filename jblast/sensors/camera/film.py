@@ -2,8 +2,10 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import equinox as eqx
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
@@ -15,15 +17,15 @@ from jblast.sensors.camera.image.grey_composite import luminance
 from jblast.sensors.camera.rendering.appearance import Appearance
 from jblast.sensors.camera.rendering.carried import render_carried
 from jblast.sensors.camera.rendering.landscape import Landscape
+from jblast.sensors.camera.rendering.outlook import Outlook, outlook_of
 from jblast.sensors.camera.rendering.render import BACKGROUND, render
 from jblast.sensors.camera.rendering.view_set import ViewSet
 
 PIXELS = 1 << 22
-"""Of a block of frames: 100 MB of three channels in float64. The rays are computed for
-each block, so that short ones are slow."""
+"""Of a block of frames: 100 MB of three channels in float64."""
 
-LONGEST = 16
-"""Frames of a block."""
+LONGEST = 20
+"""Frames of a block: a second at most rates is some whole ones."""
 
 Frames = Float[np.ndarray, "_ _ _ 3"]
 
@@ -61,6 +63,10 @@ class Film:
 
     def at_instants(self) -> "Film":
         """Return the same without exposure: an event camera does not gather light."""
+        return self._still
+
+    @cached_property
+    def _still(self) -> "Film":
         camera = eqx.tree_at(
             lambda c: c.exposure_s, self.camera, 0.0 * self.camera.exposure_s
         )
@@ -133,9 +139,27 @@ class Film:
             background=background,
             depth=self.depth,
             appearance=self.appearance,
-            # a picture from above shows also what its billboard has below ground
-            ground=self.views is None,
+            ground=self._ground,
             supersample=self.supersample,
             views=self.views,
+            outlook=self._outlook,
         )
         return np.asarray(frames)[:count]
+
+    @property
+    def _ground(self) -> bool:
+        """A picture from above shows also what its billboard has below ground."""
+        return self.views is None
+
+    @cached_property
+    def _outlook(self) -> Outlook:
+        """Of a camera that stands: computed once for all blocks."""
+        appearance, views = self.appearance or Appearance(), self.views
+        return outlook_of(
+            self.camera,
+            None if self.depth is None else jnp.asarray(self.depth, float),
+            ground=self._ground,
+            supersample=self.supersample,
+            lit=appearance.flash and (views is None or views.glows),
+            lit_ground=True,
+        )

@@ -12,13 +12,12 @@ from jaxtyping import Array, ArrayLike, Float
 
 from jblast.errors import InputError, shown
 from jblast.scene import Camera, Scene
-from jblast.sensors.camera.geometry.pixel_rays import Rays, pixel_rays, pixels
-from jblast.sensors.camera.geometry.surfaces import surfaces_seen
+from jblast.sensors.camera.geometry.pixel_rays import pixels
 from jblast.sensors.camera.image.compositing import straight
 from jblast.sensors.camera.rendering.appearance import Appearance
 from jblast.sensors.camera.rendering.exposure import exposed
 from jblast.sensors.camera.rendering.fireball_window import fireballs_in_window
-from jblast.sensors.camera.rendering.lit_rows import LitRows, brightened, lit_rows
+from jblast.sensors.camera.rendering.outlook import Outlook, brightened, outlook_of
 from jblast.sensors.camera.rendering.view_set import ViewSet
 from jblast.types import as_float_array
 
@@ -49,6 +48,7 @@ def render(
     exposures: int = 8,
     appearance: Appearance | None = None,
     views: ViewSet | None = None,
+    outlook: Outlook | None = None,
 ) -> Float[Array, "time height width channel"]:
     """Return what a camera sees of a scene's fireballs before a background.
 
@@ -88,6 +88,8 @@ def render(
             what they cannot show is said where they are defined. Of the appearance
             pictures of one's own take nothing; an explosion set takes its white, its
             daylight and its flash.
+        outlook: Of the same camera, from `outlook_of`, for who renders its frames
+            part by part; `depth`, `ground` and `supersample` are then its own.
 
     Returns:
         Linear light, full scale 1, not clipped; three channels, or four with `alpha`.
@@ -114,36 +116,40 @@ def render(
     if not callable(source):
         source = _fitting(source, [size, (len(times), *size)], size)
     appearance = Appearance() if appearance is None else appearance
-    lit = None
-    if appearance.flash and not alpha and (views is None or views.glows):
-        # a picture may hold what is below ground, but the ground is there
-        plane = ground or views is not None
-        ends = pixel_rays(camera, depth, ground=plane)
-        lit = lit_rows(surfaces_seen(ends, image=depth is not None))
-    shown_by = appearance, views, lit
     exposure = camera.exposure_s
     if not isinstance(exposure, Tracer) and exposure.item() == 0:
         exposures = 1  # fewer programs to compile
-    rays = pixel_rays(camera, depth, supersample=supersample, ground=ground)
-    counts = (supersample, exposures)
-    return _render(scene, rays, times, source, exposure, shown_by, counts, size, alpha)
+    if outlook is None:
+        outlook = outlook_of(
+            camera,
+            depth,
+            ground=ground,
+            supersample=supersample,
+            lit=appearance.flash and not alpha and (views is None or views.glows),
+            # a picture may hold what is below ground, but the ground is there
+            lit_ground=ground or views is not None,
+        )
+    shown_by = appearance, views
+    return _render(
+        scene, outlook, times, source, exposure, shown_by, exposures, size, alpha
+    )
 
 
 @eqx.filter_jit
 def _render(
     scene: Scene,
-    rays: Rays,
+    outlook: Outlook,
     times: Float[Array, " time"],
     source: Any,
     exposure: Float[Array, ""],
-    shown_by: tuple[Appearance, ViewSet | None, LitRows | None],
-    counts: tuple[int, int],
+    shown_by: tuple[Appearance, ViewSet | None],
+    exposures: int,
     size: tuple[int, int, int],
     alpha: bool,
 ) -> Float[Array, "time height width channel"]:
     """Return what `render` promises, of inputs that fit."""
-    supersample, exposures = counts
-    appearance, views, lit = shown_by
+    rays, lit, supersample = outlook.rays, outlook.lit, outlook.supersample
+    appearance, views = shown_by
 
     def instant(time, behind):
         """Return one instant: premultiplied, or over what is behind."""

@@ -1,6 +1,7 @@
-"""The rows of an image that a fire can light: no more of it is computed.
+"""What a camera that stands looks along and at: the same for all of its frames.
 
-The sky is not lit, and often takes half of the image or more.
+Of an image only the rows that a fire can light are computed for its light: the sky is
+not lit, and often takes half of the image or more.
 """
 
 import equinox as eqx
@@ -10,8 +11,9 @@ import numpy as np
 from jax.core import Tracer
 from jaxtyping import Array, Float, Int
 
-from jblast.scene import Scene
-from jblast.sensors.camera.geometry.surfaces import Surfaces
+from jblast.scene import Camera, Scene
+from jblast.sensors.camera.geometry.pixel_rays import Rays, pixel_rays
+from jblast.sensors.camera.geometry.surfaces import Surfaces, surfaces_seen
 from jblast.sensors.camera.rendering.appearance import Appearance
 from jblast.sensors.camera.rendering.flash import flash
 
@@ -29,6 +31,48 @@ class LitRows(eqx.Module):
 
     surfaces: Surfaces
     first: Int[Array, ""]
+
+
+class Outlook(eqx.Module):
+    """The rays of an image, and what there is for a fire to light.
+
+    Attributes:
+        rays: One a pixel, or several.
+        lit: Surfaces of the background; None: nothing is lit.
+        supersample: Rays along each side of a pixel.
+    """
+
+    rays: Rays
+    lit: LitRows | None
+    supersample: int = eqx.field(static=True)
+
+
+def outlook_of(
+    camera: Camera,
+    depth: Float[Array, "height width"] | None = None,
+    *,
+    ground: bool = True,
+    supersample: int = 1,
+    lit: bool = True,
+    lit_ground: bool | None = None,
+) -> Outlook:
+    """Return the outlook of a camera.
+
+    Args:
+        camera: Who looks.
+        depth: Distance of the background along each pixel's ray [m]; None is infinite.
+        ground: Whether the plane up = 0 hides what is below it.
+        supersample: Rays along each side of a pixel.
+        lit: Whether the fire lights what is there.
+        lit_ground: Whether it lights the plane up = 0; by default where that hides.
+    """
+    surfaces = None
+    if lit:
+        plane = ground if lit_ground is None else lit_ground
+        ends = pixel_rays(camera, depth, ground=plane)
+        surfaces = lit_rows(surfaces_seen(ends, image=depth is not None))
+    rays = pixel_rays(camera, depth, supersample=supersample, ground=ground)
+    return Outlook(rays, surfaces, supersample)
 
 
 def lit_rows(surfaces: Surfaces) -> LitRows:

@@ -7,7 +7,7 @@ from jblast.sensors.camera.geometry.pixel_rays import pixel_rays
 from jblast.sensors.camera.geometry.surfaces import Surfaces, surfaces_seen
 from jblast.sensors.camera.rendering.appearance import Appearance
 from jblast.sensors.camera.rendering.flash import flash
-from jblast.sensors.camera.rendering.lit_rows import brightened, lit_rows
+from jblast.sensors.camera.rendering.outlook import brightened, lit_rows
 
 SCENE = Scene(charge=Charge(mass_kg=15.0))
 SIZE = 41, 30
