@@ -1,0 +1,98 @@
+"""What a seeded world is made of, in numbers: to be compared between machines.
+
+    python -m tests.world.fingerprint
+
+writes tests/world/data/fingerprint.json on the machine that it runs on.
+"""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from jblast.report.world.tables import blasts_csv
+from jblast.scene import Charge, Instrument, Scene, Sensor, VehicleSpec
+from jblast.scene.reader.scene import world_from_document
+from jblast.sensors import microphone
+from jblast.vehicle import blast_load, hold_of, simulate, start_of, vehicle_of
+from jblast.world import DrawnWorld, arrivals_of, draw_world, readings_of
+
+KEPT = Path(__file__).parent / "data" / "fingerprint.json"
+RECORDS = {
+    "flash_time_s": 1e-3,
+    "ground_arrival_s": 1e-3,
+    "air_arrival_s": 1e-4,
+    "peak_overpressure_pa": "5%",
+}
+DOCUMENT: dict[str, Any] = {
+    "world": {
+        "count": 3,
+        "region_m": {"ring": [10, 20]},
+        "mass_kg": {"lognormal": [8.0, 1.5]},
+        "time_s": {"uniform": [1, 4]},
+        "gap_s": 0.5,
+    },
+    "sensor": [
+        {"name": "east", "position_m": [60.0, 0.0, 1.5], "records": RECORDS},
+        {"name": "north", "position_m": [0.0, 45.0, 1.5], "records": RECORDS},
+    ],
+}
+SEED = 22
+
+
+def world() -> DrawnWorld:
+    """Return the world."""
+    return draw_world(*world_from_document(DOCUMENT, "w.toml"), SEED)
+
+
+def by_laws() -> dict[str, Any]:
+    """Return the text of the blasts, when waves come, and what was read."""
+    drawn = world()
+    arrivals = arrivals_of(drawn.scene)
+    log, _ = readings_of(drawn, arrivals, np.inf)
+    assert log is not None
+    times = {name: np.asarray(x) for name, x in arrivals.times_s.items()}
+    return {
+        "blasts.csv": blasts_csv(drawn, []),
+        **{f"{name}, when": times[name].ravel().tolist() for name in sorted(times)},
+        "read": np.asarray(log.value).tolist(),
+        "sigma": np.asarray(log.error_scale()).tolist(),
+    }
+
+
+def by_samples() -> dict[str, Any]:
+    """Return what a microphone records of a charge, and how a vehicle is thrown."""
+    import jax
+
+    scene = Scene(Charge(10.0, (12.0, 5.0, 0.0), 0.05))
+    ear = Instrument(rate=4000.0, noise=0.5)
+    sensor = Sensor("ear", np.array([0.0, 0.0, 3.0]), "microphone", instrument=ear)
+    sound = np.asarray(microphone.record(scene, sensor, 0.25, jax.random.key(SEED)))
+    spec = VehicleSpec("hummingbird", np.array([0.0, 0.0, 3.0]))
+    flown = simulate(
+        vehicle_of(spec),
+        start_of(spec),
+        duration_s=0.25,
+        step_s=1e-3,
+        control=hold_of(spec, integral=False),
+        loads=(blast_load(scene),),
+    )
+    return {
+        "sound": sound[::20].tolist(),
+        "path": np.asarray(flown.position_m)[::25].ravel().tolist(),
+        "attitude": np.asarray(flown.quaternion)[::25].ravel().tolist(),
+    }
+
+
+def main() -> None:
+    """Write both."""
+    from jblast.cli.jax_start import start_jax
+
+    start_jax()
+    KEPT.parent.mkdir(exist_ok=True)
+    KEPT.write_text(json.dumps(by_laws() | by_samples(), indent=1) + "\n")
+
+
+if __name__ == "__main__":
+    main()
