@@ -1,6 +1,7 @@
 """What one drone knows of a blast, and which of its senses buys which certainty.
 
-    python -m calibration.one_drone [WORLDS] > calibration/results/one_drone.txt
+    python -m calibration.one_drone [SECONDS [WORLDS]] > \
+        calibration/results/one_drone.txt
 
 A Hummingbird hovers at 15 m. Its event camera sees the flash, when and in which
 direction; its microphone hears the ground's tremor, the bang, and how loud it is; the
@@ -14,10 +15,17 @@ truth. Place is that on the ground, east and north together; range that from the
 The eye's direction meets even ground at a place: without that knowledge it is but a
 line, and range is what flash and bang tell. Declared: 5 mrad of the eye, 5 % of the
 microphone's peak; of the jolt what an IMU of 1 kHz leaves of one at some 30 m
-(`calibration.jolts`). Writes calibration/results/one_drone.png.
+(`calibration.jolts`). The bound is that of a prior made normal about the truth: of what
+is known by its prior alone, as the mass by the eye, it is no strict one.
+
+Rows go into calibration/results/one_drone.csv as they are found; what it holds is not
+done again, and after so many seconds nothing is begun. The table is of the worlds that
+every subset has. Writes calibration/results/one_drone.png.
 """
 
+import csv
 import sys
+import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -35,7 +43,7 @@ from jblast.report.tables import aligned
 from jblast.scene.reader.scene import world_from_document
 from jblast.world import scene_of_one_blast
 
-WORLDS = 60
+WORLDS, AT_ONCE = 60, 10
 HOVERS = (0.0, 0.0, 15.0)
 EYE = {"flash_time_s": 1e-3, "bearing_rad": 5e-3, "elevation_rad": 5e-3}
 EAR = {"ground_arrival_s": 2e-3, "air_arrival_s": 1e-4, "peak_overpressure_pa": "5%"}
@@ -76,6 +84,9 @@ ASKED = {
 }
 """What is asked, and what it is multiplied by to be printed."""
 RESULTS = Path(__file__).parent / "results"
+KEPT = RESULTS / "one_drone.csv"
+OF = "ln_mass", "range_m", "place_m", "origin_time_s"
+HEAD = ("senses", "world", *(f"{k}_{of}" for k in ("sd", "least", "held") for of in OF))
 
 
 class Known(NamedTuple):
@@ -183,23 +194,65 @@ def figure(found: dict[str, Known]) -> Figure:
     return drawn
 
 
-def known_by_sense(count: int) -> dict[str, Known]:
-    """Draw worlds, read them, and fit each subset of the senses."""
+def go_on(seconds: float, count: int) -> None:
+    """Draw worlds, read them, and fit each subset of the senses, few at a time."""
+    end = time.monotonic() + seconds
     uncertain, spec = world_from_document(DOCUMENT, "one_drone")
     one = scene_of_one_blast(uncertain, spec)
-    told = worlds(uncertain, spec, tuple(one.beliefs), count)
-    found = {}
-    for senses, quantities in SENSES.items():
-        columns = zip(*map(known_of, fits(told, one, quantities)), strict=True)
-        found[senses] = Known(*map(np.array, columns))
-        print(senses, file=sys.stderr, flush=True)
-    return found
+    done = kept()
+    for first in range(0, count, AT_ONCE):
+        seeds = range(first, min(first + AT_ONCE, count))
+        if all((senses, seed) in done for senses in SENSES for seed in seeds):
+            continue
+        told = worlds(uncertain, spec, tuple(one.beliefs), seeds)
+        for senses, quantities in SENSES.items():
+            some = [world for world in told if (senses, world.seed) not in done]
+            if not some:
+                continue
+            if time.monotonic() > end:
+                return
+            found = map(known_of, fits(some, one, quantities))
+            fresh = not KEPT.exists()
+            with KEPT.open("a", newline="") as file:
+                if fresh:
+                    csv.writer(file, lineterminator="\n").writerow(HEAD)
+                for world, columns in zip(some, found, strict=True):
+                    numbers = (f"{x:.6g}" for x in np.ravel(columns))
+                    csv.writer(file, lineterminator="\n").writerow(
+                        (senses, world.seed, *numbers)
+                    )
+        print(f"worlds to {seeds.stop}", file=sys.stderr, flush=True)
 
 
-def main(count: int = WORLDS) -> None:
+def kept() -> dict[tuple[str, int], np.ndarray]:
+    """Return what is known by which senses of which world: sd, bound, what holds."""
+    if not KEPT.exists():
+        return {}
+    with KEPT.open(newline="") as file:
+        return {
+            (senses, int(seed)): np.array(numbers, float).reshape(3, len(ASKED))
+            for senses, seed, *numbers in list(csv.reader(file))[1:]
+        }
+
+
+def known_by_sense() -> dict[str, Known]:
+    """Return what was found, of the worlds that every subset has."""
+    done = kept()
+    seeds = set.intersection(*({n for s, n in done if s == name} for name in SENSES))
+    by_sense = {}
+    for senses in SENSES:
+        rows = [done[senses, seed] for seed in sorted(seeds)]
+        by_sense[senses] = Known(*np.reshape(rows, (-1, 3, len(ASKED))).swapaxes(0, 1))
+    return by_sense
+
+
+def main(seconds: int = 540, count: int = WORLDS) -> None:
     """Draw, read, fit, print the table, write the figure."""
     start_jax(quick=True)
-    found = known_by_sense(count)
+    go_on(seconds, count)
+    found = known_by_sense()
+    if not all(len(known.sd) for known in found.values()):
+        raise SystemExit("no world is done by every subset yet: run it again")
     print(table(found))
     figure(found).savefig(RESULTS / "one_drone.png", dpi=150)
 

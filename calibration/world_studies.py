@@ -237,7 +237,7 @@ def study_figure(found: Worlds) -> Figure:
     back.set(xscale="log", xlim=(9.0, 110.0))
     back.set_ylabel("back within 5 cm after [s]")
     never = int((~np.isfinite(found.recovery_s)).sum())
-    note = f"of those thrown farther; {never} are not within {SECONDS:g} s"
+    note = f"if thrown farther; {never} not in {SECONDS:g} s"
     titled(back, "How soon it is back", note)
     everyone = np.ones(WORLDS, bool)
     for n, (name, what) in enumerate(outcomes(found).items()):
@@ -245,12 +245,12 @@ def study_figure(found: Worlds) -> Figure:
             continue  # the table has its interval
         _curve(shares, found, what, everyone, n, name)
     titled(shares, "What a blast is", "Wilson's 95 % intervals")
-    titled(by_mass, "Heard, by charge", "white noise of 100 dB, 1 false alarm an hour")
+    titled(by_mass, "Heard, by charge", "in noise of 100 dB; 1 alarm an hour")
     for axes in (shares, by_mass):
         axes.set(xscale="log", ylim=(-0.03, 1.03), xlim=thrown.get_xlim())
         axes.set_ylabel("share of worlds")
         axes.legend(frameon=False, fontsize=8, loc="lower left")
-    shares.legend(frameon=False, fontsize=8, loc=(0.45, 0.2))
+    shares.legend(frameon=False, fontsize=8, loc=(0.03, 0.72))
     for axes in (thrown, back, shares, by_mass):
         quiet(axes)
         axes.set_xlabel("distance [m]")
