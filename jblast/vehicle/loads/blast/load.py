@@ -111,7 +111,12 @@ class BlastLoad(eqx.Module):
             # one that never happens has not come by the step's end, and gives nothing
             happens = ~blast.never
             passage = blast_passage(
-                blast.by(end_s), self._air(), start_s, end_s, state, acceleration
+                blast.by(end_s),
+                self.surroundings(),
+                start_s,
+                end_s,
+                state,
+                acceleration,
             )
             force = moment = None
             if self.rotors:
@@ -161,7 +166,9 @@ class BlastLoad(eqx.Module):
         def until(blast: Blast) -> Float[Array, ""]:
             wave, happens = self.wave_of(blast, state.position_m), ~blast.never
             blast = blast.by(start_s)
-            came = blast.time_s + blast.travel_time_s(self._air(), state.position_m)
+            came = blast.time_s + blast.travel_time_s(
+                self.surroundings(), state.position_m
+            )
             crossing = crossing_time(body, wave)  # of which half comes before
             left = jnp.maximum(came - crossing - start_s, 0)
             wait = left * sound / (sound + speed + most * left)
@@ -179,14 +186,14 @@ class BlastLoad(eqx.Module):
 
         def front(blast: Blast) -> Float[Array, "..."]:
             happened = blast.by(jnp.zeros_like(blast.time_s))
-            travel = blast.travel_time_s(self._air(), position_m)
+            travel = blast.travel_time_s(self.surroundings(), position_m)
             return jnp.where(blast.never, jnp.inf, happened.time_s + travel)
 
         return jnp.stack(over_alike(front, self.blasts), axis=-1)
 
     def wave_of(self, blast: Blast, position_m: Float[Array, "... 3"]) -> Wave:
         """Return what passes a place; without pressure if it never happens."""
-        wave = blast.wave(self._air(), position_m)
+        wave = blast.wave(self.surroundings(), position_m)
         return wave._replace(
             peak=jnp.where(blast.never, 0.0, wave.peak),
             suction=jnp.where(blast.never, 0.0, wave.suction),
@@ -208,7 +215,8 @@ class BlastLoad(eqx.Module):
 
         return jnp.stack(over_alike(holds, self.blasts), axis=-1)
 
-    def _air(self) -> Surroundings:
+    def surroundings(self) -> Surroundings:
+        """Return the air that the waves go through."""
         return Surroundings(self.pressure_pa, self.sound_speed_m_s, self.wind_m_s)
 
 

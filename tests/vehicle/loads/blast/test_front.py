@@ -58,7 +58,7 @@ def test_the_wave_of_a_step_is_that_halfway_through_what_passes(
 ):
     """From where the front is met to the step's end, here before half of the phase."""
     load = blast_load(scene())
-    blast, air = load.blasts[0], load._air()
+    blast, air = load.blasts[0], load.surroundings()
     start, fast = jnp.array([30.0, 0.0, 0.0]), jnp.array([100.0, 0.0, 0.0])
     arrival = blast.time_s + blast.travel_time_s(air, start)
     begin, step = arrival - late_s, jnp.asarray(2e-3 + late_s)

@@ -1,0 +1,1 @@
+"""Sensors that a vehicle flies by: inertial, of air, satellites and field."""

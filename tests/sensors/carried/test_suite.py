@@ -1,0 +1,83 @@
+"""All instruments of a vehicle: what comes when, and lanes of a batch as alone."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from jblast.scene import Imu
+from jblast.sensors.carried.gps import Gps
+from jblast.sensors.carried.magnetometer import Magnetometer
+from jblast.sensors.carried.suite import Suite
+from jblast.vehicle import State
+
+FIELD = Magnetometer(jnp.array([0.0, 0.2, -0.4]))
+PERIOD, TURNS = 0.004, 200
+
+
+def flight(speed):
+    """East at a speed, 10 m up."""
+    times = jnp.arange(-1, TURNS).astype(float) * PERIOD
+    zero = jnp.zeros((TURNS + 1, 3))
+    place = jnp.stack([speed * times, 0 * times, 10 + 0 * times], axis=-1)
+    level = jnp.broadcast_to(jnp.array([0.0, 0, 0, 1]), (TURNS + 1, 4))
+    moves = zero.at[:, 0].set(speed)
+    return State(place, moves, level, zero, jnp.zeros((TURNS + 1, 4)))
+
+
+@eqx.filter_jit
+def samples(suite, key, speed):
+    states = flight(speed)
+
+    def turn(held, n):
+        before, now = (jax.tree.map(lambda x, n=n: x[n], states) for n in (n, n + 1))
+        sample, held = suite(
+            key, n, held, before, now, n.astype(float) * PERIOD, jnp.asarray(PERIOD)
+        )
+        return held, sample
+
+    start = suite.start(key, jax.tree.map(lambda x: x[0], states))
+    return jax.lax.scan(turn, start, jnp.arange(TURNS))[1]
+
+
+def test_a_fix_comes_late_by_its_delay_and_tells_where_the_vehicle_was():
+    quiet = Gps(horizontal_noise=0.0, vertical_noise=0.0, velocity_noise=0.0)
+    told = samples(Suite(FIELD, gps=quiet), jax.random.key(0), jnp.asarray(5.0))
+    comes = np.flatnonzero(told.has_fix)
+    # 0.12 s are 30 turns, 5 Hz every 50
+    np.testing.assert_array_equal(comes, [30, 80, 130, 180])
+    was = np.asarray(told.fix.position_m)[comes]
+    np.testing.assert_allclose(was[:, 0], 5.0 * (comes - 30) * PERIOD, atol=1e-12)
+    np.testing.assert_array_equal(np.flatnonzero(told.takes_fix), [0, 50, 100, 150])
+
+
+def test_slow_instruments_come_at_their_rates():
+    told = samples(Suite(FIELD), jax.random.key(0), jnp.asarray(5.0))
+    assert int(told.has_pressure.sum()) == int(told.has_field.sum()) == TURNS // 5
+
+
+def test_each_lane_of_a_batch_reads_what_it_reads_alone():
+    suite, keys = Suite(FIELD), jax.random.split(jax.random.key(7), 3)
+    speeds = jnp.array([0.0, 5.0, 9.0])
+    together = eqx.filter_vmap(samples, in_axes=(None, 0, 0))(suite, keys, speeds)
+    alone = samples(suite, keys[1], speeds[1])
+    for a, b in zip(jax.tree.leaves(together), jax.tree.leaves(alone), strict=True):
+        np.testing.assert_allclose(np.asarray(a)[1], b, rtol=1e-12, atol=1e-12)
+
+
+def test_errors_of_a_fix_have_their_size():
+    keys = jax.random.split(jax.random.key(2), 300)
+    still = jnp.zeros(300)
+    told = eqx.filter_vmap(samples, in_axes=(None, 0, 0))(Suite(FIELD), keys, still)
+    rows = np.asarray(told.has_fix[0])
+    off = np.asarray(told.fix.position_m)[:, rows] - [0.0, 0.0, 10.0]
+    # 1200 fixes: 2 % is one standard error
+    np.testing.assert_allclose(off.std(axis=(0, 1)), [0.4, 0.4, 0.8], rtol=0.08)
+
+
+def test_what_cannot_be_is_refused():
+    with pytest.raises(ValueError, match=r"delay must be shorter .* got 0\.2 s"):
+        Gps(delay=0.2)
+    with pytest.raises(ValueError, match="gps rate must be that of the imu, 4 Hz"):
+        Suite(FIELD, imu=Imu(rate=4.0))
