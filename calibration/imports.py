@@ -13,6 +13,7 @@ ROOMS = (
         "detect",
         "world",
         "missions",
+        "autopilot",
         "environments",
         "inference",
         "study",

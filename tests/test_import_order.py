@@ -42,6 +42,7 @@ WITHIN = {
         *("importance", "mcmc", "fitting", "design", "tuning"),
     ),
     "world": ("presets", "server", "remote"),
+    "autopilot": ("estimator", "mavlink", "logs", "simulator", "ground_station"),
     "environments": ("tasks", "gymnasium"),
     "inference.many": ("solver", "residuals", "starts"),
     "verification": ("cases", "stability", "benchmark"),

@@ -23,6 +23,7 @@ from jblast.inference.identifiability.findings import (
 )
 from jblast.inference.posterior.finding import Finding
 from jblast.observations.understood import Understood
+from jblast.report.autopilot.served import LockstepAnswer, WatchedAnswer
 from jblast.report.calculator.answer import CalculatorAnswer, InverseAnswer
 from jblast.report.check.answer import CheckAnswer
 from jblast.report.choice.answer import ChoiceAnswer
@@ -162,6 +163,18 @@ def study_report() -> Schema:
 def serve() -> Schema:
     """Return the schema of what `jblast serve --json` prints when it is stopped."""
     return _document("What came of jblast serve", schema_of(ServedAnswer))
+
+
+def serve_mavlink() -> Schema:
+    """Return the schema of what `jblast serve --mavlink --json` prints at the end."""
+    title = "What came of jblast serve --mavlink"
+    return _document(title, schema_of(LockstepAnswer))
+
+
+def serve_ground_station() -> Schema:
+    """Return the schema of what `jblast serve --ground-station --json` prints."""
+    title = "What came of jblast serve --ground-station"
+    return _document(title, schema_of(WatchedAnswer))
 
 
 def check() -> Schema:

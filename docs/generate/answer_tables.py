@@ -128,6 +128,16 @@ def serve() -> str:
     return keys_of(answer_schemas.serve())
 
 
+def serve_mavlink() -> str:
+    """Write the keys of what came of a flight with an autopilot."""
+    return keys_of(answer_schemas.serve_mavlink())
+
+
+def serve_ground_station() -> str:
+    """Write the keys of what came of serving a ground station."""
+    return keys_of(answer_schemas.serve_ground_station())
+
+
 def check() -> str:
     """Write the keys of a check's answer."""
     return keys_of(answer_schemas.check())

@@ -36,6 +36,8 @@ BLOCKS: dict[str, Callable[[], str]] = {
     "answer_of_study_report_shares": answer_tables.study_report_shares,
     "answer_of_study_report_input": answer_tables.study_report_input,
     "answer_of_serve": answer_tables.serve,
+    "answer_of_serve_mavlink": answer_tables.serve_mavlink,
+    "answer_of_serve_ground_station": answer_tables.serve_ground_station,
     "answer_of_check": answer_tables.check,
     "answer_of_stability": answer_tables.stability,
     "quantities": scene_tables.quantities,

@@ -36,6 +36,8 @@ SCHEMAS = {
     "world": answer_schemas.world,
     "study_report": answer_schemas.study_report,
     "serve": answer_schemas.serve,
+    "serve_mavlink": answer_schemas.serve_mavlink,
+    "serve_ground_station": answer_schemas.serve_ground_station,
     "stability": answer_schemas.stability,
 }
 """JSON Schemas, by name."""

@@ -18,6 +18,7 @@ from jblast.kept_programs import kept
 from jblast.missions import (
     Mission,
     MissionControl,
+    Plan,
     Told,
     mission_of,
     planned_seconds,
@@ -61,7 +62,11 @@ EACH_ROW_S = 0.02
 
 
 def fly_mission(
-    uncertain: UncertainScene, options: Options | None = None, *, seed: int = 0
+    uncertain: UncertainScene,
+    options: Options | None = None,
+    *,
+    seed: int = 0,
+    plan: Plan | None = None,
 ) -> MissionFlight:
     """Fly the mission of a scene's vehicle through its blasts.
 
@@ -69,6 +74,7 @@ def fly_mission(
         uncertain: The scene; what has a prior is drawn from it.
         options: How to fly; None: steps of 4 ms, until it is disarmed.
         seed: Of the draws.
+        plan: In place of the scene's own; None: this.
 
     Raises:
         InputError: The scene or its plan cannot be flown, a number cannot be drawn, or
@@ -81,13 +87,13 @@ def fly_mission(
         if value is not None and not (math.isfinite(value) and value > 0):
             raise InputError(f"{name}: expected a positive number, got {value:g}")
     spec = checked_scene(uncertain, 1, options.profile is not None)
-    if spec.mission is None:
+    if spec.mission is None and plan is None:
         raise InputError(
             f"{uncertain.source or 'scene'}: [vehicle] mission: expected the file of a "
             "plan, got nothing"
         )
     mission = mission_of(
-        read_plan(spec.mission),
+        read_plan(spec.mission or "") if plan is None else plan,
         place=uncertain.place,
         position_m=np.asarray(spec.position, float) if spec.placed else None,
         yaw_rad=float(spec.yaw),

@@ -1,5 +1,9 @@
 """Let other simulators take part in a world of random blasts, over gRPC.
 
+With --mavlink an autopilot, as PX4, flies the scene's vehicle through its blasts; with
+--ground-station one of these watches it, loads its mission and starts it
+(docs/howto/autopilot.md).
+
 Whoever registers is told of each blast ahead of time, with its own arrivals, pulse,
 force and sound, and is sent what comes to it packet by packet; docs/howto/serve.md says
 how a client talks to it. Time goes on as each client asks for packets (lockstep), or
@@ -11,6 +15,7 @@ import argparse
 import sys
 from pathlib import Path
 
+from jblast.cli.arguments.autopilot.options import add_mavlink, check_mavlink
 from jblast.cli.arguments.numbers import positive, seed
 from jblast.cli.arguments.paths import path
 
@@ -76,6 +81,7 @@ def add_arguments(verb: argparse.ArgumentParser) -> None:
     verb.add_argument(
         "--tls-key", metavar="FILE.pem", type=path, help="its private key"
     )
+    add_mavlink(verb)
     verb.add_argument(
         "--seed", type=seed, default=0, help="of all that is drawn (default: 0)"
     )
@@ -86,6 +92,8 @@ def add_arguments(verb: argparse.ArgumentParser) -> None:
 
 def run(asked: argparse.Namespace) -> int:
     """Serve until interrupted; return the exit code."""
+    if check_mavlink(asked):
+        return _over_mavlink(asked)
     import os
 
     from jblast.world.remote.wire import grpc
@@ -127,3 +135,28 @@ def run(asked: argparse.Namespace) -> int:
     else:
         sys.stdout.write(served_text(answer))
     return 0
+
+
+def _over_mavlink(asked: argparse.Namespace) -> int:
+    """Let an autopilot fly, or a ground station watch; return the exit code."""
+    from jblast.cli.jax_start import start_jax
+
+    start_jax()
+    import json
+
+    from jblast.cli.arguments.autopilot.serving import (
+        served_autopilot,
+        served_ground_station,
+    )
+    from jblast.report.autopilot.served import document, lockstep_text, watched_text
+
+    if asked.mavlink:
+        flight = served_autopilot(asked)
+        told, words = document(flight), lockstep_text(flight)
+        short = asked.seconds is not None and flight.seconds < asked.seconds - 1e-3
+    else:
+        watched = served_ground_station(asked)
+        told, words, short = document(watched), watched_text(watched), False
+    text = json.dumps(told, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+    sys.stdout.write(text if asked.json else words)
+    return 4 if short else 0

@@ -1,0 +1,1 @@
+"""A vehicle as a ground station knows one: telemetry, missions, commands."""

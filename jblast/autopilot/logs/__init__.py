@@ -1,0 +1,1 @@
+"""Flights as ground stations and autopilots keep them: .tlog and PX4's ULog."""

@@ -1,0 +1,1 @@
+"""MAVLink 2 on the wire: the messages that are spoken here, and their frames."""

@@ -1,0 +1,135 @@
+"""An autopilot to try a simulator with: a position hold that speaks MAVLink.
+
+It knows the vehicle, and where it is by HIL_STATE_QUATERNION; it arms at once. The same
+control without a network, on the same rounded numbers, is `RoundedHold`.
+"""
+
+import socket
+from functools import partial
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, Int, PyTree
+
+from jblast.autopilot.mavlink.wire import Message, Receiver, Sender
+from jblast.autopilot.simulator.geodesy import Origin
+from jblast.autopilot.simulator.readings import STATE, state_heard, state_told
+from jblast.autopilot.simulator.rotors import ARMED, LOCKSTEP
+from jblast.autopilot.simulator.stepping import PERIOD_S
+from jblast.vehicle import Controller, State, Vehicle
+
+
+class RoundedHold(eqx.Module):
+    """A controller that sees and says what goes through MAVLink's messages.
+
+    Attributes:
+        control: Who flies.
+        origin: Where the scene lies.
+        of_motor: Which rotor each motor turns.
+    """
+
+    control: Any
+    origin: Origin
+    of_motor: Int[np.ndarray, "4"]
+
+    @property
+    def gains(self) -> Any:
+        """Of the hold: by them the step is checked."""
+        return self.control.gains
+
+    def start(self) -> PyTree[Array]:
+        """Return the memory at the start."""
+        return self.control.start()
+
+    def __call__(
+        self,
+        time_s: Float[Array, ""],
+        state: State,
+        vehicle: Vehicle,
+        memory: PyTree[Array],
+        period_s: Float[Array, ""],
+    ) -> tuple[Float[Array, "4"], PyTree[Array]]:
+        """Return rotor speeds to ask for [rad/s], and the memory afterwards."""
+        still = jnp.zeros(3)
+        told = state_told(self.origin, state, still, still)
+        controls, memory = self.answer(told, vehicle, memory, time_s)
+        turned = jnp.zeros(4).at[self.of_motor].set(controls)
+        return turned * vehicle.rotor_speed_max_rad_s, memory
+
+    def answer(
+        self,
+        told: Float[Array, "18"],
+        vehicle: Vehicle,
+        memory: PyTree[Array],
+        time_s: Float[Array, ""],
+    ) -> tuple[Float[Array, "4"], PyTree[Array]]:
+        """Return the motors' controls for what was told, and the memory afterwards."""
+        state = state_heard(self.origin, told, jnp.zeros(4))
+        control: Controller = self.control
+        period = jnp.asarray(PERIOD_S, float)
+        speeds, memory = control(time_s, state, vehicle, memory, period)
+        share = speeds[self.of_motor] / vehicle.rotor_speed_max_rad_s
+        return share.astype(jnp.float32).astype(float), memory
+
+
+def fly_mock(
+    address: tuple[str, int], hold: RoundedHold, vehicle: Vehicle, turns: int
+) -> int:
+    """Connect by TCP, answer so many turns, hang up.
+
+    Args:
+        address: Of the simulator.
+        hold: Who flies.
+        vehicle: As it knows it.
+        turns: How many samples it answers.
+
+    Returns:
+        How many it has answered: fewer where the simulator hung up.
+    """
+    arrays, rest = eqx.partition((hold, vehicle), eqx.is_array)
+
+    def control(arrays: Any, *told: Any) -> tuple[Array, PyTree[Array]]:
+        own, known = eqx.combine(arrays, rest)
+        return own.answer(told[0], known, *told[1:])
+
+    answer = partial(jax.jit(control), arrays)
+    memory, receiver, sender = hold.start(), Receiver(), Sender(1, 1)
+    told, answered = state_told(hold.origin, _rest(), jnp.zeros(3), jnp.zeros(3)), 0
+    # made before the simulator waits for it
+    answer(told, memory, 0.0)
+    with socket.create_connection(address, timeout=60.0) as link:
+        link.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        while answered < turns and (data := link.recv(65536)):
+            for message in receiver.feed(data):
+                if message.name == "HIL_STATE_QUATERNION":
+                    told = _numbers(message)
+                if message.name != "HIL_SENSOR" or answered == turns:
+                    continue
+                stamp = message.values["time_usec"]
+                time_s = stamp * 1e-6 - PERIOD_S
+                controls, memory = answer(told, memory, time_s)
+                said = [*np.asarray(controls).tolist(), *[0.0] * 12]
+                link.sendall(
+                    sender.pack(
+                        "HIL_ACTUATOR_CONTROLS",
+                        time_usec=stamp,
+                        controls=said,
+                        mode=ARMED | 1,
+                        flags=LOCKSTEP,
+                    )
+                )
+                answered += 1
+    return answered
+
+
+def _numbers(message: Message) -> Float[np.ndarray, "18"]:
+    said = message.values
+    return np.array([*said["attitude_quaternion"], *(said[name] for name in STATE[4:])])
+
+
+def _rest() -> State:
+    level = jnp.array([0.0, 0.0, 0.0, 1.0])
+    return State(jnp.zeros(3), jnp.zeros(3), level, jnp.zeros(3), jnp.zeros(4))

@@ -1,0 +1,1 @@
+"""Vehicles over MAVLink, as commands ask for them."""

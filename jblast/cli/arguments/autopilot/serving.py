@@ -1,0 +1,198 @@
+"""What `jblast serve` does over MAVLink until it is over."""
+
+import argparse
+import contextlib
+import dataclasses
+import math
+import signal
+import sys
+from collections.abc import Iterator
+from types import FrameType
+from typing import NamedTuple
+
+from jblast.autopilot.ground_station.missions import Missions
+from jblast.autopilot.ground_station.station import GroundStation
+from jblast.autopilot.logs.flight_ulog import flight_ulog
+from jblast.autopilot.logs.tlog import TelemetryLog
+from jblast.autopilot.mavlink.address import read_address
+from jblast.autopilot.mavlink.link import Link
+from jblast.autopilot.simulator.from_scene import PLACE, turns_of
+from jblast.autopilot.simulator.lockstep import Lockstep, fly_lockstep
+from jblast.autopilot.simulator.record import lockstep_record
+from jblast.autopilot.simulator.rotors import rotors_of
+from jblast.autopilot.simulator.stepping import PERIOD_S, programs
+from jblast.cli.arguments.autopilot.options import AUTOPILOT_PORT, GROUND_PORT
+from jblast.cli.arguments.paths import refuse_existing
+from jblast.files import write_bytes
+from jblast.report.autopilot.served import (
+    LockstepAnswer,
+    WatchedAnswer,
+    lockstep_answer,
+    lockstep_line,
+    watched_answer,
+    watched_line,
+)
+from jblast.scene import Place, UncertainScene, VehicleSpec, read_scene_or_world
+from jblast.study.flights.draws import checked_scene
+from jblast.study.missions.logged import (
+    check_flown,
+    flown_record,
+    home_of,
+    standing_record,
+)
+from jblast.vehicle import vehicle_of
+from jblast.world import draw_world
+
+
+class Asked(NamedTuple):
+    """The scene that is served.
+
+    Attributes:
+        uncertain: With its random blasts drawn.
+        spec: Its vehicle.
+        place: Where its origin lies.
+    """
+
+    uncertain: UncertainScene
+    spec: VehicleSpec
+    place: Place
+
+
+def served_autopilot(asked: argparse.Namespace) -> LockstepAnswer:
+    """Let an autopilot fly the scene's vehicle.
+
+    Raises:
+        InputError: The scene, the address or a file cannot be used.
+    """
+    kind = asked.mavlink.partition(":")[0]
+    address = read_address(asked.mavlink, "mavlink", AUTOPILOT_PORT.get(kind, 0))
+    for file in (asked.tlog, asked.ulog):
+        if file:
+            refuse_existing(file, force=asked.force)
+    scene = _scene(asked)
+    rotors = rotors_of(vehicle_of(scene.spec))
+    drawn = scene.uncertain.scene
+    turns = turns_of(drawn, scene.spec, scene.place, asked.seed, asked.scene)
+    flight, files = Lockstep(), []
+    with contextlib.ExitStack() as stack:
+        log = None
+        if asked.tlog:
+            log = stack.enter_context(TelemetryLog(asked.tlog))
+            files.append(asked.tlog)
+        keep = (lambda frame: None) if log is None else log.keep
+        link = Link(address, "mavlink", keep=keep)
+        stack.callback(link.close)
+        made = programs(turns)
+        _say(
+            lockstep_line(
+                scene.spec.model,
+                asked.scene,
+                str(link.address),
+                listens=address.kind == "tcp",
+            )
+        )
+
+        def each() -> None:
+            if log is not None:
+                log.now_s = flight.turns * PERIOD_S
+
+        stack.enter_context(_stopped_by_signal())
+        try:
+            while address.kind == "tcp" and not link.accept(1.0):
+                pass
+        except KeyboardInterrupt:
+            asked.seconds = 0.0
+        fly_lockstep(
+            made,
+            link,
+            rotors,
+            flight=flight,
+            seconds=asked.seconds,
+            patience_s=asked.patience,
+            each=each,
+        )
+        if asked.ulog:
+            record = lockstep_record(flight, rotors, scene.place)
+            write_bytes(asked.ulog, flight_ulog(record))
+            files.append(asked.ulog)
+        return lockstep_answer(
+            flight,
+            link,
+            scene=asked.scene,
+            seed=asked.seed,
+            vehicle=scene.spec.model,
+            files=files,
+        )
+
+
+def served_ground_station(asked: argparse.Namespace) -> WatchedAnswer:
+    """Show the scene's vehicle to a ground station.
+
+    Raises:
+        InputError: The scene or the address cannot be used.
+    """
+    kind = asked.ground_station.partition(":")[0]
+    port = GROUND_PORT.get(kind, 0)
+    address = read_address(asked.ground_station, "ground_station", port)
+    scene = _scene(asked)
+    uncertain, spec, place = scene
+    link = Link(address, "ground_station")
+    with contextlib.closing(link):
+        said: list[GroundStation] = []
+        missions = Missions(
+            None if spec.mission is None else check_flown(uncertain),
+            home_of(spec, place),
+            lambda plan: check_flown(uncertain, plan),
+            lambda text: [_say(text), *(one.say(text) for one in said)],
+        )
+        station = GroundStation(
+            link,
+            standing_record(spec, place),
+            missions,
+            lambda plan: flown_record(uncertain, plan, asked.seed),
+            1.0 if asked.speed is None else asked.speed,
+        )
+        said.append(station)
+        _say(watched_line(spec.model, asked.scene, str(link.address)))
+        with _stopped_by_signal():
+            watched = station.serve(asked.seconds)
+        return watched_answer(
+            watched,
+            link,
+            scene=asked.scene,
+            seed=asked.seed,
+            vehicle=spec.model,
+            items=len(missions.items),
+        )
+
+
+def _scene(asked: argparse.Namespace) -> Asked:
+    """Return the scene with its random blasts drawn, and its vehicle."""
+    uncertain, world = read_scene_or_world(asked.scene)
+    until = math.inf if asked.seconds is None else asked.seconds
+    drawn = draw_world(uncertain, world, asked.seed, until_s=until)
+    place = PLACE if uncertain.place is None else uncertain.place
+    whole = dataclasses.replace(uncertain, scene=drawn.scene, beliefs={}, place=place)
+    return Asked(whole, checked_scene(whole, 1, False), place)
+
+
+@contextlib.contextmanager
+def _stopped_by_signal() -> Iterator[None]:
+    """Let SIGTERM end a flight as Ctrl-C does."""
+
+    def stop(number: int, frame: FrameType | None) -> None:
+        raise KeyboardInterrupt
+
+    before = None
+    with contextlib.suppress(ValueError):  # in another thread than the first
+        before = signal.signal(signal.SIGTERM, stop)
+    try:
+        yield
+    finally:
+        if before is not None:
+            signal.signal(signal.SIGTERM, before)
+
+
+def _say(line: str) -> None:
+    sys.stderr.write(f"jblast serve: {line}\n")
+    sys.stderr.flush()

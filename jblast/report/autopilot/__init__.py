@@ -1,0 +1,1 @@
+"""What is said of vehicles that others fly, or watch, over MAVLink."""

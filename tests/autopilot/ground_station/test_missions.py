@@ -1,0 +1,125 @@
+"""The mission protocol, message by message."""
+
+import math
+
+import pytest
+
+from jblast.autopilot.ground_station.items import item_fields, item_of
+from jblast.autopilot.ground_station.missions import RETRIES, RETRY_S, Missions
+from jblast.autopilot.mavlink.wire import Message, Receiver, Sender
+from jblast.errors import InputError
+from jblast.missions import Plan
+from jblast.missions.plan.item import checked_item
+from jblast.scene import Place
+
+HOME = Place(47.0, 8.0, 500.0)
+SENDER = Sender(1, 1)
+ITEMS = [
+    checked_item("", 0, 22, 3, [0, 0, 0, None, 47.0, 8.0, 10.0]),
+    checked_item("", 1, 16, 3, [2, 1, 0, None, 47.001, 8.001, 12.5]),
+    checked_item("", 2, 177, 2, [1, 2, 0, 0, 0, 0, 0]),
+]
+
+
+class Ground:
+    """A ground station, and the vehicle that it speaks to."""
+
+    def __init__(self, plan=None, check=lambda plan: None):
+        self.said: list[str] = []
+        self.missions = Missions(plan, HOME, check, self.said.append)
+
+    def tell(self, name: str, now: float = 0.0, **values) -> list[Message]:
+        frame = Sender(255, 190).pack(name, **values)
+        (message,) = Receiver().feed(frame)
+        answers = self.missions.answer(SENDER, message, now)
+        return [one for frame in answers for one in Receiver().feed(frame)]
+
+    def upload(self, items=ITEMS) -> list[Message]:
+        answers = self.tell("MISSION_COUNT", count=len(items))
+        while answers and answers[0].name == "MISSION_REQUEST_INT":
+            n = answers[0].values["seq"]
+            answers = self.tell("MISSION_ITEM_INT", **item_fields(items[n], n))
+        return answers
+
+
+def test_what_is_uploaded_is_downloaded_again():
+    ground = Ground()
+    (ack,) = ground.upload()
+    assert (ack.name, ack.values["type"]) == ("MISSION_ACK", 0)
+    assert (ack.values["target_system"], ack.values["target_component"]) == (255, 190)
+    assert ground.missions.plan is not None
+    assert ground.missions.plan.home == HOME
+    (count,) = ground.tell("MISSION_REQUEST_LIST")
+    assert count.values["count"] == 3
+    back = [
+        item_of(ground.tell("MISSION_REQUEST_INT", seq=n)[0].values) for n in range(3)
+    ]
+    assert back == ITEMS
+
+
+@pytest.mark.parametrize("item", ITEMS)
+def test_an_item_comes_back_whole(item):
+    fields = item_fields(item, item.number)
+    assert item_of(fields) == item
+    assert math.isnan(fields["param4"]) == (item.params[3] is None)
+
+
+def test_an_item_out_of_order_is_passed_over_and_the_right_one_asked_for():
+    ground = Ground()
+    ground.tell("MISSION_COUNT", count=3)
+    (again,) = ground.tell("MISSION_ITEM_INT", **item_fields(ITEMS[1], 1))
+    assert (again.name, again.values["seq"]) == ("MISSION_REQUEST_INT", 0)
+
+
+def test_an_item_that_nobody_asked_for_is_refused():
+    ground = Ground()
+    (ack,) = ground.tell("MISSION_ITEM_INT", **item_fields(ITEMS[1], 1))
+    assert (ack.name, ack.values["type"]) == ("MISSION_ACK", 13)
+
+
+def test_an_item_that_does_not_come_is_asked_for_again_and_then_given_up():
+    ground = Ground(plan=Plan(tuple(ITEMS)))
+    ground.tell("MISSION_COUNT", count=3)
+    asked = []
+    for n in range(1, RETRIES + 2):
+        frames = ground.missions.remind(SENDER, n * RETRY_S)
+        asked += [m.name for frame in frames for m in Receiver().feed(frame)]
+    assert asked == ["MISSION_REQUEST_INT"] * RETRIES + ["MISSION_ACK"]
+    assert ground.missions.remind(SENDER, 1e9) == []
+    assert len(ground.missions.items) == 3
+
+
+def test_a_mission_that_cannot_be_flown_is_refused_and_the_old_one_kept():
+    def check(plan):
+        raise InputError("item 1: too far")
+
+    ground = Ground(plan=Plan((ITEMS[0],)), check=check)
+    (ack,) = ground.upload()
+    assert ack.values["type"] == 5
+    assert ground.said == ["item 1: too far"]
+    assert ground.missions.plan == Plan((ITEMS[0],))
+
+
+def test_a_command_that_is_not_flown_is_refused_by_name():
+    ground = Ground()
+    ground.tell("MISSION_COUNT", count=1)
+    (ack,) = ground.tell("MISSION_ITEM_INT", command=183, frame=2)
+    assert ack.values["type"] == 3
+    assert "183 (set servo)" in ground.said[0]
+
+
+def test_fences_are_none_and_none_are_taken():
+    ground = Ground(plan=Plan(tuple(ITEMS)))
+    (count,) = ground.tell("MISSION_REQUEST_LIST", mission_type=1)
+    assert (count.values["count"], count.values["mission_type"]) == (0, 1)
+    (ack,) = ground.tell("MISSION_COUNT", mission_type=1, count=4)
+    assert ack.values["type"] == 3
+    assert len(ground.missions.items) == 3
+
+
+def test_a_mission_is_cleared():
+    ground = Ground(plan=Plan(tuple(ITEMS)))
+    (ack,) = ground.tell("MISSION_CLEAR_ALL")
+    assert (ack.values["type"], ground.missions.plan) == (0, None)
+    (ack,) = ground.tell("MISSION_REQUEST_INT", seq=0)
+    assert ack.values["type"] == 13

@@ -1,0 +1,97 @@
+"""Links of MAVLink: addresses, ports that are taken, peers that go."""
+
+import socket
+
+import pytest
+
+from jblast.autopilot.mavlink.address import Address, read_address
+from jblast.autopilot.mavlink.link import Link, LinkLost
+from jblast.autopilot.mavlink.wire import Receiver, Sender
+from jblast.errors import InputError
+
+READ = {
+    "tcp": Address("tcp", "127.0.0.1", 4560),
+    "udp:localhost:99": Address("udp", "127.0.0.1", 99),
+    "tcp:127.0.0.2": Address("tcp", "127.0.0.2", 4560),
+    "tcp:[::1]:7": Address("tcp", "::1", 7),
+}
+REFUSED = {
+    "tcp:0.0.0.0:4560": r"mavlink: expected a loopback address, .* no token to show",
+    "tcp:example.org:1": "mavlink: expected a loopback address",
+    "serial:127.0.0.1:1": r"mavlink: expected tcp:HOST:PORT or udp:HOST:PORT, got",
+    "tcp:127.0.0.1:x": r"mavlink: expected tcp:HOST:PORT or udp:HOST:PORT, got",
+    "udp:127.0.0.1:70000": "mavlink: expected a port of 0 to 65535, got 70000",
+}
+
+
+@pytest.mark.parametrize("text", READ)
+def test_addresses_are_read(text):
+    assert read_address(text, "mavlink", 4560) == READ[text]
+
+
+@pytest.mark.parametrize("text", REFUSED)
+def test_addresses_that_cannot_be_are_refused(text):
+    with pytest.raises(InputError, match=REFUSED[text]):
+        read_address(text, "mavlink", 4560)
+
+
+def tcp() -> Link:
+    return Link(Address("tcp", "127.0.0.1", 0), "mavlink")
+
+
+def test_a_port_that_is_taken_is_refused():
+    link = tcp()
+    with pytest.raises(InputError, match=f"got {link.address}, which is taken"):
+        Link(link.address, "mavlink")
+    link.close()
+
+
+def test_messages_go_both_ways_and_all_are_kept():
+    kept: list[bytes] = []
+    link = Link(Address("tcp", "127.0.0.1", 0), "mavlink", keep=kept.append)
+    with socket.create_connection((link.address.host, link.address.port)) as peer:
+        assert link.accept(5.0)
+        sent = Sender(1, 1).pack("HEARTBEAT", type=2)
+        link.send(sent)
+        (heard,) = Receiver().feed(peer.recv(100))
+        answer = Sender(255, 190).pack("COMMAND_ACK", command=400)
+        peer.sendall(answer)
+        message = link.receive(5.0)
+        assert message is not None
+    assert (heard.values["type"], message.values["command"]) == (2, 400)
+    assert kept == [sent, answer]
+    link.close()
+
+
+def test_a_peer_that_hangs_up_is_lost():
+    link = tcp()
+    peer = socket.create_connection((link.address.host, link.address.port))
+    link.accept(5.0)
+    peer.close()
+    with pytest.raises(LinkLost, match="the connection was closed"):
+        link.receive(5.0)
+    link.close()
+
+
+def test_over_udp_who_answers_is_the_peer():
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other:
+        other.bind(("127.0.0.1", 0))
+        link = Link(Address("udp", *other.getsockname()), "mavlink")
+        link.send(Sender(1, 1).pack("HEARTBEAT"))
+        _, who = other.recvfrom(100)
+        other.sendto(Sender(9, 1).pack("HEARTBEAT"), who)
+        message = link.receive(5.0)
+        assert message is not None
+        assert message.system == 9
+        link.close()
+
+
+def test_over_udp_nobody_there_is_no_error_before_anybody_was():
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as gone:
+        gone.bind(("127.0.0.1", 0))
+        where = gone.getsockname()
+    link = Link(Address("udp", *where), "mavlink")
+    for _ in range(3):
+        link.send(Sender(1, 1).pack("HEARTBEAT"))
+        assert link.receive(0.01) is None
+    link.close()
