@@ -50,6 +50,7 @@ def observe(
     *,
     noise: Noise = "student",
     shared_error: Float[Array, "row effect"] | None = None,
+    own: Float[Array, " row"] | None = None,
 ) -> Float[Array, " row"]:
     """Draw what each row of a layout reads, errors included.
 
@@ -62,6 +63,8 @@ def observe(
         noise: Distribution of the independent errors.
         shared_error: What one standard deviation of each error that readings share adds
             to each, beside `sigma`; None if all are independent.
+        own: The independent errors, in their scale, in place of drawn ones: a batch
+            draws them by `student_errors`, a log by its seed as it always has.
     """
     recording = record(scene, layout, laws)
     shared_key, own_key = jax.random.split(key)
@@ -69,7 +72,9 @@ def observe(
     if shared_error is not None:
         loading = jnp.concatenate([loading, shared_error], axis=1)
     shared = loading @ jax.random.normal(shared_key, (loading.shape[1],))
-    if noise == "student":
+    if own is not None:
+        pass
+    elif noise == "student":
         own = jax.random.t(own_key, STUDENT_FREEDOM, sigma.shape)
     else:
         own = jax.random.normal(own_key, sigma.shape)

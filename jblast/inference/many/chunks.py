@@ -25,6 +25,7 @@ class Blocks:
     def __init__(self, loop: Loop, devices: int | None = None) -> None:
         self.loop, self.devices = loop, devices
         self.programs: dict[tuple[int, int], Callable[..., LaneResults]] = {}
+        self.onwards = jax.jit(loop.onwards)
 
     def run(
         self,

@@ -118,7 +118,7 @@ class Engine:
         )
         z = where.first(readings.measured)
         y = None if z is None else with_effects(rows, z)
-        best = self._solve(blocks, y, readings)
+        best = self._ended(blocks, y, readings)
         best = self._again(blocks, where, best, readings, range(1, tries), None)
         z, covariance, numbers, cost, misfit = self.fitted_values(best, readings.bad)
         return ManyFits(
@@ -164,6 +164,19 @@ class Engine:
             results, again._replace(steps=again.steps + left.steps), lanes
         )
 
+    def _ended(
+        self, blocks: Blocks, y: Array | None, readings: Readings
+    ) -> LaneResults:
+        """Solve all lanes; go on by the whole curvature where that does not end."""
+        results = self._solve(blocks, y, readings)
+        lanes = lanes_where(~(results.converged | readings.bad))
+        if lanes.size == 0:
+            return results
+        few, some = gather_lanes(results, lanes), gather_lanes(readings, lanes)
+        again = self._solve(blocks, blocks.onwards(few.y, some), some)
+        again = again._replace(steps=again.steps + few.steps)
+        return scatter_lanes(results, better(few, again), lanes)
+
     def _again(
         self,
         blocks: Blocks,
@@ -185,7 +198,7 @@ class Engine:
         now = len(tries) if lanes.size <= TOGETHER else 1
         z = [where.at(which, some.measured, logs) for which in tries[:now]]
         y = with_effects(self.rows, jnp.concatenate(z, axis=1))
-        results = self._solve(blocks, y, gather_lanes(readings, np.tile(lanes, now)))
+        results = self._ended(blocks, y, gather_lanes(readings, np.tile(lanes, now)))
         for one in np.split(np.arange(now * lanes.size), now):
             few = better(few, gather_lanes(results, one))
         few = self._again(blocks, where, few, some, tries[now:], logs)

@@ -11,6 +11,7 @@ from jblast.inference.many.lanes import LaneResults
 from jblast.inference.many.residuals.readings import Readings
 from jblast.inference.many.residuals.rows import LaneRows
 from jblast.inference.many.solver.levenberg_marquardt import LaneLevenbergMarquardt
+from jblast.inference.many.solver.newton import newton
 from jblast.inference.many.solver.normal_equations import Triangle, cholesky, inverse_of
 from jblast.inference.many.solver.quadratic_model import (
     Expansion,
@@ -58,10 +59,7 @@ class Loop:
         sigma = self._sigma(errors)
         bad = bad | ~jnp.isfinite(y).all(axis=0)
         y = jnp.where(jnp.isfinite(y), y, 0.0)
-        eps = jnp.finfo(y.dtype).eps
-        # a reading minus a prediction is as wrong as the reading's last digit
-        scale = jnp.where(sigma > 0, sigma, 1.0)  # 0: the law's scatter is all there is
-        floor = eps * jnp.sqrt(jnp.sum(jnp.square(measured / scale), axis=0))
+        floor = self._floor(measured, sigma)
         options = {"floor": floor, "skip": bad, "stragglers": stragglers}
 
         def residuals(y, args):
@@ -94,6 +92,33 @@ class Loop:
             steps=state.steps,
             done=state.done | bad,
         )
+
+    def onwards(
+        self, y: Float[Array, "unknown lane"], readings: Readings
+    ) -> Float[Array, "unknown lane"]:
+        """Return where Newton's method leads from the ends of lanes."""
+        measured, errors, bad = readings
+        sigma = self._sigma(errors)
+        good = ~bad & jnp.isfinite(y).all(axis=0)
+
+        def cost(y):
+            miss = self.rows.miss(y, measured, sigma)
+            value, slope, _ = self.solver.loss(miss.residual)
+            gradient = [jnp.sum(column * slope, axis=0) for column in miss.columns]
+            return jnp.sum(value, axis=0), jnp.stack(gradient)
+
+        first = jnp.where(good, y, 0.0)
+        floor = self._floor(measured, sigma)
+        f = cost(first)[0]
+        slack = floor * (jnp.sqrt(2 * jnp.abs(f)) + floor)
+        return jnp.where(good, newton(cost, first, slack), y)
+
+    def _floor(self, measured, sigma) -> Float[Array, " lane"]:
+        """Return what rounding adds to the length of the vector of residuals."""
+        # a reading minus a prediction is as wrong as the reading's last digit
+        scale = jnp.where(sigma > 0, sigma, 1.0)  # 0: the law's scatter is all there is
+        eps = jnp.finfo(measured.dtype).eps
+        return eps * jnp.sqrt(jnp.sum(jnp.square(measured / scale), axis=0))
 
     def _sigma(self, errors: Array | None) -> Array | np.ndarray:
         """Return the instrument errors, constants where all logs have the same."""

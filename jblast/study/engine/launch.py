@@ -7,7 +7,7 @@ kind of processor.
 """
 
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple
 
 import jax
@@ -98,22 +98,43 @@ class Launcher:
         self, shared: PyTree[Array], each: PyTree[np.ndarray]
     ) -> tuple[PyTree[np.ndarray], PyTree[np.ndarray]]:
         """Return what is kept of each block, and the counts of all; likewise."""
-        count = jax.tree.leaves(each)[0].shape[0]
-        parts, counts, done = [], None, 0
+        parts, counts = [], None
+        for answers, own, counted in self._launches(shared, each):
+            parts.append(_gathered(answers, own))
+            totals = jax.tree.map(lambda x: np.asarray(x).sum(axis=0), counted)
+            if counts is not None:
+                totals = jax.tree.map(np.add, counts, totals)
+            counts = totals
+        return jax.tree.map(lambda *x: np.concatenate(x), *parts), counts
+
+    def pieces(
+        self, shared: PyTree[Array], each: PyTree[np.ndarray]
+    ) -> list[PyTree[Array]]:
+        """Return the answers of blocks, in their order, each piece on one device."""
+        return [
+            jax.tree.map(
+                lambda x, d=d, n=n: x.addressable_shards[d].data[0, :n], answers
+            )
+            for answers, own, _ in self._launches(shared, each)
+            for d, n in enumerate(own)
+            if n
+        ]
+
+    def _launches(
+        self, shared: PyTree[Array], each: PyTree[np.ndarray]
+    ) -> Iterator[tuple[PyTree[Array], np.ndarray, PyTree[Array]]]:
+        """Run all blocks; give answers, how many each device has, and its counts."""
+        count, done = jax.tree.leaves(each)[0].shape[0], 0
         while done < count:
             begun = self.capacity * self._mesh.size
             some = jax.tree.map(lambda x, a=done, n=begun: x[a : a + n], each)
             try:
-                part, counted = self._launch(shared, some)
+                launched = self._launch(shared, some)
             except (MemoryError, jax.errors.JaxRuntimeError) as error:
                 self._cut(error)
                 continue
-            parts.append(part)
-            if counts is not None:
-                counted = jax.tree.map(np.add, counts, counted)
-            counts = counted
+            yield launched
             done += jax.tree.leaves(some)[0].shape[0]
-        return jax.tree.map(lambda *x: np.concatenate(x), *parts), counts
 
     def _cut(self, error: Exception) -> None:
         """Halve what a device is given, where it ran out of memory."""
@@ -133,8 +154,8 @@ class Launcher:
 
     def _launch(
         self, shared: PyTree[Array], each: PyTree[np.ndarray]
-    ) -> tuple[PyTree[np.ndarray], PyTree[np.ndarray]]:
-        """Run at most as many blocks as the devices take at once."""
+    ) -> tuple[PyTree[Array], np.ndarray, PyTree[Array]]:
+        """Run at most as many blocks as the devices take at once, to the end."""
         devices, capacity = self._mesh.size, self.capacity
         count = jax.tree.leaves(each)[0].shape[0]
         share = -(-count // devices)
@@ -153,12 +174,8 @@ class Launcher:
         shared = jax.device_put(shared, NamedSharding(self._mesh, PartitionSpec()))
         answers, counted = self._program(capacity)(shared, *inputs)
 
-        def gathered(x: Array) -> np.ndarray:
-            rows = np.asarray(x)
-            return np.concatenate([rows[d, : counts[d]] for d in range(devices)])
-
-        totals = jax.tree.map(lambda x: np.asarray(x).sum(axis=0), counted)
-        return jax.tree.map(gathered, answers), totals
+        # here memory may turn out to be too small, and not where they are looked at
+        return jax.block_until_ready(answers), counts, counted
 
     def _program(self, capacity: int) -> Callable[..., PyTree[Array]]:
         """Return the compiled program for so many blocks a device."""
@@ -219,11 +236,23 @@ class Launcher:
         return jax.tree.map(lambda x: x[None], (filled, counts))
 
 
+def _gathered(answers: PyTree[Array], counts: np.ndarray) -> PyTree[np.ndarray]:
+    """Copy to the host what devices have: of a GPU no more than there is."""
+
+    def part(x: Array, count: int) -> Any:
+        (device,) = x.devices()
+        # a slice of an array of JAX is a program of its own for each size
+        return np.asarray(x)[0, :count] if device.platform == "cpu" else x[0, :count]
+
+    def whole(x: Array) -> np.ndarray:
+        there = [(x.addressable_shards[d].data, n) for d, n in enumerate(counts)]
+        return np.concatenate([np.asarray(part(own, int(n))) for own, n in there if n])
+
+    return jax.tree.map(whole, answers)
+
+
 def out_of_memory(error: Exception) -> bool:
     """Whether an error says that memory ran out."""
-    words = str(error)
-    return (
-        isinstance(error, MemoryError)
-        or "RESOURCE_EXHAUSTED" in words
-        or "out of memory" in words.lower()
-    )
+    words = str(error).lower()
+    said = "resource_exhausted" in words or "out of memory" in words
+    return said or isinstance(error, MemoryError)

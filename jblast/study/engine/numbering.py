@@ -11,8 +11,9 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Int
 
-LARGEST_BLOCK = 4096
-"""Samples that go through the laws together: more do not stay in a core's cache."""
+FILLED = 2048
+"""Down to this size blocks of several variants are smaller, so that fewer samples than
+an eighth of what is asked fill up their last ones."""
 
 
 class Numbering(NamedTuple):
@@ -77,6 +78,8 @@ def numbered(
     """
     each = draws * cells
     block = min(block, 1 << (each - 1).bit_length())
+    while variants > 1 and block > FILLED and -each % block > each / 8:
+        block //= 2
     samples = each if variants == 1 else variants * block * -(-each // block)
     tile = block
     while 2 * tile <= min(tile_samples, samples):

@@ -32,15 +32,34 @@ class Source(Protocol):
         """Which sample is which."""
         ...
 
-    def tile(self, tile: int) -> Columns:
-        """Return the columns of a tile."""
+    @property
+    def at_once(self) -> int:
+        """How many tiles are worth calculating together."""
+        ...
+
+    def several(self, tiles: Sequence[int]) -> Sequence[Columns]:
+        """Return the columns of tiles."""
         ...
 
 
 def calculated(source: Source, tiles: Iterable[int]) -> Iterator[tuple[int, Columns]]:
-    """Calculate tiles in their order, by this process alone."""
-    for tile in tiles:
-        yield tile, source.tile(tile)
+    """Calculate tiles in their order, by this process alone.
+
+    Where several are calculated together, as on a GPU, the next are while these are
+    taken in.
+    """
+    wanted, size = list(tiles), source.at_once
+    batches = [wanted[n : n + size] for n in range(0, len(wanted), size)]
+    if size == 1:
+        for (tile,) in batches:
+            yield tile, source.several([tile])[0]
+        return
+    with ThreadPoolExecutor(1) as pool:
+        coming = [pool.submit(source.several, batch) for batch in batches[:1]]
+        for n, batch in enumerate(batches):
+            found = coming.pop().result()
+            coming += [pool.submit(source.several, b) for b in batches[n + 1 : n + 2]]
+            yield from zip(batch, found, strict=True)
 
 
 class Writer(contextlib.AbstractContextManager["Writer"]):

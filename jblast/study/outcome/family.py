@@ -3,7 +3,8 @@
 A family prepares itself for a scene once, outside JAX, where it may refuse, and gives a
 function of a batch: pure, so that it is compiled, differentiated and shared among
 devices by whoever calls it. What only runs from Python on whole batches (fits in their
-many tries) takes what that function returns, block by block.
+many tries) takes what that function returns: on a CPU block by block, on a GPU all that
+it has, where it lies.
 """
 
 from collections.abc import Callable, Mapping
@@ -19,6 +20,9 @@ from jblast.study.engine.variable import NO_ANSWER, Kind
 
 Answers = Mapping[str, Array]
 """By outcome a value for each sample, or for each sample and sensor."""
+
+Finish = Callable[[Mapping[str, Array | np.ndarray]], Answers]
+"""From what a calculation gave of a batch, here or on a device, to answers."""
 
 Numbers = Mapping[str, Float[Array, " sample"]]
 """What was drawn, and what axes set, by name of the scene's numbers."""
@@ -55,13 +59,13 @@ class Prepared(NamedTuple):
 
     Attributes:
         batched: What calculates it.
-        host: What makes answers of what that returns, for a block, from Python; None:
+        finish: What makes answers of what that returns, for a batch, from Python; None:
             they are answers already.
         notes: What there is to say of how it is calculated.
     """
 
     batched: Batched
-    host: Callable[[Mapping[str, np.ndarray]], Mapping[str, np.ndarray]] | None = None
+    finish: Finish | None = None
     notes: tuple[str, ...] = ()
 
 

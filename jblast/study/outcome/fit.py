@@ -9,23 +9,27 @@ Logs are fitted in blocks of a fixed size, each on one device, so a fit does not
 on how many there are.
 """
 
-from collections.abc import Mapping
+import functools
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array
 
 from jblast.errors import InputError, nearest
 from jblast.inference.many.fit_many import fit_many
+from jblast.inference.many.many_fits import ManyFits
 from jblast.scene import Scene, UncertainScene, freed, parameter_named
 from jblast.scene.parameters import names_in, value_of, with_values
 from jblast.scene.priors import Prior
 from jblast.sensors import planned_layout, record, resolve_laws
 from jblast.sensors.bursts import settled
 from jblast.sensors.law_choice import law_names
-from jblast.sensors.observe import observe
+from jblast.sensors.observe import STUDENT_FREEDOM, observe
+from jblast.sensors.student_errors import student_errors
 from jblast.study.outcome.family import (
     Answers,
     Family,
@@ -34,6 +38,7 @@ from jblast.study.outcome.family import (
     Setting,
     register,
     register_family,
+    yes_no,
 )
 
 DEFAULT = "charge_mass_kg"
@@ -68,6 +73,7 @@ def prepare(setting: Setting) -> Prepared:
         )
 
     wanted = BOUND in setting.names
+    sigmas = np.asarray(sigma)
 
     def one(key, numbers) -> Answers:
         true = with_values(scene, numbers)
@@ -75,52 +81,38 @@ def prepare(setting: Setting) -> Prepared:
         if truth is None:
             truth = _told(scene, number)
         exact = record(true, layout, laws).value if wanted else jnp.zeros(0)
+        key, of_rows = jax.random.split(key)
+        own = student_errors(of_rows, STUDENT_FREEDOM, sigma.size)
         return {
             EXACT: exact,
-            READINGS: observe(key, true, layout, laws, sigma),
+            READINGS: observe(key, true, layout, laws, sigma, own=own),
             TRUTH: jnp.asarray(truth),
         }
 
-    def host(answers: Mapping[str, np.ndarray]) -> Mapping[str, np.ndarray]:
-        found = fit_many(
-            believed,
-            layout,
-            answers[READINGS],
-            np.asarray(sigma),
-            laws,
-            tries=tries,
-            devices=1,
-        )
-        at = found.names.index(number)
-        z, sd = np.asarray(found.z[:, at]), np.asarray(found.sd()[:, at])
-        ends = [z, z - HALF_WIDTH * sd, z + HALF_WIDTH * sd]
-        belief: Prior = believed.beliefs[number]  # pyright: ignore[reportAssignmentType]  or free, which has the same
-        middle, low, high = (np.asarray(belief.constrain(jnp.asarray(e))) for e in ends)
-        good = np.asarray(found.converged) & np.isfinite(high - low)
-        told = _compared(number, answers[TRUTH], middle, low, high, good, found)
+    def finish(answers: Mapping[str, Array | np.ndarray]) -> Answers:
+        found = _fit(answers[READINGS], tries)
+        told = dict(compared(*_marginal(found), found.bad, answers[TRUTH]))
         if wanted:
-            told[BOUND] = _bound(answers)
+            # by Fisher information at readings without error
+            told[BOUND] = width(*_marginal(_fit(answers[EXACT], 4)))
         return told
 
-    def _bound(answers: Mapping[str, np.ndarray]) -> np.ndarray:
-        """Return the width by Fisher information at readings without error."""
-        found = fit_many(
-            believed, layout, answers[EXACT], np.asarray(sigma), laws, devices=1
+    def _fit(readings: Array | np.ndarray, tries: int) -> ManyFits:
+        return fit_many(
+            believed, layout, readings, sigmas, laws, tries=tries, devices=1
         )
-        at = found.names.index(number)
-        z, sd = found.z[:, at], found.sd()[:, at]
-        belief: Prior = believed.beliefs[number]  # pyright: ignore[reportAssignmentType]  likewise
-        ends = [
-            np.asarray(belief.constrain(z + sign * HALF_WIDTH * sd)) for sign in (1, -1)
-        ]
-        if parameter_named(number).positive:
-            ends = [np.log(end) for end in ends]
-        good = np.asarray(found.converged) & np.isfinite(ends[0] - ends[1])
-        return np.where(good, ends[0] - ends[1], np.nan)
 
+    def _marginal(found: ManyFits) -> tuple[Array, Array, Array]:
+        at = found.names.index(number)
+        return found.z[:, at], found.covariance[:, at, at], found.converged
+
+    belief: Prior = believed.beliefs[number]  # pyright: ignore[reportAssignmentType]  or free, which has the same
+    positive = parameter_named(number).positive
+    compared = jax.jit(functools.partial(_compared, belief.constrain, positive))
+    width = jax.jit(functools.partial(_width, belief.constrain, positive))
     used = ", ".join(f"{quantity} by {law}" for quantity, law in laws.items())
     free = ", ".join(believed.beliefs)
-    return Prepared(jax.vmap(one), host, notes=(f"fits of {free} to {used}",))
+    return Prepared(jax.vmap(one), finish, notes=(f"fits of {free} to {used}",))
 
 
 def _believed(setting: Setting, number: str) -> UncertainScene:
@@ -144,25 +136,54 @@ def _told(scene: Scene, number: str) -> Any:
     return value_of(scene, number)
 
 
-def _compared(number, truth, middle, low, high, good, found) -> dict[str, np.ndarray]:
+Constrain = Callable[[Array], Array]
+
+
+def _ends(
+    constrain: Constrain, positive: bool, z: Array, variance: Array
+) -> tuple[Array, Array, Array]:
+    """Return middle and ends of 90 % intervals; of a positive number their ln."""
+    sd = jnp.sqrt(variance)
+    parts = (constrain(z + n * HALF_WIDTH * sd) for n in (0.0, -1.0, 1.0))
+    middle, low, high = (_scaled(positive, x) for x in parts)
+    return middle, low, high
+
+
+def _scaled(positive: bool, x: Array) -> Array:
+    return jnp.log(jnp.where(x > 0, x, jnp.nan)) if positive else x
+
+
+def _width(
+    constrain: Constrain, positive: bool, z: Array, variance: Array, converged: Array
+) -> Array:
+    """Return the widths of intervals, NaN where there is none."""
+    _, low, high = _ends(constrain, positive, z, variance)
+    return jnp.where(converged & jnp.isfinite(high - low), high - low, jnp.nan)
+
+
+def _compared(
+    constrain: Constrain,
+    positive: bool,
+    z: Array,
+    variance: Array,
+    converged: Array,
+    bad: Array,
+    truth: Array,
+) -> dict[str, Array]:
     """Return how far fits are off; of a positive number in ln."""
-    positive = parameter_named(number).positive
-
-    def scale(x: np.ndarray) -> np.ndarray:
-        return np.log(np.where(x > 0, x, np.nan)) if positive else x
-
-    inside = (low <= truth) & (truth <= high)
-    converged = np.asarray(found.converged)
+    middle, low, high = _ends(constrain, positive, z, variance)
+    good, true = converged & jnp.isfinite(high - low), _scaled(positive, truth)
+    inside = (low <= true) & (true <= high)
     return {
-        "fit_value": np.where(good, middle, np.nan),
-        "fit_error": np.where(good, scale(middle) - scale(truth), np.nan),
-        "fit_interval_width": np.where(good, scale(high) - scale(low), np.nan),
-        "fit_truth_inside": np.where(good, inside, -1).astype(np.int8),
-        "fit_converged": np.where(np.asarray(found.bad), -1, converged).astype(np.int8),
+        "fit_value": jnp.where(good, constrain(z), jnp.nan),
+        "fit_error": jnp.where(good, middle - true, jnp.nan),
+        "fit_interval_width": jnp.where(good, high - low, jnp.nan),
+        "fit_truth_inside": yes_no(inside, good),
+        "fit_converged": yes_no(converged, ~bad),
     }
 
 
-register_family(Family("fit", 3, prepare, block=2048, tile=1 << 16, options=OPTIONS))
+register_family(Family("fit", 3, prepare, block=1 << 14, tile=1 << 16, options=OPTIONS))
 for _name, _words, _yes in (
     ("fit_value", "fitted number, in its own unit", False),
     ("fit_error", "fit minus truth; of a positive number ln of their ratio", False),

@@ -21,7 +21,8 @@ from jblast.scene.reader.priors import finite
 from jblast.sensors import Layout, planned_layout, record, resolve_laws
 from jblast.sensors.bursts import settled
 from jblast.sensors.law_choice import law_names
-from jblast.sensors.observe import observe
+from jblast.sensors.observe import STUDENT_FREEDOM, observe
+from jblast.sensors.student_errors import student_errors
 from jblast.study.outcome.family import (
     Answers,
     Family,
@@ -130,7 +131,9 @@ def prepare(setting: Setting) -> Prepared:
     def one(key, numbers) -> Answers:
         scene = with_values(like, numbers)
         if scene.scatter:
-            values = observe(key, scene, layout, laws, exact)
+            key, of_rows = jax.random.split(key)
+            own = student_errors(of_rows, STUDENT_FREEDOM, exact.size)
+            values = observe(key, scene, layout, laws, exact, own=own)
         else:
             values = record(scene, layout, laws).value
         rows = {q: values[n * count :][:count] for n, q in enumerate(quantities)}

@@ -64,7 +64,7 @@ def outcomes(
                 f"{name!r}{nearest(name, found)}"
             )
     for part in parts_of(study, variant):
-        if part.prepared.host is not None:
+        if part.prepared.finish is not None:
             raise InputError(
                 f"{study.source}: {part.names[0]} is had of whole batches alone, which "
                 "jblast.study.run makes"

@@ -57,7 +57,7 @@ class Reduced:
         while numbering.samples > MOST_TILES * self.tile:
             self.tile *= 2
         self.anchors = self._anchors() if anchors is None else dict(anchors)
-        host = any(p.prepared.host is not None for part in work.parts for p in part)
+        host = any(p.prepared.finish is not None for part in work.parts for p in part)
         self._on_device = numbering.cells == 1 and not host
         self._outcomes = outcomes_of(work.variables)
         self._launchers: dict[int, Launcher] = {}
@@ -81,7 +81,8 @@ class Reduced:
         begin = tile * self.tile
         end = begin + self.samples_of(tile)
         whole = self.empty()
-        step = PART if self._on_device else self.work.numbering.tile
+        one = self.work.numbering.tile
+        step = PART if self._on_device else one * self.work.at_once
         reduce = self._device if self._on_device else self._host
         parts = [(at, min(at + step, end)) for at in range(begin, end, step)]
         with ThreadPoolExecutor(AHEAD if self._on_device else 1) as pool:
@@ -96,7 +97,9 @@ class Reduced:
     def _host(self, begin: int, end: int) -> dict[str, State]:
         """Reduce the columns of samples."""
         numbering = self.work.numbering
-        columns = self.work.tile(begin // numbering.tile)
+        tiles = range(begin // numbering.tile, -(-end // numbering.tile))
+        parts = self.work.several(tiles)
+        columns = {n: np.concatenate([part[n] for part in parts]) for n in parts[0]}
         variant, cell = numbering.of_samples(begin, end)
         which = variant * numbering.cells + cell
         return states_by_group(

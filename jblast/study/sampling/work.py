@@ -1,7 +1,6 @@
 """A study made ready: its columns, and what calculates a tile of them."""
 
-from collections.abc import Callable, Mapping
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import jax
@@ -16,7 +15,9 @@ from jblast.study.engine.numbering import numbered
 from jblast.study.engine.summary.tally import VALID
 from jblast.study.engine.variable import Variable
 from jblast.study.file.study import Study
+from jblast.study.outcome.family import Finish
 from jblast.study.sampling.draws import key_of_study, normal_scores, sample_keys
+from jblast.study.sampling.finishing import by_block, where_they_are
 from jblast.study.sampling.parts import answers_of, outcome_variables, parts_of
 from jblast.study.sampling.points import points_of
 
@@ -38,11 +39,13 @@ class Work:
         variables: Its columns: what was drawn, what axes set, outcomes.
         numbering: Which sample is which.
         notes: What there is to say of how it is calculated.
+        kind: Of the devices: "cpu" or "gpu".
     """
 
     def __init__(self, study: Study, mesh: Mesh | None = None) -> None:
         self.study = study
         self.mesh = mesh_of() if mesh is None else mesh
+        self.kind = "cpu" if self.mesh.devices.flat[0].platform == "cpu" else "gpu"
         self.parts = [parts_of(study, n) for n in range(len(study.variants))]
         self.variables = (*_inputs(study), *outcome_variables(study))
         families = [part.family for part in self.parts[0]]
@@ -71,6 +74,13 @@ class Work:
         self.numbering = self.numbering._replace(tile=tile)
 
     @property
+    def at_once(self) -> int:
+        """How many tiles are worth calculating together."""
+        if self.kind == "cpu":
+            return 1
+        return max(1, LAUNCH["gpu"] * self.mesh.size // self.numbering.tile)
+
+    @property
     def places(self) -> dict[str, tuple[float, ...]]:
         """East, north, up [m] of the sensors by name, if any outcome is theirs."""
         if not any(variable.sensors for variable in self.variables):
@@ -82,24 +92,36 @@ class Work:
 
     def tile(self, tile: int) -> Columns:
         """Calculate a tile: a value of every column for each of its samples."""
+        return self.several([tile])[0]
+
+    def several(self, tiles: Sequence[int]) -> list[Columns]:
+        """Calculate tiles together; as many as `at_once` are worth it."""
         numbering = self.numbering
-        blocks = numbering.blocks_of(tile)
+        each = [numbering.blocks_of(tile) for tile in tiles]
+        blocks = np.concatenate(each)
         columns: Columns = {
             v.name: np.empty((len(blocks), *v.shape(numbering.block)), v.dtype)
             for v in self.variables
         }
         variants = numbering.variant_of(blocks)
-        for variant in np.unique(variants):
-            rows = np.flatnonzero(variants == variant)
+        # a key is that of 2^32 samples: blocks before and after have others
+        kinds = variants + numbering.variants * (blocks * numbering.block >> 32)
+        for kind in np.unique(kinds):
+            rows = np.flatnonzero(kinds == kind)
+            variant = kind % numbering.variants
             for name, values in self._blocks(int(variant), blocks[rows]).items():
                 columns[name][rows] = values
-        begin = tile * numbering.tile
-        count = min(numbering.tile, numbering.samples - begin)
-        whole = {
-            name: values.reshape(-1, *values.shape[2:])[:count]
-            for name, values in columns.items()
-        }
-        return whole | self._words(begin, begin + count)
+        found, done = [], 0
+        for tile, own in zip(tiles, each, strict=True):
+            begin = tile * numbering.tile
+            count = min(numbering.tile, numbering.samples - begin)
+            whole = {
+                name: x[done : done + len(own)].reshape(-1, *x.shape[2:])[:count]
+                for name, x in columns.items()
+            }
+            found.append(whole | self._words(begin, begin + count))
+            done += len(own)
+        return found
 
     def _words(self, begin: int, end: int) -> Columns:
         """Return the columns of axes over words."""
@@ -114,20 +136,23 @@ class Work:
         """Calculate blocks of one variant."""
         if variant not in self._launchers:
             self._launchers[variant] = self.launcher(variant)
-        answers = self._launchers[variant](*self.given(blocks))
-        return self.finished(variant, answers)
+        launcher, given = self._launchers[variant], self.given(blocks)
+        finishes = self._finishes(variant)
+        if finishes and self.kind == "gpu":
+            wanted = [v.name for v in self.variables]
+            return where_they_are(finishes, launcher.pieces(*given), wanted)
+        return self.finished(variant, launcher(*given))
 
     def launcher(self, variant: int, reduce: Reduce | None = None) -> Launcher:
         """Return what runs blocks of a variant, or reduces them."""
-        kind = "cpu" if self.mesh.devices.flat[0].platform == "cpu" else "gpu"
         block = self.numbering.block
-        at_once = (REDUCED if reduce else LAUNCH)[kind]
+        at_once = (REDUCED if reduce else LAUNCH)[self.kind]
         blocks = -(-self.numbering.samples // block // self.mesh.size)
         return Launcher(
             self._block(variant),
             self.mesh,
             at_once // block,
-            group=min(GROUP[kind] // block, 1 << (blocks - 1).bit_length()),
+            group=min(GROUP[self.kind] // block, 1 << (blocks - 1).bit_length()),
             reduce=reduce,
         )
 
@@ -189,47 +214,13 @@ class Work:
     def finished(self, variant: int, answers: Mapping[str, np.ndarray]) -> Columns:
         """Finish what only runs from Python, and keep the columns."""
         found = dict(answers)
-        for part in self.parts[variant]:
-            if part.prepared.host is None:
-                continue
-            if self.mesh.devices.flat[0].platform != "cpu":
-                found |= _together(part.prepared.host, found)
-                continue
-            rows = self._on_each_device(part.prepared.host, found)
-            found |= {name: np.stack([r[name] for r in rows]) for name in rows[0]}
+        for finish in self._finishes(variant):
+            found |= by_block(finish, found, list(self.mesh.devices.flat))
         return {v.name: found[v.name] for v in self.variables if v.name in found}
 
-    def _on_each_device(
-        self,
-        host: Callable[[Mapping[str, np.ndarray]], Mapping[str, np.ndarray]],
-        found: Columns,
-    ) -> list[Mapping[str, np.ndarray]]:
-        """Finish blocks, as many at a time as there are devices."""
-        devices = list(self.mesh.devices.flat)
-        blocks = len(next(iter(found.values())))
-
-        def some(nth: int) -> list[tuple[int, Mapping[str, np.ndarray]]]:
-            with jax.default_device(devices[nth]):
-                return [
-                    (n, host({name: values[n] for name, values in found.items()}))
-                    for n in range(nth, blocks, len(devices))
-                ]
-
-        with ThreadPoolExecutor(len(devices)) as pool:
-            parts = [
-                done for part in pool.map(some, range(len(devices))) for done in part
-            ]
-        return [columns for _, columns in sorted(parts, key=lambda one: one[0])]
-
-
-def _together(
-    host: Callable[[Mapping[str, np.ndarray]], Mapping[str, np.ndarray]], found: Columns
-) -> Columns:
-    """Finish all blocks at once, as a GPU has room for."""
-    shape = next(iter(found.values())).shape[:2]
-    rows = shape[0] * shape[1]  # not -1: a column may have no width
-    whole = {name: x.reshape(rows, *x.shape[2:]) for name, x in found.items()}
-    return {name: x.reshape(*shape, *x.shape[1:]) for name, x in host(whole).items()}
+    def _finishes(self, variant: int) -> list[Finish]:
+        parts = (part.prepared.finish for part in self.parts[variant])
+        return [finish for finish in parts if finish is not None]
 
 
 def _inputs(study: Study) -> tuple[Variable, ...]:

@@ -27,8 +27,8 @@ start_jax(quick=True)
 from jblast.study import read_study, run_into
 from jblast.study.sampling import work
 work._tile_samples = lambda _: 4096
-calculated = work.Work.tile
-work.Work.tile = lambda self, tile: time.sleep(0.2) or calculated(self, tile)
+calculated = work.Work.several
+work.Work.several = lambda self, tiles: time.sleep(0.2) or calculated(self, tiles)
 print("begun", flush=True)
 run_into(read_study(sys.argv[1]), sys.argv[2], resume=True)
 """

@@ -36,15 +36,7 @@ def checked(layout: Layout, values, sigma):
         InputError: They do not, errors that all logs share are not finite, or errors
             are in the unit of the reading where shares are expected.
     """
-    shape = np.shape(values)
-    if len(shape) != 2 or shape[1] != len(layout.quantity):
-        raise InputError(
-            f"values: expected (log, row) with {len(layout.quantity)} rows, got {shape}"
-        )
-    if np.shape(sigma) not in (shape, shape[1:]):
-        raise InputError(
-            f"relative_sigma: expected {shape[1:]} or {shape}, got {np.shape(sigma)}"
-        )
+    checked_shapes(layout, np.shape(values), np.shape(sigma))
     _refuse_absolute(layout, values, sigma)
     values = jnp.asarray(values)
     if np.ndim(sigma) > 1:
@@ -54,6 +46,23 @@ def checked(layout: Layout, values, sigma):
     if not (np.isfinite(sigma) & (sigma >= 0)).all():
         raise InputError(f"relative_sigma: expected finite errors, got {sigma}")
     return values, sigma
+
+
+def checked_shapes(
+    layout: Layout, values: tuple[int, ...], sigma: tuple[int, ...]
+) -> None:
+    """Refuse readings and errors of shapes that do not fit together.
+
+    Raises:
+        InputError: They do not.
+    """
+    if len(values) != 2 or values[1] != len(layout.quantity):
+        rows = len(layout.quantity)
+        raise InputError(f"values: expected (log, row) with {rows} rows, got {values}")
+    if sigma not in (values, values[1:]):
+        raise InputError(
+            f"relative_sigma: expected {values[1:]} or {values}, got {sigma}"
+        )
 
 
 def _refuse_absolute(layout: Layout, values, sigma) -> None:

@@ -96,11 +96,12 @@ def reference_set(
     late = late / late.sum() if any(clock) and timed.any() else 0 * late
     weight = (np.eye(scale.size) - timed[:, None] * late[None, :]) / scale[:, None]
     projected = weight @ np.asarray(readings)
+    # of no device in particular, whatever drew them: lanes may lie on another
     return ReferenceSet(
-        z,
         *map(
             jnp.asarray,
             (
+                np.asarray(z),
                 projected,
                 0.5 * np.sum(projected**2, axis=0),
                 weight,
