@@ -4,11 +4,13 @@ from jblast.vehicle.control.allocation import (
     allocation as allocation,
     rotor_speeds as rotor_speeds,
 )
+from jblast.vehicle.control.cascade import Cascade as Cascade
 from jblast.vehicle.control.gains import (
     Gains as Gains,
     gains_from_parameters as gains_from_parameters,
     named_gains as named_gains,
 )
+from jblast.vehicle.control.observed_hold import ObservedHold as ObservedHold
 from jblast.vehicle.control.position_hold import (
     Controller as Controller,
     PositionHold as PositionHold,
@@ -16,6 +18,8 @@ from jblast.vehicle.control.position_hold import (
 from jblast.vehicle.control.step_limit import step_limit as step_limit
 from jblast.vehicle.dynamics.state import State as State, Trajectory as Trajectory
 from jblast.vehicle.from_scene import (
+    CONTROLLERS as CONTROLLERS,
+    controller_of as controller_of,
     hold_of as hold_of,
     start_of as start_of,
     vehicle_of as vehicle_of,

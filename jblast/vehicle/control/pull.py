@@ -16,12 +16,14 @@ The pull $F/m$ is what is asked for per kilogram, $g$ upwards at rest. As in PX4
 import math
 
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
 from jblast.constants import FLIGHT_GRAVITY
 from jblast.vehicle.control.gains import Gains
 from jblast.vehicle.dynamics.components import Vector, three
 from jblast.vehicle.quadrotor.parameters import Vehicle
+
+Flag = Bool[Array, ""]
 
 DESCENT_M_S = 1.5
 THRUST_FLOOR = 0.24
@@ -58,15 +60,8 @@ def pull_within(
     back, dive = -k_p[2] * away[2], -k_d[2] * DESCENT_M_S
     east, north = (sums[n] - k_p[n] * away[n] - k_d[n] * velocity[n] for n in (0, 1))
     up = sums[2] + jnp.maximum(back, dive) - k_d[2] * velocity[2] + FLIGHT_GRAVITY
-    speed = vehicle.rotor_speed_max_rad_s
-    most = 4 * vehicle.thrust_coefficient * speed * speed / vehicle.mass_kg
-    floor = THRUST_FLOOR * FLIGHT_GRAVITY
-    held = jnp.minimum(jnp.maximum(up, floor), most)
-    across = TILT_SLOPE * held
-    square = east * east + north * north
-    leans = square > across * across
-    share = jnp.where(leans, across / jnp.sqrt(jnp.where(leans, square, 1)), 1)
-    low, high = (back < dive) | (up < floor), up > most
+    pull, leans, low, high = limited_pull(vehicle, (east, north, up))
+    low = (back < dive) | low
     winds = (
         leans & (gained[0] * east > 0),
         leans & (gained[1] * north > 0),
@@ -76,4 +71,23 @@ def pull_within(
         jnp.where(stays, before, after)
         for stays, before, after in zip(winds, memory, sums, strict=True)
     )
-    return (share * east, share * north, held), (first, second, third)
+    return pull, (first, second, third)
+
+
+def limited_pull(vehicle: Vehicle, asked: Vector) -> tuple[Vector, Flag, Flag, Flag]:
+    """Return a pull within limits, and whether it was cut across, below and above.
+
+    Args:
+        vehicle: The vehicle.
+        asked: East, north, up [m/s2], weight included.
+    """
+    east, north, up = asked
+    speed = vehicle.rotor_speed_max_rad_s
+    most = 4 * vehicle.thrust_coefficient * speed * speed / vehicle.mass_kg
+    floor = THRUST_FLOOR * FLIGHT_GRAVITY
+    held = jnp.minimum(jnp.maximum(up, floor), most)
+    across = TILT_SLOPE * held
+    square = east * east + north * north
+    leans = square > across * across
+    share = jnp.where(leans, across / jnp.sqrt(jnp.where(leans, square, 1)), 1)
+    return (share * east, share * north, held), leans, up < floor, up > most

@@ -1,0 +1,90 @@
+"""A cascade as PX4's: its loops one by one, and what it flies."""
+
+import dataclasses
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from jblast.vehicle import Cascade, StepGust, named, named_gains, simulate
+from jblast.vehicle.control import cascade
+from tests.vehicle.flights import at_hover, hover_speed
+
+IRIS = named("iris")
+HOME = np.array([0.0, 0.0, 10.0])
+PERIOD = jnp.asarray(0.004)
+LOOPS = Cascade(HOME, named_gains("iris").body_rate)
+
+
+@jax.jit
+def pull_of(state, memory):
+    return cascade._pull(LOOPS, state, IRIS, memory, PERIOD)
+
+
+@jax.jit
+def asked(state, memory):
+    return LOOPS(jnp.asarray(0.0), state, IRIS, memory, PERIOD)
+
+
+def test_at_rest_in_its_place_it_asks_for_what_carries_the_weight():
+    speeds, after = asked(at_hover(IRIS, tuple(HOME)), LOOPS.start())
+    np.testing.assert_allclose(speeds, hover_speed(IRIS), rtol=1e-9)
+    np.testing.assert_array_equal(after.pull_m_s2, 0.0)
+    assert float(after.begun) == 1.0
+
+
+def test_near_its_place_the_pull_is_that_of_two_loops():
+    off, velocity = np.array([0.2, -0.1, 0.3]), np.array([0.1, 0.2, -0.1])
+    state = at_hover(IRIS, tuple(HOME + off), velocity_m_s=velocity)
+    pull, sums, _ = pull_of(state, LOOPS.start())
+    missed = -np.array([0.95, 0.95, 1.0]) * off - velocity
+    expected = np.array([1.8, 1.8, 4.0]) * missed + [0, 0, 9.81]
+    np.testing.assert_allclose(np.stack(pull), expected, rtol=1e-9)
+    np.testing.assert_allclose(
+        sums, np.array([0.4, 0.4, 2.0]) * 0.004 * missed, rtol=1e-9
+    )
+
+
+def test_far_from_its_place_it_goes_no_faster_than_it_may_and_gathers_nothing():
+    state = at_hover(IRIS, (300.0, 400.0, 10.0))
+    pull, sums, _ = pull_of(state, LOOPS.start())
+    east, north, up = np.stack(pull)
+    assert np.hypot(east, north) == pytest.approx(up)  # 45 degrees
+    assert east / north == pytest.approx(0.75)
+    np.testing.assert_array_equal(sums[:2], 0.0)
+    # at 12 m/s there is nothing to ask for
+    going = at_hover(IRIS, (300.0, 400.0, 10.0), velocity_m_s=np.array([-7.2, -9.6, 0]))
+    pull, _, _ = pull_of(going, LOOPS.start())
+    np.testing.assert_allclose(np.stack(pull)[:2], 0.0, atol=1e-9)
+
+
+def test_what_brakes_by_itself_is_braked_less():
+    # the derivative: a velocity that falls asks for pull against its fall
+    before = dataclasses.replace(
+        LOOPS.start(), velocity_m_s=jnp.array([1.0, 0.0, 0.0]), begun=jnp.asarray(1.0)
+    )
+    state = at_hover(IRIS, tuple(HOME), velocity_m_s=np.array([0.9, 0.0, 0.0]))
+    pull, _, gained = pull_of(state, before)
+    share = 1 - np.exp(-2 * np.pi * 5.0 * 0.004)
+    assert float(gained[0]) == pytest.approx(-25.0 * share)
+    assert float(pull[0]) == pytest.approx(-1.8 * 0.9 + 0.2 * 25.0 * share)
+
+
+@pytest.mark.slow  # a flight of each is compiled
+@pytest.mark.parametrize("name", ["crazyflie", "hummingbird", "iris"])
+def test_it_comes_back_from_a_kick_and_leans_into_a_wind(name):
+    vehicle = named(name)
+    flown = simulate(
+        vehicle,
+        at_hover(vehicle, tuple(HOME), velocity_m_s=np.array([7.0, -7.0, 10.0])),
+        duration_s=25.0,
+        step_s=2e-3,
+        control=Cascade(HOME, named_gains(name).body_rate),
+        wind=StepGust([3.0, 0.0, 0.0], 0.0),
+        ground_up_m=0.0,
+        store_every=500,
+    )
+    assert not bool(flown.lost)
+    np.testing.assert_allclose(flown.position_m[-1], HOME, atol=0.05)
+    assert flown.quaternion[-1, 1] < -0.03  # its top points upwind
