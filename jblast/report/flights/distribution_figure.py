@@ -16,10 +16,14 @@ from jblast.report.figure_style import (
     quiet,
     titled,
 )
+from jblast.report.flights.controllers_figure import distances
 from jblast.report.flights.figure import HOLD_COLOURS
 from jblast.report.numbers import printed_number, unit_for
 from jblast.study.flights.records import Flights, Flown
 from jblast.study.flights.statistics import flies_on, hold_words, metric
+
+DASHES = ("-", (0, (4, 3)), (0, (1, 1)), (0, (6, 2, 1, 2)))
+"""Of as many controllers as there are."""
 
 MOST_POINTS = 4000
 """Of the scatter: more only darken it."""
@@ -36,7 +40,7 @@ def distribution_figure(flights: Flights) -> Figure:
         float(np.nanmax(f.metrics.peak_deviation_m)) for f in flights.holds.values()
     )
     unit = unit_for("path_error_m", most)
-    styles = zip(flights.holds.items(), HOLD_COLOURS, ("-", (0, (4, 3))), strict=True)
+    styles = zip(flights.holds.items(), HOLD_COLOURS, DASHES, strict=False)
     for (name, flown), colour, dashes in styles:
         share = 100 * np.mean(flies_on(flown))
         _shares(
@@ -108,16 +112,10 @@ def _shares(
 def _vehicles(axes: Axes, flights: Flights, name: str, size: float) -> None:
     """Draw deviation against the first blast's scaled distance, or its distance."""
     flown = flights.holds[name]
-    first = np.argmin(flown.encounter.arrival_s, axis=-1)[:, None]
-    scaled = flights.options.profile is None
-    where = np.asarray(
-        flown.encounter.scaled_distance if scaled else flown.encounter.distance_m
-    )
-    x = np.take_along_axis(where, first, axis=-1)[:MOST_POINTS, 0]
+    away, label = distances(flights)
+    x = away[:MOST_POINTS]
     y = metric(flown, "peak_deviation_m")[:MOST_POINTS] / size
     crashed = np.asarray(flown.metrics.crashed)[:MOST_POINTS]
     axes.plot(x[~crashed], y[~crashed], ".", color=BLUE, markersize=4, alpha=0.6)
     axes.plot(x[crashed], y[crashed], "x", color=VERMILLION, markersize=5)
-    axes.set_xlabel(
-        "scaled distance [m/kg$^{1/3}$]" if scaled else "distance of the charge [m]"
-    )
+    axes.set_xlabel(label)

@@ -21,7 +21,8 @@ from jblast.study.flights.records import Flights
 from jblast.study.flights.statistics import hold_words, target_of, trajectory_of
 from jblast.vehicle import path_error
 
-HOLD_COLOURS = (BLUE, VERMILLION)
+HOLD_COLOURS = (BLUE, VERMILLION, COLOURS[2], INK)
+"""Of as many controllers as there are."""
 BEFORE_S, AFTER_S = 0.01, 0.05
 """Around the blast's arrival, where its loads are drawn large."""
 
@@ -86,7 +87,7 @@ def error_figure(flights: Flights) -> Figure:
         ha="right",
         va="bottom",
     )
-    for (name, error), colour in zip(errors.items(), HOLD_COLOURS, strict=True):
+    for (name, error), colour in zip(errors.items(), HOLD_COLOURS, strict=False):
         flown = flights.holds[name]
         time = np.asarray(trajectory_of(flights, name).time_s)
         axes.plot(

@@ -1,11 +1,13 @@
 """Position hold through a scene's blasts: one flight, or many drawn from its priors.
 
 The flight begins at 0 on the scene's clock, over level ground at height 0, in the
-scene's wind. Each vehicle flies twice, with and without integral action: without it a
-wind leaves an offset for ever, and no recovery.
+scene's wind. Each vehicle flies once with each controller; where none is named, with
+the SE(3) hold with and without integral action: without it a wind leaves an offset for
+ever, and no recovery.
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -19,6 +21,7 @@ from jblast.kept_programs import kept
 from jblast.progress import counted
 from jblast.scene import Scene, UncertainScene, VehicleSpec
 from jblast.study.flights.bursts import with_bursts_at_start
+from jblast.study.flights.controllers import BOTH_HOLDS, named_controllers
 from jblast.study.flights.draws import checked_scene, drawn_scenes, drawn_values
 from jblast.study.flights.duration import BATCH_ROWS, flight_seconds, rows_stored
 from jblast.study.flights.encounter import FlightLoad, encounter_of, load_of
@@ -28,8 +31,8 @@ from jblast.vehicle import (
     Each,
     State,
     StepGust,
+    controller_of,
     flight_metrics,
-    hold_of,
     path_error,
     simulate,
     start_of,
@@ -38,9 +41,6 @@ from jblast.vehicle import (
 from jblast.vehicle.quadrotor.numbers import in_precision
 
 GROUND_UP_M = 0.0
-HOLDS = {"with_integral": True, "without_integral": False}
-"""Names of the holds, and whether each has integral action."""
-
 CHUNK = {"cpu": 2048, "gpu": 16_384}
 """Vehicles of `BATCH_ROWS` in memory at once: on a CPU some 2 GB, in float64."""
 
@@ -51,6 +51,7 @@ def fly(
     *,
     vehicles: int = 1,
     seed: int = 0,
+    controllers: Sequence[str] | None = None,
 ) -> Flights:
     """Fly a scene's vehicle through its blasts.
 
@@ -59,10 +60,13 @@ def fly(
         options: How to fly; None: the defaults.
         vehicles: How many scenes are drawn.
         seed: Of the draws.
+        controllers: Names of `vehicle.CONTROLLERS`, or "hold" for the SE(3) hold as the
+            scene has it; None: that with integral action and without, the scene's own
+            first.
 
     Returns:
-        The flights by hold, with integral action and without: how far each vehicle was
-        thrown, when it had recovered, which crashed.
+        The flights by controller: how far each vehicle was thrown, when it had
+        recovered, which crashed.
 
     Raises:
         InputError: The scene cannot be flown, a number cannot be drawn, or an option
@@ -78,10 +82,10 @@ def fly(
     if options.profile is None:
         scenes, notes = with_bursts_at_start(scenes, vehicle)
     seconds = flight_seconds(scenes, vehicle, uncertain.source, options)
-    names = tuple(HOLDS)
-    own = None if vehicle.integral is None else names[not vehicle.integral]
-    if own == names[1]:
-        names = names[::-1]
+    own = None if vehicle.integral is None else BOTH_HOLDS[not vehicle.integral]
+    names = named_controllers(controllers, own)
+    for name in names:
+        controller_of(vehicle, name)  # or a name that is none ends it at once
     flown: dict[str, list[Flown]] = {name: [] for name in names}
     most = CHUNK["cpu" if jax.default_backend() == "cpu" else "gpu"]
     rows = rows_stored(seconds, vehicles)
@@ -111,7 +115,7 @@ def fly(
         places_m=np.stack([np.stack(c.position_m, axis=-1) for c in charges], axis=-2),
         wind_m_s=np.stack([scenes.air.wind_east, scenes.air.wind_north], axis=-1),
         holds={name: _joined(parts, vehicles) for name, parts in flown.items()},
-        own=own,
+        own=own if own in names else None,
         notes=notes,
     )
 
@@ -124,18 +128,18 @@ def flown_by(
     vehicles: int,
     options: Options,
 ) -> Flown:
-    """Fly some vehicles with one hold.
+    """Fly some vehicles with one controller.
 
     Args:
         scenes: One, or several with a leading axis in every array.
         spec: The vehicle.
-        hold: A name of `HOLDS`.
+        hold: A name of `vehicle.CONTROLLERS`.
         seconds: How long each flight is.
         vehicles: How many are flown in all: of one alone every row is kept.
         options: How to fly.
     """
     single = vehicles == 1
-    control = hold_of(spec, integral=HOLDS[hold])
+    control = controller_of(spec, hold)
     start, load = start_of(spec), _load(scenes, options, single)
     wind = StepGust(steady_wind(scenes), 0 * scenes.air.wind_east)
     if not single:

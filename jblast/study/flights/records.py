@@ -38,7 +38,7 @@ class Options:
 
 @dataclass(frozen=True)
 class Flown:
-    """What one hold made of it. Leading axes are the batch's.
+    """What one controller made of it. Leading axes are the batch's.
 
     Attributes:
         metrics: From the first blast's arrival on.
@@ -70,7 +70,7 @@ class Flights:
         blasts: Names of the charges; "" of one alone.
         places_m: Of the charges, east, north, up.
         wind_m_s: Towards east, north.
-        holds: By a name of `fly.HOLDS`, the scene's own first.
+        holds: By a name of `vehicle.CONTROLLERS`, in the order flown.
         own: The scene's own hold; None where it does not say.
         notes: What there is to say of the curves that the blasts were taken by.
     """

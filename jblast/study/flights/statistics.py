@@ -21,6 +21,12 @@ METRICS = (
 """Numbers of a flight: those of `vehicle.FlightMetrics`, and one of `Flown`."""
 EXPOSURES = Exposure._fields
 QUANTILES = (0.05, 0.5, 0.95)
+HOLD_WORDS = {
+    "with_integral": "with integral action",
+    "without_integral": "without integral action",
+    "cascade": "by a cascade as PX4's",
+    "observer": "with an observer",
+}
 
 
 def metric(flown: Flown, name: str) -> Float[np.ndarray, "*batch"]:
@@ -125,5 +131,5 @@ def trajectory_of(flights: Flights, name: str) -> Trajectory:
 
 
 def hold_words(name: str) -> str:
-    """Return a hold in words."""
-    return name.replace("_", " ") + " action"
+    """Return a controller in words."""
+    return HOLD_WORDS[name]

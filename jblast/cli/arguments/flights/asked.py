@@ -65,6 +65,13 @@ def flight_options(
     )
 
 
+def named_in(words: str | None) -> tuple[str, ...] | None:
+    """Return the controllers that are named, with commas between; None: none are."""
+    if words is None:
+        return None
+    return tuple(word.strip() for word in words.split(",") if word.strip())
+
+
 def refuse_plan_out(asked: argparse.Namespace) -> None:
     """Refuse to write a plan where there is none.
 
@@ -79,11 +86,16 @@ def refuse_plan_out(asked: argparse.Namespace) -> None:
 
 
 def refuse_several(asked: argparse.Namespace) -> None:
-    """Refuse several vehicles on one mission.
+    """Refuse several vehicles, or controllers, on one mission.
 
     Raises:
         InputError: They are asked for.
     """
+    if asked.controllers is not None:
+        raise InputError(
+            "--controllers: expected none on a mission, which is flown by its own, got "
+            f"{asked.controllers}"
+        )
     if asked.vehicles != 1:
         raise InputError(
             f"--vehicles: expected 1 on a mission, got {asked.vehicles}; several are "

@@ -9,11 +9,13 @@ from matplotlib.figure import Figure
 
 from jblast.cli.arguments.paths import save_text, writing
 from jblast.report.figure_files import write_drawn
+from jblast.report.flights.controllers_figure import controllers_figure
 from jblast.report.flights.distribution_figure import distribution_figure
 from jblast.report.flights.document import flights_csv
 from jblast.report.flights.figure import error_figure, loads_figure
 from jblast.report.flights.path_figure import path_figure
 from jblast.report.flights.trajectory_csv import trajectory_csv
+from jblast.study.flights.controllers import BOTH_HOLDS
 from jblast.study.flights.records import Flights
 from jblast.study.flights.statistics import hold_words, target_of, trajectory_of
 from jblast.vehicle import path_error
@@ -25,6 +27,8 @@ ONE: dict[str, Callable[[Flights], Figure]] = {
     "error.png": error_figure,
 }
 MANY = {"distribution.png": distribution_figure}
+CONTROLLERS = {"controllers.png": controllers_figure}
+"""Where others than both holds are flown many times."""
 TABLES = ("flight.csv", "flights.csv")
 
 
@@ -44,13 +48,22 @@ def write_flights(flights: Flights, text: str, directory: Path) -> list[str]:
     several = flights.count > 1
     with writing(directory):
         directory.mkdir(parents=True, exist_ok=True)
-        for name in (JSON, *TABLES, *ONE, *MANY):  # an earlier run's would mislead
+        for name in (
+            JSON,
+            *TABLES,
+            *ONE,
+            *MANY,
+            *CONTROLLERS,
+        ):  # an earlier run's would mislead
             (directory / name).unlink(missing_ok=True)
     table = flights_csv(flights) if several else flight_csv(flights)
     written = [JSON, TABLES[several]]
     for name, content in zip(written, (text, table), strict=True):
         save_text(content, directory / name)
-    for name, draw in (MANY if several else ONE).items():
+    drawn = MANY if several else ONE
+    if several and set(flights.holds) != set(BOTH_HOLDS):
+        drawn = MANY | CONTROLLERS
+    for name, draw in drawn.items():
         if write_drawn(partial(draw, flights), directory / name) is not None:
             written.append(name)
     return written

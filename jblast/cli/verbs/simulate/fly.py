@@ -2,8 +2,8 @@
 
 The flight begins at 0 on the scene's clock, over level ground at height 0, in the
 scene's wind; a blast comes at its charge's time_s and the way to the vehicle. Position
-hold with integral action and without it are flown side by side. A crash is an answer:
-the exit code is 0.
+hold with integral action and without it are flown side by side, or the --controllers
+that are named. A crash is an answer: the exit code is 0.
 
 Where the scene's [vehicle] names a mission, a plan of QGroundControl, that is flown:
 from the ground, unattended, until the vehicle has landed and is disarmed.
@@ -89,14 +89,23 @@ def add_arguments(verb: argparse.ArgumentParser) -> None:
         "of mass, body axes [m] (default: they are about that, and refused where their "
         "lever is longer than 3 times from there to the farthest rotor)",
     )
+    verb.add_argument(
+        "--controllers",
+        metavar="NAME,...",
+        help="who holds the vehicle, each flown through the same blasts: hold (SE(3), "
+        "as the scene has it), with_integral, without_integral, cascade (as PX4's), "
+        "observer (SE(3) with a disturbance observer) (default: "
+        "with_integral,without_integral)",
+    )
     verb.add_argument("--seed", type=seed, default=0, help="of the priors (default: 0)")
     verb.add_argument(
         "--out",
         metavar="DIR",
         type=path,
         help="also write fly.json and flight.csv, path.png, loads.png, error.png, or "
-        "of several vehicles flights.csv, distribution.png, or of a mission fly.json, "
-        "flight.csv, map.png, mission.png and mission.kml",
+        "of several vehicles flights.csv, distribution.png and with --controllers "
+        "controllers.png, or of a mission fly.json, flight.csv, map.png, mission.png "
+        "and mission.kml",
     )
     verb.add_argument(
         "--plan-out",
@@ -143,7 +152,11 @@ def run(asked: argparse.Namespace) -> int:
 
 def _flights(asked: argparse.Namespace, uncertain: "UncertainScene") -> Told:
     """Fly holding a place; return the document, the text, and who writes files."""
-    from jblast.cli.arguments.flights.asked import flight_options, refuse_plan_out
+    from jblast.cli.arguments.flights.asked import (
+        flight_options,
+        named_in,
+        refuse_plan_out,
+    )
     from jblast.cli.arguments.flights.files import write_flights
     from jblast.report.flights.document import flights_answer
     from jblast.report.flights.text import flights_text
@@ -151,7 +164,11 @@ def _flights(asked: argparse.Namespace, uncertain: "UncertainScene") -> Told:
 
     refuse_plan_out(asked)
     flights = fly(
-        uncertain, flight_options(asked), vehicles=asked.vehicles, seed=asked.seed
+        uncertain,
+        flight_options(asked),
+        vehicles=asked.vehicles,
+        seed=asked.seed,
+        controllers=named_in(asked.controllers),
     )
     answer = flights_answer(flights, scene=asked.scene, seed=asked.seed)
     return (
