@@ -117,7 +117,7 @@ def uncertainty(
     else:
         reason = AsAsked()
 
-    walk = ensemble(
+    walkers = ensemble(
         solution.posterior,
         normal,
         solution.identifiability,
@@ -128,16 +128,16 @@ def uncertainty(
         store=store,
     )
     parameters = solution.posterior.parameters
-    by_name = marginals_of_draws(parameters, walk.draws())
+    by_name = marginals_of_draws(parameters, walkers.draws())
     best = parameters.values(jnp.asarray(normal.z))
     return Uncertainty(
         method="emcee",
         reason=reason,
-        z=walk.draws(DRAWS),
+        z=walkers.draws(DRAWS),
         marginals={n: replace(by_name[n], value=float(best[n])) for n in by_name},
-        converged=walk.converged,
-        findings=(reason, *walk.findings) if method == "auto" else walk.findings,
-        ensemble=walk,
+        converged=walkers.converged,
+        findings=(reason, *walkers.findings) if method == "auto" else walkers.findings,
+        ensemble=walkers,
     )
 
 

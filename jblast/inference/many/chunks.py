@@ -19,7 +19,7 @@ CHUNKS = {"cpu": 128, "gpu": 1}
 """Loops that one call of the compiled program runs, on each device."""
 
 
-class Blocks:
+class CompiledLoop:
     """Runs lanes through one loop's program, compiled for each size of block."""
 
     def __init__(self, loop: Loop, devices: int | None = None) -> None:

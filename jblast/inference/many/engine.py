@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from jblast.errors import InputError
-from jblast.inference.many.chunks import Blocks
+from jblast.inference.many.chunks import CompiledLoop
 from jblast.inference.many.lanes import (
     LaneResults,
     better,
@@ -98,7 +98,7 @@ class Engine:
             functools.partial(doubtful, rows.noise, len(rows.layout.quantity))
         )
         self.fitted_values = jax.jit(functools.partial(fitted_values, rows))
-        self.blocks: dict[Any, Blocks] = {}
+        self.compiled: dict[Any, CompiledLoop] = {}
         self.reference_sets: dict[Any, ReferenceSet] = {}
 
     def fit(self, values, sigma, *, starts, tries: int, seed: int) -> ManyFits:
@@ -106,7 +106,7 @@ class Engine:
         rows = self.rows
         values, sigma = checked(rows.layout, values, sigma)
         readings = self.read(values, sigma)
-        blocks = self._blocks(sigma)
+        compiled = self._compiled(sigma)
         if starts is not None:
             starts = given_starts(starts, len(values), len(rows.parameters.names))
             tries = min(tries, len(starts))
@@ -118,8 +118,8 @@ class Engine:
         )
         z = where.first(readings.measured)
         y = None if z is None else with_effects(rows, z)
-        best = self._ended(blocks, y, readings)
-        best = self._again(blocks, where, best, readings, range(1, tries), None)
+        best = self._ended(compiled, y, readings)
+        best = self._again(compiled, where, best, readings, range(1, tries), None)
         z, covariance, numbers, cost, misfit = self.fitted_values(best, readings.bad)
         return ManyFits(
             names=rows.parameters.names,
@@ -151,35 +151,39 @@ class Engine:
         ).T
 
     def _solve(
-        self, blocks: Blocks, y: Array | None, readings: Readings, times: int = 3
+        self,
+        compiled: CompiledLoop,
+        y: Array | None,
+        readings: Readings,
+        times: int = 3,
     ) -> LaneResults:
         """Solve all lanes but for stragglers, then these, and wait for the last."""
-        results = blocks.run(y, readings, STRAGGLERS if times else 0.0)
+        results = compiled.run(y, readings, STRAGGLERS if times else 0.0)
         lanes = lanes_where(~results.done) if times else np.zeros(0, int)
         if lanes.size == 0:
             return results
         left = gather_lanes(results, lanes)
-        again = self._solve(blocks, left.y, gather_lanes(readings, lanes), times - 1)
+        again = self._solve(compiled, left.y, gather_lanes(readings, lanes), times - 1)
         return scatter_lanes(
             results, again._replace(steps=again.steps + left.steps), lanes
         )
 
     def _ended(
-        self, blocks: Blocks, y: Array | None, readings: Readings
+        self, compiled: CompiledLoop, y: Array | None, readings: Readings
     ) -> LaneResults:
         """Solve all lanes; go on by the whole curvature where that does not end."""
-        results = self._solve(blocks, y, readings)
+        results = self._solve(compiled, y, readings)
         lanes = lanes_where(~(results.converged | readings.bad))
         if lanes.size == 0:
             return results
         few, some = gather_lanes(results, lanes), gather_lanes(readings, lanes)
-        again = self._solve(blocks, blocks.onwards(few.y, some), some)
+        again = self._solve(compiled, compiled.onwards(few.y, some), some)
         again = again._replace(steps=again.steps + few.steps)
         return scatter_lanes(results, better(few, again), lanes)
 
     def _again(
         self,
-        blocks: Blocks,
+        compiled: CompiledLoop,
         where: Starts,
         best: LaneResults,
         readings: Readings,
@@ -198,21 +202,21 @@ class Engine:
         now = len(tries) if lanes.size <= TOGETHER else 1
         z = [where.at(which, some.measured, logs) for which in tries[:now]]
         y = with_effects(self.rows, jnp.concatenate(z, axis=1))
-        results = self._ended(blocks, y, gather_lanes(readings, np.tile(lanes, now)))
+        results = self._ended(compiled, y, gather_lanes(readings, np.tile(lanes, now)))
         for one in np.split(np.arange(now * lanes.size), now):
             few = better(few, gather_lanes(results, one))
-        few = self._again(blocks, where, few, some, tries[now:], logs)
+        few = self._again(compiled, where, few, some, tries[now:], logs)
         return scatter_lanes(best, few, lanes)
 
-    def _blocks(self, sigma) -> Blocks:
+    def _compiled(self, sigma) -> CompiledLoop:
         """Return what runs lanes with these errors; they are constants of it."""
         fixed = sigma[:, None] if isinstance(sigma, np.ndarray) else None
         key = None if fixed is None else fixed.tobytes()
-        if key not in self.blocks:
-            self.blocks[key] = Blocks(
+        if key not in self.compiled:
+            self.compiled[key] = CompiledLoop(
                 Loop(self.rows, self.solver, self.form, fixed), self.devices
             )
-        return self.blocks[key]
+        return self.compiled[key]
 
     def _reference_set(self, sigma, seed: int) -> ReferenceSet:
         """Return the reference set, drawn once."""
