@@ -43,11 +43,11 @@ REFERENCE_PA, NOISE_PA, BACKGROUND = 20e-6, 2.0, 10.0
 FIREBALL_M, FOCAL_PX, EVENTS_A_PIXEL = 1.75, 260.0, 5.0
 
 
-class Told(NamedTuple):
-    """What was told so far.
+class Answered(NamedTuple):
+    """What was answered so far.
 
     Attributes:
-        blasts: Which arrivals were told, or missed.
+        blasts: Which arrivals were alarmed of, or missed.
         since_s: Since the last alarm.
     """
 
@@ -59,8 +59,8 @@ def _start(
     key: PRNGKeyArray, params: EnvironmentParams
 ) -> tuple[StateComponents, PyTree[Array]]:
     count = params.world.occurrence.count  # pyright: ignore[reportAttributeAccessIssue] (held by environment_params)
-    told = Told(jnp.zeros(count, bool), jnp.ones_like(params.step_s))
-    return at_rest(params, params.target_m), told
+    answered = Answered(jnp.zeros(count, bool), jnp.ones_like(params.step_s))
+    return at_rest(params, params.target_m), answered
 
 
 def _aim(
@@ -101,7 +101,7 @@ def _observe(params: EnvironmentParams, state: EnvironmentState) -> Seen:
 def _judge(
     params: EnvironmentParams, state: EnvironmentState, action: Action, aim: Aim
 ) -> Judged:
-    told, step = state.task, params.step_s
+    answered, step = state.task, params.step_s
     end = state.steps.astype(step.dtype) * step
     place = jnp.stack(state.now.motion.position)
 
@@ -110,14 +110,14 @@ def _judge(
 
     since = end - jax.vmap(arrival)(state.episode.blasts)
     alarm = action[0] > 0
-    open_now = (since >= 0) & (since <= IN_TIME_S) & ~told.blasts
-    missed = (since > IN_TIME_S) & ~told.blasts
+    open_now = (since >= 0) & (since <= IN_TIME_S) & ~answered.blasts
+    missed = (since > IN_TIME_S) & ~answered.blasts
     hit = alarm & jnp.any(open_now)
     reward = jnp.where(hit, 1.0, jnp.where(alarm, -FALSE_ALARM, 0.0))
     reward = reward - jnp.sum(missed.astype(step.dtype))
-    after = Told(
-        told.blasts | missed | (open_now & alarm),
-        jnp.where(alarm, 0.0, jnp.minimum(told.since_s + step, 1.0)),
+    after = Answered(
+        answered.blasts | missed | (open_now & alarm),
+        jnp.where(alarm, 0.0, jnp.minimum(answered.since_s + step, 1.0)),
     )
     down = state.now.motion.position[2] <= params.ground_up_m
     return Judged(reward.astype(step.dtype), down, after)

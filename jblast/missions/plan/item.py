@@ -120,9 +120,9 @@ def checked_item(
     """
     at = f"{where}: item {number}"
     if type(command) is not int or command not in COMMANDS:
-        told = command_words(command) if type(command) is int else shown(command)
+        given = command_words(command) if type(command) is int else shown(command)
         known = ", ".join(command_words(one) for one in COMMANDS)
-        raise InputError(f"{at} command: expected one of {known}; got {told}")
+        raise InputError(f"{at} command: expected one of {known}; got {given}")
     kind = COMMANDS[command]
     at = f"{at}, {kind.name}"
     if type(frame) is not int or frame not in FRAMES:

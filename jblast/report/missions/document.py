@@ -25,7 +25,7 @@ def mission_answer(flight: MissionFlight, *, scene: str, seed: int) -> MissionAn
     """
     options, mission = flight.options, flight.mission
     limits = THRESHOLDS[flight.vehicle.model]
-    told = ("peak_overpressure_pa", "peak_acceleration_m_s2")
+    judged = ("peak_overpressure_pa", "peak_acceleration_m_s2")
     lat, lon, alt = geodetic(mission.frame, mission.home_m).tolist()
     east, north, up = mission.home_m.tolist()
     return MissionAnswer(
@@ -64,7 +64,7 @@ def mission_answer(flight: MissionFlight, *, scene: str, seed: int) -> MissionAn
         disturbances=tuple(_through(flight, one) for one in flight.disturbances),
         peak_overpressure_pa=float(flight.exposure.peak_overpressure_pa),
         peak_acceleration_m_s2=float(flight.exposure.peak_acceleration_m_s2),
-        thresholds={n: Limit(limits[n].value, limits[n].source) for n in told},
+        thresholds={n: Limit(limits[n].value, limits[n].source) for n in judged},
         warnings=tuple(mission_warnings(flight)),
     )
 

@@ -121,8 +121,8 @@ def error_figure(flight: MissionFlight) -> Figure:
 
 def planned_path(flight: MissionFlight) -> Float[np.ndarray, "place 3"]:
     """Return the way of the set point: east, north, up, where it was."""
-    told = np.asarray(flight.told.set_point_m)
-    return _thinned(np.maximum(told, [-np.inf, -np.inf, 0.0]))
+    set_point = np.asarray(flight.told.set_point_m)
+    return _thinned(np.maximum(set_point, [-np.inf, -np.inf, 0.0]))
 
 
 def flown_path(flight: MissionFlight) -> Float[np.ndarray, "place 3"]:

@@ -49,7 +49,7 @@ def _senses(run: WorldRun) -> list[list[str]]:
     return [*rows, *_more(len(senses), MOST_ENTITIES, len(rows[0]))]
 
 
-def _more(count: int, told: int, columns: int) -> Sequence[list[str]]:
-    if count <= told:
+def _more(count: int, printed: int, columns: int) -> Sequence[list[str]]:
+    if count <= printed:
         return []
-    return [[f"and {count - told} more", *[""] * (columns - 1)]]
+    return [[f"and {count - printed} more", *[""] * (columns - 1)]]

@@ -30,7 +30,7 @@ def write_imus(
         directory: Of the world.
         head: Comments above each table.
     """
-    told: dict[str, Any] = {}
+    entries: dict[str, Any] = {}
     notes = []
     for record in records:
         name, rate = record.sensor.name, record.imu.rate
@@ -45,7 +45,7 @@ def write_imus(
         ]
         text = [COLUMNS, *([f"{x:.9g}" for x in row] for row in rows.tolist())]
         save_text(commented(comments) + comma_separated(text), directory / file)
-        told[name] = {
+        entries[name] = {
             "file": file,
             "rate_hz": rate,
             "samples": len(rows),
@@ -53,7 +53,7 @@ def write_imus(
         }
         if record.row_s > 1.5 / rate:
             notes.append(f"{name}: {STRAIGHT.format(row=record.row_s)}")
-    return told or None, notes
+    return entries or None, notes
 
 
 def clear_imus(directory: Path) -> None:

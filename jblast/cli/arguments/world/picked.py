@@ -92,9 +92,9 @@ def picked(
     for sensor in sampled(world):
         own = arrivals.times_s[AIR][arrivals.entities.index(sensor.name)]
         comes = own + float(sensor.clock_offset_s)
-        told = sound["sensors"][sensor.name]
-        scaling = Scaling(told.get("full_scale_pa"), None)
-        (recording,) = open_record(directory / told["file"], scaling)
+        entry = sound["sensors"][sensor.name]
+        scaling = Scaling(entry.get("full_scale_pa"), None)
+        (recording,) = open_record(directory / entry["file"], scaling)
         for shot in np.flatnonzero(comes < sound["seconds"]).tolist():
             records.append(_about(recording, sensor, comes, shot))
             of.append((sensor, shot))

@@ -76,8 +76,8 @@ def ran(
         flight = flight_of(flights)
         tracks = tracks_of(world.scene, flight)
         save_text(flight_csv(flights), directory / FLIGHT)
-        told = flights_answer(flights, scene=asked.scene, seed=asked.seed)
-        answer = {"schema": 1} | told.to_dict()
+        document = flights_answer(flights, scene=asked.scene, seed=asked.seed)
+        answer = {"schema": 1} | document.to_dict()
     if arrivals is None or tracks:
         arrivals = arrivals_in(world, tracks)
     unseen = out_of_view(world.scene, flight)

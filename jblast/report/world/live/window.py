@@ -50,10 +50,10 @@ class LiveFigure:
                 axes.axvline(blast["time_s"], color=INK, linewidth=0.9, linestyle="--")
         plots[-1].set_xlabel("time [s] on the common clock; dashed: a blast")
         self._areas = [axes.fill_between([], []) for axes in plots]
-        told, picture = parts[1].subplots(2, 1)
-        for axes in (told, picture):
+        caption, picture = parts[1].subplots(2, 1)
+        for axes in (caption, picture):
             axes.set_axis_off()
-        self._text = told.text(0.0, 1.0, "", va="top", color=INK, fontsize=11)
+        self._text = caption.text(0.0, 1.0, "", va="top", color=INK, fontsize=11)
         self._picture = picture
 
     def show(self, now: float) -> None:

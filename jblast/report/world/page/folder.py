@@ -106,16 +106,16 @@ def _waveforms(directory: Path, sound: dict[str, Any] | None) -> tuple[Waveform,
     return tuple(_waveform(directory, name, of) for name, of in sensors.items())
 
 
-def _waveform(directory: Path, name: str, told: dict[str, Any]) -> Waveform:
-    file, names = directory / told["file"], COLUMNS[told["kind"]]
-    if told["kind"] == "microphone":
+def _waveform(directory: Path, name: str, entry: dict[str, Any]) -> Waveform:
+    file, names = directory / entry["file"], COLUMNS[entry["kind"]]
+    if entry["kind"] == "microphone":
         import soundfile
 
         try:
             samples, rate = soundfile.read(file, dtype="float32")
         except (OSError, soundfile.LibsndfileError) as error:
             raise InputError(f"{file}: expected sound ({error})") from None
-        time, samples = np.arange(len(samples)) / rate, samples * told["full_scale_pa"]
+        time, samples = np.arange(len(samples)) / rate, samples * entry["full_scale_pa"]
     else:
         table = _table(file)
         time, samples = table["time_s"].to_numpy(), table[list(names)].to_numpy()

@@ -61,8 +61,8 @@ def recorded(
         )
     lengths = {name: len(columns[name]) for name in TYPES}
     if len({*lengths.values()}) > 1:
-        told = ", ".join(f"{number:,} of {name}" for name, number in lengths.items())
-        raise InputError(f"{path}: expected as many of each column, got {told}")
+        counts = ", ".join(f"{number:,} of {name}" for name, number in lengths.items())
+        raise InputError(f"{path}: expected as many of each column, got {counts}")
     for name in TYPES:
         if columns[name].dtype.kind not in "iub":
             raise InputError(

@@ -100,14 +100,17 @@ def _check_end(path: Path, container: Any, stream: Any, stamps: list[int]) -> No
     """Compare the last frame with how long a file without a count says it lasts."""
     if stream.frames:
         return
-    told = _told_duration(container, stream)
+    stated = _stated_duration(container, stream)
     steps = [b - a for a, b in pairwise(stamps)]
     last = float((stamps[-1] + max(steps)) * stream.time_base)
-    if told is not None and last + 0.5 * float(max(steps) * stream.time_base) < told:
-        raise cut_short(path, f"{last:.4g} of {told:.4g} s")
+    if (
+        stated is not None
+        and last + 0.5 * float(max(steps) * stream.time_base) < stated
+    ):
+        raise cut_short(path, f"{last:.4g} of {stated:.4g} s")
 
 
-def _told_duration(container: Any, stream: Any) -> float | None:
+def _stated_duration(container: Any, stream: Any) -> float | None:
     """Return how long the stream is to last [s]; None if nothing tells."""
     if text := stream.metadata.get("DURATION"):  # Matroska's, "00:01:02.500000000"
         try:

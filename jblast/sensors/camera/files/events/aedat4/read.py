@@ -73,5 +73,5 @@ def _stream(path: Path, file: Any) -> str:
 def _reason(error: RuntimeError) -> str:
     """Return what went wrong, without where in its source."""
     lines = str(error).splitlines()
-    told = lines[1] if len(lines) > 1 else lines[0]
-    return told.partition(" - Error info")[0]
+    message = lines[1] if len(lines) > 1 else lines[0]
+    return message.partition(" - Error info")[0]

@@ -65,12 +65,12 @@ def read_header(path: Path, file: BinaryIO) -> Header:
     if said.get("endianness", "little") != "little":
         raise InputError(f"{path}: expected little-endian words, got big-endian ones")
     width, _, height = said.get("geometry", "").partition("x")
-    told = {"width": width, "height": height}
+    fields = {"width": width, "height": height}
     for option in options.split(";"):
         key, _, value = option.partition("=")
-        told[key] = value
+        fields[key] = value
     size = None
-    if told["width"].isdecimal() and told["height"].isdecimal():
-        size = int(told["width"]), int(told["height"])
+    if fields["width"].isdecimal() and fields["height"].isdecimal():
+        size = int(fields["width"]), int(fields["height"])
     words = said.get("words", "")
     return Header(size, int(words) if words.isdecimal() else None)

@@ -173,8 +173,8 @@ def _blocks(path: Path, file) -> Iterator[UInt16[np.ndarray, " word"]]:
 
 def _check_length(path: Path, octets: int, words: int | None) -> None:
     if octets % 2 or (words is not None and octets != 2 * words):
-        told = "whole words" if words is None else f"{2 * words:,} bytes"
+        amount = "whole words" if words is None else f"{2 * words:,} bytes"
         raise InputError(
-            f"{path}: expected a whole EVT 3.0 file, {told} after its header, got "
+            f"{path}: expected a whole EVT 3.0 file, {amount} after its header, got "
             f"{octets:,} bytes"
         )
