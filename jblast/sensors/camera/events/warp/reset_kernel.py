@@ -2,7 +2,10 @@
 
 As in `kernels`, all pixels are screened and the few that are loud are followed.
 A leak is a signal that rises: the bounds within which a pixel stays quiet sink. A pixel
-that is held has none, as its next reference is not known yet.
+that is held has none, as its next reference is not known yet. What is alike (light, its
+logarithm, bounds, extremes) are functions of `kernels`; the kernels are two, as an
+ideal pixel counts steps of its level at each frame, and one that leaks or is held is
+followed along the slope between two frames and may be let go anywhere on it.
 """
 
 import typing
