@@ -46,7 +46,7 @@ class Settings(NamedTuple):
     trace: float = 0.95
     clip: float = 0.2
     value_share: float = 0.5
-    spread: float = -1.7
+    spread: float = -2.3
 
 
 class Rows(NamedTuple):
