@@ -77,6 +77,7 @@ def test_the_scenes_own_hold_comes_first():
     assert flights.own == "without_integral"
 
 
+@pytest.mark.slow  # a flight is compiled; cli/verbs/simulate/test_fly.py flies one
 def test_wind_before_the_blast_is_told_apart():
     windy = scene(air=Air(wind_east=8.0), charge=Charge(mass_kg=1.0, time_s=0.5))
     flights = fly(windy, SHORT)
@@ -167,6 +168,7 @@ def test_the_interval_of_a_share_is_an_interval_about_the_share():
     assert high == pytest.approx(beta(81, 20).ppf(0.95), abs=1e-9)
 
 
+@pytest.mark.slow  # a program with a profile
 def test_a_custom_profile_takes_the_place_of_the_charge():
     case = np.array([0.01, 8.0, np.pi / 2, np.pi, 1e-3, 0.0, 0.0, 0.0, 0.0, 0.0])
     made = Scene(charge=Charge(mass_kg=1.0, position_m=(-3.0, 0.0, 2.0), time_s=0.3))
