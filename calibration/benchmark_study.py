@@ -1,51 +1,81 @@
 """Samples a second of studies, and what the engine adds to what it runs.
 
-Arrivals and pressures: mass and range of a charge are drawn, Kingery and Bulmash's laws
-give arrival and peak pressure at 16 sensors, or at one; draws and statistics (mean,
-standard deviation, quantiles) included, nothing else kept: `keep = "summary"`. An
-evaluation is both at one sensor. Beside it what of that time the devices were at work:
-the rest is the engine's, and what writing the tiles takes.
+python -m calibration.benchmark_study [air|flights|fits|host ...] [--seconds N]
+
+On a GPU by the wall clock; on a CPU by processor time over the number of cores, which
+is the wall clock of an idle machine, and tells alike beside others. The best of a few.
+
+The engine's share: the programs of a tile are called again as they were, on what they
+were given, all of it on the devices already, nothing copied back, one wait at the end.
+What the tile takes beyond that is the engine's: to count, to hand out, to fetch, to
+merge, to write. Both in this run, by the same lanes.
+
+Air: mass and range of a charge are drawn, Kingery and Bulmash's laws give arrival and
+peak pressure at 16 sensors, or at one; draws and statistics (mean, standard deviation,
+quantiles) included, nothing else kept: `keep = "summary"`. An evaluation is both at one
+sensor. Of two devices of a GPU machine: the same samples for each as for one.
 
 Flights: vehicle-seconds a second of the outcome `flies_on`, against the same flights by
-`simulate` alone, as in `benchmark_flights`, at the same step, in float64, in this run.
+`simulate` alone, a blast of its own for each, and against one blast that all share, as
+in `benchmark_flights`; at the same step, in float64.
 
 Fits: logs a second of the outcome `fit_error`, against `fit_many` of readings that lie
-on the host, its answer copied back, in this run.
+on the host, its answer copied back, and the draws of the readings alone.
 
-Host to host: `fit_from_host`, which copies while it fits and brings back what was
-asked, against `fit_many` and its whole answer; logs of `calibration.six_stations`.
+Host: `fit_from_host`, which copies while it fits and brings back what was asked,
+against `fit_many` and its whole answer; logs of `calibration.six_stations`. Pieces of
+several sizes, numbers that come back in float64 and float32, arrays that are new or
+were filled before.
 
-Weak scaling: the same samples for each of two devices of a GPU machine as for one.
+The table of a CPU goes to calibration/results/benchmark_study.txt, that of a GPU to
+benchmark_study_gpu.txt, as each part is done.
 """
 
+import argparse
+import contextlib
 import os
 import tempfile
 import time
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
+import equinox as eqx
 import jax
+import jax.numpy as jnp
 import numpy as np
 
 from calibration import benchmark_flights
 from calibration.six_stations import LAWS, columns_of, draw, scene_of
+from jblast.files import write_text
 from jblast.inference import fit_many
 from jblast.inference.many.from_host import fit_from_host
+from jblast.scene import Charge, Scene
 from jblast.sensors import planned_layout
 from jblast.study import Study, read_study
-from jblast.study.engine import launch
-from jblast.study.engine.launch import mesh_of
+from jblast.study.engine.launch import Launcher, mesh_of
 from jblast.study.engine.summary.store import SummaryStore
+from jblast.study.engine.tiles import calculated
 from jblast.study.sampling.reduced import Reduced
 from jblast.study.sampling.work import Work
+from jblast.vehicle import (
+    Each,
+    PositionHold,
+    blast_load,
+    named,
+    named_gains,
+    simulate,
+)
 
-SAMPLES = {"cpu": 1 << 22, "gpu": 1 << 30}
-"""Of the study of arrivals and pressures: the tiles of one of SPANNED times as many."""
-SPANNED = 64
-FLOWN = {"cpu": 1 << 10, "gpu": 1 << 16}
-FITTED = {"cpu": 1 << 14, "gpu": 1 << 20}
-LOGS = {"cpu": 1 << 17, "gpu": 1 << 23}
+RESULTS = Path(__file__).parent / "results"
+AIR_TILES = {"cpu": 1 << 21, "gpu": 1 << 28}
+"""Samples of a tile at 16 sensors: about a second, or two."""
+FLOWN = {"cpu": 1 << 9, "gpu": 1 << 16}
+FITTED = {"cpu": 1 << 16, "gpu": 1 << 22}
+LOGS = {"cpu": 1 << 16, "gpu": 1 << 23}
+PIECES = {"cpu": (1 << 13, 1 << 14), "gpu": (1 << 18, 1 << 19, 1 << 20)}
 STEP_S = 1e-3
-REPEATS = 3
+REPEATS = 2
 
 AIR = """
 [charge]
@@ -92,172 +122,302 @@ def air_study(count: int, samples: int) -> Study:
     return study_of(AIR + sensors(count), head)
 
 
-def best(call, repeats: int = REPEATS) -> float:
-    """Return the least seconds of a call, called once before."""
-    call()
-    return min(timed(call) for _ in range(repeats))
+def platform() -> str:
+    """Return "cpu" or "gpu"."""
+    return "cpu" if jax.default_backend() == "cpu" else "gpu"
 
 
-def timed(call) -> float:
-    """Return the seconds of a call."""
-    begun = time.perf_counter()
-    call()
-    return time.perf_counter() - begun
+def clock() -> float:
+    """Return seconds: see the top of this file."""
+    if platform() == "gpu":
+        return time.perf_counter()
+    return time.process_time() / (os.cpu_count() or 1)
 
 
-def rate_of(count: int, samples: int, devices: int | None = None):
-    """Return evaluations a second, and the share that is not the devices' work."""
-    study = air_study(count, SPANNED * samples)
+def timed(call: Callable[[], Any]) -> float:
+    """Return the seconds of a call and of what it leaves running."""
+    begun = clock()
+    jax.block_until_ready(call())
+    return clock() - begun
+
+
+def best(*calls: Callable[[], Any]) -> list[float]:
+    """Return the least seconds of calls, which take turns; each is called before."""
+    for call in calls:
+        jax.block_until_ready(call())
+    turns = [[timed(call) for call in calls] for _ in range(REPEATS)]
+    return [min(one) for one in zip(*turns, strict=True)]
+
+
+@contextlib.contextmanager
+def watched() -> Iterator[list[tuple[Any, tuple[Any, ...]]]]:
+    """Give the programs that launchers run meanwhile, and what each was given."""
+    found: list[tuple[Any, tuple[Any, ...]]] = []
+    program = Launcher._program
+
+    def watching(self: Launcher, capacity: int) -> Any:
+        compiled = program(self, capacity)
+
+        def run(*given: Any) -> Any:
+            found.append((compiled, given))
+            return compiled(*given)
+
+        return run
+
+    Launcher._program = watching  # pyright: ignore[reportAttributeAccessIssue]  for the time of the block
+    try:
+        yield found
+    finally:
+        Launcher._program = program
+
+
+def programs_of(call: Callable[[], Any]) -> Callable[[], Any]:
+    """Return what runs the programs of a call alone, on what they were given."""
+    with watched() as found:
+        call()
+
+    def alone() -> Any:
+        last = None
+        for compiled, given in found:
+            last = compiled(*given)
+        return last  # devices go through them in their order
+
+    return alone
+
+
+def air(count: int, samples: int, devices: int | None = None) -> tuple[float, float]:
+    """Return the seconds of a tile of so many samples, and of its programs alone."""
+    study = air_study(count, 256 * samples)  # the most tiles there are
     reduced = Reduced(Work(study, mesh_of(devices)))
-    at_work = [0.0]
-    launched = launch.Launcher._launch
-
-    def watched(self, shared, each):
-        begun = time.perf_counter()
-        answer = launched(self, shared, each)
-        at_work[0] += time.perf_counter() - begun
-        return answer
-
-    tiles = max(1, samples // reduced.tile)
+    assert reduced.tile == samples, (reduced.tile, samples)
     with tempfile.TemporaryDirectory() as folder:
         store = SummaryStore(folder, reduced.work.variables, 1, reduced.tiles)
         store.create(reduced.anchors, reduced.tile)
 
-        def whole() -> None:
-            for tile in range(tiles):
-                store.write(tile, reduced.states(tile))
+        def tile() -> None:
+            store.write(0, reduced.states(0))
 
-        whole()
-        launch.Launcher._launch = watched
-        try:
-            found = []
-            for _ in range(REPEATS):
-                at_work[0] = 0.0
-                took = timed(whole)
-                found.append((took, 1 - at_work[0] / took))
-        finally:
-            launch.Launcher._launch = launched
-    took, rest = min(found)
-    return count * tiles * reduced.tile / took, rest, took / tiles
+        whole, alone = best(tile, programs_of(tile))
+    return whole, alone
 
 
-def air_lines(platform: str) -> list[str]:
+def air_lines() -> list[str]:
     """Measure arrivals and pressures."""
     lines = ["arrival + pressure, draws and statistics included"]
+    samples = AIR_TILES[platform()]
     for count in (16, 1):
-        rate, rest, tile = rate_of(count, SAMPLES[platform])
+        each = samples if count == 16 else 8 * samples
+        whole, alone = air(count, each)
         lines.append(
-            f"  {count:2} sensors, evaluations/s           {rate:14.3g}   a tile "
-            f"{tile:.2g} s, {rest:.1%} of it the engine's"
+            f"  {count:2} sensors, evaluations/s           {count * each / whole:14.3g}"
+            f"   a tile {whole:.2g} s, {1 - alone / whole:.1%} of it the engine's"
         )
-    if platform == "gpu" and len(jax.devices()) > 1:
-        one, _, _ = rate_of(16, SAMPLES["gpu"], 1)
-        two, _, _ = rate_of(16, 2 * SAMPLES["gpu"], 2)
+    if platform() == "gpu" and len(jax.devices()) > 1:
+        one = samples / air(16, samples, 1)[0]
+        two = 2 * samples / air(16, 2 * samples, 2)[0]
         lines.append(
-            f"  16 sensors, 1 and 2 devices          {one:14.3g}{two:12.3g}   weak "
-            f"scaling {two / one / 2:.1%}"
+            f"  16 sensors, 1 and 2 devices          {16 * one:14.3g}{16 * two:12.3g}"
+            f"   weak scaling {two / one / 2:.1%}"
         )
     return lines
 
 
-def flight_lines(platform: str) -> list[str]:
-    """Measure flights, and the same by the flight benchmark."""
-    count = FLOWN[platform]
+def flight_lines() -> list[str]:
+    """Measure flights, and the same by `simulate`."""
+    count = FLOWN[platform()]
     asked = f'samples = {count}\noutcomes = ["flies_on"]\n'
-    options = f"[options]\nflight_step_s = {STEP_S}\n"
-    work = Work(study_of(HOVER, asked + options))
+    work = Work(study_of(HOVER, f"{asked}[options]\nflight_step_s = {STEP_S}\n"))
     said = next(n for n in work.notes if "flights of" in n)
     seconds = float(said.split("flights of ")[1].split()[0])
     flown = min(count, work.numbering.tile)
-    ours = flown * seconds / best(lambda: work.tile(0))
-    before = benchmark_flights.VEHICLES
-    benchmark_flights.VEHICLES = flown
-    try:
-        blast = benchmark_flights.models()["hold, blast"]
-        alone = benchmark_flights.rate(STEP_S, np.float64, blast) / 4 * STEP_S
-    finally:
-        benchmark_flights.VEHICLES = before
+    masses = jnp.asarray(np.random.default_rng(0).lognormal(0.0, np.log(1.2), flown))
+
+    def blast(mass: Any) -> Any:
+        return blast_load(Scene(charge=Charge(mass_kg=mass)))
+
+    state = benchmark_flights.starts(flown, np.float64)
+    hold = PositionHold(
+        benchmark_flights.TARGET, named_gains("crazyflie", integral=True)
+    )
+
+    def simulated(load: Any) -> Callable[[], Any]:
+        return lambda: simulate(
+            named("crazyflie"),
+            state,
+            duration_s=seconds,
+            step_s=STEP_S,
+            control=hold,
+            command_step_s=benchmark_flights.HELD_S,
+            loads=(load,),
+            store_every=round(seconds / STEP_S),
+        )
+
+    def tile() -> Any:
+        return work.tile(0)["flies_on"]
+
+    took = best(
+        tile,
+        programs_of(tile),
+        simulated(Each(eqx.filter_vmap(blast)(masses))),
+        simulated(blast(1.0)),
+    )
+    rates = [flown * seconds / one for one in took]
     return [
         f"flights: {flown:,} of {seconds:g} s at {1e3 * STEP_S:g} ms, float64",
-        f"  vehicle-s/s                          {ours:14.4g}",
-        f"  by simulate alone, hold and blast    {alone:14.4g}"
-        f"   (the study's share of it: {ours / alone:.1%})",
+        f"  vehicle-s/s                          {rates[0]:14.4g}"
+        f"   ({1 - took[1] / took[0]:.1%} of the time the engine's)",
+        f"  by simulate, a blast for each        {rates[2]:14.4g}"
+        f"   (the study's share of it: {rates[0] / rates[2]:.1%})",
+        f"  by simulate, one blast for all       {rates[3]:14.4g}"
+        f"   (the study's share of it: {rates[0] / rates[3]:.1%})",
     ]
 
 
-def fit_lines(platform: str) -> list[str]:
-    """Measure fits, and `fit_many` of the same scene."""
-    count = FITTED[platform]
+def fit_lines() -> list[str]:
+    """Measure fits, and `fit_many` of the same logs."""
+    count = FITTED[platform()]
     records = 'records = { air_arrival_s = 2e-4, peak_overpressure_pa = "20%" }'
     scene = AIR.replace("[{ normal = [0.0, 1.0] }, 0.0, 0.0]", "[0.0, 0.0, 0.0]")
     study = study_of(
         scene + sensors(6, records), f'samples = {count}\noutcomes = ["fit_error"]\n'
     )
     work = Work(study)
-    tiles = range(work.numbering.tiles)
-    ours = count / best(lambda: [work.tile(tile) for tile in tiles])
     believed = study.believed[0]
     layout, sigma, _ = planned_layout(believed.scene)
-    part = work.parts[0][0]
-    keys = jax.random.split(jax.random.key(0), count)
-    mass = np.random.default_rng(0).lognormal(np.log(10.0), np.log(2.0), count)
-    numbers = {"charge_mass_kg": jax.numpy.asarray(mass)}
-    read = jax.jit(part.prepared.batched)(keys, numbers)
-    readings, sigma = np.asarray(read["_readings"]), np.asarray(sigma)
     quantities: tuple[str, ...] = ("air_arrival_s", "peak_overpressure_pa")
     laws: dict[str, str] = dict.fromkeys(quantities, "kingery_bulmash")
+    blocks = np.arange(count // work.numbering.block)
+    drawn = work.launcher(0)(*work.given(blocks))["_readings"]
+    readings = np.ascontiguousarray(drawn.reshape(count, -1))
+    batch = max(work.at_once * work.numbering.tile, 1 << 16)
+
+    def tiles() -> None:
+        for _ in calculated(work, range(work.numbering.tiles)):
+            pass
 
     def fit() -> None:
-        jax.device_get(
-            jax.tree.leaves(fit_many(believed, layout, readings, sigma, laws))
-        )
+        for begin in range(0, count, batch):
+            some = readings[begin : begin + batch]
+            fits = fit_many(believed, layout, some, np.asarray(sigma), laws)
+            jax.device_get(jax.tree.leaves(fits))
 
-    alone = count / best(fit)
+    ours, draws, alone = best(tiles, programs_of(tiles), fit)
     return [
         f"fits of a mass to 12 readings: {count:,}, float64",
-        f"  fits/s                               {ours:14,.0f}",
-        f"  by fit_many, host to host            {alone:14,.0f}"
-        f"   (the study's share of it: {ours / alone:.1%})",
+        f"  fits/s, draws and outcomes included  {count / ours:14,.0f}",
+        f"  by fit_many, host to host            {count / alone:14,.0f}"
+        f"   (the study's share of it: {alone / ours:.1%})",
+        f"  draws of the readings alone          {count / draws:14,.0f}"
+        f"   (its share of draws and fit_many: {(alone + draws) / ours:.1%})",
     ]
 
 
-def host_lines(platform: str) -> list[str]:
+def host_lines() -> list[str]:
     """Measure fits from host to host."""
-    problem = draw(LOGS[platform])
+    problem = draw(LOGS[platform()])
     uncertain = scene_of(problem)
     layout, sigma, _ = planned_layout(uncertain.scene)
     readings = np.ascontiguousarray(problem.readings[:, columns_of(layout)])
     given = (uncertain, layout, readings, np.asarray(sigma), LAWS)
-    lines = [f"fits from host to host, 12 readings, 4 unknowns: {len(readings):,} logs"]
+    count = len(readings)
+    names: list[str] = []
+    calls: list[Callable[[], Any]] = []
 
     def whole() -> None:
         jax.device_get(jax.tree.leaves(fit_many(*given, noise="gaussian")))
 
-    rates = [("fit_many, the whole answer", len(readings) / best(whole))]
-    for keep in (("z", "sd", "converged"), ("z",)):
-        took = best(
-            lambda keep=keep: fit_from_host(*given, noise="gaussian", keep=keep)
-        )
-        rates.append((f"fit_from_host, {', '.join(keep)}", len(readings) / took))
-    return [*lines, *(f"  {name:37s}{rate:14,.0f}" for name, rate in rates)]
+    names.append("fit_many, the whole answer")
+    calls.append(whole)
+    here = jax.device_put(readings[: PIECES[platform()][-1]])
+
+    def there() -> Any:
+        fits = fit_many(uncertain, layout, here, given[3], LAWS, noise="gaussian")
+        return fits.z, fits.covariance
+
+    def add(name: str, **how: Any) -> None:
+        names.append(name)
+        calls.append(lambda: fit_from_host(*given, noise="gaussian", **how))
+
+    for piece in PIECES[platform()]:
+        add(f"z, sd, converged, {piece:,}", piece=piece)
+    for piece in PIECES[platform()]:
+        add(f"likewise in float32, {piece:,}", piece=piece, dtype=np.float32)
+    for piece in PIECES[platform()]:
+        for dtype in (None, np.float32):
+            out = fit_from_host(*given, noise="gaussian", piece=piece, dtype=dtype)
+            word = " float32," if dtype else ""
+            add(f"into old arrays,{word} {piece:,}", piece=piece, dtype=dtype, out=out)
+    add("z alone", keep=("z",))
+    took = best(*calls)
+    (on_device,) = best(there)
+    lines = [
+        f"fits from host to host, 12 readings, 4 unknowns: {count:,} logs",
+        f"  {'fit_many, from device to device':38s}{len(here) / on_device:14,.0f}",
+    ]
+    rates = zip(names, took, strict=True)
+    return [*lines, *(f"  {name:38s}{count / one:14,.0f}" for name, one in rates)]
 
 
-def study_text() -> str:
-    """Measure and return the table."""
+PARTS = {
+    "fits": fit_lines,
+    "host": host_lines,
+    "air": air_lines,
+    "flights": flight_lines,
+}
+
+
+def study_text(
+    asked: tuple[str, ...] = tuple(PARTS),
+    seconds: float = float("inf"),
+    kept: Path | None = None,
+) -> str:
+    """Measure and return the table.
+
+    Args:
+        asked: Its parts.
+        seconds: No part is begun later than that.
+        kept: Where to keep it, as parts are done.
+    """
     before = jax.config.read("jax_enable_x64")
     jax.config.update("jax_enable_x64", True)
+    start = time.perf_counter()
     try:
         device = jax.devices()[0]
-        platform = "cpu" if device.platform == "cpu" else "gpu"
-        name = device.device_kind if platform == "gpu" else f"{os.cpu_count()} cores"
+        name = device.device_kind if platform() == "gpu" else f"{os.cpu_count()} cores"
         lines = [
-            f"Studies: {platform}, {name}, {len(jax.devices())} devices of JAX "
+            f"Studies: {platform()}, {name}, {len(jax.devices())} devices of JAX "
             f"{jax.__version__}, float64, load average {os.getloadavg()[0]:.1f}"
         ]
-        for part in (air_lines, flight_lines, fit_lines, host_lines):
+        for part in asked:
             begun = time.perf_counter()
-            lines += ["", *part(platform)]
+            if begun - start > seconds:
+                lines += ["", f"{part}: not measured, {seconds:g} s are over"]
+                continue
+            lines += ["", *PARTS[part]()]
             lines.append(f"  ({time.perf_counter() - begun:.0f} s to measure)")
+            if kept is not None:
+                write_text(kept, "\n".join(lines) + "\n")
         return "\n".join(lines)
     finally:
         jax.config.update("jax_enable_x64", before)
+
+
+def main() -> None:
+    """Measure parts; print and keep."""
+    parser = argparse.ArgumentParser(description="Measure how fast studies are.")
+    parser.add_argument("part", nargs="*", metavar="PART", help=", ".join(PARTS))
+    parser.add_argument("--seconds", type=float, default=float("inf"))
+    asked = parser.parse_args()
+    if unknown := [part for part in asked.part if part not in PARTS]:
+        parser.error(f"no part {unknown[0]!r}: expected {', '.join(PARTS)}")
+    with contextlib.suppress(RuntimeError):  # the devices stand already
+        jax.config.update("jax_num_cpu_devices", os.cpu_count() or 1)
+    suffix = "_gpu" if platform() == "gpu" else ""
+    kept = RESULTS / f"benchmark_study{suffix}.txt"
+    if asked.part:
+        kept = None
+    print(study_text(tuple(asked.part) or tuple(PARTS), asked.seconds, kept))
+
+
+if __name__ == "__main__":
+    main()

@@ -16,8 +16,9 @@ from jaxtyping import Array, Float, PRNGKeyArray
 
 from jblast.quantities import ADDITIVE, CIRCULAR
 from jblast.scene import Scene
+from jblast.sensors.even_rows import opaque_constant
 from jblast.sensors.layout import Layout
-from jblast.sensors.record import Recording, opaque_constant, record
+from jblast.sensors.record import Recording, record
 
 Noise = Literal["student", "gaussian"]
 

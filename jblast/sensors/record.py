@@ -13,22 +13,18 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax import lax
 from jaxtyping import Array, ArrayLike, Bool, Float
 
 from jblast.kept_programs import kept
 from jblast.quantities import ADDITIVE, CIRCULAR, CLOCK_TIMES, TIMES
 from jblast.registry import call, law_for
 from jblast.scene import Charge, Scene
+from jblast.sensors.even_rows import joined, opaque_constant, picked
 from jblast.sensors.jolt import with_jolts
 from jblast.sensors.layout import Layout
 from jblast.sensors.shapes import check_laws, check_layout, check_scene
 from jblast.waves.path_between import path_between
 from jblast.waves.paths import Path
-
-LONG = 1000
-"""An array of more rows than these that is known beforehand is kept from XLA until the
-program runs: it would compute with it, slowly, while it compiles."""
 
 
 class Recording(eqx.Module):
@@ -77,11 +73,6 @@ def residuals_of(
         return residual
     short = jnp.mod(residual + math.pi, 2 * math.pi) - math.pi
     return jnp.where(opaque_constant(circular), short, residual)
-
-
-def opaque_constant(rows: np.ndarray) -> np.ndarray | Array:
-    """Hide a long constant from XLA's constant folding (`LONG`)."""
-    return lax.optimization_barrier(jnp.asarray(rows)) if rows.size > LONG else rows
 
 
 @kept
@@ -147,20 +138,23 @@ def record(scene: Scene, layout: Layout, laws: Mapping[str, str]) -> Recording:
         distance = jnp.where(opaque_constant(here), path.slant_range, distance)
         starts = opaque_constant(here & is_clock_time)
         value = jnp.where(starts, charge.time_s + offsets, value)
+        values, holds, variances = [], [], []
         for quantity in layout.quantities():
             rows, sign = layout.rows(quantity, shot)
             if not rows.size:
                 continue
-            rows, sign = opaque_constant(rows), opaque_constant(sign)
             law = law_for(quantity, laws[quantity])
             way = replace(_rows_of(path, rows), charge_mass=charge.tnt_mass(quantity))
             given = jnp.broadcast_to(call(law.function, way), rows.shape)
             if quantity == "flash_time_s" and scene.instant_light:
                 given = jnp.zeros_like(given)
-            value = value.at[rows].add(sign * given)
-            valid = valid.at[rows].min(
-                jnp.broadcast_to(call(law.valid, way), rows.shape)
-            )
+            if not (sign == 1).all():
+                sign = opaque_constant(sign)
+                signed = sign * given
+            else:
+                sign, signed = 1.0, given
+            values.append((rows, signed))
+            holds.append((rows, jnp.broadcast_to(call(law.valid, way), rows.shape)))
             unit = given if quantity in TIMES else jnp.ones_like(given)
             sds = call(law.scatter, way) if scene.scatter else (0.0, 0.0, 0.0)
             of_shot, of_path, of_record = (
@@ -168,10 +162,14 @@ def record(scene: Scene, layout: Layout, laws: Mapping[str, str]) -> Recording:
             )
             name = quantity + scene.label(charge)
             if not _is_zero(sds[0]):
-                of_shots[name] = jnp.zeros(n).at[rows].set(of_shot)
+                of_shots[name] = joined([(rows, of_shot)], n)
             if not _is_zero(sds[1]):
-                of_paths[name] = jnp.zeros(n).at[rows].set(of_path)
-            record_variance = record_variance.at[rows].add(of_record**2)
+                of_paths[name] = joined([(rows, of_path)], n)
+            variances.append((rows, of_record**2))
+        if values:
+            value = value + joined(values, n)
+            valid = valid & joined(holds, n)
+            record_variance = record_variance + joined(variances, n)
         lost = opaque_constant(here) & never
         value = jnp.where(lost, opaque_constant(_nothing(layout.quantity)), value)
         valid = valid | lost
@@ -180,9 +178,9 @@ def record(scene: Scene, layout: Layout, laws: Mapping[str, str]) -> Recording:
     return Recording(value, distance, valid, record_sd, of_shots, of_paths)
 
 
-def _rows_of(path: Path, rows: np.ndarray | Array) -> Path:
+def _rows_of(path: Path, rows: np.ndarray) -> Path:
     """Pick the rows of every field that has rows; what all share stays a scalar."""
-    return jax.tree.map(lambda x: x[rows] if x.ndim else x, path)
+    return jax.tree.map(lambda x: picked(x, rows) if x.ndim else x, path)
 
 
 def _nothing(quantity: Sequence[str]) -> np.ndarray:

@@ -145,7 +145,7 @@ def test_what_is_kept_from_the_compiler_changes_no_reading(monkeypatch):
     before = posterior.misfit(z), information_of_layout(*args)
     jax.clear_caches()
     # `import jblast.sensors.record as ...` gives the function of that name
-    monkeypatch.setattr(sys.modules["jblast.sensors.record"], "LONG", 0)
+    monkeypatch.setattr(sys.modules["jblast.sensors.even_rows"], "LONG", 0)
     after = posterior.misfit(z), information_of_layout(*args)
     # the same sums, perhaps in another order
     jax.tree.map(lambda a, b: np.testing.assert_allclose(a, b, 1e-12), before, after)

@@ -16,11 +16,12 @@ from jblast.study.engine import store as store_module
 from jblast.study.engine.lock import locked
 from jblast.study.engine.store import open_store
 from jblast.study.sampling import work as work_module
-from tests.study.example import STUDY, study_in, written
+from tests.study.example import SCENE, STUDY, study_in, written
 
 SMALL = 1024
+KILLS, TILE_S = 10, 0.2
 MANY = STUDY.replace("samples = 300", "samples = 200_000")
-CODE = """
+CODE = f"""TILE_S = {TILE_S}
 import sys, time
 from jblast.cli.jax_start import start_jax
 start_jax(quick=True)
@@ -28,8 +29,7 @@ from jblast.study import read_study, run_into
 from jblast.study.sampling import work
 work._tile_samples = lambda _: 4096
 calculated = work.Work.several
-work.Work.several = lambda self, tiles: time.sleep(0.2) or calculated(self, tiles)
-print("begun", flush=True)
+work.Work.several = lambda self, tiles: time.sleep(TILE_S) or calculated(self, tiles)
 run_into(read_study(sys.argv[1]), sys.argv[2], resume=True)
 """
 
@@ -40,6 +40,12 @@ def chunks(folder):
         for path in sorted(folder.rglob("*"))
         if path.is_file() and path.name not in ("zarr.json", ".lock")
     }
+
+
+def tiles_of(folder):
+    """How many tiles there are by now; none where there is no store yet."""
+    store = open_store(folder)
+    return 0 if store is None else len(store.done())
 
 
 def opened(folder):
@@ -59,27 +65,26 @@ def test_ten_kills_and_a_resume_make_the_store_of_a_whole_run(tmp_path):
     whole, killed = tmp_path / "whole", tmp_path / "killed"
 
     def begun(store):
-        return subprocess.Popen(
-            [sys.executable, "-c", CODE, str(path), str(store)], stdout=subprocess.PIPE
-        )
+        return subprocess.Popen([sys.executable, "-c", CODE, str(path), str(store)])
 
     def ended(store):
         with begun(store) as process:
             assert process.wait(300) == 0
 
     ended(whole)
-    draw, kills = random.Random(0), 0
-    for _ in range(10):
+    draw, tiles = random.Random(0), opened(whole).tiles
+    for kill in range(1, KILLS + 1):
         with begun(killed) as process:
-            assert process.stdout is not None
-            process.stdout.readline()  # from here on, somewhere in the run
-            time.sleep(draw.uniform(0.0, 4.0))
+            # in the midst of a tile, a tenth of the way further each time
+            while tiles_of(killed) < kill * tiles // (KILLS + 1):
+                time.sleep(0.02)
+                assert process.poll() is None
+            time.sleep(draw.uniform(0.0, TILE_S))
             process.send_signal(signal.SIGKILL)
-            kills += process.wait(60) == -signal.SIGKILL
-        store = open_store(killed)
-        if store is not None and len(store.done()) < store.tiles:
-            assert not store.attributes["complete"]
-    assert kills >= 5  # the last ones may find nothing left to do
+            assert process.wait(60) == -signal.SIGKILL
+        store = opened(killed)
+        assert len(store.done()) < store.tiles
+        assert not store.attributes["complete"]
     ended(killed)
     assert opened(killed).attributes["complete"]
     assert chunks(killed) == chunks(whole)
@@ -147,3 +152,60 @@ def test_a_read_only_folder_is_refused(tmp_path):
     (tmp_path / "closed").mkdir(mode=0o500)
     with pytest.raises(OSError, match="Permission"):
         run_into(study_in(tmp_path), tmp_path / "closed" / "store")
+
+
+@pytest.fixture
+def little_disk(tmp_path):
+    """A file system of its own with room for two tiles; where one may mount."""
+    folder = tmp_path / "disk"
+    folder.mkdir()
+    size = ["-t", "tmpfs", "-o", "size=108k", "tmpfs", str(folder)]
+    try:
+        subprocess.run(["mount", *size], check=True, capture_output=True)
+    except (OSError, subprocess.CalledProcessError):
+        pytest.skip("a file system may not be mounted here")
+    yield folder
+    subprocess.run(["umount", str(folder)], check=True)
+
+
+def remounted(folder, how):
+    subprocess.run(["mount", "-o", f"remount,{how}", str(folder)], check=True)
+
+
+def test_a_disk_that_is_really_full_loses_nothing(tmp_path, little_disk, small):
+    study = study_in(tmp_path, STUDY.replace("samples = 300", "samples = 2500"))
+    run_into(study, tmp_path / "whole")
+    with pytest.raises(OSError, match="No space left"):
+        run_into(study, little_disk / "store")
+    there = opened(little_disk / "store")
+    done = there.done()
+    assert 0 < len(done) < there.tiles
+    assert not there.attributes["complete"]
+    remounted(little_disk, "size=1m")
+    ran = run_into(study, little_disk / "store", resume=True)
+    assert ran.new == 2500 - SMALL * len(done)
+    assert chunks(little_disk / "store") == chunks(tmp_path / "whole")
+
+
+def test_a_disk_that_may_be_read_alone_is_refused(tmp_path, little_disk, small):
+    study = study_in(tmp_path)
+    run_into(study, little_disk / "store")
+    before = chunks(little_disk / "store")
+    remounted(little_disk, "ro")
+    with pytest.raises(OSError, match="Read-only"):
+        run_into(study, little_disk / "other")
+    with pytest.raises(OSError, match="Read-only"):
+        run_into(study, little_disk / "store", resume=True)
+    assert chunks(little_disk / "store") == before
+
+
+@pytest.mark.slow
+def test_lanes_that_fail_are_the_same_after_a_resume(tmp_path, small):
+    scene = SCENE + "[air]\ntemperature_k = { normal = [390.0, 10.0] }\n"
+    text = STUDY.replace("samples = 300", "samples = 2500")
+    study = study_in(tmp_path, text, scene)
+    whole = run_into(study, tmp_path / "whole")
+    assert whole.estimates.moments["air_arrival_s"].failed.sum() > 100
+    run_into(study, tmp_path / "cut", limit=SMALL)
+    run_into(study, tmp_path / "cut", resume=True)
+    assert chunks(tmp_path / "cut") == chunks(tmp_path / "whole")
