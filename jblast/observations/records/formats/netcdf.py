@@ -1,4 +1,4 @@
-"""HDF5 and NetCDF: variables with units as attributes, by xarray.
+"""HDF5 and NetCDF: variables with units as attributes, or in their names, by xarray.
 
 A variable of pressure or volts has times along its last dimension (or the one that a
 variable of time has), or an attribute `rate_hz` or `sampling_rate`.
@@ -15,6 +15,10 @@ import numpy as np
 from jaxtyping import Float
 
 from jblast.errors import InputError, shown
+from jblast.observations.records.formats.columns import (
+    refuse_two_units,
+    word_and_unit,
+)
 from jblast.observations.records.formats.even_clock import even_clock
 from jblast.observations.records.formats.pieces import (
     RATES,
@@ -47,7 +51,8 @@ def open_netcdf(path: Path, scaling: Scaling) -> tuple[Recording, ...]:
     """
     with _opened(path) as file:
         units = {
-            str(n): str(v.attrs.get("units", "")) for n, v in file.variables.items()
+            str(n): str(v.attrs.get("units", "")) or word_and_unit(str(n))[1]
+            for n, v in file.variables.items()
         }
         wanted = [
             name
@@ -60,6 +65,7 @@ def open_netcdf(path: Path, scaling: Scaling) -> tuple[Recording, ...]:
                 f"{path}: expected a variable with units of pressure, or of volts, "
                 f"got {shown(held)}"
             )
+        refuse_two_units([(n, units[n]) for n in wanted], f"{path}: variables")
         pieces = [_piece(path, file, name, units) for name in wanted]
         times = [name for name, unit in units.items() if _seconds(unit) is not None]
     others = [name for name in units if name not in (*wanted, *times)]

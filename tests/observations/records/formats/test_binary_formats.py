@@ -144,6 +144,18 @@ def test_netcdf_is_read_by_its_units(tmp_path, engine):
     np.testing.assert_allclose(recording.samples(0, 400)[1], 2 * pulse())
 
 
+def test_netcdf_without_attributes_is_read_by_its_names(tmp_path):
+    path = tmp_path / "named.nc"
+    named = xr.Dataset(
+        {"p_kpa": ("time_ms", pulse() / 1e3)}, {"time_ms": 1e3 * times()}
+    )
+    named.to_netcdf(path)
+    check(only(path))
+    named.assign(p_pa=named.p_kpa * 1e3).to_netcdf(path)
+    with pytest.raises(InputError, match="p_kpa and p_pa: expected one unit"):
+        only(path)
+
+
 def test_plain_hdf5_is_read_by_its_attributes(tmp_path):
     path = tmp_path / "daq.h5"
     with h5py.File(path, "w") as file:
