@@ -1,0 +1,74 @@
+"""What a vehicle believed along its flight, told again from the flight's rows.
+
+The memory of a controller is not stored; but it follows from the states at which it was
+asked, where a row is stored each time that it is.
+"""
+
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from jblast.autopilot.estimator.control import EstimatedControl, Known
+from jblast.autopilot.estimator.estimate import error_of
+from jblast.vehicle import State, Trajectory
+
+
+class Followed(NamedTuple):
+    """An estimate along a flight.
+
+    Attributes:
+        position_m: East, north, up.
+        velocity_m_s: East, north, up.
+        quaternion: Body to world (x, y, z, w).
+        error: That takes it to the truth, by the parts of `estimate`.
+        deviation: How sure it was: one standard deviation of each.
+        nees: The error's square in units of its covariance: 15 in the mean, if that
+            is right.
+    """
+
+    position_m: Float[Array, "time 3"]
+    velocity_m_s: Float[Array, "time 3"]
+    quaternion: Float[Array, "time 4"]
+    error: Float[Array, "time 15"]
+    deviation: Float[Array, "time 15"]
+    nees: Float[Array, " time"]
+
+
+def followed(
+    control: EstimatedControl, trajectory: Trajectory, period_s: Float[Array, ""]
+) -> Followed:
+    """Return what was believed along a flight.
+
+    Args:
+        control: Of the flight.
+        trajectory: One flight, a row each time that its controller was asked.
+        period_s: Between two.
+    """
+    states = State(
+        trajectory.position_m,
+        trajectory.velocity_m_s,
+        trajectory.quaternion,
+        trajectory.body_rate_rad_s,
+        trajectory.rotor_speed_rad_s,
+    )
+
+    def turn(known: Known, row: tuple[Array, State]) -> tuple[Known, Followed]:
+        time_s, state = row
+        known = control.sensed(time_s, state, known, period_s)
+        estimate = known.estimate
+        # after the turn's walk the instruments are off by what they keep
+        error = error_of(estimate, state, known.held.biases)
+        spread = estimate.covariance
+        return known, Followed(
+            estimate.position_m,
+            estimate.velocity_m_s,
+            estimate.quaternion,
+            error,
+            jnp.sqrt(jnp.diagonal(spread)),
+            error @ jnp.linalg.solve(spread, error),
+        )
+
+    rows = trajectory.time_s, states
+    return jax.lax.scan(turn, control.known(), rows)[1]
