@@ -20,15 +20,14 @@ PLACE = Place(47.397742, 8.545594, 0.0)
 """Where the origin lies if the scene does not say: PX4's default home, at sea level."""
 
 
-def suite_of(
-    scene: Scene, place: Place | None, load: BlastLoad | None, rate: float
-) -> Suite:
+def suite_of(scene: Scene, place: Place | None, load: object, rate: float) -> Suite:
     """Return the instruments of a scene's vehicle.
 
     Args:
         scene: Its air, and its wind.
         place: Where its origin lies; None: at `PLACE`.
-        load: Whose overpressure the barometer feels.
+        load: Of the blasts, whose overpressure the barometer feels; one that is not
+            of jblast's own laws has none.
         rate: Of their turns [Hz].
     """
     where = PLACE if place is None else place
@@ -39,7 +38,7 @@ def suite_of(
         ground_pressure_pa=pressure,
         ground_temperature_k=temperature,
         wind_m_s=wind_of(scene),
-        blasts=load,
+        blasts=load if isinstance(load, BlastLoad) else None,
     )
 
 

@@ -75,53 +75,66 @@ class RoundedHold(eqx.Module):
         return share.astype(jnp.float32).astype(float), memory
 
 
-def fly_mock(
-    address: tuple[str, int], hold: RoundedHold, vehicle: Vehicle, turns: int
-) -> int:
+class Mock:
+    """Answers messages, whoever brings them.
+
+    Args:
+        hold: Who flies.
+        vehicle: As it knows it.
+    """
+
+    def __init__(self, hold: RoundedHold, vehicle: Vehicle):
+        arrays, rest = eqx.partition((hold, vehicle), eqx.is_array)
+
+        def control(arrays: Any, *told: Any) -> tuple[Array, PyTree[Array]]:
+            own, known = eqx.combine(arrays, rest)
+            return own.answer(told[0], known, *told[1:])
+
+        self._control = partial(jax.jit(control), arrays)
+        self._memory, self._sender = hold.start(), Sender(1, 1)
+        still = jnp.zeros(3)
+        self._told: Any = state_told(hold.origin, _rest(), still, still)
+        # made before the simulator waits for it
+        self._control(self._told, self._memory, 0.0)
+
+    def answer(self, message: Message) -> bytes | None:
+        """Return the controls that answer a message; None: it waits for more."""
+        if message.name == "HIL_STATE_QUATERNION":
+            self._told = _numbers(message)
+        if message.name != "HIL_SENSOR":
+            return None
+        stamp = message.values["time_usec"]
+        time_s = stamp * 1e-6 - PERIOD_S
+        controls, self._memory = self._control(self._told, self._memory, time_s)
+        return self._sender.pack(
+            "HIL_ACTUATOR_CONTROLS",
+            time_usec=stamp,
+            controls=[*np.asarray(controls).tolist(), *[0.0] * 12],
+            mode=ARMED | 1,
+            flags=LOCKSTEP,
+        )
+
+
+def fly_mock(address: tuple[str, int], mock: Mock, turns: int) -> int:
     """Connect by TCP, answer so many turns, hang up.
 
     Args:
         address: Of the simulator.
-        hold: Who flies.
-        vehicle: As it knows it.
+        mock: Who answers.
         turns: How many samples it answers.
 
     Returns:
         How many it has answered: fewer where the simulator hung up.
     """
-    arrays, rest = eqx.partition((hold, vehicle), eqx.is_array)
-
-    def control(arrays: Any, *told: Any) -> tuple[Array, PyTree[Array]]:
-        own, known = eqx.combine(arrays, rest)
-        return own.answer(told[0], known, *told[1:])
-
-    answer = partial(jax.jit(control), arrays)
-    memory, receiver, sender = hold.start(), Receiver(), Sender(1, 1)
-    told, answered = state_told(hold.origin, _rest(), jnp.zeros(3), jnp.zeros(3)), 0
-    # made before the simulator waits for it
-    answer(told, memory, 0.0)
+    receiver, answered = Receiver(), 0
     with socket.create_connection(address, timeout=60.0) as link:
         link.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         while answered < turns and (data := link.recv(65536)):
             for message in receiver.feed(data):
-                if message.name == "HIL_STATE_QUATERNION":
-                    told = _numbers(message)
-                if message.name != "HIL_SENSOR" or answered == turns:
-                    continue
-                stamp = message.values["time_usec"]
-                time_s = stamp * 1e-6 - PERIOD_S
-                controls, memory = answer(told, memory, time_s)
-                said = [*np.asarray(controls).tolist(), *[0.0] * 12]
-                link.sendall(
-                    sender.pack(
-                        "HIL_ACTUATOR_CONTROLS",
-                        time_usec=stamp,
-                        controls=said,
-                        mode=ARMED | 1,
-                        flags=LOCKSTEP,
-                    )
-                )
-                answered += 1
+                said = mock.answer(message)
+                if said is not None and answered < turns:
+                    link.sendall(said)
+                    answered += 1
     return answered
 
 

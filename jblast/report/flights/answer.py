@@ -175,6 +175,29 @@ class Limit:
 
 
 @dataclass(frozen=True)
+class EstimateThrown:
+    """Errors of the vehicle's estimate about one blast; quantiles of several vehicles.
+
+    Attributes:
+        charge: Its name; "" of one alone.
+        place_before_m: Of position, root mean square in the second before it comes.
+        place_m: Greatest until the next blast, 10 s at most.
+        moves_before_m_s: Of velocity, before.
+        moves_m_s: After.
+        turn_before_rad: Of attitude, before.
+        turn_rad: After.
+    """
+
+    charge: str
+    place_before_m: float | Quantiles
+    place_m: float | Quantiles
+    moves_before_m_s: float | Quantiles
+    moves_m_s: float | Quantiles
+    turn_before_rad: float | Quantiles
+    turn_rad: float | Quantiles
+
+
+@dataclass(frozen=True)
 class FlightsAnswer:
     """How it was flown, what came, and what became of it.
 
@@ -197,6 +220,8 @@ class FlightsAnswer:
         thresholds: By exposure.
         scene_hold: Which hold the scene asked for; null: it does not say.
         holds: By hold what became of the flights.
+        estimator: "ekf", or "": it flew by the truth.
+        estimates: By hold what each blast did to the estimate.
         warnings: Sentences on what the numbers do not tell.
     """
 
@@ -218,6 +243,8 @@ class FlightsAnswer:
     thresholds: Mapping[str, Limit]
     scene_hold: str | None
     holds: Mapping[str, Outcome | OutcomeOfSeveral]
+    estimator: str
+    estimates: Mapping[str, tuple[EstimateThrown, ...]]
     warnings: tuple[str, ...]
 
     def to_dict(self) -> dict[str, Any]:

@@ -10,6 +10,7 @@ from jblast.report.flights.answer import (
     BlastMet,
     BlastMetBySeveral,
     EastNorthUpM,
+    EstimateThrown,
     FlightsAnswer,
     Limit,
     Outcome,
@@ -77,6 +78,12 @@ def flights_answer(flights: Flights, *, scene: str, seed: int) -> FlightsAnswer:
         holds={
             name: (_outcome_of_several if several else _outcome)(vehicle.model, flown)
             for name, flown in flights.holds.items()
+        },
+        estimator=options.estimator,
+        estimates={
+            name: tuple(_thrown(flights, flown, n) for n in range(len(flights.blasts)))
+            for name, flown in flights.holds.items()
+            if flown.thrown is not None
         },
         warnings=tuple(warnings_of(flights)),
     )
@@ -162,6 +169,14 @@ def _blast_of_several(flights: Flights, flown: Flown, n: int) -> BlastMetBySever
         **{name: _spread(getattr(encounter, name)[..., n]) for name in MET},
         in_range_share=_share(encounter.in_range[..., n]),
     )
+
+
+def _thrown(flights: Flights, flown: Flown, n: int) -> EstimateThrown:
+    """Return what a blast did to the estimates by one hold."""
+    assert flown.thrown is not None
+    of = _spread if flights.count > 1 else float
+    values = {k: of(v[..., n]) for k, v in flown.thrown._asdict().items()}
+    return EstimateThrown(charge=flights.blasts[n], **values)
 
 
 def _place(at: ArrayLike) -> EastNorthUpM:

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from jblast.quantity_table import QUANTITIES
+from jblast.report.flights.estimates import estimate_lines
 from jblast.report.lines import WIDTH
 from jblast.report.numbers import printed_number, significant
 from jblast.report.tables import aligned
@@ -51,6 +52,7 @@ def flights_text(flights: Flights) -> str:
         lines += [*aligned(_drawn(flights)), ""]
     lines += [*aligned(_blasts(flights)), ""]
     lines += aligned(_holds(flights))
+    lines += estimate_lines(flights, _number)
     lines += ["", *_notes(flights)]
     return "\n".join(lines) + "\n"
 

@@ -98,6 +98,8 @@ def _arrivals(
     return jax.vmap(lambda place: arrival_at(load, place, turned))(places)
 
 
-def rows_stored(seconds: float, vehicles: int) -> int:
-    """Return how many rows of each flight are stored at most."""
+def rows_stored(seconds: float, vehicles: int, options: Options | None = None) -> int:
+    """Return how many rows of each flight are stored at most; an estimator's, all."""
+    if options is not None and options.estimator:
+        return math.ceil(seconds / options.step_s)
     return max(ROWS if vehicles == 1 else BATCH_ROWS, math.ceil(seconds / ROW_S))

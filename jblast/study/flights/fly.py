@@ -26,6 +26,11 @@ from jblast.study.flights.draws import checked_scene, drawn_scenes, drawn_values
 from jblast.study.flights.duration import BATCH_ROWS, flight_seconds, rows_stored
 from jblast.study.flights.encounter import FlightLoad, encounter_of, load_of
 from jblast.study.flights.exposure import exposed
+from jblast.study.flights.instruments import (
+    Instruments,
+    by_instruments,
+    thrown_by_blasts,
+)
 from jblast.study.flights.records import Flights, Flown, Options
 from jblast.vehicle import (
     Each,
@@ -88,7 +93,7 @@ def fly(
         controller_of(vehicle, name)  # or a name that is none ends it at once
     flown: dict[str, list[Flown]] = {name: [] for name in names}
     most = CHUNK["cpu" if jax.default_backend() == "cpu" else "gpu"]
-    rows = rows_stored(seconds, vehicles)
+    rows = rows_stored(seconds, vehicles, options)
     if rows > BATCH_ROWS:
         most = max(1, most * BATCH_ROWS // rows)
     chunks = math.ceil(vehicles / most)
@@ -99,8 +104,10 @@ def fly(
         lanes = np.minimum(np.arange(n * size, (n + 1) * size), vehicles - 1)
         some = scenes if vehicles == 1 else _lanes(scenes, lanes)
         for nth, name in enumerate(names, start=1):
+            seeds = seed * 1_000_003 + (lanes if vehicles > 1 else lanes[0])
+            instruments = Instruments(uncertain.place, jnp.asarray(seeds, jnp.uint32))
             flown[name].append(
-                flown_by(some, vehicle, name, seconds, vehicles, options)
+                flown_by(some, vehicle, name, seconds, vehicles, options, instruments)
             )
             here = min(size, vehicles - n * size)
             through(n * size + nth / len(names) * here)
@@ -127,6 +134,7 @@ def flown_by(
     seconds: float,
     vehicles: int,
     options: Options,
+    instruments: Instruments | None = None,
 ) -> Flown:
     """Fly some vehicles with one controller.
 
@@ -137,10 +145,17 @@ def flown_by(
         seconds: How long each flight is.
         vehicles: How many are flown in all: of one alone every row is kept.
         options: How to fly.
+        instruments: Of the vehicles, where they fly by what these say.
     """
     single = vehicles == 1
     control = controller_of(spec, hold)
     start, load = start_of(spec), _load(scenes, options, single)
+    flier: Any = control
+    if options.estimator:
+        assert instruments is not None
+        flier = by_instruments(
+            control, scenes, start, load, instruments, 1 / options.step_s
+        )
     wind = StepGust(steady_wind(scenes), 0 * scenes.air.wind_east)
     if not single:
         count = scenes.air.wind_east.shape
@@ -154,11 +169,11 @@ def flown_by(
         duration_s=seconds,
         step_s=options.step_s,
         integrator=options.integrator,
-        control=control,
+        control=flier if single or flier is control else Each(flier),
         wind=wind if single else Each(wind),
         loads=(load if single else Each(load),),
         ground_up_m=GROUND_UP_M,
-        store_every=math.ceil(steps / rows_stored(seconds, vehicles)),
+        store_every=math.ceil(steps / rows_stored(seconds, vehicles, options)),
         backend=options.backend,
     )
     trajectory = in_precision(trajectory, jnp.zeros(()).dtype)
@@ -192,7 +207,7 @@ def flown_by(
             trajectory.rotor_speed_rad_s,
         ),
     )
-    return Flown(
+    found = Flown(
         metrics,
         encounter,
         exposure,
@@ -200,6 +215,12 @@ def flown_by(
         trajectory.lost,
         trajectory if single else None,
     )
+    if flier is control:
+        return found
+    thrown, estimated = thrown_by_blasts(
+        flier, trajectory, encounter.arrival_s, options.step_s
+    )
+    return replace(found, thrown=thrown, followed=estimated if single else None)
 
 
 _encounter = kept(encounter_of)
@@ -250,4 +271,5 @@ def _joined(parts: list[Flown], vehicles: int) -> Flown:
         whole(*(part.error_at_blast_m for part in parts)),
         whole(*(part.lost for part in parts)),
         None,
+        jax.tree.map(whole, *(part.thrown for part in parts)),
     )

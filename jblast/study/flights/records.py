@@ -5,6 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
+from jblast.autopilot.estimator.followed import Followed
+from jblast.autopilot.estimator.thrown import Thrown
 from jblast.scene import VehicleSpec
 from jblast.study.flights.encounter import Encounter, LoadLaw, Profile
 from jblast.study.flights.exposure import Exposure
@@ -25,6 +27,8 @@ class Options:
         tolerance_m: Of the path error, within which a vehicle has recovered.
         profile: In place of the laws' load.
         load: By which laws blasts push; "laws" are jblast's own.
+        estimator: By what a vehicle flies: "ekf", a filter of what its instruments
+            say; "": the truth.
     """
 
     seconds: float | None = None
@@ -34,6 +38,7 @@ class Options:
     tolerance_m: float = TOLERANCE_M
     profile: Profile | None = None
     load: LoadLaw = "laws"
+    estimator: str = ""
 
 
 @dataclass(frozen=True)
@@ -47,6 +52,8 @@ class Flown:
         error_at_blast_m: Path error as the first blast comes.
         lost: Whether a vehicle diverged.
         trajectory: Of a single flight; None of a batch.
+        thrown: What the blasts did to its estimate; None: it flew by the truth.
+        followed: What a single flight estimated; None of a batch, or by the truth.
     """
 
     metrics: FlightMetrics
@@ -55,6 +62,8 @@ class Flown:
     error_at_blast_m: Float[Array, "*batch"]
     lost: Bool[Array, "*batch"]
     trajectory: Trajectory | None
+    thrown: Thrown | None = None
+    followed: Followed | None = None
 
 
 @dataclass(frozen=True)

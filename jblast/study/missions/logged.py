@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from jblast.autopilot.logs.record import FlightRecord
+from jblast.autopilot.logs.record import Estimate, FlightRecord
 from jblast.missions import Mission, Plan, mission_of, read_plan
 from jblast.missions.frame import geodetic
 from jblast.missions.guidance import ARMED, FLYING
@@ -44,6 +44,12 @@ def hold_record(flights: Flights, place: Place) -> FlightRecord:
     """
     trajectory = trajectory_of(flights, next(iter(flights.holds)))
     record = _record(trajectory, flights.vehicle, Frame(*place))
+    known = record.time_s.size
+    found = next(iter(flights.holds.values())).followed
+    if found is not None:
+        parts = (found.position_m, found.velocity_m_s, found.quaternion)
+        estimate = Estimate(*(np.asarray(part)[:known] for part in parts))
+        record = replace(record, estimate=estimate)
     aim = np.broadcast_to(target_of(flights.vehicle), record.position_m.shape)
     return replace(record, set_point_m=aim)
 

@@ -22,6 +22,9 @@ from jblast.vehicle.loads.load import Pulse, load_wrench, pulse_wrench
 from jblast.vehicle.rollout.flight import Flight, wind_at
 from jblast.vehicle.rollout.timetable import Ticks
 
+MOST_APART = 16
+"""Numbers of an array that a controller remembers one by one."""
+
 
 class Now(NamedTuple):
     """What is carried from step to step.
@@ -179,12 +182,18 @@ def _sum(
 
 
 def _numbers(array: Array) -> tuple[Array, ...]:
-    """Take a small array apart, as `StateComponents` is."""
-    return tuple(jnp.ravel(array))
+    """Take a small array apart, as `StateComponents` is; a matrix stays whole.
+
+    A covariance taken apart is a program of thousands of instructions, which takes
+    minutes to compile.
+    """
+    return (array,) if array.size > MOST_APART else tuple(jnp.ravel(array))
 
 
 def _whole(numbers: tuple[Array, ...], like: Array) -> Array:
     """Put it together."""
+    if like.size > MOST_APART:
+        return numbers[0]
     return jnp.stack(numbers).reshape(like.shape)
 
 

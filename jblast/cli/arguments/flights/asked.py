@@ -62,6 +62,7 @@ def flight_options(
         backend=asked.backend,
         tolerance_m=tolerance_m if asked.tolerance is None else asked.tolerance,
         profile=profile,
+        estimator=asked.estimator or "",
     )
 
 
@@ -86,7 +87,7 @@ def refuse_plan_out(asked: argparse.Namespace) -> None:
 
 
 def refuse_several(asked: argparse.Namespace) -> None:
-    """Refuse several vehicles, or controllers, on one mission.
+    """Refuse several vehicles, or controllers, or an estimate, on one mission.
 
     Raises:
         InputError: They are asked for.
@@ -100,4 +101,9 @@ def refuse_several(asked: argparse.Namespace) -> None:
         raise InputError(
             f"--vehicles: expected 1 on a mission, got {asked.vehicles}; several are "
             "flown from Python, by jblast.missions.MissionControl in an Each"
+        )
+    if asked.estimator:
+        raise InputError(
+            "--estimator: expected a vehicle that holds its place, got one on a "
+            "mission, which flies by the truth"
         )

@@ -15,6 +15,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from jblast.cli.arguments.flights.logs import add_logs
 from jblast.cli.arguments.numbers import positive, seed, vector
 from jblast.cli.arguments.paths import path
 
@@ -68,6 +69,12 @@ def add_arguments(verb: argparse.ArgumentParser) -> None:
         "auto)",
     )
     verb.add_argument(
+        "--estimator",
+        choices=("ekf",),
+        help="fly by what the vehicle's instruments say, filtered, and tell what each "
+        "blast does to the estimate; steps of 0.004 s (default: by the truth)",
+    )
+    verb.add_argument(
         "--tolerance",
         type=positive,
         metavar="M",
@@ -114,6 +121,7 @@ def add_arguments(verb: argparse.ArgumentParser) -> None:
         help="write the mission's plan back: .plan as QGroundControl's, .waypoints as "
         "QGC WPL 110",
     )
+    add_logs(verb)
     verb.add_argument("--json", action="store_true", help="print JSON")
     verb.add_argument(
         "--force", action="store_true", help="overwrite what --out holds of these files"
@@ -129,10 +137,12 @@ def run(asked: argparse.Namespace) -> int:
     begin("starting")
     start_jax(all_cores=asked.vehicles > 1)
     from jblast.cli.arguments.flights.asked import flown_scene
+    from jblast.cli.arguments.flights.logs import check_logs
     from jblast.report.fit.files import check_directory
 
     if asked.out:
         check_directory(asked.out, asked.force)
+    check_logs(asked)
     uncertain = flown_scene(asked)
     vehicle = uncertain.scene.vehicle
     has_mission = vehicle is not None and vehicle.mission is not None
@@ -152,24 +162,33 @@ def run(asked: argparse.Namespace) -> int:
 
 def _flights(asked: argparse.Namespace, uncertain: "UncertainScene") -> Told:
     """Fly holding a place; return the document, the text, and who writes files."""
+    from jblast.autopilot.simulator.from_scene import PLACE
     from jblast.cli.arguments.flights.asked import (
         flight_options,
         named_in,
         refuse_plan_out,
     )
     from jblast.cli.arguments.flights.files import write_flights
+    from jblast.cli.arguments.flights.logs import write_logs
     from jblast.report.flights.document import flights_answer
     from jblast.report.flights.text import flights_text
     from jblast.study.flights.fly import fly
+    from jblast.study.missions.fly import MISSION_STEP_S
+    from jblast.study.missions.logged import hold_record
+    from jblast.vehicle import STEP_S
 
     refuse_plan_out(asked)
+    step = MISSION_STEP_S if asked.estimator else STEP_S
     flights = fly(
         uncertain,
-        flight_options(asked),
+        flight_options(asked, step_s=step),
         vehicles=asked.vehicles,
         seed=asked.seed,
         controllers=named_in(asked.controllers),
     )
+    if asked.tlog or asked.ulog:
+        place = PLACE if uncertain.place is None else uncertain.place
+        write_logs(asked, hold_record(flights, place), has_mission=False)
     answer = flights_answer(flights, scene=asked.scene, seed=asked.seed)
     return (
         {"schema": 1} | answer.to_dict(),
@@ -181,12 +200,14 @@ def _flights(asked: argparse.Namespace, uncertain: "UncertainScene") -> Told:
 def _mission(asked: argparse.Namespace, uncertain: "UncertainScene") -> Told:
     """Fly a mission; return the document, the text, and who writes files."""
     from jblast.cli.arguments.flights.asked import flight_options, refuse_several
+    from jblast.cli.arguments.flights.logs import write_logs
     from jblast.cli.arguments.flights.mission_files import write_mission
     from jblast.cli.arguments.paths import refuse_existing, save_text
     from jblast.missions.plan.read import check_form, plan_text
     from jblast.report.missions.document import mission_answer
     from jblast.report.missions.text import mission_text
     from jblast.study.missions.fly import MISSION_STEP_S, TOLERANCE_M, fly_mission
+    from jblast.study.missions.logged import mission_record
 
     refuse_several(asked)
     if asked.plan_out:
@@ -194,6 +215,8 @@ def _mission(asked: argparse.Namespace, uncertain: "UncertainScene") -> Told:
         check_form(asked.plan_out)
     options = flight_options(asked, step_s=MISSION_STEP_S, tolerance_m=TOLERANCE_M)
     flight = fly_mission(uncertain, options, seed=asked.seed)
+    if asked.tlog or asked.ulog:
+        write_logs(asked, mission_record(flight), has_mission=True)
     if asked.plan_out:
         save_text(plan_text(flight.mission.plan, asked.plan_out), asked.plan_out)
     answer = mission_answer(flight, scene=asked.scene, seed=asked.seed)

@@ -71,6 +71,7 @@ REFUSED = {
     "no plan": (AIR, (), ["a.plan", "no such file"]),
     "in the air": (SCENE + "position_m = [0, 0, 3]\n", (), ["starts in the air"]),
     "several": (SCENE, ("--vehicles", "3"), ["--vehicles", "expected 1"]),
+    "by an estimate": (SCENE, ("--estimator", "ekf"), ["--estimator", "a mission"]),
     "no charge's place": (
         SCENE.replace("position_m = [1.0, 4.0, 0.0]", "range_m = 5.0"),
         (),

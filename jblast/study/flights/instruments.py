@@ -1,0 +1,92 @@
+"""Vehicles that fly by what their instruments say, one or a batch."""
+
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, UInt
+
+from jblast.autopilot.estimator.control import EstimatedControl
+from jblast.autopilot.estimator.followed import Followed, followed
+from jblast.autopilot.estimator.thrown import Thrown, thrown
+from jblast.autopilot.simulator.from_scene import suite_of
+from jblast.kept_programs import kept
+from jblast.scene import Place, Scene
+from jblast.study.flights.encounter import FlightLoad
+from jblast.vehicle import Controller, State, Trajectory
+
+
+class Instruments(NamedTuple):
+    """What vehicles fly by.
+
+    Attributes:
+        place: Where the origin lies, whose field they feel; None: PX4's home.
+        seeds: Of each vehicle's draws.
+    """
+
+    place: Place | None
+    seeds: UInt[Array, "*batch"]
+
+
+def by_instruments(
+    control: Controller,
+    scenes: Scene,
+    start: State,
+    load: FlightLoad,
+    instruments: Instruments,
+    rate: float,
+) -> EstimatedControl:
+    """Return who flies by an estimate, for one vehicle or each of a batch.
+
+    Args:
+        control: Who flies.
+        scenes: One, or several with a leading axis in every array.
+        start: Of each vehicle.
+        load: Of the blasts; with the scenes' axis.
+        instruments: Of the vehicles.
+        rate: Of the controller's turns [Hz].
+    """
+
+    def one(scene: Scene, load: FlightLoad, seed: Array) -> EstimatedControl:
+        suite = suite_of(scene, instruments.place, load, rate)
+        return EstimatedControl(control, suite, start, seed)
+
+    seeds = instruments.seeds
+    if not seeds.ndim:
+        return one(scenes, load, seeds)
+    return eqx.filter_vmap(one)(scenes, load, seeds)
+
+
+def thrown_by_blasts(
+    control: EstimatedControl, trajectory: Trajectory, arrival_s: Array, step_s: float
+) -> tuple[Thrown, Followed | None]:
+    """Return what blasts did to the estimates, and the estimate of one flight.
+
+    Args:
+        control: Of the flights.
+        trajectory: All their rows.
+        arrival_s: Of the blasts at each vehicle.
+        step_s: Between two rows.
+    """
+    period = jnp.asarray(step_s, float)
+    if arrival_s.ndim == 1:
+        estimate = _followed(control, trajectory, period)
+        return _thrown(estimate, trajectory.time_s, arrival_s), estimate
+    rows = eqx.tree_at(
+        lambda flight: flight.time_s, jax.tree.map(lambda x: 0, trajectory), None
+    )
+    several = eqx.filter_jit(
+        eqx.filter_vmap(_thrown_of, in_axes=(eqx.if_array(0), rows, 0, None))
+    )
+    return several(control, trajectory, arrival_s, period), None
+
+
+def _thrown_of(
+    control: EstimatedControl, flight: Trajectory, arrival_s: Array, period_s: Array
+) -> Thrown:
+    return thrown(followed(control, flight, period_s), flight.time_s, arrival_s)
+
+
+_followed = kept(followed)
+_thrown = kept(thrown)
