@@ -13,7 +13,7 @@ from jblast.autopilot.mavlink.link import Link, LinkLost
 from jblast.autopilot.mavlink.wire import Receiver, Sender
 from jblast.autopilot.simulator.from_scene import turns_of
 from jblast.autopilot.simulator.lockstep import Lockstep, fly_lockstep
-from jblast.autopilot.simulator.mock import RoundedHold, fly_mock
+from jblast.autopilot.simulator.mock import Mock, RoundedHold, fly_mock
 from jblast.autopilot.simulator.readings import FIX, SENSOR, STATE
 from jblast.autopilot.simulator.rotors import Rotors, rotors_of
 from jblast.autopilot.simulator.stepping import PERIOD_S, Programs, programs
@@ -124,10 +124,11 @@ def in_lockstep(scene: Scene, spec: VehicleSpec, count: int):
         )
     rotors, hold = rotors_of(vehicle), hold_of(spec, integral=True)
     made = programs(turns)
-    mock = RoundedHold(hold.ready(vehicle), turns.origin, rotors.of_motor)
+    rounded = RoundedHold(hold.ready(vehicle), turns.origin, rotors.of_motor)
+    mock = Mock(rounded, vehicle)
     link = Link(Address("tcp", "127.0.0.1", 0), "mavlink")
     where = (link.address.host, link.address.port)
-    other = threading.Thread(target=fly_mock, args=(where, mock, vehicle, count))
+    other = threading.Thread(target=fly_mock, args=(where, mock, count))
     other.start()
     while not link.accept(1.0):
         pass
