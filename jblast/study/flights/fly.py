@@ -29,8 +29,10 @@ from jblast.study.flights.exposure import exposed
 from jblast.study.flights.instruments import (
     Instruments,
     by_instruments,
+    instruments_of,
     thrown_by_blasts,
 )
+from jblast.study.flights.lanes import joined, lanes_of
 from jblast.study.flights.records import Flights, Flown, Options
 from jblast.vehicle import (
     Each,
@@ -102,12 +104,14 @@ def fly(
     for n in range(chunks):
         # the last chunk is filled up: another size would compile everything anew
         lanes = np.minimum(np.arange(n * size, (n + 1) * size), vehicles - 1)
-        some = scenes if vehicles == 1 else _lanes(scenes, lanes)
+        some = scenes if vehicles == 1 else lanes_of(scenes, lanes)
+        carried = {}
+        if options.estimator:
+            drawn = lanes if vehicles > 1 else lanes[0]
+            carried = {"instruments": instruments_of(uncertain.place, seed, drawn)}
         for nth, name in enumerate(names, start=1):
-            seeds = seed * 1_000_003 + (lanes if vehicles > 1 else lanes[0])
-            instruments = Instruments(uncertain.place, jnp.asarray(seeds, jnp.uint32))
             flown[name].append(
-                flown_by(some, vehicle, name, seconds, vehicles, options, instruments)
+                flown_by(some, vehicle, name, seconds, vehicles, options, **carried)
             )
             here = min(size, vehicles - n * size)
             through(n * size + nth / len(names) * here)
@@ -121,7 +125,7 @@ def fly(
         blasts=tuple(charge.name for charge in charges),
         places_m=np.stack([np.stack(c.position_m, axis=-1) for c in charges], axis=-2),
         wind_m_s=np.stack([scenes.air.wind_east, scenes.air.wind_north], axis=-1),
-        holds={name: _joined(parts, vehicles) for name, parts in flown.items()},
+        holds={name: joined(parts, vehicles) for name, parts in flown.items()},
         own=own if own in names else None,
         notes=notes,
     )
@@ -250,26 +254,3 @@ def unwatched(scenes: Scene) -> Scene:
     nobody: dict[str, Any] = {"sensors": (), "camera": None, "clocks": ()}
     nobody |= {"vehicle": None, "ambient": None, "law": ()}
     return replace(scenes, charge=first, others=tuple(others), **nobody)
-
-
-def _lanes(scenes: Scene, lanes: np.ndarray) -> Scene:
-    return jax.tree.map(lambda x: x[lanes], scenes)
-
-
-def _joined(parts: list[Flown], vehicles: int) -> Flown:
-    """Put the chunks together, without what filled up the last."""
-    if vehicles == 1:
-        return parts[0]
-
-    def whole(*chunks: Array) -> Array:
-        return jnp.concatenate(chunks)[:vehicles]
-
-    return Flown(
-        jax.tree.map(whole, *(part.metrics for part in parts)),
-        jax.tree.map(whole, *(part.encounter for part in parts)),
-        jax.tree.map(whole, *(part.exposure for part in parts)),
-        whole(*(part.error_at_blast_m for part in parts)),
-        whole(*(part.lost for part in parts)),
-        None,
-        jax.tree.map(whole, *(part.thrown for part in parts)),
-    )

@@ -5,7 +5,8 @@ from typing import NamedTuple
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, UInt
+import numpy as np
+from jaxtyping import Array, Int, UInt
 
 from jblast.autopilot.estimator.control import EstimatedControl
 from jblast.autopilot.estimator.followed import Followed, followed
@@ -27,6 +28,21 @@ class Instruments(NamedTuple):
 
     place: Place | None
     seeds: UInt[Array, "*batch"]
+
+
+def instruments_of(
+    place: Place | None, seed: int, lanes: Int[np.ndarray, "*batch"] | np.integer
+) -> Instruments:
+    """Return what vehicles fly by.
+
+    Args:
+        place: Where the origin lies, if the scene says.
+        seed: Of all draws.
+        lanes: Numbers of the vehicles.
+    """
+    # a prime past the vehicles of any batch that is looked at one by one
+    seeds = (seed * 1_000_003 + np.asarray(lanes, np.int64)) % 2**32
+    return Instruments(place, jnp.asarray(seeds, jnp.uint32))
 
 
 def by_instruments(

@@ -97,20 +97,23 @@ def served_autopilot(asked: argparse.Namespace) -> LockstepAnswer:
                 log.now_s = flight.turns * PERIOD_S
 
         stack.enter_context(_stopped_by_signal())
+        nobody, seconds = False, asked.seconds
         try:
             while address.kind == "tcp" and not link.accept(1.0):
                 pass
         except KeyboardInterrupt:
-            asked.seconds = 0.0
+            nobody, seconds = True, 0.0
         fly_lockstep(
             made,
             link,
             rotors,
             flight=flight,
-            seconds=asked.seconds,
+            seconds=seconds,
             patience_s=asked.patience,
             each=each,
         )
+        if nobody:
+            flight.ended = "interrupted before an autopilot came"
         if asked.ulog:
             record = lockstep_record(flight, rotors, scene.place)
             write_bytes(asked.ulog, flight_ulog(record))
