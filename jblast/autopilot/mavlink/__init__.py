@@ -1,1 +1,1 @@
-"""MAVLink 2 on the wire: the messages that are spoken here, and their frames."""
+"""MAVLink 2 on the wire: frames, by pymavlink, and the links that they go over."""

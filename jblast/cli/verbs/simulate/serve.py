@@ -139,6 +139,9 @@ def run(asked: argparse.Namespace) -> int:
 
 def _over_mavlink(asked: argparse.Namespace) -> int:
     """Let an autopilot fly, or a ground station watch; return the exit code."""
+    from jblast.autopilot.mavlink.wire import dialect
+
+    dialect()  # who has not installed it need not wait for JAX
     from jblast.cli.jax_start import start_jax
 
     start_jax()

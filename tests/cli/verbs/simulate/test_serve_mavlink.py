@@ -7,6 +7,7 @@ import time
 
 import pytest
 
+from jblast.autopilot.mavlink import wire
 from jblast.autopilot.mavlink.wire import Receiver, Sender
 
 SCENE = """
@@ -47,6 +48,19 @@ def test_what_cannot_be_served_is_one_message(jblast, name):
 def test_a_scene_without_a_vehicle_is_one_message(jblast):
     scene = jblast.file("scene.toml", "[world]\ncount = 2\n")
     assert "expected a vehicle with its model" in jblast.refused("serve", scene, *ANY)
+
+
+@pytest.mark.parametrize("way", ["--mavlink", "--ground-station"])
+def test_without_its_extra_the_message_says_what_to_install(jblast, monkeypatch, way):
+    def absent(module):
+        raise ImportError(module)
+
+    monkeypatch.setattr("jblast.errors.import_module", absent)
+    wire.dialect.cache_clear()
+    err = jblast.refused("serve", jblast.file("scene.toml", SCENE), way)
+    wire.dialect.cache_clear()
+    assert "by the package pymavlink, which is not installed" in err
+    assert "pip install 'jblast[mavlink]'" in err
 
 
 def test_a_log_that_is_there_is_not_overwritten(jblast, tmp_path):
