@@ -42,10 +42,10 @@ def step_limit(
     motors = MOTOR_LIMIT[integrator] * motor_lag_s
     if gains is None:
         return motors
-    chains = _chains(gains, motor_lag_s)
+    links = chains(gains, motor_lag_s)
 
     def grows(step: float) -> bool:
-        return growth(integrator, chains, step, held) > 1 + 1e-9
+        return growth(integrator, links, step, held) > 1 + 1e-9
 
     steps = motors * np.geomspace(1e-3 / held, 1, 120)
     if grows(steps[0]):
@@ -85,8 +85,13 @@ def growth(integrator: str, chains: list, step: float, held: int) -> float:
     return float(longest)
 
 
-def _chains(gains: Gains, lag: float) -> list:
-    """Rates of each chain, its command last; what the controller feeds back of it."""
+def chains(gains: Gains, lag: float) -> list:
+    """Return the rates of each chain, its command last, and what is fed back of it.
+
+    Args:
+        gains: Of the position hold.
+        lag: Of the motors [s].
+    """
     k_p, k_d, k_i = (
         np.asarray(x, float) for x in (gains.position, gains.velocity, gains.integral)
     )

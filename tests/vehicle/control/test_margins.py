@@ -1,0 +1,171 @@
+"""Margins of the hold: closed forms, polynomials, and flights at their edge."""
+
+import dataclasses
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from jblast.vehicle import (
+    Gains,
+    PositionHold,
+    named,
+    named_gains,
+    rotor_speeds,
+    simulate,
+)
+from jblast.vehicle.control.margins import LOOPS, hold_margins, is_stable
+from tests.vehicle.flights import at_hover
+
+NAMES = ("crazyflie", "hummingbird", "iris")
+HEADING, UPWARD = LOOPS.index("heading"), LOOPS.index("upward")
+
+
+def simple(attitude=0.0, rate=20.0, position=0.0, velocity=0.0, integral=0.0):
+    return Gains(
+        position=jnp.full(3, position),
+        velocity=jnp.full(3, velocity),
+        attitude=attitude,
+        body_rate=rate,
+        integral=jnp.full(3, integral),
+    )
+
+
+def test_an_integral_with_a_lag_has_the_phase_margin_of_the_closed_form():
+    # |k / w| = sqrt(1 + (w tau)^2)
+    k, tau, late = 20.0, 0.05, 0.003
+    squared = (-1 + np.sqrt(1 + 4 * (k * tau) ** 2)) / (2 * tau**2)
+    w = np.sqrt(squared)
+    expected = np.degrees(np.pi / 2 - np.arctan(w * tau) - w * late)
+    margins = hold_margins(simple(rate=k), tau, late)
+    assert float(margins.phase_deg[HEADING]) == pytest.approx(expected, abs=1e-3)
+
+
+def test_an_integral_that_is_late_has_the_gain_margin_of_the_closed_form():
+    # of k e^{-sT} / s: pi / (2 k T)
+    margins = hold_margins(simple(rate=20.0), 1e-9, 0.01)
+    expected = 20 * np.log10(np.pi / (2 * 20.0 * 0.01))
+    assert float(margins.up_db[HEADING]) == pytest.approx(expected, abs=1e-4)
+    assert np.isinf(margins.down_db[HEADING])
+
+
+def test_a_double_integral_with_an_integral_may_shrink_to_where_routh_says():
+    # s^3 (tau s + 1) + K (d s^2 + p s + i): K d p - K tau p^2 = i, from Routh's array
+    d, p, i, tau = 4.0, 3.0, 2.0, 0.02
+    margins = hold_margins(simple(position=p, velocity=d, integral=i), tau, 0.0)
+    shares = np.geomspace(1e-3, 1e3, 200_001)
+    routh = shares * d * p - shares * tau * p**2 - i
+    edge = shares[np.argmax(routh > 0)]
+    assert float(margins.down_db[UPWARD]) == pytest.approx(
+        -20 * np.log10(edge), abs=2e-3
+    )
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_loop_whose_answer_shrinks_by_its_margin_has_a_root_on_the_axis(name):
+    gains, lag = named_gains(name, integral=True), float(named(name).motor_lag_s)
+    margins = hold_margins(gains, lag, 0.0)
+    k_r, k_w = float(gains.attitude), float(gains.body_rate)
+    k_p, k_d, k_i = (
+        float(x[0]) for x in (gains.position, gains.velocity, gains.integral)
+    )
+    share = 10 ** (-float(margins.down_db[0]) / 20)
+    back = share * np.array([k_w, k_r, k_r * k_d, k_r * k_p, k_r * k_i])
+    roots = np.roots([lag, 1.0, *back])
+    # the pair nearest to swinging for ever
+    slowest = roots[np.argmax(roots.real)]
+    assert abs(slowest.real) < 1e-4 * abs(slowest)
+
+
+def test_distance_is_what_one_plus_the_loop_is_at_its_least():
+    lag, late = 0.0125, 0.002
+    gains = named_gains("iris", integral=True)
+    s = 1j * np.geomspace(0.1, 1e3, 200_001)
+    loop = np.exp(-late * s) / (lag * s + 1) * (20 / s + 150 / s**2)
+    distance = hold_margins(gains, lag, late).distance[HEADING]
+    assert float(distance) == pytest.approx(np.abs(1 + loop).min(), rel=1e-5)
+
+
+def test_margins_have_the_slopes_of_differences():
+    gains = named_gains("iris", integral=True)
+
+    def of(by):
+        changed = dataclasses.replace(
+            gains,
+            position=gains.position * by[0],
+            velocity=gains.velocity * by[1],
+            integral=gains.integral * by[2],
+            attitude=gains.attitude * by[3],
+            body_rate=gains.body_rate * by[4],
+        )
+        margins = hold_margins(changed, 0.0125, 0.004)
+        return jnp.stack([margins.up_db[0], margins.down_db[0], margins.phase_deg[0]])
+
+    slopes = jax.jit(jax.jacfwd(of))(jnp.ones(5))
+    of, width = jax.jit(of), 0.02
+    for n, step in enumerate(width * np.eye(5)):
+        difference = (of(1 + step) - of(1 - step)) / (2 * width)
+        np.testing.assert_allclose(slopes[:, n], difference, rtol=0.02, atol=0.02)
+
+
+def test_stable_is_what_comes_back():
+    gains = named_gains("iris", integral=True)
+    assert is_stable(gains, 0.0125, 5e-4)
+    limp = dataclasses.replace(gains, body_rate=gains.body_rate / 20)
+    assert not is_stable(limp, 0.0125, 5e-4)
+
+
+class Scaled(PositionHold):
+    """A hold whose rotors answer more, or less, than it thinks, near hover."""
+
+    share: float = 1.0
+
+    def ready(self, vehicle):
+        return self
+
+    def __call__(self, time_s, state, vehicle, memory, period_s):
+        speeds, memory = super().__call__(time_s, state, vehicle, memory, period_s)
+        zero = jnp.zeros_like(self.yaw_rad)
+        hover = rotor_speeds(vehicle, (vehicle.mass_kg * 9.81, zero, zero, zero))
+        return hover + self.share * (speeds - hover), memory
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("side", ["up_db", "down_db"])
+def test_a_flight_comes_back_within_its_gain_margin_and_not_beyond(side):
+    period = 2.5e-3
+    # bare of what a flight has and the loops have not
+    vehicle = dataclasses.replace(
+        named("iris"),
+        rotor_drag=jnp.zeros(3),
+        translational_lift=0.0,
+        frame_drag=jnp.zeros(3),
+    )
+    gains = named_gains("iris", integral=True)
+    margins = hold_margins(gains, 0.0125, period / 2)
+    margin = float(getattr(margins, side)[:2].min())
+    edge = 10 ** (margin / 20 * (1 if side == "up_db" else -1))
+    swings = {}
+    for beyond in (0.93, 1.07):
+        share = edge * (beyond if side == "up_db" else 1 / beyond)
+        start = at_hover(vehicle)
+        start = dataclasses.replace(
+            start, position_m=start.position_m + jnp.array([1e-6, 0.0, 0.0])
+        )
+        hold = Scaled(at_hover(vehicle).position_m, gains, share=share)
+        answer = simulate(
+            vehicle,
+            start,
+            duration_s=4.0 if side == "up_db" else 20.0,
+            step_s=period / 2,
+            command_step_s=period,
+            control=hold,
+            store_every=2,
+        )
+        moved = np.linalg.norm(np.asarray(answer.body_rate_rad_s)[:, :2], axis=1)
+        n = len(moved) // 3
+        swings[beyond] = moved[n : 2 * n].max(), moved[2 * n :].max()
+    assert swings[0.93][1] < swings[0.93][0]
+    # still, or it has grown into its limits
+    assert swings[1.07][1] > 1.2 * swings[1.07][0] or swings[1.07][1] > 1.0
