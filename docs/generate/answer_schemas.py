@@ -31,6 +31,7 @@ from jblast.report.detect.flash.answer import DirectionSeen, FlashAnswer
 from jblast.report.discovery.answer import DiscoveryAnswer
 from jblast.report.film.answer import EventsAnswer, FilmAnswer
 from jblast.report.flights.answer import FlightsAnswer
+from jblast.report.gains.answer import GainsAnswer
 from jblast.report.missions.answer import MissionAnswer
 from jblast.report.picks.answer import PicksAnswer
 from jblast.report.provenance import Provenance
@@ -139,6 +140,11 @@ def fly() -> Schema:
 def tune() -> Schema:
     """Return the schema of what `jblast tune --json` prints, and of tune.json."""
     return _document("An answer of jblast tune", schema_of(TuneAnswer))
+
+
+def tune_gains() -> Schema:
+    """Return the schema of what `jblast tune --gains --json` prints, and tune.json."""
+    return _document("Gains tuned by jblast tune", schema_of(GainsAnswer))
 
 
 def fly_mission() -> Schema:

@@ -97,6 +97,16 @@ def one_tuned() -> str:
     return keys_of(estimates["additionalProperties"])
 
 
+def tune_gains() -> str:
+    """Write the keys of tuned gains."""
+    return keys_of(answer_schemas.tune_gains())
+
+
+def tried_gains() -> str:
+    """Write the keys of a hold with some gains."""
+    return keys_of(answer_schemas.tune_gains()["properties"]["after"])
+
+
 def world() -> str:
     """Write the keys of a world."""
     return keys_of(answer_schemas.world())

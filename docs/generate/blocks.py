@@ -30,6 +30,8 @@ BLOCKS: dict[str, Callable[[], str]] = {
     "answer_of_discover": answer_tables.discover,
     "answer_of_tune": answer_tables.tune,
     "answer_of_one_tuned": answer_tables.one_tuned,
+    "answer_of_tune_gains": answer_tables.tune_gains,
+    "answer_of_tried_gains": answer_tables.tried_gains,
     "answer_of_world": answer_tables.world,
     "answer_of_study_report": answer_tables.study_report,
     "answer_of_study_report_outcome": answer_tables.study_report_outcome,

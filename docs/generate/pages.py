@@ -33,6 +33,7 @@ SCHEMAS = {
     "fly_mission": answer_schemas.fly_mission,
     "discover": answer_schemas.discover,
     "tune": answer_schemas.tune,
+    "tune_gains": answer_schemas.tune_gains,
     "world": answer_schemas.world,
     "study_report": answer_schemas.study_report,
     "serve": answer_schemas.serve,

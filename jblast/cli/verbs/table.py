@@ -48,7 +48,7 @@ VERBS = (
     Verb(
         "tune",
         "infer",
-        "tune how sensors and media behave to recorded sound, frames or events",
+        "tune sensors and media to recordings, or a vehicle's gains to blasts",
     ),
     Verb("detect", "infer", "find a blast in sound, film or events, and when it came"),
     Verb("bound", "infer", "say what a planned layout of sensors could tell"),

@@ -1,17 +1,22 @@
-"""Tune how sensors and media behave to what was recorded, with intervals.
+"""Tune sensors and media to what was recorded, or a vehicle's gains to blasts.
 
 RECORDED is a sound file (WAV, FLAC, CSV) of a microphone or pressure gauge, a folder
 of PNG frames, a video, or a file of events (.h5, .npz, .raw, .aedat4). The blast is
 that of the scene; what the scene leaves free, or gives a prior, is looked for beside
 what --free names. Exit code 3: the time is looked for, and no blast is heard; 4: the
 record does not tell all, or is poorly explained.
+
+With --gains nothing was recorded: the gains by which the scene's vehicle holds its
+place are tuned by gradient through blasts drawn from its priors, within margins of
+stability, and judged by 200 blasts that they were not tuned by. Exit code 4: the search
+did not end.
 """
 
 import argparse
 import sys
 from pathlib import Path
 
-from jblast.cli.arguments.numbers import number, positive, positive_of_any_size
+from jblast.cli.arguments.numbers import number, positive, positive_of_any_size, seed
 from jblast.cli.arguments.options import names_to_free
 from jblast.cli.arguments.paths import path
 
@@ -72,6 +77,39 @@ def add_arguments(verb: argparse.ArgumentParser) -> None:
         "(default: a grey of 0.18)",
     )
     verb.add_argument(
+        "--gains",
+        action="store_true",
+        help="tune the gains of the vehicle's hold to the scene's blasts",
+    )
+    verb.add_argument(
+        "--margin-db",
+        metavar="DB",
+        type=positive,
+        help="with --gains: least gain margin, up and down (default: 6)",
+    )
+    verb.add_argument(
+        "--margin-deg",
+        metavar="DEG",
+        type=positive,
+        help="with --gains: least phase margin (default: 35)",
+    )
+    verb.add_argument(
+        "--delay",
+        metavar="S",
+        type=number,
+        help="with --gains: of the real loop, that the flights do not have; margins "
+        "are kept with it (default: 0)",
+    )
+    verb.add_argument(
+        "--vehicles",
+        metavar="N",
+        type=int,
+        help="with --gains: blasts to tune by (default: 32)",
+    )
+    verb.add_argument(
+        "--seed", type=seed, help="with --gains: of the blasts (default: 0)"
+    )
+    verb.add_argument(
         "--out",
         metavar="DIR",
         type=path,
@@ -92,10 +130,15 @@ def run(asked: argparse.Namespace) -> int:
 
         sys.stdout.write(list_text())
         return 0
+    from jblast.cli.arguments.tuning.gains import refuse_of_other_kind, tune_as_asked
+
+    refuse_of_other_kind(asked)
+    if asked.gains:
+        return DOUBTFUL if not tune_as_asked(asked) else 0
     if asked.scene is None or asked.recorded is None:
         raise InputError(
             "expected a scene and what was recorded: jblast tune SCENE.toml RECORDED "
-            "--free NAME,...; or --list"
+            "--free NAME,...; or SCENE.toml --gains; or --list"
         )
     from jblast.cli.jax_start import start_jax
     from jblast.progress import stages

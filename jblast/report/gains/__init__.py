@@ -1,0 +1,1 @@
+"""Gains tuned by gradient through blasts, as text, figure, JSON and a scene file."""

@@ -1,0 +1,212 @@
+"""Tuned gains as `jblast tune --gains --json` prints them, key by key."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from typing import Any
+
+import numpy as np
+
+from jblast.json_values import plain
+from jblast.study.gains.records import Tried, TunedGains, known_peaks
+from jblast.vehicle import STEP_S, Gains, vehicle_of
+from jblast.vehicle.control.margins import LOOPS
+
+
+@dataclass(frozen=True)
+class LoopMargins:
+    """Margins of one loop; null: nothing of the kind makes it swing.
+
+    Attributes:
+        gain_up_db: By what the rotors' answer may grow.
+        gain_down_db: By what it may shrink.
+        phase_deg: By what it may lag.
+        distance: Least distance of the loop from -1.
+    """
+
+    gain_up_db: float
+    gain_down_db: float
+    phase_deg: float
+    distance: float
+
+
+@dataclass(frozen=True)
+class Peaks:
+    """Peak deviations from the place held over the unseen blasts [m]; null: infinite.
+
+    Attributes:
+        q50: Median.
+        q90: 90 % quantile.
+        worst: The largest.
+    """
+
+    q50: float
+    q90: float
+    worst: float
+
+
+@dataclass(frozen=True)
+class TriedGains:
+    """A hold with some gains.
+
+    Attributes:
+        gains: By the names of `[vehicle] control`.
+        gain_margin_db: Least of all loops, upwards and downwards.
+        phase_margin_deg: Least of all loops.
+        margins: By loop.
+        peak_deviation_m: Over the unseen blasts.
+        error_after_m: Root mean square of the path error from the first blast to the
+            end of the flight; median over them.
+        flies_on_share: Of them, after which the vehicle flies on.
+    """
+
+    gains: Mapping[str, float | tuple[float, ...]]
+    gain_margin_db: float
+    phase_margin_deg: float
+    margins: Mapping[str, LoopMargins]
+    peak_deviation_m: Peaks
+    error_after_m: float
+    flies_on_share: float
+
+
+@dataclass(frozen=True)
+class GainsAnswer:
+    """Gains before and after, and what they are worth.
+
+    Attributes:
+        scene: The scene's file.
+        vehicle: What flew.
+        seed: Of the blasts.
+        vehicles: Blasts that the gains were tuned by.
+        unseen: Blasts that they are judged by.
+        margin_db: Gain margin asked for.
+        margin_deg: Phase margin asked for.
+        motor_lag_s: Of the motors.
+        dead_time_s: Of the loops, at which margins are told.
+        before: The scene's gains.
+        after: The tuned ones.
+        cut: By what share the median peak deviation is less.
+        flights_of_the_search: How often all blasts were flown, with derivatives.
+        converged: Whether the search ended of itself.
+        warnings: What to know.
+        files: What was written.
+    """
+
+    scene: str
+    vehicle: str
+    seed: int
+    vehicles: int
+    unseen: int
+    margin_db: float
+    margin_deg: float
+    motor_lag_s: float
+    dead_time_s: float
+    before: TriedGains
+    after: TriedGains
+    cut: float
+    flights_of_the_search: int
+    converged: bool
+    warnings: tuple[str, ...]
+    files: tuple[str, ...]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return it as JSON can hold it; null is what is not a finite number."""
+        return {f.name: plain(getattr(self, f.name)) for f in fields(self)}
+
+
+def gains_answer(
+    tuned: TunedGains, scene: str, files: tuple[str, ...] = ()
+) -> GainsAnswer:
+    """Return an answer as it is printed.
+
+    Args:
+        tuned: What was found.
+        scene: The scene's file.
+        files: What was written.
+    """
+    wish = tuned.wish
+    return GainsAnswer(
+        scene=scene,
+        vehicle=tuned.vehicle.model,
+        seed=wish.seed,
+        vehicles=wish.vehicles,
+        unseen=wish.unseen,
+        margin_db=wish.margin_db,
+        margin_deg=wish.margin_deg,
+        motor_lag_s=float(vehicle_of(tuned.vehicle).motor_lag_s),
+        dead_time_s=STEP_S / 2 + wish.delay_s,
+        before=_tried(tuned.before),
+        after=_tried(tuned.after),
+        cut=tuned.cut(),
+        flights_of_the_search=len(tuned.ln_peaks),
+        converged=tuned.converged,
+        warnings=tuple(warnings_of(tuned)),
+        files=files,
+    )
+
+
+def keys_of_gains(gains: Gains) -> dict[str, float | tuple[float, ...]]:
+    """Return gains by the names of `[vehicle] control`, in four digits."""
+
+    def few(value: Any) -> float:
+        return float(f"{float(value):.4g}")
+
+    keys: dict[str, float | tuple[float, ...]] = {
+        "kp_pos": tuple(map(few, gains.position)),
+        "kd_pos": tuple(map(few, gains.velocity)),
+    }
+    if np.any(np.asarray(gains.integral) > 0):
+        keys["ki_pos"] = tuple(map(few, gains.integral))
+    return keys | {"kp_att": few(gains.attitude), "kd_att": few(gains.body_rate)}
+
+
+def warnings_of(tuned: TunedGains) -> list[str]:
+    """Return what to know of tuned gains."""
+    said = list(tuned.notes)
+    before, after = tuned.before, tuned.after
+    short = [
+        f"{had:.3g} {unit}"
+        for had, asked, unit in (
+            (before.gain_margin_db, tuned.wish.margin_db, "dB"),
+            (before.phase_margin_deg, tuned.wish.margin_deg, "degrees"),
+        )
+        if had < asked
+    ]
+    if short:
+        said.append(
+            f"the scene's own gains have margins of {' and '.join(short)}, less than "
+            "is asked of the tuned ones"
+        )
+    fewer = np.mean(before.outcomes.flies_on) - np.mean(after.outcomes.flies_on)
+    if fewer > 0:
+        said.append(
+            f"{100 * fewer:.3g} % of the flights that flew on with the scene's gains "
+            "no longer do"
+        )
+    if tuned.cut() <= 0:
+        said.append("the median peak deviation is not less than with the scene's gains")
+    error = [
+        float(np.nanmedian(x.outcomes.metrics.error_after_m)) for x in (before, after)
+    ]
+    if error[1] > error[0]:
+        said.append(
+            "the path error after the blast is more than with the scene's gains: the "
+            "way back is longer"
+        )
+    if not tuned.converged:
+        said.append("the search did not end of itself: other gains may be better")
+    return said
+
+
+def _tried(tried: Tried) -> TriedGains:
+    margins, peaks = tried.margins, known_peaks(tried)
+    each = zip(LOOPS, *(np.asarray(x).tolist() for x in margins), strict=True)
+    half, most, worst = (float(np.quantile(peaks, q)) for q in (0.5, 0.9, 1.0))
+    return TriedGains(
+        gains=keys_of_gains(tried.gains),
+        gain_margin_db=tried.gain_margin_db,
+        phase_margin_deg=tried.phase_margin_deg,
+        margins={name: LoopMargins(*values) for name, *values in each},
+        peak_deviation_m=Peaks(half, most, worst),
+        error_after_m=float(np.nanmedian(tried.outcomes.metrics.error_after_m)),
+        flies_on_share=float(np.mean(tried.outcomes.flies_on)),
+    )

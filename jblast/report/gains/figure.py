@@ -1,0 +1,79 @@
+"""Gains before and after as a figure: each unseen blast, and one over time."""
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from jblast.report.figure_style import (
+    BLUE,
+    INK,
+    VERMILLION,
+    log_ticks,
+    new_figure,
+    quiet,
+    titled,
+)
+from jblast.study.gains.records import TunedGains, known_peaks
+
+BEFORE_S, AFTER_S = 0.2, 3.0
+"""What is shown about a blast."""
+
+
+def gains_figure(tuned: TunedGains) -> Figure:
+    """Draw peak deviations after against before, and the path error of one blast."""
+    figure = new_figure(10.5, 4.6)
+    each, over_time = figure.subplots(1, 2)
+    draw_each(each, tuned)
+    draw_middle(over_time, tuned)
+    titled(
+        each,
+        f"{tuned.vehicle.model.capitalize()}: {tuned.wish.unseen} unseen blasts",
+        f"median {100 * tuned.cut():.0f} % less; cross: does not fly on",
+    )
+    titled(over_time, "One of them", "the blast whose peak before was the median")
+    return figure
+
+
+def draw_each(axes: Axes, tuned: TunedGains) -> None:
+    """Draw the peak deviation of each unseen blast, after against before."""
+    before, after = known_peaks(tuned.before), known_peaks(tuned.after)
+    both = np.isfinite(before) & np.isfinite(after)
+    on = both & tuned.before.outcomes.flies_on & tuned.after.outcomes.flies_on
+    axes.plot(before[on], after[on], ".", color=BLUE, markersize=5, alpha=0.6)
+    off = both & ~on
+    axes.plot(before[off], after[off], "x", color=VERMILLION, markersize=5)
+    known = np.concatenate([before[both], after[both]])
+    ends = np.array([0.8 * known.min(), 1.25 * known.max()])
+    axes.plot(ends, ends, color=INK, linewidth=0.9)
+    axes.plot(ends, 0.8 * ends, color=INK, linewidth=0.9, linestyle=(0, (3, 3)))
+    axes.set_xscale("log")
+    axes.set_yscale("log")
+    axes.set_xlim(*ends)
+    axes.set_ylim(*ends)
+    for axis in (axes.xaxis, axes.yaxis):
+        log_ticks(axis, tuple(ends))
+    axes.set_xlabel("peak deviation before [m]")
+    axes.set_ylabel("after [m]; dashed: 20 % less")
+    quiet(axes)
+
+
+def draw_middle(axes: Axes, tuned: TunedGains) -> None:
+    """Draw the path error over time of the blast in the middle, before and after."""
+    peaks = known_peaks(tuned.before)
+    middle = int(np.argsort(peaks)[peaks.size // 2])
+    for tried, colour, label in (
+        (tuned.before, VERMILLION, "before"),
+        (tuned.after, BLUE, "after"),
+    ):
+        outcomes = tried.outcomes
+        error, time = outcomes.error_m[middle], outcomes.time_s
+        # where the first blast comes is where its peak time counts from
+        peak = time[np.nanargmax(np.where(time > 0, error, 0.0))]
+        since = peak - float(np.asarray(outcomes.metrics.peak_time_s)[middle])
+        axes.plot(time - since, error, color=colour, linewidth=1.6, label=label)
+    axes.set_xlim(-BEFORE_S, AFTER_S)
+    axes.set_ylim(0.0, None)
+    axes.set_xlabel("time after the blast's arrival [s]")
+    axes.set_ylabel("path error [m]")
+    axes.legend(frameon=False, fontsize=9)
+    quiet(axes)

@@ -1,0 +1,1 @@
+"""Gains of a position hold tuned by gradient through a scene's blasts."""

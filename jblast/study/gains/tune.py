@@ -1,0 +1,264 @@
+r"""Gains of the hold by gradient through a scene's blasts, within stability margins.
+
+Eight numbers are looked for: by what factor, in ln, position, velocity and integral
+gain sideways and upwards, and those of attitude and body rate, differ from the scene's.
+What is made least is half the mean over drawn blasts of ln of the peak deviation, half
+ln of their 8-norm, for the strongest; each peak is smooth (`flights.smooth_peaks`) and
+differentiated backwards through every step of its flight. Half the mean of ln of the
+2-norm of the path error over time is added, for a vehicle that is hardly thrown may
+take its time on the way back; and a thousandth of the squares of the eight, so that
+what does not matter stays. The margins of all loops are constraints, with derivatives
+of their own. Sequential quadratic programming (Kraft 1988, SciPy's SLSQP) goes from the
+scene's gains, whose margins may be too small, to the nearest optimum.
+
+The flights tuned by are in steps of the semi-implicit Euler rule, whose program is a
+third of RK4's; the unseen ones are flown as `jblast fly` does. Blasts by which the
+scene's own gains crash are left out of the tuning, not of the judgement.
+"""
+
+from dataclasses import replace
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float
+from scipy.optimize import minimize
+
+from jblast.errors import InputError
+from jblast.progress import in_words
+from jblast.scene import UncertainScene, VehicleSpec
+from jblast.study.flights.draws import checked_scene
+from jblast.study.flights.records import Options
+from jblast.study.gains.flights import (
+    DrawnFlights,
+    drawn_flights,
+    flown_with,
+    outcomes_of,
+    smooth_peaks,
+)
+from jblast.study.gains.records import Tried, TunedGains, Wish
+from jblast.vehicle import STEP_S, Gains, flight_metrics, hold_of, vehicle_of
+from jblast.vehicle.control.margins import hold_margins, is_stable
+
+FACTORS = 8
+POWER, TAIL = 24.0, 8.0
+"""Of the norms over a flight's rows, and over the flights."""
+RIDGE, WAY_BACK = 1e-3, 0.5
+MOST_STEPS, LARGEST = 60, np.log(30.0)
+"""Of the search, and of a factor in ln."""
+TUNING_STEP_S, TUNING_AFTER_S = 1e-3, 3.0
+UNSEEN_SEEDS = 1_000_003
+"""Between the seed of the blasts tuned by and that of the unseen ones."""
+SLACK = 0.002
+"""By what the search keeps off the margins, as a share of them."""
+ENOUGH = 3.0
+"""Margins beyond so many times what is asked do not guide the search."""
+
+
+def tune_gains(uncertain: UncertainScene, wish: Wish | None = None) -> TunedGains:
+    """Tune the gains of a scene's hold to its blasts.
+
+    Args:
+        uncertain: The scene; what has a prior is drawn from it.
+        wish: Margins, numbers and seed; None: the defaults.
+
+    Returns:
+        Gains before and after, their margins, and flights through unseen blasts.
+
+    Raises:
+        InputError: The scene cannot be flown, a number cannot be used, no flight stays
+            up to be tuned by, or no gains with such margins are found.
+    """
+    wish = Wish() if wish is None else wish
+    spec = _checked(uncertain, wish)
+    gains = hold_of(spec, integral=spec.integral is not False).gains
+    vehicle = vehicle_of(spec)
+    lag, dead = float(vehicle.motor_lag_s), STEP_S / 2 + wish.delay_s
+    now = in_words()
+    now("drawing blasts")
+    step = min(TUNING_STEP_S, lag / 5)
+    quick = Options(step_s=step, integrator="euler")
+    flights, _ = drawn_flights(uncertain, spec, wish.vehicles, wish.seed, quick)
+    flights = replace(flights, seconds=flights.seconds + TUNING_AFTER_S - 5.0)
+    now("flying the scene's gains")
+    _, crashed = _PEAK(jnp.zeros(FACTORS), gains, flights)[0]
+    flights = _without(flights, np.asarray(crashed))
+
+    seen: list[tuple[float, np.ndarray]] = []
+
+    def peak(x: np.ndarray) -> tuple[float, np.ndarray]:
+        (value, _), slope = _PEAK(jnp.asarray(x), gains, flights)
+        seen.append((float(value), np.array(x)))
+        now(f"{wish.vehicles} blasts flown with slopes, {len(seen)} times")
+        if not np.isfinite(value):
+            return 10.0, np.zeros(FACTORS)
+        return float(value), np.nan_to_num(np.asarray(slope))
+
+    asked = jnp.asarray([wish.margin_db, wish.margin_deg])
+
+    def room(x: np.ndarray) -> np.ndarray:
+        return np.asarray(_ROOM(jnp.asarray(x), gains, lag, dead, asked)) - SLACK
+
+    def slopes(x: np.ndarray) -> np.ndarray:
+        return np.asarray(_SLOPES(jnp.asarray(x), gains, lag, dead, asked))
+
+    found = minimize(
+        peak,
+        np.zeros(FACTORS),
+        jac=True,
+        method="SLSQP",
+        bounds=[(-LARGEST, LARGEST)] * FACTORS,
+        constraints=[{"type": "ineq", "fun": room, "jac": slopes}],
+        options={"maxiter": MOST_STEPS, "ftol": 2e-4},
+    )
+    allowed = [
+        (value, x)
+        for value, x in seen
+        if np.isfinite(value)
+        and (room(x) >= -SLACK).all()
+        and is_stable(scaled(gains, jnp.asarray(x)), lag, STEP_S)
+    ]
+    if not allowed:
+        raise InputError(_unreachable(uncertain, wish, gains, lag, dead))
+    best = min(allowed, key=lambda one: one[0])[1]
+    best = _rounded(scaled(gains, jnp.asarray(best)))
+    now(f"flying {wish.unseen} unseen blasts")
+    seed = wish.seed + UNSEEN_SEEDS
+    unseen, notes = drawn_flights(uncertain, spec, wish.unseen, seed, Options())
+    before, after = (
+        Tried(one, hold_margins(one, lag, dead), outcomes_of(one, unseen))
+        for one in (gains, best)
+    )
+    return TunedGains(
+        vehicle=spec,
+        wish=wish,
+        before=before,
+        after=after,
+        ln_peaks=tuple(value for value, _ in seen),
+        converged=bool(found.success),
+        notes=notes,
+    )
+
+
+def scaled(gains: Gains, factors: Float[Array, "8"]) -> Gains:
+    """Return gains times factors.
+
+    Args:
+        gains: The gains.
+        factors: In ln: of position, velocity and integral gain, sideways and then
+            upwards, of attitude and of body rate.
+    """
+    by = jnp.exp(factors)
+
+    def along(n: int) -> Array:
+        return jnp.stack([by[n], by[n], by[n + 1]])
+
+    return replace(
+        gains,
+        position=gains.position * along(0),
+        velocity=gains.velocity * along(2),
+        integral=gains.integral * along(4),
+        attitude=gains.attitude * by[6],
+        body_rate=gains.body_rate * by[7],
+    )
+
+
+def _rounded(gains: Gains) -> Gains:
+    """Return gains in four digits: those that are printed are those that are judged."""
+
+    def few(value: Float[np.ndarray, "..."]) -> Float[np.ndarray, "..."]:
+        return np.array([float(f"{x:.4g}") for x in value.ravel()]).reshape(value.shape)
+
+    return jax.tree.map(lambda x: jnp.asarray(few(np.asarray(x))), gains)
+
+
+def mean_ln_peak(
+    factors: Float[Array, "8"], gains: Gains, flights: DrawnFlights
+) -> tuple[Float[Array, ""], Bool[Array, " flight"]]:
+    """Return what is made least, and which flights crash."""
+    trajectory = flown_with(scaled(gains, factors), flights)
+    peaks = smooth_peaks(trajectory, flights, POWER)
+    metrics = flight_metrics(
+        jax.lax.stop_gradient(trajectory),
+        flights.target_m,
+        flights.arrival_s,
+        ground_up_m=0.0,
+    )
+    strongest = jax.nn.logsumexp(TAIL * peaks) - jnp.log(peaks.size)
+    middle = (jnp.mean(peaks) + strongest / TAIL) / 2
+    back = WAY_BACK * jnp.mean(smooth_peaks(trajectory, flights, 2.0))
+    return middle + back + RIDGE * jnp.sum(factors**2), metrics.crashed
+
+
+def margins_to_spare(
+    factors: Float[Array, "8"],
+    gains: Gains,
+    motor_lag_s: float,
+    dead_time_s: float,
+    asked: Float[Array, "2"],
+) -> Float[Array, " loop_margin"]:
+    """Return by what share margins are more than is asked: gain [dB], phase [deg]."""
+    margins = hold_margins(scaled(gains, factors), motor_lag_s, dead_time_s)
+    shares = [
+        margins.up_db / asked[0],
+        margins.down_db / asked[0],
+        margins.phase_deg / asked[1],
+    ]
+    return jnp.minimum(jnp.concatenate(shares), ENOUGH) - 1.0
+
+
+_PEAK = eqx.filter_jit(jax.value_and_grad(mean_ln_peak, has_aux=True))
+_ROOM = eqx.filter_jit(margins_to_spare)
+_SLOPES = eqx.filter_jit(jax.jacfwd(margins_to_spare))
+
+
+def _checked(uncertain: UncertainScene, wish: Wish) -> VehicleSpec:
+    """Return the vehicle of a scene whose gains can be tuned."""
+    if wish.vehicles < 2:
+        raise InputError(
+            "vehicles: expected two blasts and more to tune gains by, got "
+            f"{wish.vehicles}"
+        )
+    for name, value in (
+        ("margin-db", wish.margin_db),
+        ("margin-deg", wish.margin_deg),
+    ):
+        if not (np.isfinite(value) and value > 0):
+            raise InputError(f"{name}: expected a positive number, got {value:g}")
+    if not (np.isfinite(wish.delay_s) and wish.delay_s >= 0):
+        raise InputError(f"delay: expected a time of 0 s or more, got {wish.delay_s:g}")
+    return checked_scene(uncertain, wish.vehicles, by_profile=False)
+
+
+def _without(
+    flights: DrawnFlights, crashed: Bool[np.ndarray, " flight"]
+) -> DrawnFlights:
+    """Put others in the place of flights that crash.
+
+    Raises:
+        InputError: There are no others.
+    """
+    kept = np.flatnonzero(~crashed)
+    if not kept.size:
+        raise InputError(
+            f"expected flights that stay up to tune gains by, got {crashed.size} that "
+            "all crash with the scene's own gains"
+        )
+    lanes = np.resize(kept, crashed.size)
+    each = (flights.load, flights.wind, flights.arrival_s)
+    load, wind, arrival = jax.tree.map(lambda x: x[lanes], each)
+    return replace(flights, load=load, wind=wind, arrival_s=arrival)
+
+
+def _unreachable(
+    uncertain: UncertainScene, wish: Wish, gains: Gains, lag: float, dead: float
+) -> str:
+    margins = hold_margins(gains, lag, dead)
+    gain, phase = float(margins.gain_db.min()), float(margins.phase_deg.min())
+    return (
+        f"{uncertain.source or 'scene'}: expected margins that gains can have, got "
+        f"{wish.margin_db:g} dB and {wish.margin_deg:g} degrees, with which none were "
+        f"found; the scene's own have {gain:.3g} dB and {phase:.3g} degrees at motors "
+        f"that lag by {lag:g} s and a dead time of {dead:.3g} s"
+    )

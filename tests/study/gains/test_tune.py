@@ -1,0 +1,118 @@
+"""Gains by gradient through blasts: slopes, margins, peaks, what is refused."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from jblast.errors import InputError
+from jblast.scene import UncertainScene, read_scene
+from jblast.study.flights.records import Options
+from jblast.study.gains.flights import drawn_flights
+from jblast.study.gains.records import Wish, known_peaks
+from jblast.study.gains.tune import (
+    FACTORS,
+    margins_to_spare,
+    mean_ln_peak,
+    scaled,
+    tune_gains,
+)
+from jblast.vehicle import named, named_gains
+
+NAMES = ("crazyflie", "hummingbird", "iris")
+
+
+def scene_of(directory, model: str, place: str = "[0.0, 0.0, 5.0]") -> UncertainScene:
+    file = directory / "scene.toml"
+    file.write_text(
+        "[charge]\nmass_kg = { uniform = [0.2, 2.0] }\n"
+        "position_m = [{ uniform = [-5, 5] }, { uniform = [-5, 5] }, 0.0]\n"
+        "time_s = 0.5\n"
+        f'[vehicle]\nmodel = "{model}"\nposition_m = {place}\n'
+        "control = { integral = true }\n"
+    )
+    return read_scene(file)
+
+
+def test_each_factor_scales_what_it_says():
+    gains = named_gains("iris", integral=True)
+    factors = jnp.log(jnp.array([2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0]))
+    found = scaled(gains, factors)
+    np.testing.assert_allclose(found.position, gains.position * np.array([2.0, 2, 3]))
+    np.testing.assert_allclose(found.velocity, gains.velocity * np.array([4.0, 4, 5]))
+    np.testing.assert_allclose(found.integral, gains.integral * np.array([6.0, 6, 7]))
+    assert float(found.attitude / gains.attitude) == pytest.approx(8.0)
+    assert float(found.body_rate / gains.body_rate) == pytest.approx(9.0)
+
+
+def test_what_is_asked_of_margins_is_met_at_zero():
+    gains, lag = named_gains("crazyflie", integral=True), 0.072
+    spare = margins_to_spare(
+        jnp.zeros(FACTORS), gains, lag, 2.5e-4, jnp.array([6.0, 15.5])
+    )
+    assert float(spare.min()) == pytest.approx(0.0, abs=0.01)
+    spare = margins_to_spare(
+        jnp.zeros(FACTORS), gains, lag, 2.5e-4, jnp.array([6.0, 35.0])
+    )
+    assert float(spare.min()) == pytest.approx(15.5 / 35 - 1, abs=0.01)
+
+
+@pytest.mark.parametrize(
+    ("wish", "words"),
+    [
+        (Wish(vehicles=1), "vehicles: expected two blasts"),
+        (Wish(margin_db=-1.0), "margin-db: expected a positive number"),
+        (Wish(margin_deg=float("nan")), "margin-deg: expected a positive number"),
+        (Wish(delay_s=-0.1), "delay: expected a time of 0 s or more"),
+    ],
+)
+def test_numbers_that_cannot_be_are_named(tmp_path, wish, words):
+    with pytest.raises(InputError, match=words):
+        tune_gains(scene_of(tmp_path, "iris"), wish)
+
+
+@pytest.mark.slow
+def test_the_peak_has_the_slopes_of_differences(tmp_path):
+    uncertain = scene_of(tmp_path, "iris")
+    spec = uncertain.scene.vehicle
+    assert spec is not None
+    options = Options(step_s=1e-3, integrator="euler", seconds=1.5)
+    flights, _ = drawn_flights(uncertain, spec, 3, 0, options)
+    gains = named_gains("iris", integral=True)
+
+    def of(x):
+        return mean_ln_peak(x, gains, flights)
+
+    (_, crashed), slopes = eqx.filter_jit(jax.value_and_grad(of, has_aux=True))(
+        jnp.zeros(FACTORS)
+    )
+    assert not crashed.any()
+    peak, width = eqx.filter_jit(lambda x: of(x)[0]), 1e-4
+    for slope, step in zip(slopes, width * np.eye(FACTORS), strict=True):
+        ends = [float(peak(jnp.asarray(sign * step))) for sign in (1, -1)]
+        difference = (ends[0] - ends[1]) / (2 * width)
+        assert float(slope) == pytest.approx(difference, rel=1e-4, abs=1e-6)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("model", NAMES)
+def test_peaks_over_unseen_blasts_are_a_fifth_less_within_the_margins(tmp_path, model):
+    tuned = tune_gains(scene_of(tmp_path, model), Wish(vehicles=16))
+    after = tuned.after
+    assert after.gain_margin_db >= 6.0
+    assert after.phase_margin_deg >= 35.0
+    assert tuned.cut() >= 0.2
+    on = [one.outcomes.flies_on.mean() for one in (tuned.before, after)]
+    assert on[1] >= on[0]
+    assert known_peaks(after).size == 200
+
+
+@pytest.mark.slow
+def test_margins_that_no_gains_have_are_refused(tmp_path):
+    lag = float(named("crazyflie").motor_lag_s)
+    uncertain = scene_of(tmp_path, "crazyflie")
+    wish = Wish(vehicles=2, margin_deg=89.99, margin_db=60.0)
+    with pytest.raises(InputError, match=r"own have 17\.9 dB and 15\.5 degrees") as no:
+        tune_gains(uncertain, wish)
+    assert f"lag by {lag:g} s" in str(no.value)
