@@ -182,6 +182,8 @@ def warnings_of(tuned: TunedGains) -> list[str]:
             f"{100 * fewer:.3g} % of the flights that flew on with the scene's gains "
             "no longer do"
         )
+    if tuned.cut(1.0) < 0 < tuned.cut():
+        said.append("the worst of the blasts throws it further than before")
     if tuned.cut() <= 0:
         said.append("the median peak deviation is not less than with the scene's gains")
     error = [

@@ -28,10 +28,16 @@ def gains_figure(tuned: TunedGains) -> Figure:
     titled(
         each,
         f"{tuned.vehicle.model.capitalize()}: {tuned.wish.unseen} unseen blasts",
-        f"median {100 * tuned.cut():.0f} % less; cross: does not fly on",
+        f"{cut_words(tuned)}; cross: does not fly on",
     )
     titled(over_time, "One of them", "the blast whose peak before was the median")
     return figure
+
+
+def cut_words(tuned: TunedGains) -> str:
+    """Return by how much the median peak deviation is less, or more."""
+    cut = tuned.cut()
+    return f"median {100 * abs(cut):.0f} % {'less' if cut >= 0 else 'more'}"
 
 
 def draw_each(axes: Axes, tuned: TunedGains) -> None:

@@ -22,7 +22,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Bool, Float
 from scipy.optimize import minimize
 
 from jblast.errors import InputError
@@ -30,21 +30,17 @@ from jblast.progress import in_words
 from jblast.scene import UncertainScene, VehicleSpec
 from jblast.study.flights.draws import checked_scene
 from jblast.study.flights.records import Options
-from jblast.study.gains.flights import (
-    DrawnFlights,
-    drawn_flights,
-    flown_with,
-    outcomes_of,
-    smooth_peaks,
+from jblast.study.gains.flights import DrawnFlights, drawn_flights, outcomes_of
+from jblast.study.gains.objective import (
+    FACTORS,
+    margins_to_spare,
+    mean_ln_peak,
+    scaled,
 )
 from jblast.study.gains.records import Tried, TunedGains, Wish
-from jblast.vehicle import STEP_S, Gains, flight_metrics, hold_of, vehicle_of
+from jblast.vehicle import STEP_S, Gains, hold_of, vehicle_of
 from jblast.vehicle.control.margins import hold_margins, is_stable
 
-FACTORS = 8
-POWER, TAIL = 24.0, 8.0
-"""Of the norms over a flight's rows, and over the flights."""
-RIDGE, WAY_BACK = 1e-3, 0.5
 MOST_STEPS, LARGEST = 60, np.log(30.0)
 """Of the search, and of a factor in ln."""
 TUNING_STEP_S, TUNING_AFTER_S = 1e-3, 3.0
@@ -52,8 +48,6 @@ UNSEEN_SEEDS = 1_000_003
 """Between the seed of the blasts tuned by and that of the unseen ones."""
 SLACK = 0.002
 """By what the search keeps off the margins, as a share of them."""
-ENOUGH = 3.0
-"""Margins beyond so many times what is asked do not guide the search."""
 
 
 def tune_gains(uncertain: UncertainScene, wish: Wish | None = None) -> TunedGains:
@@ -141,29 +135,6 @@ def tune_gains(uncertain: UncertainScene, wish: Wish | None = None) -> TunedGain
     )
 
 
-def scaled(gains: Gains, factors: Float[Array, "8"]) -> Gains:
-    """Return gains times factors.
-
-    Args:
-        gains: The gains.
-        factors: In ln: of position, velocity and integral gain, sideways and then
-            upwards, of attitude and of body rate.
-    """
-    by = jnp.exp(factors)
-
-    def along(n: int) -> Array:
-        return jnp.stack([by[n], by[n], by[n + 1]])
-
-    return replace(
-        gains,
-        position=gains.position * along(0),
-        velocity=gains.velocity * along(2),
-        integral=gains.integral * along(4),
-        attitude=gains.attitude * by[6],
-        body_rate=gains.body_rate * by[7],
-    )
-
-
 def _rounded(gains: Gains) -> Gains:
     """Return gains in four digits: those that are printed are those that are judged."""
 
@@ -171,41 +142,6 @@ def _rounded(gains: Gains) -> Gains:
         return np.array([float(f"{x:.4g}") for x in value.ravel()]).reshape(value.shape)
 
     return jax.tree.map(lambda x: jnp.asarray(few(np.asarray(x))), gains)
-
-
-def mean_ln_peak(
-    factors: Float[Array, "8"], gains: Gains, flights: DrawnFlights
-) -> tuple[Float[Array, ""], Bool[Array, " flight"]]:
-    """Return what is made least, and which flights crash."""
-    trajectory = flown_with(scaled(gains, factors), flights)
-    peaks = smooth_peaks(trajectory, flights, POWER)
-    metrics = flight_metrics(
-        jax.lax.stop_gradient(trajectory),
-        flights.target_m,
-        flights.arrival_s,
-        ground_up_m=0.0,
-    )
-    strongest = jax.nn.logsumexp(TAIL * peaks) - jnp.log(peaks.size)
-    middle = (jnp.mean(peaks) + strongest / TAIL) / 2
-    back = WAY_BACK * jnp.mean(smooth_peaks(trajectory, flights, 2.0))
-    return middle + back + RIDGE * jnp.sum(factors**2), metrics.crashed
-
-
-def margins_to_spare(
-    factors: Float[Array, "8"],
-    gains: Gains,
-    motor_lag_s: float,
-    dead_time_s: float,
-    asked: Float[Array, "2"],
-) -> Float[Array, " loop_margin"]:
-    """Return by what share margins are more than is asked: gain [dB], phase [deg]."""
-    margins = hold_margins(scaled(gains, factors), motor_lag_s, dead_time_s)
-    shares = [
-        margins.up_db / asked[0],
-        margins.down_db / asked[0],
-        margins.phase_deg / asked[1],
-    ]
-    return jnp.minimum(jnp.concatenate(shares), ENOUGH) - 1.0
 
 
 _PEAK = eqx.filter_jit(jax.value_and_grad(mean_ln_peak, has_aux=True))

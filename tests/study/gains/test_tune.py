@@ -10,14 +10,14 @@ from jblast.errors import InputError
 from jblast.scene import UncertainScene, read_scene
 from jblast.study.flights.records import Options
 from jblast.study.gains.flights import drawn_flights
-from jblast.study.gains.records import Wish, known_peaks
-from jblast.study.gains.tune import (
+from jblast.study.gains.objective import (
     FACTORS,
     margins_to_spare,
     mean_ln_peak,
     scaled,
-    tune_gains,
 )
+from jblast.study.gains.records import Wish, known_peaks
+from jblast.study.gains.tune import tune_gains
 from jblast.vehicle import named, named_gains
 
 NAMES = ("crazyflie", "hummingbird", "iris")
