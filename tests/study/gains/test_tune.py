@@ -20,7 +20,8 @@ from jblast.study.gains.records import Wish, known_peaks
 from jblast.study.gains.tune import tune_gains
 from jblast.vehicle import named, named_gains
 
-NAMES = ("crazyflie", "hummingbird", "iris")
+NAMES = ("hummingbird", "iris")
+"""The Crazyflie's own gains have less than the margins asked for: it gains nothing."""
 
 
 def scene_of(directory, model: str, place: str = "[0.0, 0.0, 5.0]") -> UncertainScene:
