@@ -16,6 +16,7 @@ third of RK4's; the unseen ones are flown as `jblast fly` does. Blasts by which 
 scene's own gains crash are left out of the tuning, not of the judgement.
 """
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import equinox as eqx
@@ -23,7 +24,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Bool, Float
-from scipy.optimize import minimize
+from scipy.optimize import OptimizeResult, minimize
 
 from jblast.errors import InputError
 from jblast.progress import in_words
@@ -97,15 +98,25 @@ def tune_gains(uncertain: UncertainScene, wish: Wish | None = None) -> TunedGain
     def slopes(x: np.ndarray) -> np.ndarray:
         return np.asarray(_SLOPES(jnp.asarray(x), gains, lag, dead, asked))
 
-    found = minimize(
-        peak,
-        np.zeros(FACTORS),
-        jac=True,
-        method="SLSQP",
-        bounds=[(-LARGEST, LARGEST)] * FACTORS,
-        constraints=[{"type": "ineq", "fun": room, "jac": slopes}],
-        options={"maxiter": MOST_STEPS, "ftol": 2e-4},
-    )
+    def search(least: Callable, start: np.ndarray, tolerance: float) -> OptimizeResult:
+        return minimize(
+            least,
+            start,
+            jac=True,
+            method="SLSQP",
+            bounds=[(-LARGEST, LARGEST)] * FACTORS,
+            constraints=[{"type": "ineq", "fun": room, "jac": slopes}],
+            options={"maxiter": MOST_STEPS, "ftol": tolerance},
+        )
+
+    # from the nearest gains with the margins, where the scene's have less
+    start = np.zeros(FACTORS)
+    if (room(start) < 0).any():
+        start = search(lambda x: (float(x @ x), 2 * x), start, 1e-6).x
+        if (room(start) < -SLACK).any():
+            raise InputError(_unreachable(uncertain, wish, gains, lag, dead))
+    peak(start)
+    found = search(peak, start, 2e-4)
     allowed = [
         (value, x)
         for value, x in seen
