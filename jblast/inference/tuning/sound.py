@@ -31,6 +31,7 @@ import numpy as np
 from jax import lax
 from jaxtyping import Array, Complex, Float, Int
 
+from jblast.inference.tuning.limit_samples import filled, filling, padded_places
 from jblast.inference.tuning.noise_spectrum import noise_spectrum
 from jblast.inference.tuning.pieces import around_limit, bands_of, taper_of
 from jblast.scene import Scene
@@ -52,10 +53,12 @@ class Weights(NamedTuple):
     Attributes:
         sd: Of each Fourier coefficient; infinite where it is not looked at.
         power: Of what is left of each.
+        limit: What fills samples at the recorder's limit (`limit_samples`).
     """
 
     sd: Float[Array, " frequency"]
     power: Float[Array, " frequency"]
+    limit: Float[Array, "limit limit"]
 
 
 class SoundEvidence(eqx.Module):
@@ -67,8 +70,10 @@ class SoundEvidence(eqx.Module):
         laws: Names of the laws, by quantity.
         by_full_scale: Whether a sample of 1 is the sensor's full scale.
         pascals: What it is otherwise [Pa].
-        beside: For each sample where what is left is taken from: itself, or, where it
-            is at the recorder's limit and holds no noise, the samples before and after.
+        at_limit: Samples at the recorder's limit, which hold no noise: what is left
+            there is what all others make likeliest.
+        beside: For each sample where what is left is taken from: itself, or, where too
+            many are at the limit for that, the samples before and after.
         share: Of the second of these.
         bands: Which band each Fourier coefficient is of; -1: none.
         counts: Coefficients of each band.
@@ -79,6 +84,7 @@ class SoundEvidence(eqx.Module):
     laws: tuple[tuple[str, str], ...] = eqx.field(static=True)
     by_full_scale: bool = eqx.field(static=True)
     pascals: Float[Array, ""]
+    at_limit: Int[Array, " limit"]
     beside: Int[Array, "2 sample"]
     share: Float[Array, " sample"]
     bands: Int[Array, " frequency"]
@@ -113,11 +119,12 @@ class SoundEvidence(eqx.Module):
         )
         return pressure / self.unit(scene)
 
-    def left(self, scene: Scene) -> Complex[Array, " frequency"]:
+    def left(self, scene: Scene, weights: Weights) -> Complex[Array, " frequency"]:
         """Return the Fourier coefficients of what no blast explains."""
         left = self.samples - self.predicted(scene)
         before, after = left[self.beside[0]], left[self.beside[1]]
-        return self._spectrum(before + self.share * (after - before))
+        left = (before + self.share * (after - before)) * self._taper()
+        return jnp.fft.rfft(filled(left, self.at_limit, weights.sd, weights.limit))
 
     def noise(self, scene: Scene) -> Float[Array, " frequency"]:
         """Return the expected power of each Fourier coefficient of the noise."""
@@ -134,15 +141,17 @@ class SoundEvidence(eqx.Module):
         """Return what is held while least squares are solved from a scene on."""
         noise = self.noise(scene)
         looked_at = (self.bands >= 0) & (noise > DEEPEST * jnp.max(noise))
-        left = self.left(scene)
+        sd = jnp.where(looked_at, jnp.sqrt(noise), jnp.inf)
+        held = filling(self.at_limit, sd, self.samples.size)
+        left = self.left(scene, Weights(sd, noise, held))
         power = jnp.square(left.real) + jnp.square(left.imag)
-        return Weights(jnp.where(looked_at, jnp.sqrt(noise), jnp.inf), power)
+        return Weights(sd, power, held)
 
     def residuals(
         self, scene: Scene, weights: Weights
     ) -> tuple[Float[Array, "2 frequency"], Float[Array, " band"]]:
         """Return those of the wave form, and those of the powers in bands."""
-        left = self.left(scene)
+        left = self.left(scene, weights)
         white = over(left, weights.sd / jnp.sqrt(2.0))
         return jnp.stack([white.real, white.imag]), self.deviance(scene, weights)
 
@@ -166,17 +175,12 @@ class SoundEvidence(eqx.Module):
         """Return what is left over time, whitened: each of variance 1."""
         weights = self.weights(scene)
         n = self.samples.size
-        white = over(self.left(scene), weights.sd)
+        white = over(self.left(scene, weights), weights.sd)
         taper = self._taper()
         scaled = jnp.fft.irfft(white, n) * n**0.5
         inside = taper > 0.5
         rms = jnp.sqrt(jnp.mean(jnp.square(taper)))
         return jnp.where(inside, scaled * rms / jnp.where(inside, taper, 1.0), 0.0)
-
-    def _spectrum(
-        self, samples: Float[Array, " sample"]
-    ) -> Complex[Array, " frequency"]:
-        return jnp.fft.rfft(samples * self._taper())
 
     def _taper(self) -> Float[Array, " sample"]:
         return jnp.asarray(taper_of(self.samples.size))
@@ -205,7 +209,9 @@ def sound_evidence(
         pascals: What a sample of 1 stands for; None: the sensor's full scale.
         limit: Magnitude at which samples hold no noise any more, in the file's unit.
     """
-    beside, share = around_limit(np.abs(samples) >= limit)
+    clipped = np.abs(samples) >= limit
+    at_limit = padded_places(clipped)
+    beside, share = around_limit(clipped & (at_limit.size == 0))
     bands, counts = bands_of(samples.size)
     return SoundEvidence(
         samples=jnp.asarray(samples, float),
@@ -213,6 +219,7 @@ def sound_evidence(
         laws=tuple(laws.items()),
         by_full_scale=pascals is None,
         pascals=jnp.asarray(1.0 if pascals is None else pascals, float),
+        at_limit=jnp.asarray(at_limit),
         beside=jnp.asarray(beside),
         share=jnp.asarray(share, float),
         bands=jnp.asarray(bands),
