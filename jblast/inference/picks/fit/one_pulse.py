@@ -1,17 +1,15 @@
 """The optimum of one pulse, another that a record may have, and how wide it is."""
 
 from functools import partial
-from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 from jax import lax
 from jaxtyping import Array, Float
 
-from jblast.inference.picks.fit.elsewhere import Elsewhere, elsewhere
 from jblast.inference.picks.fit.model import misfit, misfit_ratio
 from jblast.inference.picks.fit.optimum import Optimum, optimum_of
-from jblast.inference.picks.fit.trials import Closer, best_pulse, closer
+from jblast.inference.picks.fit.trials import best_pulse
 from jblast.inference.picks.ready.bins import Bins
 from jblast.inference.picks.ready.case import Prepared
 from jblast.inference.picks.unknowns import CENTRE
@@ -25,8 +23,8 @@ UNSURE = 0.02
 POOR = 1.5
 """And squared misfit by degree of freedom."""
 
-LOWER = 0.1
-"""A search begins anew where ln posterior is higher by as much."""
+ASTRAY = 5.0
+"""And squared misfit from which on one is looked for about it."""
 
 FAR = 2.0
 """Standard deviations that the duration is moved by, to see whether they are true."""
@@ -44,93 +42,67 @@ LEAST_SHARE = 1e-3
 """Another optimum of less of the posterior is left out."""
 
 
-class Others(NamedTuple):
-    """What else has a share of the posterior.
+def first_optimum(
+    bins: Bins, ready: Prepared
+) -> tuple[Optimum, Float[Array, " unknown"], Float[Array, ""]]:
+    """Return the optimum of one pulse, another, and what that has of the posterior.
 
-    Attributes:
-        y: Unknowns of each.
-        share: By how much of its square off the best the errors grow.
-    """
-
-    y: Float[Array, "other unknown"]
-    share: Float[Array, " other"]
-
-
-def first_optimum(bins: Bins, ready: Prepared) -> tuple[Optimum, Others]:
-    """Return the optimum of one pulse, and two others.
-
-    Where the first search is not sure, or does not fit, others begin at a shorter pulse
-    and wherever else its front may lie. Of the optima that they end in the second best
-    is the first of the others. Where many durations fit, and longer ones better than
-    the error of Gauss and Newton has it, it is one that is longer instead, and its
-    share by how much the error is to be widened. The second of the others is a pulse
-    of an arrival that has much of the posterior.
+    The other is looked for where the first is not sure, or does not fit. Where many
+    durations fit, and longer ones better than the error of Gauss and Newton has it, it
+    is one that is longer, and its share by how much the error is to be widened.
 
     Args:
         bins: Where the record is looked at.
         ready: The record.
     """
     of, case = partial(misfit, bins), ready.case
-    zero = jnp.zeros_like(case.span)
-    nothing = jnp.zeros_like(ready.start)
     none = Optimum(
-        nothing, jnp.eye(CENTRE.size, dtype=nothing.dtype), jnp.asarray(False)
+        jnp.zeros_like(ready.start),
+        jnp.eye(CENTRE.size, dtype=ready.start.dtype),
+        jnp.asarray(False),
     )
-    nowhere = Elsewhere(nothing, zero, zero, zero, nothing)
 
     def searched(before, begin):
-        sure, poor, best = before
+        sure, poor, last, best = before
         start, kind = begin
-        held, about = kind > 1.0, kind == 1.0
-        cost, y, covariance, ratio = best
-        seen = lax.cond(
-            about & ~sure,
-            lambda: elsewhere(bins, y, covariance, jnp.maximum(ratio, 1.0), case),
-            lambda: nowhere,
-        )
-        near = lax.cond(
-            about & poor, lambda: closer(bins, y, case), lambda: Closer(nothing, zero)
-        )
-        far = seen.gain > near.gain
-        gain = jnp.maximum(seen.gain, near.gain)
-        better = jnp.where(far, seen.start, near.start)
+        held = kind > 1.0
+        cost, y, covariance = best
         sd = jnp.sqrt(covariance[DURATION, DURATION])
         longer = y + FAR / sd * covariance[:, DURATION]
-        asked = jnp.where(held, sd > LONG, jnp.where(about, gain > LOWER, ~sure | poor))
+        asked = jnp.where(held, sd > LONG, jnp.where(kind > 0, poor, ~sure))
         there = case.centre.at[DURATION].set(longer[DURATION])
         mine = case._replace(
             centre=jnp.where(held, there, case.centre), hold=jnp.where(held, HOLD, 0.0)
         )
 
         def anew():
-            begin = lax.cond(
-                held | about,
-                lambda: jnp.where(held, longer, better),
-                lambda: best_pulse(of, bins, start, case, kind == 0.0),
-            )
+            here = jnp.where(kind > 0, last, start)
+            begin = lax.cond(held, lambda: longer, lambda: best_pulse(of, here, case))
             found = optimum_of(of, begin, mine)
             return found, cost_of(of(lax.stop_gradient(found.y), mine))
 
-        found, new_cost = lax.cond(asked, anew, lambda: (none, jnp.inf + zero))
+        found, new_cost = lax.cond(asked, anew, lambda: (none, jnp.inf + case.span))
         still = lax.stop_gradient((found.y, found.covariance))
         ratio = misfit_ratio(bins, still[0], case)
         variance = still[1][1, 1] * jnp.maximum(ratio, 1.0)
-        new_cost = lax.stop_gradient(new_cost)
+        sure = (variance < UNSURE**2) & (ratio < POOR)
         first = kind < 0
+        new_cost = lax.stop_gradient(new_cost)
         after = (
-            jnp.where(first, variance < UNSURE**2, sure),
-            jnp.where(first, ratio > POOR, poor),
-            either((new_cost < cost) & ~held, (new_cost, *still, ratio), best),
+            sure,
+            jnp.where(first, ratio > ASTRAY, poor),
+            jnp.where(first, still[0], last),
+            either((new_cost < cost) & ~held, (new_cost, *still), best),
         )
-        return after, (found, new_cost, seen, y[0])
+        return after, (found, new_cost)
 
-    # and with the duration held off, to see by how much that costs
+    # a sharp front may end beside its optimum: once more from where that ended; and
+    # with the duration held off, to see by how much that costs
     starts = jnp.stack([ready.start, ready.shorter, ready.start, ready.start])
     kinds = jnp.asarray([-1.0, 0.0, 1.0, 2.0], case.span.dtype)
-    worst = jnp.inf + zero, none.y, none.covariance, zero
-    _, (all_of, all_costs, seen, ends) = lax.scan(
-        searched, (jnp.asarray(False), jnp.asarray(True), worst), (starts, kinds)
-    )
+    nowhere = jnp.full_like(case.span, jnp.inf), none.y, none.covariance
+    begin = jnp.asarray(False), jnp.asarray(False), ready.start, nowhere
+    _, (all_of, all_costs) = lax.scan(searched, begin, (starts, kinds))
     both, held = (jax.tree.map(lambda x, k=k: x[k], all_of) for k in (slice(3), 3))
     costs = lax.stop_gradient(all_costs[:3])
     costs = jnp.where(jnp.isnan(costs), jnp.inf, costs)
@@ -146,22 +118,12 @@ def first_optimum(bins: Bins, ready: Prepared) -> tuple[Optimum, Others]:
     dearer = jnp.maximum(2.0 * (all_costs[3] - costs[row]), (FAR / WIDEST) ** 2)
     more = jnp.where(held.converged, (FAR**2 / dearer - 1.0) / FAR**2, 0.0)
     off = jnp.square(held.y[DURATION] - best.y[DURATION])
-    wider = (more * off) > share * jnp.square(rival.y - best.y)[DURATION]
-    first = jnp.where(wider, held.y, rival.y), jnp.where(wider, more, share)
-    far, part = _far(jax.tree.map(lambda x: x[2], seen), ends[2], best, first)
-    others = Others(jnp.stack([first[0], far]), jnp.stack([first[1], part]))
-    return best, lax.stop_gradient(others)
-
-
-def _far(seen: Elsewhere, end, best: Optimum, first):
-    """Return a pulse of another arrival, and its share: what errors lack by it."""
-    moved = best.y[0] - end
-    square = seen.square - moved * (2.0 * seen.mean - moved)
-    known = best.covariance[0, 0] + first[1] * jnp.square(first[0][0] - best.y[0])
-    off = jnp.square(seen.far[0] - best.y[0])
-    asked = (seen.square > 0) & (off > 0)
-    part = jnp.clip((square - known) / jnp.where(asked, off, 1.0), 0.0, 1.0)
-    return seen.far, jnp.where(asked, part, 0.0)
+    wider = lax.stop_gradient(
+        (more * off) > share * jnp.square(rival.y - best.y)[DURATION]
+    )
+    rival_y = jnp.where(wider, held.y, rival.y)
+    share = jnp.where(wider, more, share)
+    return best, lax.stop_gradient(rival_y), lax.stop_gradient(share)
 
 
 def either(first, here, there):

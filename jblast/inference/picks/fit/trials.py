@@ -2,7 +2,7 @@ r"""Where a search begins: rise and arrival by trial.
 
 A search that begins half a period of a ring off, or with a tenth of the rise, ends
 beside the optimum. So each of some rises is tried with each of some places of its
-middle, durations and decay as the bank has them, and the search begins at the best.
+middle, all else as the bank has it, and the search begins at the best.
 """
 
 from typing import NamedTuple
@@ -11,11 +11,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import lax
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Float
 
 from jblast.inference.picks.fit.optimum import Misfit, Optimum
-from jblast.inference.picks.fit.profiled import profiled
-from jblast.inference.picks.ready.bins import Bins
 from jblast.inference.picks.ready.case import Case
 from jblast.inference.picks.unknowns import CENTRE
 
@@ -45,31 +43,16 @@ OMEGA = CENTRE.size
 
 
 def best_pulse(
-    misfit: Misfit,
-    bins: Bins,
-    start: Float[Array, " unknown"],
-    case: Case,
-    as_it_is: Bool[Array, ""],
+    misfit: Misfit, start: Float[Array, " unknown"], case: Case
 ) -> Float[Array, " unknown"]:
     """Return where to begin with a pulse.
 
     Args:
         misfit: Of the record.
-        bins: Where it is looked at.
         start: By the bank.
         case: The record.
-        as_it_is: Whether peak, suction and drift stay those of the start: with a
-            duration that is not the record's, their best are none.
     """
-    trials = _about(start, jnp.asarray(SHIFTS, start.dtype))
-
-    def fitted():
-        made = profiled(bins, trials, case)
-        return made.y[jnp.argmin(made.cost)]
-
-    # what clipped bins bound is not linear
-    plain = as_it_is | jnp.any(case.clipped != 0)
-    return lax.cond(plain, lambda: _best(misfit, trials, case), fitted)
+    return _best(misfit, _about(start, jnp.asarray(SHIFTS, start.dtype)), case)
 
 
 def best_ring(
@@ -85,35 +68,6 @@ def best_ring(
     late = jnp.asarray(TURNS, start.dtype) * jnp.exp(-start[OMEGA])
     trials = jnp.concatenate([_about(start, -late), _hidden(start)])
     return _best(misfit, trials, case)
-
-
-class Closer(NamedTuple):
-    """What is tried about the end of a search.
-
-    Attributes:
-        start: Unknowns of the best of it.
-        gain: By how much its ln posterior is higher than there.
-    """
-
-    start: Float[Array, " unknown"]
-    gain: Float[Array, ""]
-
-
-def closer(bins: Bins, y: Float[Array, " unknown"], case: Case) -> Closer:
-    """Return the best pulse of another rise about the end of a search.
-
-    A sharp front has its least cost at the edge of a sample, far from that of a slower
-    one: a search may end there.
-
-    Args:
-        bins: Where the record is looked at.
-        y: The end of a search.
-        case: The record.
-    """
-    made = profiled(bins, _about(y, jnp.asarray(SHIFTS, y.dtype)), case)
-    best = jnp.argmin(made.cost)
-    # the first of them is the end itself
-    return Closer(made.y[best], made.cost[0] - made.cost[best])
 
 
 class Hidden(NamedTuple):
