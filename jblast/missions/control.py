@@ -18,6 +18,7 @@ from jaxtyping import Array, Float
 from jblast.constants import FLIGHT_GRAVITY
 from jblast.missions.guidance import ARMED, FLYING, Guidance, Progress, SetPoint
 from jblast.vehicle import Controller, Gains, PositionHold, State, Vehicle
+from jblast.vehicle.control.position_hold import Readied
 
 IDLE_SHARE = 0.2
 """Of the speed at which the rotors carry the weight; declared."""
@@ -25,7 +26,7 @@ IDLE_SHARE = 0.2
 Memory = tuple[Float[Array, "3"], Progress]
 
 
-class MissionControl(eqx.Module):
+class MissionControl(Readied):
     """Flies a mission unattended.
 
     Attributes:
@@ -51,17 +52,6 @@ class MissionControl(eqx.Module):
     def ready(self, vehicle: Vehicle) -> Controller:
         """Return the same with its allocation inverted, once for a flight."""
         return _Ready(self, self.hold.ready(vehicle))
-
-    def __call__(
-        self,
-        time_s: Float[Array, ""],
-        state: State,
-        vehicle: Vehicle,
-        memory: Memory,
-        period_s: Float[Array, ""],
-    ) -> tuple[Float[Array, "4"], Memory]:
-        """Return rotor speeds to ask for [rad/s], and its memory afterwards."""
-        return self.ready(vehicle)(time_s, state, vehicle, memory, period_s)
 
 
 class _Ready(eqx.Module):

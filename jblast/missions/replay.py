@@ -39,16 +39,9 @@ def replay(
         trajectory: One flight, a row each time that its controller was asked.
         period_s: Between two.
     """
-    states = State(
-        trajectory.position_m,
-        trajectory.velocity_m_s,
-        trajectory.quaternion,
-        trajectory.body_rate_rad_s,
-        trajectory.rotor_speed_rad_s,
-    )
 
     def turn(now: Progress, state: State) -> tuple[Progress, Told]:
         aim, after = guidance(state, now, period_s)
         return after, Told(aim.position_m, now.phase, now.leg)
 
-    return jax.lax.scan(turn, guidance.start(), states)[1]
+    return jax.lax.scan(turn, guidance.start(), trajectory.states)[1]

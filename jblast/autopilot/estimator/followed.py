@@ -46,13 +46,6 @@ def followed(
         trajectory: One flight, a row each time that its controller was asked.
         period_s: Between two.
     """
-    states = State(
-        trajectory.position_m,
-        trajectory.velocity_m_s,
-        trajectory.quaternion,
-        trajectory.body_rate_rad_s,
-        trajectory.rotor_speed_rad_s,
-    )
 
     def turn(known: Known, row: tuple[Array, State]) -> tuple[Known, Followed]:
         time_s, state = row
@@ -70,5 +63,5 @@ def followed(
             error @ jnp.linalg.solve(spread, error),
         )
 
-    rows = trajectory.time_s, states
+    rows = trajectory.time_s, trajectory.states
     return jax.lax.scan(turn, control.known(), rows)[1]

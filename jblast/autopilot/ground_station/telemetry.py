@@ -19,7 +19,6 @@ CUSTOM, GUIDED, SAFETY_ARMED = 1, 8, 128
 """Bits of the base mode."""
 MODE_MISSION, MODE_LOITER = 4 << 16 | 4 << 24, 4 << 16 | 3 << 24
 STANDBY, ACTIVE = 3, 4
-UNKNOWN_HEADING = 65_535
 EACH_S = 0.1
 """Between two rows of telemetry."""
 HEARTBEAT_S = 1.0

@@ -41,15 +41,3 @@ def attitude_in(quaternion: Float[Array, "4"]) -> Float[Array, "4"]:
     return quaternion_product(
         quaternion_product(jnp.asarray(TURN), ours), jnp.asarray(FLIP)
     )
-
-
-def euler_of(quaternion: Float[Array, "4"]) -> Float[Array, "3"]:
-    """Return roll, pitch and yaw of an autopilot's attitude (w, x, y, z) [rad]."""
-    w, x, y, z = quaternion
-    return jnp.stack(
-        [
-            jnp.arctan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y)),
-            jnp.arcsin(jnp.clip(2 * (w * y - z * x), -1.0, 1.0)),
-            jnp.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z)),
-        ]
-    )

@@ -36,7 +36,6 @@ from jblast.study.flights.lanes import joined, lanes_of
 from jblast.study.flights.records import Flights, Flown, Options
 from jblast.vehicle import (
     Each,
-    State,
     StepGust,
     controller_of,
     flight_metrics,
@@ -203,13 +202,7 @@ def flown_by(
         vehicle_of(spec),
         encounter,
         trajectory.time_s,
-        State(
-            trajectory.position_m,
-            trajectory.velocity_m_s,
-            trajectory.quaternion,
-            trajectory.body_rate_rad_s,
-            trajectory.rotor_speed_rad_s,
-        ),
+        trajectory.states,
     )
     found = Flown(
         metrics,

@@ -24,7 +24,7 @@ from jaxtyping import Array, Float
 
 from jblast.constants import FLIGHT_GRAVITY
 from jblast.vehicle.control.allocation import allocation, speeds_within
-from jblast.vehicle.control.position_hold import Controller
+from jblast.vehicle.control.position_hold import Controller, Readied
 from jblast.vehicle.control.pull import THRUST_FLOOR, limited_pull
 from jblast.vehicle.control.tilt_first import attitude_error
 from jblast.vehicle.dynamics.components import (
@@ -74,7 +74,7 @@ class Gathered(eqx.Module):
     begun: Float[Array, ""]
 
 
-class Cascade(eqx.Module):
+class Cascade(Readied):
     r"""Holds a place and a heading by loops within loops.
 
     Attributes:
@@ -111,17 +111,6 @@ class Cascade(eqx.Module):
     def ready(self, vehicle: Vehicle) -> Controller:
         """Return the same with its allocation inverted, once for a flight."""
         return _Ready(self, jnp.linalg.inv(allocation(vehicle)))
-
-    def __call__(
-        self,
-        time_s: Float[Array, ""],
-        state: State,
-        vehicle: Vehicle,
-        memory: Gathered,
-        period_s: Float[Array, ""],
-    ) -> tuple[Float[Array, "4"], Gathered]:
-        """Return rotor speeds to ask for [rad/s], and its memory afterwards."""
-        return self.ready(vehicle)(time_s, state, vehicle, memory, period_s)
 
 
 class _Ready(eqx.Module):

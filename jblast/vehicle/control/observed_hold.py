@@ -23,7 +23,7 @@ from jaxtyping import Array, Float
 
 from jblast.constants import FLIGHT_GRAVITY
 from jblast.vehicle.control.gains import Gains
-from jblast.vehicle.control.position_hold import Controller, PositionHold
+from jblast.vehicle.control.position_hold import Controller, PositionHold, Readied
 from jblast.vehicle.dynamics.components import four, turned
 from jblast.vehicle.dynamics.state import State
 from jblast.vehicle.quadrotor.numbers import floats
@@ -47,7 +47,7 @@ class Seen(eqx.Module):
     begun: Float[Array, ""]
 
 
-class ObservedHold(eqx.Module):
+class ObservedHold(Readied):
     """Holds a place, and takes back what pushes.
 
     Attributes:
@@ -79,17 +79,6 @@ class ObservedHold(eqx.Module):
         without = dataclasses.replace(hold.gains, integral=0 * hold.gains.integral)
         hold = dataclasses.replace(hold, gains=without)
         return _Ready(self, hold.ready(vehicle))
-
-    def __call__(
-        self,
-        time_s: Float[Array, ""],
-        state: State,
-        vehicle: Vehicle,
-        memory: Seen,
-        period_s: Float[Array, ""],
-    ) -> tuple[Float[Array, "4"], Seen]:
-        """Return rotor speeds to ask for [rad/s], and its memory afterwards."""
-        return self.ready(vehicle)(time_s, state, vehicle, memory, period_s)
 
 
 class _Ready(eqx.Module):

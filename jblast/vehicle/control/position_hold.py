@@ -18,7 +18,8 @@ neither right itself nor brake. Without the integral a steady wind leaves an off
 ever; each axis of it is held within its limit.
 """
 
-from typing import Protocol, runtime_checkable
+import abc
+from typing import Any, Protocol, runtime_checkable
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -69,7 +70,26 @@ class Controller(Protocol):
         ...
 
 
-class PositionHold(eqx.Module):
+class Readied(eqx.Module):
+    """A controller that is asked as what it is ready as, be it for one turn."""
+
+    @abc.abstractmethod
+    def ready(self, vehicle: Vehicle) -> Controller:
+        """Return a controller for a flight of a vehicle."""
+
+    def __call__(
+        self,
+        time_s: Float[Array, ""],
+        state: State,
+        vehicle: Vehicle,
+        memory: Any,
+        period_s: Float[Array, ""],
+    ) -> tuple[Float[Array, "4"], Any]:
+        """Return rotor speeds to ask for [rad/s], and its memory afterwards."""
+        return self.ready(vehicle)(time_s, state, vehicle, memory, period_s)
+
+
+class PositionHold(Readied):
     """Holds a place and a heading.
 
     Attributes:
@@ -85,18 +105,6 @@ class PositionHold(eqx.Module):
     def start(self) -> Float[Array, "3"]:
         """Return the integral at the start: the acceleration it asks for [m/s2]."""
         return jnp.zeros_like(self.target_m)
-
-    def __call__(
-        self,
-        time_s: Float[Array, ""],
-        state: State,
-        vehicle: Vehicle,
-        memory: Float[Array, "3"],
-        period_s: Float[Array, ""],
-    ) -> tuple[Float[Array, "4"], Float[Array, "3"]]:
-        """Return rotor speeds to ask for [rad/s], and the integral afterwards."""
-        inverse = jnp.linalg.inv(allocation(vehicle))
-        return self._answer(state, vehicle, inverse, memory, period_s)
 
     def ready(self, vehicle: Vehicle) -> Controller:
         """Return the same hold with its allocation inverted, once for a flight."""

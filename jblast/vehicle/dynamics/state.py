@@ -104,6 +104,17 @@ class Trajectory(eqx.Module):
     moment_n_m: Float[Array, "*batch time 3"]
     lost: Bool[Array, "*batch"]
 
+    @property
+    def states(self) -> State:
+        """The states of its rows."""
+        return State(
+            self.position_m,
+            self.velocity_m_s,
+            self.quaternion,
+            self.body_rate_rad_s,
+            self.rotor_speed_rad_s,
+        )
+
     def lost_places(self) -> list[tuple[int, ...]]:
         """Return the indices of the vehicles that diverged, along the batch's axes."""
         return [tuple(map(int, place)) for place in np.argwhere(np.asarray(self.lost))]

@@ -48,13 +48,8 @@ def write_flights(flights: Flights, text: str, directory: Path) -> list[str]:
     several = flights.count > 1
     with writing(directory):
         directory.mkdir(parents=True, exist_ok=True)
-        for name in (
-            JSON,
-            *TABLES,
-            *ONE,
-            *MANY,
-            *CONTROLLERS,
-        ):  # an earlier run's would mislead
+        # an earlier run's would mislead
+        for name in (JSON, *TABLES, *ONE, *MANY, *CONTROLLERS):
             (directory / name).unlink(missing_ok=True)
     table = flights_csv(flights) if several else flight_csv(flights)
     written = [JSON, TABLES[several]]
