@@ -2,6 +2,7 @@
 
 import ast
 import posixpath
+import re
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -21,7 +22,8 @@ class Result:
         source: The file in the repository.
         title: What the navigation calls it.
         script: The script that writes it, "" where it is told on the page.
-        question: The first line of what the script says of itself.
+        question: The first paragraph of what the script says of itself; without
+            a script, the first sentence of the file.
         text: What the file holds.
         pictures: Those of the same name, beside it.
     """
@@ -92,10 +94,19 @@ def _result(root: Path, path: Path) -> Result:
     text = path.read_text("utf-8")
     pictures = path.with_suffix(".png")
     beside = (pictures.name,) if pictures.exists() else ()
-    module, question = _script(root, path.stem) if name.endswith(".txt") else ("", "")
+    module, asked = _script(root, path.stem) if name.endswith(".txt") else ("", "")
+    question = asked or _first_sentence(text)
     return Result(
         uri, f"{KEPT}/{name}", _title(name, text), module, question, text, beside
     )
+
+
+def _first_sentence(text: str) -> str:
+    """Return how a file begins beneath its title, without links and pictures."""
+    paragraphs = [" ".join(one.split()) for one in text.split("\n\n")]
+    prose = (one for one in paragraphs if one and one[0] not in "#!|<`")
+    sentence = re.split(r"(?<=[.])\s", next(prose, ""))[0]
+    return re.sub(r"\[([^]]*)\]\([^)]*\)", r"\1", sentence).rstrip(":.") + "."
 
 
 def _title(name: str, text: str) -> str:
@@ -109,14 +120,16 @@ def _title(name: str, text: str) -> str:
 def _subject(title: str) -> str:
     """Return what a chart is of: its title goes on with what is drawn against what."""
     subject = title.partition(":")[0]
-    return subject[0].lower() + subject[1:]
+    is_name = " " in subject and subject == subject.title()  # Monte Carlo
+    return subject if is_name else subject[0].lower() + subject[1:]
 
 
 def _script(root: Path, stem: str) -> tuple[str, str]:
     """Return how a table is written again, and the question its script asks."""
     path = root / "calibration" / f"{stem}.py"
     if not path.exists():
-        return "", ""
+        shorter = stem.rpartition("_")[0]
+        return _script(root, shorter) if shorter else ("", "")
     told = ast.get_docstring(ast.parse(path.read_text("utf-8"))) or ""
     asked = " ".join(told.partition("\n\n")[0].split())
     if stem.startswith(BENCHMARK):
