@@ -1,22 +1,27 @@
 """Is it as fast as it was? Benchmarks of two trees in turn, by processor time.
 
-    python -m calibration.benchmarks_before TREE [--rounds 3] [--name laws fit_many ...]
+    python -m calibration.benchmarks_before TREE [--rounds 2] [--name laws fit_many ...]
 
 TREE is a checkout of an earlier commit (`git worktree add TREE COMMIT`); both run with
-this Python and its packages. Each benchmark runs in a process of its own, the one tree
-after the other, so many rounds; their clock is the processor's, all cores together, so
-that what else runs on the machine counts little: rates are those of a second of one
-core. Of each row the best round counts. Beside the ratio stands what the rounds of the
-earlier tree alone leave open: their best over their second best. Rounds that have ended
-are kept in a file and not run again.
+this Python and its packages. A benchmark runs in two processes at once, one a tree, and
+each stretch that it times runs while the other process waits: first a call of the one,
+then the same call of the other. Their clock is the processor's, all cores together
+(`benchmark_in_turns.py`): rates are those of a second of one core. Of each row the best
+round counts; beside the ratio stands what the rounds of the earlier tree alone leave
+open: their best over their second best. Rounds that have ended are kept in a file and
+not run again.
 """
 
 import argparse
+import contextlib
+import itertools
 import json
 import os
 import re
 import subprocess
 import sys
+import tempfile
+from collections.abc import Sequence
 from pathlib import Path
 from statistics import median
 
@@ -25,10 +30,7 @@ from jblast.files import write_text
 HERE = Path(__file__).parents[1]
 RESULT = HERE / "calibration" / "results" / "benchmarks_before.txt"
 NAMES = ("laws", "fit_many", "flights", "events", "euler")
-BY_PROCESSOR = (
-    "import runpy, sys, time; time.perf_counter = time.process_time;"
-    "runpy.run_module('calibration.benchmarks', run_name='__main__')"
-)
+CHILD = HERE / "calibration" / "benchmark_in_turns.py"
 COLUMNS = {
     "laws": {"float64": 0, "float32": 1},
     "fit_many": {"": 0},
@@ -53,7 +55,7 @@ def main() -> None:
     """Run what is missing, print the table and keep it."""
     parser = argparse.ArgumentParser(description="Compare the speed of two trees.")
     parser.add_argument("tree", type=Path)
-    parser.add_argument("--rounds", type=int, default=3)
+    parser.add_argument("--rounds", type=int, default=2)
     parser.add_argument("--name", nargs="*", default=NAMES)
     parser.add_argument("--kept", type=Path, default=Path("out/benchmarks_before.json"))
     parser.add_argument("--out", type=Path, default=RESULT)
@@ -62,24 +64,79 @@ def main() -> None:
     kept = json.loads(asked.kept.read_text()) if asked.kept.exists() else {}
     for turn in range(asked.rounds):
         for name in asked.name:
-            for which, tree in (("before", asked.tree), ("now", HERE)):
-                key = f"{name} {which} {turn}"
-                if key not in kept:
-                    kept[key] = run(tree, name)
-                    write_text(asked.kept, json.dumps(kept))
+            keys = [f"{name} {which} {turn}" for which in ("before", "now")]
+            if not all(key in kept for key in keys):
+                kept |= zip(keys, in_turns((asked.tree, HERE), name), strict=True)
+                write_text(asked.kept, json.dumps(kept))
     text = table(kept, commit(asked.tree), commit(HERE))
     write_text(asked.out, text)
     sys.stdout.write(text)
 
 
-def run(tree: Path, name: str) -> str:
-    """Return what a tree's benchmark prints."""
-    command = [sys.executable, "-c", BY_PROCESSOR, name]
-    env = os.environ | {"PYTHONPATH": str(tree.resolve())}
-    done = subprocess.run(command, cwd=tree, env=env, capture_output=True, text=True)
-    if done.returncode:
-        raise RuntimeError(done.stderr.strip().splitlines()[-1])
-    return done.stdout
+def in_turns(trees: Sequence[Path], name: str) -> list[str]:
+    """Return what the benchmark of each tree prints, timed calls in turn."""
+    with contextlib.ExitStack() as stack:
+        runs = [stack.enter_context(Run(tree, name)) for tree in trees]
+        turns = itertools.cycle(runs)
+        # each is waited for: none compiles while another is timed
+        while waiting := [one for one in runs if one.waits()]:
+            next(one for one in turns if one in waiting).take_turn()
+        return [one.printed() for one in runs]
+
+
+class Run(contextlib.AbstractContextManager["Run"]):
+    """A benchmark of a tree in a process of its own, which asks before it is timed."""
+
+    def __init__(self, tree: Path, name: str):
+        theirs, self._turn = os.pipe()
+        self._done, done = os.pipe()
+        self._output = tempfile.TemporaryFile("w+")  # noqa: SIM115
+        self._process = subprocess.Popen(
+            [sys.executable, str(CHILD), name, str(theirs), str(done)],
+            cwd=tree,
+            env=os.environ | {"PYTHONPATH": path_with(tree)},
+            stdout=self._output,
+            stderr=subprocess.STDOUT,
+            text=True,
+            pass_fds=(theirs, done),
+        )
+        os.close(theirs)
+        os.close(done)
+        self._is_waiting = False
+
+    def waits(self) -> bool:
+        """Whether it waits for its turn, once it does or has ended."""
+        if not self._is_waiting:
+            self._is_waiting = bool(os.read(self._done, 1))
+        return self._is_waiting
+
+    def take_turn(self) -> None:
+        """Let it make the call that is timed."""
+        os.write(self._turn, b".")
+        os.read(self._done, 1)
+        self._is_waiting = False
+
+    def printed(self) -> str:
+        """Return what it printed."""
+        failed = self._process.wait()
+        self._output.seek(0)
+        printed = self._output.read()
+        if failed:
+            raise RuntimeError(printed.strip().splitlines()[-1])
+        return printed
+
+    def __exit__(self, *_: object) -> None:
+        self._process.kill()
+        self._process.wait()
+        self._output.close()
+        os.close(self._turn)
+        os.close(self._done)
+
+
+def path_with(tree: Path) -> str:
+    """Return where Python looks for modules: in a tree first, else as here."""
+    here = os.environ.get("PYTHONPATH", "").split(os.pathsep)
+    return os.pathsep.join([str(tree.resolve()), *filter(None, here)])
 
 
 def commit(tree: Path) -> str:
