@@ -38,19 +38,38 @@ def merged(
         InputError: One is no store, or of another study, or the folder is another's.
         OSError: It cannot be written.
     """
+    _refuse_twice(stores)
     found = [_opened(path) for path in stores]
     first = found[0]
     for other in found[1:]:
         _refuse_other(first, other)
-    seeds = [store.attributes["seed"] for store in found]
-    if len(set(seeds)) == 1:
+    seeds = [_seeds_of(store) for store in found]
+    if all(one == seeds[0] for one in seeds):
         return _parts(found, Path(out))
-    if len(set(seeds)) < len(seeds):
+    whole = [seed for one in seeds for seed in one]
+    if len(set(whole)) < len(whole):
+        said = ", ".join("+".join(map(str, one)) for one in seeds)
         raise InputError(
-            f"{stores[0]}: expected all stores of one seed, or each of its own, got "
-            f"seeds {', '.join(map(str, seeds))}"
+            f"{stores[0]}: expected all stores of one seed, or each of its own, so "
+            f"that no sample counts twice, got seeds {said}"
         )
-    return _seeds(found, Path(out), seeds)
+    return _seeds(found, Path(out), whole)
+
+
+def _refuse_twice(stores: Sequence[str | os.PathLike[str]]) -> None:
+    """Refuse a folder that is named twice: another was meant."""
+    paths = [Path(path).resolve() for path in stores]
+    for n, path in enumerate(paths):
+        if path in paths[:n]:
+            raise InputError(
+                f"{stores[n]}: expected each store once, got it twice; a study merged "
+                "with itself is no larger"
+            )
+
+
+def _seeds_of(store: Store) -> list[int]:
+    """Return the seeds whose samples a store has, one after another."""
+    return list(store.attributes.get("seeds", [store.attributes["seed"]]))
 
 
 def _opened(path: str | os.PathLike[str]) -> Store:
