@@ -21,8 +21,9 @@ from jblast.errors import InputError
 LANES = "lanes"
 """Axis of the mesh along which samples are shared."""
 
-Block = Callable[[PyTree[Array], PyTree[Array]], PyTree[Array]]
-"""From what all blocks share and what is of one block to an answer for each sample."""
+Blocks = Callable[[PyTree[Array], PyTree[Array]], PyTree[Array]]
+"""From what all blocks share and what is of some, by block first, to an answer for each
+sample, by block and by sample."""
 
 
 class Reduce(NamedTuple):
@@ -63,7 +64,7 @@ class Launcher:
 
     def __init__(
         self,
-        block: Block,
+        blocks: Blocks,
         mesh: Mesh,
         capacity: int,
         *,
@@ -75,7 +76,7 @@ class Launcher:
                 f"mesh: expected one axis, along which samples are shared, got "
                 f"{len(mesh.axis_names)}: {', '.join(map(str, mesh.axis_names))}"
             )
-        self._block, self._mesh, self._reduce = block, mesh, reduce
+        self._blocks, self._mesh, self._reduce = blocks, mesh, reduce
         self.group = max(1, min(group, capacity))
         self.capacity = max(self.group, capacity // self.group * self.group)
         self._programs: dict[tuple[int, int], Any] = {}
@@ -201,13 +202,10 @@ class Launcher:
         reduce = self._reduce or Reduce(lambda _: (), lambda _, none, x: (none, x))
 
         def some(n: Array) -> PyTree[Array]:
-            if group == 1:
-                one = self._block(shared, jax.tree.map(lambda x: x[n], each))
-                return jax.tree.map(lambda x: x[None], one)
             these = jax.tree.map(
                 lambda x: jax.lax.dynamic_slice_in_dim(x, n * group, group), each
             )
-            return jax.vmap(lambda one: self._block(shared, one))(these)
+            return self._blocks(shared, these)
 
         def step(n: Array, counts: PyTree[Array]) -> Any:
             # a barrier, so that nothing of what is done with answers goes into them

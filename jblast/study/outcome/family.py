@@ -102,6 +102,7 @@ class Family:
         prepare: Makes it ready for a scene.
         block: The most samples that should be calculated together, a power of two.
         tile: The most of a chunk of the store.
+        together: The most that a GPU takes together.
         options: Keys of [options] that it reads, and what each means.
     """
 
@@ -110,6 +111,7 @@ class Family:
     prepare: Prepare
     block: int = 1024
     tile: int = 1 << 20
+    together: int = 1 << 19
     options: Mapping[str, str] = field(default_factory=dict)
 
 

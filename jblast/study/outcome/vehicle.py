@@ -125,7 +125,20 @@ def _options(options: Mapping[str, Any]) -> Options:
     )
 
 
-register_family(Family("vehicle", 2, prepare, block=64, tile=1024, options=OPTIONS))
+TOGETHER = 1 << 16
+"""Flights whose rows, some 3 GB, a GPU holds at once."""
+
+register_family(
+    Family(
+        "vehicle",
+        2,
+        prepare,
+        block=64,
+        tile=1024,
+        together=TOGETHER,
+        options=OPTIONS,
+    )
+)
 for _name, _units, _words, _yes in (
     ("peak_deviation_m", "m", "greatest path error after the blast", False),
     (

@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Array, Float, Int, Key
 
 from jblast.errors import InputError, nearest
+from jblast.scene import parameter_named
 from jblast.study.engine.variable import NO_ANSWER, Variable
 from jblast.study.file.study import Study
 from jblast.study.outcome.family import Family, Prepared, Setting
@@ -101,6 +102,28 @@ def answers_of(
         answers = part.prepared.batched(part_of(keys, part.family.number), found)
         whole |= {name: _failed_where(good, values) for name, values in answers.items()}
     return whole
+
+
+def input_variables(study: Study) -> tuple[Variable, ...]:
+    """Return the columns of what is drawn, and of what axes set."""
+
+    def number(name: str, role: Any) -> Variable:
+        said = parameter_named(name)
+        return Variable(name, role, said.unit, said.words)
+
+    drawn = [number(name, "input") for name in study.drawn]
+    axes = [number(axis.key, "axis") for axis in study.numbers]
+    words = [
+        Variable(
+            axis.key,
+            "axis",
+            "1",
+            f"{axis.key} of the scene",
+            names=tuple(str(value) for value in axis.values),
+        )
+        for axis in study.words
+    ]
+    return (*drawn, *axes, *words)
 
 
 def outcome_variables(study: Study) -> tuple[Variable, ...]:

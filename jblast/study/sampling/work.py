@@ -9,8 +9,7 @@ import numpy as np
 from jax.sharding import Mesh
 from jaxtyping import Array
 
-from jblast.scene import parameter_named
-from jblast.study.engine.launch import Launcher, Reduce, mesh_of
+from jblast.study.engine.launch import Blocks, Launcher, Reduce, mesh_of
 from jblast.study.engine.numbering import numbered
 from jblast.study.engine.summary.tally import VALID
 from jblast.study.engine.variable import Variable
@@ -18,7 +17,12 @@ from jblast.study.file.study import Study
 from jblast.study.outcome.family import Finish
 from jblast.study.sampling.draws import key_of_study, normal_scores, sample_keys
 from jblast.study.sampling.finishing import by_block, where_they_are
-from jblast.study.sampling.parts import answers_of, outcome_variables, parts_of
+from jblast.study.sampling.parts import (
+    answers_of,
+    input_variables,
+    outcome_variables,
+    parts_of,
+)
 from jblast.study.sampling.points import points_of
 
 LAUNCH = {"cpu": 1 << 15, "gpu": 1 << 20}
@@ -47,7 +51,7 @@ class Work:
         self.mesh = mesh_of() if mesh is None else mesh
         self.kind = "cpu" if self.mesh.devices.flat[0].platform == "cpu" else "gpu"
         self.parts = [parts_of(study, n) for n in range(len(study.variants))]
-        self.variables = (*_inputs(study), *outcome_variables(study))
+        self.variables = (*input_variables(study), *outcome_variables(study))
         families = [part.family for part in self.parts[0]]
         cells = len(study.cells)
         self.numbering = numbered(
@@ -148,11 +152,14 @@ class Work:
         block = self.numbering.block
         at_once = (REDUCED if reduce else LAUNCH)[self.kind]
         blocks = -(-self.numbering.samples // block // self.mesh.size)
+        together = min(
+            GROUP[self.kind], *(part.family.together for part in self.parts[variant])
+        )
         return Launcher(
-            self._block(variant),
+            self._blocks_of(variant),
             self.mesh,
             at_once // block,
-            group=min(GROUP[self.kind] // block, 1 << (blocks - 1).bit_length()),
+            group=min(together // block, 1 << (blocks - 1).bit_length()),
             reduce=reduce,
         )
 
@@ -193,23 +200,35 @@ class Work:
         points = self.points(int(draws[0]), int(draws[-1] - draws[0]) + 1)
         return points[draws - draws[0]]
 
-    def _block(self, variant: int):
-        """Return what calculates a block: pure, of arrays."""
+    def _blocks_of(self, variant: int) -> Blocks:
+        """Return what calculates blocks: pure, of arrays.
+
+        Samples of all of them stand side by side, not block beside block: of flights
+        those that go together ask together whether a blast is near.
+        """
         study, numbering = self.study, self.numbering
 
-        def block(shared: dict[str, Any], each: dict[str, Array]) -> dict[str, Array]:
-            lanes = jnp.arange(numbering.block, dtype=jnp.uint32)
-            keys = sample_keys(
-                jax.random.wrap_key_data(shared["key"]), each["index"] + lanes
-            )
+        def blocks(shared: dict[str, Any], each: dict[str, Array]) -> dict[str, Array]:
+            lanes = np.arange(numbering.block)[None]
+
+            def flat(x: Array) -> Array:
+                return x.reshape(-1, *x.shape[2:])
+
+            index = flat(each["index"][:, None] + lanes.astype(np.uint32))
+            keys = sample_keys(jax.random.wrap_key_data(shared["key"]), index)
             scores = each.get("scores")
             if scores is None:
                 scores = normal_scores(keys, len(study.drawn))
-            cell = (each["cell"] + lanes.astype(jnp.int32)) % numbering.cells
+            else:
+                scores = flat(scores)
+            step = lanes.astype(np.int32)
+            cell = flat((each["cell"][:, None] + step) % numbering.cells)
             found = answers_of(study, variant, keys, scores, shared["table"], cell)
-            return found | {VALID: lanes.astype(jnp.int32) < each["valid"]}
+            shape = each["index"].shape[0], numbering.block
+            whole = {name: x.reshape(*shape, *x.shape[1:]) for name, x in found.items()}
+            return whole | {VALID: step < each["valid"][:, None]}
 
-        return block
+        return blocks
 
     def finished(self, variant: int, answers: Mapping[str, np.ndarray]) -> Columns:
         """Finish what only runs from Python, and keep the columns."""
@@ -221,28 +240,6 @@ class Work:
     def _finishes(self, variant: int) -> list[Finish]:
         parts = (part.prepared.finish for part in self.parts[variant])
         return [finish for finish in parts if finish is not None]
-
-
-def _inputs(study: Study) -> tuple[Variable, ...]:
-    """Return the columns of what is drawn, and of what axes set."""
-
-    def number(name: str, role: Any) -> Variable:
-        said = parameter_named(name)
-        return Variable(name, role, said.unit, said.words)
-
-    drawn = [number(name, "input") for name in study.drawn]
-    axes = [number(axis.key, "axis") for axis in study.numbers]
-    words = [
-        Variable(
-            axis.key,
-            "axis",
-            "1",
-            f"{axis.key} of the scene",
-            names=tuple(str(value) for value in axis.values),
-        )
-        for axis in study.words
-    ]
-    return (*drawn, *axes, *words)
 
 
 def _tile_samples(variables: tuple[Variable, ...]) -> int:
