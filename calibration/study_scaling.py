@@ -4,7 +4,11 @@ python -m calibration.study_scaling
 
 - Start: from the command until the first tile is written, the second time.
 - Workers that calculate: a study of arrivals and pressures at 16 sensors,
-  `keep = "summary"`, by this process alone on one core, by one worker, by two.
+  `keep = "summary"`, by this process alone on one core, by this process on all cores,
+  and by workers that share all cores. Each is run for half of its samples and for all
+  of them: the difference is what the second half takes, so that neither the start nor
+  what each process compiles counts. Dask's loss is held against this process on the
+  same cores.
 - Simulated workers: as many processes, whose tiles are a second of sleep: what is lost
   is what Dask takes to hand tiles out and to hear of them.
 - Cost model: samples x seconds a sample of one core / (workers x efficiency), the
@@ -23,6 +27,7 @@ EACH = 5
 """Tiles of a simulated worker."""
 TILE_S = 1.0
 SAMPLES = 1 << 23
+"""Of each core."""
 RUN = "import sys; from jblast.cli.main import main; sys.exit(main())"
 KEPT = Path(__file__).parent / "results" / "study_scaling.txt"
 
@@ -71,26 +76,41 @@ def written(folder: Path, samples: int) -> None:
 
 
 def workers_lines() -> tuple[list[str], float]:
-    """Measure workers that calculate; return seconds a sample of one core, too.
-
-    What a run takes whatever its size is taken off: a run of one tile.
-    """
+    """Measure workers that calculate; return seconds a sample of one core, too."""
+    cores = os.cpu_count() or 1
+    counts = [n for n in (1, 2, 4, 8, 16) if n <= cores]
     with tempfile.TemporaryDirectory() as name:
-        folder, found = Path(name), {}
-        written(folder, SAMPLES)
+        folder = Path(name)
+        written(folder, cores * SAMPLES)
         command(folder, "first", "--limit", "1")
         start = command(folder, "second", "--limit", "1")
-        ways = {
-            "this process, one core": ("--devices", "1"),
-            "one worker": ("--workers", "1"),
-            "two workers": ("--workers", "2"),
+
+        def rate(name: str, samples: int, *more: str) -> float:
+            """Return samples a second of the second half."""
+            half, whole = (
+                command(folder, f"{name} {limit}", *more, "--limit", str(limit))
+                for limit in (samples // 2, samples)
+            )
+            return samples / 2 / (whole - half)
+
+        one = rate("one core", SAMPLES, "--devices", "1")
+        here = rate("all cores", cores * SAMPLES)
+        shared = {
+            n: rate(f"{n} workers", cores * SAMPLES, "--workers", str(n))
+            for n in counts
         }
-        for way, more in ways.items():
-            once = command(folder, f"{way} once", *more, "--limit", "1")
-            found[way] = command(folder, way, *more) - once
-    lines = [f"start to first tile, warm: {start:.1f} s", ""]
-    lines += [f"  {way:26}{took:8.2f} s" for way, took in found.items()]
-    return lines, found["this process, one core"] / SAMPLES
+    lines = [
+        f"start to first tile, warm: {start:.1f} s",
+        "",
+        "workers that calculate, samples a second of the second half of a study",
+        f"  this process, one core          {one:12,.0f}",
+        f"  this process, {cores:2} cores          {here:12,.0f}"
+        f"   ({here / one / cores:.0%} of {cores} times one core)",
+    ]
+    for n, each in shared.items():
+        said = f"{n} workers of {cores // n} cores"
+        lines.append(f"  {said:32}{each:12,.0f}   (Dask's loss {1 - each / here:6.1%})")
+    return lines, 1 / one
 
 
 def main() -> None:
