@@ -92,7 +92,10 @@ def weighing(columns: StudyColumns) -> tuple[list[str], Figure]:
     """Tell how well each layout weighs, by fits and by the bound."""
     layouts, masses = columns.word_axes[0], columns.numeric_axes[0]
     rows = [
-        ("layout", "mass [kg]", "rms error", "interval", "bound", "inside [%]", "n")
+        (
+            *("layout", "mass [kg]", "rms error", "interval", "bound"),
+            *("inside [%]", "n", "far"),
+        )
     ]
     figure = new_figure(7.0, 4.2)
     axes = figure.subplots()
@@ -115,6 +118,7 @@ def weighing(columns: StudyColumns) -> tuple[list[str], Figure]:
                     *(layout.removeprefix("weighing_"), f"{mass:.3g}", f"{rms:.4f}"),
                     *(f"{width:.4f}", f"{bound:.4f}", f"{100 * inside['share']:.1f}"),
                     f"{known.size:,}",
+                    f"{np.sum(np.abs(known) > 4 * bound)}",
                 )
             )
         rms, width, bound = np.array(curves).T
@@ -136,7 +140,7 @@ def weighing(columns: StudyColumns) -> tuple[list[str], Figure]:
     axes.set_ylabel("standard deviation of ln mass")
     axes.legend(fontsize=8, frameon=False)
     head = "standard deviation of ln mass; interval: half the 90 % interval / 1.645"
-    return [head, *aligned(rows, right=(1, 2, 3, 4, 5, 6))], figure
+    return [head, *aligned(rows, right=(1, 2, 3, 4, 5, 6, 7))], figure
 
 
 def contours(

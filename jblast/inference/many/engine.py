@@ -101,7 +101,9 @@ class Engine:
         self.compiled: dict[Any, CompiledLoop] = {}
         self.reference_sets: dict[Any, ReferenceSet] = {}
 
-    def fit(self, values, sigma, *, starts, tries: int, seed: int) -> ManyFits:
+    def fit(
+        self, values, sigma, *, starts, tries: int, seed: int, again_z: float
+    ) -> ManyFits:
         """Fit logs; see `fit_many`."""
         rows = self.rows
         values, sigma = checked(rows.layout, values, sigma)
@@ -119,7 +121,8 @@ class Engine:
         z = where.first(readings.measured)
         y = None if z is None else with_effects(rows, z)
         best = self._ended(compiled, y, readings)
-        best = self._again(compiled, where, best, readings, range(1, tries), None)
+        left = range(1, tries)
+        best = self._again(compiled, where, best, readings, left, again_z, None)
         z, covariance, numbers, cost, misfit = self.fitted_values(best, readings.bad)
         return ManyFits(
             names=rows.parameters.names,
@@ -188,12 +191,13 @@ class Engine:
         best: LaneResults,
         readings: Readings,
         tries: range,
+        again_z: float,
         logs: np.ndarray | None,
     ) -> LaneResults:
         """Start again where a result is doubtful; the lowest of each log counts."""
         if not tries:
             return best
-        lanes = lanes_where(self.doubtful(best, readings.bad))
+        lanes = lanes_where(self.doubtful(best, readings.bad, again_z))
         if lanes.size == 0:
             return best
         logs = lanes if logs is None else logs[lanes]
@@ -205,7 +209,7 @@ class Engine:
         results = self._ended(compiled, y, gather_lanes(readings, np.tile(lanes, now)))
         for one in np.split(np.arange(now * lanes.size), now):
             few = better(few, gather_lanes(results, one))
-        few = self._again(compiled, where, few, some, tries[now:], logs)
+        few = self._again(compiled, where, few, some, tries[now:], again_z, logs)
         return scatter_lanes(best, few, lanes)
 
     def _compiled(self, sigma) -> CompiledLoop:

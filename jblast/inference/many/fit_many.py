@@ -5,6 +5,7 @@ from collections.abc import Mapping
 import numpy as np
 from jaxtyping import Array, Float
 
+from jblast.inference.many.lanes import COST_Z_MAX
 from jblast.inference.many.many_fits import ManyFits
 from jblast.scene import UncertainScene
 from jblast.sensors import Layout
@@ -23,6 +24,7 @@ def fit_many(
     tries: int = 4,
     seed: int = 0,
     devices: int | None = None,
+    again_z: float = COST_Z_MAX,
 ) -> ManyFits:
     r"""Fit many logs of one layout.
 
@@ -50,10 +52,11 @@ def fit_many(
             does not apply, and for tries after the first, the nearest of draws of the
             prior, by the readings (`many.starts.nearest_prior_draw`).
         tries: How often a log may start again whose end is no optimum, or has a cost
-            that readings would hardly have (`many.lanes.COST_Z_MAX`); the lowest cost
-            counts.
+            that readings would hardly have; the lowest cost counts.
         seed: Of the reference set.
         devices: 1: on the default device alone; None: on all there are.
+        again_z: By how many standard deviations a cost is above its mean where a log
+            starts again: less finds more of those that ended in another optimum.
 
     Returns:
         Estimates and standard deviations of each log, whether it converged, and what
@@ -71,4 +74,11 @@ def fit_many(
     from jblast.inference.many.engine import engine_for
 
     engine = engine_for(uncertain, layout, laws, noise, devices)
-    return engine.fit(values, relative_sigma, starts=starts, tries=tries, seed=seed)
+    return engine.fit(
+        values,
+        relative_sigma,
+        starts=starts,
+        tries=tries,
+        seed=seed,
+        again_z=again_z,
+    )

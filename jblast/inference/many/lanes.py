@@ -62,11 +62,23 @@ class LaneResults(NamedTuple):
 
 
 def doubtful(
-    noise: Noise, rows: int, results: LaneResults, bad: Bool[Array, " lane"]
+    noise: Noise,
+    rows: int,
+    results: LaneResults,
+    bad: Bool[Array, " lane"],
+    most_z: float = COST_Z_MAX,
 ) -> Bool[Array, " lane"]:
-    """Return which results may not be the best there are."""
+    """Return which results may not be the best there are.
+
+    Args:
+        noise: Of the readings.
+        rows: How many readings a log has.
+        results: Of the logs.
+        bad: Which could not be read.
+        most_z: By how many standard deviations a cost may be above its mean.
+    """
     mean, sd = COST[noise]
-    likely = results.misfit <= rows * mean + COST_Z_MAX * sd * np.sqrt(rows)
+    likely = results.misfit <= rows * mean + most_z * sd * np.sqrt(rows)
     return ~(bad | (results.converged & likely))
 
 
