@@ -66,7 +66,7 @@ def doubtful(
     rows: int,
     results: LaneResults,
     bad: Bool[Array, " lane"],
-    most_z: float = COST_Z_MAX,
+    most_z: float | Float[Array, ""] = COST_Z_MAX,
 ) -> Bool[Array, " lane"]:
     """Return which results may not be the best there are.
 
