@@ -1,19 +1,21 @@
 """Blocks of samples through one compiled program, on all devices of a mesh.
 
 A device goes through its blocks one by one; how many there are is a number of the
-program, not part of it. So the instructions that a block meets are the same in a tile
-of any size, on any number of devices: the same numbers come out, bit for bit, on one
-kind of processor.
+program, not part of it. Each device runs a program of its own device alone: XLA writes
+one that several share otherwise, of flights at half of the speed. So the instructions
+that a block meets are the same in a tile of any size, on any number of devices: the
+same numbers come out, bit for bit, on one kind of processor.
 """
 
 import warnings
 from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax.sharding import AxisType, Mesh, NamedSharding, PartitionSpec
+from jax.sharding import AxisType, Mesh
 from jaxtyping import Array, Int, PyTree
 
 from jblast.errors import InputError
@@ -24,6 +26,10 @@ LANES = "lanes"
 Blocks = Callable[[PyTree[Array], PyTree[Array]], PyTree[Array]]
 """From what all blocks share and what is of some, by block first, to an answer for each
 sample, by block and by sample."""
+
+
+Launched = tuple[PyTree[Array], int, PyTree[Array]]
+"""Of a device: answers of blocks, how many of them there are, and their counts."""
 
 
 class Reduce(NamedTuple):
@@ -100,12 +106,13 @@ class Launcher:
     ) -> tuple[PyTree[np.ndarray], PyTree[np.ndarray]]:
         """Return what is kept of each block, and the counts of all; likewise."""
         parts, counts = [], None
-        for answers, own, counted in self._launches(shared, each):
-            parts.append(_gathered(answers, own))
-            totals = jax.tree.map(lambda x: np.asarray(x).sum(axis=0), counted)
-            if counts is not None:
-                totals = jax.tree.map(np.add, counts, totals)
-            counts = totals
+        for launched in self._launches(shared, each):
+            for answers, own, counted in launched:
+                parts.append(_gathered(answers, own))
+                totals = jax.tree.map(np.asarray, counted)
+                if counts is not None:
+                    totals = jax.tree.map(np.add, counts, totals)
+                counts = totals
         return jax.tree.map(lambda *x: np.concatenate(x), *parts), counts
 
     def pieces(
@@ -113,18 +120,15 @@ class Launcher:
     ) -> list[PyTree[Array]]:
         """Return the answers of blocks, in their order, each piece on one device."""
         return [
-            jax.tree.map(
-                lambda x, d=d, n=n: x.addressable_shards[d].data[0, :n], answers
-            )
-            for answers, own, _ in self._launches(shared, each)
-            for d, n in enumerate(own)
-            if n
+            jax.tree.map(lambda x, n=own: x[:n], answers)
+            for launched in self._launches(shared, each)
+            for answers, own, _ in launched
         ]
 
     def _launches(
         self, shared: PyTree[Array], each: PyTree[np.ndarray]
-    ) -> Iterator[tuple[PyTree[Array], np.ndarray, PyTree[Array]]]:
-        """Run all blocks; give answers, how many each device has, and its counts."""
+    ) -> Iterator[list[Launched]]:
+        """Run all blocks; give what each device made of its own, in their order."""
         count, done = jax.tree.leaves(each)[0].shape[0], 0
         while done < count:
             begun = self.capacity * self._mesh.size
@@ -155,49 +159,41 @@ class Launcher:
 
     def _launch(
         self, shared: PyTree[Array], each: PyTree[np.ndarray]
-    ) -> tuple[PyTree[Array], np.ndarray, PyTree[Array]]:
+    ) -> list[Launched]:
         """Run at most as many blocks as the devices take at once, to the end."""
-        devices, capacity = self._mesh.size, self.capacity
+        devices, capacity = list(self._mesh.devices.flat), self.capacity
         count = jax.tree.leaves(each)[0].shape[0]
-        share = -(-count // devices)
-        counts = np.clip(count - share * np.arange(devices), 0, share)
+        share = -(-count // len(devices))
+        program = self._program(capacity)
 
-        def spread(x: np.ndarray) -> np.ndarray:
-            """Give each device a row, filled up to what it takes."""
-            x = np.pad(x, [(0, share * devices - count)] + [(0, 0)] * (x.ndim - 1))
-            x = x.reshape(devices, share, *x.shape[1:])
-            return np.pad(x, [(0, 0), (0, capacity - share)] + [(0, 0)] * (x.ndim - 2))
+        def one(begin: int) -> Launched:
+            own = min(share, count - begin)
 
-        along = NamedSharding(self._mesh, PartitionSpec(self._mesh.axis_names[0]))
-        inputs = jax.device_put(
-            (counts.astype(np.int32), jax.tree.map(spread, each)), along
-        )
-        shared = jax.device_put(shared, NamedSharding(self._mesh, PartitionSpec()))
-        answers, counted = self._program(capacity)(shared, *inputs)
+            def filled(x: np.ndarray) -> np.ndarray:
+                """Fill a device's part up to what it takes."""
+                x = x[begin : begin + own]
+                return np.pad(x, [(0, capacity - own)] + [(0, 0)] * (x.ndim - 1))
 
-        # here memory may turn out to be too small, and not where they are looked at
-        return jax.block_until_ready(answers), counts, counted
+            given = shared, np.int32(own), jax.tree.map(filled, each)
+            given = jax.device_put(given, devices[begin // share])
+            # here memory may turn out to be too small, and not where they are looked at
+            answers, counted = jax.block_until_ready(program(*given))
+            return answers, own, counted
 
-    def _program(self, capacity: int) -> Callable[..., PyTree[Array]]:
-        """Return the compiled program for so many blocks a device."""
+        with ThreadPoolExecutor(len(devices)) as pool:
+            return list(pool.map(one, range(0, count, share)))
+
+    def _program(self, capacity: int) -> Callable[..., Any]:
+        """Return the program for so many blocks of a device; each compiles its own."""
         which = capacity, self.group
         if which not in self._programs:
-            axis = PartitionSpec(self._mesh.axis_names[0])
-            spread = jax.shard_map(
-                self._here,
-                mesh=self._mesh,
-                in_specs=(PartitionSpec(), axis, axis),
-                out_specs=axis,
-                check_vma=False,
-            )
-            self._programs[which] = jax.jit(spread)
+            self._programs[which] = jax.jit(self._here)
         return self._programs[which]
 
     def _here(
-        self, shared: PyTree[Array], count: Int[Array, "1"], each: PyTree[Array]
-    ) -> PyTree[Array]:
+        self, shared: PyTree[Array], count: Int[Array, ""], each: PyTree[Array]
+    ) -> tuple[PyTree[Array], PyTree[Array]]:
         """Go through the blocks of one device."""
-        each = jax.tree.map(lambda x: x[0], each)
         capacity, group = jax.tree.leaves(each)[0].shape[0], self.group
         reduce = self._reduce or Reduce(lambda _: (), lambda _, none, x: (none, x))
 
@@ -229,24 +225,21 @@ class Launcher:
             )
             return counts, filled
 
-        last = -(-count[0] // group)
+        last = -(-count // group)
         counts, filled = jax.lax.fori_loop(0, last, body, (none, empty))
-        return jax.tree.map(lambda x: x[None], (filled, counts))
+        return filled, counts
 
 
-def _gathered(answers: PyTree[Array], counts: np.ndarray) -> PyTree[np.ndarray]:
-    """Copy to the host what devices have: of a GPU no more than there is."""
+def _gathered(answers: PyTree[Array], count: int) -> PyTree[np.ndarray]:
+    """Copy to the host what a device has: of a GPU no more than there is."""
 
-    def part(x: Array, count: int) -> Any:
+    def part(x: Array) -> np.ndarray:
         (device,) = x.devices()
         # a slice of an array of JAX is a program of its own for each size
-        return np.asarray(x)[0, :count] if device.platform == "cpu" else x[0, :count]
+        here = device.platform == "cpu"
+        return np.asarray(x)[:count] if here else np.asarray(x[:count])
 
-    def whole(x: Array) -> np.ndarray:
-        there = [(x.addressable_shards[d].data, n) for d, n in enumerate(counts)]
-        return np.concatenate([np.asarray(part(own, int(n))) for own, n in there if n])
-
-    return jax.tree.map(whole, answers)
+    return jax.tree.map(part, answers)
 
 
 def out_of_memory(error: Exception) -> bool:

@@ -209,19 +209,19 @@ class Work:
         study, numbering = self.study, self.numbering
 
         def blocks(shared: dict[str, Any], each: dict[str, Array]) -> dict[str, Array]:
-            lanes = np.arange(numbering.block)[None]
+            lanes = jnp.arange(numbering.block)[None]
 
             def flat(x: Array) -> Array:
                 return x.reshape(-1, *x.shape[2:])
 
-            index = flat(each["index"][:, None] + lanes.astype(np.uint32))
+            index = flat(each["index"][:, None] + lanes.astype(jnp.uint32))
             keys = sample_keys(jax.random.wrap_key_data(shared["key"]), index)
             scores = each.get("scores")
             if scores is None:
                 scores = normal_scores(keys, len(study.drawn))
             else:
                 scores = flat(scores)
-            step = lanes.astype(np.int32)
+            step = lanes.astype(jnp.int32)
             cell = flat((each["cell"][:, None] + step) % numbering.cells)
             found = answers_of(study, variant, keys, scores, shared["table"], cell)
             shape = each["index"].shape[0], numbering.block
