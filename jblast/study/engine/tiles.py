@@ -4,9 +4,10 @@ While the devices are at one tile the one before is written by a thread of its o
 """
 
 import contextlib
+import itertools
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
-from typing import Protocol, runtime_checkable
+from typing import Protocol, TypeVar, runtime_checkable
 
 import numpy as np
 
@@ -16,6 +17,7 @@ from jblast.study.engine.store import Store
 from jblast.study.engine.variable import Variable
 
 Columns = Mapping[str, np.ndarray]
+T = TypeVar("T")
 
 
 @runtime_checkable
@@ -60,6 +62,23 @@ def calculated(source: Source, tiles: Iterable[int]) -> Iterator[tuple[int, Colu
             found = coming.pop().result()
             coming += [pool.submit(source.several, b) for b in batches[n + 1 : n + 2]]
             yield from zip(batch, found, strict=True)
+
+
+def ahead(
+    calculate: Callable[[int], T], tiles: Iterable[int], most: int
+) -> Iterator[tuple[int, T]]:
+    """Calculate tiles, so many at a time, and give them in their order.
+
+    While the devices are at one the host is at another. Who stops waits for those that
+    are begun.
+    """
+    with ThreadPoolExecutor(most) as pool:
+        left = iter(tiles)
+        begun = [(n, pool.submit(calculate, n)) for n in itertools.islice(left, most)]
+        while begun:
+            tile, coming = begun.pop(0)
+            yield tile, coming.result()
+            begun += [(n, pool.submit(calculate, n)) for n in itertools.islice(left, 1)]
 
 
 class Writer(contextlib.AbstractContextManager["Writer"]):

@@ -25,8 +25,8 @@ MOST_TILES = 256
 """Parts that a study is cut into, whatever its size."""
 PART = 1 << 25
 """Samples whose blocks are summed at once; parts are merged in their order."""
-AHEAD = 2
-"""Parts that devices and host are at together."""
+AHEAD = 4
+"""Parts, or tiles, that devices and host are at together."""
 PILOT = 16
 """Samples of each cell that tell what its numbers are counted from."""
 ANCHOR_SEED = 0
@@ -72,6 +72,11 @@ class Reduced:
         """How many tiles there are."""
         return -(-self.work.numbering.samples // self.tile)
 
+    @property
+    def ahead(self) -> int:
+        """How many tiles are worth calculating at a time."""
+        return AHEAD if self._on_device else 1
+
     def samples_of(self, tile: int) -> int:
         """Return how many samples a tile has."""
         return min(self.tile, self.work.numbering.samples - tile * self.tile)
@@ -85,7 +90,7 @@ class Reduced:
         step = PART if self._on_device else one * self.work.at_once
         reduce = self._device if self._on_device else self._host
         parts = [(at, min(at + step, end)) for at in range(begin, end, step)]
-        with ThreadPoolExecutor(AHEAD if self._on_device else 1) as pool:
+        with ThreadPoolExecutor(self.ahead) as pool:
             for own in pool.map(lambda part: reduce(*part), parts):
                 whole = merged_states(self.work.variables, whole, own)
         return whole

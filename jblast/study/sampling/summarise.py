@@ -9,6 +9,7 @@ from jblast.study.engine.estimates import Estimates, Moments
 from jblast.study.engine.store import Store
 from jblast.study.engine.summary.states import State, merged_states, outcomes_of
 from jblast.study.engine.summary.store import SummaryStore
+from jblast.study.engine.tiles import ahead
 from jblast.study.engine.variable import Variable
 from jblast.study.file.study import Keep
 from jblast.study.sampling.ran import Ran, Tiles, telling
@@ -64,10 +65,14 @@ def summarised(work: Work, store: Store, limit: int | None, tiles: Tiles | None)
         missing = missing[: -(-left // reduced.tile)]
     new, reached = 0, run.reached
     if not reached:
-        for tile in tiles(missing, summary=True) if tiles else missing:
-            number = tile if isinstance(tile, int) else tile[0]
-            if tiles is None:
-                summary.write(number, reduced.states(number))
+
+        def written(tile: int) -> None:
+            summary.write(tile, reduced.states(tile))
+
+        # whoever may stop at a target begins nothing that lies beyond
+        most = 1 if work.study.sd_target else reduced.ahead
+        here = ahead(written, missing, most)
+        for number, _ in tiles(missing, summary=True) if tiles else here:
             new += reduced.samples_of(number)
             run.take({number})
             if run.reached:

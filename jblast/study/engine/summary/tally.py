@@ -106,7 +106,7 @@ def states_of(
             whole = kept[v.name].sum(axis=0, dtype=np.int64)
             found[v.name] = share_from(*(x.reshape(shape) for x in whole.T))
             continue
-        parts = kept[v.name].astype(float)
+        parts = np.asarray(kept[v.name], float)
         low, high = parts[..., 5].min(axis=0), parts[..., 6].max(axis=0)
         finite, infinite, lost, off, square = np.moveaxis(parts.sum(axis=0), -1, 0)[:5]
         shift = anchors[v.name].shift.reshape(-1)
