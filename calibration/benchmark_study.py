@@ -73,7 +73,7 @@ from jblast.vehicle import (
 RESULTS = Path(__file__).parent / "results"
 AIR_TILES = {"cpu": 1 << 21, "gpu": 1 << 28}
 """Samples of a tile at 16 sensors: about a second, or two."""
-FLOWN = {"cpu": 1 << 9, "gpu": 1 << 16}
+FLOWN = {"cpu": 1 << 7, "gpu": 1 << 16}
 FITTED = {"cpu": 1 << 16, "gpu": 1 << 22}
 LOGS = {"cpu": 1 << 16, "gpu": 1 << 23}
 PIECES = {"cpu": (1 << 13, 1 << 14), "gpu": (1 << 18, 1 << 19, 1 << 20)}
