@@ -72,7 +72,10 @@ def height_of(
 def blast_overpressure(
     load: BlastLoad, time_s: Float[Array, ""], position_m: Float[Array, "3"]
 ) -> Float[Array, ""]:
-    """Return the overpressure of blasts at a time and place [Pa]; they add up."""
+    """Return the overpressure of blasts at a time and place [Pa]; they add up.
+
+    Those that come by way of the ground too.
+    """
 
     def of(blast: Blast) -> Float[Array, ""]:
         happened = blast.by(time_s)
@@ -81,7 +84,7 @@ def blast_overpressure(
         wave = load.wave_of(blast, position_m)
         return overpressure(wave, time_s - happened.time_s - travel)
 
-    return load.pressure_pa * sum(over_alike(of, load.blasts), jnp.zeros_like(time_s))
+    return load.pressure_pa * sum(over_alike(of, load.waves), jnp.zeros_like(time_s))
 
 
 def lagging(

@@ -101,7 +101,7 @@ class Sender:
                 *jnp.moveaxis(wind.velocity_m_s, -1, 0), *other
             )
             air.wind.rows = self.columns(jnp.stack(numbers, -1))
-        pairs = [(load, b) for load in map(own, flight.loads) for b in load.blasts]
+        pairs = [(load, b) for load in map(own, flight.loads) for b in load.waves]
         air.blasts.count = len(pairs)
         if not pairs:
             return air

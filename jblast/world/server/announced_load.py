@@ -11,6 +11,7 @@ import jax.numpy as jnp
 
 from jblast.errors import InputError
 from jblast.vehicle import BlastLoad
+from jblast.vehicle.loads.blast.from_scene import images_of
 from jblast.vehicle.loads.blast.passage import Blast
 from jblast.world.server.payload import Announcement
 
@@ -56,7 +57,11 @@ def announced_load(
         )
         blasts += [never] * (room - len(of_burst))
     return BlastLoad(
-        tuple(blasts), pressure_pa, sound_speed_m_s, jnp.asarray(wind_m_s, float)
+        tuple(blasts),
+        pressure_pa,
+        sound_speed_m_s,
+        jnp.asarray(wind_m_s, float),
+        images=images_of(blasts),
     )
 
 

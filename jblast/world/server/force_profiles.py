@@ -16,7 +16,7 @@ from jaxtyping import Array, Float
 from jblast.constants import FLIGHT_GRAVITY
 from jblast.kept_programs import kept
 from jblast.vehicle import BlastLoad, State, Vehicle, rotor_speeds
-from jblast.vehicle.loads.blast.passage import crossing_time
+from jblast.vehicle.loads.blast.passage import Blast, crossing_time
 from jblast.world.server.entity import Motion
 from jblast.world.server.payload import ForceProfile
 
@@ -47,9 +47,9 @@ def force_profile(load: BlastLoad, vehicle: Vehicle, state: State) -> ForceProfi
         vehicle: The vehicle.
         state: As the front comes.
     """
-    came, crossing, lasts = (float(x) for x in _passing(load, vehicle, state))
-    first = math.floor((came - crossing) * STEPS_HZ)
-    last = math.ceil((came + crossing + 1.05 * lasts) * STEPS_HZ) + 1
+    begins, ends = (float(x) for x in _passing(load, vehicle, state))
+    first = math.floor(begins * STEPS_HZ)
+    last = math.ceil(ends * STEPS_HZ) + 1
     steps = min(last - first, MOST_STEPS)
     size = max(2 ** math.ceil(math.log2(steps)), 256)
     edges = np.arange(first, first + size + 1) / STEPS_HZ
@@ -62,16 +62,22 @@ def force_profile(load: BlastLoad, vehicle: Vehicle, state: State) -> ForceProfi
 @kept
 def _passing(
     load: BlastLoad, vehicle: Vehicle, state: State
-) -> tuple[Float[Array, ""], Float[Array, ""], Float[Array, ""]]:
-    """Return when a front comes, how long it takes across, how long the wave lasts."""
-    (blast,) = load.blasts
-    wave = load.wave_of(blast, state.position_m)
+) -> tuple[Float[Array, ""], Float[Array, ""]]:
+    """Return when a blast begins to push, and when it has, by way of the ground too."""
     assert vehicle.body is not None, "models have one"
-    return (
-        load.arrival_time_s(state.position_m)[0],
-        crossing_time(vehicle.body, wave),
-        wave.duration_s + wave.suction_s,
-    )
+    body = vehicle.body
+
+    def times(blast: Blast) -> tuple[Float[Array, ""], Float[Array, ""]]:
+        wave, never = load.wave_of(blast, state.position_m), blast.never
+        happened = blast.by(jnp.zeros_like(blast.time_s))
+        travel = happened.travel_time_s(load.surroundings(), state.position_m)
+        came, crossing = happened.time_s + travel, crossing_time(body, wave)
+        over = came + crossing + 1.05 * (wave.duration_s + wave.suction_s)
+        begins = jnp.where(never, jnp.inf, came - crossing)
+        return begins, jnp.where(never, -jnp.inf, over)
+
+    begins, ends = (jnp.stack(x) for x in zip(*map(times, load.waves), strict=True))
+    return jnp.min(begins), jnp.max(ends)
 
 
 @kept

@@ -1,8 +1,10 @@
 """The loads of a scene's blasts."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import jax.numpy as jnp
+import numpy as np
 from jax.core import Tracer
 from jaxtyping import Array, Bool
 
@@ -16,7 +18,12 @@ from jblast.waves.propagation.ambient import ambient, sound_speed_of
 
 
 def blast_load(
-    scene: Scene, *, drag: bool = True, front: bool = True, rotors: bool = True
+    scene: Scene,
+    *,
+    drag: bool = True,
+    front: bool = True,
+    rotors: bool = True,
+    reflection: bool = True,
 ) -> BlastLoad:
     """Return the loads of a scene's blasts.
 
@@ -28,21 +35,47 @@ def blast_load(
         drag: Whether the blast wind drags the body.
         front: Whether the front pushes it as it crosses.
         rotors: Whether the rotors feel the blast wind.
+        reflection: Whether waves of free air come by way of the ground too.
 
     Raises:
         InputError: A charge has a range of its own: then it has no place. Or one above
             the ground does not say its burst, and the scene has no vehicle.
     """
     air = scene.air
+    blasts = tuple(_blast(charge, scene) for charge in scene.charges)
     return BlastLoad(
-        blasts=tuple(_blast(charge, scene) for charge in scene.charges),
+        blasts=blasts,
         pressure_pa=ambient(air)[1],
         sound_speed_m_s=sound_speed_of(air),
         wind_m_s=jnp.stack([air.wind_east, air.wind_north, 0 * air.wind_east]),
         drag=drag,
         front=front,
         rotors=rotors,
+        images=images_of([b for b in blasts if _may_be_above(b)]) if reflection else (),
     )
+
+
+def images_of(blasts: Sequence[Blast]) -> tuple[Blast, ...]:
+    """Return the images in the ground, at up = 0, of bursts in free air.
+
+    Args:
+        blasts: Charges; the image of one that is not above the ground never happens.
+    """
+    found = []
+    for blast in blasts:
+        if blast.burst != "free-air":
+            continue
+        up = blast.position_m[..., 2]
+        mirrored = blast.position_m * jnp.array([1.0, 1.0, -1.0], up.dtype)
+        time = jnp.where(up > 0, blast.time_s, jnp.inf)
+        found.append(replace(blast, position_m=mirrored, time_s=time))
+    return tuple(found)
+
+
+def _may_be_above(blast: Blast) -> bool:
+    """Return whether a charge is above the ground, or nobody knows yet."""
+    up = blast.position_m[..., 2]
+    return isinstance(up, Tracer) or bool(np.any(np.asarray(up) > 0))
 
 
 def free_air_at(scene: Scene, charge: Charge, place: Array) -> Bool[Array, " place"]:

@@ -13,8 +13,14 @@ The time since arrival is that at the vehicle's own place, which within a step m
 with the velocity and acceleration of its beginning; what it meets is the wave there.
 Blasts that overlap add up, as if drag were linear.
 
-Nothing is reflected but by the ground under a surface burst: no wave comes back from
-the ground to a vehicle in the air, and the vehicle does not turn the front.
+Of a burst in free air the ground sends a second wave, from the image of the charge as
+far below it: the wave of free air at that distance, later, weaker, and pushing upwards;
+on the ground both come at once and the pressure is doubled (the rigid wall of
+acoustics, as for a microphone in `sensors.heard`). It is a blast as any other, so what
+a step gives of it is whole. Strong fronts are reflected more strongly: at the ground,
+head on, by $1 + 3x/(7 + x)$ (Rankine and Hugoniot), 1.04 at 10 kPa, 1.38 at 100. A
+burst whose reflection comes within the positive phase, as in the Mach stem's region,
+has the surface curves and one front. The vehicle does not turn the front.
 """
 
 import functools
@@ -69,6 +75,8 @@ class BlastLoad(eqx.Module):
         drag: Whether the blast wind drags the body.
         front: Whether the front pushes it as it crosses.
         rotors: Whether the rotors feel the blast wind.
+        images: Whose waves come by way of the ground; those of charges not above it
+            never happen.
     """
 
     blasts: tuple[Blast, ...]
@@ -78,6 +86,12 @@ class BlastLoad(eqx.Module):
     drag: bool = eqx.field(static=True, default=True)
     front: bool = eqx.field(static=True, default=True)
     rotors: bool = eqx.field(static=True, default=True)
+    images: tuple[Blast, ...] = ()
+
+    @property
+    def waves(self) -> tuple[Blast, ...]:
+        """Of the charges, and by way of the ground."""
+        return (*self.blasts, *self.images)
 
     def impulse(
         self,
@@ -141,7 +155,7 @@ class BlastLoad(eqx.Module):
             return _only(happens, gained), _only(happens, turned_by)
 
         impulse = angular_impulse = three(jnp.zeros_like(state.position_m))
-        for gained, turned_by in over_alike(of, self.blasts):
+        for gained, turned_by in over_alike(of, self.waves):
             impulse = add(impulse, gained)
             angular_impulse = add(angular_impulse, turned_by)
         return jnp.stack(impulse), jnp.stack(angular_impulse)
@@ -177,12 +191,12 @@ class BlastLoad(eqx.Module):
             return jnp.where(happens, start_s + jnp.where(over, slow, wait), jnp.inf)
 
         never = jnp.asarray(jnp.inf, start_s.dtype)
-        return functools.reduce(jnp.minimum, over_alike(until, self.blasts), never)
+        return functools.reduce(jnp.minimum, over_alike(until, self.waves), never)
 
     def arrival_time_s(
         self, position_m: Float[Array, "... 3"]
     ) -> Float[Array, "... blast"]:
-        """Return when the fronts come to places [s]; infinite: never."""
+        """Return when the fronts come to places, straight [s]; infinite: never."""
 
         def front(blast: Blast) -> Float[Array, "..."]:
             happened = blast.by(jnp.zeros_like(blast.time_s))
