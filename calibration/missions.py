@@ -122,7 +122,7 @@ def flown(mission: Mission, model: str, step: float) -> tuple[Trajectory, Told]:
         control=control,
         ground_up_m=0.0,
     )
-    return flight, replay(control.guidance, flight, jnp.asarray(step))
+    return flight, replay(control.guidance, flight.states, jnp.asarray(step))
 
 
 def charges(passed: list) -> list[Charge]:

@@ -1,7 +1,7 @@
 """What a mission's guidance did, told again from the rows of its flight.
 
-The controller's memory is not stored; but it follows from the states it was asked at,
-and these are the rows where a row is stored each time that it is asked.
+The controller's memory is not stored; but it follows from the states it was shown, and
+these are the rows (or their estimate) where a row is stored each time that it is asked.
 """
 
 from typing import NamedTuple
@@ -11,7 +11,7 @@ from jaxtyping import Array, Float, Int
 
 from jblast.kept_programs import kept
 from jblast.missions.guidance import Guidance, Progress
-from jblast.vehicle import State, Trajectory
+from jblast.vehicle import State
 
 
 class Told(NamedTuple):
@@ -29,14 +29,12 @@ class Told(NamedTuple):
 
 
 @kept
-def replay(
-    guidance: Guidance, trajectory: Trajectory, period_s: Float[Array, ""]
-) -> Told:
+def replay(guidance: Guidance, states: State, period_s: Float[Array, ""]) -> Told:
     """Return what the guidance said along a flight.
 
     Args:
         guidance: Of the flight.
-        trajectory: One flight, a row each time that its controller was asked.
+        states: What the guidance was shown, a row each time that it was asked.
         period_s: Between two.
     """
 
@@ -44,4 +42,4 @@ def replay(
         aim, after = guidance(state, now, period_s)
         return after, Told(aim.position_m, now.phase, now.leg)
 
-    return jax.lax.scan(turn, guidance.start(), trajectory.states)[1]
+    return jax.lax.scan(turn, guidance.start(), states)[1]

@@ -54,7 +54,7 @@ def test_it_takes_off_flies_and_stands_where_it_landed():
     one = mission(*ROWS)
     control = control_of(one, "iris")
     flight = flown(control)
-    told = replay(control.guidance, flight, jnp.asarray(STEP))
+    told = replay(control.guidance, flight.states, jnp.asarray(STEP))
     phase = np.asarray(told.phase)
     assert phase[-1] == ENDED
     assert not bool(flight.lost)

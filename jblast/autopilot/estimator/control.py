@@ -104,18 +104,27 @@ class EstimatedControl(eqx.Module):
         """Return rotor speeds to ask for [rad/s], and the memory afterwards."""
         inner, known = memory
         known = self.sensed(time_s, state, known, period_s)
+        shown = self.shown(known, state)
+        speeds, inner = self.control(time_s, shown, vehicle, inner, period_s)
+        return speeds, (inner, known)
+
+    def shown(self, known: Known, state: State) -> State:
+        """Return what who flies takes for the state.
+
+        Args:
+            known: At this turn.
+            state: The vehicle, in truth: of it come the rotors, and the switch.
+        """
         estimate = known.estimate
         stands = state.position_m[2] <= self.ground_m
         up = jnp.where(stands, self.ground_m, estimate.position_m[2])
-        shown = State(
+        return State(
             estimate.position_m.at[2].set(up),
             estimate.velocity_m_s,
             estimate.quaternion,
             known.rate_rad_s,
             state.rotor_speed_rad_s,
         )
-        speeds, inner = self.control(time_s, shown, vehicle, inner, period_s)
-        return speeds, (inner, known)
 
     def sensed(
         self,
@@ -164,5 +173,12 @@ def estimated(
         estimate, sample.force_m_s2, sample.rate_rad_s, suite.imu, period_s
     )
     estimate = jax.tree.map(lambda a, b: jnp.where(moves, a, b), later, estimate)
-    estimate = corrected(estimate, numbers_read(estimate, suite, sample))
+    # at four turns of five nothing comes but the inertial unit's
+    comes = sample.has_fix | sample.has_field | sample.has_pressure
+    estimate = jax.lax.cond(
+        comes,
+        lambda own: corrected(own, numbers_read(own, suite, sample)),
+        lambda own: own,
+        estimate,
+    )
     return fix_taken(estimate, sample.takes_fix)

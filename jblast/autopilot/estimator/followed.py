@@ -19,21 +19,14 @@ class Followed(NamedTuple):
     """An estimate along a flight.
 
     Attributes:
-        position_m: East, north, up.
-        velocity_m_s: East, north, up.
-        quaternion: Body to world (x, y, z, w).
+        shown: What who flew took for the state.
         error: That takes it to the truth, by the parts of `estimate`.
         deviation: How sure it was: one standard deviation of each.
-        nees: The error's square in units of its covariance: 15 in the mean, if that
-            is right.
     """
 
-    position_m: Float[Array, "time 3"]
-    velocity_m_s: Float[Array, "time 3"]
-    quaternion: Float[Array, "time 4"]
+    shown: State
     error: Float[Array, "time 15"]
     deviation: Float[Array, "time 15"]
-    nees: Float[Array, " time"]
 
 
 def followed(
@@ -53,14 +46,10 @@ def followed(
         estimate = known.estimate
         # after the turn's walk the instruments are off by what they keep
         error = error_of(estimate, state, known.held.biases)
-        spread = estimate.covariance
         return known, Followed(
-            estimate.position_m,
-            estimate.velocity_m_s,
-            estimate.quaternion,
+            control.shown(known, state),
             error,
-            jnp.sqrt(jnp.diagonal(spread)),
-            error @ jnp.linalg.solve(spread, error),
+            jnp.sqrt(jnp.diagonal(estimate.covariance)),
         )
 
     rows = trajectory.time_s, trajectory.states

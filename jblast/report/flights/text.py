@@ -52,7 +52,8 @@ def flights_text(flights: Flights) -> str:
         lines += [*aligned(_drawn(flights)), ""]
     lines += [*aligned(_blasts(flights)), ""]
     lines += aligned(_holds(flights))
-    lines += estimate_lines(flights, _number)
+    estimates = [(hold_words(name), one.thrown) for name, one in flights.holds.items()]
+    lines += estimate_lines(estimates, flights.blasts, _number)
     lines += ["", *_notes(flights)]
     return "\n".join(lines) + "\n"
 

@@ -5,7 +5,12 @@ from dataclasses import dataclass, fields
 from typing import Any
 
 from jblast.json_values import plain
-from jblast.report.flights.answer import BlastMet, EastNorthUpM, Limit
+from jblast.report.flights.answer import (
+    BlastMet,
+    EastNorthUpM,
+    EstimateThrown,
+    Limit,
+)
 
 
 @dataclass(frozen=True)
@@ -80,6 +85,8 @@ class MissionAnswer:
         waypoints: Each item as it was flown.
         blasts: Each as it came.
         disturbances: What each did.
+        estimator: "ekf", or "": it flew by the truth.
+        estimates: What each blast did to the estimate; none by the truth.
         peak_overpressure_pa: Incident, of the strongest blast.
         peak_acceleration_m_s2: By the blasts alone.
         thresholds: Of these two, by exposure.
@@ -106,6 +113,8 @@ class MissionAnswer:
     waypoints: tuple[WaypointFlown, ...]
     blasts: tuple[BlastMet, ...]
     disturbances: tuple[BlastFlownThrough, ...]
+    estimator: str
+    estimates: tuple[EstimateThrown, ...]
     peak_overpressure_pa: float
     peak_acceleration_m_s2: float
     thresholds: Mapping[str, Limit]

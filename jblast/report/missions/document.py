@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from jblast.missions.frame import geodetic
-from jblast.report.flights.answer import BlastMet, Limit
+from jblast.report.flights.answer import BlastMet, EstimateThrown, Limit
 from jblast.report.missions.answer import (
     BlastFlownThrough,
     MissionAnswer,
@@ -62,6 +62,8 @@ def mission_answer(flight: MissionFlight, *, scene: str, seed: int) -> MissionAn
             _met(flight, n, one.charge) for n, one in enumerate(flight.disturbances)
         ),
         disturbances=tuple(_through(flight, one) for one in flight.disturbances),
+        estimator=options.estimator,
+        estimates=tuple(_estimates(flight)),
         peak_overpressure_pa=float(flight.exposure.peak_overpressure_pa),
         peak_acceleration_m_s2=float(flight.exposure.peak_acceleration_m_s2),
         thresholds={n: Limit(limits[n].value, limits[n].source) for n in judged},
@@ -105,6 +107,17 @@ def _met(flight: MissionFlight, n: int, name: str) -> BlastMet:
         overpressure_pa=float(came.overpressure_pa[n]),
         in_range=bool(came.in_range[n]),
     )
+
+
+def _estimates(flight: MissionFlight) -> list[EstimateThrown]:
+    """Return what each blast did to the estimate; nothing by the truth."""
+    if flight.thrown is None:
+        return []
+    found = flight.thrown._asdict()
+    return [
+        EstimateThrown(one.charge, **{k: float(v[n]) for k, v in found.items()})
+        for n, one in enumerate(flight.disturbances)
+    ]
 
 
 def _through(flight: MissionFlight, one: Disturbance) -> BlastFlownThrough:

@@ -7,6 +7,7 @@ from jaxtyping import Float
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from jblast.autopilot.estimator.estimate import PLACE
 from jblast.missions.frame import geodetic
 from jblast.report.figure_style import (
     BLUE,
@@ -104,7 +105,14 @@ def error_figure(flight: MissionFlight) -> Figure:
             if 0 <= arrival <= flight.seconds:
                 axes.axvline(arrival, color=VERMILLION, linewidth=1.0, linestyle="--")
     upper.axhspan(0.0, tolerance / unit.size, color=GRID, zorder=0)
-    upper.plot(time, error / unit.size, color=BLUE, linewidth=1.2)
+    if flight.followed is not None:
+        off = np.linalg.norm(np.asarray(flight.followed.error)[rows, PLACE], axis=1)
+        upper.plot(
+            time, off / unit.size, color=MUTED, linewidth=1.0, label="estimate is off"
+        )
+    upper.plot(time, error / unit.size, color=BLUE, linewidth=1.2, label="path error")
+    if flight.followed is not None:
+        upper.legend(frameon=False, fontsize=9, loc="upper left")
     upper.set_ylabel(f"path error [{unit.symbol}]")
     upper.set_ylim(0.0)
     note = f"grey: within {printed_number('tolerance_m', tolerance)}"

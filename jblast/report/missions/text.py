@@ -3,7 +3,11 @@
 import math
 import textwrap
 
+import numpy as np
+from numpy.typing import ArrayLike
+
 from jblast.missions.plan.commands import COMMANDS
+from jblast.report.flights.estimates import estimate_lines
 from jblast.report.lines import WIDTH
 from jblast.report.missions.document import mission_warnings
 from jblast.report.numbers import printed_number, significant
@@ -23,7 +27,10 @@ def mission_text(flight: MissionFlight) -> str:
         ]
         lines += [*aligned([("drawn, by --seed", ""), *drawn]), ""]
     lines += [*aligned(_waypoints(flight)), ""]
-    lines += [*aligned(_blasts(flight)), "", *_notes(flight)]
+    lines += aligned(_blasts(flight))
+    names = [one.charge for one in flight.disturbances]
+    lines += estimate_lines([("", flight.thrown)], names, _any_number)
+    lines += ["", *_notes(flight)]
     return "\n".join(lines) + "\n"
 
 
@@ -96,6 +103,10 @@ def _notes(flight: MissionFlight) -> list[str]:
     ]
     notes += [f"{capitalised(warning)}." for warning in mission_warnings(flight)]
     return [line for note in notes for line in textwrap.wrap(note, WIDTH)]
+
+
+def _any_number(name: str, value: ArrayLike) -> str:
+    return _number(name, float(np.asarray(value)))
 
 
 def _number(name: str, value: float) -> str:

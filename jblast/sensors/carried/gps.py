@@ -7,9 +7,8 @@ out, as a vehicle that holds its place by them goes with them.
 from typing import NamedTuple
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float, PRNGKeyArray
+from jaxtyping import Array, Float
 
 from jblast.types import as_float_array
 
@@ -65,7 +64,7 @@ class Fix(NamedTuple):
 
 
 def fix(
-    key: PRNGKeyArray,
+    noise: Float[Array, "6"],
     gps: Gps,
     position_m: Float[Array, "3"],
     velocity_m_s: Float[Array, "3"],
@@ -73,10 +72,10 @@ def fix(
     """Return a fix, noise and all.
 
     Args:
-        key: Of its noise.
+        noise: Standard normal numbers, of place and of velocity.
         gps: The receiver.
         position_m: Where it is.
         velocity_m_s: How it moves.
     """
-    off = gps.noise() * jax.random.normal(key, (6,))
+    off = gps.noise() * noise
     return Fix(position_m + off[:3], velocity_m_s + off[3:])

@@ -48,15 +48,20 @@ def drawn_biases(key: PRNGKeyArray, imu: Imu, share: float = 1.0) -> Biases:
 
 
 def walked(
-    key: PRNGKeyArray, imu: Imu, biases: Biases, period_s: Float[Array, ""]
+    noise: Float[Array, "6"], imu: Imu, biases: Biases, period_s: Float[Array, ""]
 ) -> Biases:
-    """Return what the instruments are off by a period later."""
-    of_force, of_rate = jax.random.split(key)
+    """Return what the instruments are off by a period later.
+
+    Args:
+        noise: Standard normal numbers, of force and of rate.
+        imu: Says how fast they walk.
+        biases: At its beginning.
+        period_s: How long it is.
+    """
     step = jnp.sqrt(period_s)
     return Biases(
-        biases.force
-        + step * imu.accelerometer_walk * jax.random.normal(of_force, (3,)),
-        biases.rate + step * imu.gyroscope_walk * jax.random.normal(of_rate, (3,)),
+        biases.force + step * imu.accelerometer_walk * noise[:3],
+        biases.rate + step * imu.gyroscope_walk * noise[3:],
     )
 
 
@@ -72,7 +77,7 @@ def felt_between(
 
 
 def sampled(
-    key: PRNGKeyArray,
+    noise: Float[Array, "6"],
     imu: Imu,
     biases: Biases,
     true: tuple[Float[Array, "3"], Float[Array, "3"]],
@@ -80,16 +85,15 @@ def sampled(
     """Return a sample as it is read.
 
     Args:
-        key: Of its white noise.
+        noise: Standard normal numbers, of force and of rate.
         imu: Noise, rate and range.
         biases: What the instruments are off by.
         true: Specific force and rate.
     """
-    of_force, of_rate = jax.random.split(key)
     half = math.sqrt(imu.rate / 2)
     force = true[0] + biases.force
-    force = force + half * imu.accelerometer_noise * jax.random.normal(of_force, (3,))
+    force = force + half * imu.accelerometer_noise * noise[:3]
     rate = true[1] + biases.rate
-    rate = rate + half * imu.gyroscope_noise * jax.random.normal(of_rate, (3,))
+    rate = rate + half * imu.gyroscope_noise * noise[3:]
     most, fastest = imu.accelerometer_range, imu.gyroscope_range
     return jnp.clip(force, -most, most), jnp.clip(rate, -fastest, fastest)

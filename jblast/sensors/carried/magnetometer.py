@@ -10,9 +10,8 @@ field, not for one that looks it up.
 import math
 
 import equinox as eqx
-import jax
 import numpy as np
-from jaxtyping import Array, Float, PRNGKeyArray
+from jaxtyping import Array, Float
 
 from jblast.scene import quaternion_matrix
 from jblast.types import as_float_array
@@ -61,14 +60,14 @@ def dipole_field(lat_deg: float, lon_deg: float) -> Float[np.ndarray, "3"]:
 
 
 def field_read(
-    key: PRNGKeyArray, magnetometer: Magnetometer, quaternion: Float[Array, "4"]
+    noise: Float[Array, "3"], magnetometer: Magnetometer, quaternion: Float[Array, "4"]
 ) -> Float[Array, "3"]:
     """Return a sample along the body's axes [gauss].
 
     Args:
-        key: Of its noise.
+        noise: Standard normal numbers.
         magnetometer: Field and noise.
         quaternion: Body to world (x, y, z, w), of length 1.
     """
     true = quaternion_matrix(quaternion).T @ magnetometer.field_gauss
-    return true + magnetometer.noise * jax.random.normal(key, (3,))
+    return true + magnetometer.noise * noise

@@ -1,7 +1,7 @@
 """All that a vehicle flies by, sampled together: one sample a turn, the slow ones less.
 
-Every draw has its key by `fold_in` of the instrument and the number of the turn, so a
-sample does not hang on what was asked before it.
+All noise of a turn is drawn at once, by a key that is `fold_in` of the turn's number:
+so a sample does not hang on what was asked before it, and a turn costs one draw.
 """
 
 from typing import NamedTuple
@@ -33,8 +33,10 @@ from jblast.vehicle import BlastLoad, State
 
 CALIBRATED = 0.1
 """Of its offsets a calibration on the ground leaves the inertial unit; declared."""
-_BIASES, _WALK, _INERTIAL, _PRESSURE, _FIX, _FIELD = range(6)
-"""Keys of the instruments."""
+_BIASES = 2**32 - 2
+"""Folded into the key of the inertial unit's offsets: past the numbers of turns."""
+_PARTS = (6, 12, 18, 21)
+"""Where the noise of a turn is parted: walk, inertial unit, fix, field, pressure."""
 
 
 class Sample(NamedTuple):
@@ -158,30 +160,28 @@ class Suite(eqx.Module):
             time_s: On the clock of the blasts.
             period_s: Between two turns.
         """
-
-        def of(instrument: int) -> PRNGKeyArray:
-            return jax.random.fold_in(jax.random.fold_in(key, instrument), turn)
-
-        biases = walked(of(_WALK), self.imu, held.biases, period_s)
+        drawn = jax.random.normal(jax.random.fold_in(key, turn), (_PARTS[-1] + 1,))
+        walk, inertial, of_fix, of_field, of_pressure = jnp.split(drawn, _PARTS)
+        biases = walked(walk, self.imu, held.biases, period_s)
         true = felt_between(before, now, period_s)
-        force, rate = sampled(of(_INERTIAL), self.imu, biases, true)
+        force, rate = sampled(inertial, self.imu, biases, true)
         port = lagging(
             held.port_pa,
             self._outside(before, now, time_s, period_s),
             self.barometer.lag,
             period_s,
         )
-        noise = self.barometer.noise * jax.random.normal(of(_PRESSURE), ())
+        noise = self.barometer.noise * of_pressure[0]
         every, late = self.turns(self.gps.rate), self.turns_late
         takes = turn % every == 0
-        taken = fix(of(_FIX), self.gps, now.position_m, now.velocity_m_s)
+        taken = fix(of_fix, self.gps, now.position_m, now.velocity_m_s)
         taken = jax.tree.map(lambda a, b: jnp.where(takes, a, b), taken, held.fix)
         sample = Sample(
             force,
             rate,
             port + noise,
             turn % self.turns(self.barometer.rate) == 0,
-            field_read(of(_FIELD), self.magnetometer, now.quaternion),
+            field_read(of_field, self.magnetometer, now.quaternion),
             turn % self.turns(self.magnetometer.rate) == 0,
             taken,
             (turn >= late) & ((turn - late) % every == 0),

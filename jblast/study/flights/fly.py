@@ -107,7 +107,8 @@ def fly(
         carried = {}
         if options.estimator:
             drawn = lanes if vehicles > 1 else lanes[0]
-            carried = {"instruments": instruments_of(uncertain.place, seed, drawn)}
+            instruments = instruments_of(uncertain.place, seed, drawn, options.step_s)
+            carried = {"instruments": instruments}
         for nth, name in enumerate(names, start=1):
             flown[name].append(
                 flown_by(some, vehicle, name, seconds, vehicles, options, **carried)

@@ -12,8 +12,10 @@ from jblast.autopilot.estimator.control import EstimatedControl
 from jblast.autopilot.estimator.followed import Followed, followed
 from jblast.autopilot.estimator.thrown import Thrown, thrown
 from jblast.autopilot.simulator.from_scene import suite_of
+from jblast.errors import InputError
 from jblast.kept_programs import kept
 from jblast.scene import Place, Scene
+from jblast.sensors.carried.barometer import Barometer
 from jblast.study.flights.encounter import FlightLoad
 from jblast.vehicle import Controller, State, Trajectory
 
@@ -31,7 +33,10 @@ class Instruments(NamedTuple):
 
 
 def instruments_of(
-    place: Place | None, seed: int, lanes: Int[np.ndarray, "*batch"] | np.integer
+    place: Place | None,
+    seed: int,
+    lanes: Int[np.ndarray, "*batch"] | np.integer,
+    step_s: float,
 ) -> Instruments:
     """Return what vehicles fly by.
 
@@ -39,7 +44,18 @@ def instruments_of(
         place: Where the origin lies, if the scene says.
         seed: Of all draws.
         lanes: Numbers of the vehicles.
+        step_s: Between two samples of the inertial unit.
+
+    Raises:
+        InputError: That is longer than between two of the barometer.
     """
+    longest = 1 / Barometer().rate
+    if step_s > longest * (1 + 1e-9):
+        raise InputError(
+            f"step: expected at most {longest:g} s where a vehicle flies by its "
+            f"instruments, the time between two samples of its barometer, got "
+            f"{step_s:g} s"
+        )
     # a prime past the vehicles of any batch that is looked at one by one
     seeds = (seed * 1_000_003 + np.asarray(lanes, np.int64)) % 2**32
     return Instruments(place, jnp.asarray(seeds, jnp.uint32))
@@ -87,8 +103,8 @@ def thrown_by_blasts(
     """
     period = jnp.asarray(step_s, float)
     if arrival_s.ndim == 1:
-        estimate = _followed(control, trajectory, period)
-        return _thrown(estimate, trajectory.time_s, arrival_s), estimate
+        estimate = followed_along(control, trajectory, period)
+        return thrown_of(estimate, trajectory.time_s, arrival_s), estimate
     rows = eqx.tree_at(
         lambda flight: flight.time_s, jax.tree.map(lambda x: 0, trajectory), None
     )
@@ -104,5 +120,5 @@ def _thrown_of(
     return thrown(followed(control, flight, period_s), flight.time_s, arrival_s)
 
 
-_followed = kept(followed)
-_thrown = kept(thrown)
+followed_along = kept(followed)
+thrown_of = kept(thrown)

@@ -15,48 +15,25 @@ import numpy as np
 
 from jblast.errors import InputError
 from jblast.kept_programs import kept
-from jblast.missions import (
-    Mission,
-    MissionControl,
-    Plan,
-    Told,
-    mission_of,
-    planned_seconds,
-    read_plan,
-    replay,
-)
+from jblast.missions import Plan, mission_of, read_plan
 from jblast.missions.guidance import ENDED
-from jblast.progress import counted
-from jblast.scene import Scene, UncertainScene, VehicleSpec
+from jblast.scene import UncertainScene
 from jblast.study.flights.bursts import with_bursts_at_start
 from jblast.study.flights.draws import checked_scene, drawn_scenes, drawn_values
-from jblast.study.flights.duration import MOST_STEPS
-from jblast.study.flights.encounter import FlightLoad, encounter_of, load_of
+from jblast.study.flights.encounter import encounter_of, load_of
 from jblast.study.flights.exposure import exposed
-from jblast.study.flights.fly import GROUND_UP_M, steady_wind, unwatched
+from jblast.study.flights.fly import GROUND_UP_M, unwatched
+from jblast.study.flights.instruments import instruments_of, thrown_of
 from jblast.study.flights.records import Options
+from jblast.study.missions.flown import cut, flown
 from jblast.study.missions.outcome import crash_of, disturbances_of, waypoints_of
 from jblast.study.missions.records import MissionFlight
-from jblast.vehicle import (
-    State,
-    StepGust,
-    Trajectory,
-    hold_of,
-    path_error,
-    simulate,
-    start_of,
-    vehicle_of,
-)
+from jblast.vehicle import State, Trajectory, path_error, vehicle_of
 
 MISSION_STEP_S = 0.004
 """Of the integrator and the controller where nothing is said: PX4's 250 Hz."""
 TOLERANCE_M = 0.2
 """Of the path error where nothing is said: undisturbed, corners stay below it."""
-SHARE, EACH_S, LEAST_S, UNIT_S = 0.05, 10.0, 10.0, 20.0
-"""Of time beyond what was planned: a share of it, for each blast, in any case; all of
-it in whole units, as each other duration is another program."""
-AFTER_S = 1.0
-"""What is kept after it was disarmed."""
 EACH_ROW_S = 0.02
 """Rows at which the blasts are looked for."""
 
@@ -106,8 +83,13 @@ def fly_mission(
         scene, notes = with_bursts_at_start(scene, spec)
     load = load_of(scene, options.profile, options.load)
     charges = scene.charges
-    flight, told = _flown(mission, spec, scene, load, options, len(charges))
-    flight, told, seconds = _cut(flight, told, options)
+    instruments = None
+    if options.estimator:
+        place = uncertain.place or mission.plan.home
+        instruments = instruments_of(place, seed, np.int64(0), options.step_s)
+    rows = flown(mission, spec, scene, load, options, instruments)
+    flight, told, estimate = cut(rows, options)
+    seconds = float(flight.time_s[-1])
     # a set point below the ground is there to make the vehicle land
     aim = np.maximum(np.asarray(told.set_point_m), [-np.inf, -np.inf, GROUND_UP_M])
     error = np.asarray(path_error(flight, aim))
@@ -147,88 +129,14 @@ def fly_mission(
             error,
             options.tolerance_m,
         ),
+        thrown=None
+        if estimate is None
+        else thrown_of(estimate, flight.time_s, encounter.arrival_s),
+        followed=estimate,
         disarmed_s=disarmed,
         crash=crash,
         notes=notes,
     )
-
-
-def _flown(
-    mission: Mission,
-    spec: VehicleSpec,
-    scene: Scene,
-    load: FlightLoad,
-    options: Options,
-    blasts: int,
-) -> tuple[Trajectory, Told]:
-    """Fly, for as long as is asked for, or until it is disarmed."""
-    rate = float(mission.guidance.acceleration_m_s2)
-    planned = planned_seconds(mission.guidance.legs, rate)
-    if options.seconds is not None:
-        return _once(mission, spec, scene, load, options, options.seconds)
-    bound = planned * (1 + SHARE) + EACH_S * blasts + LEAST_S
-    seconds = UNIT_S * math.ceil(bound / UNIT_S)
-    told_twice = counted(2, "flights")
-    flight, told = _once(mission, spec, scene, load, options, seconds)
-    told_twice(1)
-    if np.asarray(told.phase)[-1] == ENDED or crash_of(flight)[0]:
-        return flight, told
-    return _once(mission, spec, scene, load, options, 2 * seconds)
-
-
-def _once(
-    mission: Mission,
-    spec: VehicleSpec,
-    scene: Scene,
-    load: FlightLoad,
-    options: Options,
-    seconds: float,
-) -> tuple[Trajectory, Told]:
-    """Fly for some time."""
-    step = options.step_s
-    if seconds / step > MOST_STEPS:
-        raise InputError(
-            f"seconds: expected at most {MOST_STEPS * step:g} s in steps of {step:g} "
-            f"s, got {seconds:g} s"
-        )
-    # what is a hold of a place else is who follows the set point here
-    hold = hold_of(replace(spec, mission=None), integral=spec.integral is not False)
-    control = MissionControl(mission.guidance, hold)
-    start = start_of(spec)
-    start = replace(start, rotor_speed_rad_s=0 * start.rotor_speed_rad_s)
-    wind = steady_wind(scene)
-    flight = simulate(
-        vehicle_of(spec),
-        start,
-        duration_s=seconds,
-        step_s=step,
-        integrator=options.integrator,
-        control=control,
-        wind=StepGust(wind, 0 * scene.air.wind_east),
-        loads=(load,),
-        ground_up_m=GROUND_UP_M,
-        backend=options.backend,
-    )
-    return flight, replay(control.guidance, flight, jnp.asarray(step))
-
-
-def _cut(
-    flight: Trajectory, told: Told, options: Options
-) -> tuple[Trajectory, Told, float]:
-    """Cut a flight off after it was disarmed, if nobody said how long."""
-    phase = np.asarray(told.phase)
-    time = np.asarray(flight.time_s)
-    keep = time.size
-    if options.seconds is None and phase[-1] == ENDED:
-        end = time[np.argmax(phase == ENDED)] + AFTER_S
-        keep = int(np.sum(time <= end))
-    parts = {
-        name: getattr(flight, name)[:keep]
-        for name in flight.__dataclass_fields__
-        if name != "lost"
-    }
-    cut = Trajectory(**parts, lost=flight.lost)
-    return cut, Told(*(x[:keep] for x in told)), float(time[keep - 1])
 
 
 def _states(flight: Trajectory, every: int) -> State:

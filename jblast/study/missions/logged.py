@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from jblast.autopilot.estimator.followed import Followed
 from jblast.autopilot.logs.record import Estimate, FlightRecord
 from jblast.missions import Mission, Plan, mission_of, read_plan
 from jblast.missions.frame import geodetic
@@ -32,6 +33,7 @@ def mission_record(flight: MissionFlight) -> FlightRecord:
         armed=((phase >= ARMED) & (phase <= FLYING))[:known],
         item=items[visit[np.asarray(flight.told.leg)]][:known],
         set_point_m=np.asarray(flight.told.set_point_m)[:known],
+        estimate=_estimate(flight.followed, known),
     )
 
 
@@ -44,12 +46,8 @@ def hold_record(flights: Flights, place: Place) -> FlightRecord:
     """
     trajectory = trajectory_of(flights, next(iter(flights.holds)))
     record = _record(trajectory, flights.vehicle, Frame(*place))
-    known = record.time_s.size
     found = next(iter(flights.holds.values())).followed
-    if found is not None:
-        parts = (found.position_m, found.velocity_m_s, found.quaternion)
-        estimate = Estimate(*(np.asarray(part)[:known] for part in parts))
-        record = replace(record, estimate=estimate)
+    record = replace(record, estimate=_estimate(found, record.time_s.size))
     aim = np.broadcast_to(target_of(flights.vehicle), record.position_m.shape)
     return replace(record, set_point_m=aim)
 
@@ -122,6 +120,15 @@ def _mission(uncertain: UncertainScene, spec: VehicleSpec, plan: Plan) -> Missio
         position_m=np.asarray(spec.position, float) if spec.placed else None,
         yaw_rad=float(spec.yaw),
     )
+
+
+def _estimate(found: Followed | None, known: int) -> Estimate | None:
+    """Return the rows of an estimate that are known."""
+    if found is None:
+        return None
+    shown = found.shown
+    parts = (shown.position_m, shown.velocity_m_s, shown.quaternion)
+    return Estimate(*(np.asarray(part)[:known] for part in parts))
 
 
 def _record(trajectory: Trajectory, spec: VehicleSpec, frame: Frame) -> FlightRecord:

@@ -5,6 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
+from jblast.autopilot.estimator.followed import Followed
+from jblast.autopilot.estimator.thrown import Thrown
 from jblast.missions import Item, Mission, Told
 from jblast.scene import VehicleSpec
 from jblast.study.flights.encounter import Encounter
@@ -80,6 +82,8 @@ class MissionFlight:
         exposure: What they did to it beside moving it.
         waypoints: Each item as it was flown, in order.
         disturbances: By blast.
+        thrown: What the blasts did to its estimate; None: it flew by the truth.
+        followed: What it took for its state at each row; None: the truth.
         disarmed_s: When it was disarmed; NaN: never.
         crash: What it crashed by; "" if it did not.
         notes: What there is to say besides.
@@ -100,6 +104,8 @@ class MissionFlight:
     exposure: Exposure
     waypoints: tuple[Waypoint, ...]
     disturbances: tuple[Disturbance, ...]
+    thrown: Thrown | None
+    followed: Followed | None
     disarmed_s: float
     crash: str
     notes: tuple[str, ...]

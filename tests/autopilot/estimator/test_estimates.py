@@ -9,10 +9,12 @@ from scipy import stats
 
 from jblast.autopilot.estimator.control import EstimatedControl
 from jblast.autopilot.estimator.correct import GATE, corrected, numbers_read
+from jblast.autopilot.estimator.estimate import error_of
 from jblast.autopilot.estimator.followed import Followed, followed
 from jblast.autopilot.estimator.thrown import thrown
 from jblast.sensors.carried.gps import Fix
 from jblast.sensors.carried.suite import Sample
+from jblast.vehicle import State
 from tests.autopilot.estimator.estimates import (
     FIELD,
     PERIOD,
@@ -96,25 +98,39 @@ def controls(seeds: jnp.ndarray, flights) -> EstimatedControl:
     return one(eqx.filter_vmap(first_of)(flights), seeds)
 
 
-def estimates(count: int, seconds: float):
-    """Estimates along random flights, one a lane."""
+def squares(control: EstimatedControl, flight, period) -> jnp.ndarray:
+    """The error's square along a flight in units of its covariance."""
+
+    def turn(known, row):
+        known = control.sensed(row[0], row[1], known, period)
+        error = error_of(known.estimate, row[1], known.held.biases)
+        return known, error @ jnp.linalg.solve(known.estimate.covariance, error)
+
+    rows = flight.time_s, flight.states
+    return jax.lax.scan(turn, control.known(), rows)[1]
+
+
+def estimates(count: int, seconds: float, *along):
+    """What some functions give along random flights, one a lane."""
     flights = jax.tree.map(
         lambda *x: jnp.stack(x), *(swinging(n, seconds) for n in range(count))
     )
     many = controls(jnp.arange(count, dtype=jnp.uint32), flights)
-    run = eqx.filter_jit(
-        eqx.filter_vmap(followed, in_axes=(eqx.if_array(0), eqx.if_array(0), None))
-    )
-    return flights, many, run(many, flights, PERIOD)
+    lanes = (eqx.if_array(0), eqx.if_array(0), None)
+    found = [
+        eqx.filter_jit(eqx.filter_vmap(one, in_axes=lanes))(many, flights, PERIOD)
+        for one in along
+    ]
+    return flights, many, *found
 
 
 @pytest.mark.slow
 def test_over_random_flights_its_errors_are_as_large_as_it_says():
     count = 60
-    _, _, found = estimates(count, 12.0)
+    _, _, found, square = estimates(count, 12.0, followed, squares)
     # independent lanes: the mean of their squares is chi square's
     low, high = stats.chi2.ppf([0.0005, 0.9995], 15 * count) / count
-    means = np.asarray(found.nees).mean(axis=0)[250::250]
+    means = np.asarray(square).mean(axis=0)[250::250]
     assert ((means > low) & (means < high)).all(), means
     # and it is of use: better than a fix, in the end
     place = np.asarray(found.error)[:, -1, 3:6]
@@ -123,13 +139,12 @@ def test_over_random_flights_its_errors_are_as_large_as_it_says():
 
 @pytest.mark.slow
 def test_a_lane_of_a_batch_is_estimated_as_alone():
-    flights, many, found = estimates(3, 1.0)
+    flights, many, found = estimates(3, 1.0, followed)
     one = jax.tree.map(lambda x: x[1], eqx.filter(many, eqx.is_array))
     alone = eqx.combine(one, many)
     flight = jax.tree.map(lambda x: x[1], flights)
-    for a, b in zip(
-        found, eqx.filter_jit(followed)(alone, flight, PERIOD), strict=True
-    ):
+    own = eqx.filter_jit(followed)(alone, flight, PERIOD)
+    for a, b in zip(jax.tree.leaves(found), jax.tree.leaves(own), strict=True):
         np.testing.assert_allclose(np.asarray(a)[1], b, rtol=1e-8, atol=1e-9)
 
 
@@ -137,7 +152,8 @@ def test_what_blasts_do_is_told_by_blast():
     time = jnp.arange(0.0, 6.0, 0.5)
     error = jnp.zeros((12, 15)).at[:, 3].set(0.1).at[5, 3].set(0.7).at[9, 3].set(0.4)
     level = jnp.zeros((12, 3))
-    one = Followed(level, level, jnp.zeros((12, 4)), error, error, time)
+    four = jnp.ones((12, 4)) / 2
+    one = Followed(State(level, level, four, level, four), error, error)
     found = thrown(one, time, jnp.array([2.0, 4.0, jnp.inf]))
     np.testing.assert_allclose(found.place_before_m[:2], [0.1, 0.1])
     np.testing.assert_allclose(found.place_m[:2], [0.7, 0.4])

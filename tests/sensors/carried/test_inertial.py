@@ -53,9 +53,9 @@ def test_its_rate_turns_one_attitude_into_the_next():
 
 def test_white_noise_has_its_density_by_allans_deviation():
     imu = Imu(rate=250.0, bits=None)
-    keys = jax.random.split(jax.random.key(3), 50_000)
+    noise = jax.random.normal(jax.random.key(3), (50_000, 6))
     at_rest = (jnp.zeros(3), jnp.zeros(3))
-    force, rate = jax.vmap(lambda key: sampled(key, imu, NONE, at_rest))(keys)
+    force, rate = jax.vmap(lambda six: sampled(six, imu, NONE, at_rest))(noise)
     for values, density in (
         (force, imu.accelerometer_noise),
         (rate, imu.gyroscope_noise),
@@ -74,7 +74,8 @@ def test_what_it_is_off_by_is_drawn_and_walks_as_said():
     assert np.std(drawn.rate) == pytest.approx(
         0.1 * float(imu.gyroscope_bias), rel=0.03
     )
-    gone = jax.vmap(lambda key: walked(key, imu, NONE, jnp.asarray(4.0)))(keys)
+    noise = jax.random.normal(jax.random.key(6), (4000, 6))
+    gone = jax.vmap(lambda six: walked(six, imu, NONE, jnp.asarray(4.0)))(noise)
     # in four seconds twice as far as in one
     assert np.std(gone.force) == pytest.approx(
         2 * float(imu.accelerometer_walk), rel=0.03
@@ -84,6 +85,6 @@ def test_what_it_is_off_by_is_drawn_and_walks_as_said():
 def test_beyond_its_range_it_says_its_range():
     imu = Imu(rate=250.0)
     hit = (jnp.array([1e4, -1e4, 0.0]), jnp.zeros(3))
-    force, _ = sampled(jax.random.key(0), imu, NONE, hit)
+    force, _ = sampled(jnp.zeros(6), imu, NONE, hit)
     most = float(imu.accelerometer_range)
     np.testing.assert_allclose(force[:2], [most, -most])

@@ -87,7 +87,7 @@ def refuse_plan_out(asked: argparse.Namespace) -> None:
 
 
 def refuse_several(asked: argparse.Namespace) -> None:
-    """Refuse several vehicles, or controllers, or an estimate, on one mission.
+    """Refuse several vehicles, or controllers, on one mission.
 
     Raises:
         InputError: They are asked for.
@@ -101,9 +101,4 @@ def refuse_several(asked: argparse.Namespace) -> None:
         raise InputError(
             f"--vehicles: expected 1 on a mission, got {asked.vehicles}; several are "
             "flown from Python, by jblast.missions.MissionControl in an Each"
-        )
-    if asked.estimator:
-        raise InputError(
-            "--estimator: expected a vehicle that holds its place, got one on a "
-            "mission, which flies by the truth"
         )

@@ -66,12 +66,36 @@ def test_a_mission_is_flown_from_ground_to_ground_and_told(jblast):
     )
 
 
+@pytest.mark.slow
+def test_by_its_instruments_it_lands_as_well_and_each_blast_is_told(jblast):
+    options = ("--estimator", "ekf", "--out", jblast.path("out"), "--json")
+    code, out, err = jblast("fly", scene(jblast), *options, "--debug")
+    assert (code, err) == (0, "")
+    document = json.loads(out)
+    Draft202012Validator(fly_mission()).validate(document)
+    assert document["completed"]
+    assert document["estimator"] == "ekf"
+    (thrown,) = document["estimates"]
+    # fixes are 0.4 m off, and the filter is better than one
+    assert 0.01 < thrown["place_before_m"] < 0.5
+    assert thrown["place_m"] >= thrown["place_before_m"]
+    # it believes to be on its way: of the truth the estimate's error is left
+    errors = [one["path_error_rms_m"] for one in document["waypoints"]]
+    assert 0.02 < max(errors) < 0.8
+    words = jblast("fly", scene(jblast), "--estimator", "ekf")[1]
+    assert "error of the estimate" in words
+
+
 AIR = SCENE.replace('mission = "short.plan"', 'mission = "a.plan"')
 REFUSED = {
     "no plan": (AIR, (), ["a.plan", "no such file"]),
     "in the air": (SCENE + "position_m = [0, 0, 3]\n", (), ["starts in the air"]),
     "several": (SCENE, ("--vehicles", "3"), ["--vehicles", "expected 1"]),
-    "by an estimate": (SCENE, ("--estimator", "ekf"), ["--estimator", "a mission"]),
+    "by an estimate of rare samples": (
+        SCENE,
+        ("--estimator", "ekf", "--step", "0.03"),
+        ["step: expected at most 0.02 s", "0.03 s"],
+    ),
     "no charge's place": (
         SCENE.replace("position_m = [1.0, 4.0, 0.0]", "range_m = 5.0"),
         (),
