@@ -10,9 +10,11 @@ top, at the vehicle's place: 10 kPa are 800 m of height. The port is taken as id
 wind across it makes no pressure.
 """
 
+import functools
+
 import equinox as eqx
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
 from jblast.types import as_float_array
 from jblast.vehicle import BlastLoad
@@ -85,6 +87,33 @@ def blast_overpressure(
         return overpressure(wave, time_s - happened.time_s - travel)
 
     return load.pressure_pa * sum(over_alike(of, load.waves), jnp.zeros_like(time_s))
+
+
+def may_press(
+    load: BlastLoad,
+    time_s: Float[Array, ""],
+    position_m: Float[Array, "3"],
+    slack_s: Float[Array, ""],
+) -> Bool[Array, ""]:
+    """Return whether blasts may make a pressure about a time and place.
+
+    Args:
+        load: Of the blasts.
+        time_s: When.
+        position_m: Where.
+        slack_s: How much sooner or later a wave may come, and go.
+    """
+
+    def of(blast: Blast) -> Bool[Array, ""]:
+        since = time_s - blast.by(time_s).time_s
+        since = since - blast.travel_time_s(load.surroundings(), position_m)
+        wave = load.wave_of(blast, position_m)
+        lasts = wave.duration_s + wave.suction_s
+        return ~blast.never & (since >= -slack_s) & (since <= lasts + slack_s)
+
+    return functools.reduce(
+        jnp.logical_or, over_alike(of, load.waves), jnp.zeros((), bool)
+    )
 
 
 def lagging(

@@ -17,6 +17,7 @@ from jblast.sensors.carried.barometer import (
     Barometer,
     blast_overpressure,
     lagging,
+    may_press,
     pressure_at,
 )
 from jblast.sensors.carried.gps import Fix, Gps, fix
@@ -206,5 +207,12 @@ class Suite(eqx.Module):
         if self.blasts is None:
             return rest
         times = time_s - (1 - shares) * period_s
-        over = jax.vmap(blast_overpressure, (None, 0, 0))(self.blasts, times, places)
+        blasts = self.blasts
+        # a wave comes and goes later by 4.7/c at most for each metre farther away
+        slowest = 5 / blasts.sound_speed_m_s * jnp.sqrt(jnp.sum(jnp.square(way)))
+        over = jax.lax.cond(
+            may_press(blasts, time_s, now.position_m, 2 * period_s + slowest),
+            lambda: jax.vmap(blast_overpressure, (None, 0, 0))(blasts, times, places),
+            lambda: jnp.zeros_like(rest),
+        )
         return rest + over

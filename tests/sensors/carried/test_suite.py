@@ -1,16 +1,25 @@
 """All instruments of a vehicle: what comes when, and lanes of a batch as alone."""
 
+from functools import partial
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jblast.scene import Imu
+from jblast.scene import Charge, Imu, Scene
+from jblast.sensors.carried.barometer import (
+    MOMENTS,
+    Barometer,
+    blast_overpressure,
+    lagging,
+    pressure_at,
+)
 from jblast.sensors.carried.gps import Gps
 from jblast.sensors.carried.magnetometer import Magnetometer
 from jblast.sensors.carried.suite import Suite
-from jblast.vehicle import State
+from jblast.vehicle import State, blast_load
 
 FIELD = Magnetometer(jnp.array([0.0, 0.2, -0.4]))
 PERIOD, TURNS = 0.004, 200
@@ -64,6 +73,27 @@ def test_each_lane_of_a_batch_reads_what_it_reads_alone():
     alone = samples(suite, keys[1], speeds[1])
     for a, b in zip(jax.tree.leaves(together), jax.tree.leaves(alone), strict=True):
         np.testing.assert_allclose(np.asarray(a)[1], b, rtol=1e-12, atol=1e-12)
+
+
+def test_a_blast_comes_through_the_port_from_its_first_moment_to_its_last():
+    load = blast_load(Scene(Charge(1.0, (40.0, 0.0, 0.0), 0.25)))
+    suite = Suite(FIELD, barometer=Barometer(noise=0.0), blasts=load)
+    speed = 9.0
+    told = samples(suite, jax.random.key(0), jnp.asarray(speed))
+    shares = (np.arange(MOMENTS) + 0.5) / MOMENTS
+    times = jnp.asarray((np.arange(TURNS)[:, None] - 1 + shares) * PERIOD)
+    places = jnp.stack([speed * times, 0 * times, 10 + 0 * times], axis=-1)
+    each = jax.jit(jax.vmap(jax.vmap(partial(blast_overpressure, load))))
+    over = each(times, places)
+    assert float(jnp.min(over)) < 0 < float(jnp.max(over))
+    rest = pressure_at(jnp.asarray(10.0), suite.ground_pressure_pa, jnp.asarray(288.15))
+
+    def turn(port, outside):
+        port = lagging(port, outside, suite.barometer.lag, jnp.asarray(PERIOD))
+        return port, port
+
+    _, expected = jax.lax.scan(turn, rest, rest + over)
+    np.testing.assert_allclose(told.pressure_pa, expected, rtol=1e-9)
 
 
 def test_errors_of_a_fix_have_their_size():
