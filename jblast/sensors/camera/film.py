@@ -12,13 +12,14 @@ from jaxtyping import Float
 from jblast.scene import Camera, Scene
 from jblast.sensors.camera.files.backgrounds import MovingBackground
 from jblast.sensors.camera.geometry.camera_path import CameraPath
+from jblast.sensors.camera.image.behind import BACKGROUND, bare
 from jblast.sensors.camera.image.bloom import bloom
 from jblast.sensors.camera.image.grey_composite import luminance
 from jblast.sensors.camera.rendering.appearance import Appearance
 from jblast.sensors.camera.rendering.carried import render_carried
 from jblast.sensors.camera.rendering.landscape import Landscape
 from jblast.sensors.camera.rendering.outlook import Outlook, outlook_of
-from jblast.sensors.camera.rendering.render import BACKGROUND, render
+from jblast.sensors.camera.rendering.render import check_camera, render
 from jblast.sensors.camera.rendering.view_set import ViewSet
 
 PIXELS = 1 << 22
@@ -132,6 +133,9 @@ class Film:
             )
             return np.asarray(carried)[:count]
         assert not isinstance(background, Landscape), "it is for a camera that moves"
+        if times.max() + float(self.camera.exposure_s) <= self._begins:
+            check_camera(self.camera, ground=self._ground)
+            return bare(self.camera, background, len(times))[:count]
         frames = render(
             self.scene,
             self.camera,
@@ -145,6 +149,11 @@ class Film:
             outlook=self._outlook,
         )
         return np.asarray(frames)[:count]
+
+    @cached_property
+    def _begins(self) -> float:
+        """When the first charge goes off: until then there is nothing to see [s]."""
+        return min(float(charge.time_s) for charge in self.scene.charges)
 
     @property
     def _ground(self) -> bool:

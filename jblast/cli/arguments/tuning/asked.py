@@ -120,7 +120,7 @@ def _background(asked: argparse.Namespace, camera: "Camera", times: np.ndarray):
     """Return light that stands still behind the blast."""
     from jblast.cli.arguments.background import background_named
     from jblast.sensors.camera.files.backgrounds import MovingBackground
-    from jblast.sensors.camera.rendering.render import BACKGROUND
+    from jblast.sensors.camera.image.behind import BACKGROUND
 
     if asked.background is None:
         return BACKGROUND

@@ -20,7 +20,7 @@ from jblast.sensors import Track
 from jblast.sensors.camera import landscape
 from jblast.sensors.camera.film import Film
 from jblast.sensors.camera.geometry.camera_path import CameraPath
-from jblast.sensors.camera.rendering.render import BACKGROUND
+from jblast.sensors.camera.image.behind import BACKGROUND
 from jblast.sensors.listening.plan import plan
 from jblast.study.flights.encounter import Encounter
 from jblast.study.flights.fly import fly

@@ -11,9 +11,10 @@ from jblast.sensors.camera.events.ideal import Events, ideal_events
 from jblast.sensors.camera.events.log_intensity import log_intensity
 from jblast.sensors.camera.events.noise import IDEAL, NoiseModel
 from jblast.sensors.camera.events.noisy import noisy_events
+from jblast.sensors.camera.image.behind import BACKGROUND, Background
 from jblast.sensors.camera.image.grey_composite import luminance
 from jblast.sensors.camera.rendering.appearance import Appearance
-from jblast.sensors.camera.rendering.render import BACKGROUND, Background, render
+from jblast.sensors.camera.rendering.render import render
 from jblast.sensors.camera.rendering.view_set import ViewSet
 
 

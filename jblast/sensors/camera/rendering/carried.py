@@ -20,7 +20,7 @@ from jblast.sensors.camera.geometry.pixel_rays import Rays, pixels
 from jblast.sensors.camera.geometry.surfaces import surfaces_seen
 from jblast.sensors.camera.rendering.appearance import Appearance
 from jblast.sensors.camera.rendering.exposure import exposed
-from jblast.sensors.camera.rendering.fireball_image import fireballs_seen
+from jblast.sensors.camera.rendering.fireball_window import fireballs_in_window
 from jblast.sensors.camera.rendering.flash import flash
 from jblast.sensors.camera.rendering.landscape import Landscape, landscape
 from jblast.sensors.camera.rendering.view_set import ViewSet
@@ -115,7 +115,7 @@ def _frames(
         rays = turned_rays(lenses[0], here)
         ends = rays if supersample == 1 else turned_rays(lenses[1], here)
         if views is None:
-            layer = fireballs_seen(scene, rays, time, appearance)
+            layer = fireballs_in_window(scene, rays, time, appearance)
         else:
             layer = views.seen(scene, rays, time, appearance)
         if isinstance(background, Landscape):

@@ -9,17 +9,23 @@ of `fireballs_seen`; most frames have most of their pixels to spare.
 from collections.abc import Callable
 from functools import reduce
 
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from jblast.scene import Scene
 from jblast.sensors.camera.geometry.pixel_rays import Rays
 from jblast.sensors.camera.rendering.appearance import Appearance
-from jblast.sensors.camera.rendering.baked.window import SLACK, corner_rays, in_window
+from jblast.sensors.camera.rendering.baked.window import (
+    SLACK,
+    corner_rays,
+    in_window,
+    laid_in_window,
+)
 from jblast.sensors.camera.rendering.fireball_image import cloud, fireballs_seen
 
-SIZES = ((0.4, 0.4), (1.0, 1.0))
-"""Rows and columns of windows: two, as each is compiled for itself."""
+SIZES = ((0.0, 0.0), (0.4, 0.3), (1.0, 1.0))
+"""Rows and columns of windows: few, as each is compiled for itself."""
 
 
 def fireballs_in_window(
@@ -40,6 +46,34 @@ def fireballs_in_window(
         return jnp.moveaxis(seen, 0, -1)
 
     return jnp.moveaxis(in_window(cells, rays, look, SIZES), -1, 0)
+
+
+def fireballs_over(
+    scene: Scene,
+    rays: Rays,
+    time: Float[Array, ""],
+    appearance: Appearance,
+    behind: Float[Array, "row column 3"],
+) -> Float[Array, "row column 3"]:
+    """Return an image with the fireballs in front; no more of it is touched than they.
+
+    Args:
+        scene: Charges and air.
+        rays: One a pixel, row by row.
+        time: On the common clock [s].
+        appearance: How they are exposed.
+        behind: The image.
+    """
+    cells = cells_touched(scene, corner_rays(rays), time)
+
+    def lay(
+        part: Rays, beneath: Float[Array, "row column 3"]
+    ) -> Float[Array, "row column 3"]:
+        seen = jnp.moveaxis(fireballs_seen(scene, part, time, appearance), 0, -1)
+        return seen[..., :3] + (1.0 - seen[..., 3:]) * beneath
+
+    behind = behind.astype(jax.eval_shape(lay, rays, behind).dtype)
+    return laid_in_window(cells, rays, lay, behind, SIZES)
 
 
 def cells_touched(

@@ -1,6 +1,5 @@
 """Frames of a scene with a blast, as a camera takes them."""
 
-from collections.abc import Callable
 from typing import Any
 
 import equinox as eqx
@@ -13,26 +12,22 @@ from jaxtyping import Array, ArrayLike, Float
 from jblast.errors import InputError, shown
 from jblast.scene import Camera, Scene
 from jblast.sensors.camera.geometry.pixel_rays import pixels
+from jblast.sensors.camera.image.behind import (
+    BACKGROUND,
+    Background,
+    fitting,
+    images,
+)
 from jblast.sensors.camera.image.compositing import straight
 from jblast.sensors.camera.rendering.appearance import Appearance
 from jblast.sensors.camera.rendering.exposure import exposed
-from jblast.sensors.camera.rendering.fireball_window import fireballs_in_window
+from jblast.sensors.camera.rendering.fireball_window import (
+    fireballs_in_window,
+    fireballs_over,
+)
 from jblast.sensors.camera.rendering.outlook import Outlook, brightened, outlook_of
 from jblast.sensors.camera.rendering.view_set import ViewSet
 from jblast.types import as_float_array
-
-BACKGROUND = 0.18
-"""Linear light of a grey that looks half as bright as white."""
-
-Background = (
-    Float[ArrayLike, ""]
-    | Float[ArrayLike, "3"]
-    | Float[ArrayLike, "height width 3"]
-    | Float[ArrayLike, "time height width 3"]
-    | Callable[[Float[Array, ""]], Float[Array, "height width 3"]]
-)
-"""A grey, a colour, an image, an image for each time, or a function of the time that
-JAX can trace, the frame source: linear light, full scale 1."""
 
 
 def render(
@@ -101,20 +96,18 @@ def render(
     Example:
         `frames = jblast.render(scene, scene.camera, jnp.arange(100) / 1e3)`
     """
-    check_stands(camera)
+    check_camera(camera, ground=ground)
     times = as_float_array(times)
     _check_times(times)
     for name, number in (("supersample", supersample), ("exposures", exposures)):
         if number < 1:
             raise InputError(f"{name}: expected at least 1, got {number}")
-    if ground and not isinstance(camera.position, Tracer):
-        _check_above_ground(float(np.asarray(camera.position)[2]))
     if depth is not None:
         depth = _checked_depth(as_float_array(depth), camera)
-    source = background if callable(background) else as_float_array(background)
     size = (camera.height, camera.width, 3)
-    if not callable(source):
-        source = _fitting(source, [size, (len(times), *size)], size)
+    source: Any = background
+    if not callable(background):
+        source = images(camera, background, len(times))
     appearance = Appearance() if appearance is None else appearance
     exposure = camera.exposure_s
     if not isinstance(exposure, Tracer) and exposure.item() == 0:
@@ -153,6 +146,14 @@ def _render(
 
     def instant(time, behind):
         """Return one instant: premultiplied, or over what is behind."""
+        if not alpha:
+            if callable(source):
+                image: Any = source(time)
+                behind = fitting(as_float_array(image), [size], size)
+            if lit is not None:
+                behind = brightened(behind, lit, scene, time, appearance)
+            if views is None and supersample == 1:
+                return fireballs_over(scene, rays, time, appearance, behind)
         if views is not None:
             layer = views.seen(scene, rays, time, appearance)
         else:
@@ -160,11 +161,6 @@ def _render(
         seen = pixels(layer, supersample)
         if alpha:
             return seen
-        if callable(source):
-            image: Any = source(time)
-            behind = _fitting(as_float_array(image), [size], size)
-        if lit is not None:
-            behind = brightened(behind, lit, scene, time, appearance)
         return seen[..., :3] + (1.0 - seen[..., 3:]) * behind
 
     def gathered(time, behind):
@@ -201,6 +197,21 @@ def check_stands(camera: Camera) -> None:
         )
 
 
+def check_camera(camera: Camera, *, ground: bool) -> None:
+    """Refuse a camera that something carries, or one below the ground.
+
+    Args:
+        camera: Who looks.
+        ground: Whether there is one.
+
+    Raises:
+        InputError: It is.
+    """
+    check_stands(camera)
+    if ground and not isinstance(camera.position, Tracer):
+        _check_above_ground(float(np.asarray(camera.position)[2]))
+
+
 def _check_times(times: Float[Array, "..."]) -> None:
     if times.ndim != 1:
         raise InputError(f"times: expected a list of numbers, got shape {times.shape}")
@@ -232,15 +243,3 @@ def _checked_depth(depth: Float[Array, "..."], camera: Camera) -> Float[Array, "
     if not isinstance(depth, Tracer) and not (np.asarray(depth) >= 0).all():
         raise InputError("depth: expected distances, got a negative one or NaN")
     return depth
-
-
-def _fitting(
-    image: Float[Array, "..."], shapes: list[tuple[int, ...]], size: tuple[int, ...]
-) -> Float[Array, "..."]:
-    """Return a background of one of some shapes; a colour is made an image."""
-    if image.shape not in ((), (3,), *shapes):
-        raise InputError(
-            "background: expected a number, a colour or shape "
-            f"{' or '.join(str(shape) for shape in shapes)}, got {image.shape}"
-        )
-    return jnp.broadcast_to(image, size) if image.ndim < 3 else image

@@ -10,7 +10,10 @@ import pytest
 from jblast.scene import Camera, Charge, Scene, look_at
 from jblast.sensors.camera import Appearance, pixel_rays
 from jblast.sensors.camera.rendering.fireball_image import fireballs_seen
-from jblast.sensors.camera.rendering.fireball_window import fireballs_in_window
+from jblast.sensors.camera.rendering.fireball_window import (
+    fireballs_in_window,
+    fireballs_over,
+)
 
 PLACE = np.array([0.0, -60.0, 2.0])
 APPEARANCE = Appearance()
@@ -46,6 +49,15 @@ FAR = Scene(
 
 
 @jax.jit
+def over_both(scene, rays, time, behind):
+    seen = jnp.moveaxis(fireballs_seen(scene, rays, time, APPEARANCE), 0, -1)
+    return (
+        seen[..., :3] + (1.0 - seen[..., 3:]) * behind,
+        fireballs_over(scene, rays, time, APPEARANCE, behind),
+    )
+
+
+@jax.jit
 def both(scene, rays, time):
     return (
         fireballs_seen(scene, rays, time, APPEARANCE),
@@ -69,3 +81,17 @@ def test_from_within_the_fireball_all_is_seen():
     whole, part = both(FAR, pixel_rays(near), jnp.asarray(0.5))
     np.testing.assert_allclose(part, whole, rtol=1e-9, atol=1e-12)
     assert float(jnp.min(part[3])) > 0.0
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["in the middle", *(pytest.param(n, marks=pytest.mark.slow) for n in CAMERAS)],
+)
+def test_an_image_has_them_in_front_and_is_as_it_was_beside_them(name):
+    rays = pixel_rays(CAMERAS[name], ground=False)
+    behind = jnp.asarray(np.random.default_rng(0).uniform(size=(97, 129, 3)))
+    for time in (0.05, 0.3):
+        everywhere, windowed = over_both(FAR, rays, jnp.asarray(time), behind)
+        np.testing.assert_allclose(windowed, everywhere, rtol=1e-13)
+    aside = np.asarray(over_both(FAR, rays, jnp.asarray(0.05), behind)[1])
+    np.testing.assert_array_equal(aside, behind)

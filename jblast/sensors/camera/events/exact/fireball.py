@@ -14,6 +14,7 @@ from jblast.sensors.camera.events.ideal import Events
 from jblast.sensors.camera.events.log_intensity import log_intensity
 from jblast.sensors.camera.geometry.pixel_rays import Rays, pixel_rays
 from jblast.sensors.camera.geometry.surfaces import Surfaces, surfaces_seen
+from jblast.sensors.camera.image.behind import BACKGROUND
 from jblast.sensors.camera.image.grey_composite import luminance
 from jblast.sensors.camera.rendering.appearance import Appearance
 from jblast.sensors.camera.rendering.fireball_image import (
@@ -23,7 +24,7 @@ from jblast.sensors.camera.rendering.fireball_image import (
 )
 from jblast.sensors.camera.rendering.flash import disc_light, flash
 from jblast.sensors.camera.rendering.glow_table import GlowTable, glow_table
-from jblast.sensors.camera.rendering.render import BACKGROUND, check_stands
+from jblast.sensors.camera.rendering.render import check_stands
 from jblast.sensors.camera.rendering.sphere_factor import sphere_factor
 from jblast.types import as_float_array
 from jblast.waves.propagation.ambient import ambient

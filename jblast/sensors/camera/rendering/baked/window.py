@@ -125,11 +125,34 @@ def in_window(
         cells: Which may show something.
         rays: Of the whole image.
         look: What is seen along rays; nothing outside the cells.
+        parts: As in `laid_in_window`.
+    """
+    shape, dtype = rays.farthest.shape, jax.eval_shape(look, rays).dtype
+    nothing = jnp.zeros((*shape, 4), dtype)
+    return laid_in_window(cells, rays, lambda part, _: look(part), nothing, parts)
+
+
+def laid_in_window(
+    cells: Bool[Array, "_ _"],
+    rays: Rays,
+    lay: Callable[[Rays, Float[Array, "row column _"]], Float[Array, "row column _"]],
+    behind: Float[Array, "row column _"],
+    parts: Sequence[tuple[float, float]] = SIZES,
+) -> Float[Array, "row column _"]:
+    """Return an image over which something is laid, only where cells are touched.
+
+    Args:
+        cells: Which may show something.
+        rays: Of the whole image.
+        lay: Lays what is seen along rays over what is behind, which it leaves as it is
+            outside the cells.
+        behind: The whole image.
         parts: Rows and columns of windows, as parts of the image's; the last is all.
+            Of none nothing is looked at.
     """
     shape = rays.farthest.shape
     if min(shape) < SMALL:
-        return look(rays)
+        return lay(rays, behind)
     sizes = np.ceil(np.array(parts) * np.array(shape)).astype(int)
     starts, needs = zip(
         *(_extent(jnp.any(cells, axis=1 - i), shape[i]) for i in (0, 1)), strict=True
@@ -141,6 +164,8 @@ def in_window(
         rows, columns = (int(n) for n in size)
 
         def run():
+            if not rows * columns:
+                return behind
             row = jnp.clip(starts[0], 0, shape[0] - rows)
             column = jnp.clip(starts[1], 0, shape[1] - columns)
             part = Rays(
@@ -150,9 +175,11 @@ def in_window(
                 ),
                 jax.lax.dynamic_slice(rays.farthest, (row, column), (rows, columns)),
             )
-            seen = look(part)
-            whole = jnp.zeros((*shape, 4), seen.dtype)
-            return jax.lax.dynamic_update_slice(whole, seen, (row, column, 0))
+            at = row, column, 0
+            beneath = jax.lax.dynamic_slice(
+                behind, at, (rows, columns, behind.shape[2])
+            )
+            return jax.lax.dynamic_update_slice(behind, lay(part, beneath), at)
 
         return run
 
