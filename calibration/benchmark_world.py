@@ -113,13 +113,12 @@ def parts_of_one() -> dict[str, Callable[[], Any]]:
         return microphone.record(own, ear, SECONDS, jax.random.key(0), wave_paths=PATHS)
 
     film = Film(scene, camera, times)
-    grey_of = jax.jit(luminance)
 
     def frames() -> Any:
         return [block for _, block in film.frames()][-1]
 
     def pictures() -> Any:
-        blocks = ((times[n], np.asarray(grey_of(x))) for n, x in film.frames())
+        blocks = ((times[n], luminance(x)) for n, x in film.frames())
         return [sum(int(e.count) for e in stream_events(blocks, (0.2, 0.2)))]
 
     def flight() -> Any:
