@@ -53,8 +53,11 @@ class Picked(NamedTuple):
         if not self.missed:
             return []
         return [
-            f"{self.missed} air shocks at sensors that sample were not picked, or "
-            "poorly: no reading of them was written"
+            f"air shocks at sensors that sample, {self.missed} of them, were not "
+            "picked, or poorly: no reading of them was written"
+            if self.missed > 1
+            else "an air shock at a sensor that samples was not picked, or poorly: no "
+            "reading of it was written"
         ]
 
 

@@ -79,6 +79,10 @@ def read_run(path: str | Path) -> RunFolder:
 
 
 def _document(file: Path) -> dict[str, Any]:
+    if not file.exists():
+        raise InputError(
+            f"{file}: no such file; expected a folder that `jblast world --out` wrote"
+        )
     try:
         document = json.loads(file.read_text("utf-8"))
     except (OSError, ValueError) as error:

@@ -113,7 +113,7 @@ def test_it_is_made_anew_but_no_other_file_is_overwritten(jblast, world):
 
 def test_what_is_missing_or_broken_is_named(jblast, world):
     run = jblast.path("run")
-    assert "run.json" in jblast.refused("report", jblast.path("nowhere"))
+    assert "run.json: no such file" in jblast.refused("report", jblast.path("nowhere"))
     wav = jblast.directory / "run/sound/mic.wav"
     wav.write_bytes(b"RIFF")
     assert "mic.wav: expected sound" in jblast.refused("report", run)
