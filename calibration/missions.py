@@ -25,11 +25,11 @@ from matplotlib.figure import Figure
 
 from jblast.cli.jax_start import start_jax
 from jblast.missions import (
+    GuidanceHistory,
     Item,
     Mission,
     MissionControl,
     Plan,
-    Told,
     grid_plan,
     mission_of,
     planned_seconds,
@@ -93,8 +93,8 @@ def campus_plan() -> Plan:
 
 def passes(mission: Mission, model: str) -> list[tuple[float, np.ndarray, np.ndarray]]:
     """Return when a vehicle is half-way along each of `LEGS`, where, and which way."""
-    flight, told = flown(mission, model, MISSION_STEP_S)
-    visit = np.asarray(mission.guidance.legs.visit)[np.asarray(told.leg)]
+    flight, guided = flown(mission, model, MISSION_STEP_S)
+    visit = np.asarray(mission.guidance.legs.visit)[np.asarray(guided.leg)]
     found = []
     for _, to in LEGS:
         rows = np.flatnonzero(visit == to - 1)
@@ -105,7 +105,9 @@ def passes(mission: Mission, model: str) -> list[tuple[float, np.ndarray, np.nda
     return found
 
 
-def flown(mission: Mission, model: str, step: float) -> tuple[Trajectory, Told]:
+def flown(
+    mission: Mission, model: str, step: float
+) -> tuple[Trajectory, GuidanceHistory]:
     """Fly a mission in still air, from the ground at home."""
     hold = PositionHold(jnp.zeros(3), named_gains(model, integral=True))
     control = MissionControl(mission.guidance, hold)
@@ -177,8 +179,8 @@ def costs() -> str:
         taken, flight = [], None
         for _ in range(1 if step == FINEST_S else 3):
             begin = time.process_time()
-            flight, told = flown(mission, "iris", step)
-            jax.block_until_ready((flight, told))
+            flight, guided = flown(mission, "iris", step)
+            jax.block_until_ready((flight, guided))
             taken.append(time.process_time() - begin)
         assert flight is not None
         every = round(0.04 / step)
@@ -296,7 +298,7 @@ def across(flight: MissionFlight, came: float) -> tuple[np.ndarray, np.ndarray]:
     time_s = np.asarray(flight.trajectory.time_s)
     rows = (time_s > came - 0.5) & (time_s < came + 2.5)
     place = np.asarray(flight.trajectory.position_m)[rows]
-    aim = np.asarray(flight.told.set_point_m)[rows]
+    aim = np.asarray(flight.guided.set_point_m)[rows]
     way = np.gradient(aim, axis=0)
     size = np.linalg.norm(way, axis=1, keepdims=True)
     way = way / np.where(size > 0, size, 1.0)

@@ -19,4 +19,4 @@ from jblast.missions.plan.read import (
     read_plan as read_plan,
     write_plan as write_plan,
 )
-from jblast.missions.replay import Told as Told, replay as replay
+from jblast.missions.replay import GuidanceHistory as GuidanceHistory, replay as replay

@@ -14,7 +14,7 @@ from jblast.missions.guidance import Guidance, Progress
 from jblast.vehicle import State
 
 
-class Told(NamedTuple):
+class GuidanceHistory(NamedTuple):
     """What the guidance said at each row.
 
     Attributes:
@@ -29,7 +29,9 @@ class Told(NamedTuple):
 
 
 @kept
-def replay(guidance: Guidance, states: State, period_s: Float[Array, ""]) -> Told:
+def replay(
+    guidance: Guidance, states: State, period_s: Float[Array, ""]
+) -> GuidanceHistory:
     """Return what the guidance said along a flight.
 
     Args:
@@ -38,8 +40,8 @@ def replay(guidance: Guidance, states: State, period_s: Float[Array, ""]) -> Tol
         period_s: Between two.
     """
 
-    def turn(now: Progress, state: State) -> tuple[Progress, Told]:
+    def turn(now: Progress, state: State) -> tuple[Progress, GuidanceHistory]:
         aim, after = guidance(state, now, period_s)
-        return after, Told(aim.position_m, now.phase, now.leg)
+        return after, GuidanceHistory(aim.position_m, now.phase, now.leg)
 
     return jax.lax.scan(turn, guidance.start(), states)[1]

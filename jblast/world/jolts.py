@@ -58,9 +58,9 @@ def picked_jolts(
                 continue
             place = arrivals.places_m[AIR][row, shot]
             name = world.scene.charges[shot].name
-            told = _told(record, pick, first, crossing_s)
-            rows += [(sensor.name, *one[:3], name, one[3]) for one in told]
-            places += [place] * len(told)
+            readings = _readings(record, pick, first, crossing_s)
+            rows += [(sensor.name, *one[:3], name, one[3]) for one in readings]
+            places += [place] * len(readings)
     if not rows:
         return None, missed
     names, quantities, values, sigmas, shots, bounds = zip(*rows, strict=True)
@@ -134,7 +134,7 @@ def _crossing_s(world: DrawnWorld) -> float:
     return float(np.sqrt(4 / np.pi * area)) / STANDARD_SOUND_SPEED
 
 
-def _told(
+def _readings(
     record: ImuRecord, pick: JoltPick, first: int, crossing_s: float
 ) -> list[tuple[str, float, float, bool]]:
     """Return quantity, value, sigma and whether it is a lower bound."""
@@ -142,7 +142,7 @@ def _told(
     onset = float(record.stamps_s[first + pick.onset])
     # where in its sample, and in its row of the flight, a push begins nobody knows;
     # that of the front begins half a body before it comes to the middle
-    told = [
+    readings = [
         (
             AIR,
             onset + 0.5 * (step + row + crossing_s),
@@ -152,7 +152,7 @@ def _told(
         ("jolt_velocity_m_s", *pick.speed_m_s, pick.clipped),
     ]
     if not pick.clipped:
-        told += [
+        readings += [
             (quantity, *value, False)
             for quantity, value in (
                 ("jolt_bearing_rad", pick.bearing_rad),
@@ -160,7 +160,7 @@ def _told(
             )
             if value[1] < POOR_RAD
         ]
-    return told
+    return readings
 
 
 def _at(

@@ -82,7 +82,7 @@ class GroundStation:
             seconds: Of the wall clock; None: no end.
         """
         begin = time.monotonic()
-        beat = told = -1e9
+        beat = reported = -1e9
         try:
             while seconds is None or time.monotonic() - begin < seconds:
                 now = time.monotonic()
@@ -95,8 +95,8 @@ class GroundStation:
                 if now - beat >= HEARTBEAT_S:
                     beat = now
                     frames.append(self._beat(now))
-                if now - told >= EACH_S / max(self._speed, 1.0):
-                    told = now
+                if now - reported >= EACH_S / max(self._speed, 1.0):
+                    reported = now
                     frames += self._rows(now)
                 if frames and self._link.connected:
                     self._link.send(*frames)

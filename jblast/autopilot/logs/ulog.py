@@ -59,8 +59,8 @@ def ulog_bytes(
     rows = [row for n, topic in enumerate(ordered) for row in _rows(topic, n)]
     for time_s, text in said:
         stamp = _stamp(time_s)
-        told = struct.pack("<BQ", ord("6"), stamp) + text.encode()
-        rows.append((stamp, _message("L", told)))
+        logged = struct.pack("<BQ", ord("6"), stamp) + text.encode()
+        rows.append((stamp, _message("L", logged)))
     rows.sort(key=lambda row: row[0])
     return b"".join([*parts, *(data for _, data in rows)])
 

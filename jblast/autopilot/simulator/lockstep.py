@@ -95,8 +95,8 @@ def fly_lockstep(
         The flight; whatever ended it, its rows until then are there.
     """
     sender, still = Sender(SYSTEM, COMPONENT), np.zeros(4)
-    carried, told = made.first()
-    numbers, heard = np.asarray(told), False
+    carried, reported = made.first()
+    numbers, heard = np.asarray(reported), False
     try:
         while seconds is None or flight.seconds < seconds - 0.5 * PERIOD_S:
             each()
@@ -116,10 +116,10 @@ def fly_lockstep(
                 speeds = rotors.speeds(controls) if armed else still
             if goes:
                 flight.rows.append(Row(flight.seconds, numbers[-STATE_LENGTH:], speeds))
-            carried, told = made.after(
+            carried, reported = made.after(
                 carried, flight.turns, flight.flown, goes, speeds
             )
-            numbers = np.asarray(told)
+            numbers = np.asarray(reported)
             flight.turns += 1
             flight.flown += goes
         else:

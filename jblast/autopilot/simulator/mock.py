@@ -16,7 +16,7 @@ from jaxtyping import Array, Float, Int, PyTree
 
 from jblast.autopilot.mavlink.wire import Message, Receiver, Sender
 from jblast.autopilot.simulator.geodesy import Origin
-from jblast.autopilot.simulator.readings import STATE, state_heard, state_told
+from jblast.autopilot.simulator.readings import STATE, state_heard, state_reported
 from jblast.autopilot.simulator.rotors import ARMED, LOCKSTEP
 from jblast.autopilot.simulator.stepping import PERIOD_S
 from jblast.vehicle import Controller, State, Vehicle
@@ -54,20 +54,20 @@ class RoundedHold(eqx.Module):
     ) -> tuple[Float[Array, "4"], PyTree[Array]]:
         """Return rotor speeds to ask for [rad/s], and the memory afterwards."""
         still = jnp.zeros(3)
-        told = state_told(self.origin, state, still, still)
-        controls, memory = self.answer(told, vehicle, memory, time_s)
+        reported = state_reported(self.origin, state, still, still)
+        controls, memory = self.answer(reported, vehicle, memory, time_s)
         turned = jnp.zeros(4).at[self.of_motor].set(controls)
         return turned * vehicle.rotor_speed_max_rad_s, memory
 
     def answer(
         self,
-        told: Float[Array, "18"],
+        reported: Float[Array, "18"],
         vehicle: Vehicle,
         memory: PyTree[Array],
         time_s: Float[Array, ""],
     ) -> tuple[Float[Array, "4"], PyTree[Array]]:
         """Return the motors' controls for what was told, and the memory afterwards."""
-        state = state_heard(self.origin, told, jnp.zeros(4))
+        state = state_heard(self.origin, reported, jnp.zeros(4))
         control: Controller = self.control
         period = jnp.asarray(PERIOD_S, float)
         speeds, memory = control(time_s, state, vehicle, memory, period)
@@ -86,26 +86,26 @@ class Mock:
     def __init__(self, hold: RoundedHold, vehicle: Vehicle):
         arrays, rest = eqx.partition((hold, vehicle), eqx.is_array)
 
-        def control(arrays: Any, *told: Any) -> tuple[Array, PyTree[Array]]:
+        def control(arrays: Any, *reported: Any) -> tuple[Array, PyTree[Array]]:
             own, known = eqx.combine(arrays, rest)
-            return own.answer(told[0], known, *told[1:])
+            return own.answer(reported[0], known, *reported[1:])
 
         self._control = partial(jax.jit(control), arrays)
         self._memory, self._sender = hold.start(), Sender(1, 1)
         still = jnp.zeros(3)
-        self._told: Any = state_told(hold.origin, _rest(), still, still)
+        self._reported: Any = state_reported(hold.origin, _rest(), still, still)
         # made before the simulator waits for it
-        self._control(self._told, self._memory, 0.0)
+        self._control(self._reported, self._memory, 0.0)
 
     def answer(self, message: Message) -> bytes | None:
         """Return the controls that answer a message; None: it waits for more."""
         if message.name == "HIL_STATE_QUATERNION":
-            self._told = _numbers(message)
+            self._reported = _numbers(message)
         if message.name != "HIL_SENSOR":
             return None
         stamp = message.values["time_usec"]
         time_s = stamp * 1e-6 - PERIOD_S
-        controls, self._memory = self._control(self._told, self._memory, time_s)
+        controls, self._memory = self._control(self._reported, self._memory, time_s)
         return self._sender.pack(
             "HIL_ACTUATOR_CONTROLS",
             time_usec=stamp,

@@ -87,12 +87,12 @@ def readings_of(
     return Readings(
         jnp.stack([jnp.asarray(x, float) for x in sensor]),
         jnp.stack([jnp.asarray(x, float) for x in fix]),
-        state_told(origin, now, force, air_velocity_m_s),
+        state_reported(origin, now, force, air_velocity_m_s),
         sample.has_fix.astype(float),
     )
 
 
-def state_told(
+def state_reported(
     origin: Origin,
     now: State,
     force_m_s2: Float[Array, "3"],
@@ -121,21 +121,21 @@ def state_told(
 
 
 def state_heard(
-    origin: Origin, told: Float[Array, "18"], rotor_speed_rad_s: Float[Array, "4"]
+    origin: Origin, reported: Float[Array, "18"], rotor_speed_rad_s: Float[Array, "4"]
 ) -> State:
     """Return the state that the numbers of HIL_STATE_QUATERNION tell.
 
     Args:
         origin: Where the scene lies.
-        told: The numbers.
+        reported: The numbers.
         rotor_speed_rad_s: Which they do not tell.
     """
-    lat_lon_alt = told[7:10] * jnp.array([1e-7, 1e-7, 1e-3])
+    lat_lon_alt = reported[7:10] * jnp.array([1e-7, 1e-7, 1e-3])
     return State(
         level_of(origin, lat_lon_alt),
-        axes.world(told[10:13] / 100),
-        axes.attitude_in(told[:4]),
-        axes.body(told[4:7]),
+        axes.world(reported[10:13] / 100),
+        axes.attitude_in(reported[:4]),
+        axes.body(reported[4:7]),
         rotor_speed_rad_s,
     )
 

@@ -61,7 +61,7 @@ class Turns(eqx.Module):
         state = self.flight.state
         return Carried(self._step().start(), state, self.suite.start(self.key, state))
 
-    def told(
+    def reported(
         self, carried: Carried, turn: Int[Array, ""], world_turn: Int[Array, ""]
     ) -> tuple[Carried, Float[Array, " number"]]:
         """Return what is carried on from a turn, and what is told at it.
@@ -81,7 +81,7 @@ class Turns(eqx.Module):
         sample, held = self.suite(
             self.key, turn, carried.held, carried.before, state, time_s, period
         )
-        told = readings_of(
+        reported = readings_of(
             self.origin,
             sample,
             state,
@@ -89,7 +89,9 @@ class Turns(eqx.Module):
             self.suite.ground_temperature_k,
             self.suite.gps.noise(),
         )
-        numbers = jnp.concatenate([*map(jnp.ravel, told), *map(jnp.ravel, _of(state))])
+        numbers = jnp.concatenate(
+            [*map(jnp.ravel, reported), *map(jnp.ravel, _of(state))]
+        )
         return Carried(carried.now, state, held), numbers
 
     def moved(
@@ -101,7 +103,7 @@ class Turns(eqx.Module):
         """Return what there is after a turn.
 
         Args:
-            carried: As `told` left it.
+            carried: As `reported` left it.
             world_turn: Counted since the clock of the blasts goes.
             speeds_rad_s: Asked of the rotors.
         """
@@ -143,7 +145,7 @@ def programs(turns: Turns) -> Programs:
 
     def first(arrays: Turns) -> tuple[Carried, Array]:
         own = eqx.combine(arrays, rest)
-        return own.told(own.start(), jnp.asarray(0), jnp.asarray(0))
+        return own.reported(own.start(), jnp.asarray(0), jnp.asarray(0))
 
     def after(
         arrays: Turns, carried: Carried, turn: Any, world: Any, goes: Any, speeds: Any
@@ -151,7 +153,7 @@ def programs(turns: Turns) -> Programs:
         own = eqx.combine(arrays, rest)
         moved = own.moved(carried, world, speeds)
         carried = jax.tree.map(lambda a, b: jnp.where(goes, a, b), moved, carried)
-        return own.told(carried, turn + 1, world + jnp.asarray(goes, int))
+        return own.reported(carried, turn + 1, world + jnp.asarray(goes, int))
 
     begin, goes_on = jax.jit(first), jax.jit(after)
     carried, _ = begin(arrays)

@@ -117,7 +117,7 @@ def error_figure(flight: MissionFlight) -> Figure:
     upper.set_ylim(0.0)
     note = f"grey: within {printed_number('tolerance_m', tolerance)}"
     titled(upper, "Distance from the set point", f"{note}; dashed: a blast arrives")
-    aim = np.maximum(np.asarray(flight.told.set_point_m)[rows, 2], 0.0)
+    aim = np.maximum(np.asarray(flight.guided.set_point_m)[rows, 2], 0.0)
     lower.plot(time, aim, color=MUTED, linewidth=3.0, alpha=0.45, label="set point")
     height = np.asarray(flight.trajectory.position_m)[rows, 2]
     lower.plot(time, height, color=BLUE, linewidth=1.2, label="flown")
@@ -129,7 +129,7 @@ def error_figure(flight: MissionFlight) -> Figure:
 
 def planned_path(flight: MissionFlight) -> Float[np.ndarray, "place 3"]:
     """Return the way of the set point: east, north, up, where it was."""
-    set_point = np.asarray(flight.told.set_point_m)
+    set_point = np.asarray(flight.guided.set_point_m)
     return _thinned(np.maximum(set_point, [-np.inf, -np.inf, 0.0]))
 
 

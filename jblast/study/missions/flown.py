@@ -15,7 +15,13 @@ import numpy as np
 
 from jblast.autopilot.estimator.followed import Followed
 from jblast.errors import InputError
-from jblast.missions import Mission, MissionControl, Told, planned_seconds, replay
+from jblast.missions import (
+    GuidanceHistory,
+    Mission,
+    MissionControl,
+    planned_seconds,
+    replay,
+)
 from jblast.missions.guidance import ENDED
 from jblast.progress import counted
 from jblast.scene import Scene, VehicleSpec
@@ -50,12 +56,12 @@ class Rows(NamedTuple):
 
     Attributes:
         flight: The vehicle, in truth.
-        told: What the guidance said.
+        guided: What the guidance said.
         followed: What it took for its state; None: the truth.
     """
 
     flight: Trajectory
-    told: Told
+    guided: GuidanceHistory
     followed: Followed | None
 
 
@@ -87,17 +93,17 @@ def flown(
     planned = planned_seconds(mission.guidance.legs, rate)
     bound = planned * (1 + SHARE) + EACH_S * len(scene.charges) + LEAST_S
     seconds = UNIT_S * math.ceil(bound / UNIT_S)
-    told_twice = counted(2, "flights")
+    guided_twice = counted(2, "flights")
     rows = _once(*arguments, seconds)
-    told_twice(1)
-    if np.asarray(rows.told.phase)[-1] == ENDED or crash_of(rows.flight)[0]:
+    guided_twice(1)
+    if np.asarray(rows.guided.phase)[-1] == ENDED or crash_of(rows.flight)[0]:
         return rows
     return _once(*arguments, 2 * seconds)
 
 
 def cut(rows: Rows, options: Options) -> Rows:
     """Cut a flight off after it was disarmed, if nobody said how long."""
-    phase = np.asarray(rows.told.phase)
+    phase = np.asarray(rows.guided.phase)
     time = np.asarray(rows.flight.time_s)
     if options.seconds is not None or phase[-1] != ENDED:
         return rows

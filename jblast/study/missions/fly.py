@@ -88,10 +88,10 @@ def fly_mission(
         place = uncertain.place or mission.plan.home
         instruments = instruments_of(place, seed, np.int64(0), options.step_s)
     rows = flown(mission, spec, scene, load, options, instruments)
-    flight, told, estimate = cut(rows, options)
+    flight, guided, estimate = cut(rows, options)
     seconds = float(flight.time_s[-1])
     # a set point below the ground is there to make the vehicle land
-    aim = np.maximum(np.asarray(told.set_point_m), [-np.inf, -np.inf, GROUND_UP_M])
+    aim = np.maximum(np.asarray(guided.set_point_m), [-np.inf, -np.inf, GROUND_UP_M])
     error = np.asarray(path_error(flight, aim))
     crash, crashed_s = crash_of(flight)
     every = max(1, round(EACH_ROW_S / options.step_s))
@@ -103,7 +103,7 @@ def fly_mission(
     exposure = _exposed(
         unwatched(scene), load, vehicle, encounter, flight.time_s[::every], states
     )
-    ended = np.asarray(told.phase) == ENDED
+    ended = np.asarray(guided.phase) == ENDED
     disarmed = float(flight.time_s[np.argmax(ended)]) if ended.any() else math.nan
     return MissionFlight(
         vehicle=spec,
@@ -115,17 +115,17 @@ def fly_mission(
         places_m=np.stack([np.stack(c.position_m) for c in charges]),
         wind_m_s=np.array([scene.air.wind_east, scene.air.wind_north]),
         trajectory=flight,
-        told=told,
+        guided=guided,
         path_error_m=error,
         encounter=encounter,
         exposure=exposure,
-        waypoints=waypoints_of(mission, flight, told, error, crashed_s),
+        waypoints=waypoints_of(mission, flight, guided, error, crashed_s),
         disturbances=disturbances_of(
             tuple(charge.name for charge in charges),
             encounter.arrival_s,
             mission,
             flight,
-            told,
+            guided,
             error,
             options.tolerance_m,
         ),

@@ -21,7 +21,7 @@ from jblast.vehicle import Trajectory, start_of, vehicle_of
 
 def mission_record(flight: MissionFlight) -> FlightRecord:
     """Return the rows of a mission."""
-    phase = np.asarray(flight.told.phase)
+    phase = np.asarray(flight.guided.phase)
     visit = np.asarray(flight.mission.guidance.legs.visit)
     item_of_visit = {stop.visit: stop.item for stop in flight.mission.stops}
     last = max(item_of_visit)
@@ -31,8 +31,8 @@ def mission_record(flight: MissionFlight) -> FlightRecord:
     return replace(
         record,
         armed=((phase >= ARMED) & (phase <= FLYING))[:known],
-        item=items[visit[np.asarray(flight.told.leg)]][:known],
-        set_point_m=np.asarray(flight.told.set_point_m)[:known],
+        item=items[visit[np.asarray(flight.guided.leg)]][:known],
+        set_point_m=np.asarray(flight.guided.set_point_m)[:known],
         estimate=_estimate(flight.followed, known),
     )
 

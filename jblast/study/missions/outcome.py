@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from jblast.missions import Mission, Told
+from jblast.missions import GuidanceHistory, Mission
 from jblast.missions.guidance import ENDED, FLYING
 from jblast.missions.limits import TOUCH_M_S
 from jblast.study.missions.records import Disturbance, Waypoint
@@ -41,7 +41,7 @@ def crash_of(flight: Trajectory) -> tuple[str, float]:
 def waypoints_of(
     mission: Mission,
     flight: Trajectory,
-    told: Told,
+    guided: GuidanceHistory,
     error_m: Float[np.ndarray, " time"],
     until_s: float,
 ) -> tuple[Waypoint, ...]:
@@ -50,13 +50,13 @@ def waypoints_of(
     Args:
         mission: What was to be flown.
         flight: Its rows.
-        told: What the guidance said at them.
+        guided: What the guidance said at them.
         error_m: Distance from the set point.
         until_s: When it crashed; infinite: it did not.
     """
     time, place = np.asarray(flight.time_s), np.asarray(flight.position_m)
-    phase = np.asarray(told.phase)
-    visit = np.asarray(mission.guidance.legs.visit)[np.asarray(told.leg)]
+    phase = np.asarray(guided.phase)
+    visit = np.asarray(mission.guidance.legs.visit)[np.asarray(guided.leg)]
     flies = (phase == FLYING) & (time < until_s)
     ended = (phase == ENDED).any() and math.isinf(until_s)
     found = []
@@ -94,7 +94,7 @@ def disturbances_of(
     arrival_s: Float[Array, " blast"],
     mission: Mission,
     flight: Trajectory,
-    told: Told,
+    guided: GuidanceHistory,
     error_m: Float[np.ndarray, " time"],
     tolerance_m: float,
 ) -> tuple[Disturbance, ...]:
@@ -105,13 +105,13 @@ def disturbances_of(
         arrival_s: Of each at the vehicle.
         mission: What was to be flown.
         flight: Its rows.
-        told: What the guidance said at them.
+        guided: What the guidance said at them.
         error_m: Distance from the set point.
         tolerance_m: Within which a vehicle has recovered.
     """
     time, arrivals = np.asarray(flight.time_s), np.asarray(arrival_s)
-    flies = np.asarray(told.phase) == FLYING
-    visit = np.asarray(mission.guidance.legs.visit)[np.asarray(told.leg)]
+    flies = np.asarray(guided.phase) == FLYING
+    visit = np.asarray(mission.guidance.legs.visit)[np.asarray(guided.leg)]
     found = []
     for name, came in zip(charges, arrivals, strict=True):
         later = arrivals[arrivals > came]

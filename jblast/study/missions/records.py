@@ -7,7 +7,7 @@ from jaxtyping import Float
 
 from jblast.autopilot.estimator.followed import Followed
 from jblast.autopilot.estimator.thrown import Thrown
-from jblast.missions import Item, Mission, Told
+from jblast.missions import GuidanceHistory, Item, Mission
 from jblast.scene import VehicleSpec
 from jblast.study.flights.encounter import Encounter
 from jblast.study.flights.exposure import Exposure
@@ -76,7 +76,7 @@ class MissionFlight:
         places_m: Of the charges, east, north, up.
         wind_m_s: Towards east, north.
         trajectory: A row each time that its controller was asked.
-        told: What the guidance said at each row.
+        guided: What the guidance said at each row.
         path_error_m: Distance from the set point at each row.
         encounter: How the blasts came to it.
         exposure: What they did to it beside moving it.
@@ -98,7 +98,7 @@ class MissionFlight:
     places_m: Float[np.ndarray, "blast 3"]
     wind_m_s: Float[np.ndarray, "2"]
     trajectory: Trajectory
-    told: Told
+    guided: GuidanceHistory
     path_error_m: Float[np.ndarray, " time"]
     encounter: Encounter
     exposure: Exposure

@@ -83,7 +83,7 @@ def prepare(setting: Setting) -> Prepared:
         true = with_values(scene, numbers)
         truth = numbers.get(number)
         if truth is None:
-            truth = _told(scene, number)
+            truth = _stated(scene, number)
         exact = record(true, layout, laws).value if wanted else jnp.zeros(0)
         key, of_rows = jax.random.split(key)
         own = student_errors(of_rows, STUDENT_FREEDOM, sigma.size)
@@ -95,11 +95,11 @@ def prepare(setting: Setting) -> Prepared:
 
     def finish(answers: Mapping[str, Array | np.ndarray]) -> Answers:
         found = _fit(answers[READINGS], tries)
-        told = dict(compared(*_marginal(found), found.bad, answers[TRUTH]))
+        answered = dict(compared(*_marginal(found), found.bad, answers[TRUTH]))
         if wanted:
             # by Fisher information at readings without error
-            told[BOUND] = width(*_marginal(_fit(answers[EXACT], 4)))
-        return told
+            answered[BOUND] = width(*_marginal(_fit(answers[EXACT], 4)))
+        return answered
 
     def _fit(readings: Array | np.ndarray, tries: int) -> ManyFits:
         return fit_many(
@@ -143,7 +143,7 @@ def _believed(setting: Setting, number: str) -> UncertainScene:
     return replace(believed, scene=scene)
 
 
-def _told(scene: Scene, number: str) -> Any:
+def _stated(scene: Scene, number: str) -> Any:
     return value_of(scene, number)
 
 

@@ -17,8 +17,8 @@ def packet_message(packet: Packet) -> Any:
     """Return a packet."""
     to = messages()
     message = to.Packet(number=packet.number, time_s=packet.time_s, last=packet.last)
-    for told in packet.announcements:
-        message.announcements.append(_announcement(told))
+    for announced in packet.announcements:
+        message.announcements.append(_announcement(announced))
     for one in packet.perceived:
         message.perceived.add(shot=one.shot, sense=one.sense, time_s=one.time_s)
     for sense in ("force", "pressure", "sound"):
@@ -46,28 +46,28 @@ def vector_message(values: Any) -> Any:
     return messages().Vector(east=east, north=north, up=up)
 
 
-def _announcement(told: Announcement) -> Any:
+def _announcement(announced: Announcement) -> Any:
     to = messages()
-    charge = told.charge
+    charge = announced.charge
     message = to.Announcement(
         shot=charge.name,
-        revision=told.revision,
+        revision=announced.revision,
         time_s=float(charge.time_s),
         position_m=vector_message(charge.position_m),
         mass_kg=float(charge.mass_kg),
-        pressure_mass_kg=told.tnt_mass_kg[0],
-        impulse_mass_kg=told.tnt_mass_kg[1],
-        burst=told.burst,
-        **told.arrivals._asdict(),
+        pressure_mass_kg=announced.tnt_mass_kg[0],
+        impulse_mass_kg=announced.tnt_mass_kg[1],
+        burst=announced.burst,
+        **announced.arrivals._asdict(),
     )
-    if told.pulse is not None:
-        message.pulse.CopyFrom(to.Pulse(**told.pulse._asdict()))
-    if told.force is not None:
-        profile = told.force
+    if announced.pulse is not None:
+        message.pulse.CopyFrom(to.Pulse(**announced.pulse._asdict()))
+    if announced.force is not None:
+        profile = announced.force
         rows = np.concatenate([profile.force_n, profile.moment_nm], axis=1)
         _fill(message.force, profile.first, profile.rate_hz, rows)
     for sense in ("pressure", "sound"):
-        for record in getattr(told, sense):
+        for record in getattr(announced, sense):
             part = getattr(message, sense).add()
             _fill(part, record.first, record.rate_hz, record.samples)
     return message

@@ -27,7 +27,7 @@ def packet_of(message: Any) -> Packet:
     return Packet(
         message.number,
         message.time_s,
-        tuple(_announcement(told) for told in message.announcements),
+        tuple(_announcement(announced) for announced in message.announcements),
         tuple(Perceived(p.shot, "", p.sense, p.time_s) for p in message.perceived),
         last=message.last,
         **parts,

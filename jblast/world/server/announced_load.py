@@ -17,7 +17,7 @@ from jblast.world.server.payload import Announcement
 
 
 def announced_load(
-    told: Sequence[Announcement],
+    announced: Sequence[Announcement],
     *,
     pressure_pa: float,
     sound_speed_m_s: float,
@@ -28,7 +28,7 @@ def announced_load(
     """Return the load of blasts, for flights of a short while one after another.
 
     Args:
-        told: The blasts, those of both curve sets in any order.
+        announced: The blasts, those of both curve sets in any order.
         pressure_pa: Of the air.
         sound_speed_m_s: In still air.
         wind_m_s: East, north, up.
@@ -41,7 +41,7 @@ def announced_load(
     """
     blasts = []
     for burst in ("surface", "free-air"):
-        of_burst = [one for one in told if one.burst == burst]
+        of_burst = [one for one in announced if one.burst == burst]
         if len(of_burst) > room:
             raise InputError(
                 f"expected at most {room} blasts of burst {burst!r} at a time, got "
@@ -65,12 +65,14 @@ def announced_load(
     )
 
 
-def _blast(told: Announcement, since_s: float) -> Blast:
-    pressure_mass, impulse_mass = told.tnt_mass_kg
+def _blast(announced: Announcement, since_s: float) -> Blast:
+    pressure_mass, impulse_mass = announced.tnt_mass_kg
     return Blast(
-        position_m=jnp.stack([jnp.asarray(x, float) for x in told.charge.position_m]),
-        time_s=jnp.asarray(float(told.charge.time_s) - since_s),
+        position_m=jnp.stack(
+            [jnp.asarray(x, float) for x in announced.charge.position_m]
+        ),
+        time_s=jnp.asarray(float(announced.charge.time_s) - since_s),
         mass_kg=jnp.asarray(pressure_mass),
         impulse_mass_kg=jnp.asarray(impulse_mass),
-        burst=told.burst,
+        burst=announced.burst,
     )

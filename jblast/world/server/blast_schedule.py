@@ -46,7 +46,7 @@ class BlastSchedule:
         """All of them, in order of time."""
         return tuple(self._charges)
 
-    def told(self, after_s: float, until_s: float) -> tuple[Charge, ...]:
+    def announced(self, after_s: float, until_s: float) -> tuple[Charge, ...]:
         """Return the blasts that are told of after a time and until another [s]."""
         first = bisect.bisect_right(self._times, after_s + self.lead_s)
         last = bisect.bisect_right(self._times, until_s + self.lead_s)

@@ -46,8 +46,8 @@ class Wanted(NamedTuple):
 class _Live:
     """A blast that was told and is not over."""
 
-    def __init__(self, told: Announcement, motion: Motion | None):
-        self.told = told
+    def __init__(self, announced: Announcement, motion: Motion | None):
+        self.announced = announced
         self.motion = motion
         self.settled: set[str] = {"flash_s"}
 
@@ -86,7 +86,7 @@ class Playback:
         self._until_s = until_s
         self._ahead_s = AHEAD / float(times.rate)
         self._sound_m_s = float(sound_speed_of(stager.scene.air))
-        self._told_until_s = times.start_s(first) - schedule.lead_s - PAST_S
+        self._announced_until_s = times.start_s(first) - schedule.lead_s - PAST_S
         self._live: dict[str, _Live] = {}
         self._motion: Motion | None = None
 
@@ -110,13 +110,20 @@ class Playback:
         Args:
             ahead_s: After the next packet begins [s].
         """
-        charges = self._schedule.told(self._told_until_s, self.time_s + ahead_s)
+        charges = self._schedule.announced(
+            self._announced_until_s, self.time_s + ahead_s
+        )
         return [Wanted(self.entity, charge, self._motion, 0) for charge in charges]
 
     def wanted(self) -> list[Wanted]:
         """Return what has to be staged for the next packet."""
         anew = [
-            Wanted(self.entity, live.told.charge, self._motion, live.told.revision + 1)
+            Wanted(
+                self.entity,
+                live.announced.charge,
+                self._motion,
+                live.announced.revision + 1,
+            )
             for live in self._live.values()
             if self._uncertain(live)
         ]
@@ -129,12 +136,12 @@ class Playback:
             staged: What `wanted` asked for.
         """
         start, end = self.time_s, self._times.start_s(self.number + 1)
-        told = []
+        announced = []
         for new in staged:
             name = new.charge.name
             known = self._live.get(name)
             if known is not None:
-                new = _with_past(new, known.told, start)
+                new = _with_past(new, known.announced, start)
             elif new.last_s() < start:
                 continue  # over before it could be told
             live = _Live(new, self._motion)
@@ -144,19 +151,21 @@ class Playback:
                 if getattr(new.arrivals, wave) - start <= self._ahead_s
             }
             self._live[name] = live
-            told.append(new)
-        self._told_until_s = max(self._told_until_s, start)
+            announced.append(new)
+        self._announced_until_s = max(self._announced_until_s, start)
         packet = Packet(
             self.number,
             start,
-            tuple(told),
+            tuple(announced),
             tuple(self._perceived(start, end)),
             self._forces(),
             self._samples("pressure"),
             self._samples("sound"),
             end >= self._until_s,
         )
-        over = [name for name, live in self._live.items() if live.told.last_s() < end]
+        over = [
+            name for name, live in self._live.items() if live.announced.last_s() < end
+        ]
         for name in over:
             del self._live[name]
         self.number += 1
@@ -176,7 +185,7 @@ class Playback:
         early = float(np.linalg.norm(here - then)) / self._sound_m_s
         limit = self.time_s + early + self._ahead_s
         return any(
-            self.time_s <= getattr(live.told.arrivals, wave) <= limit
+            self.time_s <= getattr(live.announced.arrivals, wave) <= limit
             for wave in WAVES
             if wave not in live.settled
         )
@@ -185,7 +194,7 @@ class Playback:
         """Return what senses have first within a packet, in order of time."""
         found: list[Perceived] = []
         for name, live in self._live.items():
-            flash, ground, air = live.told.arrivals
+            flash, ground, air = live.announced.arrivals
             of_senses = {
                 "flash": [(flash, "flash")],
                 "ground": [(ground, "ground motion")],
@@ -205,9 +214,9 @@ class Playback:
         if "force" not in self.entity.senses:
             return None
         profiles = [
-            (live.told.force.first, live.told.force)
+            (live.announced.force.first, live.announced.force)
             for live in self._live.values()
-            if live.told.force is not None
+            if live.announced.force is not None
         ]
         rows = [
             (first, np.concatenate([profile.force_n, profile.moment_nm], axis=1))
@@ -219,7 +228,7 @@ class Playback:
         if sense not in self.entity.senses:
             return None
         records = chain.from_iterable(
-            getattr(live.told, sense) for live in self._live.values()
+            getattr(live.announced, sense) for live in self._live.values()
         )
         rows = [(record.first, record.samples) for record in records]
         return self._slice(rows, self.entity.samples_hz, ())

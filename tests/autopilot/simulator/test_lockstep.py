@@ -182,7 +182,7 @@ def test_a_vehicle_below_ground_is_refused():
 def test_at_rest_on_the_ground_its_instruments_say_so():
     spec = VehicleSpec("iris", position=jnp.zeros(3))
     turns = turns_of(Scene(Charge(1.0), vehicle=spec), spec, None, 0)
-    _, numbers = jax.jit(lambda: turns.told(turns.start(), *[jnp.asarray(0)] * 2))()
+    _, numbers = jax.jit(lambda: turns.reported(turns.start(), *[jnp.asarray(0)] * 2))()
     said = dict(zip(SENSOR, np.asarray(numbers), strict=False))
     # one sample, calibrated: 0.1 m/s2 is four standard deviations
     assert said["zacc"] == pytest.approx(-9.81, abs=0.12)

@@ -97,7 +97,7 @@ def test_blasts_are_told_once_within_the_lead():
     told = [
         (now, charge.name)
         for now in np.arange(0, 2, 0.01)
-        for charge in schedule.told(now - (0.01 if now else 60.0), now)
+        for charge in schedule.announced(now - (0.01 if now else 60.0), now)
     ]
     assert [name for _, name in told] == [charge.name for charge in schedule.charges]
     ahead = [time - now for time, (now, _) in zip(times, told, strict=True)]
@@ -110,7 +110,7 @@ def test_a_blast_that_is_announced_takes_its_place_in_time():
     schedule.announce(Charge(1.0, (0.0, 0.0, 0.0), 0.7, name="more"), 0.1)
     times = [float(charge.time_s) for charge in schedule.charges]
     assert times == sorted(times)
-    assert "more" in {charge.name for charge in schedule.told(0.1, 0.25)}
+    assert "more" in {charge.name for charge in schedule.announced(0.1, 0.25)}
 
 
 ANNOUNCED = {

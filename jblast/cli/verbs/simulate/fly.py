@@ -22,7 +22,7 @@ from jblast.cli.arguments.paths import path
 if TYPE_CHECKING:
     from jblast.scene import UncertainScene
 
-Told = tuple[dict[str, Any], str, Callable[[str, Path], list[str]]]
+Answer = tuple[dict[str, Any], str, Callable[[str, Path], list[str]]]
 
 
 def add_arguments(verb: argparse.ArgumentParser) -> None:
@@ -160,7 +160,7 @@ def run(asked: argparse.Namespace) -> int:
     return 0
 
 
-def _flights(asked: argparse.Namespace, uncertain: "UncertainScene") -> Told:
+def _flights(asked: argparse.Namespace, uncertain: "UncertainScene") -> Answer:
     """Fly holding a place; return the document, the text, and who writes files."""
     from jblast.autopilot.simulator.from_scene import PLACE
     from jblast.cli.arguments.flights.asked import (
@@ -197,7 +197,7 @@ def _flights(asked: argparse.Namespace, uncertain: "UncertainScene") -> Told:
     )
 
 
-def _mission(asked: argparse.Namespace, uncertain: "UncertainScene") -> Told:
+def _mission(asked: argparse.Namespace, uncertain: "UncertainScene") -> Answer:
     """Fly a mission; return the document, the text, and who writes files."""
     from jblast.cli.arguments.flights.asked import flight_options, refuse_several
     from jblast.cli.arguments.flights.logs import write_logs

@@ -155,11 +155,11 @@ def _over_mavlink(asked: argparse.Namespace) -> int:
 
     if asked.mavlink:
         flight = served_autopilot(asked)
-        told, words = document(flight), lockstep_text(flight)
+        answer, words = document(flight), lockstep_text(flight)
         short = asked.seconds is not None and flight.seconds < asked.seconds - 1e-3
     else:
         watched = served_ground_station(asked)
-        told, words, short = document(watched), watched_text(watched), False
-    text = json.dumps(told, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+        answer, words, short = document(watched), watched_text(watched), False
+    text = json.dumps(answer, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
     sys.stdout.write(text if asked.json else words)
     return 4 if short else 0
