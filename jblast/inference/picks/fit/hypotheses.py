@@ -4,6 +4,7 @@ from functools import partial
 from typing import NamedTuple
 
 import jax.numpy as jnp
+import numpy as np
 from jax import lax
 from jaxtyping import Array, Float
 
@@ -24,22 +25,33 @@ from jblast.inference.picks.unknowns import CENTRE, FURTHER_CENTRE, natural_of
 LAG = CENTRE.size + 2
 """Place of ln lag among the unknowns."""
 
+WITH_RING = OMEGA + 2
+"""Unknowns of a pulse and a ring."""
+
 BETTER = 15.0
 """A further front or a high-pass is there if it raises ln posterior by as much."""
 
-RING = 7.0
-"""And a ring: ln of the odds against one, 3, and of what is lost by frequency and
-damping being looked for, about 6. Sensors ring more often than pulses are followed."""
+HIGHEST = 1.05 * FREQUENCIES[-1]
+"""A ring above it [rad/sample] is a rise of another form."""
+
+RING = np.log(5.0)
+"""ln of the odds against a ring that is believed before a record is seen: one sensor in
+six. What is lost by frequency and damping being looked for is counted for each."""
+
+ANY_RING = np.log(HIGHEST / FREQUENCIES[0]) * np.sqrt(2.0 * np.pi) / (2.0 * np.pi)
+"""Volume of what a ring may be, ln of its frequency evenly and damping as believed
+(sd 1), over that of a posterior of unit determinant."""
 
 HIDES = 1.0
 """Gain in ln posterior from which on a slow front may hide a ring: noise has it once in
 4 records."""
 
+QUIET = 5.0
+"""Power of an oscillation from which on a slow front's sensor may ring: noise has it
+in one record in four, and then a ring has to explain more than that."""
+
 RESOLVED = 0.8
 """A rise of so many samples can be seen to be bent."""
-
-HIGHEST = 1.05 * FREQUENCIES[-1]
-"""A ring above it [rad/sample] is a rise of another form."""
 
 FURTHER_STEPS = 60
 """Most of a search for a ring or a further front: from a good start a dozen are
@@ -67,8 +79,8 @@ def with_what_shows(
 ) -> Shown:
     """Return the optimum with a ring, a further front or a high-pass if one shows.
 
-    Each is tried where there is a sign of it, and of those that raise ln posterior by
-    `RING`, or `BETTER`, the best is taken.
+    Each is tried where there is a sign of it. Of those that raise ln posterior by
+    `BETTER`, or are more probable than none, the best is taken.
 
     Args:
         bins: Where the record is looked at.
@@ -97,7 +109,9 @@ def with_what_shows(
         ),
         lambda: Hidden(-jnp.inf + none, unmoved.y),
     )
-    bent = jnp.where(hidden.gain > HIDES, 1.0, signs.rings)
+    weak = slow & (signs.power > QUIET)
+    oscillates = jnp.where(weak, 1.0, signs.rings)
+    bent = jnp.where(hidden.gain > HIDES, 1.0, oscillates)
 
     # with one that explains all there is, no other is asked for
     many = jnp.sum(case.weight > 0).astype(one.y.dtype)
@@ -110,12 +124,13 @@ def with_what_shows(
         best, ring = carried
         asked, start, price = hypothesis
         more = plain._replace(rings=asked[0], follows=asked[1], passed=asked[2])
-        shown = (jnp.sum(asked) > 0) & ~(explains_more(best[2]) & (best[0] < enough))
+        all_there_is = explains_more(best[2]) & best[1].converged & (best[0] < enough)
+        shown = (jnp.sum(asked) > 0) & ~all_there_is
 
         def anew():
             of = partial(misfit, bins)
             begin = lax.cond(
-                asked[0] * signs.rings > 0,
+                asked[0] * oscillates > 0,
                 lambda: best_ring(of, start, more),
                 lambda: start,
             )
@@ -123,7 +138,8 @@ def with_what_shows(
             seen = more._replace(centre=more.centre.at[OMEGA].set(begin[OMEGA]))
             found = optimum_of(of, begin, seen, most_steps=FURTHER_STEPS)
             cost = cost_of(misfit(bins, lax.stop_gradient(found.y), seen))
-            return found, cost + price, seen
+            lost = lax.stop_gradient(_lost_by_ring(one.covariance, found.covariance))
+            return found, cost + price + jnp.where(asked[0] > 0, lost, 0.0), seen
 
         found, cost, more = lax.cond(
             shown, anew, lambda: (unmoved, jnp.inf + price, plain)
@@ -141,7 +157,7 @@ def with_what_shows(
     asked = jnp.stack(
         [
             jnp.stack([bent, none, none]),
-            jnp.stack([signs.rings, none, none]),
+            jnp.stack([oscillates, none, none]),
             jnp.stack([none, signs.follows, none]),
             jnp.stack([none, signs.follows, none]),
             jnp.stack([none, none, signs.passed]),
@@ -151,7 +167,7 @@ def with_what_shows(
     prices = jnp.asarray([RING, RING, BETTER, BETTER, BETTER], cost.dtype)
     # one pulse through a ring, or of two fronts, goes astray: begin before it did, too
     afresh = jnp.concatenate([start, signs.start])
-    first = jnp.where(signs.rings > 0, unmoved.y, hidden.start)
+    first = jnp.where(oscillates > 0, unmoved.y, hidden.start)
     starts = jnp.stack([first, afresh, afresh, unmoved.y, unmoved.y])
     begin = (cost, unmoved, plain), (jnp.full_like(cost, jnp.inf), unmoved.y)
     (best, ring), _ = lax.scan(tried, begin, (asked, starts, prices))
@@ -164,6 +180,12 @@ def with_what_shows(
         chosen.rings > 0, lax.stop_gradient(one.y), ring[1][: CENTRE.size]
     )
     return Shown(found, chosen, rival, jnp.where(share > LEAST_SHARE, share, 0.0))
+
+
+def _lost_by_ring(without, covariance):
+    """Return ln of how much less of what may be is left with a ring."""
+    both = jnp.linalg.slogdet(covariance[:WITH_RING, :WITH_RING])[1]
+    return np.log(ANY_RING) + 0.5 * (jnp.linalg.slogdet(without)[1] - both)
 
 
 def _with_block(covariance: Float[Array, "unknown unknown"]):

@@ -126,7 +126,7 @@ def _picked(
     count: Int[Array, ""],
 ) -> LanePicks:
     """Pick a record that was made ready, as `pick_lanes` does."""
-    one, rival, share = first_optimum(bins, ready)
+    one, others = first_optimum(bins, ready)
     shown = with_what_shows(bins, one, ready.start, ready.case)
     best, case = shown.best, shown.case
     ratio = jnp.maximum(
@@ -135,15 +135,17 @@ def _picked(
     widened = jnp.maximum(ratio, 1.0)
     plain = case.rings + case.follows + case.passed == 0
     # of two other optima the one that has more of the posterior
-    share = jnp.where(plain, share, 0.0)
-    rival = jnp.where(shown.share > share, shown.rival, rival)
-    share = jnp.maximum(share, shown.share)
-    natural, covariance = values_of(best.y, best.covariance, widened, rival, share)
+    rivals, shares = others.y, jnp.where(plain, others.share, 0.0)
+    more = shown.share > shares[0]
+    rivals = rivals.at[0].set(jnp.where(more, shown.rival, rivals[0]))
+    shares = shares.at[0].set(jnp.maximum(shares[0], shown.share))
+    natural, covariance = values_of(best.y, best.covariance, widened, rivals, shares)
     x = (natural.arrival - case.middle) / case.span
     one_way = drift_at(best.y, jnp.ones_like(x)) - drift_at(best.y, -jnp.ones_like(x))
     drift = jnp.maximum(jnp.abs(one_way), jnp.abs(best.y[9]))
     held, low = jnp.any(clipped > 0), jnp.any(clipped < 0)
-    seen = LEAST_SIGNAL * jnp.sqrt(covariance[1, 1]) < 1.0
+    # by its own error: elsewhere, or through a ring, it is a pulse as well
+    seen = LEAST_SIGNAL * jnp.sqrt(widened * best.covariance[1, 1]) < 1.0
     left = (count - ready.front.sample).astype(clipped.dtype)
     lag = jnp.exp(best.y[LAG])
     later_variance = (

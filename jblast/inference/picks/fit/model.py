@@ -68,11 +68,11 @@ def modelled(
         waves = waves + rings.mean
         waves = waves - lax.cond(
             case.passed > 0,
-            lambda: _low_passed(bins, waves, jnp.exp(further[5])),
+            lambda: low_passed(bins, waves, jnp.exp(further[5])),
             lambda: none,
         )
     if case.high_pass is not None:
-        waves = waves - _low_passed(bins, waves, case.high_pass)
+        waves = waves - low_passed(bins, waves, case.high_pass)
     x = (jnp.asarray(bins.middle, y.dtype) - case.middle) / case.span
     return waves + drift_at(y, x), rings
 
@@ -116,7 +116,7 @@ def drift_at(
     return level + x * (slope + x * (bend + x * twist))
 
 
-def _low_passed(
+def low_passed(
     bins: Bins, means: Float[Array, " bin"], corner: Float[Array, ""]
 ) -> Float[Array, " bin"]:
     r"""Return what a first-order high-pass takes away, as means over bins.

@@ -28,8 +28,8 @@ def values_of(
     y: Float[Array, " unknown"],
     covariance: Float[Array, "unknown unknown"],
     widened: Float[Array, ""],
-    rival: Float[Array, " plain"],
-    share: Float[Array, ""],
+    others: Float[Array, "other plain"],
+    shares: Float[Array, " other"],
 ) -> Values:
     r"""Return the values.
 
@@ -45,15 +45,16 @@ def values_of(
         y: The unknowns.
         covariance: Theirs.
         widened: What to multiply it by.
-        rival: Unknowns of another optimum.
-        share: That it has of the posterior.
+        others: Unknowns of other optima.
+        shares: That they have of the posterior.
     """
     natural = natural_of(y)
     slopes = jax.jacfwd(_in_error_units)(jax.lax.stop_gradient(y))
     total = widened * (slopes @ covariance @ slopes.T)
-    here, there = _in_error_units(y), _in_error_units(rival)
-    off = jax.lax.stop_gradient(jnp.where(share > 0, there - here, 0.0))
-    total = total + share * off[:, None] * off[None, :]
+    here, there = _in_error_units(y), jax.vmap(_in_error_units)(others)
+    off = jnp.where(shares[:, None] > 0, there - here[None, :], 0.0)
+    off = jax.lax.stop_gradient(off)
+    total = total + (shares[:, None] * off).T @ off
     unresolved = jnp.clip((WIDE - natural.rise) / (WIDE - NARROW), 0.0, 1.0)
     later = jax.lax.stop_gradient(_of_later_front(natural))
     added = unresolved / 12.0 * later[:, None] * later[None, :]

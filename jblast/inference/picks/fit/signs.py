@@ -41,12 +41,14 @@ class Signs(NamedTuple):
 
     Attributes:
         rings: 1: an oscillation; else 0.
+        power: Of the loudest oscillation [of white noise].
         follows: 1: a further front; else 0.
         passed: 1: something that one pulse is not; else 0.
         start: Unknowns of both to begin with: see `unknowns.FURTHER`.
     """
 
     rings: Float[Array, ""]
+    power: Float[Array, ""]
     follows: Float[Array, ""]
     passed: Float[Array, ""]
     start: Float[Array, "6"]
@@ -74,6 +76,7 @@ def signs_in(
     kind = apart.dtype
     return Signs(
         rings.astype(kind),
+        power,
         (step > SHARP).astype(kind),
         odd.astype(kind),
         jnp.stack([jnp.asarray(x).astype(kind) for x in start]),

@@ -14,6 +14,8 @@ from jax import lax
 from jaxtyping import Array, Float
 
 from jblast.inference.picks.fit.optimum import Misfit, Optimum
+from jblast.inference.picks.fit.profiled import profiled
+from jblast.inference.picks.ready.bins import Bins
 from jblast.inference.picks.ready.case import Case
 from jblast.inference.picks.unknowns import CENTRE
 
@@ -37,6 +39,9 @@ $\omega^2$."""
 
 NEAR = np.array([0.92, 1.0, 1.08])
 """Rises tried with these, over what that says."""
+
+SLOWER = 1.8
+"""Rises tried about the end of a search, over the one there, are larger than this."""
 
 OMEGA = CENTRE.size
 """Place of ln omega among the unknowns."""
@@ -68,6 +73,36 @@ def best_ring(
     late = jnp.asarray(TURNS, start.dtype) * jnp.exp(-start[OMEGA])
     trials = jnp.concatenate([_about(start, -late), _hidden(start)])
     return _best(misfit, trials, case)
+
+
+class Closer(NamedTuple):
+    """A pulse that rises more slowly, about the end of a search.
+
+    Attributes:
+        start: Its unknowns.
+        gain: By how much its ln posterior is higher than there.
+    """
+
+    start: Float[Array, " unknown"]
+    gain: Float[Array, ""]
+
+
+def closer(bins: Bins, y: Float[Array, " unknown"], case: Case) -> Closer:
+    """Return the best pulse that rises more slowly, about the end of a search.
+
+    A sharp front has its least cost at the edge of a sample, far from that of a slower
+    one: a search may end there.
+
+    Args:
+        bins: Where the record is looked at.
+        y: The end of a search.
+        case: The record.
+    """
+    made = profiled(bins, _about(y, jnp.asarray(SHIFTS, y.dtype)), case)
+    # the first of them is the end itself
+    slower = made.y[:, 4] > y[4] + np.log(SLOWER)
+    best = jnp.argmin(jnp.where(slower, made.cost, jnp.inf))
+    return Closer(made.y[best], made.cost[0] - made.cost[best])
 
 
 class Hidden(NamedTuple):
