@@ -146,7 +146,7 @@ def _picked(samples, count, full_scale, corner, *, more: bool):
     clipped = clipped_samples(samples, count, full_scale)
     ready = prepared(bins, bank, samples, clipped, count, corner)
     case = ready.case
-    best, _, _ = first_optimum(bins, ready)
+    best, _ = first_optimum(bins, ready)
     if more:
         shown = with_what_shows(bins, best, ready.start, case)
         best, case = shown.best, shown.case

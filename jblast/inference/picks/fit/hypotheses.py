@@ -4,7 +4,6 @@ from functools import partial
 from typing import NamedTuple
 
 import jax.numpy as jnp
-import numpy as np
 from jax import lax
 from jaxtyping import Array, Float
 
@@ -25,22 +24,12 @@ from jblast.inference.picks.unknowns import CENTRE, FURTHER_CENTRE, natural_of
 LAG = CENTRE.size + 2
 """Place of ln lag among the unknowns."""
 
-WITH_RING = OMEGA + 2
-"""Unknowns of a pulse and a ring."""
-
 BETTER = 15.0
 """A further front or a high-pass is there if it raises ln posterior by as much."""
 
-HIGHEST = 1.05 * FREQUENCIES[-1]
-"""A ring above it [rad/sample] is a rise of another form."""
-
-RING = np.log(5.0)
-"""ln of the odds against a ring that is believed before a record is seen: one sensor in
-six. What is lost by frequency and damping being looked for is counted for each."""
-
-ANY_RING = np.log(HIGHEST / FREQUENCIES[0]) * np.sqrt(2.0 * np.pi) / (2.0 * np.pi)
-"""Volume of what a ring may be, ln of its frequency evenly and damping as believed
-(sd 1), over that of a posterior of unit determinant."""
+RING = 7.0
+"""And a ring: ln of the odds against one, 3, and of what is lost by frequency and
+damping being looked for, about 6. Sensors ring more often than pulses are followed."""
 
 HIDES = 1.0
 """Gain in ln posterior from which on a slow front may hide a ring: noise has it once in
@@ -48,10 +37,13 @@ HIDES = 1.0
 
 QUIET = 5.0
 """Power of an oscillation from which on a slow front's sensor may ring: noise has it
-in one record in four, and then a ring has to explain more than that."""
+in one record in four, and a ring has to gain as much as any other."""
 
 RESOLVED = 0.8
 """A rise of so many samples can be seen to be bent."""
+
+HIGHEST = 1.05 * FREQUENCIES[-1]
+"""A ring above it [rad/sample] is a rise of another form."""
 
 FURTHER_STEPS = 60
 """Most of a search for a ring or a further front: from a good start a dozen are
@@ -79,8 +71,8 @@ def with_what_shows(
 ) -> Shown:
     """Return the optimum with a ring, a further front or a high-pass if one shows.
 
-    Each is tried where there is a sign of it. Of those that raise ln posterior by
-    `BETTER`, or are more probable than none, the best is taken.
+    Each is tried where there is a sign of it, and of those that raise ln posterior by
+    `RING`, or `BETTER`, the best is taken.
 
     Args:
         bins: Where the record is looked at.
@@ -138,8 +130,7 @@ def with_what_shows(
             seen = more._replace(centre=more.centre.at[OMEGA].set(begin[OMEGA]))
             found = optimum_of(of, begin, seen, most_steps=FURTHER_STEPS)
             cost = cost_of(misfit(bins, lax.stop_gradient(found.y), seen))
-            lost = lax.stop_gradient(_lost_by_ring(one.covariance, found.covariance))
-            return found, cost + price + jnp.where(asked[0] > 0, lost, 0.0), seen
+            return found, cost + price, seen
 
         found, cost, more = lax.cond(
             shown, anew, lambda: (unmoved, jnp.inf + price, plain)
@@ -180,12 +171,6 @@ def with_what_shows(
         chosen.rings > 0, lax.stop_gradient(one.y), ring[1][: CENTRE.size]
     )
     return Shown(found, chosen, rival, jnp.where(share > LEAST_SHARE, share, 0.0))
-
-
-def _lost_by_ring(without, covariance):
-    """Return ln of how much less of what may be is left with a ring."""
-    both = jnp.linalg.slogdet(covariance[:WITH_RING, :WITH_RING])[1]
-    return np.log(ANY_RING) + 0.5 * (jnp.linalg.slogdet(without)[1] - both)
 
 
 def _with_block(covariance: Float[Array, "unknown unknown"]):

@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jax import lax
 from jaxtyping import Array, Float
 
@@ -32,8 +33,11 @@ FAINT = 0.04
 """Standard deviation of ln peak from which on a front is looked for wherever it may
 lie."""
 
+SHARP = 1.5
+"""Samples of a front that may be a slower one's, at the edge of a sample."""
+
 OFF = 1.3
-"""Squared misfit from which on slower rises are tried about where the search ended."""
+"""Squared misfit from which on slower rises are then tried."""
 
 WRONG = 2.0
 """And from which on one begins at the best of them, be it better or not: far from its
@@ -104,13 +108,14 @@ def first_optimum(bins: Bins, ready: Prepared) -> tuple[Optimum, Others]:
         held, far = kind == HELD, kind == ELSEWHERE
         cost, y, covariance, ratio = best
         faint = linear & (covariance[1, 1] > FAINT**2)
+        astray = linear & (y[4] < np.log(SHARP))
         seen = lax.cond(
             far & faint,
             lambda: elsewhere(bins, y, covariance, jnp.maximum(ratio, 1.0), case),
             lambda: nowhere,
         )
         near = lax.cond(
-            far & linear & (ratio > OFF),
+            far & astray & (ratio > OFF),
             lambda: closer(bins, y, case),
             lambda: Closer(none.y, zero),
         )
@@ -120,7 +125,7 @@ def first_optimum(bins: Bins, ready: Prepared) -> tuple[Optimum, Others]:
         sd = jnp.sqrt(covariance[DURATION, DURATION])
         longer = y + FAR / sd * covariance[:, DURATION]
         asked = jnp.where(held, sd > LONG, jnp.where(kind == AGAIN, poor, ~sure))
-        asked = jnp.where(far, (gain > LOWER) | (linear & (ratio > WRONG)), asked)
+        asked = jnp.where(far, (gain > LOWER) | (astray & (ratio > WRONG)), asked)
         moved = case.centre.at[DURATION].set(longer[DURATION])
         mine = case._replace(
             centre=jnp.where(held, moved, case.centre), hold=jnp.where(held, HOLD, 0.0)
