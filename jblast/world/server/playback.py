@@ -47,7 +47,7 @@ class _Live:
     """A blast that was told and is not over."""
 
     def __init__(self, announced: Announcement, motion: Motion | None):
-        self.announced = announced
+        self.newest = announced
         self.motion = motion
         self.settled: set[str] = {"flash_s"}
 
@@ -86,7 +86,7 @@ class Playback:
         self._until_s = until_s
         self._ahead_s = AHEAD / float(times.rate)
         self._sound_m_s = float(sound_speed_of(stager.scene.air))
-        self._announced_until_s = times.start_s(first) - schedule.lead_s - PAST_S
+        self._announced_s = times.start_s(first) - schedule.lead_s - PAST_S
         self._live: dict[str, _Live] = {}
         self._motion: Motion | None = None
 
@@ -110,22 +110,15 @@ class Playback:
         Args:
             ahead_s: After the next packet begins [s].
         """
-        charges = self._schedule.announced(
-            self._announced_until_s, self.time_s + ahead_s
-        )
+        charges = self._schedule.announced(self._announced_s, self.time_s + ahead_s)
         return [Wanted(self.entity, charge, self._motion, 0) for charge in charges]
 
     def wanted(self) -> list[Wanted]:
         """Return what has to be staged for the next packet."""
+        uncertain = [x.newest for x in self._live.values() if self._uncertain(x)]
         anew = [
-            Wanted(
-                self.entity,
-                live.announced.charge,
-                self._motion,
-                live.announced.revision + 1,
-            )
-            for live in self._live.values()
-            if self._uncertain(live)
+            Wanted(self.entity, one.charge, self._motion, one.revision + 1)
+            for one in uncertain
         ]
         return anew + self.soon(0.0)
 
@@ -141,7 +134,7 @@ class Playback:
             name = new.charge.name
             known = self._live.get(name)
             if known is not None:
-                new = _with_past(new, known.announced, start)
+                new = _with_past(new, known.newest, start)
             elif new.last_s() < start:
                 continue  # over before it could be told
             live = _Live(new, self._motion)
@@ -152,7 +145,7 @@ class Playback:
             }
             self._live[name] = live
             announced.append(new)
-        self._announced_until_s = max(self._announced_until_s, start)
+        self._announced_s = max(self._announced_s, start)
         packet = Packet(
             self.number,
             start,
@@ -163,9 +156,7 @@ class Playback:
             self._samples("sound"),
             end >= self._until_s,
         )
-        over = [
-            name for name, live in self._live.items() if live.announced.last_s() < end
-        ]
+        over = [name for name, live in self._live.items() if live.newest.last_s() < end]
         for name in over:
             del self._live[name]
         self.number += 1
@@ -185,7 +176,7 @@ class Playback:
         early = float(np.linalg.norm(here - then)) / self._sound_m_s
         limit = self.time_s + early + self._ahead_s
         return any(
-            self.time_s <= getattr(live.announced.arrivals, wave) <= limit
+            self.time_s <= getattr(live.newest.arrivals, wave) <= limit
             for wave in WAVES
             if wave not in live.settled
         )
@@ -194,7 +185,7 @@ class Playback:
         """Return what senses have first within a packet, in order of time."""
         found: list[Perceived] = []
         for name, live in self._live.items():
-            flash, ground, air = live.announced.arrivals
+            flash, ground, air = live.newest.arrivals
             of_senses = {
                 "flash": [(flash, "flash")],
                 "ground": [(ground, "ground motion")],
@@ -214,9 +205,9 @@ class Playback:
         if "force" not in self.entity.senses:
             return None
         profiles = [
-            (live.announced.force.first, live.announced.force)
+            (live.newest.force.first, live.newest.force)
             for live in self._live.values()
-            if live.announced.force is not None
+            if live.newest.force is not None
         ]
         rows = [
             (first, np.concatenate([profile.force_n, profile.moment_nm], axis=1))
@@ -228,7 +219,7 @@ class Playback:
         if sense not in self.entity.senses:
             return None
         records = chain.from_iterable(
-            getattr(live.announced, sense) for live in self._live.values()
+            getattr(live.newest, sense) for live in self._live.values()
         )
         rows = [(record.first, record.samples) for record in records]
         return self._slice(rows, self.entity.samples_hz, ())
