@@ -80,11 +80,9 @@ def blast_overpressure(
     """
 
     def of(blast: Blast) -> Float[Array, ""]:
-        happened = blast.by(time_s)
-        travel = happened.travel_time_s(load.surroundings(), position_m)
         # one that never happens has a wave without pressure
         wave = load.wave_of(blast, position_m)
-        return overpressure(wave, time_s - happened.time_s - travel)
+        return overpressure(wave, _since_front(load, blast, time_s, position_m))
 
     return load.pressure_pa * sum(over_alike(of, load.waves), jnp.zeros_like(time_s))
 
@@ -105,8 +103,7 @@ def may_press(
     """
 
     def of(blast: Blast) -> Bool[Array, ""]:
-        since = time_s - blast.by(time_s).time_s
-        since = since - blast.travel_time_s(load.surroundings(), position_m)
+        since = _since_front(load, blast, time_s, position_m)
         wave = load.wave_of(blast, position_m)
         lasts = wave.duration_s + wave.suction_s
         return ~blast.never & (since >= -slack_s) & (since <= lasts + slack_s)
@@ -114,6 +111,18 @@ def may_press(
     return functools.reduce(
         jnp.logical_or, over_alike(of, load.waves), jnp.zeros((), bool)
     )
+
+
+def _since_front(
+    load: BlastLoad,
+    blast: Blast,
+    time_s: Float[Array, ""],
+    position_m: Float[Array, "3"],
+) -> Float[Array, ""]:
+    """Return how long ago a front came; if it never goes off, as if it did now."""
+    # not since its arrival time, which float32 rounds late on the clock
+    travel = blast.travel_time_s(load.surroundings(), position_m)
+    return time_s - blast.by(time_s).time_s - travel
 
 
 def lagging(

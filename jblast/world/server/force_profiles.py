@@ -69,9 +69,9 @@ def _passing(
 
     def times(blast: Blast) -> tuple[Float[Array, ""], Float[Array, ""]]:
         wave, never = load.wave_of(blast, state.position_m), blast.never
-        happened = blast.by(jnp.zeros_like(blast.time_s))
-        travel = happened.travel_time_s(load.surroundings(), state.position_m)
-        came, crossing = happened.time_s + travel, crossing_time(body, wave)
+        at_once = jnp.zeros_like(blast.time_s)
+        came = load.front_time_s(blast, state.position_m, at_once)
+        crossing = crossing_time(body, wave)
         over = came + crossing + 1.05 * (wave.duration_s + wave.suction_s)
         begins = jnp.where(never, jnp.inf, came - crossing)
         return begins, jnp.where(never, -jnp.inf, over)

@@ -179,10 +179,7 @@ class BlastLoad(eqx.Module):
 
         def until(blast: Blast) -> Float[Array, ""]:
             wave, happens = self.wave_of(blast, state.position_m), ~blast.never
-            blast = blast.by(start_s)
-            came = blast.time_s + blast.travel_time_s(
-                self.surroundings(), state.position_m
-            )
+            came = self.front_time_s(blast, state.position_m, start_s)
             crossing = crossing_time(body, wave)  # of which half comes before
             left = jnp.maximum(came - crossing - start_s, 0)
             wait = left * sound / (sound + speed + most * left)
@@ -199,11 +196,26 @@ class BlastLoad(eqx.Module):
         """Return when the fronts come to places, straight [s]; infinite: never."""
 
         def front(blast: Blast) -> Float[Array, "..."]:
-            happened = blast.by(jnp.zeros_like(blast.time_s))
-            travel = blast.travel_time_s(self.surroundings(), position_m)
-            return jnp.where(blast.never, jnp.inf, happened.time_s + travel)
+            came = self.front_time_s(blast, position_m, jnp.zeros_like(blast.time_s))
+            return jnp.where(blast.never, jnp.inf, came)
 
         return jnp.stack(over_alike(front, self.blasts), axis=-1)
+
+    def front_time_s(
+        self,
+        blast: Blast,
+        position_m: Float[Array, "... 3"],
+        else_s: Float[Array, "..."],
+    ) -> Float[Array, "..."]:
+        """Return when a front comes to places [s].
+
+        Args:
+            blast: Whose.
+            position_m: Where.
+            else_s: When one that never happens is taken to have gone off.
+        """
+        travel = blast.travel_time_s(self.surroundings(), position_m)
+        return blast.by(else_s).time_s + travel
 
     def wave_of(self, blast: Blast, position_m: Float[Array, "... 3"]) -> Wave:
         """Return what passes a place; without pressure if it never happens."""
