@@ -106,6 +106,13 @@ def natural_of(y: Float[Array, " unknown"]) -> Natural:
     )
 
 
+def free_rise(
+    rise: Float[Array, ""], duration: Float[Array, "..."]
+) -> Float[Array, "..."]:
+    """Return what a rise is of, as `natural_of` has it: it stays below the duration."""
+    return rise / (1.0 - rise / duration)
+
+
 def following(natural: Natural, further: Float[Array, "6"]) -> Natural:
     """Return the pulse of a further front: of the first one's form.
 

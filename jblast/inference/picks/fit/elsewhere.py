@@ -18,6 +18,7 @@ from jaxtyping import Array, Float
 from jblast.inference.picks.fit.profiled import profiled
 from jblast.inference.picks.ready.bins import Bins
 from jblast.inference.picks.ready.case import Case
+from jblast.inference.picks.unknowns import free_rise
 
 APART = 1.5
 """Of two arrivals that are tried [samples]."""
@@ -76,8 +77,7 @@ def elsewhere(
         trials = trials.at[:, 0].set(arrivals).at[:, 2].set(jnp.log(duration))
         # a suction keeps its length
         trials = trials.at[:, 6].add(y[2] - jnp.log(duration))
-        free = rise / (1.0 - rise / duration)
-        trials = trials.at[:, 4].set(jnp.log(free))
+        trials = trials.at[:, 4].set(jnp.log(free_rise(rise, duration)))
         made = profiled(bins, trials, case)
         fits = end - arrivals >= ROOM * rise
         return made._replace(cost=jnp.where(fits, made.cost, jnp.inf))

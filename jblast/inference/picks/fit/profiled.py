@@ -21,7 +21,13 @@ from jblast.inference.picks.fit.model import low_passed
 from jblast.inference.picks.ready.bins import Bins
 from jblast.inference.picks.ready.case import Case
 from jblast.inference.picks.ready.noise import whitened_means
-from jblast.inference.picks.unknowns import CENTRE, PULSE_UNKNOWNS, SPREAD
+from jblast.inference.picks.unknowns import (
+    CENTRE,
+    PULSE_UNKNOWNS,
+    SPREAD,
+    natural_of,
+    pulse_by,
+)
 
 LEAST_PEAK = 0.02
 """A pulse that is tried has a peak [share of the largest sample]."""
@@ -62,11 +68,9 @@ def profiled(bins: Bins, trials: Float[Array, "trial unknown"], case: Case) -> P
     corner = case.high_pass
 
     def one(y):
-        duration = jnp.exp(y[2])
-        free = jnp.exp(y[4])
-        numbers = (y[0], 1.0, free / (1.0 + free / duration), duration)
-        numbers += (jnp.expm1(y[3]), 0.0, duration * jnp.exp(y[6]))
-        slopes = mean_slopes(bins, jnp.stack([jnp.asarray(n, kind) for n in numbers]))
+        none = jnp.zeros_like(y[0])
+        unit = pulse_by(natural_of(y))._replace(peak=1.0 + none, suction=none)
+        slopes = mean_slopes(bins, jnp.stack(unit[:7]))
         columns = slopes[:, jnp.asarray([1, 5])].T
         if corner is not None:
             passed = jax.vmap(partial(low_passed, bins), in_axes=(0, None))
