@@ -113,12 +113,9 @@ def flown(
     control = MissionControl(mission.guidance, hold)
     rate = float(mission.guidance.acceleration_m_s2)
     seconds = 20.0 * math.ceil(1.05 * planned_seconds(mission.guidance.legs, rate) / 20)
-    none = jnp.zeros(3)
-    level = jnp.array([0.0, 0.0, 0.0, 1.0])
-    start = State(jnp.asarray(mission.home_m), none, level, none, jnp.zeros(4))
     flight = simulate(
         named(model),
-        start,
+        at_home(mission),
         duration_s=seconds,
         step_s=step,
         control=control,
@@ -164,14 +161,26 @@ def report(flight: MissionFlight, what: str) -> str:
     return "\n".join(lines)
 
 
-def costs() -> str:
-    """Return what 10 minutes cost by step, and how far off they are."""
+def ten_minutes() -> tuple[Mission, float]:
+    """Return a mission of some ten minutes, and how long it is planned to take [s]."""
     plan = grid_plan(
         CAMPUS, width_m=140.0, depth_m=120.0, spacing_m=10.0, up_m=UP_M, speed_m_s=4.0
     )
     mission = mission_of(plan)
     rate = float(mission.guidance.acceleration_m_s2)
     planned = planned_seconds(mission.guidance.legs, rate)
+    return mission, planned
+
+
+def at_home(mission: Mission) -> State:
+    """Return a vehicle that rests on the ground where a mission begins."""
+    none, level = jnp.zeros(3), jnp.array([0.0, 0.0, 0.0, 1.0])
+    return State(jnp.asarray(mission.home_m), none, level, none, jnp.zeros(4))
+
+
+def costs() -> str:
+    """Return what 10 minutes cost by step, and how far off they are."""
+    mission, planned = ten_minutes()
     lines = [f"A mission of {planned:.0f} s, iris, cpu, float64, one thread's time"]
     lines.append("step [ms]  seconds  largest difference of places [mm]  rms [mm]")
     finest = None

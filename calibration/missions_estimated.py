@@ -23,20 +23,19 @@ import numpy as np
 from calibration.missions import (
     CAMPUS,
     MASS_KG,
-    UP_M,
     VEHICLES,
+    at_home,
     campus_plan,
     charges,
     passes,
+    ten_minutes,
 )
 from jblast.autopilot.estimator.control import EstimatedControl
 from jblast.autopilot.simulator.from_scene import suite_of
 from jblast.cli.jax_start import start_jax
 from jblast.missions import (
     MissionControl,
-    grid_plan,
     mission_of,
-    planned_seconds,
     replay,
     write_plan,
 )
@@ -45,7 +44,7 @@ from jblast.study.flights.instruments import followed_along
 from jblast.study.flights.records import Options
 from jblast.study.missions.fly import MISSION_STEP_S, TOLERANCE_M, fly_mission
 from jblast.study.missions.records import MissionFlight
-from jblast.vehicle import PositionHold, State, named, named_gains, simulate
+from jblast.vehicle import PositionHold, named, named_gains, simulate
 
 REPEATS, SECONDS = 3, 660.0
 
@@ -107,14 +106,8 @@ def rows(flight: MissionFlight) -> list[str]:
 
 def costs() -> str:
     """Return what 10 minutes cost with the filter and without."""
-    plan = grid_plan(
-        CAMPUS, width_m=140.0, depth_m=120.0, spacing_m=10.0, up_m=UP_M, speed_m_s=4.0
-    )
-    mission = mission_of(plan)
-    rate = float(mission.guidance.acceleration_m_s2)
-    planned = planned_seconds(mission.guidance.legs, rate)
-    none, level = jnp.zeros(3), jnp.array([0.0, 0.0, 0.0, 1.0])
-    start = State(jnp.asarray(mission.home_m), none, level, none, jnp.zeros(4))
+    mission, planned = ten_minutes()
+    start = at_home(mission)
     hold = PositionHold(jnp.zeros(3), named_gains("iris", integral=True))
     control = MissionControl(mission.guidance, hold)
     suite = suite_of(Scene(Charge(1.0)), CAMPUS, None, 1 / MISSION_STEP_S)

@@ -10,7 +10,6 @@ from jblast.report.flights.answer import (
     BlastMet,
     BlastMetBySeveral,
     EastNorthUpM,
-    EstimateThrown,
     FlightsAnswer,
     Limit,
     Outcome,
@@ -18,6 +17,7 @@ from jblast.report.flights.answer import (
     Quantiles,
     Share,
 )
+from jblast.report.flights.estimates import estimates_thrown
 from jblast.report.tables import comma_separated
 from jblast.study.flights.records import Flights, Flown
 from jblast.study.flights.statistics import (
@@ -81,7 +81,9 @@ def flights_answer(flights: Flights, *, scene: str, seed: int) -> FlightsAnswer:
         },
         estimator=options.estimator,
         estimates={
-            name: tuple(_thrown(flights, flown, n) for n in range(len(flights.blasts)))
+            name: estimates_thrown(
+                flown.thrown, flights.blasts, _spread if several else float
+            )
             for name, flown in flights.holds.items()
             if flown.thrown is not None
         },
@@ -169,14 +171,6 @@ def _blast_of_several(flights: Flights, flown: Flown, n: int) -> BlastMetBySever
         **{name: _spread(getattr(encounter, name)[..., n]) for name in MET},
         in_range_share=_share(encounter.in_range[..., n]),
     )
-
-
-def _thrown(flights: Flights, flown: Flown, n: int) -> EstimateThrown:
-    """Return what a blast did to the estimates by one hold."""
-    assert flown.thrown is not None
-    of = _spread if flights.count > 1 else float
-    values = {k: of(v[..., n]) for k, v in flown.thrown._asdict().items()}
-    return EstimateThrown(charge=flights.blasts[n], **values)
 
 
 def _place(at: ArrayLike) -> EastNorthUpM:

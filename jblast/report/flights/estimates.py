@@ -1,14 +1,33 @@
-"""What blasts do to what a vehicle takes for its state, in words."""
+"""What blasts do to what a vehicle takes for its state."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
+from typing import Any
 
 from numpy.typing import ArrayLike
 
 from jblast.autopilot.estimator.thrown import Thrown
+from jblast.report.flights.answer import EstimateThrown
 from jblast.report.tables import aligned
 
 PARTS = {"position": "place", "velocity": "moves", "attitude": "turn"}
 UNITS = {"place": "_m", "moves": "_m_s", "turn": "_rad"}
+
+
+def estimates_thrown(
+    thrown: Thrown, blasts: Iterable[str], of: Callable[[Any], Any]
+) -> tuple[EstimateThrown, ...]:
+    """Return what each blast did to the estimate.
+
+    Args:
+        thrown: It, the blasts last.
+        blasts: Their names.
+        of: What is told of the vehicles' numbers.
+    """
+    found = thrown._asdict()
+    return tuple(
+        EstimateThrown(charge=name, **{k: of(v[..., n]) for k, v in found.items()})
+        for n, name in enumerate(blasts)
+    )
 
 
 def estimate_lines(

@@ -6,6 +6,7 @@ import numpy as np
 
 from jblast.missions.frame import geodetic
 from jblast.report.flights.answer import BlastMet, EstimateThrown, Limit
+from jblast.report.flights.estimates import estimates_thrown
 from jblast.report.missions.answer import (
     BlastFlownThrough,
     MissionAnswer,
@@ -63,7 +64,7 @@ def mission_answer(flight: MissionFlight, *, scene: str, seed: int) -> MissionAn
         ),
         disturbances=tuple(_through(flight, one) for one in flight.disturbances),
         estimator=options.estimator,
-        estimates=tuple(_estimates(flight)),
+        estimates=_estimates(flight),
         peak_overpressure_pa=float(flight.exposure.peak_overpressure_pa),
         peak_acceleration_m_s2=float(flight.exposure.peak_acceleration_m_s2),
         thresholds={n: Limit(limits[n].value, limits[n].source) for n in judged},
@@ -109,15 +110,12 @@ def _met(flight: MissionFlight, n: int, name: str) -> BlastMet:
     )
 
 
-def _estimates(flight: MissionFlight) -> list[EstimateThrown]:
+def _estimates(flight: MissionFlight) -> tuple[EstimateThrown, ...]:
     """Return what each blast did to the estimate; nothing by the truth."""
     if flight.thrown is None:
-        return []
-    found = flight.thrown._asdict()
-    return [
-        EstimateThrown(one.charge, **{k: float(v[n]) for k, v in found.items()})
-        for n, one in enumerate(flight.disturbances)
-    ]
+        return ()
+    names = [one.charge for one in flight.disturbances]
+    return estimates_thrown(flight.thrown, names, float)
 
 
 def _through(flight: MissionFlight, one: Disturbance) -> BlastFlownThrough:

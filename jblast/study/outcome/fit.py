@@ -12,7 +12,6 @@ on how many there are.
 import functools
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -22,7 +21,7 @@ from jaxtyping import Array
 from jblast.errors import InputError, nearest
 from jblast.inference.many.fit_many import fit_many
 from jblast.inference.many.many_fits import ManyFits
-from jblast.scene import Scene, UncertainScene, freed, parameter_named
+from jblast.scene import UncertainScene, freed, parameter_named
 from jblast.scene.parameters import names_in, value_of, with_values
 from jblast.scene.priors import Prior
 from jblast.sensors import planned_layout, record, resolve_laws
@@ -83,7 +82,7 @@ def prepare(setting: Setting) -> Prepared:
         true = with_values(scene, numbers)
         truth = numbers.get(number)
         if truth is None:
-            truth = _stated(scene, number)
+            truth = value_of(scene, number)
         exact = record(true, layout, laws).value if wanted else jnp.zeros(0)
         key, of_rows = jax.random.split(key)
         own = student_errors(of_rows, STUDENT_FREEDOM, sigma.size)
@@ -141,10 +140,6 @@ def _believed(setting: Setting, number: str) -> UncertainScene:
         )
     scene = replace(believed.scene, law=setting.uncertain.scene.law)
     return replace(believed, scene=scene)
-
-
-def _stated(scene: Scene, number: str) -> Any:
-    return value_of(scene, number)
 
 
 Constrain = Callable[[Array], Array]
