@@ -126,7 +126,7 @@ def figure(found: dict[str, RoundTrip]) -> Figure:
     right.set_ylim(-0.6, len(found) - 0.4)
     right.set_xlim(left=0.0)
     right.set_xlabel("sd of ln(mass)")
-    right.legend(frameon=False, fontsize=9)
+    drawn.legend(frameon=False, fontsize=9, loc="outside lower center", ncols=2)
     titled(right, "Sharpness")
     for axes in (left, right):
         quiet(axes)
