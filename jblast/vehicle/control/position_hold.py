@@ -71,7 +71,23 @@ class Controller(Protocol):
 
 
 class Readied(eqx.Module):
-    """A controller that is asked as what it is ready as, be it for one turn."""
+    """A controller that is asked as what it is ready as, be it for one turn.
+
+    Raises:
+        TypeError: A class made of it has a `__call__` of its own, which no flight would
+            ever ask.
+    """
+
+    def __init_subclass__(cls, **options: Any) -> None:
+        """Refuse a call that would not be heard."""
+        super().__init_subclass__(**options)
+        if "__call__" in vars(cls):
+            message = (
+                f"{cls.__name__}: a flight asks what ready() returns, never __call__: "
+                "expected a ready() of its own, or a controller that has this one "
+                "as a field"
+            )
+            raise TypeError(message)
 
     @abc.abstractmethod
     def ready(self, vehicle: Vehicle) -> Controller:

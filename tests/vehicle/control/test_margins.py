@@ -2,6 +2,7 @@
 
 import dataclasses
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -116,17 +117,18 @@ def test_stable_is_what_comes_back():
     assert not is_stable(limp, 0.0125, 5e-4)
 
 
-class Scaled(PositionHold):
+class Scaled(eqx.Module):
     """A hold whose rotors answer more, or less, than it thinks, near hover."""
 
-    share: float = 1.0
+    hold: PositionHold
+    share: float
 
-    def ready(self, vehicle):
-        return self
+    def start(self):
+        return self.hold.start()
 
     def __call__(self, time_s, state, vehicle, memory, period_s):
-        speeds, memory = super().__call__(time_s, state, vehicle, memory, period_s)
-        zero = jnp.zeros_like(self.yaw_rad)
+        speeds, memory = self.hold(time_s, state, vehicle, memory, period_s)
+        zero = jnp.zeros(())
         hover = rotor_speeds(vehicle, (vehicle.mass_kg * 9.81, zero, zero, zero))
         return hover + self.share * (speeds - hover), memory
 
@@ -153,7 +155,7 @@ def test_a_flight_comes_back_within_its_gain_margin_and_not_beyond(side):
         start = dataclasses.replace(
             start, position_m=start.position_m + jnp.array([1e-6, 0.0, 0.0])
         )
-        hold = Scaled(at_hover(vehicle).position_m, gains, share=share)
+        hold = Scaled(PositionHold(at_hover(vehicle).position_m, gains), share)
         answer = simulate(
             vehicle,
             start,

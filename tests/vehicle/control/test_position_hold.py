@@ -184,3 +184,11 @@ def test_each_vehicle_may_have_a_hold_of_its_own():
         store_every=2000,
     )
     np.testing.assert_allclose(answer.position_m[:, -1], targets, atol=2e-3)
+
+
+def test_a_call_that_no_flight_would_hear_is_refused():
+    with pytest.raises(TypeError, match=r"Louder.*expected a ready\(\) of its own"):
+
+        class Louder(PositionHold):
+            def __call__(self, time_s, state, vehicle, memory, period_s):
+                return 2 * jnp.ones(4), memory
