@@ -8,6 +8,7 @@ import contextlib
 import ctypes
 import gc
 import os
+import signal
 import threading
 import zlib
 from pathlib import Path
@@ -40,6 +41,7 @@ def pytest_sessionstart() -> None:
     reuse_contexts()
     write_quickly()
     copy_arrays()
+    hear_ctrl_c()
     jax.config.update("jax_numpy_rank_promotion", "raise")
     jax.config.update("jax_numpy_dtype_promotion", "strict")
 
@@ -47,6 +49,16 @@ def pytest_sessionstart() -> None:
 def pytest_collection_finish() -> None:
     gc.collect()
     gc.freeze()  # what modules hold stays: it need not be looked through again
+
+
+def hear_ctrl_c() -> None:
+    """Have processes that tests start hear Ctrl-C.
+
+    What a shell without job control starts in the background ignores it, and so does
+    whatever that starts.
+    """
+    if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 def reuse_contexts(uses: int = 100) -> None:
