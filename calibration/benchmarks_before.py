@@ -1,6 +1,6 @@
 """Is it as fast as it was? Benchmarks of two trees in turn, by processor time.
 
-    python -m calibration.benchmarks_before TREE [--rounds 2] [--name laws fit_many ...]
+    python -m calibration.benchmarks_before TREE [--rounds 2] [--name laws fit_many ...] [--note TEXT]
 
 TREE is a checkout of an earlier commit (`git worktree add TREE COMMIT`); both run with
 this Python and its packages. A benchmark runs in two processes at once, one a tree, and
@@ -59,6 +59,7 @@ def main() -> None:
     parser.add_argument("--name", nargs="*", default=NAMES)
     parser.add_argument("--kept", type=Path, default=Path("out/benchmarks_before.json"))
     parser.add_argument("--out", type=Path, default=RESULT)
+    parser.add_argument("--note", default="", help="said below: where each was run")
     asked = parser.parse_args()
     asked.kept.parent.mkdir(parents=True, exist_ok=True)
     kept = json.loads(asked.kept.read_text()) if asked.kept.exists() else {}
@@ -69,6 +70,7 @@ def main() -> None:
                 kept |= zip(keys, in_turns((asked.tree, HERE), name), strict=True)
                 write_text(asked.kept, json.dumps(kept))
     text = table(kept, commit(asked.tree), commit(HERE))
+    text += f"\n{asked.note}\n" if asked.note else ""
     write_text(asked.out, text)
     sys.stdout.write(text)
 
