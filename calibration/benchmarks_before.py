@@ -1,6 +1,6 @@
 """Is it as fast as it was? Benchmarks of two trees in turn, by processor time.
 
-    python -m calibration.benchmarks_before TREE [--rounds 2] [--name laws fit_many ...] [--note TEXT]
+    python -m calibration.benchmarks_before TREE [--rounds 2] [--name laws] [--note ...]
 
 TREE is a checkout of an earlier commit (`git worktree add TREE COMMIT`); both run with
 this Python and its packages. A benchmark runs in two processes at once, one a tree, and
