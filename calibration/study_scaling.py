@@ -66,7 +66,7 @@ def command(folder: Path, out: str, *more: str) -> float:
 
 def written(folder: Path, samples: int) -> None:
     """Write the study of arrivals and pressures."""
-    from calibration.benchmark_study import AIR, sensors
+    from calibration.study_cases import AIR, sensors
 
     (folder / "scene.toml").write_text(AIR + sensors(16))
     (folder / "study.toml").write_text(

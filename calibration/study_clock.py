@@ -1,0 +1,79 @@
+"""Seconds of calls, and of the programs alone that they run.
+
+On a GPU by the wall clock; on a CPU by processor time over the number of cores.
+"""
+
+import contextlib
+import os
+import time
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import jax
+
+from jblast.study.engine.launch import Launcher
+
+REPEATS = 2
+
+
+def platform() -> str:
+    """Return "cpu" or "gpu"."""
+    return "cpu" if jax.default_backend() == "cpu" else "gpu"
+
+
+def clock() -> float:
+    """Return seconds: see the top of this file."""
+    if platform() == "gpu":
+        return time.perf_counter()
+    return time.process_time() / (os.cpu_count() or 1)
+
+
+def timed(call: Callable[[], Any]) -> float:
+    """Return the seconds of a call and of what it leaves running."""
+    begun = clock()
+    jax.block_until_ready(call())
+    return clock() - begun
+
+
+def best(*calls: Callable[[], Any]) -> list[float]:
+    """Return the least seconds of calls, which take turns; each is called before."""
+    for call in calls:
+        jax.block_until_ready(call())
+    turns = [[timed(call) for call in calls] for _ in range(REPEATS)]
+    return [min(one) for one in zip(*turns, strict=True)]
+
+
+@contextlib.contextmanager
+def watched() -> Iterator[list[tuple[Any, tuple[Any, ...]]]]:
+    """Give the programs that launchers run meanwhile, and what each was given."""
+    found: list[tuple[Any, tuple[Any, ...]]] = []
+    program = Launcher._program
+
+    def watching(self: Launcher, capacity: int) -> Any:
+        compiled = program(self, capacity)
+
+        def run(*given: Any) -> Any:
+            found.append((compiled, given))
+            return compiled(*given)
+
+        return run
+
+    Launcher._program = watching  # pyright: ignore[reportAttributeAccessIssue]  for the time of the block
+    try:
+        yield found
+    finally:
+        Launcher._program = program
+
+
+def programs_of(call: Callable[[], Any]) -> Callable[[], Any]:
+    """Return what runs the programs of a call alone, on what they were given."""
+    with watched() as found:
+        call()
+
+    def alone() -> Any:
+        last = None
+        for compiled, given in found:
+            last = compiled(*given)
+        return last  # devices go through them in their order
+
+    return alone
