@@ -41,9 +41,10 @@ def path_between(
     stated = jnp.where(given, told_range, 1.0)
     temperature, pressure = ambient(air)
     sound_speed = sound_speed_of(air)
-    wind = jnp.stack([air.wind_east, air.wind_north])
-    along = jnp.where(slant > 0, slant, 1.0)[:, None]
-    along = (position - source)[:, :2] / along @ wind
+    # axis by axis: a product of so few columns costs more than what it adds up
+    along = (position[:, 0] - source[:, 0]) * air.wind_east
+    along += (position[:, 1] - source[:, 1]) * air.wind_north
+    along /= jnp.where(slant > 0, slant, 1.0)
     is_placed = ~given if charge.range_m is None else jnp.zeros_like(given)
     toward = jnp.where(is_placed[:, None], source - position, 0.0)
     untold = jnp.full((), jnp.nan)
