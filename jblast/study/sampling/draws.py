@@ -16,6 +16,7 @@ from jblast.bounds import UNBOUNDED
 from jblast.scene import UncertainScene, parameter_named
 from jblast.scene.priors import Prior
 from jblast.study.file.study import Axis
+from jblast.study.sampling.threefry import folded, normals
 
 OF_NUMBERS = 0
 """Folded into a sample's key for the draws of the scene's numbers."""
@@ -36,12 +37,12 @@ def sample_keys(
     key: PRNGKeyArray, index: UInt32[Array, " sample"]
 ) -> Key[Array, " sample"]:
     """Return the keys of samples by their numbers."""
-    return jax.vmap(jax.random.fold_in, (None, 0))(key, index)
+    return folded(key, index)
 
 
 def part_of(keys: Key[Array, " sample"], number: int) -> Key[Array, " sample"]:
     """Return of each sample's key the part for one purpose."""
-    return jax.vmap(lambda key: jax.random.fold_in(key, number))(keys)
+    return folded(keys, number)
 
 
 def normal_scores(
@@ -50,9 +51,7 @@ def normal_scores(
     """Return standard normal draws, of which priors make the numbers."""
     if not count:
         return jnp.zeros((keys.shape[0], 0))
-    return jax.vmap(lambda key: jax.random.normal(key, (count,)))(
-        part_of(keys, OF_NUMBERS)
-    )
+    return normals(part_of(keys, OF_NUMBERS), count)
 
 
 def numbers_at(

@@ -1,0 +1,41 @@
+"""Draws of many keys: those of `jax.random`, to the last bit."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from jblast.study.sampling.threefry import folded, normals
+
+INDEX = jnp.array([0, 1, 2, 12345, 2**31, 2**32 - 1], jnp.uint32)
+
+
+@pytest.fixture
+def keys():
+    return jax.vmap(jax.random.fold_in, (None, 0))(jax.random.key(7), INDEX)
+
+
+def test_a_number_folded_in_makes_the_key_of_jax(keys):
+    ours = jax.random.key_data(folded(jax.random.key(7), INDEX))
+    np.testing.assert_array_equal(ours, jax.random.key_data(keys))
+    ours = jax.random.key_data(folded(keys, 3))
+    theirs = jax.vmap(lambda key: jax.random.fold_in(key, 3))(keys)
+    np.testing.assert_array_equal(ours, jax.random.key_data(theirs))
+
+
+@pytest.mark.parametrize("count", [1, 2, 5])
+def test_numbers_are_those_of_jax(keys, count):
+    theirs = jax.jit(jax.vmap(lambda key: jax.random.normal(key, (count,))))(keys)
+    np.testing.assert_array_equal(
+        jax.jit(normals, static_argnums=1)(keys, count), theirs
+    )
+
+
+def test_of_another_hash_jax_draws_itself():
+    keys = jax.random.split(jax.random.key(0, impl="rbg"), 3)
+    theirs = jax.vmap(lambda key: jax.random.normal(key, (2,)))(keys)
+    np.testing.assert_array_equal(normals(keys, 2), theirs)
+    theirs = jax.vmap(lambda key: jax.random.fold_in(key, 5))(keys)
+    np.testing.assert_array_equal(
+        jax.random.key_data(folded(keys, 5)), jax.random.key_data(theirs)
+    )
