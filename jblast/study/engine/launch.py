@@ -15,13 +15,13 @@ from typing import Any, NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax.sharding import AxisType, Mesh
+from jax.sharding import Mesh
 from jaxtyping import Array, Int, PyTree
 
 from jblast.errors import InputError
 
-LANES = "lanes"
-"""Axis of the mesh along which samples are shared."""
+WIDE = {"xla_cpu_prefer_vector_width": 512}
+"""Bits of a vector register that XLA may use where a CPU has them."""
 
 Blocks = Callable[[PyTree[Array], PyTree[Array]], PyTree[Array]]
 """From what all blocks share and what is of some, by block first, to an answer for each
@@ -43,21 +43,6 @@ class Reduce(NamedTuple):
 
     empty: Callable[[PyTree[Array]], PyTree[Array]]
     step: Callable[..., tuple[PyTree[Array], PyTree[Array]]]
-
-
-def mesh_of(devices: int | None = None) -> Mesh:
-    """Return a mesh of the local devices, or of the first few.
-
-    Raises:
-        InputError: There are not as many.
-    """
-    there = jax.local_devices()
-    if devices is not None and not 1 <= devices <= len(there):
-        raise InputError(
-            f"devices: expected a whole number from 1 to {len(there)}, which this "
-            f"machine has, got {devices}"
-        )
-    return Mesh(np.array(there[:devices]), (LANES,), axis_types=(AxisType.Auto,))
 
 
 class Launcher:
@@ -83,6 +68,7 @@ class Launcher:
                 f"{len(mesh.axis_names)}: {', '.join(map(str, mesh.axis_names))}"
             )
         self._blocks, self._mesh, self._reduce = blocks, mesh, reduce
+        self._on_cpu = mesh.devices.flat[0].platform == "cpu"
         self.group = max(1, min(group, capacity))
         self.capacity = max(self.group, capacity // self.group * self.group)
         self._programs: dict[tuple[int, int], Any] = {}
@@ -187,7 +173,8 @@ class Launcher:
         """Return the program for so many blocks of a device; each compiles its own."""
         which = capacity, self.group
         if which not in self._programs:
-            self._programs[which] = jax.jit(self._here)
+            options = WIDE if self._on_cpu else None
+            self._programs[which] = jax.jit(self._here, compiler_options=options)
         return self._programs[which]
 
     def _here(
@@ -203,9 +190,16 @@ class Launcher:
             )
             return self._blocks(shared, these)
 
+        def none_of(n: Array) -> PyTree[Array]:
+            return jax.tree.map(jnp.zeros_like, jax.eval_shape(some, n))
+
         def step(n: Array, counts: PyTree[Array]) -> Any:
-            # a barrier, so that nothing of what is done with answers goes into them
-            return reduce.step(shared, counts, jax.lax.optimization_barrier(some(n)))
+            # nothing of what is done with answers may go into them
+            if self._on_cpu:  # where XLA takes a barrier away too soon
+                answers = jax.lax.cond(count > 0, some, none_of, n)
+            else:
+                answers = jax.lax.optimization_barrier(some(n))
+            return reduce.step(shared, counts, answers)
 
         none = reduce.empty(shared)
         _, like = jax.eval_shape(step, jax.ShapeDtypeStruct((), jnp.int32), none)

@@ -103,6 +103,8 @@ class Family:
         block: The most samples that should be calculated together, a power of two.
         tile: The most of a chunk of the store.
         together: The most that a GPU takes together.
+        on_core: Values that a core takes together, a power of two: as many as its
+            cache holds; 1: a block at a time.
         options: Keys of [options] that it reads, and what each means.
     """
 
@@ -112,6 +114,7 @@ class Family:
     block: int = 1024
     tile: int = 1 << 20
     together: int = 1 << 19
+    on_core: int = 1
     options: Mapping[str, str] = field(default_factory=dict)
 
 

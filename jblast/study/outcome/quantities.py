@@ -177,6 +177,7 @@ register_family(
         "quantities",
         1,
         prepare,
+        on_core=1 << 14,
         options={"threshold_pa": "peak overpressure of above_threshold [Pa]"},
     )
 )

@@ -9,7 +9,8 @@ import numpy as np
 from jax.sharding import Mesh
 from jaxtyping import Array
 
-from jblast.study.engine.launch import Blocks, Launcher, Reduce, mesh_of
+from jblast.study.engine.launch import Blocks, Launcher, Reduce
+from jblast.study.engine.mesh import mesh_of
 from jblast.study.engine.numbering import numbered
 from jblast.study.engine.summary.tally import VALID
 from jblast.study.engine.variable import Variable
@@ -27,8 +28,8 @@ from jblast.study.sampling.points import points_of
 
 LAUNCH = {"cpu": 1 << 15, "gpu": 1 << 20}
 """Samples that a device is given at a time, by platform."""
-GROUP = {"cpu": 1, "gpu": 1 << 19}
-"""Samples, in whole blocks, that go through its instructions together."""
+GROUP = 1 << 19
+"""Samples, in whole blocks, that a GPU takes together at most."""
 REDUCED = {"cpu": 1 << 20, "gpu": 1 << 24}
 """Samples of a launch of which statistics alone are kept."""
 
@@ -151,14 +152,18 @@ class Work:
         """Return what runs blocks of a variant, or reduces them."""
         block = self.numbering.block
         at_once = (REDUCED if reduce else LAUNCH)[self.kind]
-        blocks = -(-self.numbering.samples // block // self.mesh.size)
-        together = min(
-            GROUP[self.kind], *(part.family.together for part in self.parts[variant])
-        )
+        blocks = -(-self.numbering.samples // block)
+        families = [part.family for part in self.parts[variant]]
+        if self.kind == "gpu":
+            together = min(GROUP, *(family.together for family in families))
+        else:
+            widest = max(1, *(len(v.sensors) for v in self.variables))
+            together = min(family.on_core for family in families) // widest
         return Launcher(
             self._blocks_of(variant),
             self.mesh,
             at_once // block,
+            # the same on any number of devices: sums depend on it in the last digit
             group=min(together // block, 1 << (blocks - 1).bit_length()),
             reduce=reduce,
         )

@@ -6,7 +6,7 @@ import pytest
 from jblast.scene import UncertainScene, read_scene
 from jblast.scene.parameters import with_values
 from jblast.study import run
-from jblast.study.engine.launch import mesh_of
+from jblast.study.engine.mesh import mesh_of
 from jblast.study.flights.fly import fly
 from jblast.study.flights.records import Options
 from tests.study.example import study_in

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from jblast.study import run
-from jblast.study.engine.launch import mesh_of
+from jblast.study.engine.mesh import mesh_of
 from jblast.study.engine.tiles import calculated
 from jblast.study.outcome.family import FAMILIES
 from jblast.study.sampling import work as work_module
@@ -77,7 +77,7 @@ def test_tiles_that_lie_on_devices_are_finished_there_to_the_same(study, monkeyp
     by_block = columns(work, range(work.numbering.tiles))
     # as on a GPU: several tiles at once, all of a device together
     monkeypatch.setitem(work_module.LAUNCH, "gpu", 2 * BLOCK // jax.device_count())
-    monkeypatch.setitem(work_module.GROUP, "gpu", BLOCK)
+    monkeypatch.setattr(work_module, "GROUP", BLOCK)
     there = Work(study)
     there.kind = "gpu"
     assert there.at_once == 2

@@ -8,11 +8,12 @@ import xarray
 
 from jblast.errors import InputError
 from jblast.study import run, run_into
-from jblast.study.engine.launch import mesh_of
 from jblast.study.engine.merge import merged
+from jblast.study.engine.mesh import mesh_of
 from jblast.study.engine.store import open_store
 from jblast.study.engine.summary.states import merged_states
 from jblast.study.engine.summary.store import SummaryStore
+from jblast.study.outcome.family import FAMILIES
 from jblast.study.sampling import reduced as reduced_module, work as work_module
 from jblast.study.statistics import NUMBER
 from tests.study.engine.test_killed import chunks
@@ -83,7 +84,9 @@ def test_it_does_not_depend_on_devices_or_interruption(tmp_path):
 def test_blocks_that_go_together_as_on_a_gpu_say_the_same(tmp_path, monkeypatch):
     study = study_in(tmp_path, SUMMARY)
     run_into(study, tmp_path / "one")
-    monkeypatch.setitem(work_module.GROUP, "cpu", 2048)
+    alone = dataclasses.replace(FAMILIES["quantities"], on_core=1)
+    monkeypatch.setitem(FAMILIES, "quantities", alone)
+    study = study_in(tmp_path, SUMMARY)
     run_into(study, tmp_path / "two")
     one, two = whole_state(tmp_path / "one"), whole_state(tmp_path / "two")
     np.testing.assert_allclose(one.moments.mean, two.moments.mean, rtol=1e-13)

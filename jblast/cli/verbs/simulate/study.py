@@ -114,21 +114,25 @@ def _run(asked: argparse.Namespace) -> int:
     from jblast.cli.arguments.study.devices import devices_asked, tiles_asked
     from jblast.report.study.run_answer import study_answer
     from jblast.report.study.run_text import run_text
-    from jblast.study.engine.launch import mesh_of
+    from jblast.study.engine.mesh import mesh_of
     from jblast.study.file.read import read_study
     from jblast.study.sampling.run import run_into
 
     study = read_study(asked.given[0], allow_code=asked.allow_code)
     mesh = mesh_of(devices_asked(asked.devices))
-    with tiles_asked(asked) as tiles:
-        ran = run_into(
-            study,
-            Path(asked.out),
-            resume=asked.resume,
-            limit=asked.limit,
-            mesh=mesh,
-            tiles=tiles,
-        )
+    try:
+        with tiles_asked(asked) as tiles:
+            ran = run_into(
+                study,
+                Path(asked.out),
+                resume=asked.resume,
+                limit=asked.limit,
+                mesh=mesh,
+                tiles=tiles,
+            )
+    except OSError as error:  # a disk that is full does not say which
+        said = f"{asked.out}: {error.strerror or error}; what is computed is kept"
+        raise OSError(error.errno, f"{said}, --resume adds to it") from error
     answer = study_answer(ran)
     text = json.dumps(answer.to_dict(), indent=2, allow_nan=False) + "\n"
     sys.stdout.write(text if asked.json else run_text(answer))

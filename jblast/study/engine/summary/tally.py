@@ -5,9 +5,10 @@ outcome and sensor; bins are counted for a whole launch. So what leaves a device
 not grow with the samples that go through it.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
@@ -26,6 +27,10 @@ from jblast.study.statistics.quantile_sketch import BINS, QuantileSketch, bin_of
 
 VALID, ANCHORS = "_valid", "_anchors"
 """Which lanes of a block are samples; what numbers are counted from."""
+SUMS = "samples", "infinite", "off", "squares off", "minimum", "maximum"
+"""Of a block; off from a value near the mean. What is lost bins do not count."""
+ROWS = 64
+"""Of a block that are summed side by side before they are summed up: a fixed order."""
 
 
 def reduce_of(outcomes: Sequence[Variable]) -> Reduce:
@@ -34,7 +39,8 @@ def reduce_of(outcomes: Sequence[Variable]) -> Reduce:
     numbers = [v.name for v in outcomes if v.kind == "number"]
 
     def empty(_: Any) -> dict[str, Array]:
-        return {name: jnp.zeros(lanes[name] * BINS, jnp.int32) for name in numbers}
+        # the last bin is of what is no number
+        return {name: jnp.zeros(lanes[name] * BINS + 1, jnp.int32) for name in numbers}
 
     def step(
         shared: Mapping[str, Any], counts: dict[str, Array], answers: dict[str, Array]
@@ -49,11 +55,11 @@ def reduce_of(outcomes: Sequence[Variable]) -> Reduce:
             kept[v.name] = _sums(values, valid, shift)
             bins = bin_of(values - origin).astype(jnp.int32)
             bins += BINS * jnp.arange(lanes[v.name], dtype=jnp.int32)[None, None]
-            known = (valid & ~jnp.isnan(values)).astype(jnp.int32)
+            bins = jnp.where(valid & ~jnp.isnan(values), bins, lanes[v.name] * BINS)
             counted[v.name] = (
                 counts[v.name]
                 .at[bins.reshape(-1)]
-                .add(known.reshape(-1), mode="promise_in_bounds")
+                .add(1, mode="promise_in_bounds", wrap_negative_indices=False)
             )
         return counted, kept
 
@@ -68,21 +74,40 @@ def _shares(values: Array, valid: Array) -> Array:
 
 
 def _sums(values: Array, valid: Array, shift: Array) -> Array:
-    """Return of each block and lane the seven numbers that make its moments."""
-    finite = valid & jnp.isfinite(values)
-    off = jnp.where(finite, values - shift, 0.0)
-    nan = jnp.isnan(values)
-    some = valid & ~nan
+    """Return of each block and lane what makes its moments; see `SUMS`."""
+    off = jnp.where(valid & jnp.isfinite(values), values - shift, 0.0)
+    some = valid & ~jnp.isnan(values)
+    low = _folded(jnp.where(some, values, jnp.inf), jnp.minimum, jnp.inf)
+    high = _folded(jnp.where(some, values, -jnp.inf), jnp.maximum, -jnp.inf)
+
+    def counted() -> Array:
+        return jnp.sum(some & jnp.isinf(values), axis=1, dtype=values.dtype)
+
+    odd = jnp.isinf(low) | jnp.isinf(high)
+    infinite = jax.lax.cond(odd.any(), counted, lambda: jnp.zeros_like(low))
+    samples = jnp.sum(valid, axis=1, dtype=values.dtype)
     parts = (
-        jnp.sum(finite.astype(values.dtype), axis=1),
-        jnp.sum((some & ~finite).astype(values.dtype), axis=1),
-        jnp.sum((valid & nan).astype(values.dtype), axis=1),
-        jnp.sum(off, axis=1),
-        jnp.sum(jnp.square(off), axis=1),
-        jnp.min(jnp.where(some, values, jnp.inf), axis=1),
-        jnp.max(jnp.where(some, values, -jnp.inf), axis=1),
+        jnp.broadcast_to(samples, low.shape),
+        infinite,
+        _folded(off, jnp.add, 0.0),
+        _folded(jnp.square(off), jnp.add, 0.0),
+        low,
+        high,
     )
     return jnp.stack(parts, -1)
+
+
+def _folded(x: Array, join: Callable[[Any, Any], Array], none: float) -> Array:
+    """Reduce samples of each block and lane, a power of two, in one order.
+
+    Rows are joined side by side first, which XLA does in one pass over the lanes; it
+    writes a reduction out otherwise.
+    """
+    rows = min(ROWS, x.shape[1])
+    whole = x[:, :rows]
+    for begin in range(rows, x.shape[1], rows):
+        whole = join(whole, x[:, begin : begin + rows])
+    return jax.lax.reduce(whole, jnp.asarray(none, x.dtype), join, (1,))
 
 
 def states_of(
@@ -107,14 +132,17 @@ def states_of(
             found[v.name] = share_from(*(x.reshape(shape) for x in whole.T))
             continue
         parts = np.asarray(kept[v.name], float)
-        low, high = parts[..., 5].min(axis=0), parts[..., 6].max(axis=0)
-        finite, infinite, lost, off, square = np.moveaxis(parts.sum(axis=0), -1, 0)[:5]
+        samples, infinite, off, square = np.moveaxis(parts.sum(axis=0), -1, 0)[:4]
+        low, high = parts[..., 4].min(axis=0), parts[..., 5].max(axis=0)
+        whole = counts[v.name][:-1].astype(np.int64).reshape(len(samples), -1)
+        known = whole.sum(axis=-1)
+        finite, lost = known - infinite, samples - known
         shift = anchors[v.name].shift.reshape(-1)
         mean = np.where(finite > 0, shift + off / np.maximum(finite, 1.0), 0.0)
         squares = np.maximum(square - off**2 / np.maximum(finite, 1.0), 0.0)
         numbers = np.stack([finite, infinite, lost, mean, squares, low, high], -1)
         moments = moments_from(numbers.reshape(*shape, len(NUMBERS)))
-        whole = counts[v.name].astype(np.int64).reshape(*shape, -1)
+        whole = whole.reshape(*shape, -1)
         origin = anchors[v.name].origin.reshape(shape)
         found[v.name] = NumberState(moments, QuantileSketch(whole, origin))
     return found
