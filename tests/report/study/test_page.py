@@ -15,6 +15,7 @@ from jblast.report.study.page.contour_figure import shares_on_grid
 from jblast.report.study.page.curve_figures import is_geometric
 from jblast.report.study.page.read import read_columns
 from jblast.report.study.page.summaries import summary_of
+from jblast.report.study.page.tables import printed_share
 
 ATTRIBUTES = {
     "jblast_study_schema": 1,
@@ -139,6 +140,12 @@ def test_text_has_a_line_for_each_outcome(report):
     assert len(lines) == 2
     assert "90 % interval" in lines[0]
     assert "1 failed" in lines[0]
+
+
+def test_a_share_that_is_nearly_one_is_not_printed_as_one():
+    assert printed_share(29_997 / 30_000) == "0.9999"
+    assert printed_share(0.999757) == "0.999757"
+    assert [printed_share(share) for share in (1.0, 0.4567, 0.0)] == ["1", "0.457", "0"]
 
 
 def test_what_is_not_complete_is_said():

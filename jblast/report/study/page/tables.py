@@ -32,6 +32,14 @@ def printed(value: float, digits: int = 4) -> str:
     return "-" if math.isnan(value) else f"{value:.{digits}g}"
 
 
+def printed_share(share: float, digits: int = 3) -> str:
+    """Print a share; one that is nearly one by the digits of what it lacks."""
+    lacks = 1.0 - float(share)
+    if 0.0 < lacks < 0.01:
+        digits = max(digits, 2 + math.ceil(-math.log10(lacks)))
+    return printed(share, digits)
+
+
 def number_table(
     summaries: Sequence[LaneSummary], axes: Sequence[str] = ()
 ) -> Table | None:
@@ -67,8 +75,8 @@ def share_table(
         (
             one.lane.title,
             *one.cell,
-            printed(one.found["share"]),
-            f"{printed(one.found['low'], 3)} to {printed(one.found['high'], 3)}",
+            printed_share(one.found["share"], 4),
+            f"{printed_share(one.found['low'])} to {printed_share(one.found['high'])}",
             *(f"{one.found[name]:,}" for name in ("yes", "count", "lost")),
         )
         for one in summaries
@@ -114,8 +122,8 @@ def text_lines(columns: StudyColumns, overall: Sequence[LaneSummary]) -> list[st
         found, name = one.found, one.lane.title.ljust(width)
         if one.lane.kind == "yes_no":
             said.append(
-                f"{name}  {printed(found['share'])}, 90 % interval "
-                f"{printed(found['low'], 3)} to {printed(found['high'], 3)}"
+                f"{name}  {printed_share(found['share'], 4)}, 90 % interval "
+                f"{printed_share(found['low'])} to {printed_share(found['high'])}"
             )
         else:
             unit = "" if one.lane.units == "1" else f" {one.lane.units}"
