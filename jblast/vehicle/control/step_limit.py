@@ -16,6 +16,8 @@ answer; the loop is stable while no eigenvalue is longer than 1. Far from hover,
 saturation or at great attitude errors a stable step can still be a coarse one.
 """
 
+from functools import lru_cache
+
 import numpy as np
 
 from jblast.constants import FLIGHT_GRAVITY
@@ -42,7 +44,27 @@ def step_limit(
     motors = MOTOR_LIMIT[integrator] * motor_lag_s
     if gains is None:
         return motors
-    links = chains(gains, motor_lag_s)
+    asked = (gains.position, gains.velocity, gains.integral)
+    numbers = (*asked, gains.attitude, gains.body_rate)
+    by_value = tuple(float(x) for part in numbers for x in np.ravel(part))
+    return _hold_limit(integrator, float(motor_lag_s), by_value, held)
+
+
+@lru_cache(maxsize=64)
+def _hold_limit(
+    integrator: str, motor_lag_s: float, numbers: tuple[float, ...], held: int
+) -> float:
+    """Return the limit with a position hold: a search, kept for the next flight.
+
+    Args:
+        integrator: "rk4" or "euler".
+        motor_lag_s: Of the motors [s].
+        numbers: Of the gains: position, velocity, integral, attitude, body rate.
+        held: Steps over which the controller's answer is held.
+    """
+    position, velocity, integral = np.reshape(numbers[:9], (3, 3))
+    gains = Gains(position, velocity, numbers[9], numbers[10], integral)
+    motors, links = MOTOR_LIMIT[integrator] * motor_lag_s, chains(gains, motor_lag_s)
 
     def grows(step: float) -> bool:
         return growth(integrator, links, step, held) > 1 + 1e-9

@@ -85,11 +85,14 @@ def numbers(
 
 def floats(value: Any) -> Float[Array, "..."]:
     """Convert numbers, lists of them too, to a float array."""
-    return as_float_array(jnp.asarray(value))
+    return as_float_array(value if isinstance(value, Array) else jnp.asarray(value))
 
 
 def in_precision(tree: Any, dtype: np.dtype) -> Any:
     """Bring every array of floats to one precision."""
-    return jax.tree.map(
-        lambda x: x.astype(dtype) if eqx.is_inexact_array(x) else x, tree
-    )
+
+    def brought(x: Any) -> Any:
+        other = eqx.is_inexact_array(x) and x.dtype != dtype
+        return x.astype(dtype) if other else x
+
+    return jax.tree.map(brought, tree)

@@ -16,6 +16,7 @@ from jblast.vehicle import (
     simulate,
     step_limit,
 )
+from jblast.vehicle.control import step_limit as limit_of_steps
 from tests.vehicle.flights import GRAVITY, at_hover, hover_speed
 
 NAMES = ["crazyflie", "hummingbird", "iris"]
@@ -106,6 +107,16 @@ def test_the_motors_limit_is_where_a_step_stops_shrinking(integrator):
     growth = {"rk4": 1 + z + z**2 / 2 + z**3 / 6 + z**4 / 24, "euler": 1 + z}
     assert abs(growth[integrator]) == pytest.approx(1, abs=1e-9)
     assert factor == pytest.approx({"rk4": 2.785, "euler": 2.0}[integrator], abs=3e-4)
+
+
+def test_a_limit_that_was_found_is_not_looked_for_again(monkeypatch):
+    lag, gains = 0.0721, named_gains("crazyflie", integral=True)
+    weaker = dataclasses.replace(gains, attitude=0.5 * gains.attitude)
+    found = [step_limit("rk4", lag, gains), step_limit("rk4", lag, weaker)]
+    assert found[0] != found[1]
+    monkeypatch.setattr(limit_of_steps, "growth", None)
+    again = [step_limit("rk4", lag, named_gains("crazyflie", integral=True))]
+    assert [*again, step_limit("rk4", lag, weaker)] == found
 
 
 @pytest.mark.slow
