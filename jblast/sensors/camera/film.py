@@ -7,12 +7,12 @@ from functools import cached_property
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Array, Float
 
 from jblast.scene import Camera, Scene
 from jblast.sensors.camera.files.backgrounds import MovingBackground
 from jblast.sensors.camera.geometry.camera_path import CameraPath
-from jblast.sensors.camera.image.behind import BACKGROUND, bare
+from jblast.sensors.camera.image.behind import BACKGROUND, bare, images
 from jblast.sensors.camera.image.bloom import bloom
 from jblast.sensors.camera.image.grey_composite import luminance
 from jblast.sensors.camera.rendering.appearance import Appearance
@@ -114,7 +114,7 @@ class Film:
         count = len(times)
         # as many as in every block, so that there is one program
         times = np.pad(times, (0, self._length() - count), mode="edge")
-        background = self.background
+        background = self._behind
         if isinstance(background, MovingBackground):
             background = background.at(times - self.times[0])
         if self.path is not None:
@@ -128,7 +128,7 @@ class Film:
                 times,
                 background=background,
                 supersample=self.supersample,
-                appearance=self.appearance,
+                appearance=self._shown,
                 views=self.views,
             )
             return np.asarray(carried)[:count]
@@ -142,13 +142,27 @@ class Film:
             times,
             background=background,
             depth=self.depth,
-            appearance=self.appearance,
+            appearance=self._shown,
             ground=self._ground,
             supersample=self.supersample,
             views=self.views,
             outlook=self._outlook,
         )
         return np.asarray(frames)[:count]
+
+    @cached_property
+    def _behind(
+        self,
+    ) -> Float[Array, "..."] | MovingBackground | Landscape:
+        """The background; of one light or colour an image, made once for all blocks."""
+        if isinstance(self.background, MovingBackground | Landscape):
+            return self.background
+        return images(self.camera, self.background, len(self.times))
+
+    @cached_property
+    def _shown(self) -> Appearance:
+        """How it is shown; made once, for it stands on the device."""
+        return self.appearance or Appearance()
 
     @cached_property
     def _begins(self) -> float:
@@ -163,7 +177,7 @@ class Film:
     @cached_property
     def _outlook(self) -> Outlook:
         """Of a camera that stands: computed once for all blocks."""
-        appearance, views = self.appearance or Appearance(), self.views
+        appearance, views = self._shown, self.views
         return outlook_of(
             self.camera,
             None if self.depth is None else jnp.asarray(self.depth, float),
