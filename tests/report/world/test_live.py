@@ -1,5 +1,7 @@
 """A world in a window: what came in by now, in buffers that do not grow."""
 
+from dataclasses import replace
+
 import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
@@ -82,6 +84,21 @@ def test_a_lane_holds_its_window_and_no_more_at_any_instant(run):
         assert time[-1] > SECONDS - 2.0 * COLUMN_S
         if lane.title != "events":  # whose bins are wider, and fewer
             assert time[-1] - time[0] == pytest.approx(WINDOW_S, abs=2.0 * COLUMN_S)
+
+
+@pytest.mark.parametrize(
+    ("column", "title", "unit"),
+    [
+        ("overpressure_pa", "one: overpressure", "[Pa]"),
+        ("ground_velocity_m_s", "one: ground velocity", "[m/s]"),
+        ("wind_north_m_s", "one: wind north", "[m/s]"),
+    ],
+)
+def test_a_lane_has_the_name_and_the_unit_of_what_is_sampled(run, column, title, unit):
+    (wave,) = run.waveforms
+    wave = replace(wave, sensor="one", column=column)
+    lane = lanes_of(replace(run, waveforms=(wave,)))[2]
+    assert (lane.title, lane.unit) == (title, unit)
 
 
 def test_columns_lose_no_peak(run):

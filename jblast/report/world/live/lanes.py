@@ -75,11 +75,8 @@ def lanes_of(run: RunFolder) -> list[Lane]:
         lanes.append(Lane("path error", "[m]", *_columns(time, error, error)))
         lanes.append(Lane("force", "[N]", *_columns(time, force, force)))
     for wave in run.waveforms[:MOST_SAMPLED]:
-        quantity, _, unit = wave.column.rpartition("_")
-        title = f"{wave.sensor}: {quantity.replace('_', ' ')}"
-        unit = "[Pa]" if unit == "pa" else f"[{unit}]"
         columns = _columns(wave.time_s, wave.least, wave.greatest)
-        lanes.append(Lane(title, unit, *columns))
+        lanes.append(Lane(wave.title, wave.unit, *columns))
     if run.events_s.size:
         edges = np.arange(0.0, run.document["seconds"] + EVENT_BIN_S, EVENT_BIN_S)
         rate = np.histogram(run.events_s, edges)[0] / EVENT_BIN_S

@@ -16,6 +16,8 @@ from jblast.report.listen.sensor_record import COLUMNS
 COLUMNS_DRAWN = 2000
 """Of a waveform: of each column its least and greatest sample are kept."""
 KEY = "perceived"
+UNITS = {"_m_s": "m/s", "_pa": "Pa"}
+"""Of what sensors sample, by how the name of the column ends."""
 
 
 @dataclass(frozen=True)
@@ -35,6 +37,23 @@ class Waveform:
     time_s: Float[np.ndarray, " column"]
     least: Float[np.ndarray, " column"]
     greatest: Float[np.ndarray, " column"]
+
+    @property
+    def title(self) -> str:
+        """Whose it is, and what."""
+        return f"{self.sensor}: {self._parts[0].replace('_', ' ')}"
+
+    @property
+    def unit(self) -> str:
+        """In brackets."""
+        return f"[{self._parts[1]}]"
+
+    @property
+    def _parts(self) -> tuple[str, str]:
+        for suffix, unit in UNITS.items():
+            if self.column.endswith(suffix):
+                return self.column.removesuffix(suffix), unit
+        return self.column, "-"
 
 
 @dataclass(frozen=True)

@@ -107,11 +107,7 @@ def _sampled(wave: Waveform) -> Row:
             wave.time_s, wave.least, wave.greatest, color=BLUE, linewidth=0.6
         )
 
-    quantity, _, unit = wave.column.rpartition("_")
-    if wave.column.endswith("_m_s"):
-        quantity, unit = wave.column.removesuffix("_m_s"), "m/s"
-    unit = {"pa": "Pa"}.get(unit, unit)
-    return f"{wave.sensor}: {quantity.replace('_', ' ')}", f"[{unit}]", draw
+    return wave.title, wave.unit, draw
 
 
 def _events(axes: Axes, run: RunFolder) -> None:
