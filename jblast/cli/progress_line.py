@@ -41,14 +41,14 @@ class ProgressLine(Listener):
         self._terminal = file.isatty()
         self._begun = self._last = clock()
         self._last_stages: tuple[str, ...] = ()
-        self._width = 0
+        self._width, self._told = 0, False
         self._times, self._shares = [0.0], [0.0]
         self._lock = threading.RLock()
 
     def heard(self) -> None:
         """Keep when it was, for the time left, and show it."""
         with self._lock:
-            share = self.share()
+            share, self._told = self.share(), True
             if share > self._shares[-1]:
                 self._times.append(self._clock() - self._begun)
                 self._shares.append(share)
@@ -60,6 +60,9 @@ class ProgressLine(Listener):
             now, words, stages = self._clock(), self.words(), self.stages()
             gone, since = now - self._begun, now - self._last
             if gone < QUIET_S:
+                return
+            if self._told and not self.levels:  # a window is open, or it serves
+                self.clear()
                 return
             if self._terminal:
                 if since >= OFTEN_S:

@@ -183,6 +183,26 @@ def test_on_a_terminal_one_line_is_written_over_and_cleared(clock):
     assert shown[-2].strip() == shown[-1] == ""
 
 
+@pytest.mark.parametrize("terminal", [True, False])
+def test_while_nothing_is_waited_for_nothing_is_said(clock, terminal):
+    stream = Stream(terminal)
+    line = line_on(stream, clock)
+    with heard_by(line):
+        begin = stages({"drawing": 1.0})
+        clock.now += 2.0
+        begin("drawing")
+        assert "drawing" in stream.getvalue()
+        del begin  # as before a window is opened
+        clock.now += 20.0
+        line.show()
+        said = stream.getvalue()
+        clock.now += 20.0
+        line.show()
+    assert "working" not in said
+    assert stream.getvalue() == said
+    assert not terminal or said.endswith(" \r")
+
+
 def test_where_nobody_listens_telling_does_nothing():
     begin = stages({"reading": 1.0})
     begin("reading")
