@@ -219,9 +219,8 @@ def drawn() -> list[list[str]]:
             metrics = flown(many, way, DRAWN).metrics
             crashed = np.asarray(metrics.crashed)
             back = np.isfinite(np.asarray(metrics.recovery_time_s)) & ~crashed
-            deviation = np.quantile(
-                np.asarray(metrics.peak_deviation_m), (0.05, 0.5, 0.95)
-            )
+            peaks = np.where(crashed, np.nan, np.asarray(metrics.peak_deviation_m))
+            deviation = np.quantile(peaks, (0.05, 0.5, 0.95))
             rows.append(
                 [
                     name,
