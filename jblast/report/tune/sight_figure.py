@@ -10,6 +10,7 @@ from jblast.inference.tuning.result import Tuned
 from jblast.inference.tuning.sight import EventsEvidence, FramesEvidence, camera_of
 from jblast.report.figure_style import (
     BLUE,
+    MUTED,
     VERMILLION,
     new_figure,
     quiet,
@@ -40,7 +41,7 @@ def frames_figure(tuned: Tuned, evidence: FramesEvidence) -> Figure:
         low, high, scale = 0.0, 255.0, ""
         if name != "seen":
             high = max(float(np.abs(values[chosen]).max()), 1.0)
-            low, scale = -high, f" to ±{high:.2g}"
+            low, scale = -high, f"colours to ±{high:.2g}"
         for axes, number in zip(axes_row, chosen, strict=False):
             image = np.full(size, np.nan).ravel()
             image[np.asarray(evidence.pixels)] = values[number]
@@ -48,7 +49,13 @@ def frames_figure(tuned: Tuned, evidence: FramesEvidence) -> Figure:
             axes.imshow(np.ones(size), cmap="Pastel1", vmin=0.0, vmax=8.0)
             axes.imshow(image.reshape(size), cmap=colours, vmin=low, vmax=high)
             axes.set_axis_off()
-            titled(axes, f"{name}{scale}, {times[number]:.3g} ms")
+            titled(axes, f"{name}, {times[number]:.3g} ms")
+        below: dict[str, Any] = {
+            "transform": axes_row[0].transAxes,
+            "fontsize": 8,
+            "color": MUTED,
+        }
+        axes_row[0].text(0.0, -0.04, scale, va="top", **below)
     top, *rest = grid[:, -1]
     for values, colour, width in (
         (seen, GREY, 4.0),
