@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from jblast.errors import InputError, shown
 from jblast.observations.dialects.table import Table
 from jblast.observations.understood import ColumnsIgnored, UnitsRow
-from jblast.units import unit_spelt
+from jblast.units import our_name, unit_spelt
 from jblast.units.spelling import spelt
 
 NOTES = ("note", "notes")
@@ -60,7 +60,7 @@ def drop_blanks(table: Table) -> None:
 
 
 def refuse_two_tables(table: Table, names: list[str]) -> None:
-    """Refuse a header that comes again, and a second one below an empty row.
+    """Refuse a header that comes again, and a second one of other names.
 
     Args:
         table: The table.
@@ -69,20 +69,37 @@ def refuse_two_tables(table: Table, names: list[str]) -> None:
     Raises:
         InputError: There is one; the message says where.
     """
-    if names[0] not in table.columns[0] and not table.blank_before:
+    words = _words_for_values(table)
+    if names[0] not in table.columns[0] and not table.blank_before and not words:
         return
     first = [spelt(name) for name in names]
     for row, line in enumerate(table.lines):
-        if table.columns[0][row] != names[0] and line not in table.blank_before:
+        apart = line in table.blank_before or row in words
+        if table.columns[0][row] != names[0] and not apart:
             continue
         cells = [column[row] for column in table.columns]
         again = [spelt(cell) for cell in cells] == first
-        if again or (line in table.blank_before and not _holds_a_number(cells)):
+        if again or (apart and not _holds_a_number(cells)):
             raise InputError(
                 f"{table.at(line)}: expected one table, got "
                 + ("its header again" if again else "another header")
                 + f" ({', '.join(map(shown, cells[:4]))}); keep one table a file"
             )
+
+
+def _words_for_values(table: Table) -> set[int]:
+    """Return rows that have a word for a value, and no quantity that we know."""
+    if not {"quantity", "value"} <= set(table.header):
+        return set()
+    values = table.columns[table.header.index("value")]
+    quantities = table.columns[table.header.index("quantity")]
+    return {
+        row
+        for row, text in enumerate(values)
+        if text[:1].isalpha()
+        and not is_empty(text)
+        and our_name(quantities[row]) is None
+    }
 
 
 def _holds_a_number(cells: list[str]) -> bool:

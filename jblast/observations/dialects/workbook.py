@@ -6,6 +6,7 @@ from typing import Any
 
 from jblast.errors import InputError, shown
 from jblast.observations.dialects.cells import cell_text, table_of_cells
+from jblast.observations.dialects.headers_within import refuse_several_headers
 from jblast.observations.dialects.table import Table
 from jblast.observations.formats import FRAME, WORKBOOKS
 from jblast.observations.understood import Dialect
@@ -49,7 +50,9 @@ def workbook_table(data: bytes, source: str) -> Table:
         )
     ((name, sheet),) = filled.items()
     found = Dialect(format=FORMATS[engine], sheet=name)
-    table = table_of_cells(source, sheet.to_numpy(object).tolist(), 1, (found,))
+    rows = sheet.to_numpy(object).tolist()
+    refuse_several_headers(source, rows)
+    table = table_of_cells(source, rows, 1, (found,))
     _refuse_side_by_side(table)
     return table
 

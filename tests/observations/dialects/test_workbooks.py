@@ -54,24 +54,38 @@ def test_two_sheets_are_refused(tmp_path, name):
         read(saved(tmp_path / name, *parts))
 
 
-NAMES = FRAME[["quantity"]]
+OTHER = pd.DataFrame({"station": ["x"], "weather": ["dry"], "who": ["me"]})
+TITLE = pd.DataFrame({"Shot 12": []})
+TWO = "expected one table, got two: headers stand in A1:E1 .* and "
 
 
 @pytest.mark.parametrize(
     ("parts", "said"),
     [
-        ([(FRAME, {}), (FRAME, {"startrow": 6})], "row 7: .*its header again"),
-        (
-            [(FRAME, {}), (FRAME[["quantity"]], {"startrow": 6})],
-            "row 7: .*another head",
-        ),
-        ([(FRAME, {}), (FRAME, {"startcol": 6})], "row 1: .*two tables side by side"),
+        ([(FRAME, {}), (FRAME, {"startrow": 6})], f"row 7: {TWO}A7:E7"),
+        ([(FRAME, {}), (FRAME, {"startrow": 4})], f"row 5: {TWO}A5:E5"),
+        ([(FRAME, {}), (FRAME, {"startcol": 6})], f"row 1: {TWO}G1:K1"),
+        ([(FRAME, {}), (FRAME, {"startcol": 5})], f"row 1: {TWO}F1:J1"),
+        ([(FRAME, {}), (FRAME, {"startcol": 28, "startrow": 2})], f"{TWO}AC3:AG3"),
+        ([(FRAME, {}), (OTHER, {"startrow": 6})], "row 7: .*another header"),
+        ([(FRAME, {}), (OTHER, {"startrow": 4})], "row 5: .*another header"),
+        ([(FRAME, {}), (OTHER, {"startcol": 6})], "row 1: .*two tables side by side"),
+        ([(OTHER, {}), (FRAME, {"startrow": 3})], "row 1: .*got 'station', .* A4:E4"),
+        ([(TITLE, {}), (FRAME, {"startrow": 1})], "row 1: .*got 'Shot 12', .* A2:E2"),
         ([(pd.DataFrame(), {})], "none that holds anything"),
     ],
 )
-def test_two_tables_or_none_are_refused(tmp_path, parts, said):
+@pytest.mark.parametrize("wide", [False, True])
+def test_two_tables_or_none_are_refused(tmp_path, parts, said, wide):
+    if wide and "another header" in said:
+        said = "a column quantity, as long ones have"
     with pytest.raises(InputError, match=f"log.xlsx: .*{said}"):
-        read(saved(tmp_path / "log.xlsx", *parts))
+        read(saved(tmp_path / "log.xlsx", *parts), wide=wide)
+
+
+def test_measurements_are_no_header(tmp_path):
+    names = FRAME.assign(Sensor=["path", "sensor", "value"], Value=[1, 2, np.nan])
+    assert read(saved(tmp_path / "log.xlsx", (names, {}))).sensor == ("path", "sensor")
 
 
 @pytest.mark.parametrize(
