@@ -9,6 +9,7 @@ from typing import Any, TypeVar
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jax.core import Tracer
 
 LANES = 32
@@ -29,19 +30,19 @@ def in_chunks(made_of: Callable[..., Made], arrays: tuple[Any, ...]) -> Made:
         return made_of(*arrays)
     count = arrays[0].shape[0]
     chunks = max(-(-count // LANES), 1)  # of no record, too, to tell of what shape
-    filled = tuple(_filled(x, chunks) for x in arrays)
+    filled = tuple(_filled(np.asarray(x), chunks) for x in arrays)
     devices = jax.devices()
     # none is waited for before the next has begun
     parts = []
     for k in range(chunks):
         device = devices[k % len(devices)]
         parts.append(made_of(*(jax.device_put(x[k], device) for x in filled)))
-    parts = jax.device_put(parts, devices[0])
-    return jax.tree.map(lambda *x: jnp.concatenate(x)[:count], *parts)
+    # by NumPy, which compiles nothing for another number of records
+    parts = jax.tree.map(np.asarray, parts)
+    return jax.tree.map(lambda *x: jnp.asarray(np.concatenate(x)[:count]), *parts)
 
 
-def _filled(x, chunks: int):
+def _filled(x: np.ndarray, chunks: int) -> np.ndarray:
     """Return lanes by chunk, zeros where there are none."""
-    x = jnp.asarray(x)
-    none = jnp.zeros((chunks * LANES - x.shape[0], *x.shape[1:]), x.dtype)
-    return jnp.concatenate([x, none]).reshape(chunks, LANES, *x.shape[1:])
+    none = np.zeros((chunks * LANES - x.shape[0], *x.shape[1:]), x.dtype)
+    return np.concatenate([x, none]).reshape(chunks, LANES, *x.shape[1:])

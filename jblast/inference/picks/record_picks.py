@@ -6,18 +6,13 @@ from dataclasses import dataclass
 
 import equinox as eqx
 import jax
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
 from jblast.errors import InputError
+from jblast.inference.picks.in_units import filled_length, picks_of
 from jblast.inference.picks.onset import onset_of
-from jblast.inference.picks.pick import (
-    LEAST_SAMPLES,
-    filled_length,
-    pick_of,
-    picked_lanes,
-)
+from jblast.inference.picks.pick import LEAST_SAMPLES
 from jblast.inference.picks.quality import NoteKind, Quality, notes_of, quality_of
 from jblast.inference.picks.result import IN_LOG, Pick
 from jblast.observations.records.pressure_record import PressureRecord
@@ -59,15 +54,13 @@ def pick_records(records: Sequence[PressureRecord]) -> list[RecordPick]:
     Raises:
         InputError: One of them has too few samples, or one that is not finite.
     """
-    groups: dict[tuple[int, bool, bool], list[int]] = defaultdict(list)
+    groups: dict[tuple[int, bool], list[int]] = defaultdict(list)
     for place, record in enumerate(records):
         _check(record)
-        known = record.full_scale is not None, record.high_pass_hz is not None
-        groups[_length(record), *known].append(place)
+        groups[_length(record), record.high_pass_hz is not None].append(place)
     found: dict[int, Pick] = {}
-    for (length, scaled, passed), places in groups.items():
-        some = [records[i] for i in places]
-        found |= _picked(some, places, length, scaled, passed)
+    for (length, passed), places in groups.items():
+        found |= _picked([records[i] for i in places], places, length, passed)
     return [
         RecordPick(record, found[i], quality_of(found[i]), notes_of(found[i]))
         for i, record in enumerate(records)
@@ -78,7 +71,6 @@ def _picked(
     records: list[PressureRecord],
     places: list[int],
     length: int,
-    scaled: bool,
     high_passed: bool,
 ) -> dict[int, Pick]:
     """Return the picks of records that are filled up to one length."""
@@ -87,20 +79,21 @@ def _picked(
         record.samples[begin : begin + length]
         for record, begin in zip(records, begins, strict=True)
     ]
-    counts = jnp.asarray([x.size for x in cut])
-    filled = jnp.asarray(np.stack([_filled(x, length) for x in cut]))
-    scales = np.array([record.full_scale for record in records]) if scaled else None
+    filled = np.stack([_filled(x, length) for x in cut])
     corners = (
         np.array([(record.high_pass_hz or 0.0) / record.rate_hz for record in records])
         if high_passed
         else None
     )
-    lanes = picked_lanes(filled, counts, scales, corners)
     step = np.array([1.0 / record.rate_hz for record in records])
     start = np.array([record.start_s for record in records]) + np.array(begins) * step
-    kind = filled.dtype
-    many = pick_of(
-        lanes, jnp.asarray(start).astype(kind), jnp.asarray(step).astype(kind)
+    many = picks_of(
+        filled.astype(jax.dtypes.canonicalize_dtype(float)),
+        np.array([x.size for x in cut]),
+        start,
+        step,
+        np.array([record.full_scale or np.nan for record in records]),
+        corners,
     )
     many = jax.tree.map(np.asarray, many)
     picks = [jax.tree.map(lambda x, k=k: x[k], many) for k in range(len(places))]

@@ -61,6 +61,25 @@ def test_single_precision_comes_back_in_double(usual):
     )
 
 
+def test_a_record_is_picked_alike_whoever_else_told_a_full_scale(usual):
+    cut = np.minimum(RECORDS[1], 0.5 * TRUTH.peak)
+    told = PressureRecord("told", RECORDS[0], RATE, full_scale=0.6 * TRUTH.peak)
+    untold = PressureRecord("untold", RECORDS[0], RATE)
+    equal = PressureRecord("equal", cut, RATE)
+    found = [one.pick for one in pick_records([told, untold, equal])]
+    assert [bool(np.isfinite(one.clipped_at_pa)) for one in found] == [
+        True,
+        False,
+        True,
+    ]
+    # the step of the clock is told by its rate, or by its ends
+    np.testing.assert_allclose(found[1].air_arrival_s, usual.air_arrival_s[0])
+    alone = pick(TIME, RECORDS[0], full_scale_pa=0.6 * TRUTH.peak)
+    np.testing.assert_allclose(
+        found[0].peak_overpressure_pa, alone.peak_overpressure_pa, rtol=1e-9
+    )
+
+
 @pytest.mark.slow  # two lengths, two programs
 def test_recordings_of_any_length_and_rate_are_the_pick_of_their_samples():
     long = samples_of(TRUTH._replace(arrival=0.5), count=70_000)

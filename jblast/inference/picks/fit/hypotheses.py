@@ -8,8 +8,9 @@ from jax import lax
 from jaxtyping import Array, Float
 
 from jblast.inference.picks.fit.model import misfit
-from jblast.inference.picks.fit.one_pulse import LEAST_SHARE, cost_of, either
+from jblast.inference.picks.fit.one_pulse import LEAST_SHARE
 from jblast.inference.picks.fit.optimum import Optimum, optimum_of
+from jblast.inference.picks.fit.searches import cost_of, either
 from jblast.inference.picks.fit.signs import FREQUENCIES, NEAREST, ODD, signs_in
 from jblast.inference.picks.fit.trials import (
     OMEGA,
@@ -96,9 +97,7 @@ def with_what_shows(
     slow = (natural_of(one.y).rise > RESOLVED) & (signs.rings == 0)
     hidden = lax.cond(
         slow,
-        lambda: hidden_ring(
-            partial(misfit, bins), one, unmoved.y, plain._replace(rings=1.0 + none)
-        ),
+        lambda: hidden_ring(bins, one, unmoved.y, plain._replace(rings=1.0 + none)),
         lambda: Hidden(-jnp.inf + none, unmoved.y),
     )
     weak = slow & (signs.power > QUIET)
@@ -108,6 +107,8 @@ def with_what_shows(
     # with one that explains all there is, no other is asked for
     many = jnp.sum(case.weight > 0).astype(one.y.dtype)
     enough = 0.5 * many * (1.0 + ODD * jnp.sqrt(2.0 / jnp.maximum(many, 1.0)))
+
+    alone = lax.stop_gradient(cost_of(apart))
 
     def explains_more(case):
         return case.rings + case.follows + case.passed > 0
@@ -123,12 +124,14 @@ def with_what_shows(
             of = partial(misfit, bins)
             begin = lax.cond(
                 asked[0] * oscillates > 0,
-                lambda: best_ring(of, start, more),
+                lambda: best_ring(bins, start, more),
                 lambda: start,
             )
             # a ring is believed to be where it is seen, or was tried with best success
             seen = more._replace(centre=more.centre.at[OMEGA].set(begin[OMEGA]))
-            found = optimum_of(of, begin, seen, most_steps=FURTHER_STEPS)
+            found = optimum_of(
+                of, begin, seen, most_steps=FURTHER_STEPS, hopeless=alone
+            )
             cost = cost_of(misfit(bins, lax.stop_gradient(found.y), seen))
             return found, cost + price, seen
 
@@ -154,17 +157,16 @@ def with_what_shows(
             jnp.stack([none, none, signs.passed]),
         ]
     )
-    cost = lax.stop_gradient(cost_of(apart))
-    prices = jnp.asarray([RING, RING, BETTER, BETTER, BETTER], cost.dtype)
+    prices = jnp.asarray([RING, RING, BETTER, BETTER, BETTER], alone.dtype)
     # one pulse through a ring, or of two fronts, goes astray: begin before it did, too
     afresh = jnp.concatenate([start, signs.start])
     first = jnp.where(oscillates > 0, unmoved.y, hidden.start)
     starts = jnp.stack([first, afresh, afresh, unmoved.y, unmoved.y])
-    begin = (cost, unmoved, plain), (jnp.full_like(cost, jnp.inf), unmoved.y)
+    begin = (alone, unmoved, plain), (jnp.full_like(alone, jnp.inf), unmoved.y)
     (best, ring), _ = lax.scan(tried, begin, (asked, starts, prices))
     _, found, chosen = best
     # a sensor that may ring, or may not: either may have the right pulse
-    odds = lax.stop_gradient(jnp.abs(ring[0] - cost))
+    odds = lax.stop_gradient(jnp.abs(ring[0] - alone))
     share = jnp.where(jnp.isfinite(odds), 1.0 / (1.0 + jnp.exp(odds)), 0.0)
     share = jnp.where(chosen.follows + chosen.passed > 0, 0.0, share)
     rival = jnp.where(

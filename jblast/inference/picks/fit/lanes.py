@@ -20,7 +20,6 @@ from jblast.inference.picks.ready.bins import Bins, bins_about_front
 from jblast.inference.picks.ready.case import SHORTER, Prepared, prepared
 from jblast.inference.picks.ready.start import bank_of
 from jblast.inference.picks.unknowns import CENTRE, Natural
-from jblast.kept_programs import kept
 
 LEAST_SIGNAL = 5.0
 """A pulse is found where its peak is so many of its standard deviations."""
@@ -60,7 +59,6 @@ class LanePicks(NamedTuple):
     later_sd: Float[Array, " lane"]
 
 
-@kept
 def pick_lanes(
     samples: Float[Array, "lane sample"],
     clipped: Float[Array, "lane sample"],

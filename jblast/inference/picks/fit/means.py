@@ -17,6 +17,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from jblast.inference.picks.fit.computed_once import in_halves
 from jblast.inference.picks.ready.bins import Bins
 from jblast.waves.waveform.friedlander_integrals import impulse_fraction
 from jblast.waves.waveform.pulse import Pulse, pulse_mean
@@ -71,10 +72,10 @@ def _antiderivative_slopes(time, arrival, peak, rise, duration, decay, suction, 
     up = x * x * (3.0 - 2.0 * x)
     risen = x * x * x * (1.0 - 0.5 * x)
     y = decay * s
-    k = impulse_fraction(y)
+    k, falling = in_halves(lambda y: (impulse_fraction(y), jnp.exp(-y)), y)
     late = 1.0 - y * k - k
     middle = _middle(y, k, late)
-    down = (1.0 - s) * jnp.exp(-y)
+    down = (1.0 - s) * falling
     fallen = s * ((1.0 - s) * (k + late) + s * k)
     low = r * (1.0 - r) * (1.0 - r)
     sucked = r * r * (0.5 + r * (0.25 * r - 2.0 / 3.0))

@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jax import lax
 from jaxtyping import Array, Bool, Float, Int
 
@@ -30,6 +31,9 @@ STILL = 1e-4
 MOST_LOST = 6
 """Steps in a row: at a kink the next are no better, whatever their damping, and it is
 an optimum, whatever the slopes say."""
+
+PATIENT = 10
+"""Steps by which a search is to be as good as what stands already."""
 
 FIRST_DAMPING, LEAST_DAMPING, MOST_DAMPING = 1e-1, 1e-10, 1e6
 SMALL_DAMPING = 1e-2
@@ -58,6 +62,7 @@ def optimum_of(
     case: Case,
     *,
     most_steps: int = MOST_STEPS,
+    hopeless: Float[Array, ""] | float = np.inf,
 ) -> Optimum:
     """Return the optimum of a record.
 
@@ -66,10 +71,12 @@ def optimum_of(
         start: Where to begin.
         case: The record.
         most_steps: After which the search ends, at an optimum or not.
+        hopeless: A search that is dearer than this after `PATIENT` steps ends: what it
+            would come to is not asked for.
     """
     still = lax.stop_gradient(case)
     begin = lax.stop_gradient(start)
-    y, covariance, converged = _search(misfit, begin, still, most_steps)
+    y, covariance, converged = _search(misfit, begin, still, most_steps, hopeless)
     return Optimum(_settled(misfit, y, case), covariance, converged)
 
 
@@ -115,7 +122,7 @@ def _expansion(misfit: Misfit, y, case: Case) -> _Expansion:
     )
 
 
-def _search(misfit: Misfit, start, case: Case, most_steps: int):
+def _search(misfit: Misfit, start, case: Case, most_steps: int, hopeless):
     """Return the optimum, found by Levenberg-Marquardt."""
     unit = jnp.eye(start.size, dtype=start.dtype)
     eps = jnp.finfo(start.dtype).eps
@@ -124,16 +131,18 @@ def _search(misfit: Misfit, start, case: Case, most_steps: int):
     many = jnp.maximum(jnp.sum((case.weight > 0).astype(start.dtype)), 1.0)
 
     def step(state: _State) -> _State:
-        there = _expansion(misfit, state.tried, case)
-        slack = rounding * (jnp.sqrt(2.0 * jnp.abs(there.cost)) + rounding)
-        better = there.cost <= state.here.cost + slack
+        cost = 0.5 * jnp.sum(jnp.square(misfit(state.tried, case)))
+        slack = rounding * (jnp.sqrt(2.0 * jnp.abs(cost)) + rounding)
+        better = cost <= state.here.cost + slack
         widened = jnp.maximum(2.0 * state.here.cost / many, 1.0)
-        lost = ~(there.cost < state.here.cost - STILL * widened)
-        y, here = jax.tree.map(
-            lambda new, old: jnp.where(better, new, old),
-            (state.tried, there),
-            (state.y, state.here),
+        lost = ~(cost < state.here.cost - STILL * widened)
+        # slopes cost as much as several misfits, and not every step is taken
+        here = lax.cond(
+            better,
+            lambda: _expansion(misfit, state.tried, case),
+            lambda: state.here,
         )
+        y = jnp.where(better, state.tried, state.y)
         damping = jnp.where(better, 0.1 * state.damping, 10.0 * state.damping)
         damping = jnp.clip(damping, LEAST_DAMPING, MOST_DAMPING)
         move = -jnp.linalg.solve(here.information + damping * unit, here.slope)
@@ -168,7 +177,9 @@ def _search(misfit: Misfit, start, case: Case, most_steps: int):
     )
 
     def goes_on(state: _State) -> Bool[Array, ""]:
-        return ~state.done & (state.steps < most_steps) & (state.lost < MOST_LOST)
+        hopes = (state.steps < PATIENT) | ~(state.here.cost > hopeless)
+        ended = state.done | (state.steps >= most_steps) | (state.lost >= MOST_LOST)
+        return hopes & ~ended
 
     state = lax.while_loop(goes_on, step, state)
     inverse = jnp.linalg.inv(state.here.information)

@@ -26,7 +26,7 @@ import numpy as np
 from jax import lax
 from jaxtyping import Array, Complex, Float
 
-from jblast.inference.picks.fit.computed_once import oscillation, polynomial
+from jblast.inference.picks.fit.ring_waves import Terms, sums_at, waves_over
 from jblast.inference.picks.ready.bins import Bins
 from jblast.waves.waveform.pulse import Pulse
 
@@ -92,55 +92,82 @@ def ringing(
     @added.defjvp
     def _(primals, tangents):
         # slopes by these nine numbers once, not by each unknown that they depend on
-        slopes = jax.jacfwd(lambda x: _added(bins, x))(primals[0])
-        return added(primals[0]), slopes @ tangents[0]
+        return added(primals[0]), ringing_slopes(bins, primals[0]) @ tangents[0]
 
     return Ringing(*added(jnp.stack(numbers)))
 
 
 def _added(bins: Bins, numbers: Float[Array, "9"]) -> Float[Array, "3 bin"]:
     """Return what resonance adds, by the numbers of `ringing`."""
-    arrival, peak, rise, duration, decay, suction, length, omega, damping = numbers
-    none = jnp.zeros_like(peak)
-    pulse = Pulse(arrival, peak, rise, duration, decay, suction, length, none)
-    ends = np.append(bins.start, bins.stop[-1]).astype(omega.dtype)
-    forced, real, imaginary = response_moments(pulse, ends, omega, damping)
+    ends = np.append(bins.start, bins.stop[-1]).astype(numbers.dtype)
+    forced, real, imaginary = sums_at(ends, numbers, terms_of(numbers))
     moved = jnp.stack([forced + real, real, imaginary])
-    return -(moved[:, 1:] - moved[:, :-1]) / bins.width.astype(omega.dtype)[None, :]
+    return -(moved[:, 1:] - moved[:, :-1]) / bins.width.astype(numbers.dtype)[None, :]
 
 
-def response_moments(
-    pulse: Pulse,
-    time: Float[np.ndarray, " instant"],
-    omega: Float[Array, ""],
-    damping: Float[Array, ""],
-) -> tuple[
-    Float[Array, " instant"], Float[Array, " instant"], Float[Array, " instant"]
-]:
-    r"""Return $\mathrm{Re}\,(C z)$ at instants: what is forced, and the ring $C z$.
+def ringing_slopes(bins: Bins, numbers: Float[Array, "9"]) -> Float[Array, "3 bin 9"]:
+    """Return the slopes of `Ringing` by the numbers of `ringing`.
 
-    Args:
-        pulse: With nothing held.
-        time: On the clock of its arrival.
-        omega: $\omega$.
-        damping: $\zeta$, below 1.
+    A wave that is moved or stretched a little is a sum of waves of its kind where they
+    were: so the slopes are those of coefficients, and of few waves.
     """
-    pole = pole_of(omega, damping)
+    here, pole = terms_of(numbers), pole_of(numbers[7], numbers[8])
+    _, _, first_rise, first_end, decay, _, first_fall, _, _ = numbers
+    length = first_end - first_rise
+    ring = lax.complex(here.real, here.imaginary)
+    up = np.arange(1, here.up.size).astype(numbers.dtype) * here.up[1:]
+    low = np.arange(1, here.low.size).astype(numbers.dtype) * here.low[1:]
+    down = here.down[1] - decay * here.down[0], -decay * here.down[1]
+
+    def coefficients(other):
+        """Return those of other numbers, to first order about these."""
+        there, turned = terms_of(other), pole_of(other[7], other[8])
+        arrival, _, rise, end, steeper, _, fall, _, _ = other - numbers
+        rising = _moved(there.up, up, arrival / first_rise, rise / first_rise)
+        late, longer = (arrival + rise) / length, (end - rise) / length
+        falling = [
+            there.down[0] - down[0] * late,
+            there.down[1] - down[1] * late - down[0] * longer - here.down[0] * steeper,
+            -down[1] * longer - here.down[1] * steeper,
+        ]
+        last = _moved(there.low, low, (arrival + end) / first_fall, fall / first_fall)
+        begins = arrival + jnp.stack([jnp.zeros_like(rise), rise, end, end + fall])
+        now = lax.complex(there.real, there.imaginary)
+        now = now - pole * ring * begins.astype(pole.dtype)
+        grows = ring * (turned - pole)
+        both = jnp.concatenate([now, grows])
+        forced = jnp.concatenate([rising, jnp.stack(falling), last])
+        return forced, jnp.real(both), jnp.imag(both)
+
+    forced, real, imaginary = (slope.T for slope in jax.jacfwd(coefficients)(numbers))
+    over = waves_over(bins, numbers, here)
+    many = here.real.size
+    (now, grows), (turns, bends) = (
+        (x[:, :many], x[:, many:]) for x in (real, imaginary)
+    )
+    sums = [[now, -turns, grows, -bends], [turns, now, bends, grows]]
+    rings = jnp.concatenate([jnp.concatenate(row, axis=1) for row in sums])
+    rings = (rings @ over.rings).reshape(2, numbers.size, -1)
+    made = jnp.stack([forced @ over.forced + rings[0], rings[0], rings[1]])
+    return jnp.swapaxes(made, 1, 2)
+
+
+def _moved(terms, slope, later, longer):
+    """Return a polynomial of a share that begins later, of what lasts longer."""
+    moved = terms - later * jnp.pad(slope, (0, 1))
+    return moved - longer * jnp.pad(slope, (1, 0))
+
+
+def terms_of(numbers: Float[Array, "9"]) -> Terms:
+    """Return the coefficients, by the numbers of `ringing`."""
+    pole = pole_of(numbers[7], numbers[8])
     kind = pole.dtype
-    rise, length, fall, end, decay, peak, suction = (
-        number.astype(kind)
-        for number in (
-            *(pulse.rise_time, pulse.decay_duration, pulse.suction_duration),
-            *(pulse.duration, pulse.decay, pulse.peak, pulse.suction),
-        )
-    )
+    _, peak, rise, end, decay, suction, fall, omega, damping = numbers.astype(kind)
+    length = end - rise
     # c times what the moments are of
-    size = -omega * omega / jnp.imag(pole)
-    turned = lax.complex(jnp.zeros_like(size), size)
-    weight = turned * (
-        pole * (1.0 / (omega * omega)).astype(kind)
-        + (2.0 * damping / omega).astype(kind)
-    )
+    size = -jnp.square(numbers[7]) / jnp.imag(pole)
+    weight = lax.complex(jnp.zeros_like(size), size)
+    weight = weight * (pole / (omega * omega) + 2.0 * damping / omega)
     # forced: by powers of the share of each piece that has passed
     up, begun = _rise_terms(pole * rise)
     up, begun = peak * rise * up, peak * rise * begun
@@ -150,40 +177,9 @@ def response_moments(
     at_peak = jnp.sum(up) + begun * jnp.exp(pole * rise) - down[0]
     at_end = jnp.sum(down) * jnp.exp(-decay) + at_peak * jnp.exp(pole * length) - low[0]
     at_last = jnp.sum(low) + at_end * jnp.exp(pole * fall)
-    up, down, low = (jnp.real(weight * terms) for terms in (up, down, low))
     rings = weight * jnp.stack([begun, at_peak, at_end, at_last])
-
-    since = time - pulse.arrival_time
-    last = pulse.duration + pulse.suction_duration
-    pieces = (since < pulse.rise_time, since < pulse.duration, since < last)
-
-    def chosen(*of):
-        return jnp.where(
-            pieces[0],
-            of[0],
-            jnp.where(pieces[1], of[1], jnp.where(pieces[2], of[2], of[3])),
-        )
-
-    # which piece each instant lies in, 1 of 4, so that a product of matrices chooses
-    ends = [jnp.zeros_like(since), *(x.astype(since.dtype) for x in pieces)]
-    ends.append(jnp.ones_like(since))
-    inside = jnp.diff(jnp.stack(ends), axis=0)
-    x = jnp.clip(since / pulse.rise_time, 0.0, 1.0)
-    s = jnp.clip((since - pulse.rise_time) / pulse.decay_duration, 0.0, 1.0)
-    q = jnp.clip((since - pulse.duration) / pulse.suction_duration, 0.0, 1.0)
-    none = jnp.zeros_like(since)
-    falling = (down[0] + down[1] * s) * jnp.exp(-pulse.decay * s)
-    forced = chosen(polynomial(up, x), falling, polynomial(low, q), none)
-    starts = jnp.stack([none[0], pulse.rise_time, jnp.real(end), last])
-    elapsed = jnp.maximum(since - starts @ inside, 0.0)
-    cos, sin = oscillation(jnp.real(pole), jnp.imag(pole), elapsed)
-    a, b = jnp.real(rings) @ inside, jnp.imag(rings) @ inside
-    after = since >= 0
-    return (
-        jnp.where(after, forced, none),
-        jnp.where(after, a * cos - b * sin, none),
-        jnp.where(after, a * sin + b * cos, none),
-    )
+    up, down, low = (jnp.real(weight * terms) for terms in (up, down, low))
+    return Terms(up, down, low, jnp.real(rings), jnp.imag(rings))
 
 
 def _rise_terms(pole):

@@ -13,7 +13,8 @@ import numpy as np
 from jax import lax
 from jaxtyping import Array, Float
 
-from jblast.inference.picks.fit.optimum import Misfit, Optimum
+from jblast.inference.picks.fit.model import misfit
+from jblast.inference.picks.fit.optimum import Optimum
 from jblast.inference.picks.fit.profiled import profiled
 from jblast.inference.picks.ready.bins import Bins
 from jblast.inference.picks.ready.case import Case
@@ -48,31 +49,31 @@ OMEGA = CENTRE.size
 
 
 def best_pulse(
-    misfit: Misfit, start: Float[Array, " unknown"], case: Case
+    bins: Bins, start: Float[Array, " unknown"], case: Case
 ) -> Float[Array, " unknown"]:
     """Return where to begin with a pulse.
 
     Args:
-        misfit: Of the record.
+        bins: Where the record is looked at.
         start: By the bank.
         case: The record.
     """
-    return _best(misfit, _about(start, jnp.asarray(SHIFTS, start.dtype)), case)
+    return _best(bins, _about(start, jnp.asarray(SHIFTS, start.dtype)), case)
 
 
 def best_ring(
-    misfit: Misfit, start: Float[Array, " unknown"], case: Case
+    bins: Bins, start: Float[Array, " unknown"], case: Case
 ) -> Float[Array, " unknown"]:
     """Return where to begin with a pulse through a sensor that rings.
 
     Args:
-        misfit: Of the record.
+        bins: Where the record is looked at.
         start: A pulse; frequency and damping by what one pulse left over.
         case: The record.
     """
     late = jnp.asarray(TURNS, start.dtype) * jnp.exp(-start[OMEGA])
     trials = jnp.concatenate([_about(start, -late), _hidden(start)])
-    return _best(misfit, trials, case)
+    return _best(bins, trials, case)
 
 
 class Closer(NamedTuple):
@@ -118,7 +119,7 @@ class Hidden(NamedTuple):
 
 
 def hidden_ring(
-    misfit: Misfit, one: Optimum, start: Float[Array, " unknown"], case: Case
+    bins: Bins, one: Optimum, start: Float[Array, " unknown"], case: Case
 ) -> Hidden:
     r"""Return the ring that a slow front may hide.
 
@@ -127,7 +128,7 @@ def hidden_ring(
     is $-r^T P \Delta - |P \Delta|^2/2$, where $P = 1 - J (J^T J)^{-1} J^T$.
 
     Args:
-        misfit: Of the record.
+        bins: Where the record is looked at.
         one: Optimum of one pulse.
         start: That, with the further unknowns.
         case: The record, with a ring.
@@ -138,14 +139,14 @@ def hidden_ring(
     alone, case, y, covariance, start = still
 
     def twice(y):
-        apart = misfit(y, alone)
+        apart = misfit(bins, y, alone)
         return apart, apart
 
     slopes, apart = jax.jacfwd(twice, has_aux=True)(y)
     trials = _hidden(start)
 
     def gain(trial):
-        with_ring = misfit(trial, case)[: apart.size]
+        with_ring = misfit(bins, trial, case)[: apart.size]
         across = with_ring - apart
         across = across - slopes @ (covariance @ (slopes.T @ across))
         return -(apart @ across) - 0.5 * across @ across
@@ -187,10 +188,10 @@ def _about(start, shifts):
     return jnp.concatenate([start[None, :], trials])
 
 
-def _best(misfit: Misfit, trials, case: Case):
+def _best(bins: Bins, trials, case: Case):
     """Return what of the trials fits best."""
     trials = lax.stop_gradient(trials)
     still = lax.stop_gradient(case)
-    costs = jax.vmap(lambda y: jnp.sum(jnp.square(misfit(y, still))))(trials)
+    costs = jax.vmap(lambda y: jnp.sum(jnp.square(misfit(bins, y, still))))(trials)
     costs = jnp.where(jnp.isfinite(costs), costs, jnp.inf)
     return trials[jnp.argmin(costs)]
