@@ -155,7 +155,7 @@ def _check_all_there(table: Table, where: str, *, strict: bool) -> None:
     if missing:
         raise InputError(
             f"{where}: missing column {', '.join(missing)}; expected "
-            f"{', '.join(NEEDED)}; got {', '.join(got)}"
+            f"{', '.join(NEEDED)}; got {', '.join(got) or 'none that is known'}"
         )
     partial = [name for name in POSITION if name not in got]
     if partial == ["up_m"] and not strict:

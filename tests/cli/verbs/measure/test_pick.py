@@ -1,6 +1,7 @@
 """`jblast pick`: from records to a log, and what it says where it cannot."""
 
 import json
+import os
 from pathlib import Path
 
 import numpy as np
@@ -111,3 +112,30 @@ def test_sound_without_full_scale_tells_times_alone(jblast):
     code, out, _ = jblast("pick", path, "--full-scale", "10000", "--json")
     (told,) = json.loads(out)["picks"]
     assert told["peak_overpressure_pa"]["value"] == pytest.approx(4760.0, rel=0.01)
+
+
+@pytest.mark.slow  # the fit of a pulse is compiled
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [
+        ("c.csv", "no UTF-8"),
+        ("c.wav", "is no sound file"),
+        ("c.mp3", "expected a record of samples, its name ending in"),
+        ("huge.csv", "expected at most 2 GB of .csv, which is read whole, got 10"),
+        ("absent.csv", "no such file"),
+    ],
+)
+def test_picks_made_before_a_bad_file_are_kept(jblast, name, said):
+    bad, log = Path(jblast.path(name)), jblast.path("picks.csv")
+    if name != "absent.csv":
+        bad.write_bytes(bytes(range(128, 256)))
+    if name == "huge.csv":
+        os.truncate(bad, 10 * 2**30)  # of holes: it takes no room
+    good = [str(EXAMPLE / f"g0{k}.csv") for k in (1, 2)]
+    code, out, err = jblast("pick", *good, str(bad), "--out", log)
+    bad.unlink(missing_ok=True)
+    assert code == 2
+    assert "2 picks in 2 records" in out
+    assert f"{name}: " in err
+    assert said in err
+    assert set(read(log).sensor) == {"g01", "g02"}
