@@ -105,6 +105,24 @@ def test_same_flights_in_single_precision_through_two_blasts():
 
 
 @pytest.mark.slow
+def test_same_flights_through_a_blast_and_its_wave_from_the_ground():
+    """The image is 10 m off, the charge itself behind a front that has gone by."""
+    above = Charge(mass_kg=2.0, position_m=(9.0, 0.0, 6.0), burst="free-air")
+    loads = [
+        blast_load(Scene(charge=above), reflection=reflected)
+        for reflected in (True, False)
+    ]
+    agree(CRAFT, start(), loads=(loads[0],))
+    ends = [
+        simulate(
+            CRAFT, start(), duration_s=0.05, loads=(load,), backend="warp:cpu"
+        ).velocity_m_s[:, -1]
+        for load in loads
+    ]
+    assert float(jnp.abs(ends[0] - ends[1]).max()) > 0.05
+
+
+@pytest.mark.slow
 def test_same_flights_by_euler_of_vehicles_of_their_own():
     many = jax.tree.map(lambda x: jnp.broadcast_to(x, (BATCH, *x.shape)), CRAFT)
     many = dataclasses.replace(many, mass_kg=jnp.linspace(0.4, 0.6, BATCH))
