@@ -51,3 +51,16 @@ def test_all_fly_through_the_same_blast():
     words = flights_text(flights)
     assert "by a cascade as PX4's" in words
     assert "with an observer" in words
+
+
+@pytest.mark.slow  # two programs with a filter in each
+def test_each_flies_by_its_own_estimate():
+    options = Options(seconds=6.0, step_s=4e-3, estimator="ekf")
+    flights = fly(scene(), options, controllers=("hold", "observer"))
+    assert tuple(flights.holds) == ("with_integral", "observer")
+    for held in flights.holds.values():
+        assert 0 < float(held.metrics.peak_deviation_m) < math.inf
+        assert held.thrown is not None
+    rows = [row for row in flights_text(flights).splitlines() if row.count("->") == 3]
+    assert len(rows) == 2
+    assert "observer" in rows[1]
