@@ -19,6 +19,7 @@ from jblast.constants import FLIGHT_GRAVITY
 from jblast.missions.guidance import ARMED, FLYING, Guidance, Progress, SetPoint
 from jblast.vehicle import Controller, Gains, PositionHold, State, Vehicle
 from jblast.vehicle.control.position_hold import Readied
+from jblast.vehicle.dynamics.components import three
 
 IDLE_SHARE = 0.2
 """Of the speed at which the rotors carry the weight; declared."""
@@ -97,10 +98,27 @@ def as_if_at_rest(vehicle: Vehicle, gains: Gains, state: State, aim: SetPoint) -
         aim: Where it should be.
     """
     drag = 4 * _hover_speed(vehicle) * vehicle.rotor_drag / vehicle.mass_kg
-    lead = aim.acceleration_m_s2 + drag * aim.velocity_m_s
-    some = gains.velocity > 0
-    lead = jnp.where(some, lead / jnp.where(some, gains.velocity, 1.0), 0.0)
-    shown = state.velocity_m_s - aim.velocity_m_s - lead
+
+    def along(
+        speed: Array, wanted: Array, gained: Array, gain: Array, pull: Array
+    ) -> Array:
+        lead = gained + pull * wanted
+        some = gain > 0
+        lead = jnp.where(some, lead / jnp.where(some, gain, 1.0), 0.0)
+        return speed - wanted - lead
+
+    # axis by axis: a step of many vehicles has no arrays but theirs
+    axes = map(
+        three,
+        (
+            state.velocity_m_s,
+            aim.velocity_m_s,
+            aim.acceleration_m_s2,
+            gains.velocity,
+            drag,
+        ),
+    )
+    shown = jnp.stack([along(*axis) for axis in zip(*axes, strict=True)])
     return dataclasses.replace(state, velocity_m_s=shown)
 
 

@@ -135,7 +135,8 @@ class PositionHold(Readied):
         period_s: Float[Array, ""],
     ) -> tuple[Float[Array, "4"], Float[Array, "3"]]:
         gains = self.gains
-        away = add(three(state.position_m), three(-self.target_m))
+        here, there = three(state.position_m), three(self.target_m)
+        away = (here[0] - there[0], here[1] - there[1], here[2] - there[2])
         pull, integral = pull_within(
             vehicle, gains, away, three(state.velocity_m_s), memory, period_s
         )

@@ -41,8 +41,9 @@ def four(array: Float[Array, "4"]) -> Four:
 
 def rows(matrix: Float[Array, "3 3"]) -> MatrixRows:
     """Return the components of a matrix."""
-    x, y, z = matrix
-    return three(x), three(y), three(z)
+    # each at once: of a row that is cut from many vehicles' matrices XLA makes an array
+    x, y, z = ((matrix[i, 0], matrix[i, 1], matrix[i, 2]) for i in range(3))
+    return x, y, z
 
 
 def components(state: State) -> StateComponents:

@@ -145,10 +145,10 @@ def rates(
     pull = (force[0] / m, force[1] / m, force[2] / m)
     twist = (moment[0] / m, moment[1] / m, moment[2] / m)
     x, y, z = turned(motion.quaternion, pull)
-    inertia = rows(vehicle.inertia_kg_m2 / m)
-    spin = cross(w, times(inertia, w))
+    p, q, r = rows(vehicle.inertia_kg_m2)  # columns too: it is symmetric
+    p, q, r = ((a / m, b / m, c / m) for a, b, c in (p, q, r))
+    spin = cross(w, times((p, q, r), w))
     turn = tuple(a + b / m - c for a, b, c in zip(twist, load[1], spin, strict=True))
-    p, q, r = inertia  # columns too: it is symmetric
     across = (cross(q, r), cross(r, p), cross(p, q))
     whole = dot(p, across[0])
     e, f, g = times(across, (turn[0], turn[1], turn[2]))

@@ -100,7 +100,7 @@ class OneStep:
             now = self._asked(now, tick)
         # Always taken. A branch is a program of its own, of small arrays alone, and so
         # XLA runs it in order (`batching.py`), whatever there is around it.
-        return jax.lax.cond(tick.step > 0, self._moved, lambda now, _: now, now, tick)
+        return jax.lax.cond(tick.step > 0, self.moved, lambda now, _: now, now, tick)
 
     def advance_pushed(self, now: Now, tick: Ticks) -> Now:
         """Take a step in which a pulse may come."""
@@ -143,7 +143,8 @@ class OneStep:
         turn = tick.sample if self.control_held else tick.step > 0
         return jax.lax.cond(turn, ask, lambda now: now, now)
 
-    def _moved(self, now: Now, tick: Ticks) -> Now:
+    def moved(self, now: Now, tick: Ticks) -> Now:
+        """Take a step with the command as it is, in the branch that one stands in."""
         flight = self.flight
 
         def stage_rates(stage: int, motion: StateComponents) -> StateComponents:
