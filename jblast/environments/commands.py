@@ -98,16 +98,25 @@ def _by_rates(
 def _by_hold(
     params: EnvironmentParams, state: EnvironmentState, action: Action, aim: Aim
 ) -> tuple[Four, Vector]:
-    moved = jnp.stack(action)
     flown = joined(state.now.motion)
-    gains = jax.tree.map(lambda gain: gain * state.episode.gain_factor, params.gains)
+
+    # number by number: a step of many lanes has no arrays but theirs
+    def by_factor(gain: Array) -> Array:
+        parts = [part * state.episode.gain_factor for part in jnp.ravel(gain)]
+        return jnp.stack(parts).reshape(gain.shape)
+
+    def with_action(start: Vector, scale: Array) -> Array:
+        pairs = zip(start, action, strict=True)
+        return jnp.stack([begun + scale * part for begun, part in pairs])
+
+    gains = jax.tree.map(by_factor, params.gains)
     gains = replace(gains, integral_limit=params.gains.integral_limit)
     if params.command == "velocity":
         place = flown.position_m
-        velocity = params.speed_m_s * moved
-        shown = replace(flown, velocity_m_s=flown.velocity_m_s - velocity)
+        velocity = with_action(state.now.motion.velocity, -params.speed_m_s)
+        shown = replace(flown, velocity_m_s=velocity)
     else:
-        place = aim.point.position_m + params.reach_m * moved
+        place = with_action(three(aim.point.position_m), params.reach_m)
         shown = as_if_at_rest(params.vehicle, gains, flown, aim.point)
     hold = eqx.tree_at(
         lambda ready: (ready.hold.target_m, ready.hold.yaw_rad, ready.hold.gains),

@@ -12,21 +12,19 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, PRNGKeyArray
 
 from jblast.constants import FLIGHT_GRAVITY
-from jblast.environments.commands import COMMANDS, Action, asked_for
+from jblast.environments.commands import COMMANDS
 from jblast.environments.episode import (
     draw_episode,
     load_of,
-    one_step,
     tick_of,
     vehicle_in,
 )
-from jblast.environments.observations import observation
+from jblast.environments.moved import Moved, moved
+from jblast.environments.observations import observed
 from jblast.environments.params import EnvironmentParams
 from jblast.environments.state import EnvironmentState
 from jblast.environments.tasks.table import TASKS
-from jblast.environments.tasks.task import distance
 from jblast.environments.windows import may_push, window_of
-from jblast.vehicle.dynamics.components import turned_back
 from jblast.vehicle.dynamics.equations import Wrench
 from jblast.vehicle.loads.load import pulse_wrench
 from jblast.vehicle.rollout.step import Now
@@ -110,7 +108,7 @@ def begin(
         key=key,
         number=number,
     )
-    return state, observation(params, state)
+    return state, jnp.stack(observed(params, state))
 
 
 def step(
@@ -141,7 +139,7 @@ def step(
     none: Wrench = ((zero, zero, zero), (zero, zero, zero))
     rows = (in_blast(state, params), state.episode.blasts)
     wrench, _ = jax.lax.scan(add, none, rows)
-    return advance(state, action, params, wrench)
+    return step_of(state, moved(state, tuple(action), params, wrench))
 
 
 def in_blast(
@@ -177,68 +175,27 @@ def pushed_by(
     return wrench
 
 
-def advance(
-    state: EnvironmentState,
-    action: Float[Array, " action"],
-    params: EnvironmentParams,
-    wrench: Wrench,
-) -> Step:
-    """Take a step with the force and moment that the blasts give in it."""
-    task = TASKS[params.task]
-    bad = ~jnp.all(jnp.isfinite(action))
-    dtype = params.step_s.dtype
-    taken = jnp.clip(jnp.where(bad, 0.0, action.astype(dtype)), -1.0, 1.0)
-    now_asked: Action = tuple(taken)
-    flown = now_asked
-    if task.actions is not None:
-        flown = (jnp.zeros_like(params.step_s),) * COMMANDS[params.command]
-    queue = (flown, *state.queue)
-    late = _late(queue, state.episode.delay_steps)
-    aim, memory = task.aim(params, state)
-    command, integral = asked_for(params, state, late, aim)
-    before = state.now.motion
-    now = state.now._replace(
-        command=command,
-        memory=integral,
-        impulse_wrench=wrench,
-    )
-    now = one_step(params, state.episode).advance(now, tick_of(params, state))
-    gained = tuple(
-        (b - a) / params.step_s
-        for a, b in zip(before.velocity, now.motion.velocity, strict=True)
-    )
-    pulled = (gained[0], gained[1], gained[2] + FLIGHT_GRAVITY)
-    off = distance(now.motion, aim)
+def step_of(state: EnvironmentState, found: Moved) -> Step:
+    """Return what a step returns, with what stays as it was before.
+
+    Args:
+        state: Before; of one lane or of many.
+        found: What changed.
+    """
     after = state._replace(
-        now=now,
-        steps=state.steps + 1,
-        queue=queue[: params.most_delay],
-        task=memory,
-        force_m_s2=turned_back(now.motion.quaternion, pulled),
-        farthest_m=jnp.maximum(state.farthest_m, off),
+        now=found.now,
+        steps=found.steps,
+        queue=found.queue,
+        task=found.task,
+        force_m_s2=found.force_m_s2,
+        farthest_m=found.farthest_m,
+        ended=found.ended,
     )
-    judged = task.judge(params, after, now_asked, aim)
-    diverged = ~jnp.isfinite(sum(jax.tree.leaves(now.motion)))
-    lost = bad | diverged
-    reward = jnp.where(lost, 0.0, judged.reward)
-    terminated = judged.terminated | lost
-    truncated = (after.steps >= params.episode_steps) & ~terminated
-    after = after._replace(task=judged.task, ended=terminated | truncated)
-    info = {
-        "bad_action": bad,
-        "diverged": diverged,
-        "deviation_m": off,
-        "peak_deviation_m": after.farthest_m,
-    }
-    return Step(after, observation(params, after), reward, terminated, truncated, info)
-
-
-def _late(queue: tuple[Action, ...], delay: Array) -> Action:
-    """Return the action that takes effect now."""
-    found = queue[0]
-    for steps, asked in enumerate(queue[1:], start=1):
-        found = tuple(
-            jnp.where(delay >= steps, old, new)
-            for old, new in zip(asked, found, strict=True)
-        )
-    return found
+    return Step(
+        after,
+        jnp.stack(found.seen, axis=-1),
+        found.reward,
+        found.terminated,
+        found.truncated,
+        found.info,
+    )

@@ -12,7 +12,7 @@ from jblast.scene import Charge, Scene
 from jblast.scene.priors import Prior, draw
 from jblast.scene.random.spec import ByCount
 from jblast.vehicle import BlastLoad, Vehicle, blast_load
-from jblast.vehicle.dynamics.components import Vector, three
+from jblast.vehicle.dynamics.components import Vector, rows, three
 from jblast.vehicle.rollout.flight import Flight
 from jblast.vehicle.rollout.step import OneStep
 from jblast.vehicle.rollout.timetable import INWARD, Ticks
@@ -78,10 +78,15 @@ def about(params: EnvironmentParams) -> Float[Array, "3"]:
 def vehicle_in(params: EnvironmentParams, episode: Episode) -> Vehicle:
     """Return the vehicle of an episode."""
     vehicle = params.vehicle
+    # number by number: a step of many lanes has no arrays but theirs
+    inertia = [
+        [(part * episode.inertia_factor)[None, None] for part in row]
+        for row in rows(vehicle.inertia_kg_m2)
+    ]
     return replace(
         vehicle,
         mass_kg=vehicle.mass_kg * episode.mass_factor,
-        inertia_kg_m2=vehicle.inertia_kg_m2 * episode.inertia_factor,
+        inertia_kg_m2=jnp.block(inertia),
     )
 
 

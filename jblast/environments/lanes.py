@@ -14,17 +14,19 @@ from jaxtyping import Array, Bool, Float, Key, PRNGKeyArray, PyTree
 
 from jblast.environments.core import (
     Step,
-    advance,
     begin,
     in_blast,
     pushed_by,
     reset,
+    step_of,
 )
+from jblast.environments.moved import Moved, moved
 from jblast.environments.params import EnvironmentParams
 from jblast.environments.state import EnvironmentState
 from jblast.vehicle.dynamics.equations import Wrench
+from jblast.vehicle.rollout.batching import CHUNK_BYTES
 
-PUSHED_SHARE, BEGUN_SHARE, LEAST_BLOCK = 64, 256, 8
+PUSHED_SHARE, BEGUN_SHARE, LEAST_BLOCK = 128, 256, 8
 """A block holds one in so many pairs of lane and blast, one in so many lanes that
 begin, and so many at least."""
 
@@ -65,7 +67,7 @@ def step_lanes(
         params: Of the environment.
     """
     wrench = _pushed(states, params)
-    taken = jax.vmap(advance, (0, 0, None, 0))(states, actions, params, wrench)
+    taken = step_of(states, _moved(states, actions, params, wrench))
 
     fresh = states.ended
     state, seen = for_some(
@@ -90,6 +92,44 @@ def step_lanes(
         taken.truncated & ~fresh,
         info,
     )
+
+
+def _moved(
+    states: EnvironmentState,
+    actions: Float[Array, "lane action"],
+    params: EnvironmentParams,
+    wrench: PyTree[Array],
+) -> Moved:
+    """Return what the step of all lanes changes.
+
+    On a CPU XLA runs a program of small arrays alone in order, in one thread, which is
+    what so many small loops want; a branch is a program of its own. So there the step
+    is taken by pieces of so many lanes, in a branch that is always taken, by a
+    condition that XLA cannot know.
+    """
+    given = (states, tuple(actions.T), wrench)
+    lanes, number = actions.shape[0], states.farthest_m
+    piece = CHUNK_BYTES // number.dtype.itemsize
+
+    def take(given: PyTree[Array]) -> Moved:
+        state, action, wrench = given
+        return jax.vmap(moved, (0, 0, None, 0))(state, action, params, wrench)
+
+    def in_order(given: PyTree[Array]) -> Moved:
+        shapes = jax.eval_shape(take, given)
+        none = jax.tree.map(lambda x: jnp.zeros(x.shape, x.dtype), shapes)
+        always = jnp.all(given[0].number >= 0)
+        return jax.lax.cond(always, lambda: take(given), lambda: none)
+
+    if jax.default_backend() != "cpu":
+        return take(given)
+    if lanes <= piece:
+        return in_order(given)
+    if lanes % piece:
+        return take(given)
+    parts = jax.tree.map(lambda x: x.reshape(-1, piece, *x.shape[1:]), given)
+    found = jax.lax.map(in_order, parts)
+    return jax.tree.map(lambda x: x.reshape(-1, *x.shape[2:]), found)
 
 
 def _pushed(states: EnvironmentState, params: EnvironmentParams) -> PyTree[Array]:

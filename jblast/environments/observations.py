@@ -1,19 +1,16 @@
 """What a lane shows: what its task has, and an IMU's readings if there is one."""
 
 import jax
-import jax.numpy as jnp
-from jaxtyping import Array, Float
 
 from jblast.environments.episode import OF_IMU
 from jblast.environments.params import EnvironmentParams
 from jblast.environments.state import EnvironmentState
 from jblast.environments.tasks.table import TASKS
+from jblast.environments.tasks.task import Seen
 
 
-def observation(
-    params: EnvironmentParams, state: EnvironmentState
-) -> Float[Array, " seen"]:
-    """Return what a lane shows.
+def observed(params: EnvironmentParams, state: EnvironmentState) -> Seen:
+    """Return the numbers that a lane shows.
 
     With an IMU six numbers follow those of the task: specific force, mean of the last
     step [m/s2], and body rates [rad/s], along the body's axes, with bias and noise.
@@ -24,7 +21,7 @@ def observation(
     """
     seen = TASKS[params.task].observe(params, state)
     if params.imu is None:
-        return jnp.stack(seen)
+        return seen
     episode, imu, motion = state.episode, params.imu, state.now.motion
     key = jax.random.fold_in(jax.random.fold_in(state.key, state.number), OF_IMU)
     key = jax.random.fold_in(jax.random.fold_in(key, 1), state.steps)
@@ -41,4 +38,4 @@ def observation(
             motion.body_rate, episode.rate_bias_rad_s, noise[1], strict=True
         )
     ]
-    return jnp.stack([*seen, *forces, *rates])
+    return (*seen, *forces, *rates)
