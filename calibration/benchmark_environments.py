@@ -13,8 +13,10 @@ processors stand beside those of the wall, for others use the machine.
 
 import os
 import time
+from functools import partial
 from typing import Any
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 
@@ -29,13 +31,21 @@ from jblast.environments.chunks import in_chunks
 
 STEPS, REPEATS = 200, 5
 CPU_LANES, CPU_CHUNKS = 4096, (128, 512, 1024, 2048)
+OPTIONS: dict[str, Any] = {"compiler_options": {"xla_cpu_prefer_vector_width": 512}}
+"""As flights have it (`vehicle/simulate.py`)."""
 GPU_LANES = (2**16, 2**18, 2**20)
 
 
-def rollout(params: EnvironmentParams, chunk: int, devices: int) -> Any:
-    """Return what takes all lanes through their steps, and sums what they earned."""
+def rollout(chunk: int, devices: int) -> Any:
+    """Return what takes all lanes through their steps, and sums what they earned.
 
-    def of_chunk(states: EnvironmentState) -> tuple[EnvironmentState, Any]:
+    Of states and params: numbers of an environment that are known to XLA undo the
+    branches of a step (`environments/lanes.py`).
+    """
+
+    def of_chunk(
+        params: EnvironmentParams, states: EnvironmentState
+    ) -> tuple[EnvironmentState, Any]:
         def one(carried: tuple, _: None) -> tuple[tuple, None]:
             states, seen, earned, ended = carried
             found = step_lanes(states, 0.1 * seen[:, :3], params)
@@ -54,7 +64,10 @@ def rollout(params: EnvironmentParams, chunk: int, devices: int) -> Any:
         )
         return states, (earned, ended)
 
-    return jax.jit(lambda states: in_chunks(of_chunk, states, chunk, devices))
+    def run(states: EnvironmentState, params: EnvironmentParams) -> Any:
+        return in_chunks(partial(of_chunk, params), states, chunk, devices)
+
+    return eqx.filter_jit(run, **OPTIONS)
 
 
 def begun(params: EnvironmentParams, lanes: int) -> EnvironmentState:
@@ -66,15 +79,15 @@ def begun(params: EnvironmentParams, lanes: int) -> EnvironmentState:
 
 def row(params: EnvironmentParams, lanes: int, chunk: int, devices: int) -> str:
     """Measure, and return a line of the table."""
-    run, states = rollout(params, chunk, devices), begun(params, lanes)
+    run, states = rollout(chunk, devices), begun(params, lanes)
     start = time.perf_counter()
-    program = run.lower(states).compile()
+    program = run.lower(states, params).compile()
     compiled = time.perf_counter() - start
     wall = cores = float("inf")
     earned = ended = jnp.zeros(())
     for _ in range(REPEATS):
         start, spent = time.perf_counter(), time.process_time()
-        states, (earned, ended) = jax.block_until_ready(program(states))
+        states, (earned, ended) = jax.block_until_ready(program(states, params))
         wall = min(wall, time.perf_counter() - start)
         cores = min(cores, time.process_time() - spent)
     steps = lanes * STEPS
