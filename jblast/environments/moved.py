@@ -27,18 +27,18 @@ class Moved(NamedTuple):
     """What changes in a step, in numbers that stand alone.
 
     Attributes:
-        now: Afterwards, as all that follows.
-        steps: Taken.
+        now: The vehicle, its command and its hold's memory, afterwards.
+        steps: Taken in this episode.
         queue: Actions that are still to take effect.
         task: Memory of the task.
-        force_m_s2: Specific force.
-        farthest_m: Greatest distance.
+        force_m_s2: Specific force along the body's axes, mean of the step.
+        farthest_m: Greatest distance from the aim so far.
         ended: Whether the episode has.
         seen: Numbers of the observation.
-        reward: As `Step` has it, and so on.
-        terminated: Likewise.
-        truncated: Likewise.
-        info: Likewise.
+        reward: Of the step; 0 of a lane that is lost.
+        terminated: Whether the task ended the episode, or a number that is none.
+        truncated: Whether its time did.
+        info: `bad_action`, `diverged`, `deviation_m`, `peak_deviation_m`.
     """
 
     now: Now

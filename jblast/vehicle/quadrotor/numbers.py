@@ -89,10 +89,14 @@ def floats(value: Any) -> Float[Array, "..."]:
 
 
 def in_precision(tree: Any, dtype: np.dtype) -> Any:
-    """Bring every array of floats to one precision."""
+    """Bring every array of floats to one precision, and none of them weakly typed.
+
+    So that numbers of any origin fly by the same compiled program.
+    """
 
     def brought(x: Any) -> Any:
-        other = eqx.is_inexact_array(x) and x.dtype != dtype
-        return x.astype(dtype) if other else x
+        if not eqx.is_inexact_array(x) or (x.dtype == dtype and not x.weak_type):
+            return x
+        return x.astype(dtype)
 
     return jax.tree.map(brought, tree)
