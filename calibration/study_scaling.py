@@ -26,8 +26,8 @@ SIMULATED = (1, 2, 4, 8)
 EACH = 5
 """Tiles of a simulated worker."""
 TILE_S = 1.0
-SAMPLES = 1 << 23
-"""Of each core."""
+SAMPLES = 1 << 25
+"""Of each core: a start that takes a second more, or less, is to be a small part."""
 RUN = "import sys; from jblast.cli.main import main; sys.exit(main())"
 KEPT = Path(__file__).parent / "results" / "study_scaling.txt"
 
@@ -52,10 +52,10 @@ def simulated(workers: int) -> float:
         return EACH * TILE_S / (time.perf_counter() - begun)
 
 
-def command(folder: Path, out: str, *more: str) -> float:
-    """Run a study by its command; return the seconds."""
+def command(folder: Path, out: str, *more: str, on: tuple[str, ...] = ()) -> float:
+    """Run a study by its command, begun by another or not; return the seconds."""
     begun = time.perf_counter()
-    words = [sys.executable, "-c", RUN, "study", str(folder / "study.toml")]
+    words = [*on, sys.executable, "-c", RUN, "study", str(folder / "study.toml")]
     subprocess.run(
         [*words, "--out", str(folder / out), *more],
         check=True,
@@ -85,15 +85,18 @@ def workers_lines() -> tuple[list[str], float]:
         command(folder, "first", "--limit", "1")
         start = command(folder, "second", "--limit", "1")
 
-        def rate(name: str, samples: int, *more: str) -> float:
+        def rate(
+            name: str, samples: int, *more: str, on: tuple[str, ...] = ()
+        ) -> float:
             """Return samples a second of the second half."""
             half, whole = (
-                command(folder, f"{name} {limit}", *more, "--limit", str(limit))
+                command(folder, f"{name} {limit}", *more, "--limit", str(limit), on=on)
                 for limit in (samples // 2, samples)
             )
             return samples / 2 / (whole - half)
 
-        one = rate("one core", SAMPLES, "--devices", "1")
+        # held to it: XLA has threads on all cores, however few its devices are
+        one = rate("one core", SAMPLES, "--devices", "1", on=("taskset", "-c", "0"))
         here = rate("all cores", cores * SAMPLES)
         shared = {
             n: rate(f"{n} workers", cores * SAMPLES, "--workers", str(n))
