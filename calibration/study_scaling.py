@@ -4,11 +4,11 @@ python -m calibration.study_scaling
 
 - Start: from the command until the first tile is written, the second time.
 - Workers that calculate: a study of arrivals and pressures at 16 sensors,
-  `keep = "summary"`, by this process alone on one core, by this process on all cores,
-  and by workers that share all cores. Each is run for half of its samples and for all
-  of them: the difference is what the second half takes, so that neither the start nor
-  what each process compiles counts. Dask's loss is held against this process on the
-  same cores.
+  `keep = "summary"`, in tiles of about a second of a core, by this process alone on one
+  core, by this process on all cores, and by workers that share all cores. Each is run
+  for a quarter of its samples and for all of them: the difference is what the rest
+  takes, so that neither the start nor what each process compiles counts. Dask's loss is
+  held against this process on the same cores.
 - Simulated workers: as many processes, whose tiles are a second of sleep: what is lost
   is what Dask takes to hand tiles out and to hear of them.
 - Cost model: samples x seconds a sample of one core / (workers x efficiency), the
@@ -26,8 +26,10 @@ SIMULATED = (1, 2, 4, 8)
 EACH = 5
 """Tiles of a simulated worker."""
 TILE_S = 1.0
-SAMPLES = 1 << 25
-"""Of each core: a start that takes a second more, or less, is to be a small part."""
+SAMPLES = 1 << 26
+"""Of each core: a tile that one worker has more, or less, is to be a small part."""
+TILE = 1 << 21
+"""Samples of a tile: about a second of a core."""
 RUN = "import sys; from jblast.cli.main import main; sys.exit(main())"
 KEPT = Path(__file__).parent / "results" / "study_scaling.txt"
 
@@ -77,23 +79,25 @@ def written(folder: Path, samples: int) -> None:
 
 def workers_lines() -> tuple[list[str], float]:
     """Measure workers that calculate; return seconds a sample of one core, too."""
+    from jblast.study.sampling.reduced import MOST_TILES
+
     cores = os.cpu_count() or 1
     counts = [n for n in (1, 2, 4, 8, 16) if n <= cores]
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        written(folder, cores * SAMPLES)
+        written(folder, MOST_TILES * TILE)
         command(folder, "first", "--limit", "1")
         start = command(folder, "second", "--limit", "1")
 
         def rate(
             name: str, samples: int, *more: str, on: tuple[str, ...] = ()
         ) -> float:
-            """Return samples a second of the second half."""
-            half, whole = (
+            """Return samples a second of all but the first quarter."""
+            quarter, whole = (
                 command(folder, f"{name} {limit}", *more, "--limit", str(limit), on=on)
-                for limit in (samples // 2, samples)
+                for limit in (samples // 4, samples)
             )
-            return samples / 2 / (whole - half)
+            return 0.75 * samples / (whole - quarter)
 
         # held to it: XLA has threads on all cores, however few its devices are
         one = rate("one core", SAMPLES, "--devices", "1", on=("taskset", "-c", "0"))
@@ -105,7 +109,7 @@ def workers_lines() -> tuple[list[str], float]:
     lines = [
         f"start to first tile, warm: {start:.1f} s",
         "",
-        "workers that calculate, samples a second of the second half of a study",
+        "workers that calculate, samples a second of all but a study's first quarter",
         f"  this process, one core          {one:12,.0f}",
         f"  this process, {cores:2} cores          {here:12,.0f}"
         f"   ({here / one / cores:.0%} of {cores} times one core)",

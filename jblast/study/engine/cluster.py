@@ -10,6 +10,7 @@ is done. All workers see the store under the same path.
 import contextlib
 import itertools
 import os
+import sys
 from collections.abc import Callable, Iterator
 from typing import Any
 
@@ -50,6 +51,7 @@ def workers_here(count: int) -> Iterator[Any]:
     """Give a client of so many worker processes on this machine.
 
     Each has its share of the cores, as many CPU devices of JAX, and one task at a time.
+    It is held to its cores, or XLA would have threads in each worker for all of them.
 
     Raises:
         InputError: Dask is not installed, or no worker is asked for.
@@ -66,7 +68,25 @@ def workers_here(count: int) -> Iterator[Any]:
         silence_logs=50,
     )
     with cluster, distributed.Client(cluster, set_as_default=False) as client:
+        for nth, worker in enumerate(client.scheduler_info(n_workers=-1)["workers"]):
+            client.run(hold_to_cores, nth, count, workers=[worker])
         yield client
+
+
+def hold_to_cores(nth: int, count: int) -> None:
+    """Have all threads of this process run on their share of the cores, if they may.
+
+    Args:
+        nth: Which worker this is, from 0.
+        count: How many there are.
+    """
+    if not sys.platform.startswith("linux"):
+        return
+    cores = sorted(os.sched_getaffinity(0))
+    share = max(1, len(cores) // count)
+    begin = nth * share % len(cores)
+    for thread in os.listdir("/proc/self/task"):
+        os.sched_setaffinity(int(thread), cores[begin : begin + share])
 
 
 def environment(cores: int) -> dict[str, str]:

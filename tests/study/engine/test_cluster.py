@@ -53,6 +53,9 @@ def test_two_processes_write_the_statistics_that_one_does(tmp_path, monkeypatch)
     run_into(study, tmp_path / "one")
     store = str(tmp_path / "two")
     with workers_here(2) as client:
+        if hasattr(os, "sched_getaffinity") and len(os.sched_getaffinity(0)) > 1:
+            one, other = client.run(lambda: os.sched_getaffinity(0)).values()
+            assert not one & other  # each worker has cores of its own
 
         def tiles(missing, *, summary=False):
             assert summary
