@@ -95,7 +95,8 @@ def in_precision(tree: Any, dtype: np.dtype) -> Any:
     """
 
     def brought(x: Any) -> Any:
-        if not eqx.is_inexact_array(x) or (x.dtype == dtype and not x.weak_type):
+        is_weak = getattr(x, "weak_type", False)  # NumPy's arrays never are
+        if not eqx.is_inexact_array(x) or (x.dtype == dtype and not is_weak):
             return x
         return x.astype(dtype)
 
