@@ -10,7 +10,6 @@ from typing import TypeVar
 
 import jax
 import jax.numpy as jnp
-import numpy as np
 from jax import lax
 from jaxtyping import Array, Float
 
@@ -41,8 +40,8 @@ def oscillation(
         elapsed: $t$.
     """
 
-    def part(phase):
-        return jnp.exp(rate * elapsed) * jnp.cos(turn * elapsed - phase)
+    def part(t):
+        size = jnp.exp(rate * t)
+        return size * jnp.cos(turn * t), size * jnp.sin(turn * t)
 
-    both = lax.map(part, jnp.asarray([0.0, 0.5 * np.pi], rate.dtype))
-    return both[0], both[1]
+    return in_halves(part, elapsed)

@@ -26,7 +26,7 @@ import numpy as np
 from jax import lax
 from jaxtyping import Array, Complex, Float
 
-from jblast.inference.picks.fit.ring_waves import Terms, sums_at, waves_over
+from jblast.inference.picks.fit.ring_waves import Terms, sums_over, waves_over
 from jblast.inference.picks.ready.bins import Bins
 from jblast.waves.waveform.pulse import Pulse
 
@@ -99,10 +99,7 @@ def ringing(
 
 def _added(bins: Bins, numbers: Float[Array, "9"]) -> Float[Array, "3 bin"]:
     """Return what resonance adds, by the numbers of `ringing`."""
-    ends = np.append(bins.start, bins.stop[-1]).astype(numbers.dtype)
-    forced, real, imaginary = sums_at(ends, numbers, terms_of(numbers))
-    moved = jnp.stack([forced + real, real, imaginary])
-    return -(moved[:, 1:] - moved[:, :-1]) / bins.width.astype(numbers.dtype)[None, :]
+    return sums_over(bins, numbers, terms_of(numbers))
 
 
 def ringing_slopes(bins: Bins, numbers: Float[Array, "9"]) -> Float[Array, "3 bin 9"]:

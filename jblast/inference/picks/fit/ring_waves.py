@@ -57,19 +57,20 @@ class _Passed(NamedTuple):
     elapsed: Float[Array, " instant"]
 
 
-def sums_at(
-    time: Float[np.ndarray, " instant"], numbers: Float[Array, "9"], terms: Terms
-) -> tuple[
-    Float[Array, " instant"], Float[Array, " instant"], Float[Array, " instant"]
-]:
-    r"""Return $\mathrm{Re}\,(C z)$ at instants: what is forced, and the ring $C z$.
+def sums_over(
+    bins: Bins, numbers: Float[Array, "9"], terms: Terms
+) -> Float[Array, "3 bin"]:
+    r"""Return what the sum of all waves, $\mathrm{Re}\,(C z)$, adds to the mean.
 
     Args:
-        time: On the clock of the arrival [samples].
+        bins: Contiguous.
         numbers: As `waves_over` has them.
         terms: By these numbers.
+
+    Returns:
+        All of it, then the ring $C z$ alone, real and imaginary part.
     """
-    passed = _passed(time, numbers)
+    passed = _passed(_ends(bins, numbers), numbers)
     up, down, low = passed.inside[:3]
     s = passed.decay
     falling = (terms.down[0] + terms.down[1] * s) * jnp.exp(-numbers[4] * s)
@@ -78,7 +79,8 @@ def sums_at(
     cos, sin = oscillation(*_pole(numbers), passed.elapsed)
     a, b = terms.real @ passed.inside, terms.imaginary @ passed.inside
     forced = up * rising + down * falling + low * sucked
-    return forced, a * cos - b * sin, a * sin + b * cos
+    real, imaginary = a * cos - b * sin, a * sin + b * cos
+    return _over(bins, jnp.stack([forced + real, real, imaginary]))
 
 
 def waves_over(bins: Bins, numbers: Float[Array, "9"], terms: Terms) -> Waves:
@@ -90,15 +92,8 @@ def waves_over(bins: Bins, numbers: Float[Array, "9"], terms: Terms) -> Waves:
             frequency and damping; times in samples.
         terms: By these numbers: how many powers there are.
     """
-    ends = np.append(bins.start, bins.stop[-1]).astype(numbers.dtype)
-    passed = _passed(ends, numbers)
-    rate, turn = _pole(numbers)
-
-    def oscillates(t):
-        size = jnp.exp(rate * t)
-        return size * jnp.cos(turn * t), size * jnp.sin(turn * t)
-
-    cos, sin = in_halves(oscillates, passed.elapsed)
+    passed = _passed(_ends(bins, numbers), numbers)
+    both = oscillation(*_pole(numbers), passed.elapsed)
     falling = in_halves(lambda s: jnp.exp(-numbers[4] * s), passed.decay)
     up, down, low = passed.inside[:3]
     forced = [
@@ -106,14 +101,19 @@ def waves_over(bins: Bins, numbers: Float[Array, "9"], terms: Terms) -> Waves:
         (down * falling)[None, :] * _powers(terms.down.size + 1, passed.decay),
         low[None, :] * _powers(terms.low.size, passed.suction),
     ]
-    rings = jnp.concatenate([passed.inside * x[None, :] for x in (cos, sin)])
+    rings = jnp.concatenate([passed.inside * x[None, :] for x in both])
     rings = jnp.concatenate([rings, passed.elapsed[None, :] * rings])
-    width = bins.width.astype(numbers.dtype)
+    return Waves(_over(bins, jnp.concatenate(forced)), _over(bins, rings))
 
-    def over(waves):
-        return (waves[:, :-1] - waves[:, 1:]) / width[None, :]
 
-    return Waves(over(jnp.concatenate(forced)), over(rings))
+def _ends(bins: Bins, numbers):
+    """Return where bins begin, and where the last one ends."""
+    return np.append(bins.start, bins.stop[-1]).astype(numbers.dtype)
+
+
+def _over(bins: Bins, waves):
+    """Return what waves at the ends of bins add to the mean over each."""
+    return (waves[:, :-1] - waves[:, 1:]) / bins.width.astype(waves.dtype)[None, :]
 
 
 def _passed(time, numbers) -> _Passed:
