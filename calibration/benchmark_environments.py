@@ -28,11 +28,10 @@ from jblast.environments import (
     step_lanes,
 )
 from jblast.environments.chunks import in_chunks
+from jblast.kept_programs import WIDE
 
 STEPS, REPEATS = 200, 5
 CPU_LANES, CPU_CHUNKS = 4096, (128, 512, 1024, 2048)
-OPTIONS: dict[str, Any] = {"compiler_options": {"xla_cpu_prefer_vector_width": 512}}
-"""As flights have it (`vehicle/simulate.py`)."""
 GPU_LANES = (2**16, 2**18, 2**20)
 
 
@@ -67,7 +66,7 @@ def rollout(chunk: int, devices: int) -> Any:
     def run(states: EnvironmentState, params: EnvironmentParams) -> Any:
         return in_chunks(partial(of_chunk, params), states, chunk, devices)
 
-    return eqx.filter_jit(run, **OPTIONS)
+    return eqx.filter_jit(run, **WIDE)
 
 
 def begun(params: EnvironmentParams, lanes: int) -> EnvironmentState:

@@ -45,6 +45,10 @@ SETTINGS = (
     "jax_threefry_partitionable",
 )
 
+WIDE: dict[str, Any] = {"compiler_options": {"xla_cpu_prefer_vector_width": 512}}
+"""Options of `jax.jit`: XLA keeps to vectors of 256 bits unless told. By 512, where the
+CPU has them, a flight is a quarter faster."""
+
 
 class _Store:
     """Where programs are kept, and those that were used already."""

@@ -10,7 +10,7 @@ import jax.numpy as jnp
 from jax.core import Tracer
 from jaxtyping import Array, Float
 
-from jblast.kept_programs import kept
+from jblast.kept_programs import WIDE, kept
 from jblast.vehicle.backend import flies_on_warp
 from jblast.vehicle.check_arguments import (
     check_choices,
@@ -173,11 +173,8 @@ def _fly_all(
     return jax.tree.map(lambda x: x.reshape(*batch, *x.shape[1:]), rows)
 
 
-_OPTIONS: dict[str, Any] = {"compiler_options": {"xla_cpu_prefer_vector_width": 512}}
-"""XLA keeps to vectors of 256 bits unless told: by 512, where the CPU has them, a
-flight is a quarter faster."""
-_FLY_ONE = kept(_fly_all, **_OPTIONS)
-_FLY_EACH = eqx.filter_jit(_fly_all, **_OPTIONS)
+_FLY_ONE = kept(_fly_all, **WIDE)
+_FLY_EACH = eqx.filter_jit(_fly_all, **WIDE)
 _FLY_WITHIN = eqx.filter_jit(_fly_all)
 """Within another program, which has options of its own."""
 

@@ -19,9 +19,7 @@ from jax.sharding import Mesh
 from jaxtyping import Array, Int, PyTree
 
 from jblast.errors import InputError
-
-WIDE = {"xla_cpu_prefer_vector_width": 512}
-"""Bits of a vector register that XLA may use where a CPU has them."""
+from jblast.kept_programs import WIDE
 
 Blocks = Callable[[PyTree[Array], PyTree[Array]], PyTree[Array]]
 """From what all blocks share and what is of some, by block first, to an answer for each
@@ -173,8 +171,7 @@ class Launcher:
         """Return the program for so many blocks of a device; each compiles its own."""
         which = capacity, self.group
         if which not in self._programs:
-            options = WIDE if self._on_cpu else None
-            self._programs[which] = jax.jit(self._here, compiler_options=options)
+            self._programs[which] = jax.jit(self._here, **WIDE)
         return self._programs[which]
 
     def _here(
