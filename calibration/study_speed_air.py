@@ -11,8 +11,8 @@ from jblast.study.engine.summary.store import SummaryStore
 from jblast.study.sampling.reduced import Reduced
 from jblast.study.sampling.work import Work
 
-AIR_TILES = {"cpu": 1 << 21, "gpu": 1 << 28}
-"""Samples of a tile at 16 sensors: about a second, or two."""
+AIR_TILES = {"cpu": 1 << 21, "gpu": 1 << 29}
+"""Samples of a tile at 16 sensors: about a second."""
 
 
 def air(count: int, samples: int, devices: int | None = None) -> tuple[float, float]:

@@ -27,7 +27,7 @@ sample, by block and by sample."""
 
 
 Launched = tuple[PyTree[Array], int, PyTree[Array]]
-"""Of a device: answers of blocks, how many of them there are, and their counts."""
+"""Of a device: answers of blocks, or of groups of them, how many, and their counts."""
 
 
 class Reduce(NamedTuple):
@@ -35,12 +35,14 @@ class Reduce(NamedTuple):
 
     Attributes:
         empty: Whole numbers that a device begins to count from, from what is shared.
-        step: From what is shared, the counts so far, and the answers of some blocks,
-            to the counts and to what is kept of each block.
+        step: From what is shared, the counts so far, and the answers of a group of
+            blocks, to the counts and to what is kept of the group, its first axis one.
+        end: From the counts of all groups to what is handed out of them.
     """
 
     empty: Callable[[PyTree[Array]], PyTree[Array]]
     step: Callable[..., tuple[PyTree[Array], PyTree[Array]]]
+    end: Callable[[PyTree[Array]], PyTree[Array]] = lambda counts: counts
 
 
 class Launcher:
@@ -88,7 +90,11 @@ class Launcher:
     def reduced(
         self, shared: PyTree[Array], each: PyTree[np.ndarray]
     ) -> tuple[PyTree[np.ndarray], PyTree[np.ndarray]]:
-        """Return what is kept of each block, and the counts of all; likewise."""
+        """Return what is kept of each group, and the counts of all; likewise.
+
+        Groups are the same on any number of devices, as long as none runs out of
+        memory for one.
+        """
         parts, counts = [], None
         for launched in self._launches(shared, each):
             for answers, own, counted in launched:
@@ -148,6 +154,8 @@ class Launcher:
         devices, capacity = list(self._mesh.devices.flat), self.capacity
         count = jax.tree.leaves(each)[0].shape[0]
         share = -(-count // len(devices))
+        if self._reduce:  # whole groups, the same on any number of devices
+            share = -(-share // self.group) * self.group
         program = self._program(capacity)
 
         def one(begin: int) -> Launched:
@@ -162,7 +170,7 @@ class Launcher:
             given = jax.device_put(given, devices[begin // share])
             # here memory may turn out to be too small, and not where they are looked at
             answers, counted = jax.block_until_ready(program(*given))
-            return answers, own, counted
+            return answers, -(-own // self.group) if self._reduce else own, counted
 
         with ThreadPoolExecutor(len(devices)) as pool:
             return list(pool.map(one, range(0, count, share)))
@@ -200,8 +208,9 @@ class Launcher:
 
         none = reduce.empty(shared)
         _, like = jax.eval_shape(step, jax.ShapeDtypeStruct((), jnp.int32), none)
+        steps = capacity // group
         empty = jax.tree.map(
-            lambda x: jnp.zeros((capacity, *x.shape[1:]), x.dtype), like
+            lambda x: jnp.zeros((steps * x.shape[0], *x.shape[1:]), x.dtype), like
         )
 
         def body(n: Array, so_far: Any) -> Any:
@@ -209,7 +218,7 @@ class Launcher:
             counts, kept = step(n, counts)
             filled = jax.tree.map(
                 lambda whole, part: jax.lax.dynamic_update_slice_in_dim(
-                    whole, part, n * group, 0
+                    whole, part, n * part.shape[0], 0
                 ),
                 filled,
                 kept,
@@ -218,7 +227,7 @@ class Launcher:
 
         last = -(-count // group)
         counts, filled = jax.lax.fori_loop(0, last, body, (none, empty))
-        return filled, counts
+        return filled, reduce.end(counts)
 
 
 def _gathered(answers: PyTree[Array], count: int) -> PyTree[np.ndarray]:

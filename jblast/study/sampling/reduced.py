@@ -18,13 +18,14 @@ from jblast.study.engine.summary.states import (
     merged_states,
     outcomes_of,
 )
-from jblast.study.engine.summary.tally import ANCHORS, reduce_of, states_of
+from jblast.study.engine.summary.tally import ANCHORS, COUNTERS, reduce_of, states_of
 from jblast.study.sampling.work import Work
 
 MOST_TILES = 256
 """Parts that a study is cut into, whatever its size."""
-PART = 1 << 25
-"""Samples whose blocks are summed at once; parts are merged in their order."""
+PART, PART_OF_POINTS = 1 << 26, 1 << 24
+"""Samples whose blocks are summed at once, fewer where the host makes their points;
+parts are merged in their order."""
 AHEAD = 4
 """Parts, or tiles, that devices and host are at together."""
 PILOT = 16
@@ -62,7 +63,7 @@ class Reduced:
         self._outcomes = outcomes_of(work.variables)
         self._launchers: dict[int, Launcher] = {}
         if self._on_device:
-            reduce = reduce_of(self._outcomes)
+            reduce = reduce_of(self._outcomes, 1 if work.kind == "cpu" else COUNTERS)
             self._launchers = {
                 n: work.launcher(n, reduce) for n in range(numbering.variants)
             }
@@ -87,7 +88,9 @@ class Reduced:
         end = begin + self.samples_of(tile)
         whole = self.empty()
         one = self.work.numbering.tile
-        step = PART if self._on_device else one * self.work.at_once
+        step = PART if self.work.points is None else PART_OF_POINTS
+        if not self._on_device:
+            step = one * self.work.at_once
         reduce = self._device if self._on_device else self._host
         parts = [(at, min(at + step, end)) for at in range(begin, end, step)]
         with ThreadPoolExecutor(self.ahead) as pool:

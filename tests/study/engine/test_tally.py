@@ -3,9 +3,16 @@
 import jax
 import jax.numpy as jnp
 import numpy as np
+import pytest
 
 from jblast.study.engine.summary.states import Anchor
-from jblast.study.engine.summary.tally import ANCHORS, VALID, reduce_of, states_of
+from jblast.study.engine.summary.tally import (
+    ANCHORS,
+    COUNTERS,
+    VALID,
+    reduce_of,
+    states_of,
+)
 from jblast.study.engine.variable import Variable
 from jblast.study.statistics import ACCUMULATORS
 
@@ -14,7 +21,8 @@ NAME = "peak_overpressure_pa"
 OUTCOME = Variable(NAME, "outcome", "Pa", "a pressure", sensors=("a", "b"))
 
 
-def test_lost_infinite_and_missing_samples_count_as_on_the_host():
+@pytest.mark.parametrize("counters", [1, COUNTERS])
+def test_lost_infinite_and_missing_samples_count_as_on_the_host(counters):
     values = np.random.default_rng(0).lognormal(2.0, 0.3, (BLOCKS, SAMPLES, SENSORS))
     values[0, 5, 0], values[1, 7, 1], values[1, 8, 1] = np.nan, np.inf, -np.inf
     values[2, 180:] = np.nan  # of no sample: see below
@@ -25,9 +33,9 @@ def test_lost_infinite_and_missing_samples_count_as_on_the_host():
     shift, origins = anchors[NAME]
     shared = {ANCHORS: {NAME: (jnp.asarray(shift[0]), jnp.asarray(origins[0]))}}
     answers = {NAME: jnp.asarray(values), VALID: jnp.asarray(valid)}
-    reduce = reduce_of([OUTCOME])
+    reduce = reduce_of([OUTCOME], counters)
     counts, kept = jax.jit(reduce.step)(shared, reduce.empty(shared), answers)
-    kept, counts = jax.tree.map(np.asarray, (kept, counts))
+    kept, counts = jax.tree.map(np.asarray, (kept, reduce.end(counts)))
     state = states_of([OUTCOME], kept, counts, anchors)[NAME]
     number = ACCUMULATORS["number"]
     there = number.add(number.empty((SENSORS,), origin[0]), values[valid])
