@@ -13,6 +13,7 @@ BENCHMARKS = (
     "laws",
     "fit_many",
     "samplers",
+    "picks",
     "euler",
     "flights",
     "events",

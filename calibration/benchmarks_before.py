@@ -29,7 +29,7 @@ from jblast.files import write_text
 
 HERE = Path(__file__).parents[1]
 RESULT = HERE / "calibration" / "results" / "benchmarks_before.txt"
-NAMES = ("laws", "fit_many", "flights", "events", "euler")
+NAMES = ("laws", "fit_many", "flights", "events", "euler", "picks")
 CHILD = HERE / "calibration" / "benchmark_in_turns.py"
 COLUMNS = {
     "laws": {"float64": 0, "float32": 1},
@@ -37,6 +37,7 @@ COLUMNS = {
     "flights": {"": 2},
     "events": {"": 0},
     "euler": {"": 0},
+    "picks": {"": 0},
 }
 """Which numbers of a row are rates, and what tells them apart."""
 COUNTED = {
@@ -45,6 +46,7 @@ COUNTED = {
     "events": r"copied|composited|converted|grey",
     "euler": r"cell-steps/s",
     "laws": r"arrival|pressure",
+    "picks": r"records/s",
 }
 """Words of the rows that have rates."""
 NUMBER = re.compile(r"(?<=\s)\d[\d,]*(?:\.\d+)?(?:e[+-]?\d+)?(?=[\s%]|$)")

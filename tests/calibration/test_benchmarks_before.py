@@ -2,6 +2,7 @@
 
 import pytest
 
+from calibration import benchmarks_before
 from calibration.benchmarks_before import in_turns
 
 BENCHMARKS = "import sys, calibration.benchmark_toy as toy\ntoy.run(sys.argv[1])\n"
@@ -58,3 +59,15 @@ def test_while_one_is_timed_the_other_waits_and_they_take_turns(tree, tmp_path):
 def test_a_benchmark_that_fails_is_said_with_its_reason(tree):
     with pytest.raises(RuntimeError, match="it failed"):
         in_turns((tree("before", 1), tree("now", 1, works=False)), "toy")
+
+
+def test_a_tree_without_the_benchmark_runs_the_one_of_this_tree(tree, monkeypatch):
+    now = tree("now", 1)
+    beside = now / "calibration" / "benchmark_in_turns.py"
+    beside.write_text(benchmarks_before.CHILD.read_text())
+    toy = now / "calibration" / "benchmark_toy.py"
+    toy.write_text(toy.read_text() + "\nif __name__ == '__main__':\n    run('toy')\n")
+    monkeypatch.setattr(benchmarks_before, "CHILD", beside)
+    earlier = tree("earlier", 1)
+    (earlier / "calibration" / "benchmark_toy.py").unlink()
+    assert in_turns((earlier, now), "toy") == ["toy said by now\n"] * 2
