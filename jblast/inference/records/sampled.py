@@ -9,7 +9,7 @@ from jaxtyping import Array, Float
 
 from jblast.inference.picks import RecordPick
 from jblast.inference.picks.fit.hypotheses import with_what_shows
-from jblast.inference.picks.fit.model import misfit_ratio, slow_misfit_ratio
+from jblast.inference.picks.fit.model import larger_misfit_ratio
 from jblast.inference.picks.fit.one_pulse import first_optimum
 from jblast.inference.picks.fit.posterior import NARROW, WIDE
 from jblast.inference.picks.ready.bins import bins_about_front
@@ -151,7 +151,7 @@ def _picked(samples, count, full_scale, corner, *, more: bool):
         shown = with_what_shows(bins, best, ready.start, case)
         best, case = shown.best, shown.case
     y = best.y
-    ratio = jnp.maximum(misfit_ratio(bins, y, case), slow_misfit_ratio(bins, y, case))
+    ratio = larger_misfit_ratio(bins, y, case)
     widened = jnp.sqrt(jnp.maximum(ratio, 1.0))
     resolved = natural_of(y).rise >= WIDE
     rise = jnp.where(

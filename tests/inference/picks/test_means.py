@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jblast.inference.picks.fit.means import mean_slopes
+from jblast.inference.picks.fit.means import mean_columns, mean_slopes
 from jblast.inference.picks.fit.pole import ringing
 from jblast.inference.picks.ready.bins import bins_about_front
 from jblast.waves.waveform.pulse import Pulse, pulse_mean
@@ -45,6 +45,14 @@ def test_slopes_of_means_are_their_differences(numbers):
     made = np.asarray(_slopes(jnp.asarray(at)))
     size = np.abs(made).max(axis=0)
     np.testing.assert_allclose(made / size, differences / size, rtol=0.0, atol=1e-5)
+
+
+@pytest.mark.parametrize("numbers", PULSES.values(), ids=PULSES)
+def test_what_a_peak_and_a_suction_of_one_make_are_the_slopes_by_these(numbers):
+    pulse = Pulse(*(jnp.asarray(x) for x in numbers), hold_time=jnp.zeros(()))
+    slopes = np.asarray(_slopes(jnp.asarray(numbers)))
+    columns = jax.jit(lambda pulse: mean_columns(BINS, pulse))(pulse)
+    np.testing.assert_allclose(columns, slopes[:, [1, 5]].T, rtol=0, atol=1e-12)
 
 
 @pytest.mark.slow  # a ring's slopes take long to compile

@@ -27,21 +27,3 @@ def in_halves(of: Callable[..., Made], x: Float[Array, " instant"]) -> Made:
     half = -(-count // 2)
     made = lax.map(of, jnp.pad(x, (0, 2 * half - count)).reshape(2, half))
     return jax.tree.map(lambda both: both.reshape(-1)[:count], made)
-
-
-def oscillation(
-    rate: Float[Array, ""], turn: Float[Array, ""], elapsed: Float[Array, " instant"]
-) -> tuple[Float[Array, " instant"], Float[Array, " instant"]]:
-    r"""Return real and imaginary part of $e^{(r + i w) t}$.
-
-    Args:
-        rate: $r$.
-        turn: $w$.
-        elapsed: $t$.
-    """
-
-    def part(t):
-        size = jnp.exp(rate * t)
-        return size * jnp.cos(turn * t), size * jnp.sin(turn * t)
-
-    return in_halves(part, elapsed)

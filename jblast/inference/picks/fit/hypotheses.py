@@ -85,12 +85,13 @@ def with_what_shows(
     signs = lax.stop_gradient(
         signs_in(bins, apart[: bins.first.size], case, natural_of(one.y))
     )
-    none = jnp.zeros_like(signs.rings)
+    none, alone = jnp.zeros_like(signs.rings), lax.stop_gradient(cost_of(apart))
     plain = case._replace(centre=jnp.concatenate([case.centre, signs.start]))
     unmoved = Optimum(
         jnp.concatenate([one.y, signs.start]),
         _with_block(one.covariance),
         one.converged,
+        alone,
     )
 
     # a slow front makes a sensor ring little, and delays it all the same
@@ -107,8 +108,6 @@ def with_what_shows(
     # with one that explains all there is, no other is asked for
     many = jnp.sum(case.weight > 0).astype(one.y.dtype)
     enough = 0.5 * many * (1.0 + ODD * jnp.sqrt(2.0 / jnp.maximum(many, 1.0)))
-
-    alone = lax.stop_gradient(cost_of(apart))
 
     def explains_more(case):
         return case.rings + case.follows + case.passed > 0
@@ -132,8 +131,7 @@ def with_what_shows(
             found = optimum_of(
                 of, begin, seen, most_steps=FURTHER_STEPS, hopeless=alone
             )
-            cost = cost_of(misfit(bins, lax.stop_gradient(found.y), seen))
-            return found, cost + price, seen
+            return found, found.cost + price, seen
 
         found, cost, more = lax.cond(
             shown, anew, lambda: (unmoved, jnp.inf + price, plain)

@@ -8,11 +8,7 @@ from jax import lax
 from jaxtyping import Array, Bool, Float, Int
 
 from jblast.inference.picks.fit.hypotheses import LAG, with_what_shows
-from jblast.inference.picks.fit.model import (
-    drift_at,
-    misfit_ratio,
-    slow_misfit_ratio,
-)
+from jblast.inference.picks.fit.model import drift_at, larger_misfit_ratio
 from jblast.inference.picks.fit.one_pulse import first_optimum
 from jblast.inference.picks.fit.optimum import Optimum
 from jblast.inference.picks.fit.posterior import values_of
@@ -127,9 +123,7 @@ def _picked(
     one, others = first_optimum(bins, ready)
     shown = with_what_shows(bins, one, ready.start, ready.case)
     best, case = shown.best, shown.case
-    ratio = jnp.maximum(
-        misfit_ratio(bins, best.y, case), slow_misfit_ratio(bins, best.y, case)
-    )
+    ratio = larger_misfit_ratio(bins, best.y, case)
     widened = jnp.maximum(ratio, 1.0)
     plain = case.rings + case.follows + case.passed == 0
     # of two other optima the one that has more of the posterior

@@ -63,6 +63,30 @@ def mean_slopes(bins: Bins, numbers: Float[Array, "7"]) -> Float[Array, "bin 7"]
     return (at_ends[:, 1:] - at_ends[:, :-1]).T / width[:, None]
 
 
+def mean_columns(bins: Bins, pulse: Pulse) -> Float[Array, "2 bin"]:
+    """Return the means over bins by a peak of 1, and by a suction of 1.
+
+    Args:
+        bins: Contiguous.
+        pulse: With a rise, and nothing held; its peak and suction are not asked for.
+    """
+    kind = pulse.arrival_time.dtype
+    since = np.append(bins.start, bins.stop[-1]).astype(kind) - pulse.arrival_time
+    length = pulse.decay_duration
+    x = jnp.clip(since / pulse.rise_time, 0.0, 1.0)
+    s = jnp.clip((since - pulse.rise_time) / length, 0.0, 1.0)
+    r = jnp.clip((since - pulse.duration) / pulse.suction_duration, 0.0, 1.0)
+    y = pulse.decay * s
+    k = impulse_fraction(y)
+    at_ends = jnp.stack(
+        [
+            pulse.rise_time * _risen(x) + length * _fallen(s, k, _late(y, k)),
+            -6.75 * pulse.suction_duration * _sucked(r),
+        ]
+    )
+    return (at_ends[:, 1:] - at_ends[:, :-1]) / bins.width.astype(kind)[None, :]
+
+
 def _antiderivative_slopes(time, arrival, peak, rise, duration, decay, suction, fall):
     """Return the slopes of the integral up to each instant, [7, instant]."""
     since, length = time - arrival, duration - rise
@@ -70,15 +94,15 @@ def _antiderivative_slopes(time, arrival, peak, rise, duration, decay, suction, 
     s = jnp.clip((since - rise) / length, 0.0, 1.0)
     r = jnp.clip((since - duration) / fall, 0.0, 1.0)
     up = x * x * (3.0 - 2.0 * x)
-    risen = x * x * x * (1.0 - 0.5 * x)
+    risen = _risen(x)
     y = decay * s
     k, falling = in_halves(lambda y: (impulse_fraction(y), jnp.exp(-y)), y)
-    late = 1.0 - y * k - k
+    late = _late(y, k)
     middle = _middle(y, k, late)
     down = (1.0 - s) * falling
-    fallen = s * ((1.0 - s) * (k + late) + s * k)
+    fallen = _fallen(s, k, late)
     low = r * (1.0 - r) * (1.0 - r)
-    sucked = r * r * (0.5 + r * (0.25 * r - 2.0 / 3.0))
+    sucked = _sucked(r)
     rising = since < rise
     deep = 6.75 * suction
     return jnp.stack(
@@ -92,6 +116,26 @@ def _antiderivative_slopes(time, arrival, peak, rise, duration, decay, suction, 
             deep * (r * low - sucked),
         ]
     )
+
+
+def _risen(x):
+    """Return the integral of the rise up to a share of it."""
+    return x * x * x * (1.0 - 0.5 * x)
+
+
+def _late(y, k):
+    """Return the integral of x exp(-y x), by that of 1 - x."""
+    return 1.0 - y * k - k
+
+
+def _fallen(s, k, late):
+    """Return the integral of the decay up to a share of it, by those."""
+    return s * ((1.0 - s) * (k + late) + s * k)
+
+
+def _sucked(r):
+    """Return the integral of the suction up to a share of it."""
+    return r * r * (0.5 + r * (0.25 * r - 2.0 / 3.0))
 
 
 def _middle(y, k, late):

@@ -53,24 +53,25 @@ def modelled(
     natural = natural_of(y)
     waves, rings = means_over(bins, pulse_by(natural)), None
     if (further := y[CENTRE.size :]).size:
-        none = jnp.zeros_like(waves)
-        # of most records none of these is asked, and each is as much as all the rest
-        waves = waves + lax.cond(
-            case.follows > 0,
-            lambda: means_over(bins, pulse_by(following(natural, further))),
-            lambda: none,
+        zero = jnp.zeros_like(waves)
+        none = Ringing(zero, zero, zero)
+
+        def follows():
+            after = pulse_by(following(natural, further))
+            return none._replace(mean=means_over(bins, after))
+
+        def rings_on():
+            return ringing(bins, pulse_by(natural), *_resonance(y))
+
+        def passed():
+            return none._replace(mean=-low_passed(bins, waves, jnp.exp(further[5])))
+
+        # one at most is asked for, of most records none
+        which = jnp.argmax(
+            jnp.stack([zero[0] + 0.5, case.rings, case.follows, case.passed])
         )
-        rings = lax.cond(
-            case.rings > 0,
-            lambda: ringing(bins, pulse_by(natural), *_resonance(y)),
-            lambda: Ringing(none, none, none),
-        )
+        rings = lax.switch(which, [lambda: none, rings_on, follows, passed])
         waves = waves + rings.mean
-        waves = waves - lax.cond(
-            case.passed > 0,
-            lambda: low_passed(bins, waves, jnp.exp(further[5])),
-            lambda: none,
-        )
     if case.high_pass is not None:
         waves = waves - low_passed(bins, waves, case.high_pass)
     x = (jnp.asarray(bins.middle, y.dtype) - case.middle) / case.span
@@ -177,30 +178,47 @@ def misfit_ratio(
         y: The unknowns.
         case: The record.
     """
-    apart = misfit(bins, y, case)[: bins.first.size]  # without what is believed
-    many = jnp.sum(jnp.where((case.weight > 0) | (case.clipped != 0), 1.0, 0.0))
-    return jnp.sum(jnp.square(apart)) / jnp.maximum(many - float(CENTRE.size), 1.0)
+    return _ratio(_apart(bins, y, case), case)
 
 
-def slow_misfit_ratio(
+def larger_misfit_ratio(
     bins: Bins, y: Float[Array, " unknown"], case: Case
 ) -> Float[Array, ""]:
-    """Return the same of neighbours together: where a baseline is not the model's.
+    """Return that or the same of neighbours together, whichever is larger.
 
-    What moves slowly is small in each bin, and all of it goes into duration and
-    impulse; of `TOGETHER` bins' sum it is as many times more.
+    Where a baseline is not the model's, what moves slowly is small in each bin, and all
+    of it goes into duration and impulse; of `TOGETHER` bins' sum it is as many times
+    more.
 
     Args:
         bins: Where the record is looked at.
         y: The unknowns.
         case: The record.
     """
+    apart = _apart(bins, y, case)
+    return jnp.maximum(_ratio(apart, case), _slow_ratio(apart, case))
+
+
+def _apart(bins: Bins, y, case: Case):
+    """Return the misfit without what is believed."""
+    return misfit(bins, y, case)[: bins.first.size]
+
+
+def _ratio(apart, case: Case):
+    """Return the squared misfit by degree of freedom."""
+    many = jnp.sum(jnp.where((case.weight > 0) | (case.clipped != 0), 1.0, 0.0))
+    return jnp.sum(jnp.square(apart)) / jnp.maximum(many - float(CENTRE.size), 1.0)
+
+
+def _slow_ratio(apart, case: Case):
+    """Return the same of `TOGETHER` neighbours' sums."""
     used = (case.weight > 0) & (case.clipped == 0)
-    apart = jnp.where(used, misfit(bins, y, case)[: bins.first.size], 0.0)
+    kind = apart.dtype
+    apart = jnp.where(used, apart, 0.0)
     short = -apart.shape[0] % TOGETHER
     blocks = jnp.pad(apart, (0, short)).reshape(-1, TOGETHER)
-    counts = jnp.pad(used.astype(y.dtype), (0, short)).reshape(-1, TOGETHER)
+    counts = jnp.pad(used.astype(kind), (0, short)).reshape(-1, TOGETHER)
     count = jnp.sum(counts, axis=1)
     squares = jnp.square(jnp.sum(blocks, axis=1)) / jnp.maximum(count, 1.0)
-    many = jnp.sum((count > 0).astype(y.dtype))
+    many = jnp.sum((count > 0).astype(kind))
     return jnp.sum(squares) / jnp.maximum(many - SLOW_UNKNOWNS, 4.0)

@@ -49,11 +49,13 @@ class Optimum(NamedTuple):
         y: The unknowns.
         covariance: Of the posterior about them, by Gauss and Newton.
         converged: Whether they are an optimum.
+        cost: Minus ln posterior of the last step but the one that ended the search.
     """
 
     y: Float[Array, " unknown"]
     covariance: Float[Array, "unknown unknown"]
     converged: Bool[Array, ""]
+    cost: Float[Array, ""]
 
 
 def optimum_of(
@@ -76,8 +78,8 @@ def optimum_of(
     """
     still = lax.stop_gradient(case)
     begin = lax.stop_gradient(start)
-    y, covariance, converged = _search(misfit, begin, still, most_steps, hopeless)
-    return Optimum(_settled(misfit, y, case), covariance, converged)
+    found = _search(misfit, begin, still, most_steps, hopeless)
+    return found._replace(y=_settled(misfit, found.y, case))
 
 
 class _State(NamedTuple):
@@ -122,7 +124,7 @@ def _expansion(misfit: Misfit, y, case: Case) -> _Expansion:
     )
 
 
-def _search(misfit: Misfit, start, case: Case, most_steps: int, hopeless):
+def _search(misfit: Misfit, start, case: Case, most_steps: int, hopeless) -> Optimum:
     """Return the optimum, found by Levenberg-Marquardt."""
     unit = jnp.eye(start.size, dtype=start.dtype)
     eps = jnp.finfo(start.dtype).eps
@@ -188,7 +190,7 @@ def _search(misfit: Misfit, start, case: Case, most_steps: int, hopeless):
     left = slope @ inverse @ slope
     y = jnp.where(state.done, state.tried, state.y)
     ended = state.done | (state.lost >= MOST_LOST)
-    return y, covariance, ended | (left < KINK**2)
+    return Optimum(y, covariance, ended | (left < KINK**2), state.here.cost)
 
 
 def _slope(misfit: Misfit, y, case: Case):

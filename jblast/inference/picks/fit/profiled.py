@@ -12,15 +12,16 @@ from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
-import numpy as np
 from jax import lax
+from jax.scipy.linalg import cho_solve
 from jaxtyping import Array, Float
 
-from jblast.inference.picks.fit.means import mean_slopes
+from jblast.inference.picks.fit.means import mean_columns
 from jblast.inference.picks.fit.model import low_passed
 from jblast.inference.picks.ready.bins import Bins
 from jblast.inference.picks.ready.case import Case
 from jblast.inference.picks.ready.noise import whitened_means
+from jblast.inference.picks.single_precision import in_single
 from jblast.inference.picks.unknowns import (
     CENTRE,
     PULSE_UNKNOWNS,
@@ -60,44 +61,56 @@ def profiled(bins: Bins, trials: Float[Array, "trial unknown"], case: Case) -> P
         case: The record.
     """
     kind = trials.dtype
+    trials = lax.stop_gradient(trials)
     x = (jnp.asarray(bins.middle, kind) - case.middle) / case.span
-    drift = jnp.stack([x**k for k in range(DRIFTS)])
-    drift = jax.vmap(lambda row: whitened_means(case.noise, bins, row))(drift)
-    drift = case.weight[None, :] * drift
+    drift = _whitened(bins, case, jnp.stack([x**k for k in range(DRIFTS)]))
+    fixed = jnp.concatenate([drift, case.white[None, :]])
+    rows = jax.vmap(partial(_pulse_rows, bins, in_single(case)))(in_single(trials))
+    # rounded as they are, what follows is exact for them
+    rows = rows.astype(kind)
+    own, across = rows @ jnp.swapaxes(rows, 1, 2), rows @ fixed.T
+    among = fixed @ fixed.T
     spread = jnp.asarray(SPREAD, kind)
-    corner = case.high_pass
+    wide = jnp.diag(jnp.square(1.0 / spread[PULSE_UNKNOWNS:]))
 
-    def one(y):
-        none = jnp.zeros_like(y[0])
-        unit = pulse_by(natural_of(y))._replace(peak=1.0 + none, suction=none)
-        slopes = mean_slopes(bins, jnp.stack(unit[:7]))
-        columns = slopes[:, jnp.asarray([1, 5])].T
-        if corner is not None:
-            passed = jax.vmap(partial(low_passed, bins), in_axes=(0, None))
-            columns = columns - passed(columns, corner)
-        pulse = jax.vmap(lambda row: whitened_means(case.noise, bins, row))(columns)
-        rows = jnp.concatenate([case.weight[None, :] * pulse, drift])
+    def one(y, own, across):
         # the suction is believed to be a share of the peak, whatever that is
         sure = 1.0 / (spread[5] * jnp.maximum(jnp.exp(y[1]), LEAST_PEAK))
-        believed = jnp.zeros((1 + DRIFTS, rows.shape[0]), kind)
-        believed = believed.at[0, :2].set(jnp.stack([-case.centre[5] * sure, sure]))
-        places = np.arange(DRIFTS)
-        believed = believed.at[1 + places, 2 + places].set(
-            1.0 / spread[PULSE_UNKNOWNS:]
+        share = jnp.stack([-case.centre[5] * sure, sure])
+        mixed = across[:, :DRIFTS]
+        information = jnp.block(
+            [
+                [own + share[:, None] * share[None, :], mixed],
+                [mixed.T, among[:DRIFTS, :DRIFTS] + wide],
+            ]
         )
-        information = rows @ rows.T + believed.T @ believed
-        best = jnp.linalg.solve(information, (rows @ case.white)[:, None])[:, 0]
+        slope = jnp.concatenate([across[:, DRIFTS], among[:DRIFTS, DRIFTS]])
+        root = jnp.linalg.cholesky(information, symmetrize_input=False)
+        best = cho_solve((root, True), slope)
         peak = jnp.maximum(best[0], LEAST_PEAK)
         best = best.at[0].set(peak)
-        apart = case.white - best @ rows
-        off = believed @ best
+        square = among[DRIFTS, DRIFTS] + best @ (information @ best - 2.0 * slope)
         other = ((y - case.centre[: y.size]) / spread)[jnp.asarray([3, 4, 6])]
-        cost = 0.5 * (apart @ apart + off @ off + other @ other)
+        cost = 0.5 * (square + other @ other)
         found = y.at[1].set(jnp.log(peak)).at[5].set(best[1] / peak)
         found = found.at[PULSE_UNKNOWNS:].set(best[2:])
-        width = -0.5 * jnp.linalg.slogdet(information)[1]
+        width = -jnp.sum(jnp.log(jnp.diagonal(root)))
         good = jnp.isfinite(cost)
         return Profiled(found, jnp.where(good, cost, jnp.inf), width)
 
-    still = lax.stop_gradient(trials)
-    return lax.stop_gradient(jax.vmap(one)(still))
+    return lax.stop_gradient(jax.vmap(one)(trials, own, across))
+
+
+def _pulse_rows(bins: Bins, case: Case, y: Float[Array, " unknown"]):
+    """Return what a peak and a suction of 1 put into the bins, whitened."""
+    rows = mean_columns(bins, pulse_by(natural_of(y)))
+    if case.high_pass is not None:
+        passed = jax.vmap(partial(low_passed, bins), in_axes=(0, None))
+        rows = rows - passed(rows, case.high_pass)
+    return _whitened(bins, case, rows)
+
+
+def _whitened(bins: Bins, case: Case, rows: Float[Array, "row bin"]):
+    """Return means over bins, whitened and weighed."""
+    white = jax.vmap(partial(whitened_means, case.noise, bins))(rows)
+    return case.weight[None, :] * white

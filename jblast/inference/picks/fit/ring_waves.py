@@ -11,7 +11,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from jblast.inference.picks.fit.computed_once import in_halves, oscillation
+from jblast.inference.picks.fit.computed_once import in_halves
+from jblast.inference.picks.oscillation import oscillation
 from jblast.inference.picks.ready.bins import Bins
 
 

@@ -164,16 +164,13 @@ def _search(
             lambda: jnp.where(held, longer, there.start),
             lambda: best_pulse(bins, here, case),
         )
-        found = optimum_of(of, begin, mine)
-        return found, cost_of(of(lax.stop_gradient(found.y), mine))
+        return optimum_of(of, begin, mine)
 
-    found, cost = lax.cond(
-        asked, anew, lambda: (none, jnp.full_like(best.cost, jnp.inf))
-    )
+    found = lax.cond(asked, anew, lambda: none)
     still = lax.stop_gradient((found.y, found.covariance))
     ratio = misfit_ratio(bins, still[0], case)
     variance = still[1][1, 1] * jnp.maximum(ratio, 1.0)
-    cost = lax.stop_gradient(cost)
+    cost = found.cost
     # what is no better is the same optimum again, which would hide another
     better = found.converged & (cost < best.cost - LOWER)
     cost = jnp.where(far & ~better, jnp.inf, cost)
@@ -228,7 +225,8 @@ def _elsewhere(
 def _nothing(start: Float[Array, " unknown"]) -> Optimum:
     """Return what is found where nothing is looked for."""
     unit = jnp.eye(CENTRE.size, dtype=start.dtype)
-    return Optimum(jnp.zeros_like(start), unit, jnp.asarray(False))
+    never = jnp.full((), jnp.inf, start.dtype)
+    return Optimum(jnp.zeros_like(start), unit, jnp.asarray(False), never)
 
 
 def either(first, here, there):

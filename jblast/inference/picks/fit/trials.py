@@ -18,6 +18,7 @@ from jblast.inference.picks.fit.optimum import Optimum
 from jblast.inference.picks.fit.profiled import profiled
 from jblast.inference.picks.ready.bins import Bins
 from jblast.inference.picks.ready.case import Case
+from jblast.inference.picks.single_precision import in_single
 from jblast.inference.picks.unknowns import CENTRE
 
 RISES = np.array([0.5, 1.5, 3.0, 5.0, 8.0, 13.0])
@@ -144,10 +145,11 @@ def hidden_ring(
 
     slopes, apart = jax.jacfwd(twice, has_aux=True)(y)
     trials = _hidden(start)
+    coarse = in_single(case)
 
     def gain(trial):
-        with_ring = misfit(bins, trial, case)[: apart.size]
-        across = with_ring - apart
+        with_ring = misfit(bins, in_single(trial), coarse)[: apart.size]
+        across = with_ring.astype(apart.dtype) - apart
         across = across - slopes @ (covariance @ (slopes.T @ across))
         return -(apart @ across) - 0.5 * across @ across
 
@@ -191,7 +193,11 @@ def _about(start, shifts):
 def _best(bins: Bins, trials, case: Case):
     """Return what of the trials fits best."""
     trials = lax.stop_gradient(trials)
-    still = lax.stop_gradient(case)
-    costs = jax.vmap(lambda y: jnp.sum(jnp.square(misfit(bins, y, still))))(trials)
+    still = in_single(lax.stop_gradient(case))
+
+    def cost(y):
+        return jnp.sum(jnp.square(misfit(bins, y, still)))
+
+    costs = jax.vmap(cost)(in_single(trials))
     costs = jnp.where(jnp.isfinite(costs), costs, jnp.inf)
     return trials[jnp.argmin(costs)]
