@@ -1,7 +1,7 @@
 """How much one row of a log is missed, and the slopes: a program of plain numbers."""
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -15,16 +15,30 @@ from jblast.sensors.observe import loadings
 from jblast.sensors.record import record, residuals_of, to_error_scale
 
 
+class RowPrograms(NamedTuple):
+    """The same numbers in two ways.
+
+    Attributes:
+        each: Slopes to one unknown after another: what does not depend on it drops out
+            where the program is taken apart.
+        together: Slopes to all unknowns along one more axis: a fifth of the program
+            with four unknowns, where it cannot be taken apart.
+    """
+
+    each: Callable[..., list[Array]]
+    together: Callable[..., list[Array]]
+
+
 def row_program(
     parameters: Parameters,
     laws: tuple[tuple[str, str], ...],
     part: RowGroup,
     *,
     sd_known: bool,
-) -> Callable[..., list[Array]]:
-    """Return the program that rows of one part share.
+) -> RowPrograms:
+    """Return the programs that rows of one part share.
 
-    It takes the fitted coordinates, the row's own effects, its place (east, north,
+    Each takes the fitted coordinates, the row's own effects, its place (east, north,
     up), slant range and time, its reading and instrument error; and returns the
     residual in standard deviations, ln of the standard deviation, the slopes of the
     one to each unknown, then those of the other.
@@ -54,10 +68,9 @@ def row_program(
             rest = rest - shared[j] * unknowns[n + j]
         return rest / sd, jnp.log(sd)
 
-    def program(*numbers):
-        unknowns = list(numbers[: n + slots])
+    def split(numbers):
         east, north, up, slant, time, reading, error = numbers[n + slots :]
-        here = Layout(
+        layout = Layout(
             quantity=part.layout.quantity,
             position=jnp.stack([east, north, up])[None],
             slant_range=slant[None],
@@ -66,15 +79,29 @@ def row_program(
             shot=part.layout.shot,
             clock=part.layout.clock,
         )
-        out: list[Any] = list(miss(here, reading, error, unknowns))
+        return list(numbers[: n + slots]), (layout, reading, error)
+
+    def each(*numbers):
+        unknowns, row = split(numbers)
+        out: list[Any] = list(miss(*row, unknowns))
         slopes = []
         for k, at in enumerate(unknowns):
-            # one at a time: what does not depend on it drops out
+
             def along(x, k=k):
-                moved = [*unknowns[:k], x, *unknowns[k + 1 :]]
-                return miss(here, reading, error, moved)
+                return miss(*row, [*unknowns[:k], x, *unknowns[k + 1 :]])
 
             slopes.append(jax.jvp(along, (at,), (jnp.ones_like(at),))[1])
         return [*out, *(s[0] for s in slopes), *(s[1] for s in slopes)]
 
-    return program
+    def together(*numbers):
+        unknowns, row = split(numbers)
+        at = jnp.stack(unknowns)
+
+        def along(direction):
+            return jax.jvp(lambda x: miss(*row, list(x)), (at,), (direction,))
+
+        axes = jnp.eye(n + slots, dtype=at.dtype)
+        out, slopes = jax.vmap(along, out_axes=(None, 0))(axes)
+        return [*out, *slopes[0], *slopes[1]]
+
+    return RowPrograms(each, together)

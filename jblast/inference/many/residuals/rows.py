@@ -153,7 +153,7 @@ class LaneRows:
         """Run the program of some rows over lanes."""
         n, rows, layout = len(self.parameters.names), part.rows, self.layout
         slots = len(part.slots)
-        program = row_program(self.parameters, self.laws, part, sd_known=sd_known)
+        programs = row_program(self.parameters, self.laws, part, sd_known=sd_known)
 
         def column(x):
             return np.asarray(x, y.dtype)[rows][:, None]
@@ -164,7 +164,7 @@ class LaneRows:
             for x, i in zip(shared, part.slots, strict=True)
         ]
         cells = over_cells(
-            program,
+            programs.each,
             [
                 *(y[k : k + 1] for k in range(n)),
                 *shared,
@@ -174,6 +174,7 @@ class LaneRows:
                 part.of(measured),
                 part.of(sigma),
             ],
+            programs.together,
         )
         u, ln_sd, slopes = cells[0], cells[1], cells[2:]
         return (

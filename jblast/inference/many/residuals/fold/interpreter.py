@@ -62,15 +62,23 @@ def fold(
 
 
 def over_cells(
-    function: Callable[..., Any], arguments: Sequence[Cell]
+    function: Callable[..., Any],
+    arguments: Sequence[Cell],
+    whole: Callable[..., Any] | None = None,
 ) -> list[Array | np.ndarray]:
-    """Run a function of numbers over cells: taken apart, or if need be by `vmap`."""
+    """Run a function of numbers over cells: taken apart, or if need be by `vmap`.
+
+    Args:
+        function: Takes as many numbers, returns a flat sequence of numbers.
+        arguments: A cell for each.
+        whole: The same function as `vmap` is to have it; None: as it is.
+    """
     try:
         return fold(function, arguments)
     except CannotFoldError:
         shape = np.broadcast_shapes(*(a.shape for a in arguments))
         full = [jnp.broadcast_to(a, shape) for a in arguments]
-        return list(jax.vmap(jax.vmap(function))(*full))
+        return list(jax.vmap(jax.vmap(whole or function))(*full))
 
 
 def _run(
