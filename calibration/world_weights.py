@@ -2,10 +2,9 @@
 
     python -m calibration.world_weights [SECONDS [WORLDS [PROCESSES]]]
 
-Worlds and subsets of readings are those of three stations in
-`calibration.world_subsets`. All logs of a part are fitted at once; about the optimum of
-each 16,000 draws, half of them Student-t, are weighted by its posterior (Pareto
-smoothed), and the truth is ranked among them.
+Worlds and subsets of readings are those of `calibration.world_subsets`. All logs of a
+part are fitted at once; about the optimum of each 16,000 draws, half of them Student-t,
+are weighted by its posterior (Pareto smoothed), and the truth is ranked among them.
 
 Rows are added to calibration/results/world_weights.csv, a part of one subset after
 another; what the file holds already is not done again, and after so many seconds no
@@ -38,7 +37,7 @@ KEPT = Path(__file__).parent / "results" / "world_weights.csv"
 
 def answers(subset: str, seeds: Sequence[int]) -> list[Answer]:
     """Fit worlds at once by a subset, and weight draws about each optimum."""
-    document, _ = PARTS[0]
+    document = next(document for document, subsets in PARTS if subset in subsets)
     uncertain, spec = world_from_document(document, "world_round_trip")
     one = scene_of_one_blast(uncertain, spec)
     told = worlds(uncertain, spec, tuple(one.beliefs), seeds)
@@ -70,7 +69,7 @@ def answers(subset: str, seeds: Sequence[int]) -> list[Answer]:
 
 def main(seconds: int = 540, count: int = WORLDS, processes: int = 1) -> None:
     """Answer part after part until the time is up."""
-    go_on(KEPT, PARTS[0][1], count, AT_ONCE, answers, seconds, processes)
+    go_on(KEPT, tuple(SUBSETS), count, AT_ONCE, answers, seconds, processes)
 
 
 if __name__ == "__main__":
