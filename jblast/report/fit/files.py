@@ -127,8 +127,15 @@ def _write_draws(fit: Fit, path: Path) -> Path:
     return path
 
 
-def check_directory(directory: str | Path, force: bool = False) -> None:
-    """Refuse a directory a report must not be written to; call it before a long fit.
+def check_directory(
+    directory: str | Path, force: bool = False, what_for: str = "the report"
+) -> None:
+    """Refuse a directory that must not be written to; call it before a long fit.
+
+    Args:
+        directory: Where to write.
+        force: Whether what it holds may be overwritten.
+        what_for: What is to be written, for the message.
 
     Raises:
         InputError: It holds files and `force` is not set, or it is or lies in a file,
@@ -138,7 +145,7 @@ def check_directory(directory: str | Path, force: bool = False) -> None:
     there = next(p for p in (directory, *directory.absolute().parents) if p.exists())
     if not there.is_dir():
         what = "got a file" if there == directory else f"but {there} is a file"
-        raise InputError(f"{directory}: expected a directory for the report, {what}")
+        raise InputError(f"{directory}: expected a directory for {what_for}, {what}")
     if not os.access(there, os.W_OK | os.X_OK):
         raise InputError(
             f"{directory}: expected a directory that may be written to; {there} is "
@@ -147,5 +154,5 @@ def check_directory(directory: str | Path, force: bool = False) -> None:
     if not force and directory.is_dir() and any(directory.iterdir()):
         raise InputError(
             f"{directory}: already holds files; expected a new or empty directory for "
-            "the report, or --force to overwrite"
+            f"{what_for}, or --force to overwrite"
         )

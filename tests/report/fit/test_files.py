@@ -146,7 +146,9 @@ def test_a_warning_names_the_log_without_its_folder(tmp_path):
 
 def test_a_directory_with_files_is_refused_and_left_as_it_was(tmp_path):
     (tmp_path / "fit.json").write_text("precious")
-    with pytest.raises(InputError, match=r"already holds files.*--force"):
+    with pytest.raises(
+        InputError, match=r"already holds files.*for the report.*--force"
+    ):
         write_report(example.no_draws(), tmp_path)
     assert [p.name for p in tmp_path.iterdir()] == ["fit.json"]
     assert (tmp_path / "fit.json").read_text() == "precious"

@@ -141,7 +141,7 @@ def run(asked: argparse.Namespace) -> int:
     from jblast.report.fit.files import check_directory
 
     if asked.out:
-        check_directory(asked.out, asked.force)
+        check_directory(asked.out, asked.force, "the flight")
     check_logs(asked)
     uncertain = flown_scene(asked)
     vehicle = uncertain.scene.vehicle

@@ -84,7 +84,7 @@ def run(asked: argparse.Namespace) -> int:
     from jblast.sensors.listening.ambient import with_ambient
     from jblast.sensors.listening.plan import plan
 
-    check_directory(asked.out, asked.force)
+    check_directory(asked.out, asked.force, "the recordings")
     scene, notes = with_ambient(read_scene(asked.scene), asked.ambient)
     listening = plan(scene, asked.seed, asked.seconds)
     comments = [*provenance(listening, asked.scene, asked.seed), *notes]

@@ -68,7 +68,7 @@ def run(asked: argparse.Namespace) -> int:
     from jblast.report.world.text import world_text
 
     check_live(asked)
-    check_directory(asked.out, asked.force)
+    check_directory(asked.out, asked.force, "the world's run")
     directory = Path(asked.out)
     came = ran(asked, directory, begin)
     document = world_document(came)
