@@ -63,8 +63,9 @@ PLACE = (0.0, 0.0, 10.0)
 SPEC = VehicleSpec("hummingbird", np.array(PLACE), integral=True)
 STORED_S = 0.02
 """From one stored place of a path of many to the next [s]."""
-WAVE_S = (0.01, 0.2)
-"""Before and after an arrival, of the time in which a wave may push [s]."""
+MARGIN_S = 0.01
+"""Before and after a wave, in which it may still push: a front takes time to cross [s].
+"""
 PATHS = microphone.WavePaths(absorption=False)
 """Where the law of the peak holds, as here, air absorbs nothing besides."""
 WARP = "warp:cpu"
@@ -195,6 +196,7 @@ def parts_of_many() -> dict[str, Callable[[], Any]]:
         start_of(SPEC),
     )
     place, many = jnp.asarray(PLACE), (WORLDS,)
+    longest_s = _longest_wave_s(scenes)
     starts = jax.tree.map(lambda x: jnp.broadcast_to(x, (*many, *x.shape)), start)
 
     def recorder(rate_hz: float) -> Callable[[], Any]:
@@ -220,7 +222,7 @@ def parts_of_many() -> dict[str, Callable[[], Any]]:
     @partial(jax.jit, static_argnames="step_s")
     def pushed(step_s: float) -> Any:
         def one(scene: Scene, state: Any) -> Any:
-            return _pushed(scene, state, vehicle, step_s)
+            return _pushed(scene, state, vehicle, step_s, longest_s)
 
         return jax.vmap(one)(scenes, starts)
 
@@ -256,16 +258,29 @@ def _by_arrival(scenes: Scene) -> Scene:
     return jax.tree.map(lambda x: x[order], scenes)
 
 
-def _pushed(scene: Scene, state: Any, vehicle: Any, step_s: float) -> Any:
+def _longest_wave_s(scenes: Scene) -> float:
+    """Return how long the longest wave takes to pass the vehicle's place [s]."""
+
+    def one(scene: Scene) -> Any:
+        load = blast_load(scene)
+        waves = [load.wave_of(blast, jnp.asarray(PLACE)) for blast in load.waves]
+        return jnp.stack([wave.duration_s + wave.suction_s for wave in waves]).max()
+
+    return float(jax.jit(jax.vmap(one))(scenes).max())
+
+
+def _pushed(
+    scene: Scene, state: Any, vehicle: Any, step_s: float, longest_s: float
+) -> Any:
     """Return force and moment of a held vehicle, means over the steps of a flight.
 
-    Before its wave, and 0.2 s after it began, there is none.
+    Before its wave, and past it, there is none.
     """
     load = blast_load(scene)
     steps = round(SECONDS / step_s)
     arrival = load.arrival_time_s(state.position_m)[0]
-    first = jnp.floor((arrival - WAVE_S[0]) / step_s)
-    few = round(sum(WAVE_S) / step_s)
+    first = jnp.floor((arrival - MARGIN_S) / step_s)
+    few = int(np.ceil((longest_s + 2.0 * MARGIN_S) / step_s))
     first = jnp.clip(first, 0, steps - few).astype(int)
     edges = (first + jnp.arange(few + 1)) * step_s
 
