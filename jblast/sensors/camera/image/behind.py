@@ -46,6 +46,8 @@ def bare(
 ) -> Float[np.ndarray, "time height width 3"]:
     """Return frames in which nothing has exploded yet: `render`'s, at no cost.
 
+    They are the background itself, not copies of it: to be read alone.
+
     Args:
         camera: Who looks.
         background: No function.
@@ -55,7 +57,7 @@ def bare(
         InputError: It has another shape.
     """
     image = np.asarray(images(camera, background, count))
-    return np.array(np.broadcast_to(image, (count, *image.shape[-3:])))
+    return np.broadcast_to(image, (count, *image.shape[-3:]))
 
 
 def fitting(

@@ -20,7 +20,7 @@ from jblast.sensors.camera.rendering.baked.window import (
     SLACK,
     corner_rays,
     in_window,
-    laid_in_window,
+    laid_in_windows,
 )
 from jblast.sensors.camera.rendering.fireball_image import cloud, fireballs_seen
 
@@ -51,29 +51,32 @@ def fireballs_in_window(
 def fireballs_over(
     scene: Scene,
     rays: Rays,
-    time: Float[Array, ""],
+    times: Float[Array, " time"],
     appearance: Appearance,
-    behind: Float[Array, "row column 3"],
-) -> Float[Array, "row column 3"]:
-    """Return an image with the fireballs in front; no more of it is touched than they.
+    behind: Float[Array, "time row column 3"],
+) -> Float[Array, "time row column 3"]:
+    """Return images with the fireballs in front; no more of them is touched than they.
 
     Args:
         scene: Charges and air.
         rays: One a pixel, row by row.
-        time: On the common clock [s].
+        times: Of the images, on the common clock [s].
         appearance: How they are exposed.
-        behind: The image.
+        behind: The images.
     """
-    cells = cells_touched(scene, corner_rays(rays), time)
+    corners = corner_rays(rays)
+    cells = jax.vmap(lambda time: cells_touched(scene, corners, time))(times)
 
+    # for gradients what a window shows is computed again: it would fill the memory
+    @jax.checkpoint
     def lay(
-        part: Rays, beneath: Float[Array, "row column 3"]
+        part: Rays, beneath: Float[Array, "row column 3"], time: Float[Array, ""]
     ) -> Float[Array, "row column 3"]:
         seen = jnp.moveaxis(fireballs_seen(scene, part, time, appearance), 0, -1)
         return seen[..., :3] + (1.0 - seen[..., 3:]) * beneath
 
-    behind = behind.astype(jax.eval_shape(lay, rays, behind).dtype)
-    return laid_in_window(cells, rays, lay, behind, SIZES)
+    dtype = jax.eval_shape(lay, rays, behind[0], times[0]).dtype
+    return laid_in_windows(cells, rays, lay, behind.astype(dtype), times, SIZES)
 
 
 def cells_touched(

@@ -143,6 +143,7 @@ def _render(
     """Return what `render` promises, of inputs that fit."""
     rays, lit, supersample = outlook.rays, outlook.lit, outlook.supersample
     appearance, views = shown_by
+    simple = views is None and supersample == exposures == 1 and not alpha
 
     def instant(time, behind):
         """Return one instant: premultiplied, or over what is behind."""
@@ -152,8 +153,8 @@ def _render(
                 behind = fitting(as_float_array(image), [size], size)
             if lit is not None:
                 behind = brightened(behind, lit, scene, time, appearance)
-            if views is None and supersample == 1:
-                return fireballs_over(scene, rays, time, appearance, behind)
+            if simple:
+                return behind
         if views is not None:
             layer = views.seen(scene, rays, time, appearance)
         else:
@@ -181,6 +182,9 @@ def _render(
     else:
         behind = None if callable(source) else source
         frames = jax.lax.map(lambda time: frame((time, behind)), times)
+    if simple:
+        middles = times + 0.5 * exposure
+        return fireballs_over(scene, rays, middles, appearance, frames)
     return straight(frames) if alpha else frames
 
 

@@ -53,7 +53,7 @@ def over_both(scene, rays, time, behind):
     seen = jnp.moveaxis(fireballs_seen(scene, rays, time, APPEARANCE), 0, -1)
     return (
         seen[..., :3] + (1.0 - seen[..., 3:]) * behind,
-        fireballs_over(scene, rays, time, APPEARANCE, behind),
+        fireballs_over(scene, rays, time[None], APPEARANCE, behind[None])[0],
     )
 
 

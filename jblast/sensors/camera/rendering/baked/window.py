@@ -7,6 +7,8 @@ all frames, with a branch for each size.
 """
 
 from collections.abc import Callable, Sequence
+from functools import partial
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -150,24 +152,54 @@ def laid_in_window(
         parts: Rows and columns of windows, as parts of the image's; the last is all.
             Of none nothing is looked at.
     """
+
+    def over(part: Rays, beneath: Array, _: None) -> Array:
+        return lay(part, beneath)
+
+    return laid_in_windows(cells[None], rays, over, behind[None], None, parts)[0]
+
+
+def laid_in_windows(
+    cells: Bool[Array, "image _ _"],
+    rays: Rays,
+    lay: Callable[[Rays, Array, Any], Array],
+    behind: Float[Array, "image row column _"],
+    each: Any,
+    parts: Sequence[tuple[float, float]] = SIZES,
+) -> Float[Array, "image row column _"]:
+    """Return images over which something is laid, in windows of one size.
+
+    Images are changed where they stand, one after another: none is copied.
+
+    Args:
+        cells: Which are touched, of each image.
+        rays: Of every image.
+        lay: As in `laid_in_window`; also takes what there is for each image.
+        behind: The images.
+        each: Arrays whose first axis are the images; None: nothing.
+        parts: As in `laid_in_window`.
+    """
     shape = rays.farthest.shape
     if min(shape) < SMALL:
-        return lay(rays, behind)
+        return jax.lax.map(lambda x: lay(rays, *x), (behind, each))
     sizes = np.ceil(np.array(parts) * np.array(shape)).astype(int)
     starts, needs = zip(
-        *(_extent(jnp.any(cells, axis=1 - i), shape[i]) for i in (0, 1)), strict=True
+        *(
+            jax.vmap(partial(_extent, size=shape[i]))(jnp.any(cells, axis=2 - i))
+            for i in (0, 1)
+        ),
+        strict=True,
     )
-    needed = jnp.stack(needs)
+    needed = jnp.max(jnp.stack(needs), axis=1)
     which = jnp.sum(jnp.any(needed[None] > sizes[:-1], axis=1))
 
     def branch(size):
         rows, columns = (int(n) for n in size)
 
-        def run():
-            if not rows * columns:
-                return behind
-            row = jnp.clip(starts[0], 0, shape[0] - rows)
-            column = jnp.clip(starts[1], 0, shape[1] - columns)
+        def image(images, inputs):
+            number, row, column, own = inputs
+            row = jnp.clip(row, 0, shape[0] - rows)
+            column = jnp.clip(column, 0, shape[1] - columns)
             part = Rays(
                 rays.origin,
                 jax.lax.dynamic_slice(
@@ -175,11 +207,18 @@ def laid_in_window(
                 ),
                 jax.lax.dynamic_slice(rays.farthest, (row, column), (rows, columns)),
             )
-            at = row, column, 0
+            at = number, row, column, 0
             beneath = jax.lax.dynamic_slice(
-                behind, at, (rows, columns, behind.shape[2])
+                images, at, (1, rows, columns, images.shape[3])
             )
-            return jax.lax.dynamic_update_slice(behind, lay(part, beneath), at)
+            laid = lay(part, beneath[0], own)[None]
+            return jax.lax.dynamic_update_slice(images, laid, at), None
+
+        def run():
+            if not rows * columns:
+                return behind
+            inputs = jnp.arange(len(behind)), *starts, each
+            return jax.lax.scan(image, behind, inputs)[0]
 
         return run
 
