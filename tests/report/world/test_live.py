@@ -136,6 +136,12 @@ def test_where_there_is_no_display_that_is_said():
         check_display()
 
 
+def test_a_page_that_would_be_served_until_it_is_ended_is_no_window(monkeypatch):
+    monkeypatch.setattr(plt, "get_backend", lambda: "WebAgg")
+    with pytest.raises(InputError, match=r"expected a display .* got .*'webagg'"):
+        check_display()
+
+
 def test_it_plays_to_the_end_at_the_speed_that_is_asked_for(run, monkeypatch):
     shown = []
     monkeypatch.setattr(window, "check_display", lambda: None)

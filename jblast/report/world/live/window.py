@@ -18,6 +18,9 @@ from jblast.report.world.page.folder import RunFolder
 PAUSE_S = 0.03
 """Between two drawings, at least: a screen is as fast."""
 
+PAGES = {"webagg", "nbagg"}
+"""Backends of matplotlib that serve a page: who shows one waits until it is ended."""
+
 
 class LiveFigure:
     """A figure of the last seconds, drawn anew at each instant.
@@ -98,7 +101,7 @@ def check_display() -> None:
 
     backend = plt.get_backend().lower()
     windows = backend_registry.list_builtin(BackendFilter.INTERACTIVE)
-    if backend not in {name.lower() for name in windows}:
+    if backend not in {name.lower() for name in windows} - PAGES:
         raise InputError(
             "--live: expected a display to open a window on (DISPLAY, and Python's "
             f"tkinter or Qt), got matplotlib's {backend!r}; `jblast report RUN` shows "
