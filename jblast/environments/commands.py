@@ -110,7 +110,8 @@ def _by_hold(
         return jnp.stack([begun + scale * part for begun, part in pairs])
 
     gains = jax.tree.map(by_factor, params.gains)
-    gains = replace(gains, integral_limit=params.gains.integral_limit)
+    own = params.gains
+    gains = replace(gains, integral_limit=own.integral_limit, motor_lead=own.motor_lead)
     if params.command == "velocity":
         place = flown.position_m
         velocity = with_action(state.now.motion.velocity, -params.speed_m_s)

@@ -19,8 +19,8 @@ class VehicleSpec(eqx.Module):
         velocity: At the start: east, north, up [m/s].
         yaw: Heading at the start and held, from east to north [rad].
         integral: Whether the hold has integral action; None: the scene does not say.
-        gains: Of the hold, by the names kp_pos, kd_pos, ki_pos (3), kp_att, kd_att and
-            integral_limit; what is left out is the model's own.
+        gains: Of the hold, by the names kp_pos, kd_pos, ki_pos (3), kp_att, kd_att,
+            integral_limit and motor_lead; what is left out is the model's own.
         mission: File of the plan that it flies; None: it holds its place.
         placed: Whether `position` is known; else a mission starts at its plan's home.
     """

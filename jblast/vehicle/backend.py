@@ -63,4 +63,6 @@ def _unknown(flight: Flight) -> str:
         for value in map(own, values):
             if value is not None and not isinstance(value, BUILT_IN[name]):
                 return f"{name} of the type {type(value).__name__}"
+            if isinstance(value, PositionHold) and value.gains.motor_lead is not None:
+                return "control with a motor_lead"
     return ""

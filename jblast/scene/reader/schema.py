@@ -118,6 +118,7 @@ KEYS: dict[str, tuple[str, ...]] = {
         "kp_att",
         "kd_att",
         "integral_limit",
+        "motor_lead",
     ),
     "law": (*QUANTITIES, "scatter", "sedov_gamma", "fireball_growth_s"),
 }

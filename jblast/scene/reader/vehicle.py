@@ -19,7 +19,7 @@ from jblast.scene.vehicle import VehicleSpec
 from jblast.types import as_float_array
 
 ALONG_AXES = ("kp_pos", "kd_pos", "ki_pos")
-ALONE = ("kp_att", "kd_att", "integral_limit")
+ALONE = ("kp_att", "kd_att", "integral_limit", "motor_lead")
 
 
 def read_vehicle(document: dict[str, Any], source: str) -> VehicleSpec | None:
@@ -105,6 +105,10 @@ def _gains(entry: dict[str, Any], where: str) -> dict[str, Any]:
             expected = "numbers that are" if along else "a number that is"
             raise InputError(
                 f"{at}: expected {expected} not negative, got {shown(entry[key])}"
+            )
+        if key == "motor_lead" and numbers < 1:
+            raise InputError(
+                f"{at}: expected a factor of 1 and more, got {shown(entry[key])}"
             )
         if key == "ki_pos" and not numbers.any():
             raise InputError(

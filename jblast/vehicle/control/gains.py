@@ -21,6 +21,8 @@ class Gains(eqx.Module):
         body_rate: $k_d$ of the attitude [1/s].
         integral: $k_i$ of the position [1/s3]; zero: no integral action.
         integral_limit: Most the integral may ask for, along each axis [m/s2].
+        motor_lead: By what factor the motors' lag is shortened (`motor_lead.py`) [-],
+            1 and more; None: it is not.
     """
 
     position: Float[Array, "3"] = eqx.field(converter=floats)
@@ -31,6 +33,9 @@ class Gains(eqx.Module):
         converter=floats, default_factory=lambda: jnp.zeros(3)
     )
     integral_limit: Float[Array, ""] = eqx.field(converter=floats, default=5.0)
+    motor_lead: Float[Array, ""] | None = eqx.field(
+        converter=lambda x: None if x is None else floats(x), default=None
+    )
 
 
 # RotorPy 3.0.0's. Declared are those of the Iris' attitude, 12 rad/s and a damping of
@@ -74,15 +79,18 @@ def named_gains(name: str, *, integral: bool = False) -> Gains:
 def gains_from_parameters(parameters: Mapping[str, Any]) -> Gains:
     """Read gains by RotorPy's names: kp_pos, kd_pos, kp_att, kd_att.
 
-    `ki_pos` (3) and `integral_limit` may be left out; what else is there is a vehicle's
-    and not looked at.
+    `ki_pos` (3), `integral_limit` and `motor_lead` may be left out; what else is there
+    is a vehicle's and not looked at.
 
     Args:
         parameters: Numbers by name.
 
     Raises:
-        InputError: One is missing, no number, or negative.
+        InputError: One is missing, no number, or negative, or the lead is below 1.
     """
+    lead = None
+    if "motor_lead" in parameters:
+        lead = number(parameters, "motor_lead", least=1.0)
     three = (3,)
     return Gains(
         position=numbers(parameters.get("kp_pos"), "kp_pos", three, least=0.0),
@@ -93,4 +101,5 @@ def gains_from_parameters(parameters: Mapping[str, Any]) -> Gains:
             parameters.get("ki_pos", [0.0, 0.0, 0.0]), "ki_pos", three, least=0.0
         ),
         integral_limit=number(parameters, "integral_limit", least=0.0, default=5.0),
+        motor_lead=lead,
     )

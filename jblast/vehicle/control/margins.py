@@ -9,6 +9,9 @@ where the rotors are commanded, behind the motors' lag $\tau_m$ and a dead time 
 - upward: $\left[\frac{k_d}{s} + \frac{k_p}{s^2} + \frac{k_i}{s^3}\right]$;
 - heading: $\left[\frac{k_\omega}{s} + \frac{k_R}{s^2}\right]$, each with the same lag.
 
+With a lead $\lambda$ of the motors (`motor_lead.py`) the brackets are $\lambda$ times
+as large, and $\lambda - 1$ more: the rotors' own speed is fed back, too.
+
 A command that is held over a period is late by half of it, on the whole. Margins of a
 loop: by what the rotors' answer may grow, or shrink, before it swings for ever, where
 $L$ is real and negative; and by what angle it may lag, where $|L| = 1$ (Skogestad and
@@ -82,10 +85,12 @@ def hold_loops(
     rows.append([k_d[2], k_p[2], k_i[2], none, none])
     rows.append([k_w, k_r, none, none, none])
     w = jnp.asarray(FREQUENCY, k_r.dtype)[None, :]
+    lead = jnp.ones_like(k_r) if gains.motor_lead is None else gains.motor_lead
     # of L i w: the powers of 1 / (i w) are 1, -i, -1, i, 1 over those of w
-    one, two, three, four, five = jnp.moveaxis(jnp.asarray(rows), 1, 0)[..., None]
+    factors = lead * jnp.moveaxis(jnp.asarray(rows), 1, 0)[..., None]
+    one, two, three, four, five = factors
     real = one - three / w**2 + five / w**4
-    imaginary = -two / w + four / w**3
+    imaginary = (lead - 1) * w - two / w + four / w**3
     lag = motor_lag_s * w
     size = 0.5 * jnp.log(real**2 + imaginary**2) - jnp.log(w) - 0.5 * jnp.log1p(lag**2)
     # -L = i (i w L) / w

@@ -10,7 +10,8 @@ Lee, Leok and McClamroch (2010), with a target at rest:
 - $e_R = \frac12 (R_d^T R - R^T R_d)^\vee$;
 - $M = J(-k_R e_R - k_\omega \omega) + \omega \times J\omega$;
 - rotor speeds from thrust and moment by `allocation.py`: within their limits, roll and
-  pitch before the thrust and that before yaw.
+  pitch before the thrust and that before yaw; by a lead (`motor_lead.py`) if the gains
+  have one.
 
 No limit is reached near hover. Without them the law by itself asks for less than no
 thrust as soon as it climbs faster than $g/k_d$, 1.1 m/s: its rotors stand, and it can
@@ -28,6 +29,7 @@ from jaxtyping import Array, Float, PyTree
 from jblast.constants import FLIGHT_GRAVITY
 from jblast.vehicle.control.allocation import allocation, speeds_within
 from jblast.vehicle.control.gains import Gains
+from jblast.vehicle.control.motor_lead import led
 from jblast.vehicle.control.pull import THRUST_FLOOR, pull_within
 from jblast.vehicle.dynamics.components import (
     MatrixRows,
@@ -155,6 +157,8 @@ class PositionHold(Readied):
         )
         moment = add(times(inertia, turn), cross(w, times(inertia, w)))
         speeds = speeds_within(vehicle, inverse, (thrust, *moment))
+        if gains.motor_lead is not None:
+            speeds = led(vehicle, gains.motor_lead, state.rotor_speed_rad_s, speeds)
         return speeds, jnp.stack(integral)
 
 

@@ -45,7 +45,8 @@ def step_limit(
     if gains is None:
         return motors
     asked = (gains.position, gains.velocity, gains.integral)
-    numbers = (*asked, gains.attitude, gains.body_rate)
+    lead = 1.0 if gains.motor_lead is None else gains.motor_lead
+    numbers = (*asked, gains.attitude, gains.body_rate, lead)
     by_value = tuple(float(x) for part in numbers for x in np.ravel(part))
     return _hold_limit(integrator, float(motor_lag_s), by_value, held)
 
@@ -59,11 +60,13 @@ def _hold_limit(
     Args:
         integrator: "rk4" or "euler".
         motor_lag_s: Of the motors [s].
-        numbers: Of the gains: position, velocity, integral, attitude, body rate.
+        numbers: Of the gains: position, velocity, integral, attitude, body rate,
+            and the motors' lead.
         held: Steps over which the controller's answer is held.
     """
     position, velocity, integral = np.reshape(numbers[:9], (3, 3))
-    gains = Gains(position, velocity, numbers[9], numbers[10], integral)
+    attitude, body_rate, lead = numbers[9:]
+    gains = Gains(position, velocity, attitude, body_rate, integral, motor_lead=lead)
     motors, links = MOTOR_LIMIT[integrator] * motor_lag_s, chains(gains, motor_lag_s)
 
     def grows(step: float) -> bool:
@@ -118,6 +121,7 @@ def chains(gains: Gains, lag: float) -> list:
         np.asarray(x, float) for x in (gains.position, gains.velocity, gains.integral)
     )
     k_r, k_w, g = float(gains.attitude), float(gains.body_rate), FLIGHT_GRAVITY
+    lead = 1.0 if gains.motor_lead is None else float(gains.motor_lead)
     found = [(_integrals([1.0, 1.0], lag), np.array([-k_r, -k_w, 0.0]), 0.0)]
     found.append(
         (_integrals([1.0, 1.0], lag), np.array([-k_p[2], -k_d[2], 0.0]), k_i[2])
@@ -126,7 +130,10 @@ def chains(gains: Gains, lag: float) -> list:
         tilt = k_r / g  # of the command per acceleration asked for
         back = np.array([-k_p[axis] * tilt, -k_d[axis] * tilt, -k_r, -k_w, 0.0])
         found.append((_integrals([1.0, g, 1.0, 1.0], lag), back, k_i[axis] * tilt))
-    return found
+    return [
+        (rates, np.append(lead * back[:-1], 1 - lead), lead * integral)
+        for rates, back, integral in found
+    ]
 
 
 def _integrals(links: list[float], lag: float) -> np.ndarray:

@@ -60,6 +60,7 @@ USED = (
 IGNORED = (
     *("rotor_radius", "rI", "k_flap", "motor_noise_std", "k_w", "k_v"),
     *("kp_att", "kd_att", "kp_pos", "kd_pos", "ki_pos", "integral_limit"),
+    "motor_lead",
 )
 """Names of RotorPy's without a part in the equations, and a controller's gains."""
 

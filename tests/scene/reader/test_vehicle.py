@@ -43,7 +43,8 @@ def test_every_key_arrives_where_it_belongs(vehicle):
     spec = vehicle(
         velocity_m_s="[1, 0, -0.5]",
         control="{ integral = false, target_m = [10, 0, 3], yaw_rad = 0.5, "
-        "kp_pos = [6, 7, 8], ki_pos = [1, 0, 2], kp_att = 100, integral_limit = 3 }",
+        "kp_pos = [6, 7, 8], ki_pos = [1, 0, 2], kp_att = 100, integral_limit = 3, "
+        "motor_lead = 2 }",
     )
     assert spec.velocity.tolist() == [1, 0, -0.5]
     assert spec.integral is False
@@ -55,7 +56,11 @@ def test_every_key_arrives_where_it_belongs(vehicle):
         "ki_pos": [1, 0, 2],
         "kp_att": 100,
         "integral_limit": 3,
+        "motor_lead": 2,
     }
+    lead = hold_of(spec, integral=True).gains.motor_lead
+    assert lead is not None
+    assert float(lead) == 2
 
 
 def test_a_mission_stands_beside_its_scene_and_begins_at_home():
@@ -122,6 +127,10 @@ BROKEN = {
     "negative limit": (
         {"control": "{ integral_limit = -1 }"},
         ["control integral_limit", "not negative", "-1"],
+    ),
+    "lead below one": (
+        {"control": "{ motor_lead = 0.5 }"},
+        ["control motor_lead", "1 and more", "0.5"],
     ),
     "gain of one number": ({"control": "{ kp_pos = 6 }"}, ["control kp_pos", "got 6"]),
     "gain of three": ({"control": "{ kp_att = [1, 2, 3] }"}, ["control kp_att"]),
