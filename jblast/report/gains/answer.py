@@ -156,7 +156,10 @@ def keys_of_gains(gains: Gains) -> dict[str, float | tuple[float, ...]]:
     }
     if np.any(np.asarray(gains.integral) > 0):
         keys["ki_pos"] = tuple(map(few, gains.integral))
-    return keys | {"kp_att": few(gains.attitude), "kd_att": few(gains.body_rate)}
+    keys |= {"kp_att": few(gains.attitude), "kd_att": few(gains.body_rate)}
+    if gains.motor_lead is not None:
+        keys["motor_lead"] = few(gains.motor_lead)
+    return keys
 
 
 def warnings_of(tuned: TunedGains) -> list[str]:

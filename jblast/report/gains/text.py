@@ -12,6 +12,7 @@ WORDS = {
     "ki_pos": "integral [1/s3]",
     "kp_att": "attitude [1/s2]",
     "kd_att": "body rate [1/s]",
+    "motor_lead": "motors' lead [-]",
 }
 
 
@@ -47,9 +48,9 @@ def _rows(answer: GainsAnswer) -> list[list[str]]:
     before, after = answer.before, answer.after
     rows = [["", "before", "after", "change"]]
     for key, words in WORDS.items():
-        if key not in before.gains:
+        if key not in after.gains:
             continue
-        old, new = before.gains[key], after.gains[key]
+        old, new = before.gains.get(key, 1.0), after.gains[key]
         if not isinstance(old, tuple) or not isinstance(new, tuple):
             rows.append([words, f"{old:.4g}", f"{new:.4g}", ""])
             continue

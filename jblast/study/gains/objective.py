@@ -1,4 +1,4 @@
-"""What tuned gains make least, and what they keep, as functions of eight factors."""
+"""What tuned gains make least, and what they keep, as functions of nine factors."""
 
 from dataclasses import replace
 
@@ -11,22 +11,24 @@ from jblast.study.gains.flights import DrawnFlights, flown_with, smooth_peaks
 from jblast.vehicle import Gains, flight_metrics
 from jblast.vehicle.control.margins import hold_margins
 
-FACTORS = 8
+FACTORS = 9
 POWER, TAIL = 24.0, 8.0
 """Of the norms over a flight's rows, and over the flights."""
 RIDGE, WAY_BACK = 1e-3, 0.5
 """Of the squares of the factors, and of the path error over time."""
+WORSE = 64.0
+"""Of the mean square of what ln of a peak is more than with the scene's gains."""
 ENOUGH = 3.0
 """Margins beyond so many times what is asked do not guide the search."""
 
 
-def scaled(gains: Gains, factors: Float[Array, "8"]) -> Gains:
+def scaled(gains: Gains, factors: Float[Array, "9"]) -> Gains:
     """Return gains times factors.
 
     Args:
         gains: The gains.
         factors: In ln: of position, velocity and integral gain, sideways and then
-            upwards, of attitude and of body rate.
+            upwards, of attitude, of body rate, and of the motors' lead if there is one.
     """
     by = jnp.exp(factors)
 
@@ -40,13 +42,24 @@ def scaled(gains: Gains, factors: Float[Array, "8"]) -> Gains:
         integral=gains.integral * along(4),
         attitude=gains.attitude * by[6],
         body_rate=gains.body_rate * by[7],
+        motor_lead=None if gains.motor_lead is None else gains.motor_lead * by[8],
     )
 
 
 def mean_ln_peak(
-    factors: Float[Array, "8"], gains: Gains, flights: DrawnFlights
-) -> tuple[Float[Array, ""], Bool[Array, " flight"]]:
-    """Return what is made least, and which flights crash."""
+    factors: Float[Array, "9"],
+    gains: Gains,
+    flights: DrawnFlights,
+    ln_before: Float[Array, " flight"],
+) -> tuple[Float[Array, ""], tuple[Float[Array, " flight"], Bool[Array, " flight"]]]:
+    """Return what is made least; of each flight ln of its peak, and whether it crashes.
+
+    Args:
+        factors: As in `scaled`.
+        gains: The scene's.
+        flights: Those to tune by.
+        ln_before: Of each ln of its peak with the scene's gains.
+    """
     trajectory = flown_with(scaled(gains, factors), flights)
     peaks = smooth_peaks(trajectory, flights, POWER)
     metrics = flight_metrics(
@@ -58,11 +71,14 @@ def mean_ln_peak(
     strongest = jax.nn.logsumexp(TAIL * peaks) - jnp.log(peaks.size)
     middle = (jnp.mean(peaks) + strongest / TAIL) / 2
     back = WAY_BACK * jnp.mean(smooth_peaks(trajectory, flights, 2.0))
-    return middle + back + RIDGE * jnp.sum(factors**2), metrics.crashed
+    more = jnp.maximum(peaks - ln_before, 0)
+    worse = WORSE * jnp.mean(more * more)
+    least = middle + back + worse + RIDGE * jnp.sum(factors**2)
+    return least, (peaks, metrics.crashed)
 
 
 def margins_to_spare(
-    factors: Float[Array, "8"],
+    factors: Float[Array, "9"],
     gains: Gains,
     motor_lag_s: float,
     dead_time_s: float,

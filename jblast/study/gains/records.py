@@ -22,6 +22,8 @@ class Wish:
         vehicles: Blasts that gains are tuned by.
         unseen: Blasts that they are judged by.
         seed: Of the blasts.
+        motor_lead: Most by which the motors' lag may be shortened; 1: the scene's lead
+            stays.
     """
 
     margin_db: float = 6.0
@@ -30,6 +32,7 @@ class Wish:
     vehicles: int = 32
     unseen: int = 200
     seed: int = 0
+    motor_lead: float = 1.0
 
 
 @dataclass(frozen=True)

@@ -1,19 +1,24 @@
 r"""Gains of the hold by gradient through a scene's blasts, within stability margins.
 
-Eight numbers are looked for: by what factor, in ln, position, velocity and integral
-gain sideways and upwards, and those of attitude and body rate, differ from the scene's.
-What is made least is half the mean over drawn blasts of ln of the peak deviation, half
-ln of their 8-norm, for the strongest; each peak is smooth (`flights.smooth_peaks`) and
-differentiated backwards through every step of its flight. Half the mean of ln of the
-2-norm of the path error over time is added, for a vehicle that is hardly thrown may
-take its time on the way back; and a thousandth of the squares of the eight, so that
-what does not matter stays. The margins of all loops are constraints, with derivatives
-of their own. Sequential quadratic programming (Kraft 1988, SciPy's SLSQP) goes from the
-scene's gains, whose margins may be too small, to the nearest optimum.
+Eight numbers are looked for, nine if the motors may be led (`motor_lead.py`): by what
+factor, in ln, position, velocity and integral gain sideways and upwards, and those of
+attitude and body rate, differ from the scene's. What is made least is half the mean
+over drawn blasts of ln of the peak deviation, half ln of their 8-norm, for the
+strongest; each peak is smooth (`flights.smooth_peaks`) and differentiated backwards
+through every step of its flight. Half the mean of ln of the 2-norm of the path error
+over time is added, for a vehicle that is hardly thrown may take its time on the way
+back; much of any peak that is higher than with the scene's gains; and a thousandth of
+the squares of the factors, so that what does not matter stays. The margins of all
+loops are constraints, with derivatives of their own. Sequential quadratic programming
+(Kraft 1988, SciPy's SLSQP) goes from the scene's gains, whose margins may be too small,
+to the nearest optimum.
 
 The flights tuned by are in steps of the semi-implicit Euler rule, whose program is a
-third of RK4's; the unseen ones are flown as `jblast fly` does. Blasts by which the
-scene's own gains crash are left out of the tuning, not of the judgement.
+third of RK4's, and few of many drawn (`tuning_flights.py`). Of the best gains that the
+search came by, those are answered by which the many do best, none of them going further
+than all do with the scene's, if there are such. The unseen ones are flown as `jblast
+fly` does. Blasts by which the scene's own gains crash are left out of the tuning, not
+of the judgement.
 """
 
 from collections.abc import Callable
@@ -23,7 +28,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 from scipy.optimize import OptimizeResult, minimize
 
 from jblast.errors import InputError
@@ -31,7 +36,7 @@ from jblast.progress import in_words
 from jblast.scene import UncertainScene, VehicleSpec
 from jblast.study.flights.draws import checked_scene
 from jblast.study.flights.records import Options
-from jblast.study.gains.flights import DrawnFlights, drawn_flights, outcomes_of
+from jblast.study.gains.flights import drawn_flights, outcomes_of
 from jblast.study.gains.objective import (
     FACTORS,
     margins_to_spare,
@@ -39,12 +44,14 @@ from jblast.study.gains.objective import (
     scaled,
 )
 from jblast.study.gains.records import Tried, TunedGains, Wish
+from jblast.study.gains.tuning_flights import FLOWN, TuningFlights, tuning_flights
 from jblast.vehicle import STEP_S, Gains, hold_of, vehicle_of
 from jblast.vehicle.control.margins import hold_margins, is_stable
 
 MOST_STEPS, LARGEST = 60, np.log(30.0)
 """Of the search, and of a factor in ln."""
-TUNING_STEP_S, TUNING_AFTER_S = 1e-3, 3.0
+CANDIDATES = 12
+"""Of the search's best, among which the many flights choose."""
 UNSEEN_SEEDS = 1_000_003
 """Between the seed of the blasts tuned by and that of the unseen ones."""
 SLACK = 0.002
@@ -72,18 +79,16 @@ def tune_gains(uncertain: UncertainScene, wish: Wish | None = None) -> TunedGain
     lag, dead = float(vehicle.motor_lag_s), STEP_S / 2 + wish.delay_s
     now = in_words()
     now("drawing blasts")
-    step = min(TUNING_STEP_S, lag / 5)
-    quick = Options(step_s=step, integrator="euler")
-    flights, _ = drawn_flights(uncertain, spec, wish.vehicles, wish.seed, quick)
-    flights = replace(flights, seconds=flights.seconds + TUNING_AFTER_S - 5.0)
-    now("flying the scene's gains")
-    _, crashed = _PEAK(jnp.zeros(FACTORS), gains, flights)[0]
-    flights = _without(flights, np.asarray(crashed))
+    flights = tuning_flights(uncertain, spec, gains, wish.vehicles, wish.seed, lag)
+    bounds = [(-LARGEST, LARGEST)] * (FACTORS - 1) + [_lead_bounds(gains, wish)]
+    led = gains
+    if wish.motor_lead > 1 and gains.motor_lead is None:
+        led = replace(gains, motor_lead=jnp.asarray(1.0))
 
     seen: list[tuple[float, np.ndarray]] = []
 
     def peak(x: np.ndarray) -> tuple[float, np.ndarray]:
-        (value, _), slope = _PEAK(jnp.asarray(x), gains, flights)
+        (value, _), slope = _PEAK(jnp.asarray(x), led, flights.few, flights.ln_few)
         seen.append((float(value), np.array(x)))
         now(f"{wish.vehicles} blasts flown with slopes, {len(seen)} times")
         if not np.isfinite(value):
@@ -93,10 +98,10 @@ def tune_gains(uncertain: UncertainScene, wish: Wish | None = None) -> TunedGain
     asked = jnp.asarray([wish.margin_db, wish.margin_deg])
 
     def room(x: np.ndarray) -> np.ndarray:
-        return np.asarray(_ROOM(jnp.asarray(x), gains, lag, dead, asked)) - SLACK
+        return np.asarray(_ROOM(jnp.asarray(x), led, lag, dead, asked)) - SLACK
 
     def slopes(x: np.ndarray) -> np.ndarray:
-        return np.asarray(_SLOPES(jnp.asarray(x), gains, lag, dead, asked))
+        return np.asarray(_SLOPES(jnp.asarray(x), led, lag, dead, asked))
 
     def search(least: Callable, start: np.ndarray, tolerance: float) -> OptimizeResult:
         return minimize(
@@ -104,7 +109,7 @@ def tune_gains(uncertain: UncertainScene, wish: Wish | None = None) -> TunedGain
             start,
             jac=True,
             method="SLSQP",
-            bounds=[(-LARGEST, LARGEST)] * FACTORS,
+            bounds=bounds,
             constraints=[{"type": "ineq", "fun": room, "jac": slopes}],
             options={"maxiter": MOST_STEPS, "ftol": tolerance},
         )
@@ -122,12 +127,13 @@ def tune_gains(uncertain: UncertainScene, wish: Wish | None = None) -> TunedGain
         for value, x in seen
         if np.isfinite(value)
         and (room(x) >= -SLACK).all()
-        and is_stable(scaled(gains, jnp.asarray(x)), lag, STEP_S)
+        and is_stable(scaled(led, jnp.asarray(x)), lag, STEP_S)
     ]
     if not allowed:
         raise InputError(_unreachable(uncertain, wish, gains, lag, dead))
-    best = min(allowed, key=lambda one: one[0])[1]
-    best = _rounded(scaled(gains, jnp.asarray(best)))
+    now(f"choosing by {flights.many.count} blasts")
+    best = _chosen(allowed, led, flights)
+    best = _rounded(scaled(led, jnp.asarray(best)))
     now(f"flying {wish.unseen} unseen blasts")
     seed = wish.seed + UNSEEN_SEEDS
     unseen, notes = drawn_flights(uncertain, spec, wish.unseen, seed, Options())
@@ -155,6 +161,26 @@ def _rounded(gains: Gains) -> Gains:
     return jax.tree.map(lambda x: jnp.asarray(few(np.asarray(x))), gains)
 
 
+def _lead_bounds(gains: Gains, wish: Wish) -> tuple[float, float]:
+    """Return the bounds of the factor, in ln, on the motors' lead."""
+    if wish.motor_lead <= 1:
+        return 0.0, 0.0
+    own = 1.0 if gains.motor_lead is None else float(gains.motor_lead)
+    return -np.log(own), max(np.log(wish.motor_lead / own), 0.0)
+
+
+def _chosen(
+    allowed: list[tuple[float, np.ndarray]], gains: Gains, flights: TuningFlights
+) -> np.ndarray:
+    """Return the factors by which the many flights do best, none worse if may be."""
+    judged = []
+    for _, x in sorted(allowed, key=lambda one: one[0])[:CANDIDATES]:
+        value, (peaks, _) = FLOWN(jnp.asarray(x), gains, flights.many, flights.ln_many)
+        further = not bool(peaks.max() <= flights.ln_many.max())
+        judged.append((further, np.nan_to_num(float(value), nan=np.inf), x))
+    return min(judged, key=lambda one: one[:2])[2]
+
+
 _PEAK = eqx.filter_jit(jax.value_and_grad(mean_ln_peak, has_aux=True))
 _ROOM = eqx.filter_jit(margins_to_spare)
 _SLOPES = eqx.filter_jit(jax.jacfwd(margins_to_spare))
@@ -173,29 +199,13 @@ def _checked(uncertain: UncertainScene, wish: Wish) -> VehicleSpec:
     ):
         if not (np.isfinite(value) and value > 0):
             raise InputError(f"{name}: expected a positive number, got {value:g}")
+    if not (np.isfinite(wish.motor_lead) and wish.motor_lead >= 1):
+        raise InputError(
+            f"motor-lead: expected a factor of 1 and more, got {wish.motor_lead:g}"
+        )
     if not (np.isfinite(wish.delay_s) and wish.delay_s >= 0):
         raise InputError(f"delay: expected a time of 0 s or more, got {wish.delay_s:g}")
     return checked_scene(uncertain, wish.vehicles, by_profile=False)
-
-
-def _without(
-    flights: DrawnFlights, crashed: Bool[np.ndarray, " flight"]
-) -> DrawnFlights:
-    """Put others in the place of flights that crash.
-
-    Raises:
-        InputError: There are no others.
-    """
-    kept = np.flatnonzero(~crashed)
-    if not kept.size:
-        raise InputError(
-            f"expected flights that stay up to tune gains by, got {crashed.size} that "
-            "all crash with the scene's own gains"
-        )
-    lanes = np.resize(kept, crashed.size)
-    each = (flights.load, flights.wind, flights.arrival_s)
-    load, wind, arrival = jax.tree.map(lambda x: x[lanes], each)
-    return replace(flights, load=load, wind=wind, arrival_s=arrival)
 
 
 def _unreachable(

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from jblast.errors import InputError
 
-OF_GAINS = ("margin_db", "margin_deg", "delay", "vehicles", "seed")
+OF_GAINS = ("margin_db", "margin_deg", "delay", "motor_lead", "vehicles", "seed")
 OF_RECORDS = ("recorded", "sensor", "full_scale", "fps", "start", "background")
 
 

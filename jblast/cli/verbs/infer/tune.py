@@ -101,6 +101,13 @@ def add_arguments(verb: argparse.ArgumentParser) -> None:
         "are kept with it (default: 0)",
     )
     verb.add_argument(
+        "--motor-lead",
+        metavar="FACTOR",
+        type=positive,
+        help="with --gains: most by which the hold may shorten the motors' lag, fed "
+        "back their speed (default: 1, not at all)",
+    )
+    verb.add_argument(
         "--vehicles",
         metavar="N",
         type=int,
