@@ -68,7 +68,7 @@ def main() -> None:
     for (model, lead), found, (each, over_time) in zip(
         cases, answers, axes.T, strict=True
     ):
-        name = model if lead == 1 else f"{model}, motors led by up to {lead:g}"
+        name = model if lead == 1 else f"{model}, led"
         answer = gains_answer(found, "")
         print(f"# {name}: {cut_words(found)}")
         print(gains_text(answer), flush=True)

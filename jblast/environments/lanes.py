@@ -175,16 +175,18 @@ def for_some(
     """
     count = mask.shape[0]
     size = min(count, max(LEAST_BLOCK, count // share))
+    so_far = jnp.cumsum(mask, dtype=jnp.int32)
 
     def more(carried: tuple[Array, T]) -> Array:
-        return jnp.any(carried[0])
+        return carried[0] < so_far[-1]
 
     def block(carried: tuple[Array, T]) -> tuple[Array, T]:
-        left, found = carried
-        (places,) = jnp.nonzero(left, size=size, fill_value=count)
+        done, found = carried
+        ranks = done + jnp.arange(1, size + 1, dtype=jnp.int32)
+        places = jnp.searchsorted(so_far, ranks, method="scan_unrolled")
         given = jax.vmap(function)(jnp.minimum(places, count - 1))
         # those that fill up the block point past the end, whatever they are divided by
         past = jnp.where(places < count, places, jnp.iinfo(places.dtype).max)
-        return left.at[places].set(False, mode="drop"), put(found, past, given)
+        return done + size, put(found, past, given)
 
-    return jax.lax.while_loop(more, block, (mask, start))[1]
+    return jax.lax.while_loop(more, block, (jnp.zeros((), jnp.int32), start))[1]

@@ -97,10 +97,8 @@ def wind_impulse(
     def run(end_s: Number, gained: Gained) -> tuple[Gained, WindImpulse]:
         """Impulse until each node, and of all, for one guess of both."""
 
-        def add_node(
-            total: WindImpulse, row: tuple[NodePlace, Gained]
-        ) -> tuple[WindImpulse, Gained]:
-            place, (given, leap) = row
+        def at_node(place: NodePlace, gained: Gained) -> tuple[WindImpulse, Gained]:
+            given, leap = gained
             node = node_at(passage, end_s, place)
             past_s = (node.since - passage.start_s) / passage.rate
             moved = [
@@ -118,10 +116,8 @@ def wind_impulse(
                 still = drag_force(body, attitude, passage.air_density, (x, y, z))
                 force = tuple(a - b for a, b in zip(blown, still, strict=True))
             part = place.weight * node.width
-            x, y, z = (j + part * f for j, f in zip(total.body, force, strict=True))
-            total = WindImpulse(
-                (x, y, z), total.way + part * node.wind, total.square + part * square
-            )
+            x, y, z = (part * f for f in force)
+            share = WindImpulse((x, y, z), part * node.wind, part * square)
             if rotors is not None:
                 force = tuple(
                     f + a * node.wind + b * square
@@ -131,10 +127,11 @@ def wind_impulse(
             leap = nothing
             if front:
                 leap = front_impulse(body, passage, node.since) - before
-            return total, ((x, y, z), leap)
+            return share, ((x, y, z), leap)
 
-        start = WindImpulse((nothing, nothing, nothing), nothing, nothing)
-        total, (force, leap) = jax.lax.scan(add_node, start, (rule, gained))
+        # all nodes at once: one after another they are programs of a few numbers each
+        shares, (force, leap) = jax.vmap(at_node)(rule, gained)
+        total = jax.tree.map(lambda share: jnp.sum(share, axis=0), shares)
         if front:
             whole = front_impulse(body, passage, end_s) - before
             x, y, z = (j + whole * n for j, n in zip(total.body, away, strict=True))
