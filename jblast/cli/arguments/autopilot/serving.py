@@ -75,13 +75,15 @@ def served_autopilot(asked: argparse.Namespace) -> LockstepAnswer:
     turns = turns_of(drawn, scene.spec, scene.place, asked.seed, asked.scene)
     flight, files = Lockstep(), []
     with contextlib.ExitStack() as stack:
-        log = None
-        if asked.tlog:
-            log = stack.enter_context(TelemetryLog(asked.tlog))
-            files.append(asked.tlog)
-        keep = (lambda frame: None) if log is None else log.keep
-        link = Link(address, "mavlink", keep=keep)
+        logs: list[TelemetryLog] = []
+        link = Link(
+            address, "mavlink", keep=lambda frame: [one.keep(frame) for one in logs]
+        )
         stack.callback(link.close)
+        # where the port is taken there is no log either
+        if asked.tlog:
+            logs.append(stack.enter_context(TelemetryLog(asked.tlog)))
+            files.append(asked.tlog)
         made = programs(turns)
         _say(
             lockstep_line(
@@ -93,8 +95,8 @@ def served_autopilot(asked: argparse.Namespace) -> LockstepAnswer:
         )
 
         def each() -> None:
-            if log is not None:
-                log.now_s = flight.turns * PERIOD_S
+            for one in logs:
+                one.now_s = flight.turns * PERIOD_S
 
         stack.enter_context(_stopped_by_signal())
         nobody, seconds = False, asked.seconds

@@ -71,6 +71,15 @@ def test_a_log_that_is_there_is_not_overwritten(jblast, tmp_path):
     assert (tmp_path / "a.tlog").read_bytes() == b"x"
 
 
+def test_where_the_port_is_taken_no_log_is_begun(jblast, tmp_path):
+    with socket.create_server(("127.0.0.1", 0)) as other:
+        way = f"tcp:127.0.0.1:{other.getsockname()[1]}"
+        words = ["--mavlink", way, "--tlog", str(tmp_path / "a.tlog")]
+        err = jblast.refused("serve", jblast.file("scene.toml", SCENE), *words)
+    assert f"--mavlink: expected a free port of this machine, got {way}" in err
+    assert not (tmp_path / "a.tlog").exists()
+
+
 def connected(port: int) -> socket.socket:
     """Connect as soon as somebody listens, within a minute."""
     for _ in range(300):
