@@ -78,7 +78,7 @@ def tune_gains(uncertain: UncertainScene, wish: Wish | None = None) -> TunedGain
     vehicle = vehicle_of(spec)
     lag, dead = float(vehicle.motor_lag_s), STEP_S / 2 + wish.delay_s
     now = in_words()
-    now("drawing blasts")
+    now("drawing blasts, flown with the scene's gains")
     flights = tuning_flights(uncertain, spec, gains, wish.vehicles, wish.seed, lag)
     bounds = [(-LARGEST, LARGEST)] * (FACTORS - 1) + [_lead_bounds(gains, wish)]
     led = gains
