@@ -66,10 +66,12 @@ def reduce_of(outcomes: Sequence[Variable], counters: int = 1) -> Reduce:
             shift, origin = (x[None, None] for x in shared[ANCHORS][v.name])
             kept[v.name] = _sums(values, valid, shift)
             several = counts[v.name]
-            turn = jnp.arange(valid.shape[1], dtype=jnp.int32)[None, :, None]
+            place = bin_of(values - origin).astype(jnp.int32)
+            if each[v.name] > 1:
+                turn = jnp.arange(valid.shape[1], dtype=jnp.int32)[None, :, None]
+                place = place * each[v.name] + turn % each[v.name]
             lane = jnp.arange(lanes[v.name], dtype=jnp.int32)[None, None]
-            place = bin_of(values - origin).astype(jnp.int32) * each[v.name]
-            place = (place + turn % each[v.name]) * lanes[v.name] + lane
+            place = place * lanes[v.name] + lane
             place = jnp.where(valid & ~jnp.isnan(values), place, several.size - 1)
             counted[v.name] = several.at[place.reshape(-1)].add(
                 1, mode="promise_in_bounds", wrap_negative_indices=False
