@@ -243,6 +243,14 @@ def test_a_wind_in_python_flies_on_jax_and_says_so():
     assert flown.position_m.shape == (BATCH, 3, 3)
 
 
+def test_a_hold_that_leads_the_motors_flies_on_jax_and_says_so():
+    gains = dataclasses.replace(named_gains("hummingbird"), motor_lead=2.0)
+    hold = PositionHold(jnp.zeros(3), gains)
+    with pytest.warns(UserWarning, match="control with a motor_lead: flown by JAX"):
+        flown = simulate(CRAFT, start(), duration_s=0.001, control=hold, backend="warp")
+    assert flown.position_m.shape == (BATCH, 3, 3)
+
+
 def test_auto_takes_the_kernel_on_a_gpu_but_for_double_precision(monkeypatch):
     from jblast.vehicle.warp import flight
 
