@@ -101,6 +101,11 @@ def ran(
         readings = joined(readings, found.readings)
         missed += found.missed
     notes += [*straight, *Picked(None, missed).words()]
+    notes += [
+        f"{sensor.name}: its kind is not said, so it writes no samples"
+        for sensor in world.scene.sensors
+        if sensor.instrument is not None and not sensor.kind
+    ]
     if unseen:
         notes.append(
             f"{len(unseen)} of {len(world.shots)} blasts are outside the camera's "

@@ -112,7 +112,8 @@ def rows(text: str) -> list[dict[str, str]]:
 
 
 def test_a_world_on_land_has_its_truth_and_its_readings(jblast):
-    scene = jblast.file("scene.toml", BY_LAND + "[law]\nscatter = false\n")
+    unkind = BY_LAND.replace('name = "south"', 'name = "south"\nrate_hz = 8000')
+    scene = jblast.file("scene.toml", unkind + "[law]\nscatter = false\n")
     words = ("world", scene, "--out", jblast.path("run"), "--seconds", "0.7", "--json")
     code, out, err = jblast(*words)
     assert (code, err) == (0, ""), err
@@ -121,6 +122,7 @@ def test_a_world_on_land_has_its_truth_and_its_readings(jblast):
     Draft202012Validator(answer_schemas.world()).validate(told)
     assert told["flight"] is None
     assert told["camera"] is None
+    assert "south: its kind is not said, so it writes no samples" in told["warnings"]
     assert told["seed"] == 0
     assert set(told["versions"]) == {"jblast", "jax", "python"}
     assert len(told["scene_sha256"]) == 64
