@@ -25,12 +25,13 @@ class Link:
     Attributes:
         address: Where it listens, or sends to.
         receiver: What came, and what was lost of it.
+        keep: Is given each frame that goes out or came in.
 
     Args:
         address: Where.
         name: Of the argument, for messages.
         listens: Whether a UDP peer speaks first.
-        keep: Is given each frame that goes out or came in.
+        keep: As above; may be set later.
 
     Raises:
         InputError: The port is taken.
@@ -44,7 +45,7 @@ class Link:
         listens: bool = False,
         keep: Callable[[bytes], object] = lambda frame: None,
     ):
-        self.receiver, self._keep = Receiver(), keep
+        self.receiver, self.keep = Receiver(), keep
         self._waiting: deque[Message] = deque()
         self._peer: socket.socket | None = None
         self._heard_from: object = None
@@ -97,7 +98,7 @@ class Link:
         if self._peer is None:
             raise LinkLost("nobody has connected")
         for frame in frames:
-            self._keep(frame)
+            self.keep(frame)
         try:
             if self.address.kind == "tcp":
                 self._peer.sendall(b"".join(frames))
@@ -151,7 +152,7 @@ class Link:
         except OSError as error:
             raise LinkLost(error.strerror or str(error)) from None
         for message in self.receiver.feed(data):
-            self._keep(message.frame)
+            self.keep(message.frame)
             self._waiting.append(message)
 
     def close(self) -> None:

@@ -83,7 +83,7 @@ def tune_gains(uncertain: UncertainScene, wish: Wish | None = None) -> TunedGain
     bounds = [(-LARGEST, LARGEST)] * (FACTORS - 1) + [_lead_bounds(gains, wish)]
     led = gains
     if wish.motor_lead > 1 and gains.motor_lead is None:
-        led = replace(gains, motor_lead=jnp.asarray(1.0))
+        led = replace(gains, motor_lead=gains.lead)
 
     seen: list[tuple[float, np.ndarray]] = []
 
@@ -165,7 +165,7 @@ def _lead_bounds(gains: Gains, wish: Wish) -> tuple[float, float]:
     """Return the bounds of the factor, in ln, on the motors' lead."""
     if wish.motor_lead <= 1:
         return 0.0, 0.0
-    own = 1.0 if gains.motor_lead is None else float(gains.motor_lead)
+    own = float(gains.lead)
     return -np.log(own), max(np.log(wish.motor_lead / own), 0.0)
 
 

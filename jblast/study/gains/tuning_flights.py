@@ -74,8 +74,10 @@ def tuning_flights(
         )
     ranks = kept[np.argsort(np.asarray(peaks)[kept])]
     lanes = ranks[chosen_ranks(ranks.size, count)]
-    few, many = (_of(drawn, each) for each in (lanes, np.resize(kept, drawn.count)))
-    return TuningFlights(few, peaks[lanes], many, peaks[np.resize(kept, drawn.count)])
+    every = np.resize(kept, drawn.count)
+    return TuningFlights(
+        _of(drawn, lanes), peaks[lanes], _of(drawn, every), peaks[every]
+    )
 
 
 def chosen_ranks(drawn: int, count: int) -> Int[np.ndarray, " few"]:

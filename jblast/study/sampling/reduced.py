@@ -87,11 +87,10 @@ class Reduced:
         begin = tile * self.tile
         end = begin + self.samples_of(tile)
         whole = self.empty()
-        one = self.work.numbering.tile
-        step = PART if self.work.points is None else PART_OF_POINTS
-        if not self._on_device:
-            step = one * self.work.at_once
-        reduce = self._device if self._on_device else self._host
+        reduce, step = self._host, self.work.numbering.tile * self.work.at_once
+        if self._on_device:
+            reduce = self._device
+            step = PART if self.work.points is None else PART_OF_POINTS
         parts = [(at, min(at + step, end)) for at in range(begin, end, step)]
         with ThreadPoolExecutor(self.ahead) as pool:
             for own in pool.map(lambda part: reduce(*part), parts):

@@ -37,6 +37,11 @@ class Gains(eqx.Module):
         converter=lambda x: None if x is None else floats(x), default=None
     )
 
+    @property
+    def lead(self) -> Float[Array, ""] | float:
+        """The motors' lead; 1 where there is none [-]."""
+        return 1.0 if self.motor_lead is None else self.motor_lead
+
 
 # RotorPy 3.0.0's. Declared are those of the Iris' attitude, 12 rad/s and a damping of
 # 0.8 before the motors' lag, for PX4's own loops do not translate, and all of the

@@ -85,12 +85,11 @@ def hold_loops(
     rows.append([k_d[2], k_p[2], k_i[2], none, none])
     rows.append([k_w, k_r, none, none, none])
     w = jnp.asarray(FREQUENCY, k_r.dtype)[None, :]
-    lead = jnp.ones_like(k_r) if gains.motor_lead is None else gains.motor_lead
     # of L i w: the powers of 1 / (i w) are 1, -i, -1, i, 1 over those of w
-    factors = lead * jnp.moveaxis(jnp.asarray(rows), 1, 0)[..., None]
+    factors = gains.lead * jnp.moveaxis(jnp.asarray(rows), 1, 0)[..., None]
     one, two, three, four, five = factors
     real = one - three / w**2 + five / w**4
-    imaginary = (lead - 1) * w - two / w + four / w**3
+    imaginary = (gains.lead - 1) * w - two / w + four / w**3
     lag = motor_lag_s * w
     size = 0.5 * jnp.log(real**2 + imaginary**2) - jnp.log(w) - 0.5 * jnp.log1p(lag**2)
     # -L = i (i w L) / w

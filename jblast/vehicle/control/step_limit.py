@@ -45,8 +45,7 @@ def step_limit(
     if gains is None:
         return motors
     asked = (gains.position, gains.velocity, gains.integral)
-    lead = 1.0 if gains.motor_lead is None else gains.motor_lead
-    numbers = (*asked, gains.attitude, gains.body_rate, lead)
+    numbers = (*asked, gains.attitude, gains.body_rate, gains.lead)
     by_value = tuple(float(x) for part in numbers for x in np.ravel(part))
     return _hold_limit(integrator, float(motor_lag_s), by_value, held)
 
@@ -121,7 +120,7 @@ def chains(gains: Gains, lag: float) -> list:
         np.asarray(x, float) for x in (gains.position, gains.velocity, gains.integral)
     )
     k_r, k_w, g = float(gains.attitude), float(gains.body_rate), FLIGHT_GRAVITY
-    lead = 1.0 if gains.motor_lead is None else float(gains.motor_lead)
+    lead = float(gains.lead)
     found = [(_integrals([1.0, 1.0], lag), np.array([-k_r, -k_w, 0.0]), 0.0)]
     found.append(
         (_integrals([1.0, 1.0], lag), np.array([-k_p[2], -k_d[2], 0.0]), k_i[2])

@@ -75,14 +75,11 @@ def served_autopilot(asked: argparse.Namespace) -> LockstepAnswer:
     turns = turns_of(drawn, scene.spec, scene.place, asked.seed, asked.scene)
     flight, files = Lockstep(), []
     with contextlib.ExitStack() as stack:
-        logs: list[TelemetryLog] = []
-        link = Link(
-            address, "mavlink", keep=lambda frame: [one.keep(frame) for one in logs]
-        )
+        link, log = Link(address, "mavlink"), None
         stack.callback(link.close)
-        # where the port is taken there is no log either
-        if asked.tlog:
-            logs.append(stack.enter_context(TelemetryLog(asked.tlog)))
+        if asked.tlog:  # where the port is taken there is no log either
+            log = stack.enter_context(TelemetryLog(asked.tlog))
+            link.keep = log.keep
             files.append(asked.tlog)
         made = programs(turns)
         _say(
@@ -95,8 +92,8 @@ def served_autopilot(asked: argparse.Namespace) -> LockstepAnswer:
         )
 
         def each() -> None:
-            for one in logs:
-                one.now_s = flight.turns * PERIOD_S
+            if log is not None:
+                log.now_s = flight.turns * PERIOD_S
 
         stack.enter_context(_stopped_by_signal())
         nobody, seconds = False, asked.seconds

@@ -14,7 +14,6 @@ differences, which lose digits (`waves/waveform/pulse.py`); a slope has them to 
 
 import jax
 import jax.numpy as jnp
-import numpy as np
 from jaxtyping import Array, Float
 
 from jblast.inference.picks.fit.computed_once import in_halves
@@ -57,10 +56,8 @@ def mean_slopes(bins: Bins, numbers: Float[Array, "7"]) -> Float[Array, "bin 7"]
         bins: Contiguous.
         numbers: The first seven of a `Pulse`, in its order.
     """
-    ends = np.append(bins.start, bins.stop[-1]).astype(numbers.dtype)
-    at_ends = _antiderivative_slopes(ends, *numbers)
-    width = bins.width.astype(numbers.dtype)
-    return (at_ends[:, 1:] - at_ends[:, :-1]).T / width[:, None]
+    ends = bins.ends.astype(numbers.dtype)
+    return bins.means_by(_antiderivative_slopes(ends, *numbers)).T
 
 
 def mean_columns(bins: Bins, pulse: Pulse) -> Float[Array, "2 bin"]:
@@ -70,29 +67,24 @@ def mean_columns(bins: Bins, pulse: Pulse) -> Float[Array, "2 bin"]:
         bins: Contiguous.
         pulse: With a rise, and nothing held; its peak and suction are not asked for.
     """
-    kind = pulse.arrival_time.dtype
-    since = np.append(bins.start, bins.stop[-1]).astype(kind) - pulse.arrival_time
-    length = pulse.decay_duration
-    x = jnp.clip(since / pulse.rise_time, 0.0, 1.0)
-    s = jnp.clip((since - pulse.rise_time) / length, 0.0, 1.0)
-    r = jnp.clip((since - pulse.duration) / pulse.suction_duration, 0.0, 1.0)
+    since = bins.ends.astype(pulse.arrival_time.dtype) - pulse.arrival_time
+    rise, length, fall = pulse.rise_time, pulse.decay_duration, pulse.suction_duration
+    x, s, r = _shares(since, rise, length, pulse.duration, fall)
     y = pulse.decay * s
     k = impulse_fraction(y)
     at_ends = jnp.stack(
         [
-            pulse.rise_time * _risen(x) + length * _fallen(s, k, _late(y, k)),
-            -6.75 * pulse.suction_duration * _sucked(r),
+            rise * _risen(x) + length * _fallen(s, k, _late(y, k)),
+            -6.75 * fall * _sucked(r),
         ]
     )
-    return (at_ends[:, 1:] - at_ends[:, :-1]) / bins.width.astype(kind)[None, :]
+    return bins.means_by(at_ends)
 
 
 def _antiderivative_slopes(time, arrival, peak, rise, duration, decay, suction, fall):
     """Return the slopes of the integral up to each instant, [7, instant]."""
     since, length = time - arrival, duration - rise
-    x = jnp.clip(since / rise, 0.0, 1.0)
-    s = jnp.clip((since - rise) / length, 0.0, 1.0)
-    r = jnp.clip((since - duration) / fall, 0.0, 1.0)
+    x, s, r = _shares(since, rise, length, duration, fall)
     up = x * x * (3.0 - 2.0 * x)
     risen = _risen(x)
     y = decay * s
@@ -116,6 +108,14 @@ def _antiderivative_slopes(time, arrival, peak, rise, duration, decay, suction, 
             deep * (r * low - sucked),
         ]
     )
+
+
+def _shares(since, rise, length, duration, fall):
+    """Return how far the rise, the decay and the suction are, each from 0 to 1."""
+    x = jnp.clip(since / rise, 0.0, 1.0)
+    s = jnp.clip((since - rise) / length, 0.0, 1.0)
+    r = jnp.clip((since - duration) / fall, 0.0, 1.0)
+    return x, s, r
 
 
 def _risen(x):

@@ -8,7 +8,6 @@ ring $e^{\lambda t}$ of each of four pieces, counted from where it begins.
 from typing import NamedTuple
 
 import jax.numpy as jnp
-import numpy as np
 from jaxtyping import Array, Float
 
 from jblast.inference.picks.fit.computed_once import in_halves
@@ -71,7 +70,7 @@ def sums_over(
     Returns:
         All of it, then the ring $C z$ alone, real and imaginary part.
     """
-    passed = _passed(_ends(bins, numbers), numbers)
+    passed = _passed(bins, numbers)
     up, down, low = passed.inside[:3]
     s = passed.decay
     falling = (terms.down[0] + terms.down[1] * s) * jnp.exp(-numbers[4] * s)
@@ -81,7 +80,7 @@ def sums_over(
     a, b = terms.real @ passed.inside, terms.imaginary @ passed.inside
     forced = up * rising + down * falling + low * sucked
     real, imaginary = a * cos - b * sin, a * sin + b * cos
-    return _over(bins, jnp.stack([forced + real, real, imaginary]))
+    return -bins.means_by(jnp.stack([forced + real, real, imaginary]))
 
 
 def waves_over(bins: Bins, numbers: Float[Array, "9"], terms: Terms) -> Waves:
@@ -93,7 +92,7 @@ def waves_over(bins: Bins, numbers: Float[Array, "9"], terms: Terms) -> Waves:
             frequency and damping; times in samples.
         terms: By these numbers: how many powers there are.
     """
-    passed = _passed(_ends(bins, numbers), numbers)
+    passed = _passed(bins, numbers)
     both = oscillation(*_pole(numbers), passed.elapsed)
     falling = in_halves(lambda s: jnp.exp(-numbers[4] * s), passed.decay)
     up, down, low = passed.inside[:3]
@@ -104,23 +103,13 @@ def waves_over(bins: Bins, numbers: Float[Array, "9"], terms: Terms) -> Waves:
     ]
     rings = jnp.concatenate([passed.inside * x[None, :] for x in both])
     rings = jnp.concatenate([rings, passed.elapsed[None, :] * rings])
-    return Waves(_over(bins, jnp.concatenate(forced)), _over(bins, rings))
+    return Waves(-bins.means_by(jnp.concatenate(forced)), -bins.means_by(rings))
 
 
-def _ends(bins: Bins, numbers):
-    """Return where bins begin, and where the last one ends."""
-    return np.append(bins.start, bins.stop[-1]).astype(numbers.dtype)
-
-
-def _over(bins: Bins, waves):
-    """Return what waves at the ends of bins add to the mean over each."""
-    return (waves[:, :-1] - waves[:, 1:]) / bins.width.astype(waves.dtype)[None, :]
-
-
-def _passed(time, numbers) -> _Passed:
-    """Return where instants lie in a pulse."""
+def _passed(bins: Bins, numbers) -> _Passed:
+    """Return where the ends of bins lie in a pulse."""
     arrival, _, rise, duration, _, _, fall, _, _ = numbers
-    since = time - arrival
+    since = bins.ends.astype(numbers.dtype) - arrival
     edges = jnp.stack([jnp.zeros_like(rise), rise, duration, duration + fall])
     begun = (since[None, :] >= edges[:, None]).astype(since.dtype)
     inside = begun - jnp.concatenate([begun[1:], jnp.zeros_like(begun[:1])])

@@ -44,6 +44,11 @@ class Bins(NamedTuple):
         return self.first + self.width - 0.5
 
     @property
+    def ends(self) -> Float[np.ndarray, " end"]:
+        """Where each begins, and where the last one ends [samples]."""
+        return np.append(self.start, self.stop[-1])
+
+    @property
     def middle(self) -> Float[np.ndarray, " bin"]:
         """The middle of each [samples]."""
         return self.first + 0.5 * (self.width - 1)
@@ -53,6 +58,11 @@ class Bins(NamedTuple):
         """Which bins are samples of their own: those in a row about the front."""
         ones = np.flatnonzero(self.width == 1)
         return slice(int(ones[0]), int(ones[-1]) + 1)
+
+    def means_by(self, at_ends: Float[Array, "row end"]) -> Float[Array, "row bin"]:
+        """Return means over each, where they meet, by antiderivatives at `ends`."""
+        width = self.width.astype(at_ends.dtype)
+        return (at_ends[:, 1:] - at_ends[:, :-1]) / width[None, :]
 
 
 def bins_about_front(samples: int) -> Bins:

@@ -174,17 +174,18 @@ def _render(
     @jax.checkpoint
     def frame(inputs):
         if exposures == 1:
-            return instant(inputs[0] + 0.5 * exposure, inputs[1])
+            return instant(*inputs)
         return jax.lax.cond(exposure > 0, gathered, instant, *inputs)
 
+    if exposures == 1:  # in the middle
+        times = times + 0.5 * exposure
     if not callable(source) and source.ndim == 4:
         frames = jax.lax.map(frame, (times, source))
     else:
         behind = None if callable(source) else source
         frames = jax.lax.map(lambda time: frame((time, behind)), times)
     if simple:
-        middles = times + 0.5 * exposure
-        return fireballs_over(scene, rays, middles, appearance, frames)
+        return fireballs_over(scene, rays, times, appearance, frames)
     return straight(frames) if alpha else frames
 
 
