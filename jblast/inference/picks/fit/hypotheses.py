@@ -34,11 +34,11 @@ damping being looked for, about 6. Sensors ring more often than pulses are follo
 
 HIDES = 1.0
 """Gain in ln posterior from which on a slow front may hide a ring: noise has it once in
-4 records."""
+4 records, and of 2,000 simulated ones each whose ring was found so had it."""
 
 QUIET = 5.0
-"""Power of an oscillation from which on a slow front's sensor may ring: noise has it
-in one record in four, and a ring has to gain as much as any other."""
+"""Power of an oscillation from which on a ring that a slow front may hide is looked for
+where it is seen, too: noise has it in one record in four."""
 
 RESOLVED = 0.8
 """A rise of so many samples can be seen to be bent."""
@@ -101,7 +101,7 @@ def with_what_shows(
         lambda: hidden_ring(bins, one, unmoved.y, plain._replace(rings=1.0 + none)),
         lambda: Hidden(-jnp.inf + none, unmoved.y),
     )
-    weak = slow & (signs.power > QUIET)
+    weak = slow & (signs.power > QUIET) & (hidden.gain > HIDES)
     oscillates = jnp.where(weak, 1.0, signs.rings)
     bent = jnp.where(hidden.gain > HIDES, 1.0, oscillates)
 

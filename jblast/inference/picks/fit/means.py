@@ -44,12 +44,12 @@ def means_over(bins: Bins, pulse: Pulse) -> Float[Array, " bin"]:
     @of.defjvp
     def _(primals, tangents):
         # slopes by these seven numbers once, not by each unknown there is
-        return of(primals[0]), mean_slopes(bins, primals[0]) @ tangents[0]
+        return of(primals[0]), tangents[0] @ mean_slopes(bins, primals[0])
 
     return of(numbers)
 
 
-def mean_slopes(bins: Bins, numbers: Float[Array, "7"]) -> Float[Array, "bin 7"]:
+def mean_slopes(bins: Bins, numbers: Float[Array, "7"]) -> Float[Array, "7 bin"]:
     """Return the slopes of means over bins by arrival, peak, rise and so on.
 
     Args:
@@ -57,7 +57,7 @@ def mean_slopes(bins: Bins, numbers: Float[Array, "7"]) -> Float[Array, "bin 7"]
         numbers: The first seven of a `Pulse`, in its order.
     """
     ends = bins.ends.astype(numbers.dtype)
-    return bins.means_by(_antiderivative_slopes(ends, *numbers)).T
+    return bins.means_by(_antiderivative_slopes(ends, *numbers))
 
 
 def mean_columns(bins: Bins, pulse: Pulse) -> Float[Array, "2 bin"]:

@@ -106,19 +106,16 @@ class _Expansion(NamedTuple):
     scale: Float[Array, " unknown"]
 
 
-def _expansion(misfit: Misfit, y, case: Case) -> _Expansion:
-    """Return the cost of a record about a place."""
-
-    def twice(y):
-        apart = misfit(y, case)
-        return apart, apart
-
-    jacobian, apart = jax.jacfwd(twice, has_aux=True)(y)
-    information = jacobian.T @ jacobian
+def _expansion(misfit: Misfit, y, apart, cost, case: Case) -> _Expansion:
+    """Return the cost of a record about a place, its misfit there being known."""
+    _, moved = jax.linearize(lambda y: misfit(y, case), y)
+    # a row an unknown: what is done to each of them runs along the bins
+    slopes = jax.vmap(moved)(jnp.eye(y.size, dtype=y.dtype))
+    information = slopes @ slopes.T
     scale = 1.0 / jnp.sqrt(jnp.diagonal(information))
     return _Expansion(
-        cost=0.5 * jnp.sum(apart * apart),
-        slope=scale * (jacobian.T @ apart),
+        cost=cost,
+        slope=scale * (slopes @ apart),
         information=information * scale[:, None] * scale[None, :],
         scale=scale,
     )
@@ -133,7 +130,8 @@ def _search(misfit: Misfit, start, case: Case, most_steps: int, hopeless) -> Opt
     many = jnp.maximum(jnp.sum((case.weight > 0).astype(start.dtype)), 1.0)
 
     def step(state: _State) -> _State:
-        cost = 0.5 * jnp.sum(jnp.square(misfit(state.tried, case)))
+        apart = misfit(state.tried, case)
+        cost = 0.5 * jnp.sum(apart * apart)
         slack = rounding * (jnp.sqrt(2.0 * jnp.abs(cost)) + rounding)
         better = cost <= state.here.cost + slack
         widened = jnp.maximum(2.0 * state.here.cost / many, 1.0)
@@ -141,7 +139,7 @@ def _search(misfit: Misfit, start, case: Case, most_steps: int, hopeless) -> Opt
         # slopes cost as much as several misfits, and not every step is taken
         here = lax.cond(
             better,
-            lambda: _expansion(misfit, state.tried, case),
+            lambda: _expansion(misfit, state.tried, apart, cost, case),
             lambda: state.here,
         )
         y = jnp.where(better, state.tried, state.y)

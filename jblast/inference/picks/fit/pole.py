@@ -92,7 +92,7 @@ def ringing(
     @added.defjvp
     def _(primals, tangents):
         # slopes by these nine numbers once, not by each unknown that they depend on
-        return added(primals[0]), ringing_slopes(bins, primals[0]) @ tangents[0]
+        return added(primals[0]), tangents[0] @ ringing_slopes(bins, primals[0])
 
     return Ringing(*added(jnp.stack(numbers)))
 
@@ -102,7 +102,7 @@ def _added(bins: Bins, numbers: Float[Array, "9"]) -> Float[Array, "3 bin"]:
     return sums_over(bins, numbers, terms_of(numbers))
 
 
-def ringing_slopes(bins: Bins, numbers: Float[Array, "9"]) -> Float[Array, "3 bin 9"]:
+def ringing_slopes(bins: Bins, numbers: Float[Array, "9"]) -> Float[Array, "3 9 bin"]:
     """Return the slopes of `Ringing` by the numbers of `ringing`.
 
     A wave that is moved or stretched a little is a sum of waves of its kind where they
@@ -145,8 +145,7 @@ def ringing_slopes(bins: Bins, numbers: Float[Array, "9"]) -> Float[Array, "3 bi
     sums = [[now, -turns, grows, -bends], [turns, now, bends, grows]]
     rings = jnp.concatenate([jnp.concatenate(row, axis=1) for row in sums])
     rings = (rings @ over.rings).reshape(2, numbers.size, -1)
-    made = jnp.stack([forced @ over.forced + rings[0], rings[0], rings[1]])
-    return jnp.swapaxes(made, 1, 2)
+    return jnp.stack([forced @ over.forced + rings[0], rings[0], rings[1]])
 
 
 def _moved(terms, slope, later, longer):
