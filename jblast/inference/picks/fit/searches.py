@@ -42,12 +42,9 @@ lie."""
 SHARP = 1.5
 """Samples of a front that may be a slower one's, at the edge of a sample."""
 
-OFF = 1.3
-"""Squared misfit from which on slower rises are then tried."""
-
-WRONG = 2.0
-"""And from which on one begins at the best of them, be it better or not: far from its
-own optimum the right one is worse than a wrong one at its best."""
+WRONG = 1.2
+"""Squared misfit from which on one begins at the best of slower ones, be it better or
+not: far from its own optimum the right one is worse than a wrong one at its best."""
 
 LOWER = 0.1
 """A search begins there if ln posterior is higher by as much, and counts if it ends
@@ -209,7 +206,7 @@ def _elsewhere(
         lambda: Elsewhere(nowhere, zero, zero, zero, nowhere),
     )
     near = lax.cond(
-        looked & astray & (best.ratio > OFF),
+        looked & astray,
         lambda: closer(bins, y, case),
         lambda: Closer(nowhere, zero),
     )
