@@ -159,9 +159,15 @@ def decoded(
     controls = sorted(set(text) & _CONTROLS)
     if controls:
         at = min(text.index(control) for control in controls)
+        wide = text[at] == "\0" and text.count("\0") * 3 > len(text)
         raise InputError(
             f"{path}: line {text.count(chr(10), 0, at) + 1}: expected {expected}, "
-            f"got the control character 0x{ord(text[at]):02x}; is this a binary file?"
+            f"got the control character 0x{ord(text[at]):02x}; is this "
+            + (
+                "UTF-16 without its mark? Save it as UTF-8"
+                if wide
+                else "a binary file?"
+            )
         )
     return text
 

@@ -87,6 +87,25 @@ class LevelConverted(Understood):
 
 
 @dataclass(frozen=True)
+class ClockTimesTaken(Understood):
+    """Clock times that do not say their day or their zone, or that are not in UTC.
+
+    Attributes:
+        date: The day that was taken for those without one.
+        undated: How many these are.
+        zone: The zone that was taken for those without one.
+        unzoned: How many these are.
+        moved: How many have an offset of their own, and were turned into UTC.
+    """
+
+    date: str
+    undated: int
+    zone: str
+    unzoned: int
+    moved: int
+
+
+@dataclass(frozen=True)
 class EmptySkipped(Understood):
     """Rows without a value, left out.
 

@@ -71,6 +71,22 @@ def _(found: of.LevelConverted) -> str:
 
 
 @understood_words.register
+def _(found: of.ClockTimesTaken) -> str:
+    parts = []
+    if found.undated:
+        parts.append(
+            f"times of day taken to be of {found.date} ({_rows(found.undated)})"
+        )
+    if found.unzoned:
+        parts.append(
+            f"times without a zone taken in {found.zone} ({_rows(found.unzoned)})"
+        )
+    if found.moved:
+        parts.append(f"times with an offset turned into UTC ({_rows(found.moved)})")
+    return f"value_utc: {'; '.join(parts)}"
+
+
+@understood_words.register
 def _(found: of.EmptySkipped) -> str:
     n = len(found.lines)
     which = [str(line) for line in found.lines[:NAMED]]

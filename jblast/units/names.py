@@ -7,11 +7,13 @@ from jblast.errors import nearest
 from jblast.quantity_table import QUANTITIES
 from jblast.units.factors import si_factor
 from jblast.units.spelling import LONGEST, Unit, spelt, unit_spelt, words_of
-from jblast.units.vocabulary import ABSOLUTE, LEVEL, SI, SUFFIXES
+from jblast.units.vocabulary import ABSOLUTE, LEVEL, SI, SUFFIXES, WEIGHTED
 from jblast.units.words import CALLED, COLUMNS, NEAR
 
 ANY = ("value", "sigma")
 """Columns that take the unit of whatever was measured."""
+MOST = 12
+"""Units that a message names."""
 
 
 class OurName(NamedTuple):
@@ -61,18 +63,21 @@ def what_to_write(foreign: str) -> str:
 
     Names a unit that case must tell apart, the nearest unit, or ours with the factor.
     """
-    words = words_of(foreign)
+    words, whole = words_of(foreign), spelt(foreign)
+    if weighted := _level_of_another_kind(whole):
+        return weighted
     for length in range(min(LONGEST, len(words) - 1), 0, -1):
-        suffix = "_".join(words[-length:])
-        meant = unit_spelt(suffix)
+        word = "_".join(words[:-length]).lower()
+        meant = unit_spelt("_".join(words[-length:]))
         if len(meant) > 1:
-            either = " or ".join(unit.pint for unit in meant)
-            return f"; its unit may be {either}: write which, in that case"
-        if meant:
-            word, unit = "_".join(words[:-length]).lower(), meant[0]
-            if near := _near(word, unit):
-                return near
-    whole = spelt(foreign)
+            either = [f"{word}_{unit.suffix}" for unit in meant]
+            return (
+                "; its unit may be MPa or mPa, which case tells apart: write "
+                f"{' or '.join(either)}"
+            )
+        ours = any(word in _names(of) for of in SUFFIXES)
+        if meant and not ours and (near := _near(word, meant[0])):
+            return near
     if words and words[-1].lower() in ABSOLUTE:
         return "; it is absolute: subtract the ambient pressure, and write gauge units"
     for dimension, suffixes in SUFFIXES.items():
@@ -81,13 +86,26 @@ def what_to_write(foreign: str) -> str:
                 some = ", ".join(list(suffixes)[:6])
                 return f"; it has no unit: expected {ours}, or another ending ({some})"
             if whole.startswith(f"{word}_"):
-                ending = whole.removeprefix(f"{word}_")
-                if ours in ANY:
-                    known = [suffix for of in SUFFIXES.values() for suffix in of]
-                    return f"; {ending!r} is no unit{nearest(ending, known)}"
-                close = nearest(ending, suffixes)
-                return f"; {ending!r} is no unit of {dimension}{close}"
+                return _no_unit(whole.removeprefix(f"{word}_"), ours, dimension)
     return ""
+
+
+def _level_of_another_kind(whole: str) -> str:
+    """Say of a level that is weighted, or re another pressure, what is expected."""
+    expected = "expected peak_level_db, of the unweighted peak, re 20 uPa"
+    if whole.endswith(tuple(f"_{ending}" for ending in WEIGHTED)):
+        return f"; it is a weighted or an equivalent level, not a peak: {expected}"
+    return f"; it is re another pressure: {expected}" if "_db_re_" in whole else ""
+
+
+def _no_unit(ending: str, ours: str, dimension: str) -> str:
+    """Say that an ending is no unit of one of ours, and which is near, or would be."""
+    if ours in ANY:
+        known = [suffix for of in SUFFIXES.values() for suffix in of]
+        return f"; {ending!r} is no unit{nearest(ending, known)}"
+    suffixes = SUFFIXES[dimension]
+    some = f"; expected one of {', '.join(list(suffixes)[:MOST])}"
+    return f"; {ending!r} is no unit of {dimension}{nearest(ending, suffixes) or some}"
 
 
 def _near(word: str, unit: Unit) -> str:

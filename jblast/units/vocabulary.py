@@ -21,8 +21,23 @@ LENGTHS = {
     "m": "m", "km": "km", "cm": "cm", "mm": "mm", "um": "um", "nm": "nm",
     "ft": "ft", "in": "inch", "yd": "yard", "mi": "mile", "nmi": "nautical_mile",
 }  # fmt: skip
+WRITTEN_OUT = {
+    "second": "s", "secs": "s", "millisecond": "ms", "msecs": "ms", "microsecond": "us",
+    "nanosecond": "ns", "minute": "min", "mins": "min", "hour": "h", "hrs": "h",
+    "metre": "m", "meter": "m", "kilometre": "km", "kilometer": "km",
+    "centimetre": "cm", "centimeter": "cm", "millimetre": "mm", "millimeter": "mm",
+    "foot": "ft", "feet": "ft", "inch": "in", "inches": "in", "yard": "yd",
+    "mile": "mi", "pascal": "pa", "hectopascal": "hpa", "kilopascal": "kpa",
+    "megapascal": "MPa", "millipascal": "mPa", "millibar": "mbar", "bars": "bar",
+    "degree": "deg", "radian": "rad", "milliradian": "mrad", "decibel": "db",
+    "kilogram": "kg", "gram": "g", "tonne": "t", "pound": "lb", "lbs": "lb",
+    "ounce": "oz", "knot": "kn", "pixel": "px",
+}  # fmt: skip
+"""Units by their full names, in the singular, and shortened otherwise."""
 ABSOLUTE = ("psia", "kpaa", "bara", "mbara")
 """Endings of readings from vacuum, which are no overpressures."""
+WEIGHTED = ("dba", "db_a", "dbb", "db_b", "dbc", "db_c", "laeq", "leq")
+"""Endings of levels that are none of the unweighted peak."""
 MILLI_OR_MEGA = {"mpa": ("MPa", "mPa")}
 """Endings that mean two units unless their case is right."""
 SHARE, LEVEL = "share", "level"

@@ -139,7 +139,10 @@ BAD = {
         (HEADER + ROW + ROW.replace("a,", "caf\u00e9,", 1)).encode("latin-1"),
         ["line 3", "UTF-8", "0xe9"],
     ),
-    "UTF-16 unmarked": ((HEADER + ROW).encode("utf-16-le"), ["line 1", "0x00"]),
+    "UTF-16 unmarked": (
+        (HEADER + ROW).encode("utf-16-le"),
+        ["line 1", "0x00", "UTF-16 without its mark"],
+    ),
     "binary": (
         HEADER.encode() + b"\x7fELF\x00\x01",
         ["line 2", "a CSV file", "0x7f", "binary"],

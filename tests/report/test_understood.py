@@ -23,6 +23,12 @@ SAID = [
     (of.LevelConverted("sigma_db", 2), "1 dB is ln(10)/20 = 11.5 %"),
     (of.EmptySkipped((4,)), "1 row without a value left out: line 4"),
     (of.EmptySkipped(tuple(range(9))), "lines 0, 1, 2, 3, 4 and 4 more"),
+    (
+        of.ClockTimesTaken("2020-08-04", 2, "Asia/Beirut", 3, 1),
+        "value_utc: times of day taken to be of 2020-08-04 (2 rows); times without a "
+        "zone taken in Asia/Beirut (3 rows); times with an offset turned into UTC "
+        "(1 row)",
+    ),
     (of.HeightTaken(), "sensors taken to stand at up = 0"),
     (of.ColumnsIgnored(("Note",)), "column Note left aside"),
     (of.UnitsRow(2), "line 2 was read as the units"),

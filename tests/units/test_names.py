@@ -40,7 +40,29 @@ MEANT = [
     ("value_kpa", "value", 1e3),
     ("sigma_ms", "sigma", 1e-3),
     ("sigma (%)", "sigma", 1e-2),
+    ("arrival (seconds)", "air_arrival_s", 1.0),
+    ("positive_duration_milliseconds", "positive_duration_s", 1e-3),
+    ("Range [feet]", "range_m", 0.3048),
+    ("east (Metres)", "east_m", 1.0),
+    ("bearing (degrees)", "bearing_rad", 3.141592653589793 / 180),
+    ("overpressure (Megapascal)", "peak_overpressure_pa", 1e6),
+    ("overpressure (Millipascals)", "peak_overpressure_pa", 1e-3),
+    ("positive impulse (psi milliseconds)", "positive_impulse_pa_s", PSI * 1e-3),
 ]
+
+
+@pytest.mark.parametrize(
+    "theirs",
+    [
+        "Peak SPL [dB re 20 uPa]",
+        "peak_level_db_re_20_\u00b5Pa",
+        "peak level (decibels)",
+    ],
+)
+def test_a_level_may_say_what_all_of_them_are_counted_from(theirs):
+    found = our_name(theirs)
+    assert found is not None
+    assert (found.name, found.dimension) == ("peak_overpressure_pa", "level")
 
 
 @pytest.mark.parametrize(("theirs", "ours", "factor"), MEANT)
@@ -55,7 +77,8 @@ def test_a_name_of_another_tool_is_one_of_ours_in_a_unit(theirs, ours, factor):
 @pytest.mark.parametrize(
     ("theirs", "said"),
     [
-        ("peak_overpressure_mpa", "may be MPa or mPa"),
+        ("peak_overpressure_mpa", "peak_overpressure_MPa or peak_overpressure_mPa"),
+        ("positive_impulse_mpa_ms", "_impulse_MPa_ms or positive_impulse_mPa_ms"),
         ("PEAK_OVERPRESSURE_MPA", "may be MPa or mPa"),
         ("peak_overpressure_kpaa", "absolute"),
         ("peak_overpressure_psia", "absolute"),
@@ -66,6 +89,11 @@ def test_a_name_of_another_tool_is_one_of_ours_in_a_unit(theirs, ours, factor):
         ("distance_ft", "write range_ft (times 0.3048)"),
         ("radius_cm", "if shock_radius_m is meant"),
         ("level_db", "peak_level_db, of the unweighted peak"),
+        ("peak_level_dba", "weighted or an equivalent level, not a peak"),
+        ("Peak level [dB(C)]", "weighted or an equivalent level, not a peak"),
+        ("Peak SPL (dB re 1 uPa)", "re another pressure: expected peak_level_db"),
+        ("air_arrival_kpa", "'kpa' is no unit of time; expected one of s, "),
+        ("range_furlongs", "'furlongs' is no unit of length; expected one of m, "),
         ("velocity_mm_s", "if ground_peak_velocity_m_s is meant"),
         ("latitude_deg", "did you mean lat_deg?"),
         ("positive_impulse_psi_per_ms", "no unit of impulse"),

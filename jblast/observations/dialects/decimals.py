@@ -17,12 +17,14 @@ GROUPED = re.compile(r"[+-]?[1-9]\d{0,2}(?:([.,])\d{3})+")
 DECIMALS = {
     mark: re.compile(rf"[+-]?\d*{re.escape(mark)}\d*(?:[eE][+-]?\d+)?") for mark in ",."
 }
+MINUS = "\u2212"
+"""The sign for minus of typesetters, which some spreadsheets write."""
 Seen = tuple[int, str, str]
 """Line, column and text of a number."""
 
 
 def take_decimal_commas(table: Table, numbers: Collection[str]) -> None:
-    """Write decimal points where the file has decimal commas.
+    """Write decimal points where the file has decimal commas, and plain minus signs.
 
     Args:
         table: Is changed.
@@ -34,6 +36,9 @@ def take_decimal_commas(table: Table, numbers: Collection[str]) -> None:
     held = [i for i, name in enumerate(table.header) if name in numbers]
     separated = next((f for f in table.understood if isinstance(f, Dialect)), None)
     semicolons = separated is not None and separated.separator == SEPARATORS[";"]
+    for i in held:
+        if any(MINUS in text for text in table.columns[i]):
+            table.columns[i] = [x.replace(MINUS, "-") for x in table.columns[i]]
     columns = [table.columns[i] for i in held]
     if not semicolons and not any("," in "".join(column) for column in columns):
         return
@@ -62,7 +67,12 @@ def take_decimal_commas(table: Table, numbers: Collection[str]) -> None:
     if "," not in sure:
         return
     for i in held:
-        table.columns[i] = [text.replace(",", ".") for text in table.columns[i]]
+        table.columns[i] = [
+            text.replace(",", ".")
+            if DECIMALS[","].fullmatch(text.lstrip("> "))
+            else text
+            for text in table.columns[i]
+        ]
     line, _, text = sure[","]
     table.understood = (*table.understood, DecimalComma(line, text))
 

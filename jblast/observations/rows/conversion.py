@@ -146,14 +146,13 @@ def told_columns(rows: Fields) -> list[Understood]:
 
 def _unknown(quantity: str, *, strict: bool) -> str:
     """Say what to write in place of an unknown quantity."""
+    said = f"unknown quantity {shown(quantity)}"
     ours = our_name(quantity) if strict else None
     if ours is not None:
         level = ours.dimension == LEVEL
-        advice = f"; ours is {ours.name}"
-        advice += "" if level else f": multiply by {ours.factor:.9g}"
-    else:
-        advice = what_to_write(quantity) or nearest(quantity, QUANTITIES)
-    return (
-        f"unknown quantity {shown(quantity)}{advice}; expected one of "
-        f"{', '.join(QUANTITIES)}"
-    )
+        times = "" if level else f": multiply by {ours.factor:.9g}"
+        return f"{said}; ours is {ours.name}{times}"
+    if advice := what_to_write(quantity):
+        return said + advice
+    near = nearest(quantity, QUANTITIES)
+    return f"{said}{near}; expected one of {', '.join(QUANTITIES)}"

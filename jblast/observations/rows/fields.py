@@ -20,6 +20,8 @@ DATE = re.compile(r"\d{4}-\d{2}-\d{2}")
 TIME_OF_DAY = re.compile(r"\d{1,2}:\d{2}")
 MINUTES = re.compile(r"[NSEW]?\s*[+-]?\d+(\.\d+)?\s*([°ºd':\s]|[NSEW]$)")
 """How a latitude or longitude begins in minutes, or with its side."""
+THOUSANDS = re.compile(r"[+-]?\d{1,3}(?:[\s'\u2019]\d{3})+(?:[.,]\d+)?")
+"""Numbers with blanks or apostrophes in them, as in France and in Switzerland."""
 WITH_UNIT = re.compile(r"[+-]?\d[\d.,]*(?:[eE][+-]?\d+)?\s*[%A-Za-zµ°].*")
 
 
@@ -120,6 +122,8 @@ def _what_came(text: str, column: str) -> str:
         )
     if column in DEGREES and MINUTES.match(text):
         return f"{shown(text)}; write decimal degrees, south and west below 0"
+    if THOUSANDS.fullmatch(text):
+        return f"{shown(text)}; write it without marks between thousands"
     if WITH_UNIT.fullmatch(text):
         return f"{shown(text)}; a unit stands in the name of the column or quantity"
     return shown(text) + ("; write a decimal point" if "," in text else "")

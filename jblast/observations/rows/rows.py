@@ -20,7 +20,11 @@ from jblast.observations.table import (
     SAMPLES,
     Observations,
 )
-from jblast.observations.times.clock_times import COLUMN as VALUE_UTC, take_clock_times
+from jblast.observations.times.clock_times import (
+    COLUMN as VALUE_UTC,
+    take_clock_times,
+    told_clock_times,
+)
 from jblast.observations.understood import EmptySkipped
 from jblast.quantities import ADDITIVE, DIRECTIONS, TIMED
 
@@ -61,6 +65,7 @@ class Rows(Fields):
         if VALUE_UTC in self.texts:
             dated = np.array([bool(text) for text in self.texts[VALUE_UTC]], bool)
         self.texts.setdefault("value", [""] * len(dated))
+        timing = told_clock_times(self.texts.get(VALUE_UTC, []), self.date, self.zone)
         epoch = take_clock_times(self, self.date, self.zone)
         kind = np.array(held.quantity)
         value, sigma, bound = self.measurements(held, dated)
@@ -85,7 +90,7 @@ class Rows(Fields):
         named = {name: self.text(name) for name in NAMED}
         numbers = np.column_stack([value, sigma, position, slant_range, time, bound])
         self.duplicates(numbers, sensor, held.quantity, *named.values())
-        understood = [*self.found, *told_columns(self), *held.understood]
+        understood = [*self.found, *told_columns(self), *held.understood, *timing]
         if self.skipped:
             understood.append(EmptySkipped(self.skipped))
         whole = Observations(

@@ -13,8 +13,10 @@ from jblast.observations.times.instant import (
     day_named,
     instant,
     moment,
+    said,
     zone_named,
 )
+from jblast.observations.understood import ClockTimesTaken
 from jblast.quantities import CLOCK_TIMES
 from jblast.quantity_table import QUANTITIES
 
@@ -113,6 +115,29 @@ def take_clock_times(
         values[row] = repr((when - first) / SECOND)
     rows.texts["value"] = values
     return moment(first)
+
+
+def told_clock_times(
+    texts: Sequence[str], date: str | None, zone: str | None
+) -> list[ClockTimesTaken]:
+    """Return what was supplied to clock times, or converted; nothing of UTC with dates.
+
+    Args:
+        texts: Column `value_utc`, as written.
+        date: The day of those without one.
+        zone: The zone of those without one.
+    """
+    of = [said(text) for text in texts if text]
+    unzoned = sum(not one.zone for one in of)
+    utc = sum(one.zone.upper() in ("Z", "UTC") for one in of)
+    found = ClockTimesTaken(
+        date=date or "",
+        undated=sum(not one.date for one in of) if date else 0,
+        zone=zone or "",
+        unzoned=unzoned if zone else 0,
+        moved=len(of) - unzoned - utc,
+    )
+    return [found] if found.undated or found.unzoned or found.moved else []
 
 
 def _refuse_over_midnight(

@@ -7,6 +7,7 @@ so that differences lose nothing before they become floating-point seconds.
 import re
 from datetime import UTC, date, datetime, timedelta, timezone, tzinfo
 from functools import lru_cache
+from typing import NamedTuple
 
 from jblast.errors import InputError, argument, nearest, shown
 
@@ -69,6 +70,27 @@ def instant(text: str, day: date | None, zone: tzinfo | None) -> int:
         raise NotAnInstant(f"a year from {YEARS[0]} to {YEARS[1]}, got {shown(text)}")
     seconds = _seconds(datetime(day.year, day.month, day.day, hour, minute), own_zone)
     return (seconds + second) * SECOND + nanoseconds
+
+
+class Said(NamedTuple):
+    """What a text says of its instant, beside the time of the day.
+
+    Attributes:
+        date: Whether it names the day.
+        zone: What stands behind the time of day: "", "Z", "+03:00".
+    """
+
+    date: bool
+    zone: str
+
+
+def said(text: str) -> Said:
+    """Return what a time, as `instant` reads it, says of its day and zone."""
+    rest = text.strip()
+    dated = _DAY.match(rest)
+    rest = rest[dated.end() :] if dated else rest
+    clock = _CLOCK.match(rest)
+    return Said(dated is not None, rest[clock.end() :] if clock else "")
 
 
 def zone_named(name: str) -> tzinfo:

@@ -69,14 +69,20 @@ def test_quoted_decimal_commas_are_read_between_commas(log):
         ("1,234,567", "1", "without marks between thousands"),
         ("0,25", "0.5", "one decimal mark in the file"),
         ("1 234", "1", "a finite number, got '1 234'"),
-        ("1\u00a0234", "1", "a finite number"),
-        ("1'234", "1", "a finite number"),
+        ("1 234,5", "0,5", "got '1 234,5'; write it without marks between thousands"),
+        ("1\u00a0234", "1", "without marks between thousands"),
+        ("1'234", "1", "without marks between thousands"),
     ],
 )
 def test_what_can_be_read_two_ways_is_refused_with_both(log, value, sigma, said):
     text = f"sensor;quantity;value;sigma;range_m\na;air_arrival_s;{value};{sigma};20\n"
     with pytest.raises(InputError, match="line 2, column value.*" + said):
         read(log(text))
+
+
+def test_a_minus_of_typesetters_is_one(log):
+    signed = read(log(HEADER + "a,air_arrival_s,0.05,,\u221220.5,0,\u22121e1\n"))
+    np.testing.assert_array_equal(signed.position, [[-20.5, 0.0, -10.0]])
 
 
 def test_empty_values_are_left_out_and_counted(log):

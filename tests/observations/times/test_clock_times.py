@@ -8,6 +8,7 @@ import pytest
 import jblast
 from jblast.errors import InputError
 from jblast.observations import write
+from jblast.observations.understood import ClockTimesTaken
 
 HEAD = "sensor,quantity,value_utc,value,sigma,range_m\n"
 LOG = HEAD + (
@@ -35,6 +36,19 @@ def test_what_is_written_is_read_again(tmp_path):
     again = jblast.read(tmp_path / "again.csv")
     assert again.epoch == log.epoch
     assert np.array_equal(again.value, log.value)
+
+
+def test_what_was_supplied_to_times_or_converted_is_told(tmp_path):
+    of_day = LOG.replace("2020-08-04T15:08:18.310004Z", "18:08:18.310004")
+    log = read(tmp_path, of_day, date="2020-08-04", zone="Asia/Beirut")
+    told = ClockTimesTaken("2020-08-04", 1, "Asia/Beirut", 1, 1)
+    assert [f for f in log.understood if isinstance(f, ClockTimesTaken)] == [told]
+    assert log.value.tolist() == [0.310004, 2.5, 900.0]
+
+
+def test_of_times_in_utc_with_dates_there_is_nothing_to_tell(tmp_path):
+    in_utc = LOG.replace("18:08:20.5+03:00", "15:08:20.5Z")
+    assert read(tmp_path, in_utc, date="2020-08-05", zone="+03:00").understood == ()
 
 
 def test_times_of_day_take_the_date_and_zone_that_are_given(tmp_path):
