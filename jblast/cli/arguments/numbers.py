@@ -4,12 +4,15 @@ argparse names the option; `parsers.VerbParser` makes one message of it.
 """
 
 import math
+import re
 from argparse import ArgumentTypeError
 from collections.abc import Callable
 
 from jblast.errors import shown
 
 MOST_ROWS = 100_000
+EITHER = re.compile(r"\d+,\d+[^\d,:]*")
+"""15,5 or 33,5lb: two numbers, or one as most of Europe writes it."""
 SIZES = (1e-30, 1e30)
 """What a number other than 0 may be: past them powers of it overflow."""
 
@@ -63,8 +66,14 @@ def several(text: str, one: Callable[[str], float] = positive) -> tuple[float, .
         one: What reads one of the numbers.
 
     Raises:
-        ArgumentTypeError: The text is none of these.
+        ArgumentTypeError: The text is none of these, or two whole numbers that may be
+            one with a decimal comma.
     """
+    if EITHER.fullmatch(text):
+        raise ArgumentTypeError(
+            f"expected {text.replace(',', '.')} with a point, or "
+            f"{text.replace(',', ' ')}; got {text!r}, which may be one number or two"
+        )
     values: list[float] = []
     for word in text.split(","):
         if ":" in word:

@@ -21,6 +21,8 @@ def measured(dimension: str, example: str) -> Callable[[str], float]:
     """
 
     def in_si(text: str) -> float:
+        if "," in text:
+            raise ArgumentTypeError(f"expected a decimal point, got {shown(text)}")
         found = NUMBER_AND_UNIT.fullmatch(text.strip())
         if found is None or _is_number(text):
             return number(text)

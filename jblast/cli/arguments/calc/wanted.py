@@ -29,8 +29,9 @@ def wanted(asked: argparse.Namespace) -> tuple[str, str]:
     quantity = MEASURED.get(quantity, (quantity, ""))[0]
     if quantity and quantity not in known:
         names = [name for name in QUANTITIES if name in known]
+        names += sorted(known - set(names))
         raise InputError(
-            f"--quantity: expected one of {', '.join([*names, *COMBINATIONS])}, or "
+            f"--quantity: expected one of {', '.join(names)}, or "
             f"{', '.join(MEASURED)}; got {shown(quantity)}{nearest(quantity, known)}"
         )
     of = MEASURED[measured[0]][0] if measured else quantity

@@ -59,6 +59,9 @@ BAD = {
         ["--overpressure and --impulse"],
     ),
     "several masses for a range": ("--mass 5 6 --overpressure 5000", ["one --mass"]),
+    "a decimal comma": ("--mass 15,5 --range 9", ["15.5 with a point, or 15 5"]),
+    "a decimal comma and a unit": ("--mass 33,5lb --range 9", ["33.5lb", "33 5lb"]),
+    "a value with a comma": ("--mass 5 --overpressure 5,5kPa", ["a decimal point"]),
     "a broken list": ("--mass 5 --range 1:2", ["FROM:TO:COUNT", "'1:2'"]),
     "a list of one": ("--mass 5 --range 1:2:1", ["COUNT"]),
     "a list of halves": ("--mass 5 --range 1:2:2.5", ["COUNT"]),
@@ -67,7 +70,7 @@ BAD = {
     "a plot of no kind": ("--mass 5 --range 9 --plot a.doc", [".png, .svg, .pdf"]),
     "a plot of masses": ("--mass 5 6 --range 9 --plot a.png", ["one --mass"]),
     "a unit of something else": ("--mass 5ft --range 9", ["unit of mass", "33lb"]),
-    "no unit": ("--mass 5lbs --range 9", ["did you mean lb", "33lb"]),
+    "no unit": ("--mass 5lbx --range 9", ["did you mean lb", "33lb"]),
     "a quantity unknown": (
         "--mass 5 --range 9 --quantity peak_overpresure_pa",
         ["--quantity", "did you mean peak_overpressure_pa"],
@@ -96,6 +99,13 @@ def test_bad_input_is_one_line_and_exits_2(jblast, monkeypatch, tmp_path, words,
     for word in said:
         assert word in error
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_quantity_unknown_is_told_each_name_once(jblast):
+    error = jblast.refused("calc", *"--mass 5 --range 9 --quantity nothing".split())
+    names = error.partition("expected one of ")[2].partition("; got")[0].split(", ")
+    assert len(names) == len(set(names))
+    assert {"air_arrival_s", "arrival_difference_s", "shock_speed_m_s"} <= set(names)
 
 
 def test_help_needs_no_jax():
