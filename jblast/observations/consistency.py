@@ -148,11 +148,13 @@ def refuse_before_origin(
         if quantity not in ARRIVALS:
             continue
         allowed = EARLY * float(sigma[row])
+        named = observations.clock[row] and clock != clocks[0]
+        or_free = "origin_time_s" + (f" or {CLOCK_OFFSET}.{clock}" if named else "")
         if observations.value[row] + allowed <= start:
             raise InputError(
                 f"{observations.where(int(row))}: {quantity} is "
                 f"{observations.value[row]:g} s; expected it after the origin time, "
-                f"{start:g} s on this clock (correct it, or free origin_time_s)"
+                f"{start:g} s on this clock (correct it, or free {or_free})"
             )
 
 

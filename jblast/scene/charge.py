@@ -59,7 +59,7 @@ class Charge(Described):
     Raises:
         InputError: The position is not three numbers, or the time not a number, or
             minus infinity. Inside jit the time is not looked at.
-        TypeError: A keyword that no attribute has.
+        TypeError: A keyword that no attribute has, or text in place of a number.
 
     Example:
         `jblast.Charge(mass_kg=15.0, position_m=(0.0, 0.0, 1.5), explosive="C4")`

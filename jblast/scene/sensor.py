@@ -6,9 +6,17 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike, Float
 
+from jblast.errors import InputError
 from jblast.scene.instrument import Imu, Instrument
 from jblast.scene.keywords import Described
 from jblast.types import as_float_array
+
+VECTORS = {
+    "position_m": ("east", "north", "up"),
+    "offset_m": ("forward", "left", "up"),
+    "quaternion": ("x", "y", "z", "w"),
+}
+"""What the numbers of a sensor's vectors are."""
 
 
 def _vector(value: ArrayLike | Sequence[ArrayLike]) -> Float[Array, "..."]:
@@ -35,7 +43,8 @@ class Sensor(Described):
         quaternion: Sensor to body (x, y, z, w), scalar last.
 
     Raises:
-        TypeError: A keyword that no attribute has.
+        InputError: A vector has not as many numbers as it needs.
+        TypeError: A keyword that no attribute has, or text in place of a number.
 
     Example:
         `Sensor("gate", (20.0, 0.0, 1.5), records=(("air_arrival_s", 1e-3),))`
@@ -56,6 +65,15 @@ class Sensor(Described):
     quaternion: Float[Array, "4"] = eqx.field(
         converter=_vector, default_factory=lambda: jnp.array([0.0, 0.0, 0.0, 1.0])
     )
+
+    def __check_init__(self):
+        for name, numbers in VECTORS.items():
+            shape = getattr(self, name).shape
+            if shape[-1:] != (len(numbers),):
+                raise InputError(
+                    f"sensor {self.name} {name}: expected {len(numbers)} numbers: "
+                    f"{', '.join(numbers)}; got shape {shape}"
+                )
 
 
 class Clock(Described):

@@ -5,6 +5,7 @@ import time
 import numpy as np
 import pytest
 
+from jblast.errors import InputError
 from jblast.observations import read
 from tests.observations.rows import HEADER, ROW
 
@@ -82,3 +83,10 @@ def test_a_hundred_thousand_rows_take_seconds_at_most(log):
     start = time.perf_counter()
     assert len(read(path)) == 100_000
     assert time.perf_counter() - start < 5  # 0.8 s on a free core; CI's are shared
+
+
+@pytest.mark.parametrize("source", [None, 3, ["a.csv"], b"sensor,quantity,value"])
+def test_what_is_neither_path_nor_buffer_nor_frame_is_refused(source):
+    kind = type(source).__name__
+    with pytest.raises(InputError, match=f"expected a path, an open file.*got {kind}"):
+        read(source)

@@ -84,6 +84,12 @@ def _data(source: Any, name: str) -> bytes | str:
                 "these samples of a recording? Pick their arrivals (jblast pick)"
             )
         return read_bytes(source, EXPECTED)
+    if not callable(getattr(source, "read", None)):
+        wrap = "; io.BytesIO makes a buffer of it" if isinstance(source, bytes) else ""
+        raise InputError(
+            f"expected a path, an open file or buffer, or a data frame, got "
+            f"{type(source).__name__}{wrap}"
+        )
     data = source.read()
     if isinstance(data, str):  # as a text file opened with newline="" still holds them
         return data.removeprefix("\ufeff").replace("\r\n", "\n").replace("\r", "\n")

@@ -37,5 +37,6 @@ def test_a_sensor_on_a_recorder_has_no_clock_of_its_own(two):
 
 
 def test_a_fixed_offset_moves_the_earliest_possible_arrival(two):
-    with pytest.raises(InputError, match=r"line 3.*after the origin time, 5 s"):
+    what = r"line 3.*after the origin time, 5 s.*origin_time_s or clock_offset_s\.y\)"
+    with pytest.raises(InputError, match=what):
         resolve_positions(two, Scene(clocks=(Clock("y", 5.0),)))

@@ -18,6 +18,7 @@ from jblast.inference.mode.laplace import marginals
 from jblast.inference.mode.row_subset import is_long
 from jblast.observations import Observations
 from jblast.observations.default_scene import PLACE, clocks_to_free
+from jblast.observations.times.clocks import has_common_clock
 from jblast.parameter_table import CLOCK_OFFSET
 from jblast.progress import each
 from jblast.quantities import ARRIVALS, CLOCK_TIMES
@@ -45,6 +46,7 @@ def more_to_free(
 
     Tried are the origin time, then the place too, then clocks that a flash and a bang
     set. Where none of these is enough, a clock that is wrong may be: it is free, too.
+    At last all clocks are that the log names apart: more than one may be wrong.
 
     Args:
         observations: The log, which the default scene does not fit.
@@ -72,7 +74,42 @@ def more_to_free(
     if wrong and isinstance(wrong[0], WrongClock) and wrong[0].parameter:
         first, both = wrong[0], (*names, wrong[0].parameter)
         return MoreToFree(both, first.p_value, first.estimates, first.name)
+    for names in each(_all_clocks(observations, uncertain), "sets of clocks freed"):
+        try:
+            freed = refit(observations, names)
+        except InputError:
+            continue
+        if found := _judged(freed, names):
+            return found
     return None
+
+
+def _all_clocks(
+    observations: Observations, uncertain: UncertainScene
+) -> list[tuple[str, ...]]:
+    """Return every clock that the log names but the common one, and place and time."""
+    timed = np.isin(observations.quantity, CLOCK_TIMES)
+    read = set(np.array(observations.clock, object)[timed])
+    named = list(dict.fromkeys(clock for clock in observations.clock if clock))
+    apart = named if has_common_clock(observations) else named[1:]
+    apart = [name for name in apart if name in read]
+    if len(apart) < 2:
+        return []
+    every = tuple(f"{CLOCK_OFFSET}.{name}" for name in apart)
+    return [
+        new
+        for names in (("origin_time_s",), (*PLACE, "origin_time_s"))
+        if (new := _not_free((*names, *every), observations, uncertain))
+    ]
+
+
+def _not_free(
+    names: Sequence[str], observations: Observations, uncertain: UncertainScene
+) -> tuple[str, ...]:
+    """Return which of names are not free yet; none if the rows are too few for them."""
+    new = tuple(name for name in names if name not in uncertain.beliefs)
+    spare = len(observations) - len(uncertain.beliefs) - len(new)
+    return new if spare > 0 else ()
 
 
 def _candidates(
@@ -87,9 +124,8 @@ def _candidates(
     clocks = tuple(f"{CLOCK_OFFSET}.{name}" for name in clocks_to_free(observations))
     found: list[tuple[str, ...]] = []
     for names in (origin, place, (*place, *origin), (*place, *origin, *clocks)):
-        new = tuple(name for name in names if name not in uncertain.beliefs)
-        spare = len(observations) - len(uncertain.beliefs) - len(new)
-        if new and new not in found and spare > 0:
+        new = _not_free(names, observations, uncertain)
+        if new and new not in found:
             found.append(new)
     if place and len(found) > 2 and found[1] == place:
         del found[1]  # a place at a known time is no more likely, and costs as much

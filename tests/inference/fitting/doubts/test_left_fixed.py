@@ -64,3 +64,23 @@ def test_a_wrong_clock_beside_is_named():
     (more,) = told(jblast.fit(log(clock_off=-1.0)))
     assert more.clock == "m4"
     assert more.parameters[-1] == "clock_offset_s.m4"
+
+
+@pytest.mark.slow
+def test_several_wrong_clocks_are_named_together():
+    recorder = {f"m{i}": name for i, name in enumerate("aabbcc")}
+    ahead = {"a": 0.0, "b": 1.7, "c": 0.85}
+    made = log()
+    clock = tuple(recorder[sensor] for sensor in made.sensor)
+    late = np.array([ahead[name] for name in clock])
+    late *= np.isin(made.quantity, "air_arrival_s")
+    here = made.position - np.array([80.0, -50.0, 0.0])  # about a charge at the origin
+    apart = replace(made, value=made.value + late, clock=clock, position=here)
+    (more,) = told(jblast.fit(apart))
+    assert more.parameters == (
+        "origin_time_s",
+        "clock_offset_s.b",
+        "clock_offset_s.c",
+    )
+    mass = more.estimates["charge_mass_kg"]
+    assert abs(np.log(mass.value / 100.0)) < 4 * mass.log_sd

@@ -102,7 +102,8 @@ def test_bad_input_is_one_line_and_exits_2(jblast, monkeypatch, tmp_path, words,
 
 
 def test_a_quantity_unknown_is_told_each_name_once(jblast):
-    error = jblast.refused("calc", *"--mass 5 --range 9 --quantity nothing".split())
+    words = ("--mass", "5", "--range", "9", "--quantity", "nothing")
+    error = jblast.refused("calc", *words)
     names = error.partition("expected one of ")[2].partition("; got")[0].split(", ")
     assert len(names) == len(set(names))
     assert {"air_arrival_s", "arrival_difference_s", "shock_speed_m_s"} <= set(names)
