@@ -2,17 +2,24 @@
 
 import json
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
+from jblast.observations.grouping import some_rows
 from jblast.observations.starter_earth import (
     air_table,
     clock_tables,
     place_tables,
     toml_text,
 )
-from jblast.observations.table import CLOCK_TIMES, Observations
+from jblast.observations.table import (
+    CLOCK_TIMES,
+    OF_SAMPLES,
+    SAMPLES,
+    Observations,
+)
 from jblast.quantities import ADDITIVE, BY_CAMERA, PLACELESS, TIMED, made_with
 from jblast.scene.reader.records import share_text
 
@@ -32,6 +39,14 @@ def starter_scene(observations: Observations) -> str:
     Args:
         observations: The log.
     """
+    recorders = {
+        name
+        for name, quantity in zip(
+            observations.sensor, observations.quantity, strict=True
+        )
+        if quantity == SAMPLES
+    }
+    observations = _readings(observations)
     rows: dict[str, list[int]] = {}
     for row, name in enumerate(observations.sensor):
         rows.setdefault(name, []).append(row)
@@ -43,7 +58,7 @@ def starter_scene(observations: Observations) -> str:
         air_table(observations),
         *([_CAMERA] if set(BY_CAMERA) & set(observations.quantity) else []),
         *([_GROUND] if set(observations.quantity) & _OF_GROUND else []),
-        *(_sensor(log) for log in logs),
+        *(_sensor(log, sampled=log.name in recorders) for log in logs),
         *clock_tables(observations),
         *place_tables(observations),
         _LAW,
@@ -169,7 +184,23 @@ _LAW = """\
 """
 
 
-def _sensor(log: _Log) -> str:
+def _readings(observations: Observations) -> Observations:
+    """Return a log with what is read off records of samples in place of these."""
+    sampled = np.isin(observations.quantity, SAMPLES)
+    if not sampled.any():
+        return observations
+    rows = np.repeat(
+        np.arange(len(observations)), np.where(sampled, len(OF_SAMPLES), 1)
+    )
+    quantities = [
+        name
+        for quantity in observations.quantity
+        for name in (OF_SAMPLES if quantity == SAMPLES else (quantity,))
+    ]
+    return replace(some_rows(observations, rows), quantity=tuple(quantities))
+
+
+def _sensor(log: _Log, *, sampled: bool) -> str:
     lines = ["[[sensor]]", f"name = {toml_text(log.name)}"]
     if len(log.places) == 1:
         lines.append(f"position_m = [{', '.join(map(repr, log.places[0]))}]")
@@ -190,7 +221,10 @@ def _sensor(log: _Log) -> str:
         )
         if log.times and set(TIMED) & {q for q, s in log.sigmas.items() if s > 0}:
             lines.append(f"times_s = {log.times}  # of radii, by its clock")
-    silent = [q for q, sigma in log.sigmas.items() if not sigma > 0]
+    if sampled:
+        lines.append("# it recorded samples, from which its errors are told, too")
+    read_off = OF_SAMPLES if sampled else ()
+    silent = [q for q, s in log.sigmas.items() if not s > 0 and q not in read_off]
     if silent:
         lines.append(f"# the log gives no sigma for {', '.join(silent)}")
     return "\n".join(lines) + "\n"

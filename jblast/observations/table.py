@@ -32,6 +32,11 @@ NUMBERS = ("value", "sigma", *POSITION, *DEGREES, "range_m", "time_s")
 
 SAMPLES = "overpressure_record"
 """In column quantity: the row is a record of samples, a file that `record` names."""
+OF_SAMPLES = (
+    *("air_arrival_s", "peak_overpressure_pa"),
+    *("positive_duration_s", "positive_impulse_pa_s"),
+)
+"""What is read off one."""
 
 
 @dataclass(frozen=True)

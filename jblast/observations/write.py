@@ -3,6 +3,8 @@
 import math
 import os
 from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 from jaxtyping import Float
@@ -17,6 +19,7 @@ from jblast.observations.table import (
     DEGREES,
     NEEDED,
     POSITION,
+    SAMPLES,
     Observations,
 )
 from jblast.observations.times.instant import written
@@ -31,7 +34,8 @@ def write(
     """Write observations as tidy CSV; columns nobody fills are left out.
 
     Covariances go into the side file, `LOG.covariance.csv` beside `LOG.csv`; an old one
-    is taken away, so that what is read back is what was written.
+    is taken away, so that what is read back is what was written. Files of samples are
+    named by their path from there.
 
     Args:
         path: The file, replaced if it exists.
@@ -42,6 +46,7 @@ def write(
         ValueError: There are no rows, or a name or comment would not read back: it has
             line breaks, control characters or outer spaces.
     """
+    observations = _with_samples_from(Path(path).parent, observations)
     write_text(path, log_text(observations, comments))
     write_covariances(path, observations)
 
@@ -57,6 +62,22 @@ def log_text(observations: Observations, comments: Sequence[str] = ()) -> str:
     lines.append(",".join(columns))
     lines.extend(",".join(row) for row in zip(*columns.values(), strict=True))
     return "\n".join(lines) + "\n"
+
+
+def _with_samples_from(folder: Path, observations: Observations) -> Observations:
+    """Return a log whose files of samples are found from another folder."""
+    beside = Path(observations.source).parent
+    if SAMPLES not in observations.quantity or beside.resolve() == folder.resolve():
+        return observations
+    records = tuple(
+        Path(os.path.relpath(beside / name, folder)).as_posix()
+        if quantity == SAMPLES and not Path(name).is_absolute()
+        else name
+        for quantity, name in zip(
+            observations.quantity, observations.records(), strict=True
+        )
+    )
+    return replace(observations, record=records)
 
 
 def _columns(observations: Observations) -> dict[str, list[str]]:

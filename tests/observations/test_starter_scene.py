@@ -50,6 +50,20 @@ def test_three_sensors_around_the_charge_free_its_place_and_time(start):
     resolve_positions(observations, uncertain.scene, uncertain.beliefs)
 
 
+def test_records_of_samples_free_what_is_read_off_them(start):
+    header = "sensor,quantity,value,sigma,east_m,north_m,up_m,record\n"
+    places = ("30,0,0", "0,30,0", "-30,0,0")
+    _, uncertain, text = start(
+        header
+        + "".join(
+            f"s{i},overpressure_record,,,{at},{i}.csv\n" for i, at in enumerate(places)
+        )
+    )
+    assert "origin_time_s" in uncertain.beliefs
+    assert "charge_east_m" in uncertain.beliefs
+    assert "no sigma" not in text
+
+
 def test_sensors_in_a_line_leave_the_place_fixed(start):
     _, uncertain, _ = start(
         POSITION + "".join(f"s{i},air_arrival_s,1,,{i * 10},0,0\n" for i in range(1, 6))

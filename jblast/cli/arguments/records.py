@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from jblast.inference.records import Gathered, PickLog
     from jblast.observations import Observations
     from jblast.observations.records.folders import RecordFiles
+    from jblast.observations.records.formats import Scaling
     from jblast.scene import UncertainScene
 
 
@@ -29,6 +30,11 @@ def add_records(verb: argparse.ArgumentParser) -> None:
         "from 1), east_m, north_m, up_m or lat_deg, lon_deg, alt_m, perhaps clock, and "
         "start_utc, when the first sample of a file was that does not say so",
     )
+    add_scale(verb)
+
+
+def add_scale(verb: argparse.ArgumentParser) -> None:
+    """Let a verb take what is said of recorders: `scaling_of`, and `high_pass`."""
     verb.add_argument(
         "--full-scale",
         metavar="PA",
@@ -51,6 +57,13 @@ def add_records(verb: argparse.ArgumentParser) -> None:
     )
 
 
+def scaling_of(asked: argparse.Namespace) -> "Scaling":
+    """Return what was said of the recorders' scale."""
+    from jblast.observations.records.formats import Scaling
+
+    return Scaling(asked.full_scale, asked.sensitivity)
+
+
 def picked(
     named: list[str], asked: argparse.Namespace, *, keep_samples: bool
 ) -> "tuple[Gathered, PickLog, RecordFiles]":
@@ -66,14 +79,13 @@ def picked(
     """
     from jblast.inference.records import gathered, log_of
     from jblast.observations.records.folders import record_files
-    from jblast.observations.records.formats import Scaling
     from jblast.observations.records.stations import read_stations
 
     stations = read_stations(asked.positions) if asked.positions else None
     found_files = record_files(named, asked.positions)
     found = gathered(
         found_files.files,
-        Scaling(asked.full_scale, asked.sensitivity),
+        scaling_of(asked),
         high_pass_hz=asked.high_pass,
         keep_samples=keep_samples,
         stations=stations,

@@ -36,6 +36,7 @@ from jblast.inference.posterior.record_likelihood import SampledRecords
 from jblast.observations import Observations, resolve_positions
 from jblast.observations.default_scene import for_log
 from jblast.observations.located import located
+from jblast.observations.records.formats import Scaling
 from jblast.observations.table import SAMPLES
 from jblast.progress import stages
 from jblast.scene import UncertainScene, default_scene, freed
@@ -66,6 +67,8 @@ def fit(
     posterior: Method = "weighted",
     seed: int = 0,
     store: str | os.PathLike[str] | None = None,
+    scaling: Scaling | None = None,
+    high_pass_hz: float | None = None,
 ) -> Fit:
     """Find out what a log says of a blast.
 
@@ -82,6 +85,8 @@ def fit(
             (walkers), or "auto": walkers where the approximation is found wanting.
         seed: Of the starts of the search and the draws of the posterior.
         store: Folder in which a walk is kept, to be gone on with if it is cut short.
+        scaling: Scale of the records that rows name, where files do not tell it.
+        high_pass_hz: Corner of their recorders' first-order high-pass [Hz].
 
     Returns:
         Estimates with their intervals, the law they rest on and where it ends, and
@@ -96,7 +101,7 @@ def fit(
     begin = _stages(of_samples=SAMPLES in observations.quantity)
     if SAMPLES in observations.quantity:
         begin("reading samples")
-    observations, sampled = with_samples(observations)
+    observations, sampled = with_samples(observations, scaling, high_pass_hz)
     uncertain = for_log(uncertain or default_scene(), observations)
     observations = located(observations, uncertain)
     uncertain = as_seen(uncertain, observations.quantity, observations.time)

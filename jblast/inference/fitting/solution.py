@@ -13,6 +13,7 @@ from jblast.inference.mode.search import Optima
 from jblast.inference.posterior.posterior import Posterior
 from jblast.inference.posterior.record_likelihood import SampledRecords
 from jblast.observations import Observations
+from jblast.observations.records.formats import Scaling
 from jblast.observations.table import SAMPLES
 from jblast.scene import Scene
 from jblast.sensors import Layout, resolve_laws
@@ -100,7 +101,7 @@ def settle_laws(
 
 
 def with_samples(
-    log: Observations,
+    log: Observations, scaling: Scaling | None, high_pass_hz: float | None
 ) -> tuple[Observations, SampledRecords | None]:
     """Return a log of readings, and the samples that count in place of some of them."""
     if SAMPLES not in log.quantity:
@@ -109,5 +110,5 @@ def with_samples(
     from jblast.inference.records.picked_log import picked_log
     from jblast.inference.records.sampled import sampled_records
 
-    readings, picks = picked_log(log)
+    readings, picks = picked_log(log, scaling, high_pass_hz=high_pass_hz)
     return readings, sampled_records(readings, picks)

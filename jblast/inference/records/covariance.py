@@ -6,12 +6,10 @@ import numpy as np
 
 from jblast.inference.picks import RecordPick
 from jblast.observations.record_covariance import RecordCovariance
+from jblast.observations.table import OF_SAMPLES
 from jblast.quantities import ADDITIVE
 
-TOLD = (
-    *("air_arrival_s", "peak_overpressure_pa"),
-    *("positive_duration_s", "positive_impulse_pa_s"),
-)
+TOLD = OF_SAMPLES
 """Quantities in the order of a pick's covariance."""
 
 

@@ -9,12 +9,13 @@ from typing import NamedTuple
 import equinox as eqx
 import numpy as np
 
-from jblast.errors import InputError, shown
+from jblast.errors import InputError, argument, shown
 from jblast.inference.picks import RecordPick
 from jblast.inference.records.covariance import TOLD, covariance_of, log_value
 from jblast.inference.records.gathered import gathered
 from jblast.observations import Observations, some_rows
 from jblast.observations.grouping import stacked
+from jblast.observations.records.formats import Scaling
 from jblast.observations.table import CLOCK_TIMES, SAMPLES
 from jblast.progress import each
 
@@ -31,8 +32,20 @@ class PickedLog(NamedTuple):
     picks: tuple[tuple[str, RecordPick], ...]
 
 
-def picked_log(observations: Observations) -> PickedLog:
+def picked_log(
+    observations: Observations,
+    scaling: Scaling | None = None,
+    *,
+    high_pass_hz: float | None = None,
+    faults: list[InputError] | None = None,
+) -> PickedLog:
     """Pick the records that a log names; one without any is returned as it is.
+
+    Args:
+        observations: The log.
+        scaling: What the user says of the recorders' scale.
+        high_pass_hz: Corner of their first-order high-pass [Hz].
+        faults: Where given, a row that is refused is left out and its error put there.
 
     Raises:
         InputError: A row names no file, one that another row names, or one that cannot
@@ -41,24 +54,31 @@ def picked_log(observations: Observations) -> PickedLog:
     sampled = np.flatnonzero(np.isin(observations.quantity, SAMPLES))
     if not sampled.size:
         return PickedLog(observations, ())
-    names = [observations.records()[row] for row in sampled]
-    for row, name in zip(sampled, names, strict=True):
-        if not name or observations.records().count(name) > 1:
-            got = f"{shown(name)} in another row, too" if name else "nothing"
-            raise InputError(
-                f"{observations.where(int(row))}, column record: expected a file of "
-                f"samples of its own, got {got}"
-            )
-    picks = [
-        _pick(observations, int(row), name)
-        for row, name in each(list(zip(sampled, names, strict=True)), "records")
-    ]
-    epoch, picks = _on_one_clock(observations, picks)
+    picks: list[RecordPick] = []
+    rows: list[int] = []
+    for row in each(sampled.tolist(), "records"):
+        try:
+            picks.append(_pick(observations, row, scaling, high_pass_hz))
+        except InputError as fault:
+            if faults is None:
+                raise
+            faults.append(fault)
+        else:
+            rows.append(row)
+    epoch = observations.epoch
+    try:
+        epoch, picks = _on_one_clock(observations, picks)
+    except InputError as fault:
+        if faults is None:
+            raise
+        faults.append(fault)
+        picks, rows = [], []
+    names = [observations.records()[row] for row in rows]
     others = np.setdiff1d(np.arange(len(observations)), sampled)
-    parts = [some_rows(observations, others)] if others.size else []
+    # where nothing is left, a log of no row all the same
+    parts = [some_rows(observations, others)] if others.size or not rows else []
     parts += [
-        _rows(observations, int(row), one)
-        for row, one in zip(sampled, picks, strict=True)
+        _rows(observations, row, one) for row, one in zip(rows, picks, strict=True)
     ]
     covariances = tuple(
         covariance_of(one, name, TOLD) for name, one in zip(names, picks, strict=True)
@@ -71,11 +91,20 @@ def picked_log(observations: Observations) -> PickedLog:
     return PickedLog(joined, tuple(zip(names, picks, strict=True)))
 
 
-def _pick(observations: Observations, row: int, name: str) -> RecordPick:
-    """Return the loudest bang of a file, on the clock of the log."""
+def _pick(
+    observations: Observations,
+    row: int,
+    scaling: Scaling | None,
+    high_pass_hz: float | None,
+) -> RecordPick:
+    """Return the loudest bang of a row's file, on the clock of the log."""
     where = f"{observations.where(row)}, column record"
+    name = observations.records()[row]
+    if not name or observations.records().count(name) > 1:
+        got = f"{shown(name)} in another row, too" if name else "nothing"
+        raise InputError(f"{where}: expected a file of samples of its own, got {got}")
     file = Path(observations.source).parent / name
-    found = gathered([file])
+    found = gathered([file], scaling, high_pass_hz=high_pass_hz)
     if found.refused:
         raise InputError(f"{where}: {found.refused[0]}")
     sensor = observations.sensor[row]
@@ -98,7 +127,8 @@ def _pick(observations: Observations, row: int, name: str) -> RecordPick:
     if not one.record.calibrated:
         raise InputError(
             f"{where}: expected samples in pascals, got {shown(name)} in a unit that "
-            "nobody said"
+            f"nobody said: {argument('full_scale')} of WAV and FLAC, "
+            f"{argument('sensitivity')} of counts"
         )
     return one
 

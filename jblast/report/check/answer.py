@@ -75,6 +75,7 @@ def check_answer(
     faults: Sequence[InputError],
     doubts: Sequence[Doubt],
     understood: Sequence[str] = (),
+    readings: Observations | None = None,
 ) -> CheckAnswer:
     """Put together what was found.
 
@@ -83,8 +84,10 @@ def check_answer(
         faults: Why a fit would refuse the log.
         doubts: From `inference.sanity.doubts`.
         understood: What the reader made of the file, a sentence each.
+        readings: The rows that doubts are of, where records of samples were picked.
     """
     log = observations
+    doubted = log if readings is None else readings
     return CheckAnswer(
         source=log.source,
         rows=len(log),
@@ -96,7 +99,7 @@ def check_answer(
         lower_bounds=int(log.bounds().sum()),
         understood=tuple(understood),
         faults=tuple(sorted(map(str, faults), key=_line)),
-        warnings=tuple(_warned(doubt, log) for doubt in doubts),
+        warnings=tuple(_warned(doubt, doubted) for doubt in doubts),
     )
 
 

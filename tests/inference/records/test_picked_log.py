@@ -2,11 +2,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import soundfile
 
 from jblast.errors import InputError
 from jblast.inference.records.picked_log import picked_log
 from jblast.observations import read, write
 from jblast.observations.placement import resolve_positions
+from jblast.observations.records.formats import Scaling
 from jblast.scene import Scene
 
 EXAMPLE = Path(__file__).parents[3] / "calibration/data/records_example"
@@ -53,6 +55,12 @@ def test_a_value_or_no_file_is_refused(tmp_path, row, message):
         read(made(tmp_path, row))
 
 
+def test_a_log_written_elsewhere_still_finds_its_samples(tmp_path):
+    (tmp_path / "sub").mkdir()
+    write(tmp_path / "sub/log.csv", read(made(tmp_path, *TWO)))
+    assert read(tmp_path / "sub/log.csv").record == ("../g01.csv", "../g02.csv")
+
+
 def test_samples_that_were_not_picked_are_refused_by_what_takes_readings(tmp_path):
     with pytest.raises(InputError, match=r"samples of 'g01.csv'; pick them first"):
         resolve_positions(read(made(tmp_path, TWO[0])), Scene(), ())
@@ -67,6 +75,30 @@ def test_a_file_that_is_not_there_is_named_with_its_line(tmp_path):
     row = TWO[0].replace("g01.csv", "g77.csv")
     with pytest.raises(InputError, match=r"line 2, column record: .*g77\.csv"):
         picked_log(read(made(tmp_path, row)))
+
+
+def test_all_rows_that_are_refused_are_told_where_that_is_asked_for(tmp_path):
+    faults = []
+    rows = [one.replace("g0", "g7") for one in TWO]
+    log = read(made(tmp_path, *rows, "m,air_arrival_s,0.3,1e-3,0,150,0,"))
+    picked = picked_log(log, faults=faults)
+    assert [str(fault).split(":")[1] for fault in faults] == [
+        " line 2, column record",
+        " line 3, column record",
+    ]
+    assert picked.observations.quantity == ("air_arrival_s",)
+
+
+@pytest.mark.slow
+def test_samples_of_full_scale_are_refused_until_it_is_said(tmp_path):
+    samples = np.loadtxt(EXAMPLE / "g01.csv", delimiter=",", skiprows=4)
+    log = read(made(tmp_path, TWO[0].replace("g01.csv", "g01.wav")))
+    soundfile.write(tmp_path / "g01.wav", samples[:, 1] / 1e4, 20_000, "FLOAT")
+    with pytest.raises(InputError, match=r"nobody said: .*full_scale"):
+        picked_log(log)
+    loud = picked_log(log, Scaling(full_scale_pa=1e4)).observations
+    twice = picked_log(log, Scaling(full_scale_pa=2e4)).observations
+    np.testing.assert_allclose(twice.value[[1, 3]], 2 * loud.value[[1, 3]], rtol=1e-6)
 
 
 @pytest.mark.slow

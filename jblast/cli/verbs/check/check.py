@@ -9,6 +9,7 @@ import sys
 
 from jblast.cli.arguments.paths import path
 from jblast.cli.arguments.reading import add_reading
+from jblast.cli.arguments.records import add_scale, scaling_of
 
 
 def add_arguments(verb: argparse.ArgumentParser) -> None:
@@ -22,6 +23,7 @@ def add_arguments(verb: argparse.ArgumentParser) -> None:
         "on a charge anywhere)",
     )
     add_reading(verb)
+    add_scale(verb)
     verb.add_argument(
         "--out",
         metavar="LOG.csv",
@@ -53,6 +55,7 @@ def run(asked: argparse.Namespace) -> int:
     from jblast.json_values import plain
     from jblast.observations import write
     from jblast.observations.check.refusals import refusals, with_places
+    from jblast.observations.table import SAMPLES
     from jblast.report.check.answer import check_answer
     from jblast.report.check.setting import setting_lines
     from jblast.report.check.text import check_text
@@ -69,12 +72,19 @@ def run(asked: argparse.Namespace) -> int:
     if not len(log) and len(faults) == 1 and not asked.json:
         raise faults[0]  # no file, or no table: one message says it
     begin("checking")
-    faults += refusals(log, uncertain) if len(log) else []
-    placed = with_places(log, uncertain)
-    odd = doubts(placed, uncertain) if len(log) else []
+    readings = log
+    if SAMPLES in log.quantity:
+        from jblast.inference.records.picked_log import picked_log
+
+        scale, high = scaling_of(asked), asked.high_pass
+        readings = picked_log(log, scale, high_pass_hz=high, faults=faults).observations
+    faults += refusals(readings, uncertain) if len(readings) else []
+    placed, readings = with_places(log, uncertain), with_places(readings, uncertain)
+    odd = doubts(readings, uncertain) if len(readings) else []
     worded = [in_options(fault) for fault in faults]
-    understood = [*understood_lines(log.understood), *setting_lines(placed, uncertain)]
-    answer = check_answer(placed, worded, odd, understood)
+    setting = setting_lines(readings if len(readings) else placed, uncertain)
+    understood = [*understood_lines(log.understood), *setting]
+    answer = check_answer(placed, worded, odd, understood, readings)
     if asked.json:
         document = {"schema": 1} | plain(answer)
         text = json.dumps(document, indent=1, ensure_ascii=False, allow_nan=False)

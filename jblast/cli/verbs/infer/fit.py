@@ -18,6 +18,7 @@ from jblast.cli.arguments.records import (
     add_records,
     check_folders,
     from_records,
+    scaling_of,
     scene_of_records,
 )
 
@@ -132,7 +133,12 @@ def run(asked: argparse.Namespace) -> int:
         apart = () if recorded else files
         made_of = each_made(made, logs, apart) if made else {}
         fitted = fit_each(
-            readable, uncertain, noise=asked.noise, posterior=asked.posterior
+            readable,
+            uncertain,
+            noise=asked.noise,
+            posterior=asked.posterior,
+            scaling=scaling_of(asked),
+            high_pass_hz=asked.high_pass,
         )
         answers = {name: fitted.get(name, logs[name]) for name in logs}
         answers = {
@@ -147,6 +153,8 @@ def run(asked: argparse.Namespace) -> int:
         noise=asked.noise,
         posterior=asked.posterior,
         store=out / WALK if out else None,
+        scaling=scaling_of(asked),
+        high_pass_hz=asked.high_pass,
     )
     if asked.json:
         _print_json(fit_document(answer) | picks_entry(picks))

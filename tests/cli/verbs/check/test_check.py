@@ -61,6 +61,29 @@ def test_clips_are_not_doubted_for_clocks_of_their_own(jblast):
     assert text.count("expected a date") == 1
 
 
+SAMPLES = "sensor,quantity,value,sigma,east_m,north_m,up_m,record\n"
+
+
+def test_each_record_of_samples_that_a_fit_would_refuse_is_told(jblast):
+    rows = [f"g{n},overpressure_record,,,{n},0,0,g{n}.csv\n" for n in (1, 2)]
+    code, text, err = jblast("check", jblast.file("log.csv", SAMPLES + "".join(rows)))
+    assert (code, err) == (2, "")
+    assert text.count("column record") == 2
+    assert "overpressure record 2" in text
+
+
+@pytest.mark.slow
+def test_records_of_samples_are_picked_and_doubted_as_readings_are(jblast):
+    beside = DATA / "records_example"
+    rows = (
+        f"g01,overpressure_record,,,50,0,0,{beside / 'g01.csv'}\n",
+        f"g02,overpressure_record,,,0,80,0,{beside / 'g02.csv'}\n",
+    )
+    code, text, err = jblast("check", jblast.file("log.csv", SAMPLES + "".join(rows)))
+    assert (code, err) == (0, "")
+    assert "overpressure record 2" in text
+
+
 def test_no_file_is_one_message(jblast):
     code, text, err = jblast("check", jblast.path("none.csv"))
     assert (code, text) == (2, "")
