@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from jblast.observations import Observations
     from jblast.observations.records.folders import RecordFiles
     from jblast.observations.records.formats import Scaling
+    from jblast.observations.understood import Understood
     from jblast.scene import UncertainScene
 
 
@@ -81,7 +82,8 @@ def picked(
     from jblast.observations.records.folders import record_files
     from jblast.observations.records.stations import read_stations
 
-    stations = read_stations(asked.positions) if asked.positions else None
+    read_as: list[Understood] = []
+    stations = read_stations(asked.positions, read_as) if asked.positions else None
     found_files = record_files(named, asked.positions)
     found = gathered(
         found_files.files,
@@ -94,7 +96,8 @@ def picked(
     if found.refused and not found.channels:
         raise refusal(found)
     log = log_of(found, stations, _provenance(found_files.files, asked))
-    return found, log, found_files
+    rows = replace(log.observations, understood=tuple(read_as))
+    return found, log._replace(observations=rows), found_files
 
 
 class FromRecords(NamedTuple):

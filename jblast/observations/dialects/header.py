@@ -51,7 +51,7 @@ def read_header(
     where = table.at(table.header_line)
     header, unknown = Header(), set()
     for index, theirs in enumerate(table.header):
-        ours = _column(theirs, units_row.get(theirs), table, strict=strict)
+        ours = column_of(theirs, units_row.get(theirs), table, strict=strict)
         if ours is None:
             unknown.add(index)
             advice = _advice(theirs, strict=strict)
@@ -71,10 +71,16 @@ def read_header(
     return header
 
 
-def _column(
+def column_of(
     theirs: str, stated: UnitOf | None, table: Table, *, strict: bool
 ) -> tuple[str, OurName | None] | None:
     """Return our column, and its unit if it has one of its own; None if none is meant.
+
+    Args:
+        theirs: Its name as written.
+        stated: Its unit by a row of units.
+        table: Names the place of messages.
+        strict: Whether names have to be ours to the letter.
 
     Raises:
         InputError: The row of units tells another unit than the name.

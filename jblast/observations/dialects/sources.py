@@ -6,7 +6,7 @@ from typing import Any
 
 from jblast.errors import InputError, decoded, read_bytes
 from jblast.observations.dialects.table import Table
-from jblast.observations.dialects.text import text_table
+from jblast.observations.dialects.text import WITHIN, text_table
 from jblast.observations.faults import Faults
 from jblast.observations.formats import FRAME, PARQUET, TEXTS, WORKBOOKS
 
@@ -31,13 +31,22 @@ def source_name(source: Any) -> str:
     return name if isinstance(name, str) and name else "buffer"
 
 
-def table_of(source: Any, faults: Faults, *, strict: bool) -> Table:
+def table_of(
+    source: Any,
+    faults: Faults,
+    *,
+    strict: bool,
+    expected: str = EXPECTED,
+    within: str = WITHIN,
+) -> Table:
     """Return what a source holds as a table.
 
     Args:
         source: A path, what has `read`, or a `pandas.DataFrame`.
         faults: Takes what the rest can be read without.
         strict: Whether to take UTF-8 text with commas alone.
+        expected: What the file should be.
+        within: What it should hold.
 
     Raises:
         InputError: It cannot be read, is no table, or too large.
@@ -47,7 +56,7 @@ def table_of(source: Any, faults: Faults, *, strict: bool) -> Table:
         from jblast.observations.dialects.workbook import frame_table
 
         return frame_table(source)
-    data = _data(source, name)
+    data = _data(source, name, expected)
     suffix = PurePath(name).suffix.lower()
     if isinstance(source, (str, os.PathLike)) and not strict:
         _refuse_ending(name, suffix)
@@ -66,11 +75,13 @@ def table_of(source: Any, faults: Faults, *, strict: bool) -> Table:
     encoding = ""
     if isinstance(data, bytes):
         encoding = "" if strict else MARKS.get(data[:2], "")
-        data = decoded(data, name, EXPECTED, utf16=not strict)
-    return text_table(data, name, faults, strict=strict, encoding=encoding)
+        data = decoded(data, name, expected, utf16=not strict)
+    return text_table(
+        data, name, faults, strict=strict, encoding=encoding, within=within
+    )
 
 
-def _data(source: Any, name: str) -> bytes | str:
+def _data(source: Any, name: str, expected: str) -> bytes | str:
     """Return what a path or a buffer holds."""
     if isinstance(source, (str, os.PathLike)):
         try:
@@ -83,7 +94,7 @@ def _data(source: Any, name: str) -> bytes | str:
                 f"twenty million rows, got {size / 1e9:.3g} GB; take it apart, or are "
                 "these samples of a recording? Pick their arrivals (jblast pick)"
             )
-        return read_bytes(source, EXPECTED)
+        return read_bytes(source, expected)
     if not callable(getattr(source, "read", None)):
         wrap = "; io.BytesIO makes a buffer of it" if isinstance(source, bytes) else ""
         raise InputError(

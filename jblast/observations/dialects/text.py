@@ -17,12 +17,20 @@ SEPARATORS = {",": "", ";": "semicolon", "\t": "tab"}
 """Between fields, and what they are called; the comma is ours."""
 MANY = 50_000
 """Lines between two reports of how far it is."""
+WITHIN = f"a header {','.join(NEEDED)} and one measurement a row"
+"""What a log holds."""
 TOLD = re.compile(r"sep=(.)$", re.IGNORECASE)
 """First line by which Excel tells itself the separator."""
 
 
 def text_table(
-    text: str, source: str, faults: Faults, *, strict: bool, encoding: str = ""
+    text: str,
+    source: str,
+    faults: Faults,
+    *,
+    strict: bool,
+    encoding: str = "",
+    within: str = WITHIN,
 ) -> Table:
     r"""Take text apart.
 
@@ -32,6 +40,7 @@ def text_table(
         faults: Takes lines that are too short or too long.
         strict: Whether the comma is the only separator.
         encoding: Of the text, if not UTF-8.
+        within: What is expected in it.
 
     Raises:
         InputError: There is no header or no row below, or a quote is not closed.
@@ -48,10 +57,7 @@ def text_table(
         named = match[1]
         del lines[0], numbers[0]
     if not lines:
-        raise InputError(
-            f"{source}: line 1: the file is empty; expected a header "
-            f"{','.join(NEEDED)} and one measurement a row"
-        )
+        raise InputError(f"{source}: line 1: the file is empty; expected {within}")
     separator = named or ("," if strict else separator_of(lines[0]))
     if separator not in lines[0]:
         _refuse_other_separator(f"{source}: line {numbers[0]}", lines[0])

@@ -1,18 +1,28 @@
 """Where recorders stood: a table that sound files are given their places by."""
 
-import csv
-import math
 import os
-from collections.abc import Callable
+from collections.abc import Mapping
 from typing import NamedTuple
 
-import numpy as np
-from jaxtyping import Bool, Float
-
-from jblast.errors import InputError, nearest, read_text, shown
+from jblast.errors import InputError, nearest, shown
+from jblast.observations.dialects.decimals import take_decimal_commas
+from jblast.observations.dialects.header import Header, column_of
+from jblast.observations.dialects.sources import table_of
+from jblast.observations.dialects.table import Table
+from jblast.observations.dialects.tidying import (
+    UnitOf,
+    drop_blanks,
+    refuse_two_tables,
+    take_units_row,
+)
+from jblast.observations.faults import Faults
 from jblast.observations.places.degrees import places_in_degrees
 from jblast.observations.places.frame import Frame
+from jblast.observations.rows.conversion import told_columns
+from jblast.observations.rows.fields import Fields
 from jblast.observations.times.instant import EXAMPLE, NotAnInstant, instant
+from jblast.observations.understood import Understood
+from jblast.units.spelling import spelt
 
 PLACE = ("east_m", "north_m", "up_m")
 DEGREES = ("lat_deg", "lon_deg", "alt_m")
@@ -37,139 +47,102 @@ class Station(NamedTuple):
     start: int | None = None
 
 
-def read_stations(path: str | os.PathLike[str]) -> dict[str, Station]:
+def read_stations(
+    path: str | os.PathLike[str], understood: list[Understood] | None = None
+) -> dict[str, Station]:
     """Return where recorders stood, by name.
 
     Columns are `sensor,east_m,north_m,up_m`, or `sensor,lat_deg,lon_deg,alt_m`, and
     perhaps `clock` and `start_utc`, when the first sample of a file was that does not
     say so itself (2020-08-04T15:08:18.310Z); a sensor is the stem of a file's name, or
     stem.channel, channels counted from 1. `note` columns and lines that begin with #
-    are comments.
+    are comments. Dialects and units of length are those of a log (`read`).
 
     Args:
-        path: A CSV file.
+        path: Text, a spreadsheet or Parquet.
+        understood: What was converted is appended here.
 
     Raises:
         InputError: The file is not as described; the message says where and how.
     """
-    lines = [
-        (number, line)
-        for number, line in enumerate(
-            read_text(path, "a CSV file of stations").split("\n"), start=1
-        )
-        if line.strip() and not line.lstrip().startswith("#")
-    ]
-    if len(lines) < 2:
-        raise InputError(
-            f"{path}: expected a header {','.join(COLUMNS[:4])} and a station a row, "
-            f"got {len(lines)} lines"
-        )
-    header = [name.strip() for name in next(csv.reader([lines[0][1]]))]
-    _check_header(f"{path}: line {lines[0][0]}", header)
-    table = _Table(str(path), [number for number, _ in lines[1:]], header)
-    for number, line in lines[1:]:
-        table.add(number, next(csv.reader([line])))
-    on_earth = places_in_degrees(table) if set(DEGREES) & set(header) else None
+    within = f"a header {','.join(COLUMNS[:4])} and a station a row"
+    faults = Faults()
+    table = table_of(
+        path, faults, strict=False, expected="a table of stations", within=within
+    )
+    drop_blanks(table)
+    header = _header(table, take_units_row(table))
+    if not len(table.lines):
+        raise InputError(f"{path}: expected {within}, got the header alone")
+    refuse_two_tables(table, [header.theirs.get(name, name) for name in table.header])
+    take_decimal_commas(table, (*PLACE, *DEGREES))
+    rows = Fields(table, header, faults)
+    sensors = rows.text("sensor")
+    rows.refuse(
+        [not name or name in sensors[:row] for row, name in enumerate(sensors)],
+        "sensor",
+        lambda row: (
+            "a new name, got "
+            + (f"{shown(sensors[row])} twice" if sensors[row] else "nothing")
+        ),
+    )
+    on_earth = places_in_degrees(rows) if set(DEGREES) & set(table.header) else None
     if on_earth is None:
-        axes, frame = [table.number(name, optional=False) for name in PLACE], None
+        axes, frame = [rows.number(name, optional=False) for name in PLACE], None
     else:
         axes, frame = on_earth[0].T, on_earth[1]
-        table.refuse(np.isnan(axes[0]), "lat_deg", lambda _: "a number, got nothing")
-    clocks = table.texts.get("clock") or [""] * len(table.lines)
-    starts = _starts(table)
+        given = rows.texts["lat_deg"]
+        rows.refuse(
+            [not x for x in given], "lat_deg", lambda _: "a number, got nothing"
+        )
+    if understood is not None:
+        understood += [*table.understood, *told_columns(rows)]
     return {
         name: Station((float(east), float(north), float(up)), clock, frame, start)
         for name, east, north, up, clock, start in zip(
-            table.texts["sensor"], *axes, clocks, starts, strict=True
+            sensors, *axes, rows.text("clock"), _starts(rows), strict=True
         )
     }
 
 
-def _starts(table: "_Table") -> list[int | None]:
+def _starts(rows: Fields) -> list[int | None]:
     """Return when records began; None where nothing is said."""
     starts: list[int | None] = []
-    for row, text in enumerate(table.texts.get(START) or [""] * len(table.lines)):
+    for row, text in enumerate(rows.text(START)):
         try:
             starts.append(instant(text, None, None) if text else None)
-        except NotAnInstant as reason:
-            where = f"{table.path}: line {table.lines[row]}, column {START}"
-            raise InputError(
-                f"{where}: expected a day, a time and a zone, as {EXAMPLE}, got "
-                f"{shown(text)}"
-            ) from reason
+        except NotAnInstant:
+            bad = [at == row for at in range(len(rows.lines))]
+            expected = f"a day, a time and a zone, as {EXAMPLE}, got {shown(text)}"
+            rows.refuse(bad, START, lambda _, said=expected: said)
     return starts
 
 
-class _Table:
-    """The rows of a table of stations by column."""
+def _header(table: Table, units_row: Mapping[str, UnitOf]) -> Header:
+    """Give a table's columns our names.
 
-    def __init__(self, path: str, lines: list[int], header: list[str]):
-        self.path, self.lines = path, lines
-        self.texts: dict[str, list[str]] = {name: [] for name in header}
-
-    def add(self, number: int, fields: list[str]) -> None:
-        """Take the fields of a line."""
-        where = f"{self.path}: line {number}"
-        if len(fields) != len(self.texts):
+    Raises:
+        InputError: A column means nothing, is missing or is there twice.
+    """
+    where = table.at(table.header_line)
+    header = Header()
+    for index, theirs in enumerate(table.header):
+        found = column_of(theirs, units_row.get(theirs), table, strict=False)
+        name, unit = (START, None) if spelt(theirs) == START else found or ("", None)
+        if name not in COLUMNS:
             raise InputError(
-                f"{where}: expected {len(self.texts)} fields as in the header, "
-                f"got {len(fields)}"
-            )
-        for text, column in zip(fields, self.texts.values(), strict=True):
-            column.append(text.strip())
-        *others, name = self.texts["sensor"]
-        if not name or name in others:
-            got = f"{shown(name)} twice" if name else "nothing"
-            raise InputError(f"{where}, column sensor: expected a new name, got {got}")
-
-    def number(
-        self, column: str, *, optional: bool = True
-    ) -> Float[np.ndarray, " row"]:
-        """Return a column of finite numbers; NaN where an optional one is empty."""
-        texts = self.texts.get(column, [""] * len(self.lines))
-        numbers = np.array([_number(text) for text in texts])
-        empty = optional & np.array([not text for text in texts])
-        self.refuse(
-            ~np.isfinite(numbers) & ~empty,
-            column,
-            lambda row: (
-                f"a number, got {shown(texts[row]) if texts[row] else 'nothing'}"
-            ),
-        )
-        return numbers
-
-    def refuse(
-        self,
-        bad: Bool[np.ndarray, " row"] | list[bool],
-        column: str,
-        expected: Callable[[int], str],
-    ) -> None:
-        """Raise for the first bad row."""
-        for row in map(int, np.flatnonzero(bad)):
-            raise InputError(
-                f"{self.path}: line {self.lines[row]}, column {column}: "
-                f"expected {expected(row)}"
-            )
-
-
-def _check_header(where: str, header: list[str]) -> None:
-    """Check the names of the columns."""
-    for name in header:
-        if name not in COLUMNS and not name.startswith("note"):
-            raise InputError(
-                f"{where}: unknown column {shown(name)}{nearest(name, COLUMNS)}; "
+                f"{where}: unknown column {shown(theirs)}{nearest(theirs, COLUMNS)}; "
                 f"expected some of {', '.join(COLUMNS)}"
             )
-        if header.count(name) > 1:
-            raise InputError(f"{where}: expected column {name} once, got it twice")
-    needed = DEGREES[:2] if set(DEGREES) & set(header) else PLACE
-    missing = [name for name in ("sensor", *needed) if name not in header]
+        if name in header.theirs:
+            got = "it twice" if header.theirs[name] == theirs else shown(theirs)
+            raise InputError(f"{where}: expected column {name} once, got {got}")
+        header.theirs[name] = theirs
+        if unit is not None:
+            header.units[name] = unit
+        table.header[index] = name
+    needed = DEGREES[:2] if set(DEGREES) & set(table.header) else PLACE
+    missing = [name for name in ("sensor", *needed) if name not in table.header]
     if missing:
         raise InputError(f"{where}: missing column {', '.join(missing)}")
-
-
-def _number(text: str) -> float:
-    try:
-        return float(text)
-    except ValueError:
-        return math.nan
+    return header

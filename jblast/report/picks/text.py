@@ -7,6 +7,7 @@ from jblast.inference.records import Gathered, PickLog, Reason, pick_estimate
 from jblast.report.numbers import rounded, unit_for
 from jblast.report.picks.words import REASONS, note_words
 from jblast.report.tables import aligned
+from jblast.report.understood import understood_lines
 from jblast.report.words import joined, quantity_words
 
 COLUMNS = {
@@ -44,6 +45,8 @@ def picks_text(found: Gathered, log: PickLog, left_out: tuple[str, ...] = ()) ->
             f"{name}: {quieter} quieter {'onset' if quieter == 1 else 'onsets'} not "
             "looked at"
         )
+    read_as = understood_lines(log.observations.understood)
+    lines += [f"table of stations: {line}" for line in read_as]
     if left_out:
         lines.append(f"no records, left out: {_listed(left_out)}")
     return "\n".join(lines).rstrip() + "\n"

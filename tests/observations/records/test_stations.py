@@ -28,8 +28,11 @@ def test_places_and_clocks_are_read(tmp_path):
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        ("", "got 0 lines"),
-        (TABLE.replace("1.5", "inf"), "line 3, column east_m: expected a number"),
+        ("", "is empty; expected a header sensor,east_m,north_m,up_m and a station"),
+        (
+            TABLE.replace("1.5", "inf"),
+            "line 3, column east_m: expected a finite number",
+        ),
         (TABLE.replace("gate", ""), "column sensor: expected a new name, got nothing"),
         (TABLE.replace("up_m", "north_m"), "column north_m once, got it twice"),
         (TABLE.replace("clock", "watch"), "unknown column 'watch'"),
@@ -38,6 +41,24 @@ def test_places_and_clocks_are_read(tmp_path):
 def test_what_cannot_be_used_is_refused(tmp_path, text, said):
     with pytest.raises(InputError, match=said):
         read_stations(table(tmp_path, text))
+
+
+def test_stations_in_feet_and_with_decimal_commas_are_metres(tmp_path):
+    understood = []
+    text = "Sensor;East (ft);north_ft;up_m\ngate;10,5;-20,25;1,5\n"
+    (gate,) = read_stations(table(tmp_path, text), understood).values()
+    assert gate.position == pytest.approx((10.5 * 0.3048, -20.25 * 0.3048, 1.5))
+    assert len(understood) == 4  # semicolons, commas, feet twice
+
+
+def test_stations_may_stand_in_a_workbook(tmp_path):
+    pandas = pytest.importorskip("pandas")
+    pytest.importorskip("openpyxl")
+    rows = {"sensor": ["a"], "lat_deg": [48.2], "lon_deg": [16.4], "alt_m": [170]}
+    pandas.DataFrame(rows).to_excel(tmp_path / "stations.xlsx", index=False)
+    (one,) = read_stations(tmp_path / "stations.xlsx").values()
+    assert one.frame is not None
+    assert one.frame.lat_deg == pytest.approx(48.2)
 
 
 def test_a_station_may_tell_when_its_record_began(tmp_path):
