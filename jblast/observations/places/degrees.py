@@ -109,7 +109,7 @@ def _refuse_mixed(rows: Columns, given: Mapping[str, np.ndarray]) -> None:
     degrees = given["lat_deg"] | given["lon_deg"]
     rows.refuse(
         metres,
-        "east_m",
+        "east_m" if given["east_m"].any() else "north_m",
         lambda row: (
             "all places as lat_deg, lon_deg or all as east_m, north_m; got metres "
             + (

@@ -54,6 +54,8 @@ def open_record(
             what its format's reader refuses.
     """
     path = Path(path)
+    if not path.exists():
+        raise InputError(f"{path}: no such file; expected a record of samples")
     kind = _kind(path)
     _check(path, kind)
     module = import_module(f"jblast.observations.records.formats.{kind}")
@@ -84,9 +86,7 @@ def _kind(path: Path) -> str:
 
 
 def _check(path: Path, kind: str) -> None:
-    """Refuse what is not there, empty, too large, or of another format."""
-    if not path.exists():
-        raise InputError(f"{path}: no such file; expected a record of samples")
+    """Refuse what is a folder, empty, too large, or of another format."""
     if path.is_dir():
         raise InputError(f"{path}: is a directory; expected a record of samples")
     try:

@@ -1,15 +1,14 @@
 """Samples as text: a row a sample, a column of time and one or more of pressure.
 
 Separators are commas, semicolons, tabs or blanks; with any but the first a decimal
-comma is understood. Lines that begin with # are comments. Units stand in the names of
-columns (`time_ms,pressure_kpa`; `Time (ms),A (mV)`) or in a row of their own below.
+comma is understood. Lines that begin with # are comments, of which the last may hold
+the names, as `numpy.savetxt` writes it. Units stand in the names of columns
+(`time_ms,pressure_kpa`; `Time (ms),A (mV)`) or in a row of their own below.
 """
 
-import math
 from array import array
 from collections.abc import Iterator
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
@@ -17,33 +16,15 @@ from jaxtyping import Float
 from jblast.errors import InputError, shown
 from jblast.observations.records.formats.columns import SampleColumns, columns_of
 from jblast.observations.records.formats.even_clock import even_clock
+from jblast.observations.records.formats.head import (
+    Table,
+    cells_of,
+    is_number,
+    lines_of,
+    table_at,
+)
 from jblast.observations.records.formats.scale import Scaling, scale_of
 from jblast.observations.records.recording import Recording, channel_names
-
-SEPARATORS = (";", "\t", ",", None)
-"""None: blanks. In the order in which they are looked for in the names."""
-MOST_HEAD = 200
-"""Lines before the samples, at most."""
-
-
-class Table(NamedTuple):
-    """How a text holds samples.
-
-    Attributes:
-        names: Of the columns, their units with them.
-        separator: Between them; None is blanks.
-        decimal: What parts whole from broken: a point or a comma.
-        header: Line of the names.
-        first: Line of the first sample.
-        encoding: Of the text.
-    """
-
-    names: list[str]
-    separator: str | None
-    decimal: str
-    header: int
-    first: int
-    encoding: str
 
 
 def open_csv(path: Path, scaling: Scaling) -> tuple[Recording, ...]:
@@ -52,7 +33,7 @@ def open_csv(path: Path, scaling: Scaling) -> tuple[Recording, ...]:
     Raises:
         InputError: It is no such text; the message names line and column.
     """
-    table = _table(path)
+    table = table_at(path)
     columns = columns_of(table.names, f"{path}: line {table.header}")
     wanted = (columns.time, *columns.pressures)
     numbers, lines = _numbers(path, table, wanted)
@@ -84,7 +65,7 @@ def open_csv(path: Path, scaling: Scaling) -> tuple[Recording, ...]:
 def is_stations(path: Path) -> bool:
     """Return whether a text is a table of sensors or a log: no record of samples."""
     try:
-        names = _table(path).names
+        names = table_at(path).names
     except InputError:
         return False
     return "sensor" in (name.strip().lower() for name in names)
@@ -94,59 +75,6 @@ def _notes(columns: SampleColumns) -> tuple[str, ...]:
     if not columns.left_out:
         return ()
     return (f"columns left out, not pressure: {', '.join(columns.left_out)}",)
-
-
-def _table(path: Path) -> Table:
-    """Look at the first lines of a text.
-
-    Raises:
-        InputError: It is no text, or has no names above its numbers.
-    """
-    encoding = _encoding(path)
-    head: list[tuple[int, str]] = []
-    try:
-        for number, line in _lines(path, encoding):
-            head.append((number, line))
-            if len(head) >= 3 or number > MOST_HEAD:
-                break
-    except UnicodeDecodeError:
-        raise InputError(
-            f"{path}: expected text with columns of time and pressure, got bytes that "
-            "are no UTF-8"
-        ) from None
-    if len(head) < 2:
-        raise InputError(
-            f"{path}: expected names of columns and a sample a row, got "
-            + ("one line" if head else "none")
-        )
-    (header, names_line), (first, row) = head[:2]
-    separator = next(s for s in SEPARATORS if s is None or s in names_line)
-    names = _cells(names_line, separator)
-    if all(_is_number(name, ".") for name in names):
-        raise InputError(
-            f"{path}: line {header}: expected names of columns, as "
-            f"time_s,pressure_pa, got {shown(names_line)}"
-        )
-    cells = _cells(row, separator)
-    if len(head) > 2 and not any(_is_number(cell, ",") for cell in cells):
-        names = [
-            f"{name} ({cell.strip('()[] ')})"
-            for name, cell in zip(names, cells, strict=False)
-        ]
-        first, row = head[2]
-    decimal = "," if separator != "," and "," in row else "."
-    fields = len(_cells(row, separator))
-    if len(names) not in (fields, len(_cells(row.rstrip(separator), separator))):
-        raise InputError(
-            f"{path}: line {first}: expected {len(names)} fields as in the header, "
-            f"got {fields}: {shown(row)}"
-        )
-    if decimal == "," and "." in row:
-        raise InputError(
-            f"{path}: line {first}: expected a decimal point or a decimal comma, "
-            f"got both: {shown(row)}"
-        )
-    return Table(names, separator, decimal, header, first, encoding)
 
 
 def _numbers(
@@ -160,7 +88,7 @@ def _numbers(
     lines = array("q")
 
     def rows() -> Iterator[str]:
-        for number, line in _lines(path, table.encoding):
+        for number, line in lines_of(path, table.encoding):
             if number >= table.first:
                 lines.append(number)
                 yield line.replace(",", ".") if table.decimal == "," else line
@@ -176,58 +104,38 @@ def _numbers(
     except ValueError:
         raise _bad_cell(path, table, wanted) from None
     if not np.isfinite(numbers).all():
-        whole = ~np.isfinite(numbers).any(axis=0)
-        if whole.any():
-            name = table.names[wanted[int(np.argmax(whole))]]
-            raise InputError(
-                f"{path}: column {name}: expected samples, got no number in it"
-            )
         raise _bad_cell(path, table, wanted)
     return np.ascontiguousarray(numbers.T), lines
 
 
 def _bad_cell(path: Path, table: Table, wanted: tuple[int, ...]) -> InputError:
     """Return the error that names the first cell that is no finite number."""
-    for number, line in _lines(path, table.encoding):
+    filled: set[int] = set()
+    for number, line in lines_of(path, table.encoding):
+        if number >= table.first:
+            cells = cells_of(line, table.separator)
+            there = [at for at in wanted if at < len(cells)]
+            filled.update(at for at in there if is_number(cells[at], table.decimal))
+    for at in wanted:
+        if at not in filled:
+            return InputError(
+                f"{path}: line {table.first}, column {table.names[at]}: expected "
+                "samples, got no number in it; take the column out"
+            )
+    for number, line in lines_of(path, table.encoding):
         if number < table.first:
             continue
-        cells = _cells(line, table.separator)
+        cells = cells_of(line, table.separator)
         if len(cells) <= max(wanted):
             return InputError(
                 f"{path}: line {number}: expected {len(table.names)} fields as in the "
                 f"header, got {len(cells)}"
             )
         for at in wanted:
-            if not _is_number(cells[at], table.decimal):
+            if not is_number(cells[at], table.decimal):
                 got = shown(cells[at]) if cells[at] else "nothing"
                 return InputError(
                     f"{path}: line {number}, column {table.names[at]}: expected a "
                     f"number, got {got}"
                 )
     return InputError(f"{path}: expected numbers below line {table.header}")
-
-
-def _lines(path: Path, encoding: str) -> Iterator[tuple[int, str]]:
-    """Go through the lines that are neither empty nor comments, numbered from 1."""
-    with path.open(encoding=encoding, newline=None) as file:
-        for number, line in enumerate(file, start=1):
-            stripped = line.strip()
-            if stripped and not stripped.startswith("#"):
-                yield number, stripped
-
-
-def _encoding(path: Path) -> str:
-    with path.open("rb") as file:
-        start = file.read(4)
-    return "utf-16" if start[:2] in (b"\xff\xfe", b"\xfe\xff") else "utf-8-sig"
-
-
-def _cells(line: str, separator: str | None) -> list[str]:
-    return [cell.strip().strip('"').strip() for cell in line.split(separator)]
-
-
-def _is_number(text: str, decimal: str) -> bool:
-    try:
-        return math.isfinite(float(text.replace(",", ".") if decimal == "," else text))
-    except ValueError:
-        return False

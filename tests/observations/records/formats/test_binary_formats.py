@@ -124,7 +124,9 @@ def test_tdms_with_a_channel_of_time(tmp_path):
                 ChannelObject("a", "p", pulse(), {"unit_string": "Pa"}),
             ]
         )
-    check(only(path))
+    recording = only(path)
+    check(recording)
+    assert recording.notes == ()
 
 
 @pytest.mark.parametrize("engine", ["h5netcdf", "scipy"])
@@ -166,6 +168,43 @@ def test_plain_hdf5_is_read_by_its_attributes(tmp_path):
     assert recording.notes == ("left out, not pressure: T",)
     with h5netcdf.File(path, "r", phony_dims="sort") as file:  # another's reading
         np.testing.assert_allclose(np.asarray(file["p"][:]), pulse() / 100)
+
+
+def test_each_group_of_hdf5_has_its_own_times(tmp_path):
+    path = tmp_path / "daq.h5"
+    with h5py.File(path, "w") as file:
+        file.attrs["rate_hz"] = RATE_HZ
+        file["gate/a/p_kpa"] = pulse() / 1e3
+        file["mast/p_pa"], file["mast/time_s"] = pulse(), times()
+        file["mast/T"] = np.zeros(3)
+    gate, mast = open_record(path)
+    check(gate, start_s=0.0)
+    check(mast)
+    assert gate.labels == ("variable gate/a/p_kpa",)
+    assert mast.notes == ("left out, not pressure: mast/T",)
+    with h5py.File(path, "w") as file:
+        file["gate/T"] = np.zeros(3)
+    with pytest.raises(InputError, match=r"got 'gate/T \(no units\)'"):
+        open_record(path)
+
+
+@pytest.mark.parametrize("seventh", [False, True])
+def test_each_struct_of_matlab_has_its_own_times(tmp_path, seventh):
+    path = tmp_path / "daq.mat"
+    one = {"time_ms": 1e3 * times(), "p_kpa": pulse() / 1e3}
+    other = {"fs": np.array([RATE_HZ]), "p_pa": pulse(), "T": np.zeros(3)}
+    if seventh:  # as others than MATLAB write it
+        with h5py.File(path, "w") as file:
+            for name, struct in (("gate", one), ("mast", other)):
+                for field, array in struct.items():
+                    file[f"{name}/{field}"] = array
+    else:
+        scipy.io.savemat(path, {"gate": one, "mast": other})
+    gate, mast = open_record(path)
+    check(gate)
+    check(mast, start_s=0.0)
+    assert mast.labels == ("variable mast.p_pa",)
+    assert mast.notes == ("left out, not pressure: mast.T",)
 
 
 @pytest.mark.parametrize("seventh", [False, True])

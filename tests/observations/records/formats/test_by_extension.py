@@ -14,6 +14,7 @@ from jblast.observations.records.formats import Scaling, open_record
 def test_what_is_not_there_or_of_no_format_is_refused(tmp_path):
     for name, held, said in (
         ("a.wav", None, "a.wav: no such file"),
+        ("a", None, "a: no such file"),
         ("a.mp3", b"ID3", r"a.mp3: expected a record of samples, its name ending in"),
         ("a.wave", b"RIFF", r"did you mean \.wav"),
         ("a.csv", b"", "a.csv: is empty"),

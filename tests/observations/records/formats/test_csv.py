@@ -62,6 +62,18 @@ def test_a_row_of_units_below_the_names_is_theirs(tmp_path):
     np.testing.assert_allclose(recording.samples(0, 3), [[10.0, 20.0, 30.0]])
 
 
+@pytest.mark.parametrize("delimiter", [" ", ",", ";"])
+def test_names_may_stand_in_the_comment_that_numpy_writes(tmp_path, delimiter):
+    path, names = tmp_path / "saved.txt", ("time_ms", "pressure_kpa")
+    table = np.stack([1e3 * times(), pulse() / 1e3], axis=1)
+    np.savetxt(path, table, header=delimiter.join(names), delimiter=delimiter)
+    (recording,) = open_record(path)
+    np.testing.assert_allclose(recording.samples(0, recording.length)[0], pulse())
+    np.savetxt(path, table, header="of a gate", delimiter=delimiter)
+    with pytest.raises(InputError, match="expected names of columns"):
+        open_record(path)
+
+
 def test_columns_of_something_else_are_left_out_and_named(tmp_path):
     body = "n,time_s,temperature_c,pressure_pa,note\n1,0,20,5,\n2,1,20,6,loud\n"
     (recording,) = open_record(text(tmp_path, body))
@@ -87,6 +99,11 @@ HEAD = "time_s,pressure_kpa\n"
         (HEAD + "0,1\n# cut\n0.1,\n0.2,3\n", "line 4, column pressure_kpa.*nothing"),
         (HEAD + "0,1\n0.1,nan\n0.2,3\n", "line 3, column pressure_kpa.*'nan'"),
         (HEAD + "0,nan\n0.1,nan\n", "column pressure_kpa: .* no number in it"),
+        (HEAD + "0,\n0.1,\n", "column pressure_kpa: .* no number in it; take"),
+        (
+            HEAD + "(s),(psi)\n0,1\n1,2\n",
+            "line 2, column pressure_kpa.*kpa in its name",
+        ),
         (HEAD + "0,1\n0.1\n", "line 3: expected 2 fields as in the header, got 1"),
         (HEAD + "0,1,5\n1,2,7\n", "line 2: expected 2 fields .* got 3"),
         (HEAD + "0,1\n", "expected two samples at least, got 1"),
