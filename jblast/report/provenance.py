@@ -12,6 +12,7 @@ from pathlib import Path
 import jax
 
 import jblast
+from jblast.observations.records.side_file import covariance_file
 
 
 @dataclass(frozen=True)
@@ -35,8 +36,8 @@ class Provenance:
         command: What was typed; "" where it was called from Python.
         date: When it was begun, UTC, by ISO 8601.
         versions: Of jblast, jax and python.
-        logs: The log, or the recordings that it was made of; none where it was made in
-            memory.
+        logs: The log with its covariances and files of samples, or the recordings that
+            it was made of; none where it was made in memory.
         scene: The scene; null where none was read from a file.
         scene_text: All that the scene's file says; "" where there is none.
     """
@@ -83,14 +84,19 @@ def provenance_of(
     )
 
 
-def provenance_lines(made: Provenance) -> list[str]:
-    """Return it in words, but for the text of the scene."""
+def provenance_lines(made: Provenance, what: str = "Log") -> list[str]:
+    """Return it in words, but for the text of the scene.
+
+    Args:
+        made: The provenance.
+        what: What its files are.
+    """
     of = ", ".join(f"{name} {version}" for name, version in made.versions.items())
     lines = [f"Command: {made.command}"] if made.command else []
     lines.append(f"Made {made.date} by {of}.")
     if not made.logs:
         lines.append("The log was made in memory.")
-    lines += [f"Log: {_words(file)}" for file in made.logs]
+    lines += [f"{what}: {_words(file)}" for file in made.logs]
     return lines + ([f"Scene: {_words(made.scene)}"] if made.scene else [])
 
 
@@ -99,11 +105,13 @@ def _words(file: SourceFile) -> str:
 
 
 def _files(path: str | Path) -> list[Path]:
-    """Return a file, or those that a folder holds, by name."""
+    """Return a log and its covariances, or what a folder holds, by name."""
     try:
         path = Path(path)
-        return sorted(path.iterdir()) if path.is_dir() else [path]
-    except OSError:
+        if path.is_dir():
+            return sorted(path.iterdir())
+        return [path, covariance_file(path)] if path.name else [path]
+    except (OSError, ValueError):
         return []
 
 

@@ -34,6 +34,13 @@ def test_files_are_told_by_name_and_sha256(tmp_path):
     assert str(tmp_path) not in said
 
 
+def test_covariances_beside_a_log_are_told_with_it(tmp_path):
+    for name in ("picks.csv", "picks.covariance.csv"):
+        (tmp_path / name).write_text(name)
+    made = provenance_of([tmp_path / "picks.csv"])
+    assert [file.name for file in made.logs] == ["picks.csv", "picks.covariance.csv"]
+
+
 def test_versions_and_date_are_those_of_now():
     made = provenance_of()
     assert made.versions == {

@@ -11,6 +11,7 @@ from jblast.files import write_text
 from jblast.inference.fitting.result import Fit
 from jblast.observations import Observations, read
 from jblast.observations.grouping import by_shot, one_event
+from jblast.observations.table import SAMPLES
 from jblast.parameter_table import CLOCK_OFFSET
 from jblast.progress import each
 from jblast.report.provenance import Provenance, provenance_of
@@ -93,6 +94,23 @@ def each_made(
         for name, of in own.items()
         if log == name or log.startswith(f"{name}: ")
     }
+
+
+def made_with_samples(made: Provenance, log: Observations | InputError) -> Provenance:
+    """Return what an answer is made of, with the files of samples that its log names.
+
+    Args:
+        made: Without them.
+        log: The log; one that could not be read names none.
+    """
+    if isinstance(log, InputError):
+        return made
+    files = [
+        Path(log.source).parent / name
+        for quantity, name in zip(log.quantity, log.records(), strict=True)
+        if quantity == SAMPLES
+    ]
+    return replace(made, logs=(*made.logs, *provenance_of(files).logs))
 
 
 def write_answers(

@@ -1,6 +1,7 @@
 """Records of samples that a command names, and what is said of their recorders."""
 
 import argparse
+import sys
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -176,9 +177,11 @@ def from_records(named: list[str], asked: argparse.Namespace) -> FromRecords | N
     from jblast.report.picks.text import picks_text
 
     found, log, files = picked(named, asked, keep_samples=asked.out is not None)
-    if found.refused:
-        raise refusal(found)
     text = picks_text(found, log, tuple(path.name for path in files.left_out))
+    if found.refused:
+        if not asked.json:
+            sys.stdout.write(text)  # of the others
+        raise refusal(found)
     if not len(log.observations):
         what = "nothing found" if not found.picks else "only poor picks"
         raise InputError(

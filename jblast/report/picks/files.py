@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 from jblast.files import write_text
 from jblast.inference.records import Gathered, PickLog
 from jblast.observations import write
+from jblast.report.provenance import Provenance
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -25,6 +26,7 @@ def write_picks(
     log: PickLog,
     document: dict[str, Any],
     lines: Sequence[str],
+    made: Provenance,
 ) -> list[str]:
     """Write all there is, the answer first; return the names of the files.
 
@@ -36,6 +38,7 @@ def write_picks(
         log: Their rows.
         document: What `picks_document` made of them.
         lines: What else is to be said.
+        made: What they were made of.
 
     Raises:
         OSError: It cannot be written.
@@ -53,7 +56,7 @@ def write_picks(
     pictures = _pictures(directory, found, written)
     from jblast.report.picks.page import picks_page
 
-    page = picks_page(found, pictures, lines, log.observations.comments)
+    page = picks_page(found, pictures, lines, made, log.observations.comments)
     write_text(directory / PAGE, page)
     return [*written, PAGE]
 

@@ -11,6 +11,7 @@ from jblast.report.figure_files import picture_of
 from jblast.report.pages import page
 from jblast.report.picks.text import estimate_words
 from jblast.report.picks.words import RECORDS_ALT, RECORDS_CAPTION, note_words
+from jblast.report.provenance import Provenance, provenance_lines
 from jblast.report.words import capitalised, quantity_words
 
 TITLES = {"decay": "Decay", "rise_time_s": "Rise time"}
@@ -21,6 +22,7 @@ def picks_page(
     found: Gathered,
     pictures: Sequence[Figure],
     lines: Sequence[str],
+    made: Provenance,
     comments: Sequence[str],
 ) -> str:
     """Return the page.
@@ -29,7 +31,8 @@ def picks_page(
         found: Picks.
         pictures: Of their records.
         lines: What else is to be said, a sentence each.
-        comments: Provenance.
+        made: What they were made of.
+        comments: Of the log.
     """
     rows = [
         {
@@ -50,6 +53,7 @@ def picks_page(
         pictures=[_picture(figure) for figure in pictures],
         caption=RECORDS_CAPTION,
         lines=lines,
+        provenance=provenance_lines(made, "File"),
         comments="\n".join(comments),
         version=jblast.__version__,
     )

@@ -17,9 +17,11 @@ from jblast.report.picks.figure import records_figure
 from jblast.report.picks.files import write_picks
 from jblast.report.picks.text import picks_text
 from jblast.report.picks.words import NOTES
+from jblast.report.provenance import provenance_of
 from tests.inference.records.made import record_pick
 
 RATE, START = 1e4, 5.0
+RIFF = "a40ff3d5900fb7698b8c865041347cb49eccedc8f93945f89629ad104aaecce4"
 
 
 def friedlander(samples: int = 2000) -> np.ndarray:
@@ -118,12 +120,19 @@ def test_pictures_and_page_are_written_and_clipped_samples_have_no_residual(tmp_
     log = log_of(some)
     stale = tmp_path / "records_7.png"
     stale.write_text("old")
-    written = write_picks(tmp_path, some, log, picks_document(some, log), ["a fault"])
+    record = tmp_path.parent / "g0.wav"
+    record.write_bytes(b"RIFF")
+    made = provenance_of([record], command=["jblast", "pick", "g0.wav"])
+    document = picks_document(some, log)
+    written = write_picks(tmp_path, some, log, document, ["a fault"], made)
     assert sorted(path.name for path in tmp_path.iterdir()) == sorted(
         [*written, "picks.covariance.csv"]
     )
     page = (tmp_path / "report.html").read_text()
     assert "a fault" in page
+    assert "Command: jblast pick g0.wav" in page
+    # by `printf RIFF | sha256sum`
+    assert f"File: g0.wav, SHA-256 {RIFF}" in page
     assert page.count('<tr><th scope="row">') == 3
 
 

@@ -96,7 +96,13 @@ def run(asked: argparse.Namespace) -> int:
     from pathlib import Path
 
     from jblast.cli.arguments.laws import chosen_laws
-    from jblast.cli.arguments.logs import WALK, each_made, logs_of, only_a_walk
+    from jblast.cli.arguments.logs import (
+        WALK,
+        each_made,
+        logs_of,
+        made_with_samples,
+        only_a_walk,
+    )
     from jblast.errors import InputError
     from jblast.inference import fit, fit_each
     from jblast.report import check_directory, summary, write_report
@@ -132,6 +138,7 @@ def run(asked: argparse.Namespace) -> int:
     if len(logs) > 1:
         apart = () if recorded else files
         made_of = each_made(made, logs, apart) if made else {}
+        made_of = {k: made_with_samples(of, logs[k]) for k, of in made_of.items()}
         fitted = fit_each(
             readable,
             uncertain,
@@ -147,6 +154,7 @@ def run(asked: argparse.Namespace) -> int:
         }
         return _many(answers, picks, out, made_of, asked)
     (observations,) = readable.values()
+    made = made_with_samples(made, observations) if made else None
     answer = fit(
         observations,
         uncertain,

@@ -69,10 +69,13 @@ def run(asked: argparse.Namespace) -> int:
     from jblast.report.picks.document import picks_document
     from jblast.report.picks.files import write_picks
     from jblast.report.picks.text import picks_text
+    from jblast.report.provenance import provenance_of
 
     begin("picking")
     keep = asked.report is not None
     found, log, files = picked(asked.records, asked, keep_samples=keep)
+    of = [*files.files, *([asked.positions] if asked.positions else [])]
+    made = provenance_of(of if keep else [], command=asked.words)
     begin("writing")
     document = picks_document(found, log)
     text = picks_text(found, log, tuple(path.name for path in files.left_out))
@@ -84,7 +87,7 @@ def run(asked: argparse.Namespace) -> int:
         with writing(asked.report):
             lines = [str(error) for error in found.refused]
             folder = Path(asked.report)
-            written = write_picks(folder, found, log, document, lines)
+            written = write_picks(folder, found, log, document, lines, made)
     if asked.json:
         printed = json.dumps(document, indent=2, ensure_ascii=False, allow_nan=False)
         sys.stdout.write(printed + "\n")
