@@ -94,16 +94,17 @@ def with_what_shows(
         alone,
     )
 
-    # a slow front makes a sensor ring little, and delays it all the same
-    slow = (natural_of(one.y).rise > RESOLVED) & (signs.rings == 0)
+    # a slow front makes a sensor ring little, and delays it all the same: what it does
+    # to the rise may tell more than what rings behind
+    slow = natural_of(one.y).rise > RESOLVED
     hidden = lax.cond(
         slow,
         lambda: hidden_ring(bins, one, unmoved.y, plain._replace(rings=1.0 + none)),
         lambda: Hidden(-jnp.inf + none, unmoved.y),
     )
-    weak = slow & (signs.power > QUIET) & (hidden.gain > HIDES)
-    oscillates = jnp.where(weak, 1.0, signs.rings)
-    bent = jnp.where(hidden.gain > HIDES, 1.0, oscillates)
+    hides = hidden.gain > HIDES
+    oscillates = jnp.where(hides & (signs.power > QUIET), 1.0, signs.rings)
+    bent = hides.astype(none.dtype)
 
     # with one that explains all there is, no other is asked for
     many = jnp.sum(case.weight > 0).astype(one.y.dtype)
@@ -114,7 +115,7 @@ def with_what_shows(
 
     def tried(carried, hypothesis):
         best, ring = carried
-        asked, start, price = hypothesis
+        asked, start, price, by_trial = hypothesis
         more = plain._replace(rings=asked[0], follows=asked[1], passed=asked[2])
         all_there_is = explains_more(best[2]) & best[1].converged & (best[0] < enough)
         shown = (jnp.sum(asked) > 0) & ~all_there_is
@@ -122,7 +123,7 @@ def with_what_shows(
         def anew():
             of = partial(misfit, bins)
             begin = lax.cond(
-                asked[0] * oscillates > 0,
+                by_trial,
                 lambda: best_ring(bins, start, more),
                 lambda: start,
             )
@@ -150,18 +151,19 @@ def with_what_shows(
         [
             jnp.stack([bent, none, none]),
             jnp.stack([oscillates, none, none]),
+            jnp.stack([oscillates, none, none]),
             jnp.stack([none, signs.follows, none]),
             jnp.stack([none, signs.follows, none]),
             jnp.stack([none, none, signs.passed]),
         ]
     )
-    prices = jnp.asarray([RING, RING, BETTER, BETTER, BETTER], alone.dtype)
+    prices = jnp.asarray([*[RING] * 3, *[BETTER] * 3], alone.dtype)
+    tries = jnp.asarray([False, True, True, False, False, False])
     # one pulse through a ring, or of two fronts, goes astray: begin before it did, too
     afresh = jnp.concatenate([start, signs.start])
-    first = jnp.where(oscillates > 0, unmoved.y, hidden.start)
-    starts = jnp.stack([first, afresh, afresh, unmoved.y, unmoved.y])
+    starts = [hidden.start, unmoved.y, afresh, afresh, unmoved.y, unmoved.y]
     begin = (alone, unmoved, plain), (jnp.full_like(alone, jnp.inf), unmoved.y)
-    (best, ring), _ = lax.scan(tried, begin, (asked, starts, prices))
+    (best, ring), _ = lax.scan(tried, begin, (asked, jnp.stack(starts), prices, tries))
     _, found, chosen = best
     # a sensor that may ring, or may not: either may have the right pulse
     odds = lax.stop_gradient(jnp.abs(ring[0] - alone))

@@ -30,17 +30,14 @@ SHIFTS = np.array([-1.5, -0.7, 0.0, 0.7, 1.5])
 TURNS = np.array([0.0, 0.4, 0.8, 1.2, 1.6, 2.0, 2.4])
 """How much later a ring shows it [radians of the ring]."""
 
-HIDDEN = np.exp(np.linspace(np.log(0.7), np.log(2.4), 10))
-"""Frequencies of rings that no oscillation shows [rad/sample]: a slow front excites a
-sensor little, and its rise is bent all the same."""
+HIDDEN = np.exp(np.linspace(np.log(0.7), np.log(2.4), 20))
+"""Frequencies of rings that a slow front may hide [rad/sample]: it excites a sensor
+little, and its rise is bent all the same."""
 
 FASTER = 40.0
 r"""A sensor at rest answers a slow rise with one whose mean square about its middle,
 $\tau^2/20$, is less by $2/\omega^2$: so $\tau^2$ passes for less by this over
 $\omega^2$."""
-
-NEAR = np.array([0.92, 1.0, 1.08])
-"""Rises tried with these, over what that says."""
 
 SLOWER = 1.8
 """Rises tried about the end of a search, over the one there, are larger than this."""
@@ -160,20 +157,17 @@ def hidden_ring(
 
 
 def _hidden(start):
-    """Return trials of rings that no oscillation shows: of slower rises."""
+    """Return trials of rings that a front may hide: of slower rises."""
     kind = start.dtype
-    omega, near = (x.ravel() for x in np.meshgrid(HIDDEN, NEAR))
     longest = 0.5 * jnp.exp(start[2])
     rise = jnp.exp(start[4]) / (1.0 + jnp.exp(start[4] - start[2]))
-    slower = near.astype(kind) * jnp.sqrt(
-        rise * rise + (FASTER / omega**2).astype(kind)
-    )
+    slower = jnp.sqrt(rise * rise + (FASTER / HIDDEN**2).astype(kind))
     slower = jnp.minimum(slower, longest)
-    trials = jnp.tile(start, (omega.size, 1))
+    trials = jnp.tile(start, (HIDDEN.size, 1))
     trials = trials.at[:, 0].add(0.5 * (rise - slower))
     free = slower / (1.0 - slower * jnp.exp(-start[2]))
     trials = trials.at[:, 4].set(jnp.log(free))
-    return trials.at[:, OMEGA].set(np.log(omega).astype(kind))
+    return trials.at[:, OMEGA].set(np.log(HIDDEN).astype(kind))
 
 
 def _about(start, shifts):
