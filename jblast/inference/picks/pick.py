@@ -48,8 +48,8 @@ def pick(
         record.
 
     Raises:
-        InputError: Times are not even or do not rise, lengths do not fit, or a value is
-            not finite.
+        InputError: Times are not even or do not rise, lengths do not fit, a value is
+            not finite, or a scale or corner is not positive.
 
     Example:
         `found = jblast.pick(time_s, pressure_pa)`, then `found.positive_impulse_pa_s`
@@ -62,11 +62,12 @@ def pick(
     if filled_length(n) > n:
         pad = np.pad if isinstance(flat, np.ndarray) else jnp.pad
         flat = pad(flat, [(0, 0), (0, filled_length(n) - n)], mode="edge")
-    if high_pass_hz is not None and not (0 < high_pass_hz < np.inf):
-        raise InputError(
-            f"{argument('high_pass_hz')}: expected a positive corner, got "
-            f"{high_pass_hz:g} Hz"
-        )
+    for name, what, value, unit in (
+        ("high_pass_hz", "a positive corner", high_pass_hz, "Hz"),
+        ("full_scale_pa", "a positive pressure", full_scale_pa, "Pa"),
+    ):
+        if value is not None and not (0 < value < np.inf):
+            raise InputError(f"{argument(name)}: expected {what}, got {value:g} {unit}")
     made = picks_of(
         flat,
         np.full(flat.shape[0], n),
@@ -84,7 +85,12 @@ def _checked(time_s: ArrayLike, pressure_pa: ArrayLike):
         pressure_pa if isinstance(pressure_pa, Tracer) else np.asarray(pressure_pa)
     )
     time = time_s if isinstance(time_s, Tracer) else np.asarray(time_s, dtype=float)
-    if pressure.ndim < 1 or time.ndim != 1 or time.shape[0] != pressure.shape[-1]:
+    if time.ndim != 1:
+        raise InputError(
+            f"{argument('time_s')}: expected [sample], one clock for all records, got "
+            f"the shape {time.shape}"
+        )
+    if pressure.ndim < 1 or time.shape[0] != pressure.shape[-1]:
         raise InputError(
             f"{argument('pressure_pa')}: expected [..., sample] with as many samples "
             f"as {argument('time_s')}, got {pressure.shape} and {time.shape}"

@@ -109,12 +109,22 @@ def test_slopes_by_the_samples_are_those_of_differences(repeated):
         (lambda t, p: (t[::-1], p), "time_s: expected rising times"),
         (lambda t, p: (t[:-1], p), "got .1024,. and .1023,"),
         (lambda t, p: (np.where(t > 4e-3, t + 1e-3, t), p), "time_s: expected even"),
+        (
+            lambda t, p: (np.stack([t, t]), np.stack([p, p])),
+            "time_s: expected .sample.,",
+        ),
         (lambda t, p: (t[:9], p[:9]), "16 samples or more, got 9"),
     ],
 )
 def test_what_can_be_no_record_is_refused_by_name(change, message):
     with pytest.raises(InputError, match=message):
         pick(*change(TIME, samples_of(TRUTH)))
+
+
+@pytest.mark.parametrize("name", ["full_scale_pa", "high_pass_hz"])
+def test_a_scale_or_corner_that_is_not_positive_is_refused(name):
+    with pytest.raises(InputError, match=f"{name}: expected a positive"):
+        pick(TIME, samples_of(TRUTH), **{name: 0.0})
 
 
 def test_in_noise_alone_and_in_nothing_nothing_is_found():
