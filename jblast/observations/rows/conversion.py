@@ -1,5 +1,7 @@
 """Which of our quantities each row of a log holds, and in which unit."""
 
+import numpy as np
+
 from jblast.errors import nearest, shown
 from jblast.observations.rows.fields import Fields
 from jblast.observations.rows.measured import Measured
@@ -77,7 +79,7 @@ def _refuse_two_units(rows: Fields, found: Measured) -> None:
             if not _go_together(ours, found.units.get(name), own)
         }
         rows.refuse(
-            [name in odd for name in found.theirs],
+            rows.sound & np.array([name in odd for name in found.theirs], bool),
             "quantity",
             lambda row: (
                 f"a quantity in {own.unit}, the unit of column "
@@ -94,11 +96,12 @@ def _refuse_two_units(rows: Fields, found: Measured) -> None:
         for ours in set(found.quantity)
         if (ours in ADDITIVE if relative else dimension_of(ours) != sigma.dimension)
     }
+    odd_rows = [
+        ours in odd and not nothing
+        for ours, nothing in zip(found.quantity, empty, strict=True)
+    ]
     rows.refuse(
-        [
-            ours in odd and not nothing
-            for ours, nothing in zip(found.quantity, empty, strict=True)
-        ],
+        rows.sound & np.array(odd_rows, bool),
         "sigma",
         lambda row: (
             f"a sigma in the unit of {found.theirs[row]}"

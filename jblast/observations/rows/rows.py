@@ -194,8 +194,9 @@ class Rows(Fields):
         """Refuse half a position, a position beside a range, and a range below zero."""
         given = (~np.isnan(position)).sum(axis=1)
         for index, name in enumerate(POSITION):
+            empty = np.array([not text for text in self.text(name)], bool)
             self.refuse(
-                (given > 0) & np.isnan(position[:, index]),
+                (given > 0) & np.isnan(position[:, index]) & empty,
                 name,
                 lambda _: f"all of {', '.join(POSITION)} or none of them, got nothing",
             )

@@ -95,8 +95,11 @@ def run(asked: argparse.Namespace) -> int:
         sys.stdout.write(text)
         if written:
             sys.stdout.write(f"\nWritten: {asked.report}, {', '.join(written)}\n")
-        if asked.out and len(log.observations):
-            sys.stdout.write(f"\nWritten: {asked.out}; jblast fit takes it\n")
+        if asked.out:
+            told = f"Written: {asked.out}; jblast fit takes it"
+            if not len(log.observations):
+                told = f"Not written: {asked.out}, as no pick stands in a row"
+            sys.stdout.write(f"\n{told}\n")
     if found.refused:
         raise refusal(found)
     return 0 if found.picks else NOT_FOUND

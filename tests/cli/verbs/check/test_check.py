@@ -41,6 +41,17 @@ def test_faults_and_warnings_are_all_told_in_one_go(jblast):
     assert max(map(len, text.splitlines())) <= 79
 
 
+def test_what_is_wrong_is_told_once(jblast):
+    log = (
+        "sensor,quantity,value_kpa,sigma_percent,east_m,north_m,up_m\n"
+        "a,peak_overpresure,5,10,50,0,0\n"
+        "b,peak_overpressure,5,10,50,x,0\n"
+        "c,peak_overpressure,5,10,50,,0\n"
+    )
+    code, text, _ = jblast("check", jblast.file("log.csv", log))
+    assert (code, "3 faults" in text) == (2, True)
+
+
 def test_the_json_has_every_line_that_the_text_has(jblast):
     code, text, _ = jblast("check", jblast.file("log.csv", BAD), "--json")
     document = json.loads(text)

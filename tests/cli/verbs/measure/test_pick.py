@@ -60,6 +60,13 @@ def test_what_exists_is_not_overwritten_unasked(jblast):
     assert jblast.text("log.csv") == "mine"
 
 
+def test_a_log_that_would_have_no_row_is_said_not_to_be_written(jblast):
+    out = jblast.path("log.csv")
+    code, text, _ = jblast("pick", jblast.file("a.csv", SILENT), "--out", out)
+    assert (code, Path(out).exists()) == (3, False)
+    assert f"Not written: {out}" in text
+
+
 def test_a_bad_file_costs_the_others_nothing(jblast):
     good, bad = jblast.file("a.csv", SILENT), jblast.file("b.csv", "time_s,p_pa\n0,1\n")
     code, out, err = jblast("pick", good, bad)
