@@ -1,5 +1,6 @@
 """TDMS, as LabVIEW writes it: channels in groups, units and steps as properties."""
 
+import logging
 from pathlib import Path
 from typing import Any
 
@@ -40,7 +41,12 @@ def open_tdms(path: Path, scaling: Scaling) -> tuple[Recording, ...]:
     """
     nptdms = needed("nptdms", "tdms", path, "TDMS is read")
     try:
+        nptdms.log.log_manager.set_level(logging.ERROR)  # a cut file is told below
         with nptdms.TdmsFile.open(path) as file:
+            if file.file_status.incomplete_final_segment:
+                raise InputError(
+                    f"{path}: is cut short: its last segment holds less than it says"
+                )
             found = [
                 (channel.group_name, channel.name, dict(channel.properties))
                 for group in file.groups()

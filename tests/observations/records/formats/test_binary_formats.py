@@ -129,6 +129,16 @@ def test_tdms_with_a_channel_of_time(tmp_path):
     assert recording.notes == ()
 
 
+def test_tdms_that_is_cut_short_is_refused(tmp_path):
+    path = tmp_path / "daq.tdms"
+    wave = {"wf_increment": 1 / RATE_HZ, "unit_string": "Pa"}
+    with TdmsWriter(path) as writer:
+        writer.write_segment([ChannelObject("a", "p", pulse(), wave)])
+    path.write_bytes(path.read_bytes()[:-800])
+    with pytest.raises(InputError, match=r"daq\.tdms: is cut short"):
+        open_record(path)
+
+
 @pytest.mark.parametrize("engine", ["h5netcdf", "scipy"])
 def test_netcdf_is_read_by_its_units(tmp_path, engine):
     path = tmp_path / "field.nc"
