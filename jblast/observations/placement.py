@@ -24,6 +24,12 @@ from jblast.parameter_table import CHARGE_POSITION, PARAMETERS
 from jblast.quantities import BY_CAMERA
 from jblast.scene import Scene
 
+OF_PLACE = (
+    "; both count from its [place]: where that was moved, take position_m out of its "
+    "[[sensor]], as the log says where they stood"
+)
+"""What may be wrong where a log in degrees and its scene contradict each other."""
+
 
 def resolve_positions(
     observations: Observations, scene: Scene, beliefs: Collection[str] = ()
@@ -57,9 +63,11 @@ def resolve_positions(
         if row in missing:
             position[row] = known
         elif np.linalg.norm(position[row] - known) > AGREE:
+            again = "" if observations.frame is None else OF_PLACE
             raise InputError(
                 f"{observations.where(row)}: sensor {shown(name)} stands at "
                 f"{metres(position[row])}; expected {metres(known)} as in the scene"
+                f"{again}"
             )
     for row, quantity in enumerate(observations.quantity):
         if quantity not in BY_CAMERA:

@@ -43,6 +43,13 @@ def test_a_place_given_twice_may_differ_by_less_than_a_millimetre(log):
         assert said in str(caught.value)
 
 
+def test_a_place_in_degrees_given_twice_names_the_origin_that_both_count_from(log):
+    degrees = "sensor,quantity,value,sigma,lat_deg,lon_deg,alt_m\n"
+    observations = log(degrees + "a,air_arrival_s,1,,47,11,500\n")
+    with pytest.raises(InputError, match=r"count from its \[place\].*\[\[sensor\]\]"):
+        resolve_positions(observations, scene(a=[0.0, 0.0, 50.0]))
+
+
 def test_a_sensor_without_a_place_is_named(log):
     observations = log(BARE + "a,air_arrival_s,1,\nb,air_arrival_s,2,\n")
     with pytest.raises(InputError, match=r"line 3: expected east_m.*named 'b'"):

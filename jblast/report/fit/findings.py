@@ -40,8 +40,11 @@ def _(finding: fitting.PoorFit) -> str:
     )
     if not finding.log:
         return text
-    advice = "writes a scene that says more about the setting"
-    return f"{text}; `jblast scene {finding.log}` {advice}"
+    return (
+        f"{text}; `jblast check {finding.log}` looks for slips of units, clocks and "
+        f"places, `jblast scene {finding.log}` writes a scene that says more about the "
+        "setting"
+    )
 
 
 @words.register

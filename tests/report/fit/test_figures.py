@@ -102,6 +102,17 @@ def test_unidentified_parameters_are_absent_from_the_corner_plot_with_a_note():
     assert corner_figure(example.no_draws()) is None
 
 
+def test_numbers_along_a_corner_plot_are_written_in_full():
+    fit = example.shock_radius()
+    far = 149.9 + 0.1 * fit.draws["sedov_gamma"]
+    figure = corner_figure(replace(fit, draws={**fit.draws, "sedov_gamma": far}))
+    assert figure is not None
+    figure.draw_without_rendering()
+    for axes in figure.axes:
+        for axis in (axes.xaxis, axes.yaxis):
+            assert axis.get_offset_text().get_text() == ""
+
+
 def test_accepted_values_are_lines_in_the_unit_of_the_axis():
     accepted = {"charge_mass_kg": (2.48e7, "Selby")}
     figure = corner_figure(example.shock_radius(), accepted)

@@ -73,6 +73,7 @@ def test_a_poor_fit_and_a_law_left_behind_are_said():
     assert "The fit is poor (p < 0.001)" in text
     assert "outside the range of a law it uses (positive impulse)" in text
     assert "`jblast scene quarry.csv` writes a scene" in text
+    assert "`jblast check quarry.csv` looks for slips" in text
 
 
 def test_outliers_and_ambiguities_are_named():

@@ -9,7 +9,9 @@ from typing import cast
 import numpy as np
 from jaxtyping import Float
 from matplotlib.axes import Axes
+from matplotlib.axis import Axis
 from matplotlib.figure import Figure
+from matplotlib.ticker import ScalarFormatter
 
 from jblast.inference.fitting.result import Fit
 from jblast.report.estimates import WIDE_LOG_SD, printed_estimate
@@ -27,6 +29,9 @@ from jblast.report.figure_style import (
 from jblast.report.fit.reference_values import Accepted
 from jblast.report.numbers import Unit, finite, unit_for
 from jblast.report.words import capitalised, joined, parameter_words
+
+OFFSET_FROM = 1e5
+"""Numbers of this size are too long to be written in full beside each other."""
 
 
 def drawn_parameters(fit: Fit) -> list[str]:
@@ -177,6 +182,8 @@ def _corner(
             if i:
                 log_ticks(grid[i, 0].yaxis, grid[i, 0].get_ylim())
     for axes in figure.axes:
+        _whole_numbers(axes.xaxis)
+        _whole_numbers(axes.yaxis)
         axes.tick_params(labelsize=8.5, color=MUTED, labelrotation=0)
         axes.xaxis.set_label_coords(0.5, -0.17)
         axes.yaxis.set_label_coords(-0.28, 0.5)
@@ -185,6 +192,14 @@ def _corner(
         left=0.95 / side, right=1 - 0.15 / side, bottom=0.65 / side, top=1 - 0.5 / side
     )
     return figure
+
+
+def _whole_numbers(axis: Axis) -> None:
+    """Write 149.95 in full: an offset of 149.9 would stand on the panel above."""
+    formatter = axis.get_major_formatter()
+    short = np.abs(axis.get_view_interval()).max() < OFFSET_FROM
+    if short and isinstance(formatter, ScalarFormatter):
+        formatter.set_useOffset(False)
 
 
 def _corner_package():
