@@ -2,23 +2,28 @@ r"""Linear systems of shared effects: all with all, or few with all and the rest
 
 With $L$ what the effects add to each row, and weights $w$ of the rows, the mode of the
 effects asks for $(I + L^T \mathrm{diag}(w) L)^{-1}$ and for its determinant. Effects of
-a law load many rows. Errors that the rows of one record share load those alone, so
-effects of two records meet in none, and their part of the matrix falls into small
-blocks: these are eliminated first, each by itself, and what is left is a system of the
-effects of laws alone (the Schur complement). Ten records of four quantities share 30
-errors: ten systems of three and one of the laws, in place of one of 34.
+a shot load many rows. Those of a path, and errors that the rows of one record share,
+load the rows of that path alone, so effects of two paths meet in none, and their part
+of the matrix falls into small blocks: these are eliminated first, each by itself, and
+what is left is a system of the effects of shots alone (the Schur complement). Ten
+records of four quantities share 30 errors, and have 20 effects of paths: ten systems of
+five and one of the shot's four, in place of one of 54.
 """
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from jblast.sensors.even_rows import picked
+
 WRITTEN_OUT = 16
 """Systems of no more effects are solved without LAPACK."""
 
-Blocks = tuple[tuple[tuple[int, ...], tuple[int, ...]], ...]
+Block = tuple[tuple[int, ...], tuple[int, ...]]
+Blocks = tuple[Block, ...]
 """Rows and columns of each group of effects that load no rows but these, all of which
 no other group loads."""
 
@@ -81,10 +86,12 @@ class Apart(NamedTuple):
     def added(self, v: Float[Array, " held"]) -> Float[Array, " row"]:
         """Return what effects add to each row."""
         first, own = self._parted(v)
-        of_records = jnp.sum(self.of_record * own[:, None, :], axis=2)
-        # a row that is missing stands behind the last
-        added = jnp.zeros(len(self.load) + 1).at[self.record].set(of_records)
-        return self.load @ first + added[:-1]
+        of_records = jnp.sum(self.of_record * own[:, None, :], axis=2).ravel()
+        if not self._in_turn():
+            place = np.full(len(self.load) + 1, of_records.size)
+            place[self.record.ravel()] = np.arange(of_records.size)
+            of_records = jnp.append(of_records, 0.0)[place[:-1]]
+        return self.load @ first + of_records
 
     def gathered(self, of_row: Float[Array, " row"]) -> Float[Array, " held"]:
         """Return $L^T x$."""
@@ -118,8 +125,17 @@ class Apart(NamedTuple):
         count, (records, _, errors) = self.load.shape[1], self.of_record.shape
         return v[:count], v[count:].reshape(records, errors)
 
+    def _in_turn(self) -> bool:
+        """Return whether rows stand record by record, of each as many: cheaper so."""
+        rows = np.arange(len(self.load))
+        return self.record.size == rows.size and bool(
+            (self.record.ravel() == rows).all()
+        )
+
     def _by_record(self, of_row):
         """Return what the rows of each record have; zero of what is missing."""
+        if self._in_turn():
+            return of_row.reshape(*self.record.shape, *of_row.shape[1:])
         nothing = jnp.zeros((1, *of_row.shape[1:]), of_row.dtype)
         return jnp.concatenate([of_row, nothing])[self.record]
 
@@ -137,7 +153,7 @@ def effects_of(load: Float[Array, "row effect"], blocks: Blocks) -> Together | A
     place[error] = alone.size + np.arange(error.size).reshape(error.shape)
     wide = jnp.pad(load, ((0, 1), (0, 1)))
     of_record = wide[record[:, :, None], error[:, None, :]]
-    return Apart(load[:, alone], of_record, record, place[:-1])
+    return Apart(picked(load.T, alone).T, of_record, record, place[:-1])
 
 
 def blocks_of(loading: Float[np.ndarray, "row effect"]) -> Blocks:
@@ -146,16 +162,39 @@ def blocks_of(loading: Float[np.ndarray, "row effect"]) -> Blocks:
     Args:
         loading: What one standard deviation of each effect adds to each row.
     """
-    blocks: list[tuple[set[int], set[int]]] = []
-    for column, loaded in enumerate(loading.T):
-        rows, columns = set(np.flatnonzero(loaded).tolist()), {column}
-        for block in [block for block in blocks if block[0] & rows]:
-            blocks.remove(block)
-            rows, columns = rows | block[0], columns | block[1]
-        blocks.append((rows, columns))
-    if any(len(columns) > WRITTEN_OUT for _, columns in blocks):
+    return joined_blocks(
+        [
+            (tuple(np.flatnonzero(loaded).tolist()), (column,))
+            for column, loaded in enumerate(loading.T)
+        ]
+    )
+
+
+def joined_blocks(parts: Sequence[Block]) -> Blocks:
+    """Make one of those that share rows; () if it then has many effects.
+
+    Args:
+        parts: Rows and columns; each column stands in one of them.
+    """
+    first: dict[int, int] = {}
+    joined = list(range(len(parts)))
+
+    def root(part: int) -> int:
+        while joined[part] != part:
+            joined[part] = part = joined[joined[part]]
+        return part
+
+    for part, (rows, _) in enumerate(parts):
+        for row in rows:
+            joined[root(part)] = root(first.setdefault(row, part))
+    blocks: dict[int, tuple[set[int], set[int]]] = {}
+    for part, (rows, columns) in enumerate(parts):
+        block = blocks.setdefault(root(part), (set(), set()))
+        block[0].update(rows)
+        block[1].update(columns)
+    if any(len(columns) > WRITTEN_OUT for _, columns in blocks.values()):
         return ()
-    return tuple((tuple(sorted(r)), tuple(sorted(c))) for r, c in blocks)
+    return tuple((tuple(sorted(r)), tuple(sorted(c))) for r, c in blocks.values())
 
 
 def _padded(lists: list[tuple[int, ...]], missing: int) -> np.ndarray:

@@ -4,13 +4,18 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from jblast.inference.posterior.correlated_errors import own_and_shared_errors
 from jblast.inference.posterior.density_correction import DensityCorrection
-from jblast.inference.posterior.effect_systems import Blocks, blocks_of
+from jblast.inference.posterior.effect_systems import (
+    Blocks,
+    blocks_of,
+    joined_blocks,
+)
 from jblast.inference.posterior.likelihood import log_likelihood
 from jblast.inference.posterior.parameters import Parameters
 from jblast.inference.posterior.record_likelihood import (
@@ -38,6 +43,8 @@ class Misfit(eqx.Module):
         valid: Whether the laws hold.
         slant_range: Distance from the charge [m].
         record_sd: Of the independent scale, what the law's record scatter is.
+        blocks: Rows and columns of `loading` that share nothing with others, for speed
+            alone (see `effect_systems`).
     """
 
     residual: Float[Array, " row"]
@@ -47,6 +54,7 @@ class Misfit(eqx.Module):
     valid: Bool[Array, " row"]
     slant_range: Float[Array, " row"]
     record_sd: Float[Array, " row"]
+    blocks: Blocks = eqx.field(static=True, default=())
 
 
 class Posterior(eqx.Module):
@@ -101,6 +109,7 @@ class Posterior(eqx.Module):
             valid=recording.valid,
             slant_range=recording.slant_range,
             record_sd=recording.record_sd,
+            blocks=self._blocks(recording),
         )
 
     @kept
@@ -129,18 +138,27 @@ class Posterior(eqx.Module):
             misfit.loading,
             self.noise,
             self.lower_bound,
-            self._blocks(misfit.loading.shape[1]),
+            misfit.blocks,
         )
 
-    def _blocks(self, effects: int) -> Blocks:
-        """Return the blocks of shared errors among so many effects."""
-        if self.shared_error is None:
-            return ()
-        before = effects - self.shared_error.shape[1]
-        return tuple(
+    def _blocks(self, recording: Recording) -> Blocks:
+        """Return what each path, and each record, has for itself of the effects."""
+        shots, paths = len(recording.shot_loading), len(recording.path_loading)
+        groups: dict[int, list[int]] = {}
+        for row, group in enumerate(self.layout.group):
+            groups.setdefault(group, []).append(row)
+        before = shots + paths * len(groups)
+        of_records = tuple(
             (rows, tuple(before + column for column in columns))
             for rows, columns in self.error_blocks
         )
+        if self.shared_error is not None and not of_records:
+            return ()  # nobody knows what it loads
+        of_paths = tuple(
+            (tuple(rows), tuple(range(shots + at, before, len(groups))))
+            for at, rows in enumerate(groups.values())
+        )
+        return joined_blocks([*of_paths, *of_records] if paths else of_records)
 
     def _of_samples(self, misfit: Misfit, records: SampledRecords) -> Float[Array, ""]:
         """Return ln of the probability of the samples and of all other rows."""
@@ -216,10 +234,10 @@ def posterior_of(
         parameters=parameters,
         layout=layout,
         measured=to_error_scale(observations.value, observations.quantity),
-        sigma=jnp.asarray(sigma),
+        sigma=jax.device_put(sigma),
         laws=tuple(sorted(laws.items())),
         noise=noise,
-        lower_bound=jnp.asarray(bounds) if bounds.any() else None,
-        shared_error=jnp.asarray(shared) if shared.size else None,
+        lower_bound=jax.device_put(bounds) if bounds.any() else None,
+        shared_error=jax.device_put(shared) if shared.size else None,
         error_blocks=blocks_of(shared),
     )

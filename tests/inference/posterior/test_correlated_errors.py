@@ -11,7 +11,7 @@ from jblast.errors import InputError
 from jblast.inference.fitting.goodness_of_fit import chi_squared, standardised_residuals
 from jblast.inference.many import batch
 from jblast.inference.posterior.correlated_errors import own_and_shared_errors
-from jblast.inference.posterior.effect_systems import blocks_of
+from jblast.inference.posterior.effect_systems import blocks_of, joined_blocks
 from jblast.inference.posterior.fisher_information import whitened_rows
 from jblast.inference.posterior.likelihood import log_likelihood
 from jblast.inference.posterior.parameters import parameters_of
@@ -203,3 +203,21 @@ def test_errors_of_records_are_integrated_out_by_blocks_as_all_with_all(noise: N
         (slope(residual, ()), slope(residual, blocks)),
     ):
         np.testing.assert_allclose(apart, together, rtol=1e-11, atol=1e-12)
+
+
+def test_effects_of_a_path_and_errors_of_its_record_are_one_block():
+    """Records of four rows on a path each; what the shot shares is in no block."""
+    paths = [(tuple(range(4 * k, 4 * k + 4)), (2 + k, 5 + k)) for k in range(3)]
+    errors = [((4, 6), (8,)), ((5, 6), (9,))]
+    blocks = joined_blocks([*paths, *errors])
+    assert [columns for _, columns in blocks] == [(2, 5), (3, 6, 8, 9), (4, 7)]
+    assert [rows for rows, _ in blocks] == [rows for rows, _ in paths]
+
+
+def test_parts_that_a_third_joins_are_one_block():
+    parts = [((0, 1), (0,)), ((2, 3), (1,)), ((1, 2), (2,))]
+    assert joined_blocks(parts) == (((0, 1, 2, 3), (0, 1, 2)),)
+
+
+def test_a_block_of_many_effects_is_not_taken_apart():
+    assert joined_blocks([((0,), tuple(range(17)))]) == ()
