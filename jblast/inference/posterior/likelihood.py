@@ -61,11 +61,16 @@ def log_likelihood(
     effects = effects_of(load, blocks)
     rows = lax.stop_gradient(r), effects_of(lax.stop_gradient(load), blocks), noise
     v = _reweighted(*rows) if lower_bound is None else _climbed(*rows, lower_bound)
+
     # Two Newton steps that are differentiated carry first and second derivatives of
-    # the mode, which the loop above does not.
-    for _ in range(1 if noise == "gaussian" and lower_bound is None else 2):
-        v = v - _newton_step(v, r, effects, noise, lower_bound)[0]
-    _, log_determinant = _newton_step(v, r, effects, noise, lower_bound)
+    # the mode, which the loop above does not; the last tells of the curvature alone.
+    def onward(v, _):
+        step, log_determinant = _newton_step(v, r, effects, noise, lower_bound)
+        return v - step, (v, log_determinant)
+
+    steps = 1 if noise == "gaussian" and lower_bound is None else 2
+    _, along = lax.scan(onward, v, length=steps + 1)
+    v, log_determinant = jax.tree.map(lambda x: x[-1], along)
     joint = log_rows(r - effects.added(v), sd, noise, lower_bound) - 0.5 * v @ v
     return joint - 0.5 * log_determinant, effects.in_order(v)
 
@@ -124,25 +129,25 @@ def reweighted(
 
 def _reweighted(r, effects, noise):
     """Mode of the effects by iterated reweighting, which always climbs."""
-
-    def solve(weight):
-        return effects.solved(weight, effects.gathered(weight * r))[0]
-
-    start = solve(jnp.ones_like(r))
     if noise == "gaussian":
-        return start
+        return effects.solved(jnp.ones_like(r), effects.gathered(r))[0]
 
     def again(state):
         rounds, v, _ = state
         u = r - effects.added(v)
-        new = solve((STUDENT_FREEDOM + 1) / (STUDENT_FREEDOM + jnp.square(u)))
+        weight = (STUDENT_FREEDOM + 1) / (STUDENT_FREEDOM + jnp.square(u))
+        weight = jnp.where(rounds == 0, 1.0, weight)  # of normal errors at first
+        new = effects.solved(weight, effects.gathered(weight * r))[0]
         return rounds + 1, new, jnp.max(jnp.abs(new - v))
 
     def unsettled(state):
         rounds, _, moved = state
-        return (rounds < REWEIGHTINGS) & (moved > SETTLED)
+        return (rounds == 0) | ((rounds <= REWEIGHTINGS) & (moved > SETTLED))
 
-    return lax.while_loop(unsettled, again, (0, start, jnp.inf))[1]
+    start = effects.start()
+    return lax.while_loop(unsettled, again, (0, start, jnp.asarray(jnp.inf, r.dtype)))[
+        1
+    ]
 
 
 def _climbed(r, effects, noise, lower_bound):
