@@ -21,9 +21,9 @@ import jax.numpy as jnp
 from jax import lax
 from jaxtyping import Array, Float, PRNGKeyArray
 
+from jblast.inference.mode.least_squares import NORMAL, residuals
 from jblast.inference.mode.row_subset import is_long, row_subset
 from jblast.inference.mode.starts import start_sd, starts
-from jblast.inference.posterior.error_density import log_survival
 from jblast.inference.posterior.fisher_information import information
 from jblast.inference.posterior.posterior import Posterior
 from jblast.kept_programs import kept
@@ -33,6 +33,8 @@ STARTS = 64
 FINALISTS = 8
 SAME = 0.1
 """Ends closer than this many standard deviations are one optimum."""
+MET = 1e-4
+"""Searches nearer one another than this, in typical steps, are at one place."""
 SEPARATE = 1.0
 """Optima further apart than this many standard deviations are two answers."""
 TIE_BREAK = 1e-6
@@ -43,10 +45,6 @@ LONGEST_STEP = 10.0
 HOPELESS = 10.0
 """An end whose density by some of the rows is so much lower in ln is left out: by all
 rows it is further behind."""
-LEAST_COST = 1e-12
-"""Of a lower bound that is passed by far, so that its square root has a slope."""
-NORMAL = 1e8
-"""So many degrees of freedom make a Student-t normal."""
 
 
 class Optima(NamedTuple):
@@ -74,12 +72,13 @@ def optima(key: PRNGKeyArray, posterior: Posterior) -> Optima:
         return lax.cond(
             density > found.log_density[0] - HOPELESS,
             lambda: _climb(posterior, scale, z, information(posterior, z)),
-            lambda: jnp.full_like(z, jnp.nan),
+            lambda: Optima(jnp.full_like(z, jnp.nan), jnp.full_like(density, -jnp.inf)),
         )
 
     preference = _preference(scale, middle)
-    ends, _, repeated = _distinct(posterior, lax.map(climb, found), preference)
-    return _in_order(posterior, ends, repeated, preference)
+    ends = lax.map(climb, found)
+    distinct, _, repeated = _distinct(posterior, ends, preference)
+    return _in_order(distinct, repeated, preference)
 
 
 @kept
@@ -105,34 +104,61 @@ def _searched(key: PRNGKeyArray, posterior: Posterior):
     # Half of the starts go through normal errors, which see far; half do not, since
     # where two groups of readings disagree normal errors end between them.
     last = STUDENT_FREEDOM if posterior.noise == "student" else NORMAL
-    freedoms = jnp.tile(jnp.array([(NORMAL, last), (last, last)]), (STARTS // 2, 1))
+    freedoms = jnp.tile(jnp.array([[NORMAL, last], [last, last]]), (1, STARTS // 2))
 
     import optimistix as optx  # takes as long to import as a kept search to find
 
-    def approach(start: tuple[Array, Array]) -> Float[Array, " free"]:
-        y, freedoms = start
-
-        def with_freedom(y, freedom):
-            solution = optx.least_squares(
-                lambda y, freedom: _residuals(near, scale, y, freedom),
-                optx.LevenbergMarquardt(rtol=1e-6, atol=1e-6),
-                y,
-                freedom,
-                max_steps=100,
-                throw=False,
-            )
-            return solution.value, None
-
-        return lax.scan(with_freedom, y, freedoms)[0][: scale.size] * scale
+    def approach(y, freedom):
+        return optx.least_squares(
+            lambda y, freedom: residuals(near, scale, y, freedom),
+            optx.LevenbergMarquardt(rtol=1e-6, atol=1e-6),
+            y,
+            freedom,
+            max_steps=100,
+            throw=False,
+        ).value
 
     unknowns = jnp.concatenate([first, effects], axis=1)
-    ends = lax.map(approach, (unknowns, freedoms))
+    places = onward(approach, unknowns, freedoms)[:, : scale.size]
+    places = places * scale[None, :]
+    ends = Optima(places, lax.map(posterior.log_density, places))
     preference = _preference(scale, first[0])
     finalists, known, repeated = _distinct(posterior, ends, preference)
-    climbed = lax.map(
-        lambda start: _climb(posterior, scale, *start), (finalists, known)
-    )
-    return _in_order(posterior, climbed, repeated, preference), first[0]
+
+    def climb(start):
+        end, known, repeated = start
+        return lax.cond(
+            repeated, lambda: end, lambda: _climb(posterior, scale, end.z, known)
+        )
+
+    climbed = lax.map(climb, (finalists, known, repeated))
+    return _in_order(climbed, repeated, preference), first[0]
+
+
+def onward(approach, unknowns, freedoms):
+    """Take starts through one search after another; those that have met go as one.
+
+    Args:
+        approach: Searches from a place, with so many degrees of freedom.
+        unknowns: Where each begins.
+        freedoms: Of each search, by start.
+    """
+    searches, count = freedoms.shape
+    begun = jnp.broadcast_to(unknowns, (searches + 1, *unknowns.shape))
+
+    def one(places, at):
+        search, start = at // count, at % count
+        here, freedom = places[search], freedoms[search]
+        met = jnp.max(jnp.abs(here - here[start][None, :]), axis=1, initial=0.0) < MET
+        met &= (freedom == freedom[start]) & (jnp.arange(count) < start)
+        found = lax.cond(
+            met.any(),
+            lambda: places[search + 1, jnp.argmax(met)],
+            lambda: approach(here[start], freedom[start]),
+        )
+        return places.at[search + 1, start].set(found), None
+
+    return lax.scan(one, begun, jnp.arange(searches * count))[0][-1]
 
 
 def _preference(scale, middle):
@@ -145,44 +171,22 @@ def _preference(scale, middle):
     return preference
 
 
-def _in_order(posterior: Posterior, ends, repeated, preference) -> Optima:
+def _in_order(ends: Optima, repeated, preference) -> Optima:
     """Put ends in order, the best first."""
-    density = lax.map(posterior.log_density, ends)
+    density = ends.log_density
     density = jnp.where(jnp.isnan(density) | repeated, -jnp.inf, density)
-    order = jnp.argsort(-preference(ends, density))
-    return Optima(ends[order], density[order])
+    order = jnp.argsort(-preference(ends.z, density))
+    return Optima(ends.z[order], density[order])
 
 
-def _residuals(posterior: Posterior, scale, y, freedom):
-    """Residuals of least squares, whose unknowns include the shared effects.
-
-    Half the square of each is minus the Student-t log-density of that many degrees of
-    freedom, up to a constant; of a lower bound, minus ln of its probability.
-    """
-    z, effects = y[: scale.size] * scale, y[scale.size :]
-    misfit = posterior.misfit(z)
-    u = (misfit.residual - misfit.loading @ effects) / misfit.sd
-    away = jnp.abs(u) > 1e-6
-    tail = (freedom + 1) * jnp.log1p(jnp.square(jnp.where(away, u, 1.0)) / freedom)
-    near = u * jnp.sqrt((freedom + 1) / freedom)
-    cost = jnp.where(away, jnp.sign(u) * jnp.sqrt(tail), near)
-    if posterior.lower_bound is not None:
-        survival = jnp.where(
-            freedom == NORMAL, log_survival(u, "gaussian"), log_survival(u, "student")
-        )
-        bound = jnp.sqrt(LEAST_COST - 2 * survival)
-        cost = jnp.where(posterior.lower_bound, bound, cost)
-    return cost, effects, z * posterior.parameters.has_prior()
-
-
-def _distinct(posterior: Posterior, ends, preference):
+def _distinct(posterior: Posterior, found: Optima, preference):
     """Pick the best ends that differ by more than `SAME` standard deviations.
 
     Returns:
         The ends, the information at each, and whether each repeats another because
         fewer were found.
     """
-    density = preference(ends, lax.map(posterior.log_density, ends))
+    ends, density = found.z, preference(*found)
 
     def pick(left, _):
         best = jnp.argmax(left)
@@ -192,7 +196,8 @@ def _distinct(posterior: Posterior, ends, preference):
         # at a sensor itself no slope is a number: that end alone goes
         itself = jnp.arange(len(ends)) == best
         gone = jnp.where(jnp.isfinite(known).all(), ~(distance > SAME**2), itself)
-        picked = ends[best], known, left[best] == -jnp.inf
+        there = Optima(ends[best], found.log_density[best])
+        picked = there, known, left[best] == -jnp.inf
         return jnp.where(gone, -jnp.inf, left), picked
 
     return lax.scan(pick, density, length=FINALISTS)[1]
@@ -208,11 +213,17 @@ def _climb(posterior: Posterior, scale, z, known):
     values, vectors = jnp.linalg.eigh(known * scale[:, None] * scale[None, :])
     width = 1 / jnp.sqrt(jnp.maximum(values, 0.0) + LONGEST_STEP**-2)
     out = scale[:, None] * vectors * width[None, :]
+
+    def fall(w, _):
+        density = posterior.log_density(z + out @ w)
+        return -density, density
+
     found = optx.minimise(
-        lambda w, _: -posterior.log_density(z + out @ w),
+        fall,
         optx.BFGS(rtol=1e-10, atol=1e-10),
         jnp.zeros_like(z),
+        has_aux=True,
         max_steps=200,
         throw=False,
     )
-    return z + out @ found.value
+    return Optima(z + out @ found.value, found.aux)
