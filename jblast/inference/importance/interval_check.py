@@ -23,7 +23,11 @@ from jblast.inference.importance.findings import IntervalsOff
 from jblast.inference.importance.marginals import weighted_quantiles
 from jblast.inference.importance.psis import HELD, MAX_QUANTILE_ERROR, pareto_smoothed
 from jblast.inference.importance.ridge_proposal import rto_proposal
-from jblast.inference.importance.whitening import Whitened, densities, root_of
+from jblast.inference.importance.whitening import (
+    Whitened,
+    densities_of_draws,
+    root_of,
+)
 from jblast.inference.mode.laplace import NORMAL_Q95, Laplace
 from jblast.inference.posterior.posterior import Posterior
 
@@ -159,7 +163,7 @@ def _by_draws(
         density = Whitened(posterior, center, axes)
         z = straight
         value = np.concatenate(
-            [np.asarray(densities(density, jnp.asarray(x))) for x in np.split(w, parts)]
+            [densities_of_draws(density, x) for x in np.split(w, parts)]
         )
     log_weights, k_hat = pareto_smoothed(value - log_drawn)
     weights, of_normal = np.exp(log_weights), np.exp(log_normal - log_drawn)

@@ -5,12 +5,14 @@ covariance. Samplers walk in $w$.
 """
 
 from collections.abc import Sequence
+from functools import partial
 from typing import Protocol, runtime_checkable
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax import lax
 from jaxtyping import Array, Float, PRNGKeyArray
 
 from jblast.errors import InputError
@@ -21,6 +23,9 @@ from jblast.inference.mode.starts import starts
 from jblast.inference.posterior.posterior import Posterior
 from jblast.kept_programs import kept
 from jblast.observations import Observations
+
+BLOCK = 20
+"""Places whose densities are computed together."""
 
 
 @runtime_checkable
@@ -55,6 +60,27 @@ def densities(density: Density, w: Float[Array, "place free"]):
     """Return the log-density of many places; -inf where it is no number."""
     value = jax.vmap(density.log_density)(w)
     return jnp.where(jnp.isfinite(value), value, -jnp.inf)
+
+
+def densities_of_draws(
+    density: Density, w: Float[np.ndarray, "place free"]
+) -> Float[np.ndarray, " place"]:
+    """Return what `densities` does, of places some of which lie far out.
+
+    Shared effects take longer to settle there, and what is computed together waits for
+    the last: places go in blocks of those that are as far out as one another.
+    """
+    order = np.argsort(np.sum(np.square(w), axis=1))
+    order = np.pad(order, (0, -len(order) % BLOCK), mode="edge")
+    blocks = w[order].reshape(-1, BLOCK, w.shape[1])
+    value = np.empty(len(w))
+    value[order] = np.asarray(_by_blocks(density, jax.device_put(blocks))).ravel()
+    return value
+
+
+@kept
+def _by_blocks(density: Density, blocks: Float[Array, "block place free"]):
+    return lax.map(partial(densities, density), blocks)
 
 
 def whitened_density(
@@ -111,7 +137,7 @@ def refuse_without_density(
     Raises:
         InputError: As said.
     """
-    if np.isfinite(found.log_density[0]):
+    if np.isfinite(np.asarray(found.log_density)[0]):
         return
     start = np.asarray(starts(key, posterior, 1)[0])
     where = [observations.where(row) for row in non_finite_rows(posterior, start)]
