@@ -40,11 +40,19 @@ def quiet(axes: Axes) -> None:
         label.set(size=10, color=INK)
 
 
-def titled(axes: Axes, title: str, note: str = "") -> None:
-    """Name a plot at its upper left, with a quieter note beside the name."""
-    axes.set_title(title, loc="left", fontsize=11, color=INK, fontweight="bold")
+def titled(axes: Axes, title: str, note: str = "", y: float | None = None) -> None:
+    """Name a plot at its upper left, with a quieter note beside the name.
+
+    Args:
+        axes: The plot.
+        title: Its name.
+        note: Beside it.
+        y: How high, in heights of the plot; None: above all that stands there, which
+            takes a while to find out.
+    """
+    axes.set_title(title, loc="left", y=y, fontsize=11, color=INK, fontweight="bold")
     if note:
-        axes.set_title(note, loc="right", fontsize=9, color=MUTED)
+        axes.set_title(note, loc="right", y=y, fontsize=9, color=MUTED)
 
 
 def log_ticks(axis: Axis, limits: Iterable[float]) -> None:

@@ -97,6 +97,8 @@ def _draw(above: Axes, below: Axes, name: str, one: RecordPick, curve: Curve) ->
     below.set_ylim(-1.15 * largest or -1.0, 1.15 * largest or 1.0)
     above.tick_params(labelbottom=False)
     above.set_ylabel(f"[{unit.symbol}]")
+    above.yaxis.set_label_coords(-0.095, 0.5)
     words = [estimate_words(one, "peak_overpressure_pa") or "uncalibrated"]
     words.append(estimate_words(one, "positive_duration_s"))
-    titled(above, name, "onset alone" if alone else ", ".join(filter(None, words)))
+    note = "onset alone" if alone else ", ".join(filter(None, words))
+    titled(above, name, note, y=1.0)

@@ -98,7 +98,9 @@ def test_the_page_needs_nothing_beside_it(pages):
     root, written = pages
     for name in written:
         page = (root / name / "report.html").read_text("utf-8")
-        assert "http" not in page
+        # what pictures are packed to may spell anything
+        words = re.sub(r"data:image/png;base64,[\w+/=]+", "", page)
+        assert "http" not in words
         assert "/home/somebody" not in page
         tags = Tags(page)
         assert tags.open == []

@@ -12,11 +12,11 @@ from jblast.inference.fitting.result import Band, Fit
 from jblast.quantities import ADDITIVE, TIMED
 from jblast.report.figure_style import (
     BLUE,
+    DPI,
     INK,
     MUTED,
     VERMILLION,
     log_ticks,
-    new_figure,
     quiet,
     titled,
 )
@@ -25,6 +25,8 @@ from jblast.report.fit.rows import outlier_rows
 from jblast.report.numbers import Unit, unit_for
 from jblast.report.words import capitalised, law_words, quantity_words
 
+LEFT, RIGHT, ABOVE, BELOW, LINE = 0.95, 0.15, 0.4, 0.8, 0.15
+"""What stands about a panel: numbers, names, the key and a line of it [inch]."""
 BESIDE = 1.2
 """The band of a time goes this much further than its readings, as a factor."""
 
@@ -38,14 +40,31 @@ def recordings_figure(fit: Fit) -> Figure:
     panels = list(dict.fromkeys(zip(fit.observations.quantity, fit.shot, strict=True)))
     columns = min(len(panels), 2)
     rows = -(-len(panels) // columns)
-    figure = new_figure(7.2 if columns == 1 else 10.5, 4.0 * rows + 0.3)
+    key = _key(fit, columns)
+    width, height = 7.2 if columns == 1 else 10.5, 4.0 * rows + 0.3
+    foot = BELOW + LINE * key.count("\n")
+    # a grid that is known needs no constrained layout, which takes as long as drawing
+    figure = Figure(figsize=(width, height), dpi=DPI)
     grid = figure.subplots(rows, columns, squeeze=False)
+    figure.subplots_adjust(
+        left=LEFT / width,
+        right=1 - RIGHT / width,
+        bottom=foot / height,
+        top=1 - ABOVE / height,
+        wspace=_gap(columns, width - LEFT - RIGHT, LEFT + RIGHT),
+        hspace=_gap(rows, height - foot - ABOVE, BELOW + ABOVE - 2 * LINE),
+    )
     for axes, (quantity, shot) in zip(grid.flat, panels, strict=False):
         _panel(axes, fit, quantity, shot)
     for axes in list(grid.flat)[len(panels) :]:
         axes.set_axis_off()
-    _key(figure, fit, columns)
+    figure.supxlabel(key, fontsize=9, color=MUTED)
     return figure
+
+
+def _gap(panels: int, room: float, gap: float) -> float:
+    """Return a gap between panels in their size, as a grid is told of it."""
+    return gap * panels / (room - gap * (panels - 1))
 
 
 def _panel(axes: Axes, fit: Fit, quantity: str, shot: int) -> None:
@@ -219,7 +238,8 @@ def _frame(axes: Axes, readings: list[Float[np.ndarray, " n"]]) -> None:
     axes.set_ylim(every.min() - margin, every.max() + margin)
 
 
-def _key(figure: Figure, fit: Fit, columns: int) -> None:
+def _key(fit: Fit, columns: int) -> str:
+    """Return what the marks mean, in a few lines."""
     key = ["points: recordings ± 1 sd"]
     if fit.bands:
         key += ["line: the law at the answer", "band: 5 to 95 % of the posterior"]
@@ -236,5 +256,4 @@ def _key(figure: Figure, fit: Fit, columns: int) -> None:
         key.append("ringed: suspected outlier")
     a_line = 3 if columns == 1 else 5
     lines = [key[i : i + a_line] for i in range(0, len(key), a_line)]
-    text = "\n".join("   ·   ".join(line) for line in lines)
-    figure.supxlabel(text, fontsize=9, color=MUTED)
+    return "\n".join("   ·   ".join(line) for line in lines)
