@@ -3,7 +3,9 @@
 from collections.abc import Sequence
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, ArrayLike, Float
 
 from jblast.errors import InputError
@@ -60,10 +62,10 @@ class Sensor(Described):
     imu: Imu | None = None
     mount: str = eqx.field(static=True, default="")
     offset_m: Float[Array, "3"] = eqx.field(
-        converter=_vector, default_factory=lambda: jnp.zeros(3)
+        converter=_vector, default_factory=lambda: jax.device_put(np.zeros(3))
     )
     quaternion: Float[Array, "4"] = eqx.field(
-        converter=_vector, default_factory=lambda: jnp.array([0.0, 0.0, 0.0, 1.0])
+        converter=_vector, default_factory=lambda: jax.device_put(np.eye(4)[3])
     )
 
     def __check_init__(self):

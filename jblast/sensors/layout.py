@@ -4,6 +4,7 @@ import math
 from collections.abc import Sequence
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.core import Tracer
@@ -94,7 +95,7 @@ def _picked(column: Array, rows: Int[np.ndarray, " kept"]) -> Array:
     """Pick rows of a column; by NumPy where it is at hand, so that nothing compiles."""
     if isinstance(column, Tracer):
         return column[rows]
-    return jnp.asarray(np.asarray(column)[rows])
+    return jax.device_put(np.asarray(column)[rows])
 
 
 def layout_of(observations: Observations, scene: Scene) -> Layout:
@@ -105,9 +106,9 @@ def layout_of(observations: Observations, scene: Scene) -> Layout:
     groups = {way: i for i, way in enumerate(dict.fromkeys(ways))}
     return Layout(
         quantity=observations.quantity,
-        position=jnp.asarray(np.nan_to_num(observations.position)),
-        slant_range=jnp.asarray(observations.slant_range),
-        time=jnp.asarray(observations.time),
+        position=jax.device_put(np.nan_to_num(observations.position)),
+        slant_range=jax.device_put(observations.slant_range),
+        time=jax.device_put(observations.time),
         group=tuple(groups[way] for way in ways),
         shot=shot,
         clock=observations.clocks(),

@@ -111,7 +111,7 @@ def fit(
     )
     begin("how sure")
     density, z = solution.posterior, solution.laplace.z
-    misfit = density.misfit(jnp.asarray(z))
+    misfit = density.misfit(jax.device_put(z))
     left = standardised_residuals(density, z)
     parameters = density.parameters
     names = [
@@ -123,7 +123,7 @@ def fit(
     sure = uncertainty(solution, posterior, seed=seed, rows=names, store=store)
     begin("the answer")
     draws = sure.z
-    values = parameters.values_of_each(jnp.asarray(draws))
+    values = parameters.values_of_each(jax.device_put(draws))
     distance = np.asarray(misfit.slant_range)
     return Fit(
         summary=summary_of(
@@ -208,7 +208,7 @@ def solve(
         begin("searching")
         found = optima(key, posterior)
         refuse_without_density(key, posterior, found, observations)
-        answer = posterior.parameters.scene_at(found.z[0])
+        answer = posterior.parameters.scene_at(jax.device_put(np.asarray(found.z)[0]))
         return posterior, found, choices_for(answer, rows, sigma)
 
     choices = choices_for(uncertain.scene, rows, sigma)
@@ -220,7 +220,7 @@ def solve(
         near = first.parameters.scene_at(likeliest_start(key, first))
         choices = choices.as_for(choices_for(near, rows, sigma))
     (posterior, found, there), choices = settle_laws(choices, search)
-    z = np.asarray(found.z[0])
+    z = np.asarray(found.z)[0]
     begin("what can be told")
     identified = identifiability(posterior, z)
     solution = Solution(

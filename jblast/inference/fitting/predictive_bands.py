@@ -67,9 +67,9 @@ def bands(
         layout = Layout(
             quantity=(quantity,) * POINTS,
             # of radii: where they are seen from
-            position=jnp.asarray(np.tile(np.nan_to_num(first), (POINTS, 1))),
-            slant_range=jnp.asarray(np.full(POINTS, seen_from) if is_radius else x),
-            time=jnp.asarray(x if is_radius else nothing),
+            position=jax.device_put(np.tile(np.nan_to_num(first), (POINTS, 1))),
+            slant_range=jax.device_put(np.full(POINTS, seen_from) if is_radius else x),
+            time=jax.device_put(x if is_radius else nothing),
             group=(0,) * POINTS,
             shot=(of,) * POINTS,
             clock=("",) * POINTS,
@@ -79,10 +79,10 @@ def bands(
         covered = near > 0
         value, valid = _recordings(
             parameters,
-            jnp.asarray(np.concatenate([z[None, :], draws])),
+            jax.device_put(np.concatenate([z[None, :], draws])),
             layout,
             None if is_radius else sensors.only(first_at[covered]),
-            jnp.asarray(near[covered]),
+            jax.device_put(near[covered]),
             needed,
         )
         q05, q95 = np.quantile(np.asarray(value)[1:], [0.05, 0.95], axis=0)

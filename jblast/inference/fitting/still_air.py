@@ -150,7 +150,7 @@ def _slopes_to_wind(posterior: Posterior, z) -> Float[np.ndarray, "row 2"]:
 
 def _slope(before: Misfit, after: Misfit) -> Float[np.ndarray, " row"]:
     """Return half of what predictions rose by from one place to another."""
-    return 0.5 * np.asarray(before.residual - after.residual)
+    return 0.5 * (np.asarray(before.residual) - np.asarray(after.residual))
 
 
 def _weighted(here: Misfit, of_rows, columns: Float[np.ndarray, "row column"]):

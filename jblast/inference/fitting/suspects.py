@@ -10,6 +10,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float, Int
@@ -120,8 +121,8 @@ def lies_far(solution: Solution) -> bool:
     searched = {name.partition(".")[0] for name in posterior.parameters.names}
     if not searched & {"charge_east_m", "charge_north_m"}:
         return False
-    reach = posterior.misfit(jnp.asarray(solution.laplace.z)).slant_range
-    return bool(np.min(reach) > np.asarray(layout_size(posterior)))
+    reach = posterior.misfit(jax.device_put(solution.laplace.z)).slant_range
+    return bool(np.min(np.asarray(reach)) > np.asarray(layout_size(posterior)))
 
 
 def suspects(observations: Observations, solution: Solution) -> list[Suspect]:

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
@@ -56,10 +57,10 @@ def identifiability(
     information counts as no less than the data's.
     """
     scale = typical_step(posterior)
-    known = np.asarray(information(posterior, jnp.asarray(z)))
+    known = np.asarray(information(posterior, jax.device_put(z)))
     prior = np.diag(np.asarray(posterior.parameters.has_prior()) * np.diag(known))
     size, values, vectors = map(
-        np.asarray, unit_diagonal(jnp.asarray(known + prior), scale)
+        np.asarray, unit_diagonal(jax.device_put(known + prior), scale)
     )
     followed = [
         _followed(posterior, z, vector / size, size) if value < NULL else None

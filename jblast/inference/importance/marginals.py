@@ -2,7 +2,7 @@
 
 import math
 
-import jax.numpy as jnp
+import jax
 import numpy as np
 from jaxtyping import Float
 
@@ -27,9 +27,11 @@ def marginals_of_draws(
     """
     if weights is None:
         weights = np.full(len(z), 1 / len(z))
-    values = parameters.values_of_each(jnp.asarray(z))
+    values = parameters.values_of_each(jax.device_put(z))
     known = (
-        None if quantiles is None else parameters.values_of_each(jnp.asarray(quantiles))
+        None
+        if quantiles is None
+        else parameters.values_of_each(jax.device_put(quantiles))
     )
     answer = {}
     for name in parameters.names:
@@ -37,7 +39,7 @@ def marginals_of_draws(
         q05, q50, q95 = (
             weighted_quantiles(value, weights, (0.05, 0.5, 0.95))
             if known is None
-            else map(float, known[name])
+            else map(float, np.asarray(known[name]))
         )
         answer[name] = Estimate(
             value=q50,

@@ -101,14 +101,15 @@ def laplace(
 
 
 def _top(posterior, z):
-    value, slope = density_and_slope(posterior, jnp.asarray(z))
+    value, slope = density_and_slope(posterior, jax.device_put(z))
     return float(value), np.asarray(slope)
 
 
 def _fall(posterior, z, axis, top) -> float:
     """How far ln-density falls one step away, on the side where it falls less."""
-    ends = (posterior.log_density(jnp.asarray(z + sign * axis)) for sign in (-1, 1))
-    return min(top - float(end) for end in ends)
+    # with slopes that nobody asks for: their program is at hand, another would be read
+    ends = (_top(posterior, z + sign * axis)[0] for sign in (-1, 1))
+    return min(top - end for end in ends)
 
 
 def _fall_of_crest(posterior, z, axis, others, top) -> float:
@@ -172,7 +173,7 @@ def marginals(parameters: Parameters, normal: Laplace) -> dict[str, Estimate]:
     weights = weights / weights.sum()
     sds = np.sqrt(np.diag(normal.covariance))
     steps = np.concatenate([[-NORMAL_Q95, 0.0, NORMAL_Q95], nodes])
-    at = parameters.values_of_each(jnp.asarray(normal.z + steps[:, None] * sds))
+    at = parameters.values_of_each(jax.device_put(normal.z + steps[:, None] * sds))
     values = {name: np.asarray(at[name]) for name in parameters.names}
     return {
         name: Estimate(

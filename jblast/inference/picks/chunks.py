@@ -8,7 +8,6 @@ from collections.abc import Callable
 from typing import Any, TypeVar
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 from jax.core import Tracer
 
@@ -39,7 +38,7 @@ def in_chunks(made_of: Callable[..., Made], arrays: tuple[Any, ...]) -> Made:
         parts.append(made_of(*(jax.device_put(x[k], device) for x in filled)))
     # by NumPy, which compiles nothing for another number of records
     parts = jax.tree.map(np.asarray, parts)
-    return jax.tree.map(lambda *x: jnp.asarray(np.concatenate(x)[:count]), *parts)
+    return jax.tree.map(lambda *x: jax.device_put(np.concatenate(x)[:count]), *parts)
 
 
 def _filled(x: np.ndarray, chunks: int) -> np.ndarray:

@@ -4,7 +4,6 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
@@ -46,7 +45,7 @@ def curves(picks: Sequence[RecordPick]) -> list[Curve]:
     # a sample is a mean about its time; from the arrival, so that no digits are lost
     since = (start - arrival) + (padded - 0.5) / rate
     pulses = _pulses([one.pick for one in picks])
-    fitted = np.asarray(_means(pulses, jnp.asarray(since)))
+    fitted = np.asarray(_means(pulses, jax.device_put(since)))
     return [
         _curve(one, edge, means)
         for one, edge, means in zip(picks, edges, fitted, strict=True)
@@ -62,9 +61,11 @@ def _pulses(picks: Sequence[Pick]) -> Pulse:
     """Return pulses that arrive at zero."""
 
     def of(name: str) -> Float[Array, "pick 1"]:
-        return jnp.array([float(getattr(pick, name)) for pick in picks])[:, None]
+        return jax.device_put(
+            np.array([[getattr(pick, name)] for pick in picks], float)
+        )
 
-    zero = jnp.zeros((len(picks), 1))
+    zero = jax.device_put(np.zeros((len(picks), 1)))
     return Pulse(
         arrival_time=zero,
         peak=of("peak_overpressure_pa"),
