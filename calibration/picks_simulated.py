@@ -1,4 +1,4 @@
-"""Are picks as sure as they say? Two thousand simulated records, and rules of the eye.
+"""Are picks as sure as they say? Ten thousand simulated records, and rules of the eye.
 
     python -m calibration.picks_simulated > calibration/results/picks_simulated.txt
 
@@ -17,7 +17,7 @@ from jblast.cli.jax_start import start_jax
 from jblast.inference.picks import eye_pick, pick
 from jblast.report.tables import aligned
 
-MANY, SEEDS = 1000, (20, 21)
+MANY, SEEDS = 1000, (20, 21, 30, 31, *range(40, 46))
 """Records of a seed."""
 
 WORST = 10
@@ -56,7 +56,7 @@ def main(many: int = MANY) -> None:
     with np.errstate(invalid="ignore", divide="ignore"):
         eye_error = np.concatenate([eye[:1] - truth[:1], np.log(eye[1:] / truth[1:])])
     groups = _groups(made, found)
-    seeds = " and ".join(str(seed) for seed in SEEDS)
+    seeds = ", ".join(str(seed) for seed in SEEDS)
     print(f"{len(made)} records of {SAMPLES} samples, seeds {seeds}\n")
     print("Bias in standard deviations, share of 90 % intervals that hold the truth")
     rows = [

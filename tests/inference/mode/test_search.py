@@ -5,6 +5,7 @@ import dataclasses
 import jax
 import jax.numpy as jnp
 import numpy as np
+import pytest
 
 from jblast.inference.mode.least_squares import residuals
 from jblast.inference.mode.search import MET, onward
@@ -34,6 +35,7 @@ def test_every_search_goes_on_from_where_the_one_before_it_ended():
     np.testing.assert_allclose(np.asarray(ends)[:, 0], [413, 924])
 
 
+@pytest.mark.slow  # slopes of every law of the shot are compiled
 def test_slopes_of_least_squares_are_those_of_finite_differences():
     posterior = shot(AROUND, BOTH[:1])
     parameters = posterior.parameters

@@ -33,8 +33,8 @@ RING = 7.0
 damping being looked for, about 6. Sensors ring more often than pulses are followed."""
 
 HIDES = 1.0
-"""Gain in ln posterior from which on a slow front may hide a ring: noise has it once in
-4 records, and of 2,000 simulated ones each whose ring was found so had it."""
+"""Gain in ln posterior of a trial from which on a slow front may hide a ring: a search
+gains some more, and it has to be as much as `RING`."""
 
 QUIET = 5.0
 """Power of an oscillation from which on a ring that a slow front may hide is looked for
