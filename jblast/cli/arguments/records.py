@@ -179,7 +179,7 @@ def from_records(named: list[str], asked: argparse.Namespace) -> FromRecords | N
     found, log, files = picked(named, asked, keep_samples=asked.out is not None)
     text = picks_text(found, log, tuple(path.name for path in files.left_out))
     if found.refused:
-        if not asked.json:
+        if found.picks and not asked.json:
             sys.stdout.write(text)  # of the others
         raise refusal(found)
     if not len(log.observations):

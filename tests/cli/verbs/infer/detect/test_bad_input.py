@@ -75,7 +75,7 @@ def test_stations_that_are_none(jblast, good):
         (head + "other,1,2,3\n", "expected a station for good of"),
         (head, "a station a row"),
         (head + "good,1,2\n", "line 2: expected 4 fields"),
-        (head + "good,1,2,x\n", "column up_m: expected a number, got 'x'"),
+        (head + "good,1,2,x\n", "column up_m: expected a finite number, got 'x'"),
         (head + "good,1,2,3\ngood,1,2,4\n", "got 'good' twice"),
         ("sensor,east_m,north_m\ngood,1,2\n", "missing column up_m"),
         ("sensor,lat_deg,lon_deg,alt_m\ngood,91,2,3\n", "column lat_deg"),
