@@ -7,6 +7,7 @@ from jaxtyping import Bool, Float
 
 from jblast.errors import InputError, shown
 from jblast.observations.table import Observations
+from jblast.observations.times.clocks import clocks_apart
 from jblast.parameter_table import CLOCK_OFFSET
 from jblast.quantities import ARRIVALS, DIRECTIONS, FEEL_WIND, FIREBALL_RADII, PLACELESS
 from jblast.scene import Charge, Scene
@@ -133,7 +134,7 @@ def refuse_before_origin(
     """
     offsets = {name: float(offset) for name, offset in scene.clock_offsets().items()}
     origin, sigma = float(charge.time_s), np.nan_to_num(observations.sigma)
-    clocks = observations.clocks()
+    clocks, apart = observations.clocks(), clocks_apart(observations)
     for row in np.flatnonzero(here):
         quantity, clock = observations.quantity[row], clocks[row]
         if f"{CLOCK_OFFSET}.{clock}" in beliefs:
@@ -148,13 +149,13 @@ def refuse_before_origin(
         if quantity not in ARRIVALS:
             continue
         allowed = EARLY * float(sigma[row])
-        named = observations.clock[row] and clock != clocks[0]
-        or_free = "origin_time_s" + (f" or {CLOCK_OFFSET}.{clock}" if named else "")
+        or_free = f" or {CLOCK_OFFSET}.{clock}" if clock in apart else ""
         if observations.value[row] + allowed <= start:
             raise InputError(
                 f"{observations.where(int(row))}: {quantity} is "
                 f"{observations.value[row]:g} s; expected it after the origin time, "
-                f"{start:g} s on this clock (correct it, or free {or_free})"
+                f"{start:g} s on this clock (correct it, or free origin_time_s"
+                f"{or_free})"
             )
 
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from jblast.observations.table import CLOCK_TIMES, Observations
-from jblast.observations.times.clocks import has_common_clock
+from jblast.observations.times.clocks import clocks_apart
 from jblast.parameter_table import ALTITUDES, CLOCK_OFFSET
 from jblast.scene import UncertainScene, freed, with_values
 from jblast.scene.uncertain import NO_SCENE
@@ -67,12 +67,10 @@ def clocks_to_free(observations: Observations) -> list[str]:
         clock = observations.clocks()[row]
         read.setdefault(clock, set()).add(observations.quantity[row])
     tied = [clock for clock, quantities in read.items() if len(quantities) > 1]
-    named = list(dict.fromkeys(clock for clock in observations.clock if clock))
-    if not named:
+    if not any(observations.clock):
         return tied[1:] if _flashes_disagree(observations) else []
-    if has_common_clock(observations):
-        return [clock for clock in tied if clock in named]
-    return [clock for clock in tied if clock in named[1:]]
+    apart = clocks_apart(observations)
+    return [clock for clock in tied if clock in apart]
 
 
 def _flashes_disagree(observations: Observations) -> bool:

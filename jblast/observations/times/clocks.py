@@ -65,6 +65,12 @@ def has_common_clock(observations: Observations) -> bool:
     return bool(named.any() and (timed & ~named).any())
 
 
+def clocks_apart(observations: Observations) -> list[str]:
+    """Return the clocks that a log names, but for the one by which others are set."""
+    named = list(dict.fromkeys(clock for clock in observations.clock if clock))
+    return named if has_common_clock(observations) else named[1:]
+
+
 def refuse_unresolved(
     observations: Observations, dtype: type[np.floating[Any]] | None = None
 ) -> None:

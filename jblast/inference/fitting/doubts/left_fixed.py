@@ -1,6 +1,6 @@
 """What the default scene holds fixed, and without which no scene fits a log."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 
 import numpy as np
 
@@ -18,7 +18,7 @@ from jblast.inference.mode.laplace import marginals
 from jblast.inference.mode.row_subset import is_long
 from jblast.observations import Observations
 from jblast.observations.default_scene import PLACE, clocks_to_free
-from jblast.observations.times.clocks import has_common_clock
+from jblast.observations.times.clocks import clocks_apart
 from jblast.parameter_table import CLOCK_OFFSET
 from jblast.progress import each
 from jblast.quantities import ARRIVALS, CLOCK_TIMES
@@ -58,30 +58,33 @@ def more_to_free(
     blind = uncertain.source == NO_SCENE
     if not blind or arrivals < FEWEST or is_long(solution.posterior):
         return None
-    last: tuple[tuple[str, ...], Solution] | None = None
-    for names in each(_candidates(observations, uncertain), "sets of numbers freed"):
-        try:
-            freed = refit(observations, names)
-        except InputError:  # the scene then leaves nothing a probability
-            continue
-        if found := _judged(freed, names):
+    sets = each(_candidates(observations, uncertain), "sets of numbers freed")
+    last: tuple[Solution, tuple[str, ...]] | None = None
+    for last in _refits(sets, observations, refit):
+        if found := _judged(*last):
             return found
-        last = names, freed
     if last is None:
         return None
-    names, freed = last
+    freed, names = last
     wrong = explained_by(observations, freed, False, lambda log: refit(log, names))
     if wrong and isinstance(wrong[0], WrongClock) and wrong[0].parameter:
         first, both = wrong[0], (*names, wrong[0].parameter)
         return MoreToFree(both, first.p_value, first.estimates, first.name)
-    for names in each(_all_clocks(observations, uncertain), "sets of clocks freed"):
+    sets = each(_all_clocks(observations, uncertain), "sets of clocks freed")
+    tried = (_judged(*one) for one in _refits(sets, observations, refit))
+    return next(filter(None, tried), None)
+
+
+def _refits(
+    sets: Iterable[tuple[str, ...]], observations: Observations, refit: Refit
+) -> Iterator[tuple[Solution, tuple[str, ...]]]:
+    """Go through what a log says with each set of numbers free, and the set."""
+    for names in sets:
         try:
             freed = refit(observations, names)
-        except InputError:
+        except InputError:  # the scene then leaves nothing a probability
             continue
-        if found := _judged(freed, names):
-            return found
-    return None
+        yield freed, names
 
 
 def _all_clocks(
@@ -90,9 +93,7 @@ def _all_clocks(
     """Return every clock that the log names but the common one, and place and time."""
     timed = np.isin(observations.quantity, CLOCK_TIMES)
     read = set(np.array(observations.clock, object)[timed])
-    named = list(dict.fromkeys(clock for clock in observations.clock if clock))
-    apart = named if has_common_clock(observations) else named[1:]
-    apart = [name for name in apart if name in read]
+    apart = [name for name in clocks_apart(observations) if name in read]
     if len(apart) < 2:
         return []
     every = tuple(f"{CLOCK_OFFSET}.{name}" for name in apart)
