@@ -69,7 +69,7 @@ def open_tdms(path: Path, scaling: Scaling) -> tuple[Recording, ...]:
             f"{path}: expected TDMS, which npTDMS cannot make of it ({error})"
         ) from None
     others = [
-        _labelled(*one) for one in found if one not in wanted and not _is_time(one[2])
+        _labelled(*one) for one in found if one not in wanted and not _seconds(one[2])
     ]
     return recordings_of(path, pieces, scaling, left_out(others))
 
@@ -95,9 +95,10 @@ def _is_pressure(properties: Properties) -> bool:
     return holds_pressure(str(properties.get(UNIT, "")))
 
 
-def _is_time(properties: Properties) -> bool:
+def _seconds(properties: Properties) -> float | None:
+    """Return the factor to seconds of a channel of time; None: it is of none."""
     unit = str(properties.get(UNIT, ""))
-    return bool(unit) and time_factor(unit) is not None
+    return time_factor(unit) if unit else None
 
 
 def _labelled(group: str, name: str, properties: Properties) -> str:
@@ -118,10 +119,8 @@ def _clock(
         epoch, start = epoch_and_start(nanoseconds)
         return SampleClock(start + offset, 1.0 / float(step), epoch)
     for other in file[group].channels():
-        seconds = time_factor(str(other.properties.get(UNIT, "")))
-        if not _is_time(dict(other.properties)) or seconds is None:
-            continue
-        if len(other) == len(file[group][name]):
+        seconds = _seconds(dict(other.properties))
+        if seconds is not None and len(other) == len(file[group][name]):
             times = seconds * np.asarray(other[:], np.float64)
             label = f"{path}: channel {group}/{other.name}"
             return SampleClock(

@@ -182,8 +182,8 @@ def _corner(
             if i:
                 log_ticks(grid[i, 0].yaxis, grid[i, 0].get_ylim())
     for axes in figure.axes:
-        _whole_numbers(axes.xaxis)
-        _whole_numbers(axes.yaxis)
+        _in_full(axes.xaxis)
+        _in_full(axes.yaxis)
         axes.tick_params(labelsize=8.5, color=MUTED, labelrotation=0)
         axes.xaxis.set_label_coords(0.5, -0.17)
         axes.yaxis.set_label_coords(-0.28, 0.5)
@@ -194,7 +194,7 @@ def _corner(
     return figure
 
 
-def _whole_numbers(axis: Axis) -> None:
+def _in_full(axis: Axis) -> None:
     """Write 149.95 in full: an offset of 149.9 would stand on the panel above."""
     formatter = axis.get_major_formatter()
     short = np.abs(axis.get_view_interval()).max() < OFFSET_FROM
