@@ -53,7 +53,6 @@ BESIDE = {
     "inference": {"many": ("mcmc", "fitting", "design")},
 }
 """Folders that stand beside others: none of the two imports the other."""
-MOST_FILES, MOST_LINES = 16, 260
 
 # What a bare GPU machine runs.
 BARE = {"jax", "equinox", "jaxtyping", "numpy", "jblast"}
@@ -135,20 +134,6 @@ def test_every_folder_of_an_ordered_room_is_in_the_order():
         folder = PACKAGE.joinpath(*room.split("."))
         there = {path.parent.name for path in folder.glob("*/__init__.py")}
         assert there == {*ordered, *BESIDE.get(room, ())}
-
-
-def test_no_folder_and_no_file_is_too_long_to_look_through():
-    many = {
-        str(folder.relative_to(PACKAGE)): count
-        for folder in {path.parent for path in SOURCES}
-        if (count := len(list(folder.glob("*.py")))) > MOST_FILES
-    }
-    long = {
-        module_of(path): lines
-        for path in SOURCES
-        if (lines := path.read_text().count("\n")) > MOST_LINES
-    }
-    assert (many, long) == ({}, {})
 
 
 def test_every_folder_and_module_has_its_place_in_the_list():
