@@ -108,6 +108,11 @@ class EventsAnswer:
         events: How many there are.
         brighter: How many of them tell of more light.
         darker: How many tell of less.
+        bits: Bit depth of the values of the frames; null of floats.
+        darkest: Linear light, as a fraction of full scale, below which changes give no
+            events.
+        below_darkest: Share of the pixel values that are darker than that.
+        warnings: Limitations of this answer.
         out: The file.
     """
 
@@ -123,6 +128,10 @@ class EventsAnswer:
     events: int
     brighter: int
     darker: int
+    bits: int | None
+    darkest: float
+    below_darkest: float
+    warnings: tuple[str, ...]
     out: str
 
     def to_dict(self) -> dict[str, Any]:

@@ -41,6 +41,14 @@ def _video(answer: FilmAnswer) -> str | None:
     return f"{answer.files.video} ({answer.video_fps:g} Hz, {pace} the blast)"
 
 
+def dark_film(share: float, darkest: float) -> str:
+    """Return the warning of a film with pixels below the floor of the light."""
+    return (
+        f"{100 * share:.2g} % of the pixel values are darker than {darkest:.3g} of "
+        "full scale; changes below that level give no events (--darkest sets it)"
+    )
+
+
 def events_text(answer: EventsAnswer) -> str:
     """Return how many events there were, and where they are."""
     return (

@@ -1,9 +1,14 @@
-"""Turn frames into what an event camera would send: PNG files in order, or a video."""
+"""Turn frames into what an event camera would send: files in order, or a video."""
 
 import argparse
 import sys
 
-from jblast.cli.arguments.numbers import positive_of_any_size, seed, threshold_pair
+from jblast.cli.arguments.numbers import (
+    positive_of_any_size,
+    seed,
+    share,
+    threshold_pair,
+)
 from jblast.cli.arguments.paths import path
 
 
@@ -13,7 +18,8 @@ def add_arguments(verb: argparse.ArgumentParser) -> None:
         "frames",
         metavar="FRAMES_DIR|VIDEO",
         type=path,
-        help="directory of PNG frames, taken in the order of their names, or a video",
+        help="directory of PNG frames (or .npy files of linear light as floats, full "
+        "scale 1), taken in the order of their names, or a video",
     )
     verb.add_argument(
         "--fps",
@@ -44,6 +50,14 @@ def add_arguments(verb: argparse.ArgumentParser) -> None:
         help="grey values of PNG frames are sRGB; by default they are linear light",
     )
     verb.add_argument(
+        "--darkest",
+        type=share,
+        metavar="LIGHT",
+        help="linear light, as a part of full scale, below which changes give no event "
+        "(default: half a step of 8 bits, 0.00196, or of as many bits as the file has; "
+        "1e-6 of floats)",
+    )
+    verb.add_argument(
         "--out",
         required=True,
         metavar="FILE",
@@ -66,8 +80,8 @@ def run(asked: argparse.Namespace) -> int:
     from jblast.cli.arguments.paths import refuse_existing, writing
     from jblast.errors import InputError
     from jblast.report.film.answer import EventsAnswer, as_json
-    from jblast.report.film.text import events_text
-    from jblast.sensors.camera.events.log_intensity import grey_table
+    from jblast.report.film.text import dark_film, events_text
+    from jblast.sensors.camera.events.log_intensity import count_below, grey_table
     from jblast.sensors.camera.events.noise import NoiseModel
     from jblast.sensors.camera.events.noisy import noisy_stream
     from jblast.sensors.camera.events.stream import stream_events
@@ -82,19 +96,33 @@ def run(asked: argparse.Namespace) -> int:
         raise InputError(
             f"--srgb: is said of PNG frames; {asked.frames} names its own curve"
         )
-    blocks = _counted(film.blocks(decoded=False), len(film))
-    table = grey_table(srgb=asked.srgb)
+    darkest = film.darkest if asked.darkest is None else asked.darkest
+    if darkest == 0.0:
+        raise InputError("--darkest: expected a number above 0 and at most 1, got 0")
+    dark = 0
+
+    def counted_blocks():
+        nonlocal dark
+        for times, frames in _counted(film.blocks(decoded=False), len(film)):
+            dark += count_below(frames, darkest, srgb=asked.srgb)
+            yield times, frames
+
+    blocks = counted_blocks()
+    table = grey_table(srgb=asked.srgb, darkest=darkest)
     if asked.noise == "off":
-        events = stream_events(blocks, thresholds, table=table)
+        events = stream_events(blocks, thresholds, table=table, darkest=darkest)
     else:
         key, shape = jax.random.key(asked.seed), (film.height, film.width)
         effects = NoiseModel()
-        events = noisy_stream(key, blocks, shape, thresholds, effects, table=table)
+        events = noisy_stream(
+            key, blocks, shape, thresholds, effects, table=table, darkest=darkest
+        )
     seconds = float(film.times[-1])
     with writing(asked.out):
         written = write_events(
             asked.out, events, film.width, film.height, duration_s=seconds
         )
+    below = dark / (len(film) * film.width * film.height)
     answer = EventsAnswer(
         frames=len(film),
         width=film.width,
@@ -106,8 +134,14 @@ def run(asked: argparse.Namespace) -> int:
         noise=asked.noise,
         seed=None if asked.noise == "off" else asked.seed,
         **written._asdict(),
+        bits=film.bits,
+        darkest=darkest,
+        below_darkest=below,
+        warnings=(dark_film(below, darkest),) if below else (),
         out=asked.out,
     )
+    for warning in answer.warnings:
+        sys.stderr.write(f"jblast: warning: {warning}\n")
     sys.stdout.write(as_json(answer) if asked.json else events_text(answer))
     return 0
 

@@ -8,7 +8,11 @@ import numpy as np
 from jaxtyping import Array, ArrayLike, Float, PRNGKeyArray
 
 from jblast.sensors.camera.events.ideal import Events, continued_events, reset_events
-from jblast.sensors.camera.events.log_intensity import grey_table, log_intensity
+from jblast.sensors.camera.events.log_intensity import (
+    DARKEST,
+    grey_table,
+    log_intensity,
+)
 from jblast.sensors.camera.events.noise import (
     NoiseModel,
     leaked,
@@ -93,6 +97,7 @@ def noisy_stream(
     noise: NoiseModel,
     *,
     table: Float[np.ndarray, "256"] | None = None,
+    darkest: float = DARKEST,
 ) -> Iterator[Events]:
     """Return the events of each block of a stream; see `stream_events`.
 
@@ -105,6 +110,7 @@ def noisy_stream(
         thresholds: Positive and negative, as positive numbers.
         noise: Which effects, and how large.
         table: Logarithm of the light of each 8-bit value; by default `grey_table()`.
+        darkest: Floor of float frames, as a fraction of full scale.
     """
     table = grey_table() if table is None else table
     pixel, hot, shot = jax.random.split(key, 3)
@@ -122,7 +128,7 @@ def noisy_stream(
             leak = leaks(hot, shape, noise)
             drift = leak.rate, jnp.asarray(positive)
             begun = np.asarray(leak.phase) * positive
-        blocks = _signals(blocks, table, noise.bandwidth_hz, drift)
+        blocks = _signals(blocks, table, darkest, noise.bandwidth_hz, drift)
     held = _held(noise)
     stream = stream_events(
         blocks,
@@ -131,6 +137,7 @@ def noisy_stream(
         in_logarithms=signal,
         begun=begun,
         refractory_s=held,
+        darkest=darkest,
     )
     last = jnp.full(shape, -jnp.inf)
     for i, events in enumerate(stream):
@@ -168,14 +175,16 @@ def _noted(blocks: Iterable[Block], spans: list) -> Iterator[Block]:
             yield times, frames
 
 
-def _signals(blocks: Iterable[Block], table, bandwidth_hz, drift) -> Iterator[Block]:
+def _signals(
+    blocks: Iterable[Block], table, darkest, bandwidth_hz, drift
+) -> Iterator[Block]:
     """Turn frames of light into the signal of the pixel."""
     before = signal = start = None
     for times, frames in blocks:
         logs = jnp.asarray(
             table[frames]
             if frames.dtype == np.uint8
-            else log_intensity(frames.astype(float))
+            else log_intensity(frames.astype(float), darkest)
         )
         if before is None or signal is None or start is None:
             start = times[0]

@@ -17,7 +17,11 @@ from jaxtyping import ArrayLike, Float, UInt8
 from jblast.errors import InputError
 from jblast.sensors.camera.events.composite_strip import CompositeStrip
 from jblast.sensors.camera.events.ideal import Events
-from jblast.sensors.camera.events.log_intensity import grey_table
+from jblast.sensors.camera.events.log_intensity import (
+    DARKEST,
+    EIGHT_BITS,
+    grey_table,
+)
 from jblast.sensors.camera.events.pixel import check_light, check_thresholds
 from jblast.sensors.camera.events.strip import Found, Strip
 
@@ -35,6 +39,7 @@ def stream_events(
     in_logarithms: bool = False,
     begun: Float[np.ndarray, "height width"] | None = None,
     refractory_s: float | None = None,
+    darkest: float | None = None,
     workers: int | None = None,
 ) -> Iterator[Events]:
     """Return the events of each block of a stream.
@@ -55,6 +60,9 @@ def stream_events(
             by default nowhere.
         refractory_s: So long a pixel is held in reset after an event [s]; see
             `reset_pixel`. By default it is not.
+        darkest: Floor of float frames and of RGBA over a background, as a fraction of
+            full scale (`log_intensity.darkest_of`); by default `DARKEST`, and half a
+            step of 8 bits for RGBA. The floor of grey values is that of `table`.
         workers: Threads, each for a strip of rows; by default one a core.
 
     Raises:
@@ -63,6 +71,8 @@ def stream_events(
     """
     check_thresholds(thresholds)
     table = grey_table() if table is None else table
+    if darkest is None:
+        darkest = DARKEST if background is None else EIGHT_BITS
     workers = workers or os.cpu_count() or 1
     strips: list[Strip] = []
     found: list[Found] = []
@@ -76,7 +86,7 @@ def stream_events(
             check_light(frames, seen)
             time, width, seen = times[-1], shape[1], seen + len(times)
             if not strips:
-                options = table, in_logarithms, refractory_s
+                options = table, in_logarithms, refractory_s, darkest
                 begun = np.zeros(shape[:2]) if begun is None else begun
                 strips = _strips(shape, thresholds, begun, options, background, workers)
             jobs = [

@@ -6,7 +6,6 @@ import jax
 import numpy as np
 from jaxtyping import Float, Int
 
-from jblast.sensors.camera.events.log_intensity import DARKEST
 from jblast.sensors.camera.events.pixel import Reference, count_events, rounding
 from jblast.sensors.camera.events.reset_pixel import Held, reset_runs
 
@@ -37,10 +36,12 @@ class Strip:
         table: Float[np.ndarray, "256"],
         in_logarithms: bool,
         refractory_s: float | None,
+        darkest: float,
     ):
         """Take what does not change; see `stream_events`."""
         self.rows, self.table, self.in_logarithms = rows, table, in_logarithms
         self.begun, self.refractory_s = begun.ravel(), refractory_s
+        self.darkest = darkest
         self.offset = rows.start * width
         self.positive, self.negative = (t.ravel() for t in thresholds)
         self.last: np.ndarray | None = None
@@ -59,7 +60,9 @@ class Strip:
         if values.dtype == np.uint8:
             return self.table[values]
         values = values.astype(float)
-        return values if self.in_logarithms else np.log(np.maximum(values, DARKEST))
+        return (
+            values if self.in_logarithms else np.log(np.maximum(values, self.darkest))
+        )
 
     def bounds(self, at: Int[np.ndarray, " pixel"]) -> tuple[np.ndarray, np.ndarray]:
         """Return the least and greatest value at which some pixels surely stay quiet.
@@ -80,7 +83,8 @@ class Strip:
         highest, lowest = above - close, below + close
         if not self.in_logarithms:
             # light below the floor is as dark as the floor, and no event
-            lowest = np.where(below < np.log(DARKEST) - close, -np.inf, np.exp(lowest))
+            floor = np.log(self.darkest)
+            lowest = np.where(below < floor - close, -np.inf, np.exp(lowest))
             highest = np.exp(highest)
         return lowest.astype(dtype), highest.astype(dtype)
 

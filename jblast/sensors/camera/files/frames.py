@@ -1,5 +1,6 @@
-"""A directory of PNG frames, in order of their names, read block by block."""
+"""A directory of frames in order of their names, PNG or arrays, block by block."""
 
+import io
 import re
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -14,9 +15,16 @@ from jblast.sensors.camera.image.grey_composite import luminance
 
 NUMBER = re.compile(r"(\d+)")
 
+ARRAYS = ".npy"
+"""Suffix of frames of linear light as NumPy writes them: floats, full scale 1."""
 
-def frame_files(directory: str | Path) -> list[Path]:
+
+def frame_files(directory: str | Path, *, arrays: bool = False) -> list[Path]:
     """Return the PNG files of a directory in order; numbers in names count as numbers.
+
+    Args:
+        directory: Where they are.
+        arrays: Whether `.npy` files are taken where there are no PNG files.
 
     Raises:
         InputError: There is no such directory, it holds fewer than two frames, or the
@@ -26,7 +34,10 @@ def frame_files(directory: str | Path) -> list[Path]:
     if not directory.is_dir():
         what = "is no directory" if directory.exists() else "no such directory"
         raise InputError(f"{directory}: {what}; expected one with PNG frames")
-    names = [path for path in directory.iterdir() if path.suffix.lower() == ".png"]
+    every = [*directory.iterdir()]
+    names = [path for path in every if path.suffix.lower() == ".png"]
+    if arrays and not names:
+        names = [path for path in every if path.suffix.lower() == ARRAYS]
     files = sorted(names, key=lambda path: (_parts(path), path.name))
     if len(files) < 2:
         raise InputError(
@@ -75,8 +86,9 @@ def read_frames(
     floats with full scale 1, colours by their luminance.
 
     Args:
-        files: PNG files of one size.
-        srgb: Whether colours and 16-bit values are sRGB, and not linear light.
+        files: PNG or `.npy` files of one size and bit depth.
+        srgb: Whether colours and 16-bit values are sRGB, and not linear light. Floats
+            are linear light.
         block: Frames of a block.
 
     Raises:
@@ -84,11 +96,13 @@ def read_frames(
             is transparent.
     """
     first: np.ndarray | None = None
+    bits: int | None = None
     for start in range(0, len(files), block):
         frames = []
         for path in files[start : start + block]:
-            frame = read_frame(path, srgb=srgb)
-            first = frame if first is None else first
+            frame, depth = frame_and_bits(path, srgb=srgb)
+            if first is None:
+                first, bits = frame, depth
             if frame.shape != first.shape:
                 raise InputError(
                     f"{path}: expected {_size(first)} pixels as in {files[0].name}, "
@@ -99,6 +113,11 @@ def read_frames(
                     f"{path}: expected grey of 8 bits in all frames or in none; "
                     f"{files[0].name} is of another kind"
                 )
+            if depth != bits:
+                raise InputError(
+                    f"{path}: expected {_depth(bits)} as in {files[0].name}, got "
+                    f"{_depth(depth)}"
+                )
             frames.append(frame)
         yield np.stack(frames)
 
@@ -107,12 +126,41 @@ def _size(frame: np.ndarray) -> str:
     return f"{frame.shape[1]} x {frame.shape[0]}"
 
 
+def _depth(bits: int | None) -> str:
+    return "floats" if bits is None else f"{bits} bits"
+
+
 def read_frame(path: Path, *, srgb: bool = False) -> np.ndarray:
-    """Return one PNG as `read_frames` does."""
+    """Return one frame as `read_frames` does."""
+    return frame_and_bits(path, srgb=srgb)[0]
+
+
+def frame_and_bits(path: Path, *, srgb: bool = False) -> tuple[np.ndarray, int | None]:
+    """Return one frame as `read_frames` does, and its bit depth; None of floats."""
+    if path.suffix.lower() == ARRAYS:
+        return _read_array(path), None
     pixels = read_png(path)
-    if pixels.ndim == 2 and pixels.dtype == np.uint8:
-        return pixels
+    bits = 8 if pixels.dtype == np.uint8 else 16
+    if pixels.ndim == 2 and bits == 8:
+        return pixels, bits
     light = _light(path, pixels, srgb)
+    return light if light.ndim == 2 else luminance(light), bits
+
+
+def _read_array(path: Path) -> Float[np.ndarray, "height width"]:
+    """Return the grey light of a file of floats; colours by their luminance."""
+    expected = "floats of shape (height, width) or (height, width, 3)"
+    try:
+        light = np.load(io.BytesIO(path.read_bytes()), allow_pickle=False)
+    except (OSError, ValueError, EOFError) as error:
+        reason = getattr(error, "strerror", None) or "it is no array of numbers"
+        raise InputError(f"{path}: expected {expected}, but {reason}") from None
+    if not isinstance(light, np.ndarray) or light.dtype.kind != "f":
+        kind = getattr(light, "dtype", "several arrays")
+        raise InputError(f"{path}: expected {expected}, got {kind}")
+    if light.ndim not in (2, 3) or (light.ndim == 3 and light.shape[2] != 3):
+        raise InputError(f"{path}: expected {expected}, got shape {light.shape}")
+    light = light.astype(float)
     return light if light.ndim == 2 else luminance(light)
 
 
@@ -141,6 +189,8 @@ def read_pictures(files: Sequence[Path]) -> UInt8[np.ndarray, "frame height widt
     pictures: list[np.ndarray] = []
     for path in files:
         picture = read_png(path)
+        if picture.dtype != np.uint8:
+            picture = (picture >> 8).astype(np.uint8)
         if picture.ndim == 3 and picture.shape[2] == 2:  # grey and alpha
             picture = picture[..., [0, 0, 0, 1]]
         if picture.ndim != 3 or picture.shape[2] != 4:

@@ -1,4 +1,4 @@
-"""What a camera recorded, read block by block: a folder of PNG frames, or a video."""
+"""Camera recordings, read block by block: a folder of frames, or a video."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -8,7 +8,12 @@ import numpy as np
 from jaxtyping import Float
 
 from jblast.errors import InputError, argument
-from jblast.sensors.camera.files.frames import frame_files, read_frame, read_frames
+from jblast.sensors.camera.events.log_intensity import darkest_of
+from jblast.sensors.camera.files.frames import (
+    frame_and_bits,
+    frame_files,
+    read_frames,
+)
 from jblast.sensors.camera.files.video.read import Video, open_video
 from jblast.sensors.camera.files.video.stamps import check_even
 from jblast.sensors.camera.image.compositing import srgb_to_linear
@@ -27,6 +32,7 @@ class ImageSequence:
         times: Of the frames, from the first [s].
         source: The frames' files, or the video.
         srgb: Whether values of PNG frames are sRGB, and not linear light.
+        bits: Bit depth of values; None of floats.
     """
 
     path: Path
@@ -35,6 +41,7 @@ class ImageSequence:
     times: Float[np.ndarray, " frame"]
     source: tuple[Path, ...] | Video
     srgb: bool
+    bits: int | None = 8
 
     def __len__(self) -> int:
         return len(self.times)
@@ -43,6 +50,11 @@ class ImageSequence:
     def is_video(self) -> bool:
         """Whether it is one file, with a clock and a curve of its own."""
         return isinstance(self.source, Video)
+
+    @property
+    def darkest(self) -> float:
+        """Floor of the light that values can represent (`log_intensity`)."""
+        return darkest_of(self.bits)
 
     @property
     def frames_hz(self) -> float:
@@ -94,10 +106,11 @@ class ImageSequence:
 def open_recording(
     path: str | Path, fps: float | None = None, *, srgb: bool = False
 ) -> ImageSequence:
-    """Look at a folder of PNG frames, or at a video.
+    """Look at a folder of frames, or at a video.
 
     Args:
-        path: PNG frames in the order of their names; or a file that FFmpeg reads.
+        path: PNG frames in the order of their names, or `.npy` files of floats; or a
+            file that FFmpeg reads.
         fps: Frames a second: frame k stands at k / fps. A video without it goes by its
             own clock, which for slow motion is not that of what was filmed.
         srgb: Whether grey values of PNG frames are sRGB; by default they are linear
@@ -113,18 +126,20 @@ def open_recording(
         if fps is None:
             check_even(path, video.times, f", or say its rate ({argument('fps')})")
         times = video.times if fps is None else np.arange(len(video)) / fps
-        return ImageSequence(path, video.width, video.height, times, video, srgb)
+        size = video.width, video.height
+        return ImageSequence(path, *size, times, video, srgb, video.bits)
     if not path.exists():
         raise InputError(
             f"{path}: no such file or directory; expected a directory of PNG frames or "
             "a video"
         )
-    files = frame_files(path)
+    files = frame_files(path, arrays=True)
     if fps is None:
         raise InputError(
             f"{path}: expected to be told how many PNG frames a second there are "
             f"({argument('fps')})"
         )
-    height, width = read_frame(files[0]).shape
+    first, bits = frame_and_bits(files[0])
+    height, width = first.shape
     times = np.arange(len(files)) / fps
-    return ImageSequence(path, width, height, times, tuple(files), srgb)
+    return ImageSequence(path, width, height, times, tuple(files), srgb, bits)

@@ -1,5 +1,8 @@
+import itertools
 import json
+from fractions import Fraction
 
+import av
 import h5py
 import numpy as np
 import pytest
@@ -269,3 +272,108 @@ def test_the_default_camera_is_a_real_one_and_repeats_with_its_seed(jblast):
     # the ideal camera would send the same 8 events of every pixel, and none later
     assert len(np.unique(times[0])) > 100
     assert times[0].max() > 1000
+
+
+RAMP = np.geomspace(1.2e-4, 1.8e-3, 40)
+"""Of full scale: below half a step of 8 bits throughout."""
+
+
+def level_crossings(light: np.ndarray, threshold: float = 0.2) -> list[tuple]:
+    """Return time [us], column, row and polarity by the rule of ESIM, one by one.
+
+    The logarithm is linear between two frames, 1 ms apart; each crossing of a level one
+    threshold away from the last one is an event (Rebecq et al. 2018).
+    """
+    found = []
+    for y, x in np.ndindex(light.shape[1:]):
+        signal = np.log(light[:, y, x])
+        level = signal[0]
+        for k, (before, after) in enumerate(itertools.pairwise(signal)):
+            way = 1 if after > before else -1
+            while way * (after - level) >= threshold:
+                level += way * threshold
+                time = k + (level - before) / (after - before)
+                found.append((1000.0 * time, x, y, int(way > 0)))
+    return sorted(found)
+
+
+def deep_frames(jblast: Command, kind: str) -> np.ndarray:
+    """Write a dark ramp, and return the light that its files hold."""
+    folder = jblast.directory / "frames"
+    for old in folder.iterdir():
+        old.unlink()
+    gain = np.linspace(1.0, 1.5, SHAPE[0] * SHAPE[1]).reshape(SHAPE) / 1.5
+    # back to a little above the first level: no crossing by rounding alone
+    there_and_back = np.concatenate([RAMP, 1.3 * RAMP[::-1]])
+    light = there_and_back[:, None, None] * gain
+    if kind == "float":
+        for k, frame in enumerate(light):
+            np.save(folder / f"{k:04d}.npy", frame.astype(np.float32))
+        return light.astype(np.float32).astype(float)
+    values = np.rint(65535 * light).astype(np.uint16)
+    for k, frame in enumerate(values):
+        if kind == "grey":
+            save(jblast.directory, k, frame)
+        else:
+            write_deep_png(folder / f"{k:04d}.png", np.stack([frame] * 3, axis=-1))
+    return values / 65535.0
+
+
+def write_deep_png(path, colours: np.ndarray) -> None:
+    """Write colours of 16 bits by FFmpeg's encoder, with mixed filters."""
+    coder = av.CodecContext.create("png", "w")
+    coder.height, coder.width = colours.shape[:2]
+    coder.pix_fmt, coder.time_base = "rgb48be", Fraction(1, 1)
+    coder.options = {"pred": "mixed"}
+    frame = av.VideoFrame.from_ndarray(colours, format="rgb48le")
+    packets = [*coder.encode(frame.reformat(format="rgb48be")), *coder.encode(None)]
+    path.write_bytes(b"".join(bytes(packet) for packet in packets))
+
+
+@pytest.mark.parametrize("kind", ["grey", "colour", "float"])
+def test_dark_light_of_deep_files_gives_the_events_of_another_model(jblast, kind):
+    theirs = level_crossings(deep_frames(jblast, kind))
+    arguments = ["--fps", "1000", "--noise", "off", "--json"]
+    code, out, err = jblast(
+        *("events", jblast.path("frames"), *arguments, "--out", jblast.path("e.npz"))
+    )
+    assert (code, err) == (0, "")
+    ours = read_events(jblast.path("e.npz"))
+    # there and back: ln(1.8e-3 / 1.2e-4) / 0.2 = 13.5, so about 13 up and down
+    assert len(ours.t) == len(theirs) == pytest.approx(2 * 13 * 54, rel=0.1)
+    found = sorted(zip(ours.t, ours.x, ours.y, ours.p, strict=True))
+    by_pixel = [sorted((x, y, p, t) for t, x, y, p in part) for part in (found, theirs)]
+    for own, other in zip(*by_pixel, strict=True):
+        assert own[:3] == other[:3]
+        assert abs(own[3] - other[3]) <= 0.5 + 1e-6  # whole microseconds in the file
+    answer = json.loads(out)
+    assert answer["bits"] == (None if kind == "float" else 16)
+    assert (answer["below_darkest"], answer["warnings"]) == (0.0, [])
+
+
+def test_pixels_below_the_floor_are_reported(jblast):
+    for i, grey in enumerate(GREYS):
+        frame = np.full(SHAPE, grey, np.uint8)
+        frame[:, :3] = 0
+        save(jblast.directory, i, frame)
+    code, out, err = converted(jblast, "--json")
+    answer = json.loads(out)
+    assert (code, answer["bits"]) == (0, 8)
+    assert answer["darkest"] == pytest.approx(0.5 / 255)
+    assert answer["below_darkest"] == pytest.approx(1 / 3)
+    assert "33 % of the pixel values are darker than 0.00196" in answer["warnings"][0]
+    assert err.startswith("jblast: warning: 33 % of the pixel values")
+    # a higher floor, by the user: 16 / 255 in one of six frames is below it
+    _, out, _ = converted(jblast, "--json", "--darkest", "0.1", "--force")
+    assert json.loads(out)["below_darkest"] == pytest.approx((2 + 4 / 6) / 6)
+
+
+def test_frames_of_another_depth_are_refused(jblast):
+    deep_frames(jblast, "grey")
+    deep = jblast.directory / "frames" / "frame_0003.png"
+    pixels = np.full((*SHAPE, 3), 9, np.uint8)
+    Image.fromarray(pixels).save(deep)
+    message = refused(jblast)
+    assert (
+        "frame_0003.png: expected 16 bits as in frame_0000.png, got 8 bits" in message
+    )

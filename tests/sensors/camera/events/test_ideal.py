@@ -9,6 +9,7 @@ from jblast.errors import InputError
 from jblast.sensors.camera.events.ideal import Events, continued_events, ideal_events
 from jblast.sensors.camera.events.log_intensity import (
     DARKEST,
+    darkest_of,
     grey_table,
     log_intensity,
 )
@@ -178,10 +179,15 @@ def test_single_precision_keeps_the_count():
     assert events.time.dtype == jnp.float32
 
 
-def test_light_below_half_a_grey_step_is_as_dark_as_that():
+def test_light_below_the_floor_of_its_source_is_as_dark_as_that():
     np.testing.assert_allclose(
         log_intensity(jnp.array([0.0, DARKEST, 1.0])), np.log([DARKEST, DARKEST, 1.0])
     )
+    # 120 dB: a range of 1e6, where 8 bits have 510
+    assert pytest.approx(10 ** (-120 / 20)) == DARKEST
+    np.testing.assert_allclose(log_intensity(jnp.asarray(1e-5)), np.log(1e-5))
+    assert darkest_of(16) == 0.5 / 65535
+    assert darkest_of(None) == DARKEST
     assert grey_table()[0] == pytest.approx(np.log(0.5 / 255))
     assert grey_table()[128] == pytest.approx(np.log(128 / 255))
     # IEC 61966-2-1: value 128 is 21.586 % of full light

@@ -1,6 +1,8 @@
 import os
+from fractions import Fraction
 from pathlib import Path
 
+import av
 import numpy as np
 import pytest
 from PIL import Image
@@ -69,3 +71,33 @@ def test_what_cannot_be_read_is_named(tmp_path):
         png_files.read_png(tmp_path / "a.png")
     with pytest.raises(InputError, match=r"b\.png: .*No such file"):
         png_files.read_png(tmp_path / "b.png")
+
+
+@pytest.mark.parametrize("filters", ["none", "sub", "up", "avg", "paeth", "mixed"])
+@pytest.mark.parametrize("kind", ["rgb48", "rgba64", "ya16"])
+def test_colours_of_16_bits_keep_all_of_them(tmp_path, filters, kind):
+    path, rng = tmp_path / "a.png", np.random.default_rng(0)
+    channels = {"rgb48": 3, "rgba64": 4, "ya16": 2}[kind]
+    steps = rng.integers(0, 3000, (9, 14, channels))
+    values = (np.cumsum(steps, axis=1) % 65536).astype(np.uint16)
+    path.write_bytes(encoded(values, f"{kind}be", filters))
+    np.testing.assert_array_equal(read_png(path), values)
+    path.write_bytes(path.read_bytes()[:90])
+    with pytest.raises(InputError, match=r"a\.png: expected a whole PNG image"):
+        read_png(path)
+
+
+def encoded(values: np.ndarray, kind: str, filters: str) -> bytes:
+    """Return a PNG by FFmpeg's encoder."""
+    coder = av.CodecContext.create("png", "w")
+    coder.height, coder.width = values.shape[:2]
+    coder.pix_fmt, coder.time_base = kind, Fraction(1, 1)
+    coder.options = {"pred": filters}
+    frame = av.VideoFrame(coder.width, coder.height, kind)
+    plane = frame.planes[0]
+    lines = np.zeros((coder.height, plane.line_size), np.uint8)
+    packed = values.astype(">u2").view(np.uint8).reshape(coder.height, -1)
+    lines[:, : packed.shape[1]] = packed
+    plane.update(lines.tobytes())
+    packets = [*coder.encode(frame), *coder.encode(None)]
+    return b"".join(bytes(packet) for packet in packets)

@@ -52,3 +52,26 @@ def test_a_video_goes_by_its_clock_or_by_the_rate_that_is_said(tmp_path):
     np.testing.assert_allclose(light[[0, 2], 0, 0], [0.0, 1.0], atol=1e-6)
     np.testing.assert_allclose(open_recording(path, 1000.0).times, [0, 1e-3, 2e-3])
     assert times is not film.times
+
+
+@pytest.mark.parametrize(("kind", "bits"), [("yuv444p", 8), ("yuv444p10le", 10)])
+def test_the_floor_of_a_video_is_half_a_step_of_its_depth(tmp_path, kind, bits):
+    path = make_video(tmp_path / "a.mkv", flat(16, 126, 235), kind=kind)
+    film = open_recording(path)
+    assert film.bits == bits
+    assert film.darkest == 0.5 / (2**bits - 1)
+
+
+def test_arrays_are_frames_of_linear_light(tmp_path):
+    light = np.linspace(0.0, 3.0, 24).reshape(4, 6)
+    np.save(tmp_path / "0.npy", light)
+    np.save(tmp_path / "1.npy", np.stack([light] * 3, axis=-1).astype(np.float32))
+    film = open_recording(tmp_path, 100.0, srgb=True)
+    assert film.bits is None
+    frames = next(film.blocks())[1]
+    np.testing.assert_allclose(frames, [light, light], rtol=1e-6)
+    np.save(tmp_path / "1.npy", (255 * light).astype(int))
+    with pytest.raises(
+        InputError, match=r"1\.npy: expected floats of shape .* got int"
+    ):
+        list(film.blocks())

@@ -19,7 +19,7 @@ SLACK = wp.constant(wp.float64(16.0 * 2.220446049250313e-16))
 """As in `pixel.rounding`."""
 
 FLOOR = wp.constant(wp.float64(0.5 / 255.0))
-"""As `log_intensity.DARKEST`."""
+"""As `log_intensity.EIGHT_BITS`: frames have 8 bits."""
 
 CLOSE = wp.constant(wp.float64(16.0 * 1.1920928955078125e-07))
 """Bounds are drawn in by this part: rounding of float32, so that none is overlooked."""

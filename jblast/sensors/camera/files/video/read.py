@@ -45,6 +45,7 @@ class Video:
         times: Of its frames, from the first [s].
         turns: Quarter turns counterclockwise from how it is stored to how it is shown.
         table: Linear light of each value, 256 or 65,536 of them, full scale 1.
+        bits: Bit depth of the file; values of more than 8 bits are scaled to 16.
     """
 
     path: Path
@@ -54,6 +55,7 @@ class Video:
     times: Float[np.ndarray, " frame"]
     turns: int
     table: Float[np.ndarray, " value"]
+    bits: int = 8
 
     def __len__(self) -> int:
         return len(self.stamps)
@@ -147,14 +149,14 @@ def open_video(path: str | Path, *, even: bool = True) -> Video:
             raise cut_short(path, f"frame 0: {error.strerror}") from None
         _check_frame(path, frame)
         turns = _quarter_turns(path, frame)
-        deep = max(part.bits for part in frame.format.components) > 8
+        bits = max(part.bits for part in frame.format.components)
         size = frame.width, frame.height
         width, height = size if turns % 2 == 0 else size[::-1]
         curve = int(frame.color_trc)
         if curve == UNSPECIFIED and frame.format.is_rgb:
             curve = SRGB
-        table = light_table(curve, 16 if deep else 8, path)
-    return Video(path, width, height, tuple(stamps), times, turns, table)
+        table = light_table(curve, 16 if bits > 8 else 8, path)
+    return Video(path, width, height, tuple(stamps), times, turns, table, max(bits, 8))
 
 
 def _check_frame(path: Path, frame: Any) -> None:
