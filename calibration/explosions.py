@@ -22,6 +22,7 @@ from jblast.report.tables import aligned
 from jblast.scene import Camera, Charge, Scene, look_at
 from jblast.sensors.camera import ExplosionViews, explosion_views, render
 from jblast.sensors.camera.files.png import srgb_bytes
+from jblast.sensors.camera.image.tone import picture_gain
 from jblast.sensors.camera.rendering.appearance import Appearance
 from jblast.waves.fireball import fireball, fireball_duration, fireball_growth_time
 from jblast.waves.laws.fireball_radius import fireball_law_radius_in_image
@@ -81,7 +82,8 @@ def film(
         ground=False,
         appearance=look,
     )
-    return list(srgb_bytes(np.asarray(frames)))
+    gain = picture_gain(np.pi * DUSK) if dusk else 1.0
+    return list(srgb_bytes(gain * np.asarray(frames)))
 
 
 def contact_sheet(views: ExplosionViews) -> Image.Image:

@@ -26,7 +26,7 @@ from jblast.report.figure_style import (
 from jblast.scene import Camera, Charge, Scene
 from jblast.scene.pose import look_at
 from jblast.sensors.camera import Events, render, render_events
-from jblast.sensors.camera.image.compositing import linear_to_srgb
+from jblast.sensors.camera.files.png import srgb_bytes
 
 MASS, DISTANCES = 100.0, (60.0, 120.0, 240.0)
 """Kilograms of TNT on the ground, and metres from there to the camera."""
@@ -101,8 +101,7 @@ def eyes_figure(cameras: list[Seen]) -> Figure:
         above[0].set_ylabel(f"{seen.distance:g} m", fontsize=11, color=INK)
         below[0].set_ylabel("events", fontsize=9, color=MUTED)
         for column, time in enumerate(INSTANTS):
-            light = jnp.clip(seen.frames[column], 0.0, 1.0)
-            above[column].imshow(np.asarray(linear_to_srgb(light)))
+            above[column].imshow(srgb_bytes(np.asarray(seen.frames[column])))
             below[column].imshow(picture(seen.events, (1 - WINDOW) * time, time))
     axes = rates.subplots()
     edges = np.geomspace(TIMES[0], TIMES[-1], 60)

@@ -74,7 +74,7 @@ def film_asked(asked: argparse.Namespace, most: int) -> "Film":
     ground = landscape_asked(asked, carried=path is not None)
     if ground is not None:
         light = ground if path is not None else still_landscape(ground, camera)
-        film = replace(film, background=light)
+        film = replace(film, background=light, gain=_gain(asked, camera))
     elif asked.background is not None:
         light = background_named(asked.background, camera, times)
         film = replace(film, background=light)
@@ -102,14 +102,27 @@ def _camera(camera: "Camera", asked: argparse.Namespace) -> "Camera":
     return camera
 
 
+def _daylight(asked: argparse.Namespace, camera: "Camera") -> float | None:
+    """Return the light of sky and sun [lx]; None: full sun."""
+    if asked.daylight is None and camera.daylight is not None:
+        return float(camera.daylight)
+    return asked.daylight
+
+
+def _gain(asked: argparse.Namespace, camera: "Camera") -> float:
+    """Return the gain of pictures of ground and sky: less light is shown darker."""
+    from jblast.sensors.camera.image.tone import picture_gain
+
+    daylight = _daylight(asked, camera)
+    return 1.0 if daylight is None else picture_gain(daylight)
+
+
 def _appearance(asked: argparse.Namespace, camera: "Camera") -> "Appearance":
     """Return how bright day and fire are; the picture is exposed for the day."""
     from jblast.sensors.camera.rendering.appearance import Appearance
 
     flash = asked.flash == "on"
-    daylight = asked.daylight
-    if daylight is None and camera.daylight is not None:
-        daylight = float(camera.daylight)
+    daylight = _daylight(asked, camera)
     if daylight is None:
         return Appearance(flash=flash)
     return Appearance(white=daylight / math.pi, flash=flash)

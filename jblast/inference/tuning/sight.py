@@ -1,7 +1,8 @@
 r"""What frames and events say of a scene.
 
 Frames: the grey value of each pixel as a file of 8 bits has it, sRGB, against that of
-`render`, ended at white as there. Rounding leaves $1/\sqrt{12}$ of a step.
+`render`, with the tone curve of pictures (`image.tone`). Rounding leaves
+$1/\sqrt{12}$ of a step.
 
 Events: an ideal pixel sends one where the logarithm of its light has changed by a
 threshold since the last, so of each event $i$ and the one before it at its pixel
@@ -25,6 +26,7 @@ from jblast.scene import Camera, Scene
 from jblast.sensors.camera.events.exact.fireball import pixel_light
 from jblast.sensors.camera.image.compositing import linear_to_srgb
 from jblast.sensors.camera.image.grey_composite import luminance
+from jblast.sensors.camera.image.tone import toned
 from jblast.sensors.camera.rendering.appearance import WHITE, Appearance
 from jblast.sensors.camera.rendering.render import render
 
@@ -71,8 +73,7 @@ class FramesEvidence(eqx.Module):
             background=self.background,
             appearance=look_of(camera),
         )
-        grey = jnp.stack([jnp.clip(frames[..., c], 0.0, 1.0) for c in range(3)], -1)
-        values = STEPS * linear_to_srgb(luminance(grey))
+        values = STEPS * linear_to_srgb(luminance(toned(frames)))
         return values.reshape(len(self.times), -1)[:, self.pixels]
 
     def groups(self) -> tuple[Int[Array, " value"], int]:

@@ -47,6 +47,8 @@ class Film:
         appearance: How bright the day is, and how the fire is drawn; None: as usual.
         path: Of what carries the camera; None if it stands still.
         bloom: Part of the light of frames that the lens spreads; events have none.
+        gain: Factor of the light of frames (`image.tone.picture_gain`); events have
+            none.
     """
 
     scene: Scene
@@ -61,6 +63,7 @@ class Film:
     appearance: Appearance | None = None
     path: CameraPath | None = None
     bloom: float = 0.0
+    gain: float = 1.0
 
     def at_instants(self) -> "Film":
         """Return the same without exposure: an event camera does not gather light."""
@@ -85,14 +88,14 @@ class Film:
         length = self._length()
         for start in range(0, len(self.times), length):
             which = slice(start, min(start + length, len(self.times)))
-            yield which, bloom(self._rendered(self.times[which]), self.bloom)
+            yield which, self._shot(self._rendered(self.times[which]))
 
     def some(self, numbers: Sequence[int]) -> Frames:
         """Return a few frames by their numbers, as instants."""
         still, length = self.at_instants(), self._length()
         parts = [numbers[a : a + length] for a in range(0, len(numbers), length)]
         frames = [still._rendered(self.times[part]) for part in parts]
-        return bloom(np.concatenate(frames), self.bloom)
+        return self._shot(np.concatenate(frames))
 
     def light(self, times: Float[np.ndarray, " _"]) -> Float[np.ndarray, "_ _ _"]:
         """Return the grey light at some instants, whatever the exposure [s].
@@ -103,6 +106,11 @@ class Film:
         parts = [slice(a, a + length) for a in range(0, len(times), length)]
         frames = [still._rendered(times[part]) for part in parts]
         return np.concatenate([luminance(part) for part in frames])
+
+    def _shot(self, frames: Frames) -> Frames:
+        """Return frames with the gain and the bloom of a picture."""
+        frames = frames if self.gain == 1.0 else self.gain * frames
+        return bloom(frames, self.bloom)
 
     def _length(self) -> int:
         """Return how many frames are rendered together."""

@@ -2,8 +2,9 @@
 
 Frame k stands at START + k / frames_hz. Into the directory go frames/0000.png and so on
 (sRGB; `jblast events DIR/frames --srgb` reads them), events.h5 (times in microseconds
-from frame 0), contact_sheet.png, and a video where --video says. Frames end at white;
-events are of the light itself, and bright fire sends more of them than its frames tell.
+from frame 0), contact_sheet.png, and a video where --video says. Light above white
+keeps its hue in frames and tends to white; events are of the light itself, and bright
+fire sends more of them than its frames show.
 Their times owe nothing to the frames: with --noise off they are solved for, unless
 --views, --supersample or a --background that moves is given. Else the light is looked
 at as often as it takes to know 99 in 100 of them to 0.1 ms (of a real camera by trial,
@@ -114,8 +115,9 @@ def add_arguments(verb: argparse.ArgumentParser) -> None:
         "--daylight",
         metavar="LUX",
         type=positive_of_any_size,
-        help="light of sky and sun on the ground, for which the picture is exposed "
-        "(default: 94,000, full sun; an overcast day has 10,000, dusk 10)",
+        help="light of sky and sun on the ground, for which the picture is exposed; "
+        "ground and sky are shown darker in less of it (default: 94,000, full sun; an "
+        "overcast day has 10,000, dusk 10)",
     )
     verb.add_argument(
         "--flash",
@@ -130,7 +132,7 @@ def add_arguments(verb: argparse.ArgumentParser) -> None:
         type=share,
         default=0.0,
         help="part of the light of frames that the lens spreads over pixels around, "
-        "before they end at white, as 0.05; events have none (default: 0)",
+        "before highlights are compressed, as 0.05; events have none (default: 0)",
     )
     verb.add_argument(
         "--supersample",

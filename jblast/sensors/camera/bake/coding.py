@@ -79,7 +79,8 @@ def sheet(frames: list[Layers], columns: int) -> UInt8[np.ndarray, "height width
         grey = np.rint(255.0 * np.where(alpha > LEAST, heat, 0.0)).astype(np.uint8)
         opaque = np.full_like(grey, 255)
         heats.append(np.stack([grey, grey, grey, opaque], axis=-1))
-        shades.append(srgb_bytes(np.concatenate([shade, alpha[..., None]], axis=-1)))
+        layer = np.concatenate([shade, alpha[..., None]], axis=-1)
+        shades.append(srgb_bytes(np.clip(layer, 0.0, 1.0)))
     blank_heat = np.zeros_like(heats[0])
     blank_heat[..., 3] = 255
     upper = _tiled(heats, columns, blank_heat)

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from jblast.sensors.camera import read_events
 from jblast.sensors.camera.files.png import read_png
 from tests.cli.verbs.simulate.render.scenes import refused, rendered
 
@@ -38,3 +39,16 @@ def test_what_cannot_be_is_refused_in_one_line(jblast):
     small = jblast.path("small.npy")
     assert "small.npy: expected 24 x 18 pixels" in refused(jblast, "--depth", small)
     assert "--daylight: expected a positive" in refused(jblast, "--daylight", "0")
+
+
+def test_the_sky_follows_the_daylight_and_its_events_do_not(jblast):
+    skies, sent = [], []
+    for lux in ("94000", "1000", "10"):
+        words = ("--times", "2.0:2.006", "--fps", "250", "--background", "sky")
+        rendered(jblast, *words, "--daylight", lux, "--noise", "off", "--force")
+        skies.append(last_frame(jblast)[0].mean())
+        sent.append(len(read_events(jblast.directory / "out" / "events.h5").t))
+    # linear light is shown 0.81 and 0.37 times as bright
+    assert skies[0] > skies[1] + 10 > skies[2] + 40
+    # the fire is brighter beside a darker day: more events, whatever the picture
+    assert sent[0] < sent[1] < sent[2]

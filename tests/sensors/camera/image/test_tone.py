@@ -1,0 +1,70 @@
+"""Highlights keep their hue, and less light is shown darker."""
+
+import colorsys
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from jblast.sensors.camera.files.png import srgb_bytes
+from jblast.sensors.camera.image.blackbody import blackbody_light
+from jblast.sensors.camera.image.grey_composite import luminance
+from jblast.sensors.camera.image.tone import picture_gain, toned
+
+
+def khronos(colour, start=0.8 - 0.04, desaturation=0.15):
+    """The specification's sample program, without its offset for reflections."""
+    peak = max(colour)
+    if peak < start:
+        return np.array(colour)
+    d = 1.0 - start
+    new_peak = 1.0 - d * d / (peak + d - start)
+    colour = np.array(colour) * new_peak / peak
+    g = 1.0 - 1.0 / (desaturation * (peak - new_peak) + 1.0)
+    return colour * (1.0 - g) + g
+
+
+def test_the_curve_is_that_of_the_specification_from_full_scale_on():
+    for colour in ((3.0, 1.2, 0.2), (0.5, 7.0, 0.0), (1.1, 1.0, 1.0), (40.0, 2.0, 9.0)):
+        np.testing.assert_allclose(
+            toned(np.array(colour)), khronos(colour, start=1.0), rtol=1e-12
+        )
+
+
+def test_light_up_to_full_scale_is_unchanged_and_grey_is_clipped():
+    light = np.random.default_rng(0).random((50, 3))
+    np.testing.assert_array_equal(toned(light), light)
+    grey = np.array([[-1.0], [0.0], [0.4], [1.0], [9.0]])
+    np.testing.assert_array_equal(toned(grey)[:, 0], [0.0, 0.0, 0.4, 1.0, 1.0])
+    np.testing.assert_allclose(toned(jnp.asarray(4 * light)), toned(4 * light))
+
+
+def test_fire_keeps_its_hue_and_grows_brighter_at_any_exposure():
+    fire = np.asarray(blackbody_light(2000.0))
+    hue = colorsys.rgb_to_hsv(*(fire / fire.max()))[0]
+    shown = toned(np.geomspace(0.01, 1e4, 200)[:, None] * fire / fire.max())
+    hues = [colorsys.rgb_to_hsv(*colour)[0] for colour in shown]
+    np.testing.assert_allclose(hues, hue, atol=1e-9)
+    assert (np.diff(luminance(shown)) > 0.0).all()
+    assert shown.max() <= 1.0
+    # clipped one by one, three times full scale is 7 degrees further towards yellow
+    clipped = colorsys.rgb_to_hsv(*np.clip(3.0 * fire / fire.max(), 0.0, 1.0))[0]
+    assert 360.0 * (clipped - hue) > 7.0
+
+
+def test_pictures_are_written_with_the_curve():
+    pixel = np.array([[[4.0, 2.0, 1.0]]])
+    red, green, blue = srgb_bytes(pixel)[0, 0].astype(int)
+    assert red == 255 > green > blue
+    with_alpha = srgb_bytes(np.concatenate([pixel, [[[0.5]]]], axis=-1))[0, 0]
+    np.testing.assert_array_equal(with_alpha, [red, green, blue, 128])
+
+
+def test_less_light_is_shown_darker():
+    assert picture_gain(np.pi * 3e4) == pytest.approx(1.0)
+    # by hand from equation 11: 10 lx are 3.183 cd/m2 of a white wall
+    key = 1.03 - 2.0 / (2.0 + np.log10(4.183))
+    assert picture_gain(10.0) == pytest.approx(key / (1.03 - 2.0 / 6.4771), rel=1e-4)
+    gains = [picture_gain(lux) for lux in (0.1, 1.0, 10.0, 1e3, 1e4, 94e3)]
+    assert (np.diff(gains) > 0.0).all()
+    assert gains[0] > 0.0
