@@ -1,5 +1,6 @@
 """How an estimate is printed: its value, its 90 % interval, no digit too many."""
 
+import math
 from dataclasses import dataclass
 
 from jblast.constants import TNT_SPECIFIC_ENERGY
@@ -40,12 +41,18 @@ def printed_estimate(name: str, estimate: Estimate) -> Printed:
     numbers = estimate.value, estimate.sd, estimate.q05, estimate.q95
     value, sd, low, high = map(finite, numbers)
     log_sd = finite(estimate.log_sd)
-    unit = unit_for(name, *((low, high) if value is None else (value,)))
+    ends, by_factors = (low, high), False
+    if value is not None:
+        ends = (value,)
+    elif low is not None and high is not None and low > 0.0:
+        # an interval alone: in the unit of its middle, 0.017 to 510000 kg
+        ends, by_factors = (math.sqrt(low) * math.sqrt(high),), True
+    unit = unit_for(name, *ends)
     if sd is None and low is not None and high is not None:
         sd = (high - low) / 3.29
 
     def show(number: float) -> str:
-        if (log_sd is not None and log_sd > WIDE_LOG_SD) or not sd:
+        if by_factors or (log_sd is not None and log_sd > WIDE_LOG_SD) or not sd:
             return significant(number / unit.size, 2 if sd else 4)
         return rounded(number / unit.size, sd / unit.size)
 

@@ -240,12 +240,26 @@ class FlatGround(Finding):
 
 @dataclass(frozen=True)
 class ClocksTakenToAgree(Finding):
-    """Clocks were taken to agree that nobody left open.
+    """Clocks of a log that are neither fitted nor given, and were taken to agree.
 
     Attributes:
-        clocks: All of the log.
-        parameters: What could be fitted instead.
+        clocks: Their names; the clock by which all are set stands first, unless it is
+            the common clock, which has none.
+        parameters: The offsets that could be fitted instead.
+        resting: Numbers that are identified by this assumption alone.
     """
 
     clocks: tuple[str, ...]
     parameters: tuple[str, ...]
+    resting: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class FlashesSetAside(Finding):
+    """Flash times on clocks that read nothing else, which were not used.
+
+    Attributes:
+        clocks: Their names.
+    """
+
+    clocks: tuple[str, ...]

@@ -12,6 +12,7 @@ import numpy as np
 from jblast.errors import InputError, argument
 from jblast.fidelity import TakenLaw
 from jblast.inference.fitting.burial import valid_at_depth
+from jblast.inference.fitting.findings import FlashesSetAside
 from jblast.inference.fitting.goodness_of_fit import standardised_residuals
 from jblast.inference.fitting.predictive_bands import bands
 from jblast.inference.fitting.result import Fit
@@ -35,9 +36,14 @@ from jblast.inference.posterior.posterior import Posterior, posterior_of
 from jblast.inference.posterior.record_likelihood import SampledRecords
 from jblast.observations import Observations, resolve_positions
 from jblast.observations.default_scene import for_log
+from jblast.observations.grouping import some_rows
 from jblast.observations.located import located
 from jblast.observations.records.formats import Scaling
 from jblast.observations.table import SAMPLES
+from jblast.observations.times.clocks import (
+    refuse_unsolvable_clocks,
+    untied_flashes,
+)
 from jblast.progress import stages
 from jblast.scene import UncertainScene, default_scene, freed
 from jblast.sensors import layout_of
@@ -105,6 +111,10 @@ def fit(
     uncertain = for_log(uncertain or default_scene(), observations)
     observations = located(observations, uncertain)
     uncertain = as_seen(uncertain, observations.quantity, observations.time)
+    aside = untied_flashes(observations, uncertain.scene.clock_offsets())
+    set_aside = tuple(dict.fromkeys(np.array(observations.clock, object)[aside]))
+    if set_aside:
+        observations = some_rows(observations, np.flatnonzero(~aside))
     observations = resolve_positions(observations, uncertain.scene, uncertain.beliefs)
     solution = solve(
         observations, uncertain, noise=noise, seed=seed, records=sampled, begin=begin
@@ -137,6 +147,7 @@ def fit(
             lambda log, names: solve(
                 log, freed(uncertain, names), noise=noise, seed=seed
             ),
+            (FlashesSetAside(set_aside),) if set_aside else (),
         ),
         observations=observations,
         scene=parameters.scene_at(jnp.asarray(z)),
@@ -180,8 +191,9 @@ def solve(
 ) -> Solution:
     """Find the posterior's optima, what is identifiable, and its normal approximation.
 
-    Laws left to us are chosen at the likeliest start, and once more at the answer; so
-    are the curve sets of charges whose `burst` is left to their height. Samples of
+    Laws left to us are chosen at the likeliest start, and again at the answer until
+    they settle (`settle_laws`); so are the curve sets of charges whose `burst` is left
+    to their height. Samples of
     records, where there are any, count once the log of what was read off them is
     solved; `begin` tells of each stage.
     """
@@ -190,6 +202,7 @@ def solve(
             "nothing to fit: every number of the scene is fixed; expected at least one "
             'that is "free", has a prior, or is named by ' + argument("freed")
         )
+    refuse_unsolvable_clocks(observations, uncertain)
     begin = begin or _stages(of_samples=records is not None)
     begin("choosing laws")
     rows = layout_of(observations, uncertain.scene)

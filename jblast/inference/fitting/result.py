@@ -62,8 +62,8 @@ class Fit:
         ensemble: The walk the draws are from, where there was one.
         density: The posterior.
         exit_code: 0 answered, 4 computed with a doubt: not converged, not
-            identifiable, a poor fit, a law that holds for no row, or a log that one
-            clock or sensor spoils.
+            identifiable, nothing that was asked for identified, a poor fit, a law that
+            holds for no row, or a log that one clock or sensor spoils.
     """
 
     summary: Summary
@@ -91,7 +91,9 @@ class Fit:
     @property
     def exit_code(self) -> int:
         """Return the exit code of the contract: 0 answered, 4 computed with a doubt."""
-        answered = self.summary.converged and self.summary.identifiable
+        found = self.summary
+        answered = found.converged and found.identifiable
+        answered = answered and not found.identifies_nothing
         doubt = self.is_poor or self.is_outside or self.summary.explained_by
         return 0 if answered and not doubt else 4
 

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
@@ -68,6 +69,10 @@ class Choices(NamedTuple):
         """Return whether the laws are the same."""
         return law_names(self.laws) == law_names(there.laws)
 
+    def agrees_with(self, there: "Choices") -> bool:
+        """Return whether laws and curve sets are the same."""
+        return self.has_laws_of(there) and self.has_bursts_of(there)
+
     def has_bursts_of(self, there: "Choices") -> bool:
         """Return whether the curve sets are the same."""
         mine, others = (
@@ -84,20 +89,39 @@ def choices_for(
     return Choices(scene, layout, resolve_laws(scene, layout, sigma))
 
 
+ROUNDS = 3
+"""So often laws are chosen again at an answer. A choice that has not settled by then
+goes to and fro between two laws near the border of their ranges."""
+
+
 def settle_laws(
     choices: Choices,
     search: Callable[[Choices], tuple[Posterior, Optima, Choices]],
 ) -> tuple[tuple[Posterior, Optima, Choices], Choices]:
-    """Search with what was chosen, and once more where the answer would choose else.
+    """Search with what was chosen, and choose again at the answer until it settles.
+
+    Where it does not settle, the answer is taken that lies within its own laws for the
+    most rows; of several, the most probable one.
 
     Returns:
-        What the last search found, and the choices it was made with.
+        Result of one of the searches, and the choices it was made with.
     """
-    *_, there = found = search(choices)
-    if not (choices.has_laws_of(there) and choices.has_bursts_of(there)):
+    tried: list[tuple[tuple[Posterior, Optima, Choices], Choices]] = []
+    for _ in range(1 + ROUNDS):
+        *_, there = found = search(choices)
+        tried.append((found, choices))
+        if choices.agrees_with(there):
+            return tried[-1]
         choices = choices.as_for(there)
-        found = search(choices)
-    return found, choices
+        if any(choices.agrees_with(before) for _, before in tried):
+            break
+    return max(tried, key=lambda one: _standing(*one[0][:2]))
+
+
+def _standing(posterior, found: Optima) -> tuple[int, float]:
+    """Return how many rows lie within their laws at an answer, and its log density."""
+    valid = posterior.misfit(jnp.asarray(np.asarray(found.z)[0])).valid
+    return int(np.sum(np.asarray(valid))), float(found.log_density[0])
 
 
 def with_samples(

@@ -26,8 +26,10 @@ from jblast.inference.fitting.suspects import explained_by, lies_far
 from jblast.inference.fitting.uncertainty import Uncertainty
 from jblast.inference.fitting.unidentified import (
     estimable_combinations,
+    identified_estimates,
     null_directions,
     other_modes,
+    requested,
 )
 from jblast.inference.fitting.warnings import warnings_of
 from jblast.inference.identifiability.findings import (
@@ -60,7 +62,8 @@ class Summary:
         law_reason: What it was taken by: `report.choice.reason` words it.
         law_valid: Whether every row lies where its law holds.
         law_valid_rows: How many do.
-        estimates: What is known of every free number.
+        estimates: What is known of every free number; one that is not identified has
+            no value.
         derived: What follows from each mass: as TNT, and as energy.
         free: Names of what was fitted.
         identifiable: Whether the data leave one answer.
@@ -104,7 +107,13 @@ class Summary:
     @property
     def unidentified(self) -> tuple[str, ...]:
         """Names of the free numbers that have no value."""
-        return tuple(n for n, e in self.estimates.items() if not e.is_identified)
+        return tuple(n for n, e in self.estimates.items() if not e.identified)
+
+    @property
+    def identifies_nothing(self) -> bool:
+        """Whether none of the numbers that were asked for is identified."""
+        asked = requested(self.free)
+        return bool(asked) and not any(self.estimates[n].identified for n in asked)
 
     def to_dict(self) -> dict[str, Any]:
         """Return it as JSON can hold it; null is what is not a finite number."""
@@ -120,6 +129,7 @@ def summary_of(
     deep: Bool[np.ndarray, " row"],
     left: ResidualSummary,
     refit: Callable[[Observations, Sequence[str]], Solution],
+    found_before: tuple[Finding, ...] = (),
 ) -> Summary:
     """Put together what a fit found.
 
@@ -133,9 +143,10 @@ def summary_of(
         left: Residuals and shared effects at the answer.
         refit: Solves for a log of the same rows with more numbers free; asked where no
             scene fits this one.
+        found_before: Warnings about the log from before the search.
     """
     z = solution.laplace.z
-    estimates = _estimates(solution, sure)
+    estimates = identified_estimates(solution, sure.marginals)
     null = null_directions(solution)
     doubles = other_modes(solution, bool(valid.all()))
     chi2, dof = chi_squared(
@@ -180,25 +191,22 @@ def summary_of(
         explained_by=wrong,
         warnings=(
             *more,
+            *found_before,
             *warnings_of(
-                observations, uncertain, solution, valid & deep, chi2, dof, left.of_laws
+                observations,
+                uncertain,
+                solution,
+                valid & deep,
+                chi2,
+                dof,
+                left.of_laws,
+                estimates,
             ),
             *sure.findings,
         ),
         n_lower_bounds=int(observations.bounds().sum()),
         understood=observations.understood,
     )
-
-
-def _estimates(solution: Solution, sure: Uncertainty) -> dict[str, Estimate]:
-    """Summarise every free number; one in a null direction has nothing to say."""
-    names = solution.posterior.parameters.names
-    return {
-        name: sure.marginals[name] if identified else Estimate()
-        for name, identified in zip(
-            names, solution.identifiability.determined, strict=True
-        )
-    }
 
 
 def _derived(

@@ -1,8 +1,17 @@
-"""What data cannot tell, in words: of a log that was fitted, or of one planned."""
+"""What data do not identify, of a log that was fitted or of one planned.
+
+A number in a null direction has no estimate. One whose 90 % interval is wider than
+`widest` has an interval and no value, and so has a number of the charge that its prior
+alone constrains.
+"""
+
+from collections.abc import Mapping
 
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Float
 
+from jblast.constants import STANDARD_SOUND_SPEED
 from jblast.inference.fitting.solution import Solution
 from jblast.inference.identifiability.combinations import combination, space_of
 from jblast.inference.identifiability.findings import (
@@ -15,12 +24,169 @@ from jblast.inference.identifiability.resolving_data import (
     cure_of_ambiguity,
     cure_of_null,
 )
-from jblast.inference.mode.laplace import laplace
+from jblast.inference.mode.laplace import NORMAL_Q95, laplace
 from jblast.inference.mode.search import SEPARATE
-from jblast.inference.posterior.fisher_information import information
+from jblast.inference.mode.starts import layout_size, typical_step
+from jblast.inference.posterior.estimate import Estimate
+from jblast.inference.posterior.fisher_information import (
+    NULL,
+    information,
+    unit_diagonal,
+    whitened_jacobian,
+    whitened_rows,
+)
+from jblast.inference.posterior.posterior import Posterior
+from jblast.scene import Free, parameter_named
 
 NEAR = 6.0
 """Another optimum within this of the best, in -2 ln density, is an ambiguity."""
+
+WIDEST_FACTOR = 30.0
+"""A positive number whose 90 % interval spans a larger factor is not identified.
+
+A factor of 30 is 1.5 decades, an sd of 1.03 in ln: beyond it not even the order of
+magnitude is known. Of a mass it is a factor of 3.1 in every distance (Hopkinson
+scaling: distances go as the cube root), so of about 3 to 10 in a peak overpressure.
+"""
+
+UNLEARNED = 0.95
+"""A number whose sd is more than this much of its prior's has not been learned: the
+data then hold less than a tenth of the information of the prior."""
+
+OF_CHARGE = (
+    *("charge_mass_kg", "charge_range_m", "charge_east_m", "charge_north_m"),
+    "origin_time_s",
+)
+"""What a fit is asked for. Other numbers (height, air, ground, clocks) are conditions:
+a prior on one of them stands as given where the data add nothing to it."""
+
+
+def requested(names: tuple[str, ...]) -> tuple[str, ...]:
+    """Return the fitted numbers that an answer consists of.
+
+    These are mass, place and time of the charges; all numbers where none of these was
+    fitted.
+    """
+    of_charge = tuple(n for n in names if n.partition(".")[0] in OF_CHARGE)
+    return of_charge or names
+
+
+def unlearned(solution: Solution) -> tuple[str, ...]:
+    """Return the numbers that are as uncertain as their priors, log or no log."""
+    parameters = solution.posterior.parameters
+    sds = np.sqrt(np.diag(solution.laplace.covariance))
+    priors = np.asarray(parameters.has_prior())
+    return tuple(
+        name
+        for name, prior, sd in zip(parameters.names, priors, sds, strict=True)
+        if prior and sd > UNLEARNED
+    )
+
+
+def widest(posterior: Posterior, z: Float[np.ndarray, " free"], name: str) -> float:
+    """Return the widest 90 % interval with which a number counts as identified.
+
+    Of a positive number it is a factor, of others a difference in their unit. A
+    coordinate is held against the larger of the extent of the layout and the range of
+    the charge at the answer, a time against what sound takes over that, any other
+    number against the bounds of what is possible.
+
+    Args:
+        posterior: Holds the layout.
+        z: The answer.
+        name: Of the number.
+    """
+    parameter = parameter_named(name)
+    if parameter.positive:
+        return WIDEST_FACTOR
+    length = _reach(posterior, z)
+    possible = parameter.bounds.at_most - parameter.bounds.at_least
+    scales = {"layout": length, "travel": length / STANDARD_SOUND_SPEED}
+    return scales.get(parameter.spread.of, possible)
+
+
+def identified_estimates(
+    solution: Solution, marginals: Mapping[str, Estimate]
+) -> dict[str, Estimate]:
+    """Return the estimate of every free number, without a value if not identified.
+
+    Args:
+        solution: Result of the inference.
+        marginals: Summary of each number's posterior.
+    """
+    posterior, z = solution.posterior, solution.laplace.z
+    parameters = posterior.parameters
+    by_prior = {n for n in unlearned(solution) if n.partition(".")[0] in OF_CHARGE}
+    answer = {}
+    for name, belief, is_determined in zip(
+        parameters.names,
+        parameters.beliefs,
+        solution.identifiability.determined,
+        strict=True,
+    ):
+        if not is_determined:
+            answer[name] = Estimate()
+            continue
+        found = marginals[name]
+        is_condition = (
+            not isinstance(belief, Free) and name.partition(".")[0] not in OF_CHARGE
+        )
+        too_wide = not is_condition and width(name, found) > widest(posterior, z, name)
+        unknown = too_wide or name in by_prior
+        answer[name] = found.interval_alone() if unknown else found
+    return answer
+
+
+def width(name: str, estimate: Estimate) -> float:
+    """Return the width of a 90 % interval, as `widest` counts it."""
+    if not parameter_named(name).positive:
+        return estimate.q95 - estimate.q05
+    return estimate.q95 / estimate.q05 if estimate.q05 > 0 else np.inf
+
+
+def resting_on(
+    solution: Solution,
+    columns: Float[np.ndarray, "row unknown"],
+    estimates: Mapping[str, Estimate],
+) -> tuple[str, ...]:
+    r"""Return the numbers that are identified only while some unknowns are held fixed.
+
+    The information of the fitted numbers, the unknowns integrated out over a flat
+    prior, is $J'^T J'$ with $J' = (1 - W W^+) J$: $J$ holds the slopes of the data by
+    the fitted numbers, $W$ those by the unknowns, in standard deviations.
+
+    Args:
+        solution: What was found with the unknowns held fixed.
+        columns: Slopes of the readings by each unknown, in units of their residuals.
+        estimates: Estimates of the fitted numbers.
+    """
+    posterior, z = solution.posterior, jnp.asarray(solution.laplace.z)
+    jacobian = np.asarray(whitened_jacobian(posterior, z))
+    unknown = np.asarray(
+        whitened_rows(posterior, posterior.misfit(z), jnp.asarray(columns))
+    )
+    unknown = np.pad(unknown, ((0, len(jacobian) - len(unknown)), (0, 0)))
+    if not (np.isfinite(jacobian).all() and np.isfinite(unknown).all()):
+        return ()
+    left = jacobian - unknown @ (np.linalg.pinv(unknown) @ jacobian)
+    size, values, vectors = map(
+        np.asarray, unit_diagonal(jnp.asarray(left.T @ left), typical_step(posterior))
+    )
+    sds = np.sqrt((vectors**2 / np.maximum(values, NULL)).sum(axis=1)) / size
+    answer = []
+    for name, sd in zip(posterior.parameters.names, sds, strict=True):
+        wide = 2 * NORMAL_Q95 * sd
+        if parameter_named(name).positive:
+            wide = np.exp(min(wide, 700.0))  # ln of the largest double is 709
+        if estimates[name].identified and wide > widest(posterior, z, name):
+            answer.append(name)
+    return tuple(answer)
+
+
+def _reach(posterior: Posterior, z: Float[np.ndarray, " free"]) -> float:
+    """Return the larger of the layout's extent and the largest slant range [m]."""
+    slant_range = np.asarray(posterior.misfit(jnp.asarray(z)).slant_range)
+    return max(float(layout_size(posterior)), float(np.nan_to_num(slant_range).max()))
 
 
 def null_directions(solution: Solution) -> tuple[NullDirection, ...]:

@@ -28,8 +28,11 @@ from jblast.inference.fitting.prior_conflict import against_priors
 from jblast.inference.fitting.samples.findings import SamplesRoughlyCounted
 from jblast.inference.fitting.solution import Solution
 from jblast.inference.fitting.still_air import still_air
+from jblast.inference.fitting.unidentified import resting_on, unlearned
+from jblast.inference.posterior.estimate import Estimate
 from jblast.inference.posterior.finding import Finding
-from jblast.observations import Observations
+from jblast.observations import CLOCK_TIMES, Observations
+from jblast.observations.times.clocks import clocks_apart, has_common_clock
 from jblast.parameter_table import CLOCK_OFFSET
 from jblast.registry import law_for
 from jblast.scene import Charge, UncertainScene
@@ -40,9 +43,6 @@ from jblast.waves.burst_and_height import scaled_height
 
 FAR = 4.0
 """A shared effect larger than this many standard deviations is told of."""
-UNLEARNED = 0.95
-"""A number whose sd is more than this much of its prior's has not been learned."""
-
 ROUGH = 0.2
 """A density of samples that is known no better in ln is told of: draws have weights
 that are off by a fifth."""
@@ -60,6 +60,7 @@ def warnings_of(
     chi2: float,
     dof: int,
     effects: Float[np.ndarray, " effect"],
+    estimates: Mapping[str, Estimate],
 ) -> list[Finding]:
     """Collect the warnings of an answer, the gravest first."""
     findings: list[Finding] = []
@@ -84,7 +85,8 @@ def warnings_of(
         findings.append(BurstsUnsettled())
     if blind:
         findings.append(_without_scene(observations, uncertain))
-    findings += _unlearned(solution, against)
+    if same := tuple(name for name in unlearned(solution) if name not in against):
+        findings.append(NothingLearned(same))
     if np.abs(effects).max(initial=0.0) > FAR:
         findings.append(FarFromItsLaw(float(np.abs(effects).max())))
     scene = solution.posterior.parameters.scene_at(jnp.asarray(solution.laplace.z))
@@ -93,7 +95,7 @@ def warnings_of(
         findings += charge_is_no_point(
             [law.name for law in solution.laws.values()], charge
         )
-    findings += _clocks_taken_as_right(observations, uncertain)
+    findings += clocks_taken_to_agree(observations, uncertain, solution, estimates)
     findings += _round_earth(observations, solution)
     if still := still_air(solution):
         findings.append(still)
@@ -141,20 +143,6 @@ def _without_scene(observations: Observations, uncertain: UncertainScene) -> NoS
     return NoScene(free, frame.alt_m if frame else 0.0)
 
 
-def _unlearned(solution: Solution, against: Collection[str]) -> list[Finding]:
-    """Return the numbers that are as uncertain as their priors, log or no log."""
-    parameters = solution.posterior.parameters
-    sds = np.sqrt(np.diag(solution.laplace.covariance))
-    same = tuple(
-        name
-        for name, prior, sd in zip(
-            parameters.names, np.asarray(parameters.has_prior()), sds, strict=True
-        )
-        if prior and sd > UNLEARNED and name not in against
-    )
-    return [NothingLearned(same)] if same else []
-
-
 def height_beside_the_curves(solution: Solution, charge: Charge) -> list[Finding]:
     """Return by which curves a charge off the ground is read, and what they miss."""
     laws = [law_for(quantity, law.name) for quantity, law in solution.laws.items()]
@@ -181,14 +169,30 @@ def charge_is_no_point(laws: Collection[str], charge: Charge) -> list[Finding]:
     return [NoPointSource(used, charge.explosive)]
 
 
-def _clocks_taken_as_right(
-    observations: Observations, uncertain: UncertainScene
+def clocks_taken_to_agree(
+    observations: Observations,
+    uncertain: UncertainScene,
+    solution: Solution,
+    estimates: Mapping[str, Estimate],
 ) -> list[Finding]:
-    """Return the recorders of a log whose clocks nobody left open."""
-    clocks = list(dict.fromkeys(clock for clock in observations.clock if clock))
+    """Return the clocks of a log that are neither fitted nor given in the scene.
+
+    The clock by which all are set stands first among them.
+    """
+    timed = np.isin(observations.quantity, CLOCK_TIMES)
+    clocks = np.array(observations.clocks(), object)
     known = uncertain.scene.clock_offsets()
-    unsaid = [clock for clock in clocks[1:] if clock not in known]
-    if not unsaid:
+    read = set(clocks[timed])
+    assumed = [n for n in clocks_apart(observations) if n in read and n not in known]
+    if not assumed:
         return []
-    free = tuple(f"{CLOCK_OFFSET}.{clock}" for clock in unsaid)
-    return [ClocksTakenToAgree(tuple(clocks), free)]
+    columns = np.stack([timed & (clocks == name) for name in assumed], axis=1)
+    first = next((clock for clock in observations.clock if clock), "")
+    common = () if has_common_clock(observations) else (first,)
+    return [
+        ClocksTakenToAgree(
+            clocks=(*common, *assumed),
+            parameters=tuple(f"{CLOCK_OFFSET}.{name}" for name in assumed),
+            resting=resting_on(solution, columns.astype(float), estimates),
+        )
+    ]

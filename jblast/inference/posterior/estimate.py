@@ -1,7 +1,7 @@
 """What is known of one number: its most probable value, its sd, its 90 % interval."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 
 @dataclass(frozen=True)
@@ -31,15 +31,19 @@ class Spread:
 
 @dataclass(frozen=True)
 class Estimate:
-    """What is known of one number, in its unit; all NaN where it is not identified.
+    """Estimate of one number, in its unit.
+
+    A number that is not identified has no value and no standard deviation; the ends of
+    its 90 % interval are finite where they are known all the same.
 
     Attributes:
-        value: The most probable.
+        value: The most probable value; NaN where it is not identified.
         sd: Standard deviation.
         log_sd: Standard deviation of its ln; NaN for one that may be negative.
-        q05: 5 % quantile: where the 90 % interval begins.
+        q05: 5 % quantile: lower end of the 90 % interval.
         q50: Median.
-        q95: 95 % quantile: where the 90 % interval ends.
+        q95: 95 % quantile: upper end of the 90 % interval.
+        identified: Whether there is a value.
     """
 
     value: float = math.nan
@@ -48,11 +52,15 @@ class Estimate:
     q05: float = math.nan
     q50: float = math.nan
     q95: float = math.nan
+    identified: bool = field(init=False)
 
-    @property
-    def is_identified(self) -> bool:
-        """Whether there is a value."""
-        return math.isfinite(self.value)
+    def __post_init__(self) -> None:
+        """Set `identified` from the value."""
+        object.__setattr__(self, "identified", math.isfinite(self.value))
+
+    def interval_alone(self) -> "Estimate":
+        """Return the 90 % interval without a value: an unidentified number."""
+        return Estimate(q05=self.q05, q95=self.q95)
 
     @property
     def spread(self) -> Spread:

@@ -5,12 +5,13 @@ from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Bool
 
 from jblast.errors import InputError, nearest, shown
 from jblast.observations.table import Observations
 from jblast.parameter_table import CLOCK_OFFSET
 from jblast.quantities import CLOCK_TIMES
-from jblast.scene import Scene
+from jblast.scene import Free, Scene, UncertainScene
 
 
 def check_clocks(
@@ -69,6 +70,66 @@ def clocks_apart(observations: Observations) -> list[str]:
     """Return the clocks that a log names, but for the one by which others are set."""
     named = list(dict.fromkeys(clock for clock in observations.clock if clock))
     return named if has_common_clock(observations) else named[1:]
+
+
+def untied_flashes(
+    observations: Observations, known: Collection[str]
+) -> Bool[np.ndarray, " row"]:
+    """Return the rows of flashes on clocks that nothing ties to the others.
+
+    Such a clock is named in the column `clock`, reads flashes alone, and its offset is
+    neither given nor fitted: nothing relates its flash to the readings of the others.
+    The first clock is tied where offsets from it are given or fitted. Where no other
+    clock reads anything else, no row is returned.
+
+    Args:
+        observations: The log.
+        known: Clocks whose offset is given or fitted.
+    """
+    timed = np.isin(observations.quantity, CLOCK_TIMES)
+    flash = np.isin(observations.quantity, "flash_time_s")
+    clocks = np.array(observations.clocks(), object)
+    named = np.array([bool(clock) for clock in observations.clock])
+    tied = set(clocks[timed & ~flash]) | set(clocks[timed & ~named]) | set(known)
+    if set(observations.clock) & set(known) and not has_common_clock(observations):
+        tied.add(next((clock for clock in observations.clock if clock), ""))
+    untied = flash & ~np.isin(clocks, list(tied))
+    return untied if (timed & ~untied).any() else np.zeros(len(observations), bool)
+
+
+def refuse_unsolvable_clocks(
+    observations: Observations, uncertain: UncertainScene
+) -> None:
+    """Refuse unknown clocks that the clock times of a log cannot determine.
+
+    Each clock time determines one offset or origin time at most. Where there are no
+    more times than these, the times say nothing of the place; the other readings must
+    then determine all that is left.
+
+    Raises:
+        InputError: There are fewer times than unknown offsets and origin times, or as
+            many, and fewer other readings than other unknowns. The message names the
+            unknowns and what would help.
+    """
+    timed = np.isin(observations.quantity, CLOCK_TIMES)
+    read = set(np.array(observations.clocks(), object)[timed])
+    free = [name for name, of in uncertain.beliefs.items() if isinstance(of, Free)]
+    offsets = [n for n in free if n.startswith(f"{CLOCK_OFFSET}.")]
+    offsets = [n for n in offsets if n.partition(".")[2] in read]
+    origins = [n for n in free if n.partition(".")[0] == "origin_time_s"]
+    clocks, times = len(offsets) + len(origins), int(timed.sum())
+    others = len(free) - clocks
+    too_few = times == clocks and len(observations) - times < others
+    if not offsets or not (times < clocks or too_few):
+        return
+    left = f" and {others} other unknowns" if too_few else ""
+    raise InputError(
+        f"{observations.source or 'observations'}: {times} clock times and "
+        f"{len(observations) - times} other readings cannot determine {clocks} unknown "
+        f"clocks ({', '.join([*offsets, *origins])}){left}; expected recorders on a "
+        "common clock (one name in the column clock), a flash_time_s beside the "
+        "arrival on each clock, or known offsets ([[clock]] offset_s in the scene)"
+    )
 
 
 def refuse_unresolved(

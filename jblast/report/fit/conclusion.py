@@ -28,7 +28,7 @@ from jblast.report.fit.reference_values import (
 )
 from jblast.report.fit.rows import lower_bound_sentence
 from jblast.report.numbers import printed_number, significant
-from jblast.report.words import capitalised, joined, parameter_words, split_name
+from jblast.report.words import joined, parameter_words, split_name
 from jblast.scene import EXPLOSIVES, Charge
 from jblast.scene.parameters import value_of
 
@@ -51,7 +51,7 @@ def conclusion(fit: Fit, accepted: Accepted | None = None) -> list[str]:
     if found.unidentified:  # then this is the news, and comes first
         said, doubts = said + doubts, []
     for name, estimate in estimates_of(found).items():
-        if estimate.is_identified and not _repeats(name, found):
+        if estimate.identified and not _repeats(name, found):
             made_of = fit.scene.charge.explosive if name == "charge_mass_kg" else ""
             said.append(_estimate_sentence(name, estimate, accepted, made_of))
     said += earth_lines(fit)
@@ -184,10 +184,6 @@ def _estimate_sentence(
 
 def _cannot_tell(found: Summary) -> list[str]:
     said = []
-    if names := found.unidentified:
-        are = "is" if len(names) == 1 else "are"
-        words = joined([parameter_words(n) for n in names])
-        said.append(f"{capitalised(words)} {are} not identified by these recordings.")
     for direction in found.null_directions:
         cure = cure_sentence(direction)
         said.append(f"{null_direction_sentence(direction)} {cure}".strip())

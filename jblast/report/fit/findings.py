@@ -7,6 +7,7 @@ from jblast.inference.fitting import findings as fitting
 from jblast.inference.fitting.samples.findings import SamplesRoughlyCounted
 from jblast.inference.fitting.still_air import StillAir, WindPassesForSoundSpeed
 from jblast.inference.posterior.finding import Finding
+from jblast.parameter_table import CLOCK_OFFSET
 from jblast.report.fit.posterior_findings import posterior_words
 from jblast.report.numbers import printed_number
 from jblast.report.words import joined, parameter_words
@@ -164,9 +165,29 @@ def _(finding: fitting.NoPointSource) -> str:
 
 @words.register
 def _(finding: fitting.ClocksTakenToAgree) -> str:
+    one = len(finding.clocks) == 1
+    which = f"the clock {finding.clocks[0]} and the common clock"
+    which = which if one else f"the clocks {', '.join(finding.clocks)}"
+    rests = ""
+    if finding.resting:
+        verb = "is" if len(finding.resting) == 1 else "are"
+        rests = f", without which {joined(finding.resting)} {verb} not identified"
     return (
-        f"the clocks {', '.join(finding.clocks)} were taken to agree; "
+        f"{which} were taken to agree{rests}; "
         f"--free {','.join(finding.parameters)} fits what they differ by"
+    )
+
+
+@words.register
+def _(finding: fitting.FlashesSetAside) -> str:
+    names = joined(finding.clocks)
+    verb, clock = ("reads", "clock") if len(finding.clocks) == 1 else ("read", "clocks")
+    offsets = ",".join(f"{CLOCK_OFFSET}.{name}" for name in finding.clocks)
+    return (
+        f"the flash times on the {clock} {names} were set aside: {names} {verb} "
+        "nothing else, so nothing ties that clock to the others; if it agrees with "
+        "them, give it their name in the column clock, or an offset_s in the scene; "
+        f"--free {offsets} fits its offset"
     )
 
 

@@ -1,11 +1,14 @@
-"""What stands above every number: that there is no answer, why, and what would help."""
+"""Headline of an answer: why it is none, what is not identified, what would help."""
 
 import math
 from collections.abc import Mapping
 
 from jblast.inference.fitting.findings import MoreToFree, WrongClock, WrongSensor
 from jblast.inference.fitting.result import Fit
+from jblast.inference.fitting.summary import Summary
+from jblast.inference.fitting.unidentified import requested
 from jblast.inference.posterior.estimate import Estimate
+from jblast.parameter_table import CHARGE_POSITION
 from jblast.report.estimates import printed_estimate
 from jblast.report.fit.goodness import goodness_p, printed_p
 from jblast.report.numbers import printed_number
@@ -15,7 +18,10 @@ MASS = "charge_mass_kg"
 
 
 def headline(fit: Fit) -> list[str]:
-    """Return why no number is an answer, the gravest first; nothing if they are."""
+    """Return what is wrong with an answer, the gravest first; nothing if all is well.
+
+    What is not identified comes last, with its interval where that is known.
+    """
     found, lines = fit.summary, []
     if not found.converged:
         lines.append("NOT CONVERGED: take no number below as an answer.")
@@ -37,7 +43,58 @@ def headline(fit: Fit) -> list[str]:
         lines.append(f"{names} is wrong; the log cannot say which.")
     lines += [explanation(wrong) for wrong in found.explained_by]
     more = (one for one in found.warnings if isinstance(one, MoreToFree))
-    return lines + [freeing(one) for one in more]
+    lines += [freeing(one) for one in more]
+    return lines + unidentified_lines(found)
+
+
+def unidentified_lines(found: Summary) -> list[str]:
+    """Return a sentence on the requested numbers that are not identified, or none.
+
+    Coordinates that share their fate are called the position.
+    """
+    known, unknown = {}, {}
+    for name in requested(found.free):
+        estimate = found.estimates[name]
+        by = known if estimate.identified else unknown
+        by.setdefault(_called(name), []).append((name, estimate))
+    if not unknown:
+        return []
+    split = known.keys() & unknown.keys()  # one coordinate is known, another is not
+    for word in split:
+        for by in (known, unknown):
+            for one in by.pop(word):
+                by[parameter_words(one[0])] = [one]
+    if len(unknown) == 1:
+        ((word, of),) = unknown.items()
+        sentence = f"The {word} is not identified{_bounds(of)}"
+    else:
+        listed = joined([f"{word}{_bounds(of)}" for word, of in unknown.items()])
+        sentence = f"The {listed} are not identified"
+    if known:
+        sentence += f"; {joined(list(known))} {'is' if len(known) == 1 else 'are'}"
+    return [f"{sentence}."]
+
+
+def _called(name: str) -> str:
+    """Return what a headline calls a number."""
+    stem, dot, label = name.partition(".")
+    short = dict.fromkeys(CHARGE_POSITION, "position") | {"origin_time_s": "time"}
+    if stem not in short:
+        return parameter_words(name)
+    return f"{short[stem]} of {label}" if dot else short[stem]
+
+
+def _bounds(numbers: list[tuple[str, Estimate]]) -> str:
+    """Return the 90 % intervals of numbers without a value, in brackets."""
+    printed = [
+        (parameter_words(name), printed_estimate(name, estimate).interval)
+        for name, estimate in numbers
+    ]
+    if any(interval == "-" for _, interval in printed):
+        return ""
+    if len(printed) == 1:
+        return f" ({printed[0][1]})"
+    return f" ({', '.join(f'{word} {interval}' for word, interval in printed)})"
 
 
 def freeing(more: MoreToFree) -> str:

@@ -25,7 +25,7 @@ def practically_unidentified(estimates: Mapping[str, Estimate]) -> list[str]:
     return [
         name
         for name, estimate in estimates.items()
-        if estimate.is_identified
+        if estimate.identified
         and (finite(estimate.log_sd) or 0.0) > UNIDENTIFIED_LOG_SD
     ]
 

@@ -18,7 +18,7 @@ from jblast.report.provenance import Provenance
 from jblast.report.tables import aligned, comma_separated
 from jblast.report.words import parameter_words
 
-NUMBERS = ("value", "sd", "log_sd", "q05", "q50", "q95")
+NUMBERS = ("value", "sd", "log_sd", "q05", "q50", "q95", "identified")
 OF_LOG = ("converged", "identifiable", "law_valid", "chi2", "dof", "n_observations")
 COLUMNS: tuple[str, ...] = ("log", "parameter", *NUMBERS, *OF_LOG, "error")
 
@@ -80,15 +80,14 @@ def answers_document(
 
 
 def _numbers(estimate: Estimate) -> dict[str, float]:
-    """Return what is known of a number, without what there cannot be."""
-    known = asdict(estimate) if estimate.is_identified else {}
-    return {k: x for k, x in known.items() if not (k == "log_sd" and math.isnan(x))}
+    """Return the entries of an estimate that are known."""
+    return {k: x for k, x in asdict(estimate).items() if not math.isnan(x)}
 
 
 def _cell(name: str, estimate: Estimate) -> str:
-    if not estimate.is_identified:
-        return "not identified"
     printed = printed_estimate(name, estimate)
+    if printed.interval == "-" and not estimate.identified:
+        return printed.value
     return f"{printed.value} [{printed.interval}]"
 
 
@@ -105,6 +104,7 @@ def _doubts(fit: Fit) -> str:
         for word, doubtful in (
             ("not converged", not found.converged),
             ("not identifiable", not found.identifiable),
+            ("nothing identified", found.identifiable and found.identifies_nothing),
             ("poor fit", fit.is_poor),
             ("no row within its law", fit.is_outside),
             ("outside its law", not found.law_valid and not fit.is_outside),

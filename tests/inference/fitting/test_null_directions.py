@@ -193,4 +193,4 @@ def test_a_sedov_log_cannot_tell_energy_from_gamma():
     answer = fit(observed, freed(MASS_FREE, ["sedov_gamma"])).summary
     (null,) = answer.null_directions
     assert set(null.parameters) == {"charge_mass_kg", "sedov_gamma"}
-    assert not answer.estimates["charge_mass_kg"].is_identified
+    assert not answer.estimates["charge_mass_kg"].identified

@@ -1,9 +1,13 @@
 """What a log cannot tell, in the words its reader gets. A planned one: `test_bound`."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from jblast.errors import InputError
 from jblast.inference import fit
+from jblast.inference.fitting.unidentified import WIDEST_FACTOR
 from jblast.report import summary
 from jblast.scene import LogNormal, UncertainScene, freed
 from jblast.waves import kingery_bulmash_pressure, shock_kinematics_arrival_time
@@ -53,14 +57,33 @@ def test_three_sensors_with_the_charge_outside_their_triangle_leave_a_second_pla
     assert within.exit_code == 0
 
 
-def test_clocks_all_unknown_tell_no_place_and_no_origin_time():
+def test_clocks_all_unknown_are_refused_with_what_would_help():
     clocks = [f"clock_offset_s.{name}" for name in "abcd"]
-    found, text = told(arrivals(RING, 5.0, 10.0), [*PLACE, "origin_time_s", *clocks])
-    assert len(found.summary.null_directions) == 3  # seven unknowns, four readings
-    assert not any(of.is_identified for of in found.summary.estimates.values())
-    assert found.exit_code == 4
-    assert "cannot tell the origin time, clock offset of a, clock offset of b" in text
-    assert "a flash time at a sensor of the log, on a clock that is right" in text
+    with pytest.raises(InputError, match=r"4 clock times .* 5 unknown.*flash_time_s"):
+        told(arrivals(RING, 5.0, 10.0), [*PLACE, "origin_time_s", *clocks])
+
+
+def test_a_mass_told_by_arrivals_alone_has_an_interval_and_no_value():
+    scene = replace(SCENE, law=(), scatter=True)
+    free = ["charge_mass_kg", *PLACE, "origin_time_s"]
+    made = arrivals(RING, 5.0, 10.0)
+    found = fit(made, freed(UncertainScene(scene), free))
+    mass = found.summary.estimates["charge_mass_kg"]
+    assert mass.q95 / mass.q05 > WIDEST_FACTOR
+    assert mass.q05 < MASS < mass.q95
+    assert not mass.identified
+    assert np.isnan([mass.value, mass.sd, mass.log_sd]).all()
+    for name, true in zip(PLACE, (5.0, 10.0), strict=True):
+        place = found.summary.estimates[name]
+        assert place.identified
+        assert place.q05 < true < place.q95
+    assert not found.summary.derived["charge_energy_j"].identified
+    text = " ".join(summary(found).split())
+    assert "The charge mass is not identified (" in text
+    assert "); position and time are." in text
+    # the law was chosen again at the answer, where it holds
+    assert found.summary.law_valid
+    assert found.exit_code == 0
 
 
 def test_sensors_all_at_one_place_are_told_to_spread():

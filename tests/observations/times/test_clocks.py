@@ -3,7 +3,8 @@ import pytest
 
 from jblast.errors import InputError
 from jblast.observations import read, resolve_positions
-from jblast.scene import Clock, Scene, Sensor
+from jblast.observations.times.clocks import refuse_unsolvable_clocks, untied_flashes
+from jblast.scene import Clock, Scene, Sensor, UncertainScene, freed
 
 HEADER = "sensor,quantity,value,sigma,east_m,north_m,up_m,clock\n"
 TWO = HEADER + "a,air_arrival_s,1,.1,20,0,0,x\nb,air_arrival_s,2,.1,30,0,0,y\n"
@@ -40,3 +41,68 @@ def test_a_fixed_offset_moves_the_earliest_possible_arrival(two):
     what = r"line 3.*after the origin time, 5 s.*origin_time_s or clock_offset_s\.y\)"
     with pytest.raises(InputError, match=what):
         resolve_positions(two, Scene(clocks=(Clock("y", 5.0),)))
+
+
+ARRIVAL = "{0},air_arrival_s,1.0,.1,{1},0,0,{2}"
+FLASH = "{0},flash_time_s,0.5,.1,{1},0,0,{2}"
+
+
+def log(tmp_path, *rows):
+    path = tmp_path / "log.csv"
+    path.write_text(HEADER + "".join(row + "\n" for row in rows))
+    return read(path)
+
+
+def test_a_flash_on_a_clock_that_reads_nothing_else_is_tied_to_no_other(tmp_path):
+    both = (FLASH.format("a", 20, "x"), ARRIVAL.format("a", 20, "x"))
+    alone = FLASH.format("c", 40, "z")
+    made = log(tmp_path, *both, ARRIVAL.format("b", 30, "y"), alone)
+    assert untied_flashes(made, {}).tolist() == [False, False, False, True]
+    assert not untied_flashes(made, {"z"}).any()  # its offset is known or fitted
+    # wherever it stands; but not where the others are set by it
+    first = log(tmp_path, alone, *both)
+    assert untied_flashes(first, {}).tolist() == [True, False, False]
+    assert not untied_flashes(first, {"x"}).any()
+    # nor on the common clock, nor where there is nothing else
+    assert not untied_flashes(log(tmp_path, *both, FLASH.format("c", 40, "")), {}).any()
+    flashes = log(tmp_path, alone, FLASH.format("d", 50, "w"))
+    assert not untied_flashes(flashes, {}).any()
+
+
+def test_more_unknown_clocks_than_clock_times_are_refused_with_the_remedy(tmp_path):
+    names = "abcde"
+    rows = [ARRIVAL.format(name, 20 + 10 * i, name) for i, name in enumerate(names)]
+    clocks = [f"clock_offset_s.{name}" for name in names[1:]]
+    place = ["charge_east_m", "charge_north_m"]
+    heard = log(tmp_path, *rows)
+
+    def scene(*free):
+        return freed(UncertainScene(Scene()), [*free, *clocks])
+
+    refuse_unsolvable_clocks(heard, scene(*place))  # one too few, which a fit names
+    message = (
+        r"5 clock times and 0 other readings cannot determine 5 unknown clocks "
+        r"\(clock_offset_s.b, .*, origin_time_s\) and 2 other unknowns; expected .*"
+        r"common clock .* a flash_time_s beside the arrival"
+    )
+    with pytest.raises(InputError, match=message):
+        refuse_unsolvable_clocks(heard, scene(*place, "origin_time_s"))
+    # pressures may still tell where and how much; a flash on each clock sets it
+    peaks = [
+        f"{name},peak_overpressure_pa,1000,100,{20 + 10 * i},0,0,{name}"
+        for i, name in enumerate(names)
+    ]
+    asked = scene(*place, "origin_time_s", "charge_mass_kg")
+    refuse_unsolvable_clocks(log(tmp_path, *rows, *peaks), asked)
+    flashes = [FLASH.format(name, 20 + 10 * i, name) for i, name in enumerate(names)]
+    refuse_unsolvable_clocks(log(tmp_path, *rows, *flashes), asked)
+    # fewer clock times than unknown clocks: whatever else was read
+    few = log(tmp_path, rows[0], *rows[2:], *peaks)
+    with pytest.raises(InputError, match="4 clock times and 5 other readings cannot"):
+        refuse_unsolvable_clocks(
+            few,
+            freed(
+                UncertainScene(Scene()),
+                ["origin_time_s", *clocks[1:], "clock_offset_s.a"],
+            ),
+        )

@@ -6,7 +6,9 @@ from jblast.inference.fitting.findings import WrongClock, WrongSensor
 from jblast.report.fit.document import fit_document
 from tests.report import example
 
-NOTHING = dict.fromkeys(("value", "sd", "log_sd", "q05", "q50", "q95"))
+NOTHING = dict.fromkeys(("value", "sd", "log_sd", "q05", "q50", "q95")) | {
+    "identified": False
+}
 
 
 def test_what_is_not_identified_is_null_and_every_key_is_there():

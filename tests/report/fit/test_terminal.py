@@ -4,8 +4,10 @@ import numpy as np
 import pytest
 import scipy.stats
 
+from jblast.inference.posterior.estimate import Estimate
 from jblast.report import summary
 from jblast.report.fit.conclusion import conclusion, limits
+from jblast.report.fit.document import fit_document
 from jblast.report.fit.goodness import goodness_p, goodness_sentence
 from tests.report import example
 from tests.report.made_up import PLAIN
@@ -132,7 +134,7 @@ def test_p_is_the_survival_of_chi_squared():
 
 def test_what_is_not_identified_is_the_first_thing_concluded():
     first, second, third, *_ = conclusion(example.not_identifiable())
-    assert first.startswith("Charge mass and air sound speed are not identified")
+    assert first == "The charge mass is not identified; time is."
     assert "Cure: a prior on, or a measurement of, charge_mass_kg" in second
     assert third.startswith("It exploded at 100 µs")
 
@@ -148,3 +150,43 @@ def test_what_is_not_identified_is_the_first_thing_concluded():
 )
 def test_goodness_is_told_in_words(chi2, words):
     assert words in goodness_sentence(replace(PLAIN, chi2=chi2, dof=9))
+
+
+def wide_mass(**other):
+    """A fit whose mass has an interval and no value, beside other numbers."""
+    fit = example.three_parameters()
+    mass = Estimate(q05=0.017, q95=510_000.0)
+    estimates = {"charge_mass_kg": mass, **other}
+    found = replace(fit.summary, estimates=estimates, free=tuple(estimates))
+    return replace(fit, summary=replace(found, derived={}))
+
+
+def test_a_mass_that_is_not_identified_is_the_headline_with_its_interval():
+    place = {"charge_east_m": Estimate(3.0), "charge_north_m": Estimate(4.0)}
+    fit = wide_mass(**place, origin_time_s=Estimate(2.0))
+    said = (
+        "The charge mass is not identified (0.017 to 510000 kg); position and time are."
+    )
+    assert said in " ".join(summary(fit).split())
+    assert conclusion(fit)[0] == said
+    assert not any("The charge was" in line for line in conclusion(fit))
+    assert fit.exit_code == 0
+    entry = fit_document(fit)["estimates"]["charge_mass_kg"]
+    assert (entry["value"], entry["sd"], entry["log_sd"]) == (None, None, None)
+    assert (entry["q05"], entry["q95"], entry["identified"]) == (0.017, 5.1e5, False)
+    assert fit_document(fit)["estimates"]["charge_east_m"]["identified"]
+
+
+def test_a_fit_that_identifies_nothing_it_was_asked_for_ends_with_code_4():
+    far = Estimate(q05=-300.0, q95=800.0)
+    fit = wide_mass(charge_east_m=far, charge_north_m=far)
+    assert fit.exit_code == 4
+    assert conclusion(fit)[0] == (
+        "The charge mass (0.017 to 510000 kg) and position (charge east -300 to 800 m, "
+        "charge north -300 to 800 m) are not identified."
+    )
+    # an offset of a clock is no answer to where and how much
+    assert wide_mass(**{"clock_offset_s.b": Estimate(0.1)}).exit_code == 4
+    one = wide_mass(charge_east_m=far, charge_north_m=Estimate(4.0))
+    assert one.exit_code == 0
+    assert conclusion(one)[0].endswith("are not identified; charge north is.")

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float
 
+from jblast.inference.fitting.findings import ClocksTakenToAgree
 from jblast.inference.fitting.result import Fit
 
 THIN = 1e-12
@@ -112,7 +113,8 @@ def place_draws(
     label = fit.scene.label(charge)
     asked = [f"charge_{axis}_m{label}" for axis in ("east", "north")]
     free = [name for name in asked if name in fit.summary.free]
-    drawn = [name for name in free if name in fit.draws]
+    found = fit.summary.estimates
+    drawn = [name for name in free if name in fit.draws and found[name].identified]
     if not drawn or len(drawn) < len(free) or not _finite(fit.draws, drawn):
         return None
     count = len(fit.draws[drawn[0]])
@@ -128,10 +130,29 @@ def charge_ellipse(
 ) -> ConfidenceEllipse | None:
     """Return the ellipse that holds a share of where a charge may have stood.
 
-    None where `place_draws` has none.
+    None where `place_draws` has none, and where the place rests on clocks that were
+    taken to agree: such an ellipse is far too small if they do not.
     """
     draws = place_draws(fit, shot)
-    return None if draws is None else confidence_ellipse(*draws, share)
+    if draws is None or rests_on_clocks(fit, shot):
+        return None
+    return confidence_ellipse(*draws, share)
+
+
+def rests_on_clocks(fit: Fit, shot: int = 0) -> bool:
+    """Return whether a place is identified only if clocks agree that nobody compared.
+
+    Args:
+        fit: The fit.
+        shot: Which of the scene's charges.
+    """
+    label = fit.scene.label(fit.scene.charges[shot])
+    place = {f"charge_east_m{label}", f"charge_north_m{label}"}
+    return any(
+        not place.isdisjoint(finding.resting)
+        for finding in fit.summary.warnings
+        if isinstance(finding, ClocksTakenToAgree)
+    )
 
 
 def _finite(draws: Mapping[str, Float[np.ndarray, " draw"]], names: list[str]) -> bool:

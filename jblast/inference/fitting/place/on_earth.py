@@ -23,7 +23,8 @@ class PlaceOnEarth:
         alt_m: Height, by the datum of the sensors' [m].
         ellipse_90_m: Half axes of the ellipse that holds 90 % of the posterior, the
             longer one first [m], and the direction of that, clockwise from north
-            [rad]; null where the place was given.
+            [rad]; null where the place was given, or rests on clocks that were taken
+            to agree.
     """
 
     lat_deg: float
@@ -86,7 +87,7 @@ def _place(fit: Fit, shot: int) -> PlaceOnEarth | None:
     estimates = [fit.summary.estimates.get(name, Estimate(0.0)) for name in asked]
     if frame is None or charge.range_m is not None:
         return None
-    if not all(estimate.is_identified for estimate in estimates):
+    if not all(estimate.identified for estimate in estimates):
         return None
     lat, lon, alt = frame.to_geodetic(np.array([float(x) for x in charge.position_m]))
     found = charge_ellipse(fit, shot=shot)
@@ -101,7 +102,7 @@ def _time(fit: Fit, shot: int) -> str | None:
     epoch, charge = fit.observations.epoch, fit.scene.charges[shot]
     name = f"origin_time_s{fit.scene.label(charge)}"
     estimate = fit.summary.estimates.get(name, Estimate(float(charge.time_s)))
-    if epoch is None or not estimate.is_identified:
+    if epoch is None or not estimate.identified:
         return None
     return utc(epoch, estimate.value)
 

@@ -60,6 +60,8 @@ def shock_rings(
     masses = [float(charge.mass_kg)] * 3
     if mass in fit.summary.free:
         estimate = fit.summary.estimates[mass]
+        if not estimate.identified:
+            return ()
         masses = [estimate.q05, float(charge.mass_kg), estimate.q95]
     if law is None or not np.isfinite(masses).all() or not min(masses) > 0.0:
         return ()

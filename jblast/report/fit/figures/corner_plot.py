@@ -40,7 +40,7 @@ def drawn_parameters(fit: Fit) -> list[str]:
         name
         for name in fit.summary.free
         if name in fit.draws
-        and fit.summary.estimates[name].is_identified
+        and fit.summary.estimates[name].identified
         and len(fit.draws[name]) > 1
         and bool(np.all(np.isfinite(fit.draws[name])))
         and np.ptp(fit.draws[name]) > 0.0

@@ -2,6 +2,7 @@
 
 import math
 
+from jblast.inference.fitting.place.confidence_ellipse import rests_on_clocks
 from jblast.inference.fitting.place.on_earth import PlaceOnEarth, on_earth, utc
 from jblast.inference.fitting.result import Fit
 from jblast.inference.posterior.estimate import Estimate
@@ -13,9 +14,11 @@ def earth_lines(fit: Fit) -> list[str]:
     """Return a sentence for each charge of a log in degrees or with dates."""
     lines = []
     earth = on_earth(fit)
-    for charge, found in zip(fit.scene.charges, earth.charges_on_earth, strict=True):
+    for shot, charge in enumerate(fit.scene.charges):
+        found = earth.charges_on_earth[shot]
         named = f"{charge.name}: it" if charge.name else "It"
-        said = [f"{named} stood at {_place(found.place)}"] if found.place else []
+        why = "if the clocks agree" if rests_on_clocks(fit, shot) else "as given"
+        said = [f"{named} stood at {_place(found.place, why)}"] if found.place else []
         if found.origin_time_utc:
             when = _time(fit, f"origin_time_s{fit.scene.label(charge)}")
             by = f" by the clock {earth.origin_clock}" if earth.origin_clock else ""
@@ -26,11 +29,11 @@ def earth_lines(fit: Fit) -> list[str]:
     return lines
 
 
-def _place(place: PlaceOnEarth) -> str:
-    """Return a place and the ellipse about it."""
+def _place(place: PlaceOnEarth, without_ellipse: str) -> str:
+    """Return a place and the ellipse about it, or why there is none."""
     at = degrees(place.lat_deg, place.lon_deg)
     if place.ellipse_90_m is None:
-        return f"{at}, as given"
+        return f"{at}, {without_ellipse}"
     major, minor, azimuth = place.ellipse_90_m
     long, wide = (printed_number("_m", 2.0 * half, 2) for half in (major, minor))
     return (

@@ -9,6 +9,7 @@ from jblast.inference.fitting.place.confidence_ellipse import (
     ConfidenceEllipse,
     confidence_ellipse,
     place_draws,
+    rests_on_clocks,
 )
 from jblast.inference.fitting.place.credible_region import (
     CredibleRegion,
@@ -62,6 +63,8 @@ class ChargePlace:
         rings: Where its peak overpressure has fallen to some values.
         elsewhere: Other optima, (east, north) [m].
         accepted: Where it stood by a published value (east, north) [m], if known.
+        rests_on_clocks: Whether the place is identified only if clocks agree that were
+            taken to; then it has neither ellipses nor regions.
     """
 
     name: str
@@ -74,6 +77,7 @@ class ChargePlace:
     rings: tuple[ShockRing, ...]
     elsewhere: tuple[tuple[float, float], ...] = ()
     accepted: tuple[float, float] | None = None
+    rests_on_clocks: bool = False
 
 
 @dataclass(frozen=True)
@@ -141,6 +145,8 @@ def _charge(fit: Fit, shot: int, accepted: Accepted | None) -> ChargePlace | Non
     untold = asked and pair is None
     if untold or charge.range_m is not None or bool(np.isinf(charge.time_s)):
         return None
+    rests = rests_on_clocks(fit, shot)
+    pair = None if rests else pair
     draws = None if pair is None else np.stack(pair, axis=-1)
     ellipses, regions = (), ()
     if pair is not None:
@@ -152,6 +158,7 @@ def _charge(fit: Fit, shot: int, accepted: Accepted | None) -> ChargePlace | Non
         shot=shot,
         position=position,
         asked=asked,
+        rests_on_clocks=rests,
         draws=draws,
         ellipses=ellipses,
         regions=regions,

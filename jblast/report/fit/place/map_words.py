@@ -21,7 +21,9 @@ def map_notes(shown: GroundMap, view: View, width: int) -> list[str]:
         width: Of a line [letters].
     """
     key = ["circles: sensors"]
-    if any(charge.asked for charge in shown.charges):
+    if any(charge.rests_on_clocks for charge in shown.charges):
+        key += ["star: charge, if the clocks agree; no ellipse without that"]
+    elif any(charge.asked for charge in shown.charges):
         regions = any(charge.regions for charge in shown.charges)
         key += ["star: charge"]
         key += ["blue: 50 and 90 % of the posterior" + ", dashed as ellipses" * regions]

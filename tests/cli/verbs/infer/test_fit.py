@@ -35,7 +35,7 @@ ANSWER = {
     "origin_clock": str,
     "charges_on_earth": list,
 }
-ESTIMATE = ("value", "sd", "log_sd", "q05", "q50", "q95")
+ESTIMATE = ("value", "sd", "log_sd", "q05", "q50", "q95", "identified")
 FLASH = HEADER + "a,flash_time_s,0.001,0.0001,300,0,1\n"
 
 

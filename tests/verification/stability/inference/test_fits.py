@@ -119,7 +119,7 @@ def test_sensors_at_one_place_tell_neither_mass_nor_place_whatever_a_solver_says
     assert np.ptp(ends.z[:, 0]) > np.log(1e6)
     answer = fit(one.log, one.uncertain, noise="gaussian")
     assert len(answer.summary.null_directions) == 2
-    assert not any(of.is_identified for of in answer.summary.estimates.values())
+    assert not any(of.identified for of in answer.summary.estimates.values())
     assert answer.exit_code == 4
 
 
