@@ -113,8 +113,8 @@ def place_draws(
     label = fit.scene.label(charge)
     asked = [f"charge_{axis}_m{label}" for axis in ("east", "north")]
     free = [name for name in asked if name in fit.summary.free]
-    found = fit.summary.estimates
-    drawn = [name for name in free if name in fit.draws and found[name].identified]
+    unknown = fit.summary.unidentified
+    drawn = [name for name in free if name in fit.draws and name not in unknown]
     if not drawn or len(drawn) < len(free) or not _finite(fit.draws, drawn):
         return None
     count = len(fit.draws[drawn[0]])
