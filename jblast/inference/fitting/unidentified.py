@@ -160,11 +160,10 @@ def resting_on(
         columns: Slopes of the readings by each unknown, in units of their residuals.
         estimates: Estimates of the fitted numbers.
     """
-    posterior, z = solution.posterior, jnp.asarray(solution.laplace.z)
-    jacobian = np.asarray(whitened_jacobian(posterior, z))
-    unknown = np.asarray(
-        whitened_rows(posterior, posterior.misfit(z), jnp.asarray(columns))
-    )
+    posterior, z = solution.posterior, solution.laplace.z
+    misfit = posterior.misfit(jnp.asarray(z))
+    jacobian = np.asarray(whitened_jacobian(posterior, jnp.asarray(z)))
+    unknown = np.asarray(whitened_rows(posterior, misfit, jnp.asarray(columns)))
     unknown = np.pad(unknown, ((0, len(jacobian) - len(unknown)), (0, 0)))
     if not (np.isfinite(jacobian).all() and np.isfinite(unknown).all()):
         return ()
