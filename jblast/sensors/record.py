@@ -16,12 +16,13 @@ import numpy as np
 from jaxtyping import Array, ArrayLike, Bool, Float
 
 from jblast.kept_programs import kept
-from jblast.quantities import ADDITIVE, CIRCULAR, CLOCK_TIMES, TIMES
+from jblast.quantities import ADDITIVE, ARRIVALS, CIRCULAR, CLOCK_TIMES, TIMES
 from jblast.registry import call, law_for
 from jblast.scene import Charge, Scene
 from jblast.sensors.even_rows import joined, opaque_constant, picked
 from jblast.sensors.jolt import with_jolts
 from jblast.sensors.layout import Layout
+from jblast.sensors.path_scatter import embedded
 from jblast.sensors.shapes import check_laws, check_layout, check_scene
 from jblast.waves.path_between import path_between
 from jblast.waves.paths import Path
@@ -40,6 +41,12 @@ class Recording(eqx.Module):
         shot_loading: By quantity (and charge, if several), what one standard deviation
             of the effect shared by the whole shot adds to each row, same unit.
         path_loading: Likewise for the effect shared by the rows of one path.
+        arrival_sd: Of `record_sd`, what is of each path's travel time: the scatter of
+            arrivals, by quantity (and charge), same unit.
+        place: Log-polar coordinates of each path (`path_scatter.embedded`).
+        placed: Whether the direction of each path is given.
+        fields: Name, quantity and charge of each entry of `path_loading` and
+            `arrival_sd`, whose scatter neighbouring paths share.
     """
 
     value: Float[Array, " row"]
@@ -48,6 +55,10 @@ class Recording(eqx.Module):
     record_sd: Float[Array, " row"]
     shot_loading: dict[str, Float[Array, " row"]]
     path_loading: dict[str, Float[Array, " row"]]
+    arrival_sd: dict[str, Float[Array, " row"]]
+    place: Float[Array, "row 4"]
+    placed: Bool[Array, " row"]
+    fields: tuple[tuple[str, str, int], ...] = eqx.field(static=True)
 
 
 def to_error_scale(
@@ -131,11 +142,18 @@ def record(scene: Scene, layout: Layout, laws: Mapping[str, str]) -> Recording:
     record_variance = jnp.zeros(n)
     of_shots: dict[str, Array] = {}
     of_paths: dict[str, Array] = {}
+    of_arrivals: dict[str, Array] = {}
+    fields: list[tuple[str, str, int]] = []
+    place, placed = jnp.zeros((n, 4)), jnp.zeros(n, bool)
     for shot, charge in enumerate(scene.charges):
         never, charge = charge.never, charge.as_if_at_zero()
         path = path_to(scene, layout, charge)
         here = shots == shot
         distance = jnp.where(opaque_constant(here), path.slant_range, distance)
+        toward = (path.toward_east, path.toward_north, path.toward_up)
+        there, known = embedded(jnp.stack(toward, axis=1), path.slant_range)
+        place = jnp.where(opaque_constant(here)[:, None], there, place)
+        placed = jnp.where(opaque_constant(here), known, placed)
         starts = opaque_constant(here & is_clock_time)
         value = jnp.where(starts, charge.time_s + offsets, value)
         values, holds, variances = [], [], []
@@ -165,6 +183,10 @@ def record(scene: Scene, layout: Layout, laws: Mapping[str, str]) -> Recording:
                 of_shots[name] = joined([(rows, of_shot)], n)
             if not _is_zero(sds[1]):
                 of_paths[name] = joined([(rows, of_path)], n)
+            if quantity in ARRIVALS and not _is_zero(sds[2]):
+                of_arrivals[name] = joined([(rows, of_record)], n)
+            if name in of_paths or name in of_arrivals:
+                fields.append((name, quantity, shot))
             variances.append((rows, of_record**2))
         if values:
             value = value + joined(values, n)
@@ -175,7 +197,18 @@ def record(scene: Scene, layout: Layout, laws: Mapping[str, str]) -> Recording:
         valid = valid | lost
     some = ~(record_variance <= 0)  # a scatter that is no number is not none
     record_sd = jnp.where(some, jnp.sqrt(jnp.where(some, record_variance, 1.0)), 0.0)
-    return Recording(value, distance, valid, record_sd, of_shots, of_paths)
+    return Recording(
+        value,
+        distance,
+        valid,
+        record_sd,
+        of_shots,
+        of_paths,
+        of_arrivals,
+        place,
+        placed,
+        tuple(fields),
+    )
 
 
 def _rows_of(path: Path, rows: np.ndarray) -> Path:

@@ -235,6 +235,7 @@ def solve(
     (posterior, found, there), choices = settle_laws(choices, search)
     z = np.asarray(found.z)[0]
     begin("what can be told")
+    posterior = posterior.weighed(jax.device_put(z))
     identified = identifiability(posterior, z)
     solution = Solution(
         posterior=posterior,

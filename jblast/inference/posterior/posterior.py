@@ -1,5 +1,6 @@
 """The one log-posterior that every method of inference calls."""
 
+import math
 from collections.abc import Mapping
 from dataclasses import replace
 
@@ -7,6 +8,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.scipy.special import logsumexp
 from jaxtyping import Array, Bool, Float
 
 from jblast.inference.posterior.correlated_errors import own_and_shared_errors
@@ -28,7 +30,8 @@ from jblast.kept_programs import kept
 from jblast.observations import Observations
 from jblast.observations.times.clocks import refuse_unresolved
 from jblast.sensors import Layout, record
-from jblast.sensors.observe import Noise, loadings
+from jblast.sensors.observe import ErrorModel, Noise, error_model, paths_of
+from jblast.sensors.path_scatter import DENSE, KERNELS, TYPICAL, kernel_weights
 from jblast.sensors.record import Recording, residuals_of, to_error_scale
 
 
@@ -75,6 +78,9 @@ class Posterior(eqx.Module):
             itself, for speed alone; () if that is not known.
         records: Whose samples count in place of the rows read off them; None: of none.
         correction: What is added; None: nothing.
+        kernels: Weights of the correlation functions of neighbouring paths in `misfit`;
+            the density is the mean over all of them.
+        neighbours: Whether neighbouring paths share scatter.
     """
 
     parameters: Parameters
@@ -88,40 +94,80 @@ class Posterior(eqx.Module):
     error_blocks: Blocks = eqx.field(static=True, default=())
     records: SampledRecords | None = None
     correction: DensityCorrection | None = None
+    kernels: Float[Array, " kernel"] = eqx.field(
+        converter=jnp.asarray, default_factory=lambda: TYPICAL
+    )
+    neighbours: bool = eqx.field(static=True, default=True)
 
     # Jitted, so that each is traced once however many derivatives are taken of it.
 
     @kept
     def misfit(self, z: Float[Array, " free"]) -> Misfit:
         """Return how the scene at $z$ misses the data."""
-        scene = self.parameters.scene_at(z)
-        recording = record(scene, self.layout, dict(self.laws))
+        return self._misfit(self._recording(z), self.kernels)
+
+    @kept
+    def log_density(self, z: Float[Array, " free"]) -> Float[Array, ""]:
+        """Return ln of the posterior density per unit of $z$, up to a constant."""
+        recording = self._recording(z)
+        if self._has_neighbours(recording):
+            likelihood = logsumexp(self._of_kernels(recording)) - math.log(len(KERNELS))
+        else:
+            likelihood = self._log_likelihood(self._misfit(recording, self.kernels))
+        more = 0.0 if self.correction is None else self.correction(z)
+        return likelihood + more + self.parameters.log_prior(z)
+
+    @kept
+    def weighed(self, z: Float[Array, " free"]) -> "Posterior":
+        """Return it with the correlation functions weighed by the data at $z$."""
+        recording = self._recording(z)
+        if not self._has_neighbours(recording):
+            return self
+        return replace(self, kernels=kernel_weights(self._of_kernels(recording)))
+
+    def _recording(self, z: Float[Array, " free"]) -> Recording:
+        return record(self.parameters.scene_at(z), self.layout, dict(self.laws))
+
+    def _has_neighbours(self, recording: Recording) -> bool:
+        """Return whether correlation functions matter, and are few enough to weigh."""
+        sizes = [
+            len(paths_of(self.layout, quantity, shot)[1])
+            for _, quantity, shot in recording.fields
+        ]
+        return self.neighbours and 2 <= max(sizes, default=0) <= DENSE
+
+    def _of_kernels(self, recording: Recording) -> Float[Array, " kernel"]:
+        """Return ln of the probability of the log by each correlation function."""
+        return jax.vmap(
+            lambda weights: self._log_likelihood(self._misfit(recording, weights))
+        )(jnp.eye(len(KERNELS)))
+
+    def _log_likelihood(self, misfit: Misfit) -> Float[Array, ""]:
+        """Return ln of the probability of a misfit, of samples where they count."""
+        if self.records is None:
+            return self.likelihood(misfit)[0]
+        return self._of_samples(misfit, self.records)
+
+    def _misfit(self, recording: Recording, weights: Float[Array, " kernel"]) -> Misfit:
+        """Return how a recording misses the data, its paths correlated by weights."""
         predicted = recording.value
+        of_laws = error_model(
+            recording, self.layout, weights if self.neighbours else None
+        )
         return Misfit(
             residual=residuals_of(
                 self.measured,
                 to_error_scale(predicted, self.layout.quantity),
                 self.layout.quantity,
             ),
-            sd=jnp.hypot(self.sigma, recording.record_sd),
-            loading=self._loading(recording),
+            sd=jnp.hypot(self.sigma, of_laws.record_sd),
+            loading=self._loading(of_laws),
             predicted=predicted,
             valid=recording.valid,
             slant_range=recording.slant_range,
-            record_sd=recording.record_sd,
-            blocks=self._blocks(recording),
+            record_sd=of_laws.record_sd,
+            blocks=self._blocks(recording, of_laws),
         )
-
-    @kept
-    def log_density(self, z: Float[Array, " free"]) -> Float[Array, ""]:
-        """Return ln of the posterior density per unit of $z$, up to a constant."""
-        misfit = self.misfit(z)
-        if self.records is None:
-            likelihood, _ = self.likelihood(misfit)
-        else:
-            likelihood = self._of_samples(misfit, self.records)
-        more = 0.0 if self.correction is None else self.correction(z)
-        return likelihood + more + self.parameters.log_prior(z)
 
     @kept
     def effects(self, z: Float[Array, " free"]) -> Float[Array, " effect"]:
@@ -141,13 +187,13 @@ class Posterior(eqx.Module):
             misfit.blocks,
         )
 
-    def _blocks(self, recording: Recording) -> Blocks:
+    def _blocks(self, recording: Recording, of_laws: ErrorModel) -> Blocks:
         """Return what each path, and each record, has for itself of the effects."""
         shots, paths = len(recording.shot_loading), len(recording.path_loading)
         groups: dict[int, list[int]] = {}
         for row, group in enumerate(self.layout.group):
             groups.setdefault(group, []).append(row)
-        before = shots + paths * len(groups)
+        before = of_laws.loading.shape[1]
         of_records = tuple(
             (rows, tuple(before + column for column in columns))
             for rows, columns in self.error_blocks
@@ -155,7 +201,7 @@ class Posterior(eqx.Module):
         if self.shared_error is not None and not of_records:
             return ()  # nobody knows what it loads
         of_paths = tuple(
-            (tuple(rows), tuple(range(shots + at, before, len(groups))))
+            (tuple(rows), tuple(range(shots + at, of_laws.common, len(groups))))
             for at, rows in enumerate(groups.values())
         )
         return joined_blocks([*of_paths, *of_records] if paths else of_records)
@@ -186,12 +232,11 @@ class Posterior(eqx.Module):
             self.noise,
         )
 
-    def _loading(self, recording: Recording) -> Float[Array, "row effect"]:
+    def _loading(self, of_laws: ErrorModel) -> Float[Array, "row effect"]:
         """Return the effects of laws, and after them the errors that records share."""
-        of_laws = loadings(recording, self.layout)
         if self.shared_error is None:
-            return of_laws
-        return jnp.concatenate([of_laws, self.shared_error], axis=1)
+            return of_laws.loading
+        return jnp.concatenate([of_laws.loading, self.shared_error], axis=1)
 
     def of_readings(self) -> "Posterior":
         """Return it with what was read off records in place of their samples."""
@@ -203,11 +248,16 @@ class Posterior(eqx.Module):
         It has its optima near those of the other, and fewer effects to look for.
         """
         if self.shared_error is None:
-            return self.of_readings()
+            return replace(self, records=None, neighbours=False)
         shared = jnp.sum(jnp.square(self.shared_error), axis=1)
         sigma = jnp.sqrt(jnp.square(self.sigma) + shared)
         return replace(
-            self, sigma=sigma, shared_error=None, error_blocks=(), records=None
+            self,
+            sigma=sigma,
+            shared_error=None,
+            error_blocks=(),
+            records=None,
+            neighbours=False,
         )
 
 

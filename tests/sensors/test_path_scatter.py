@@ -1,0 +1,127 @@
+"""Scatter of neighbouring paths is correlated, that of paths far apart is not."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from jblast import Charge, Scene
+from jblast.sensors import Layout
+from jblast.sensors.observe import error_model, observe
+from jblast.sensors.path_scatter import (
+    DENSE,
+    KERNELS,
+    TYPICAL,
+    correlations,
+    embedded,
+    split,
+)
+from jblast.sensors.record import record
+
+LAWS = {"air_arrival_s": "kingery_bulmash"}
+
+
+def ring(radius, count=8, middle=(0.0, 0.0)):
+    angle = 2 * np.pi * np.arange(count) / count
+    east, north = middle[0] + radius * np.cos(angle), middle[1] + radius * np.sin(angle)
+    return np.stack([east, north, 0 * angle], axis=1)
+
+
+def placed(position):
+    """Log-polar coordinates of paths from a charge at the origin."""
+    toward = -jnp.asarray(position)
+    return embedded(toward, jnp.linalg.norm(toward, axis=1))
+
+
+def layout_at(position):
+    n = len(position)
+    nothing = jnp.full(n, jnp.nan)
+    return Layout(
+        ("air_arrival_s",) * n,
+        jnp.asarray(position),
+        nothing,
+        nothing,
+        tuple(range(n)),
+        (0,) * n,
+        ("",) * n,
+    )
+
+
+@pytest.mark.parametrize("kernel", range(len(KERNELS)))
+def test_what_paths_share_and_have_for_themselves_adds_up_to_the_correlation(kernel):
+    position = np.concatenate([ring(1.0, 6, (40.0, 0.0)), ring(50.0, 5)])
+    place, known = placed(position)
+    weights = jnp.eye(len(KERNELS))[kernel]
+    own, shared = split(place, known, weights)
+    expected = np.array(correlations(place, place, weights))
+    np.fill_diagonal(expected, 1.0)
+    got = np.diag(own) + np.asarray(shared) @ np.asarray(shared).T
+    np.testing.assert_allclose(got, expected, atol=1e-7)  # the nugget
+    assert (np.asarray(own) > 0).all()
+
+
+def test_of_two_paths_each_has_what_they_do_not_share():
+    place, known = placed(np.array([[40.0, 0.0, 0.0], [40.0, 4.0, 0.0]]))
+    rho = float(correlations(place[:1], place[1:], jnp.asarray(TYPICAL))[0, 0])
+    own, _ = split(place, known, jnp.asarray(TYPICAL))
+    np.testing.assert_allclose(own, 1 - rho, rtol=1e-3)  # NEAR_ZERO
+
+
+def test_paths_around_a_charge_stay_independent():
+    place, known = placed(ring(20.0))
+    for weights in jnp.eye(len(KERNELS)):
+        own, _ = split(place, known, weights)
+        np.testing.assert_allclose(own, 1.0, atol=0.12)
+
+
+def test_paths_of_a_range_alone_are_independent():
+    own, shared = split(*embedded(jnp.zeros((3, 3)), jnp.ones(3)), jnp.asarray(TYPICAL))
+    np.testing.assert_allclose(own, 1.0, rtol=1e-3)
+    np.testing.assert_allclose(shared, 0.0, atol=0.03)
+
+
+def test_a_long_log_is_split_by_some_of_its_paths():
+    # two tight arrays, and paths by themselves
+    arrays = [ring(0.1, 16, (100.0, 0.0)), ring(0.1, 16, (0.0, 100.0))]
+    place, known = placed(np.concatenate([*arrays, ring(30.0, 3)]))
+    assert len(place) > DENSE
+    own, shared = map(np.asarray, split(place, known, jnp.asarray(TYPICAL)))
+    got = np.diag(own) + shared @ shared.T
+    np.testing.assert_allclose(np.diag(got), 1.0, atol=1e-6)
+    assert got[0, 1] > 0.98
+    assert got[16, 20] > 0.98
+    assert abs(got[0, 16]) < 0.02
+    np.testing.assert_allclose(own[32:], 1.0, atol=0.5)
+
+
+def test_the_scatter_of_travel_times_keeps_its_size():
+    layout = layout_at(ring(1.0, 8, (40.0, 0.0)))
+    found = record(Scene(charge=Charge(mass_kg=10.0)), layout, LAWS)
+    of_laws = error_model(found, layout)
+    shot = np.asarray(found.shot_loading["air_arrival_s"])
+    shared = np.sum(np.square(of_laws.loading), axis=1) - shot**2
+    total = np.square(of_laws.record_sd) + shared
+    np.testing.assert_allclose(np.sqrt(total), found.record_sd, rtol=1e-6)
+    # neighbours differ by far less than two independent paths would
+    difference = np.asarray(of_laws.loading[0] - of_laws.loading[1])
+    apart = np.sqrt(difference @ difference + np.sum(np.square(of_laws.record_sd[:2])))
+    assert apart < 0.25 * np.sqrt(2) * float(found.record_sd[0])
+
+
+def test_simulated_neighbours_scatter_together():
+    layout = layout_at(ring(1.0, 8, (40.0, 0.0)))
+    scene = Scene(charge=Charge(mass_kg=10.0))
+    keys = jax.random.split(jax.random.key(0), 400)
+    drawn = jax.jit(
+        jax.vmap(
+            lambda key: observe(
+                key, scene, layout, LAWS, jnp.full(8, 1e-6), noise="gaussian"
+            )
+        )
+    )(keys)
+    exact = record(scene, layout, LAWS)
+    left = np.asarray(drawn) - np.asarray(exact.value)
+    travel = float(exact.value[0])
+    # a shot's and a path's 1 %; 400 draws: 4 % of an sd
+    assert np.std(left[:, 0]) == pytest.approx(0.01 * np.sqrt(2) * travel, rel=0.15)
+    assert np.std(left[:, 0] - left[:, 4]) < 0.5 * 0.01 * np.sqrt(2) * travel
