@@ -113,8 +113,11 @@ def paths_of(
 
 
 def loadings(recording: Recording, layout: Layout) -> Float[Array, "row effect"]:
-    """Return what one standard deviation of each shared effect adds to each row."""
-    return error_model(recording, layout).loading
+    """Return what one standard deviation of each effect of shot or path adds to rows.
+
+    Neighbouring paths are taken as independent.
+    """
+    return error_model(recording, layout, None).loading
 
 
 def observe(
