@@ -18,7 +18,7 @@ from jblast.quantities import ADDITIVE, CIRCULAR
 from jblast.scene import Scene
 from jblast.sensors.even_rows import joined, opaque_constant, picked
 from jblast.sensors.layout import Layout
-from jblast.sensors.path_scatter import TYPICAL, split
+from jblast.sensors.path_scatter import MOST, TYPICAL, split
 from jblast.sensors.record import Recording, record
 
 Noise = Literal["student", "gaussian"]
@@ -63,7 +63,7 @@ def error_model(
     variance = jnp.square(recording.record_sd)
     for name, quantity, shot in recording.fields:
         rows, first, path = paths_of(layout, quantity, shot)
-        if weights is None or first.size < 2:
+        if weights is None or not 2 <= first.size <= MOST:
             continue
         own, shared = split(
             picked(recording.place, rows[first]),

@@ -66,6 +66,9 @@ TYPICAL = np.array([0.0, 0.0, 1.0, 0.0])
 DENSE = 32
 """Most paths whose covariance is split exactly, at the cost of the cube of their
 number."""
+MOST = 1000
+"""Logs of more paths take them as independent: columns of shared effects for a million
+rows would multiply the time of a fit."""
 ANCHORS = 16
 """Paths that carry the shared part of a longer log."""
 FEW_NEIGHBOURS = 0.05
