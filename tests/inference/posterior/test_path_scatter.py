@@ -1,6 +1,7 @@
 """The density of a log whose neighbouring paths share scatter."""
 
 from pathlib import Path
+from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
@@ -62,12 +63,15 @@ def test_the_density_is_the_mean_of_normal_ones_over_the_correlations():
         np.fill_diagonal(rho, 1.0)
         covariance = np.outer(sd, sd) * rho + np.outer(shot, shot)
         covariance += np.diag(np.square(np.asarray(posterior.sigma)))
-        each.append(multivariate_normal.logpdf(left, cov=covariance))
-    expected = logsumexp(each) - np.log(len(KERNELS))
+        normal: Any = multivariate_normal(cov=covariance)
+        each.append(float(normal.logpdf(left)))
+    expected = float(logsumexp(each)) - np.log(len(KERNELS))
     got = posterior.log_density(z) - posterior.parameters.log_prior(z)
     np.testing.assert_allclose(got, expected, atol=1e-3)  # the nugget
     weighed = np.asarray(posterior.weighed(z).kernels)
-    np.testing.assert_allclose(weighed, np.exp(each - logsumexp(each)), atol=1e-3)
+    np.testing.assert_allclose(
+        weighed, np.exp(np.array(each) - float(logsumexp(each))), atol=1e-3
+    )
 
 
 @pytest.mark.parametrize("noise", ["gaussian", "student"])
