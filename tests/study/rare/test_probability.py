@@ -5,10 +5,25 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from scipy.special import ndtr, ndtri
+from scipy.stats import chi2, kstest
 
 from jblast.study.rare import design_points, rare_probability
-from jblast.study.rare.mixture import mixture_about, parts_of, weights_of
+from jblast.study.rare.mixture import (
+    mixture_about,
+    outside_sphere,
+    parts_of,
+    placed,
+    weights_of,
+)
 from jblast.verification.cases.rare_pressure import CASE, margin, probability_above
+from jblast.verification.cases.rare_regions import (
+    RareRegion,
+    any_of,
+    curved,
+    island,
+    shell,
+    tail,
+)
 
 TRUE = 1e-6
 DISTANCE = float(-ndtri(TRUE))
@@ -119,3 +134,96 @@ def test_the_design_point_of_a_pressure_is_on_its_edge():
     points = design_points(margin, 3)
     value = float(jax.jit(margin)(jnp.asarray(points.points[0])))
     assert value == pytest.approx(0.0, abs=1e-6)
+
+
+EIGHT = RareRegion(
+    "8 equal half-spaces",
+    lambda u: jnp.max(jnp.abs(u)) - 4.5,
+    4,
+    any_of(*[2 * tail(4.5)] * 4),
+)
+SCALES = RareRegion(
+    "2 scales of margin",
+    lambda u: jnp.maximum(u[0] - 4.2, 0.01 * (u[1] - 4.0)),
+    2,
+    any_of(tail(4.2), tail(4.0)),
+)
+FLAT = RareRegion("flat", lambda u: jnp.where(u[0] > 4.0, 1.0, -1.0), 2, tail(4.0))
+
+
+@pytest.mark.parametrize(
+    "case",
+    [
+        EIGHT,
+        SCALES,
+        island(),
+        shell(2, 1e-5),
+        shell(8, 1e-6),
+        curved("wrapped", 3, 4.0, -0.2),
+    ],
+    ids=lambda case: f"{case.name} {case.dimensions}",
+)
+def test_intervals_hold_the_truth_of_several_regions_and_of_shells(case):
+    found = [rare_probability(case.margin, case.dimensions, seed=n) for n in range(6)]
+    inside = [one.low <= case.probability <= one.high for one in found]
+    # 0.90 each: three or more of six miss in 1.6 % of cases
+    assert sum(inside) >= 4
+    for one in found:
+        assert one.complete
+        # the standard error of a search that missed a region is too small
+        assert one.probability == pytest.approx(
+            case.probability, abs=5 * one.standard_error
+        )
+
+
+def test_all_of_eight_equal_regions_are_found():
+    points = design_points(EIGHT.margin, 4)
+    assert len(points.points) == 8
+    assert points.complete
+
+
+def test_a_continuum_of_design_points_is_an_incomplete_search():
+    case = shell(8, 1e-6)
+    assert not design_points(case.margin, 8).complete
+
+
+def test_an_event_without_slope_is_reported_as_an_incomplete_search():
+    found = rare_probability(FLAT.margin, 2)
+    assert not found.complete
+    assert found.low <= FLAT.probability <= found.high
+    assert found.high >= found.check_high
+    assert not len(found.design.points)
+    assert np.isnan(found.first_order)
+
+
+def test_an_event_that_plain_draws_meet_needs_no_search():
+    truth = tail(2.0)
+    found = rare_probability(lambda u: jnp.where(u[0] > 2.0, 1.0, -1.0), 2)
+    assert found.complete
+    assert found.low <= truth <= found.high
+    common = rare_probability(lambda u: u[0] + 4.0, 2)
+    assert common.complete
+    assert common.low <= tail(-4.0) <= common.high
+
+
+def test_one_region_costs_no_more_than_before_the_search_went_on(plane):
+    """8,416 calls for 4096 samples by eight searches of sixty steps."""
+    for case, dimensions in ((flat, 3), (curved("away", 3, 4.0, 0.2).margin, 3)):
+        found = rare_probability(case, dimensions)
+        assert found.samples + found.design.evaluations < 1.2 * 8416
+
+
+def test_samples_outside_a_sphere_have_the_density_of_the_prior_there():
+    mixture = mixture_about(np.array([[0.0, 3.0, 0.0]]), radius=3.0, exterior=0.5)
+    scores = np.random.default_rng(2).normal(size=(4000, 3))
+    beyond = placed(scores, np.full(4000, 2), mixture)
+    square = np.sum(beyond**2, axis=1)
+    assert square.min() > 9.0
+    outside = outside_sphere(3.0, 3)
+    assert outside == pytest.approx(chi2.sf(9.0, 3), rel=1e-12)
+    assert kstest(1.0 - chi2.sf(square, 3) / outside, "uniform").pvalue > 0.01
+    # the mean weight of a mixture is one
+    parts = parts_of(np.arange(4000), mixture)
+    weights = weights_of(placed(scores, parts, mixture), parts, mixture)
+    error = weights.std() / np.sqrt(4000)
+    assert weights.mean() == pytest.approx(1.0, abs=4 * error)
