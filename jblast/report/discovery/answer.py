@@ -40,6 +40,19 @@ class LeftOutTerm:
 
 
 @dataclass(frozen=True)
+class ExchangeableTerms:
+    """Two terms of which this record does not identify the right one.
+
+    Attributes:
+        term: A term of the equation.
+        other: Nearly collinear candidate that could stand in its place.
+    """
+
+    term: str
+    other: str
+
+
+@dataclass(frozen=True)
 class FoundEquation:
     """The equation of one column.
 
@@ -47,6 +60,8 @@ class FoundEquation:
         equation: In words.
         terms: Its terms.
         left_out: Terms that only some of the ensemble had.
+        exchangeable: Pairs of terms that this record does not distinguish. The equation
+            is not identified where there are any.
         noise_sd: Noise of the column.
         misfit: What the integrated equation misses, as a share of the column's spread.
         reproduced: Whether, integrated, it gives the column back.
@@ -61,6 +76,7 @@ class FoundEquation:
     equation: str
     terms: tuple[KeptTerm, ...]
     left_out: tuple[LeftOutTerm, ...]
+    exchangeable: tuple[ExchangeableTerms, ...]
     noise_sd: float
     misfit: float
     reproduced: bool

@@ -4,6 +4,7 @@ import numpy as np
 
 from jblast.report.discovery.answer import (
     DiscoveryAnswer,
+    ExchangeableTerms,
     FoundEquation,
     FurtherEquations,
     KeptTerm,
@@ -80,6 +81,9 @@ def found_equation(found: Discovery, again: Replay, state: int) -> FoundEquation
         equation=equation_text(found, state),
         terms=kept_terms(found, state),
         left_out=left_out_terms(found, state),
+        exchangeable=tuple(
+            ExchangeableTerms(term, other) for term, other in found.exchangeable[state]
+        ),
         noise_sd=float(found.noise_sd[state]),
         misfit=float(again.misfit[state]),
         reproduced=again.reproduced[state],

@@ -11,7 +11,11 @@ def doubts(found: Discovery, again: Replay, state: int) -> list[str]:
     judged, name = found.judged[state], found.states[state]
     if not found.terms(state):
         return ["no term is certain"]
-    words = []
+    words = [
+        f"{term} and {other} are exchangeable: they are nearly collinear on this "
+        "record, and either fits"
+        for term, other in found.exchangeable[state]
+    ]
     if not judged.law:
         words.append(
             "over stretches that its coefficients have not seen it comes hardly nearer "

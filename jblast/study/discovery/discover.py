@@ -35,6 +35,7 @@ from jblast.study.discovery.record import Record, trajectory_record
 from jblast.study.discovery.sparse_regression import (
     Regression,
     Selection,
+    exchangeable_terms,
     repeated_terms,
     sparse_terms,
 )
@@ -63,6 +64,8 @@ class Discovery:
         inclusion: Share of the ensemble that holds each term.
         noise_sd: Standard deviation of the noise of each state, in its unit.
         repeated: Terms left out, since sums of others equal them on this record.
+        exchangeable: Of each equation, pairs of one of its terms and a candidate that
+            could stand in its place (`exchangeable_terms`).
         start: Smoothed states at the first row.
         judged: What speaks for and against each equation.
     """
@@ -76,6 +79,7 @@ class Discovery:
     inclusion: Float[np.ndarray, "state term"]
     noise_sd: Float[np.ndarray, " state"]
     repeated: tuple[str, ...]
+    exchangeable: tuple[tuple[tuple[str, str], ...], ...]
     start: Float[np.ndarray, " state"]
     judged: tuple[Judgement, ...]
 
@@ -213,6 +217,17 @@ def discover_in(
         inclusion,
         record.noise_in_unit,
         tuple(names[~distinct].tolist()),
+        tuple(
+            tuple(
+                (str(names[term]), str(names[other]))
+                for term, other in exchangeable_terms(
+                    Regression(terms, covariance), record.sides.left[:, state], row
+                )
+            )
+            for state, (covariance, row) in enumerate(
+                zip(covariances, kept, strict=True)
+            )
+        ),
         record.smooth[0],
         tuple(
             Judgement(float(skill[state]), *sure.odds[state], sure.likest[state])

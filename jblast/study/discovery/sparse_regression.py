@@ -15,6 +15,11 @@ RIDGE = 1e-10
 REPEATED = 1e-6
 """Share of a term that earlier terms must leave over, or it repeats them."""
 
+COLLINEAR = 10.0
+"""Variance inflation factor of two terms above which they count as nearly collinear:
+the usual limit (Marquardt 1970, Technometrics 12:591). One leaves less than a third of
+the other then."""
+
 
 class Regression(NamedTuple):
     """One equation as a regression, window by window.
@@ -142,3 +147,44 @@ def repeated_terms(
             over = over - earlier @ np.linalg.lstsq(earlier, over)[0]
         repeats[term] = np.linalg.norm(over) < REPEATED
     return repeats
+
+
+def exchangeable_terms(
+    regression: Regression,
+    left: Float[np.ndarray, " window"],
+    kept: Bool[np.ndarray, " term"],
+) -> list[tuple[int, int]]:
+    """Return pairs of a term of an equation and one that could stand in its place.
+
+    Next to the other terms of the equation the two are nearly collinear: the variance
+    inflation factor of the pair is above `COLLINEAR`. And with both in the equation the
+    coefficient of its own term is less than three standard deviations from zero, so
+    that the equation without it, but with the other, is not rejected.
+
+    Args:
+        regression: All candidates, repeated ones too.
+        left: Left side of the equation.
+        kept: Terms of the equation.
+    """
+    terms, pairs = regression.terms, []
+    for own in np.flatnonzero(kept):
+        rest = kept.copy()
+        rest[own] = False
+        base = np.linalg.qr(terms[:, rest])[0]
+        free = terms - base @ (base.T @ terms)
+        size = np.linalg.norm(free, axis=0)
+        for other in np.flatnonzero(~kept):
+            # a column that the rest of the equation repeats stands in nobody's place
+            if size[other] <= REPEATED * np.linalg.norm(terms[:, other]):
+                continue
+            cosine = free[:, own] @ free[:, other] / (size[own] * size[other])
+            independent = 1.0 - min(float(cosine) ** 2, 1.0)
+            if independent * COLLINEAR > 1.0:
+                continue
+            both = kept.copy()
+            both[other] = True
+            found, sds = least_squares(regression, left, both)
+            same = independent < REPEATED**2
+            if same or abs(found[own]) < SIGNIFICANT * sds[own]:
+                pairs.append((int(own), int(other)))
+    return pairs

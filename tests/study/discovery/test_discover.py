@@ -3,6 +3,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from jblast.errors import InputError
+from jblast.report.discovery.doubts import certain
 from jblast.report.discovery.text import discovery_text
 from jblast.study.discovery.candidate_terms import Candidates, polynomial
 from jblast.study.discovery.cases import drag_case, motor_case
@@ -214,3 +215,54 @@ def test_equations_that_run_away_are_given_up():
     assert again.misfit[0] == np.inf
     assert again.reproduced == (False,)
     assert np.isnan(again.states[-1, 0])
+
+
+def driven() -> tuple[np.ndarray, np.ndarray]:
+    """Return x of x' = -x / 2 + u, and u."""
+    push = np.sin(1.3 * TIME) + 0.5 * np.cos(2.9 * TIME)
+    flow = solve_ivp(
+        lambda t, x: -0.5 * x + np.interp(t, TIME, push),
+        (0.0, 10.0),
+        [1.0],
+        t_eval=TIME,
+        rtol=1e-9,
+        atol=1e-9,
+    )
+    return flow.y[0], push
+
+
+def discovered(states, inputs, names):
+    return discover(TIME, states, inputs, names=names, members=12)
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.001, 0.03])
+def test_collinear_states_are_exchangeable(noise):
+    state, push = driven()
+    both = np.stack([state, 2.0 * state], axis=1)
+    both += noise * both.std(axis=0) * np.random.default_rng(5).normal(size=both.shape)
+    found = discovered(both, push[:, None], ("x", "y", "push"))
+    again = replay(found, TIME, both, push[:, None])
+    for pairs in found.exchangeable:
+        assert {frozenset(pair) for pair in pairs} == {frozenset(("x", "y"))}
+    assert not certain(found, again)
+    assert "x and y are exchangeable" in discovery_text(found, again).replace(
+        "y and x", "x and y"
+    )
+
+
+def test_collinear_inputs_are_exchangeable_unless_the_record_distinguishes_them():
+    state, push = driven()
+    noisy = state[:, None] + 0.01 * np.random.default_rng(6).normal(size=(401, 1))
+    near, far = (1.5 * push + by * np.sin(7.0 * TIME) for by in (0.002, 0.3))
+    found = discovered(noisy, np.stack([push, near], axis=1), ("x", "push", "pull"))
+    assert {frozenset(pair) for pair in found.exchangeable[0]} == {
+        frozenset(("push", "pull"))
+    }
+    apart = discovered(noisy, np.stack([push, far], axis=1), ("x", "push", "pull"))
+    assert apart.terms(0) == ("x", "push")
+    assert apart.exchangeable == ((),)
+
+
+def test_terms_of_a_true_law_are_not_exchangeable(drag):
+    found, _ = found_in_case(drag, 0.01)
+    assert found.exchangeable == ((), ())

@@ -1,8 +1,9 @@
 """Find the equation of motion in a trajectory: which terms, how sure, is it a law.
 
 Exit code 4: no law was found, or what it leaves over is more than noise, or could not
-be judged, or, integrated from the first row, it does not give the data back. Products
-of one column more are tried then.
+be judged, or, integrated from the first row, it does not give the data back, or nearly
+collinear terms are exchangeable. Except for the last case, products of one column more
+are tried then.
 """
 
 import argparse
@@ -91,10 +92,10 @@ def run(asked: argparse.Namespace) -> int:
     from jblast.study.discovery.ensemble import FEWEST_OF_INTERVAL
 
     threshold = asked.threshold
-    few = "; fewer have no 5 % and 95 % quantiles"
+    least_members = "; fewer have no 5 % and 95 % quantiles"
     for option, value, least, most, why in (
         ("--degree", asked.degree, 1, 6, ""),
-        ("--ensemble", asked.ensemble, FEWEST_OF_INTERVAL, 10_000, few),
+        ("--ensemble", asked.ensemble, FEWEST_OF_INTERVAL, 10_000, least_members),
     ):
         if not least <= value <= most:
             raise InputError(
@@ -140,7 +141,9 @@ def run(asked: argparse.Namespace) -> int:
     begin("finding")
     found, again = find(asked.degree)
     sure, further = certain(found, again), None
-    if not sure and _terms(len(data.names), asked.degree + 1, asked.drag) <= MOST_TERMS:
+    few = _terms(len(data.names), asked.degree + 1, asked.drag) <= MOST_TERMS
+    # more candidates do not distinguish exchangeable terms
+    if not sure and few and not any(found.exchangeable):
         begin("one degree more")
         with contextlib.suppress(InputError):  # a term that overflows is none to try
             further = find(asked.degree + 1)

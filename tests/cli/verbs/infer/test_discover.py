@@ -116,6 +116,23 @@ def test_no_law_in_noise_is_the_headline_and_exit_code_four(jblast):
     assert answer["equations"]["x"]["law"] is False
 
 
+def test_collinear_columns_are_the_headline_and_exit_code_four(jblast):
+    decay = np.exp(-0.5 * TIME)
+    drawn = 0.002 * np.random.default_rng(4).standard_normal((2, TIME.size))
+    content = table(TIME, decay + drawn[0], decay + drawn[1], header="time_s,x,y")
+    code, out, _ = discovered(jblast, content)
+    assert code == 4
+    assert out.startswith("In doubt, x: ")
+    assert "are exchangeable: they are nearly collinear" in out
+    assert "One degree more" not in out
+    code, out, _ = discovered(jblast, content, "--json")
+    assert code == 4
+    answer = json.loads(out)
+    assert answer["certain"] is False
+    pairs = answer["equations"]["x"]["exchangeable"]
+    assert {pairs[0]["term"], pairs[0]["other"]} == {"x", "y"}
+
+
 def test_files_are_written_and_not_overwritten_unasked(jblast):
     options = ("--input", "push_m_s2", "--drag", "--out", jblast.path("out"))
     code, out, _ = discovered(jblast, pushed(), *options)
