@@ -1,6 +1,7 @@
 """Are picks as sure as they say? Ten thousand simulated records, and rules of the eye.
 
-    python -m calibration.picks_simulated > calibration/results/picks_simulated.txt
+    python -m calibration.picks_simulated --workers 2 \
+        > calibration/results/picks_simulated.txt
 
 Z from 2 to 300, 10 to 500 kHz, SNR (peak over the noise of a sample) from 5 to 1000,
 all log-uniform; half of the records drift by 2 to 30 % of the peak, in half the noise
@@ -8,13 +9,26 @@ is coloured (an autoregression of 0.3 to 0.9), a quarter come from a sensor that
 `picks_records.py` makes them, and shares nothing with the fit.
 """
 
+import argparse
 import sys
+from concurrent.futures import ProcessPoolExecutor
+from functools import partial
+from multiprocessing import get_context
+from typing import NamedTuple
 
+import jax
 import numpy as np
 
-from calibration.picks_records import SAMPLES, arrival_bound, drawn, noise_of, signal_of
+from calibration.picks_records import (
+    SAMPLES,
+    Made,
+    arrival_bound,
+    drawn,
+    noise_of,
+    signal_of,
+)
 from jblast.cli.jax_start import start_jax
-from jblast.inference.picks import eye_pick, pick
+from jblast.inference.picks import Pick, eye_pick, pick
 from jblast.report.tables import aligned
 
 MANY, SEEDS = 1000, (20, 21, 30, 31, *range(40, 46))
@@ -27,19 +41,44 @@ NORMAL_90 = 1.6449
 NAMES = ("arrival", "peak", "duration", "impulse")
 
 
-def main(many: int = MANY) -> None:
-    """Print the tables."""
-    start_jax(all_cores=True)
-    made, samples = [], []
-    for seed in SEEDS:
-        rng = np.random.default_rng(seed)
-        more = drawn(many, rng)
-        made += more
-        samples += [signal_of(one) + noise_of(one, rng) for one in more]
-    samples = np.array(samples)
+class Seed(NamedTuple):
+    """Records of one seed, and what is picked of them.
+
+    Attributes:
+        made: What is in them.
+        found: Their picks.
+        bound: Cramer-Rao bounds of their arrivals [samples].
+        eye: Picks by the rules of an eye.
+    """
+
+    made: list[Made]
+    found: Pick
+    bound: np.ndarray
+    eye: np.ndarray
+
+
+def of_seed(many: int, seed: int) -> Seed:
+    """Make and pick the records of one seed."""
+    start_jax()
+    rng = np.random.default_rng(seed)
+    made = drawn(many, rng)
+    samples = np.array([signal_of(one) + noise_of(one, rng) for one in made])
     time = np.arange(SAMPLES, dtype=float)
     # in samples, whatever the rate: nothing in a pick depends on the unit of time
-    found = pick(time, samples)
+    found = jax.tree.map(np.asarray, pick(time, samples))
+    bound = np.array([arrival_bound(one) for one in made])
+    return Seed(made, found, bound, np.array([eye_pick(time, x) for x in samples]))
+
+
+def main(many: int, workers: int) -> None:
+    """Print the tables."""
+    start_jax()
+    with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
+        seeds = list(pool.map(partial(of_seed, many), SEEDS))
+    made = [one for seed in seeds for one in seed.made]
+    found = jax.tree.map(lambda *x: np.concatenate(x), *(seed.found for seed in seeds))
+    bound = np.concatenate([seed.bound for seed in seeds])
+    eye = np.concatenate([seed.eye for seed in seeds]).T
     truth = np.array([[o.arrival, o.peak, o.duration, o.impulse] for o in made]).T
     picked = np.array(
         [
@@ -51,13 +90,11 @@ def main(many: int = MANY) -> None:
     )
     error = np.concatenate([picked[:1] - truth[:1], np.log(picked[1:] / truth[1:])])
     sd = np.asarray(found.spread).T[:4]
-    bound = np.array([arrival_bound(one) for one in made])
-    eye = np.array([eye_pick(time, x) for x in samples]).T
     with np.errstate(invalid="ignore", divide="ignore"):
         eye_error = np.concatenate([eye[:1] - truth[:1], np.log(eye[1:] / truth[1:])])
     groups = _groups(made, found)
-    seeds = ", ".join(str(seed) for seed in SEEDS)
-    print(f"{len(made)} records of {SAMPLES} samples, seeds {seeds}\n")
+    names = ", ".join(str(seed) for seed in SEEDS)
+    print(f"{len(made)} records of {SAMPLES} samples, seeds {names}\n")
     print("Bias in standard deviations, share of 90 % intervals that hold the truth")
     rows = [
         ["", "records", "found", *(f"{n} {w}" for n in NAMES for w in ("bias", "90 %"))]
@@ -221,4 +258,8 @@ def _worst(made, found, error, sd) -> None:
 
 
 if __name__ == "__main__":
-    main(*(int(word) for word in sys.argv[1:2]))
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("many", nargs="?", type=int, default=MANY)
+    parser.add_argument("--workers", type=int, default=2, help="processes")
+    asked = parser.parse_args()
+    main(asked.many, asked.workers)
