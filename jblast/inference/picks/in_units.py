@@ -125,7 +125,9 @@ def pick_of(
         ),
         under_sampled=natural.duration < FEW_SAMPLES,
         sharp=natural.rise < 1.0,
-        high_passed=lanes.passed | (lanes.found & longer),
+        high_passed=lanes.passed | (lanes.found & longer & ~lanes.continued),
+        shifted=lanes.shifted,
+        front_alone=lanes.front_alone,
         resonating=lanes.rings,
         resonance_hz=jnp.where(
             lanes.rings, lanes.frequency / (2.0 * np.pi) / seconds, jnp.nan

@@ -4,6 +4,7 @@ from typing import Literal
 
 import numpy as np
 
+from jblast.inference.picks.fit.lanes import AGAIN, SLIGHT
 from jblast.inference.picks.result import Pick
 
 Quality = Literal["good", "doubtful", "poor"]
@@ -23,6 +24,9 @@ NoteKind = Literal[
     "resonating",
     "high_passed",
     "later_arrival",
+    "zero_shift",
+    "front_alone",
+    "reversed_polarity",
     "duration_unsure",
     "faint",
 ]
@@ -32,15 +36,7 @@ POOR = frozenset({"nothing_found", "not_converged"})
 HARMLESS = frozenset({"sharp_front", "drifting", "later_arrival"})
 """These were seen and are within the errors; any other makes a pick doubtful."""
 
-LARGEST_MISFIT = 3.0
-"""Above it [squared misfit by degree of freedom] the model does not hold."""
-
 HOPELESS_MISFIT = 30.0
-SLIGHT = 1e-3
-"""What of a record the model may leave, of its peak, whatever the misfit: in a record
-with hardly any noise a tremor of the ground before the front is a hundred sigma, and
-moves nothing."""
-
 UNSURE_DURATION = 0.2
 """Standard deviation of ln duration from which on it is hardly known."""
 
@@ -58,7 +54,7 @@ def notes_of(pick: Pick) -> tuple[NoteKind, ...]:
     said: dict[NoteKind, bool] = {
         "not_converged": not bool(pick.converged),
         "clipped": bool(np.isfinite(pick.clipped_at_pa)),
-        "misfit": float(pick.misfit) > LARGEST_MISFIT,
+        "misfit": float(pick.misfit) > AGAIN,
         "few_quiet_samples": not bool(pick.noise_known),
         "under_sampled": bool(pick.under_sampled),
         "sharp_front": bool(pick.sharp),
@@ -68,6 +64,8 @@ def notes_of(pick: Pick) -> tuple[NoteKind, ...]:
         "resonating": bool(pick.resonating),
         "high_passed": bool(pick.high_passed),
         "later_arrival": bool(np.any(np.isfinite(pick.later_arrivals_s))),
+        "zero_shift": bool(pick.shifted),
+        "front_alone": bool(pick.front_alone),
         "duration_unsure": not spread[2] < UNSURE_DURATION,
         "faint": not spread[1] < FAINT,
     }
@@ -79,12 +77,12 @@ def quality_of(pick: Pick) -> Quality:
     notes = set(notes_of(pick))
     if "onset_alone" in notes:
         return "doubtful"
-    if notes & POOR or _hopeless(pick):
+    if notes & POOR or hopeless(pick):
         return "poor"
     return "doubtful" if notes - HARMLESS else "good"
 
 
-def _hopeless(pick: Pick) -> bool:
+def hopeless(pick: Pick) -> bool:
     """Return whether the model explains next to nothing of the record."""
     left = np.sqrt(float(pick.misfit)) * float(pick.noise_pa)
     slight = left < SLIGHT * abs(float(pick.peak_overpressure_pa))

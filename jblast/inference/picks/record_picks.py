@@ -1,5 +1,6 @@
 """Picks of recordings, many at a time, whatever their lengths and rates."""
 
+import dataclasses
 from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -14,7 +15,7 @@ from jblast.inference.picks.in_units import filled_length, picks_of
 from jblast.inference.picks.onset import onset_of
 from jblast.inference.picks.pick import LEAST_SAMPLES
 from jblast.inference.picks.quality import NoteKind, Quality, notes_of, quality_of
-from jblast.inference.picks.result import IN_LOG, Pick
+from jblast.inference.picks.result import IN_LOG, NAMES, Pick
 from jblast.observations.records.pressure_record import PressureRecord
 
 LONGEST = 65536
@@ -41,8 +42,10 @@ class RecordPick:
     notes: tuple[NoteKind, ...]
 
 
-def pick_records(records: Sequence[PressureRecord]) -> list[RecordPick]:
-    """Return what each recording holds.
+def pick_records(
+    records: Sequence[PressureRecord], *, turn: bool = True
+) -> list[RecordPick]:
+    """Return the pick of each recording.
 
     Where nobody said what a sample is in pascals, peak and impulse are in the samples'
     own unit, and only the times mean something. Of a record that is suddenly loud and
@@ -50,6 +53,7 @@ def pick_records(records: Sequence[PressureRecord]) -> list[RecordPick]:
 
     Args:
         records: The recordings.
+        turn: Whether a record whose pressure falls most is picked upside down, too.
 
     Raises:
         InputError: One of them has too few samples, or one that is not finite.
@@ -61,10 +65,38 @@ def pick_records(records: Sequence[PressureRecord]) -> list[RecordPick]:
     found: dict[int, Pick] = {}
     for (length, passed), places in groups.items():
         found |= _picked([records[i] for i in places], places, length, passed)
-    return [
+    made = [
         RecordPick(record, found[i], quality_of(found[i]), notes_of(found[i]))
         for i, record in enumerate(records)
     ]
+    if not turn:
+        return made
+    # a sensor wired the other way round records a blast as a fall of the pressure
+    falls = [k for k, one in enumerate(made) if one.quality != "good" and _falls(one)]
+    turned = [
+        dataclasses.replace(made[k].record, samples=-made[k].record.samples)
+        for k in falls
+    ]
+    for k, other in zip(falls, pick_records(turned, turn=False), strict=True):
+        if _better(other, made[k]):
+            notes: tuple[NoteKind, ...] = (*other.notes, "reversed_polarity")
+            made[k] = RecordPick(made[k].record, other.pick, "doubtful", notes)
+    return made
+
+
+def _falls(one: RecordPick) -> bool:
+    """Return whether the largest deviation of a record is below its median."""
+    apart = one.record.samples - np.median(one.record.samples)
+    return bool(-apart.min() > apart.max())
+
+
+def _better(other: RecordPick, one: RecordPick) -> bool:
+    """Return whether a pulse fits a record better turned over than as it is."""
+    if other.quality == "poor" or not other.pick.found or "onset_alone" in other.notes:
+        return False
+    if one.quality == "poor" or not one.pick.found or "onset_alone" in one.notes:
+        return True
+    return float(other.pick.misfit) < float(one.pick.misfit)
 
 
 def _picked(
@@ -98,7 +130,9 @@ def _picked(
     many = jax.tree.map(np.asarray, many)
     picks = [jax.tree.map(lambda x, k=k: x[k], many) for k in range(len(places))]
     return {
-        place: pick if pick.found else _began(pick, samples, float(first), float(each))
+        place: pick
+        if quality_of(pick) != "poor"
+        else _began(pick, samples, float(first), float(each))
         for place, pick, samples, first, each in zip(
             places, picks, cut, start, step, strict=True
         )
@@ -108,23 +142,31 @@ def _picked(
 def _began(
     pick: Pick, samples: Float[np.ndarray, " sample"], start: float, step: float
 ) -> Pick:
-    """Return what is told of a record that no pulse fits: when it became loud."""
+    """Return the onset of a record that no pulse fits, and nothing else."""
     onset = onset_of(samples)
     if onset is None:
         return pick
     sigma = step * onset.sigma
     spread, covariance = np.full(8, np.nan), np.full((IN_LOG, IN_LOG), np.nan)
     spread[0], covariance[0, 0] = sigma, sigma**2
+    known = (
+        np.array(start + step * onset.sample),
+        *(np.array(np.nan) for _ in NAMES[1:]),
+        spread,
+        covariance,
+        np.array(True),
+        np.array(samples[: int(onset.sample)].mean()),
+    )
     return eqx.tree_at(
-        lambda p: (p.air_arrival_s, p.spread, p.covariance, p.found, p.baseline_pa),
-        pick,
-        (
-            np.array(start + step * onset.sample),
-            spread,
-            covariance,
-            np.array(True),
-            np.array(samples[: int(onset.sample)].mean()),
+        lambda p: (
+            *(getattr(p, name) for name in NAMES),
+            p.spread,
+            p.covariance,
+            p.found,
+            p.baseline_pa,
         ),
+        pick,
+        known,
     )
 
 

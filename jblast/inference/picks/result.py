@@ -55,6 +55,9 @@ class Pick(eqx.Module):
             is fitted, as a cubic that may not be all it does.
         cut_short: Whether the record ends before the positive phase does.
         noise_known: Whether enough quiet samples came before the front.
+        shifted: Whether the baseline steps at the front and stays there.
+        front_alone: Whether what follows the front is no blast pulse, so that the front
+            alone was fitted and only arrival and peak are known.
         resonance_hz: At what frequency it rings, undamped; NaN: it does not [Hz].
         later_arrivals_s: Of a further front within the stretch that is fitted, one at
             most; NaN: none [s].
@@ -87,6 +90,8 @@ class Pick(eqx.Module):
     curving: Bool[Array, "*batch"]
     cut_short: Bool[Array, "*batch"]
     noise_known: Bool[Array, "*batch"]
+    shifted: Bool[Array, "*batch"]
+    front_alone: Bool[Array, "*batch"]
     resonance_hz: Float[Array, "*batch"]
     later_arrivals_s: Float[Array, "*batch later"]
     later_sigmas_s: Float[Array, "*batch later"]

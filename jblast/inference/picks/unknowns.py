@@ -26,10 +26,12 @@ The rise is $\tau = \tau'/(1 + \tau'/t_d)$ of the unknown $\tau'$: never longer 
 positive phase.
 """
 
+from functools import partial
 from typing import NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
+from jax import lax
 from jaxtyping import Array, Float
 
 from jblast.waves.waveform.friedlander_integrals import impulse_fraction
@@ -54,15 +56,38 @@ PULSE_UNKNOWNS = 7
 
 FURTHER = (
     *("ln_omega", "logit_damping", "ln_lag", "ln_height", "ln_stretch"),
-    "ln_corner",
+    *("ln_corner", "shift"),
 )
 """Unknown only where a record shows a sign of them: frequency [rad/sample] and damping
 of a sensor that rings; lag [samples], peak and duration, both over the first one's, of
-a further front; corner of a high-pass that nobody told of [1/sample]."""
+a further front; corner of a high-pass that nobody told of [1/sample]; step of the
+baseline at the front, over the peak."""
 
-FURTHER_CENTRE = np.array([0.0, -3.0, 3.0, np.log(0.5), 0.0, -5.0])
-FURTHER_SPREAD = np.array([0.3, 1.0, 0.7, 1.0, 0.3, 1.5])
-"""Frequency and lag are believed to be where they are seen."""
+FURTHER_CENTRE = np.array([0.0, -3.0, 3.0, np.log(0.5), 0.0, -5.0, 0.0])
+FURTHER_SPREAD = np.array([0.3, 1.0, 0.7, 1.0, 0.3, 1.5, 0.1])
+"""Frequency and lag are believed to be where they are seen. A zero that shifts by
+more than some tenths of the peak is a broken gauge."""
+
+
+RISES = SMOOTH, SMOOTHER, LINEAR, CONCAVE, EXPONENTIAL = 0, 1, 2, 3, 4
+NEGATIVES = CUBIC, HALF_SINE, TRIANGLE, CONTINUED = 0, 1, 2, 3
+RISEN = 3.0
+"""Time constants that an exponential rise is counted as: it reaches 95 % in them."""
+
+LEAST_DECAY = 0.05
+"""A continued pulse of a slower decay is deepest beyond any record."""
+
+
+class Form(NamedTuple):
+    """Which formulas a pulse has, kept as floats, which have a zero slope.
+
+    Attributes:
+        rise: Place among `RISES`.
+        negative: Place among `NEGATIVES`.
+    """
+
+    rise: Float[Array, ""]
+    negative: Float[Array, ""]
 
 
 class Natural(NamedTuple):
@@ -74,9 +99,10 @@ class Natural(NamedTuple):
         duration: Of the positive phase.
         impulse: Of the positive phase.
         decay: Friedlander's $b$ behind the rise.
-        rise: From zero to the peak.
+        rise: From zero to the peak; of an exponential to 95 %.
         suction: Greatest underpressure; below zero where noise makes it so.
-        suction_duration: Of the negative phase.
+        suction_duration: Of the negative phase; of a continued pulse that of the cubic
+            one with the same depth and impulse.
     """
 
     arrival: Float[Array, ""]
@@ -89,20 +115,89 @@ class Natural(NamedTuple):
     suction_duration: Float[Array, ""]
 
 
-def natural_of(y: Float[Array, " unknown"]) -> Natural:
-    """Return a pulse by its unknowns."""
+def exponential_peak(
+    decay: Float[Array, ""], fast: Float[Array, ""]
+) -> Float[Array, ""]:
+    r"""Return the maximum of $(1-s)\,e^{-bs}\,(1-e^{-\kappa s})$.
+
+    It is where $e^x = 1 + 1/(b/\kappa + 1/(\kappa - x))$ with $x = \kappa s$, a fixed
+    point that each step reaches by a factor of three or more closer.
+
+    Args:
+        decay: $b$.
+        fast: $\kappa$, duration over the time constant of the rise: 3 or more.
+    """
+    least = jnp.finfo(decay.dtype).eps
+
+    def closer(_, x, decay, fast):
+        slope = decay / fast + 1.0 / (fast - x)
+        return jnp.minimum(jnp.log1p(1.0 / jnp.maximum(slope, least)), 0.95 * fast)
+
+    still = lax.stop_gradient((decay, fast))
+    x = lax.fori_loop(0, 8, partial(closer, decay=still[0], fast=still[1]), 0.0 * fast)
+    # at a maximum its place has no slope: the last step alone is differentiated
+    s = closer(0, lax.stop_gradient(x), decay, fast) / fast
+    x = s * fast
+    return (1.0 - s) * jnp.exp(-decay * s) * -jnp.expm1(-x)
+
+
+def concavity(
+    form: Form,
+    rise: Float[Array, ""],
+    duration: Float[Array, ""],
+    decay: Float[Array, ""],
+) -> Float[Array, ""]:
+    r"""Return $c$ of a rise $x + c\,x(1-x)$: that of a linear one times the decay.
+
+    A rise $u/\tau$ that multiplies Friedlander's formula is, over its value at the end,
+    $x\,(1 + g(1-x))\,e^{bg(1-x)}$ with $g = \tau/(t_d-\tau)$; to first order
+    $c = (1+b)\,g$. Zero of the other forms.
+
+    Args:
+        form: Formulas of the pulse.
+        rise: $\tau$.
+        duration: $t_d$.
+        decay: $b$ behind the rise.
+    """
+    bent = (1.0 + decay) * rise / (duration - rise)
+    return jnp.where(form.rise == CONCAVE, bent, 0.0)
+
+
+def natural_of(y: Float[Array, " unknown"], form: Form | None = None) -> Natural:
+    """Return a pulse by its unknowns.
+
+    Args:
+        y: The unknowns.
+        form: Its formulas; None: a smooth rise and a cubic negative phase.
+    """
     peak, duration, free = jnp.exp(y[1]), jnp.exp(y[2]), jnp.exp(y[4])
     decay = jnp.expm1(y[3])
     rise = free * duration / (free + duration)
+    impulse = peak * (0.5 * rise + (duration - rise) * impulse_fraction(decay))
+    suction, suction_duration = peak * y[5], duration * jnp.exp(y[6])
+    if form is not None:
+        impulse = impulse + peak * rise * concavity(form, rise, duration, decay) / 6.0
+        fast = RISEN * duration / rise
+        size = peak / exponential_peak(decay, fast)
+        left = impulse_fraction(decay) - impulse_fraction(decay + fast)
+        exponential = form.rise == EXPONENTIAL
+        impulse = jnp.where(exponential, size * duration * left, impulse)
+        # of a continued pulse the deepest is a 1/b of the duration behind its end
+        continued = form.negative == CONTINUED
+        late = jnp.maximum(decay, LEAST_DECAY)
+        deepest = jnp.where(exponential, size, peak) * jnp.exp(-1.0 - late) / late
+        suction = jnp.where(continued, deepest, suction)
+        equal = 16.0 / 9.0 * np.e / late
+        suction_duration = jnp.where(continued, equal * duration, suction_duration)
     return Natural(
         arrival=y[0],
         peak=peak,
         duration=duration,
-        impulse=peak * (0.5 * rise + (duration - rise) * impulse_fraction(decay)),
+        impulse=impulse,
         decay=decay,
         rise=rise,
-        suction=peak * y[5],
-        suction_duration=duration * jnp.exp(y[6]),
+        suction=suction,
+        suction_duration=suction_duration,
     )
 
 
@@ -113,7 +208,7 @@ def free_rise(
     return rise / (1.0 - rise / duration)
 
 
-def following(natural: Natural, further: Float[Array, "6"]) -> Natural:
+def following(natural: Natural, further: Float[Array, "7"]) -> Natural:
     """Return the pulse of a further front: of the first one's form.
 
     Args:

@@ -33,6 +33,8 @@ Reason = Literal[
     "high_passed",
     "curved_baseline",
     "cut_short",
+    "zero_shift",
+    "front_alone",
     "weaker",
 ]
 """Why something stands in no row; weaker: than another of its bang at its sensor."""
@@ -141,6 +143,10 @@ def untold(one: RecordPick) -> Iterator[tuple[Reason, tuple[str, ...]]]:
         yield "curved_baseline", (DURATION, IMPULSE)
     if one.pick.cut_short:
         yield "cut_short", (DURATION, IMPULSE)
+    if one.pick.shifted:
+        yield "zero_shift", (DURATION, IMPULSE)
+    if one.pick.front_alone:
+        yield "front_alone", (DURATION, IMPULSE)
 
 
 def _row(one: RecordPick, quantity: str, shot: str, record: str) -> _Row:

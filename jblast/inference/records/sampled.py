@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from jblast.inference.picks import RecordPick
+from jblast.inference.picks.fit.forms import with_forms
 from jblast.inference.picks.fit.hypotheses import with_what_shows
 from jblast.inference.picks.fit.model import larger_misfit_ratio
 from jblast.inference.picks.fit.one_pulse import first_optimum
@@ -148,7 +149,8 @@ def _picked(samples, count, full_scale, corner, *, more: bool):
     case = ready.case
     best, _ = first_optimum(bins, ready)
     if more:
-        shown = with_what_shows(bins, best, ready.start, case)
+        formed = with_forms(bins, best, ready.continued, case)
+        shown = with_what_shows(bins, best, formed, ready.start, case)
         best, case = shown.best, shown.case
     y = best.y
     ratio = larger_misfit_ratio(bins, y, case)

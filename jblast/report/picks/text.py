@@ -61,18 +61,22 @@ def utc(found: Gathered) -> str:
 
 
 def estimate_words(one: RecordPick, quantity: str) -> str:
-    """Print a value and its standard deviation with its unit; "" where untold."""
+    """Print a value and its standard deviation with its unit; "" where unknown.
+
+    Where the samples are not of a blast pulse's form the error is not known.
+    """
     found = pick_estimate(one, quantity)
     if found is None:
         return ""
     value, sd = found
     if quantity == "air_arrival_s":  # digits of the clock, not of a ladder of units
-        return f"{rounded(value, sd)} ± {rounded(sd, sd)} s"
+        error = "" if "misfit" in one.notes else f" ± {rounded(sd, sd)}"
+        return f"{rounded(value, sd)}{error} s"
     unit = unit_for(quantity, value)
     bound = "> " if quantity == "peak_overpressure_pa" and one.pick.lower_bound else ""
     size = unit.size
-    two = rounded(sd / size, sd / size)
-    text = f"{bound}{rounded(value / size, sd / size)} ± {two} {unit.symbol}"
+    error = "" if "misfit" in one.notes else f" ± {rounded(sd / size, sd / size)}"
+    text = f"{bound}{rounded(value / size, sd / size)}{error} {unit.symbol}"
     return text.rstrip()
 
 

@@ -22,6 +22,11 @@ NOTES: dict[NoteKind, str] = {
     "high_passed": "what follows the pulse looks high-passed, and no corner was given; "
     "a Friedlander pulse that runs on below zero looks the same",
     "later_arrival": "further fronts at {later}",
+    "zero_shift": "the zero of the gauge shifts at the front: duration and impulse "
+    "depend on when it does",
+    "reversed_polarity": "the polarity is reversed: picked upside down",
+    "front_alone": "what follows the front is not of a blast pulse's form: arrival and "
+    "peak are those of the front alone",
     "duration_unsure": "the duration is hardly told",
     "faint": "the pulse is faint",
 }
@@ -33,6 +38,8 @@ REASONS: dict[Reason, str] = {
     "high_passed": "a high-pass of unknown corner changes them",
     "curved_baseline": "the baseline bends, and they rest on its form",
     "cut_short": "the record ends too early",
+    "zero_shift": "the zero of the gauge shifts at the front",
+    "front_alone": "what follows the front is no blast pulse",
     "weaker": "weaker than another of the same bang there: an echo, perhaps",
 }
 """Why something stands in no row of the log."""

@@ -29,7 +29,8 @@ def pick(**changed) -> Pick:
         "baseline_pa": jnp.asarray(5.0),
     }
     flags = ("lower_bound", "under_sampled", "sharp", "high_passed", "resonating")
-    for name in (*flags, "drifting", "curving", "cut_short"):
+    flags = (*flags, "drifting", "curving", "cut_short", "shifted", "front_alone")
+    for name in flags:
         fields[name] = jnp.asarray(False)
     return Pick(**(fields | {k: jnp.asarray(v) for k, v in changed.items()}))
 

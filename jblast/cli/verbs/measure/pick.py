@@ -1,8 +1,8 @@
 """Pick blasts from records of samples: when, how loud, how long, and how sure.
 
 Reads CSV, WAV, FLAC, miniSEED, SAC, TDMS, HDF5, NetCDF and MATLAB files. Exit code 3:
-nothing was found; 2: a file cannot be read, and what the others hold is written all the
-same.
+nothing was found, or no pick stands in a row; 2: a file cannot be read, and the picks
+of the others are written all the same.
 """
 
 import argparse
@@ -102,4 +102,4 @@ def run(asked: argparse.Namespace) -> int:
             sys.stdout.write(f"\n{told}\n")
     if found.refused:
         raise refusal(found)
-    return 0 if found.picks else NOT_FOUND
+    return 0 if len(log.observations) else NOT_FOUND

@@ -7,7 +7,8 @@ import jax.numpy as jnp
 from jax import lax
 from jaxtyping import Array, Float
 
-from jblast.inference.picks.fit.model import misfit
+from jblast.inference.picks.fit.forms import RESOLVED, Formed
+from jblast.inference.picks.fit.model import drift_at, misfit
 from jblast.inference.picks.fit.one_pulse import LEAST_SHARE
 from jblast.inference.picks.fit.optimum import Optimum, optimum_of
 from jblast.inference.picks.fit.searches import cost_of, either
@@ -20,13 +21,23 @@ from jblast.inference.picks.fit.trials import (
 )
 from jblast.inference.picks.ready.bins import Bins
 from jblast.inference.picks.ready.case import Case
-from jblast.inference.picks.unknowns import CENTRE, FURTHER_CENTRE, natural_of
+from jblast.inference.picks.unknowns import (
+    CENTRE,
+    FURTHER_CENTRE,
+    PULSE_UNKNOWNS,
+    natural_of,
+)
 
 LAG = CENTRE.size + 2
 """Place of ln lag among the unknowns."""
 
 BETTER = 15.0
-"""A further front or a high-pass is there if it raises ln posterior by as much."""
+"""A further front, a high-pass or a step of the baseline is there if it raises ln
+posterior by as much."""
+
+SHIFT = 0.02
+"""Share of the peak by which the baseline moves, from which on a step is tried; as much
+makes a record drift."""
 
 RING = 7.0
 """And a ring: ln of the odds against one, 3, and of what is lost by frequency and
@@ -39,9 +50,6 @@ gains some more, and it has to be as much as `RING`."""
 QUIET = 5.0
 """Power of an oscillation from which on a ring that a slow front may hide is looked for
 where it is seen, too: noise has it in one record in four."""
-
-RESOLVED = 0.8
-"""A rise of so many samples can be seen to be bent."""
 
 HIGHEST = 1.05 * FREQUENCIES[-1]
 """A ring above it [rad/sample] is a rise of another form."""
@@ -68,41 +76,51 @@ class Shown(NamedTuple):
 
 
 def with_what_shows(
-    bins: Bins, one: Optimum, start: Float[Array, " unknown"], case: Case
+    bins: Bins,
+    one: Optimum,
+    formed: Formed,
+    start: Float[Array, " unknown"],
+    case: Case,
 ) -> Shown:
-    """Return the optimum with a ring, a further front or a high-pass if one shows.
+    """Return the optimum with what shows: a ring, a further front and so on.
 
     Each is tried where there is a sign of it, and of those that raise ln posterior by
-    `RING`, or `BETTER`, the best is taken.
+    `RING`, or `BETTER`, the best is taken. A further front, a high-pass and a step of
+    the baseline are tried with the best form of the pulse, a ring with the smooth rise
+    and the cubic negative phase, of which its closed form is.
 
     Args:
         bins: Where the record is looked at.
-        one: Optimum of one pulse.
-        start: Where its search began.
+        one: Optimum of one pulse, of a smooth rise and a cubic negative phase.
+        formed: That of the best form.
+        start: Where the search for the first began.
         case: The record.
     """
-    apart = misfit(bins, one.y, case)
+    best_form, mine = formed.best, formed.case
+    apart = misfit(bins, best_form.y, mine)
     signs = lax.stop_gradient(
-        signs_in(bins, apart[: bins.first.size], case, natural_of(one.y))
+        signs_in(bins, apart[: bins.first.size], mine, natural_of(best_form.y))
     )
     none, alone = jnp.zeros_like(signs.rings), lax.stop_gradient(cost_of(apart))
-    plain = case._replace(centre=jnp.concatenate([case.centre, signs.start]))
+    plain = mine._replace(centre=jnp.concatenate([case.centre, signs.start]))
+    simple = plain._replace(form=case.form)
     unmoved = Optimum(
-        jnp.concatenate([one.y, signs.start]),
-        _with_block(one.covariance),
-        one.converged,
+        jnp.concatenate([best_form.y, signs.start]),
+        _with_block(best_form.covariance),
+        best_form.converged,
         alone,
     )
+    first = jnp.concatenate([one.y, signs.start])
 
     # a slow front makes a sensor ring little, and delays it all the same: what it does
     # to the rise may tell more than what rings behind
     slow = natural_of(one.y).rise > RESOLVED
     hidden = lax.cond(
         slow,
-        lambda: hidden_ring(bins, one, unmoved.y, plain._replace(rings=1.0 + none)),
-        lambda: Hidden(-jnp.inf + none, unmoved.y),
+        lambda: hidden_ring(bins, one, first, simple._replace(rings=1.0 + none)),
+        lambda: Hidden(-jnp.inf + none, first),
     )
-    hides = hidden.gain > HIDES
+    hides = hidden.gain - lax.stop_gradient(one.cost - alone) > HIDES
     oscillates = jnp.where(hides & (signs.power > QUIET), 1.0, signs.rings)
     bent = hides.astype(none.dtype)
 
@@ -111,12 +129,15 @@ def with_what_shows(
     enough = 0.5 * many * (1.0 + ODD * jnp.sqrt(2.0 / jnp.maximum(many, 1.0)))
 
     def explains_more(case):
-        return case.rings + case.follows + case.passed > 0
+        return case.rings + case.follows + case.passed + case.shifted > 0
 
     def tried(carried, hypothesis):
         best, ring = carried
         asked, start, price, by_trial = hypothesis
-        more = plain._replace(rings=asked[0], follows=asked[1], passed=asked[2])
+        tested = either(asked[0] > 0, simple, plain)
+        more = tested._replace(
+            rings=asked[0], follows=asked[1], passed=asked[2], shifted=asked[3]
+        )
         all_there_is = explains_more(best[2]) & best[1].converged & (best[0] < enough)
         shown = (jnp.sum(asked) > 0) & ~all_there_is
 
@@ -147,30 +168,38 @@ def with_what_shows(
         ring = either(rings, (cost, lax.stop_gradient(found.y)), ring)
         return (better, ring), None
 
+    # of a baseline that moves: level before the front, and a step at it
+    before, after = (drift_at(best_form.y, jnp.full_like(none, x)) for x in (-1, 1))
+    peak = jnp.exp(best_form.y[1])
+    moves = (jnp.abs(after - before) > SHIFT * peak).astype(none.dtype)
+    level = unmoved.y.at[PULSE_UNKNOWNS : CENTRE.size].set(0.0)
+    level = level.at[PULSE_UNKNOWNS].set(before).at[-1].set((after - before) / peak)
     asked = jnp.stack(
         [
-            jnp.stack([bent, none, none]),
-            jnp.stack([oscillates, none, none]),
-            jnp.stack([oscillates, none, none]),
-            jnp.stack([none, signs.follows, none]),
-            jnp.stack([none, signs.follows, none]),
-            jnp.stack([none, none, signs.passed]),
+            jnp.stack([none, none, signs.passed, none]),
+            jnp.stack([none, none, none, moves]),
+            jnp.stack([bent, none, none, none]),
+            jnp.stack([oscillates, none, none, none]),
+            jnp.stack([oscillates, none, none, none]),
+            jnp.stack([none, signs.follows, none, none]),
+            jnp.stack([none, signs.follows, none, none]),
         ]
     )
-    prices = jnp.asarray([*[RING] * 3, *[BETTER] * 3], alone.dtype)
-    tries = jnp.asarray([False, True, True, False, False, False])
+    prices = jnp.asarray([*[BETTER] * 2, *[RING] * 3, *[BETTER] * 2], alone.dtype)
+    tries = jnp.asarray([False, False, False, True, True, False, False])
     # one pulse through a ring, or of two fronts, goes astray: begin before it did, too
     afresh = jnp.concatenate([start, signs.start])
-    starts = [hidden.start, unmoved.y, afresh, afresh, unmoved.y, unmoved.y]
+    # what has one unknown comes first: a further front explains nearly anything
+    starts = [unmoved.y, level, hidden.start, first, afresh, afresh, unmoved.y]
     begin = (alone, unmoved, plain), (jnp.full_like(alone, jnp.inf), unmoved.y)
     (best, ring), _ = lax.scan(tried, begin, (asked, jnp.stack(starts), prices, tries))
     _, found, chosen = best
     # a sensor that may ring, or may not: either may have the right pulse
     odds = lax.stop_gradient(jnp.abs(ring[0] - alone))
     share = jnp.where(jnp.isfinite(odds), 1.0 / (1.0 + jnp.exp(odds)), 0.0)
-    share = jnp.where(chosen.follows + chosen.passed > 0, 0.0, share)
+    share = jnp.where(chosen.follows + chosen.passed + chosen.shifted > 0, 0.0, share)
     rival = jnp.where(
-        chosen.rings > 0, lax.stop_gradient(one.y), ring[1][: CENTRE.size]
+        chosen.rings > 0, lax.stop_gradient(best_form.y), ring[1][: CENTRE.size]
     )
     return Shown(found, chosen, rival, jnp.where(share > LEAST_SHARE, share, 0.0))
 

@@ -7,15 +7,23 @@ import jax.numpy as jnp
 from jax import lax
 from jaxtyping import Array, Bool, Float, Int
 
-from jblast.inference.picks.fit.hypotheses import LAG, with_what_shows
+from jblast.inference.picks.fit.forms import with_forms
+from jblast.inference.picks.fit.hypotheses import LAG, SHIFT, with_what_shows
 from jblast.inference.picks.fit.model import drift_at, larger_misfit_ratio
 from jblast.inference.picks.fit.one_pulse import first_optimum
 from jblast.inference.picks.fit.optimum import Optimum
-from jblast.inference.picks.fit.posterior import values_of
+from jblast.inference.picks.fit.posterior import error_covariance, values_of
+from jblast.inference.picks.fit.searches import either
 from jblast.inference.picks.ready.bins import Bins, bins_about_front
-from jblast.inference.picks.ready.case import SHORTER, Prepared, prepared
+from jblast.inference.picks.ready.case import (
+    LEAST_REACH,
+    REACH,
+    SHORTER,
+    Prepared,
+    prepared,
+)
 from jblast.inference.picks.ready.start import bank_of
-from jblast.inference.picks.unknowns import CENTRE, Natural
+from jblast.inference.picks.unknowns import CENTRE, CONTINUED, Natural
 
 LEAST_SIGNAL = 5.0
 """A pulse is found where its peak is so many of its standard deviations."""
@@ -25,7 +33,25 @@ CURVED = 0.03
 """A baseline that bends by this share of the peak may do what no cubic does."""
 
 AGAIN = 3.0
-"""Squared misfit from which on a record is picked anew, over a shorter stretch."""
+"""Squared misfit from which on a record is picked again: over a shorter stretch, with
+its flat top as bounds, and by its front alone."""
+
+FLAT = 6.0
+"""A flat top is what lies so many standard deviations of the noise below the largest
+sample: the range of thousands of samples of noise about one level."""
+
+FRONTS = 8.0, 32.0
+"""Shares of the stretch by which the front alone is picked: the inverse. A flaw behind
+a half and behind a seventh of the positive phase is left out."""
+
+SLIGHT = 1e-3
+"""What of a record the model may leave, of its peak, whatever the misfit: in a record
+with hardly any noise a tremor of the ground before the front is a hundred sigma, and
+moves nothing."""
+
+STAYS, LAST = 0.5, 16
+"""A record whose last so many samples lie above this share of its largest holds a step
+that stays, or too little of a decay to be told from one."""
 
 
 class LanePicks(NamedTuple):
@@ -50,6 +76,9 @@ class LanePicks(NamedTuple):
     misfit: Float[Array, " lane"]
     rings: Bool[Array, " lane"]
     passed: Bool[Array, " lane"]
+    shifted: Bool[Array, " lane"]
+    front_alone: Bool[Array, " lane"]
+    continued: Bool[Array, " lane"]
     frequency: Float[Array, " lane"]
     later: Float[Array, " lane"]
     later_sd: Float[Array, " lane"]
@@ -73,34 +102,64 @@ def pick_lanes(
     bins = bins_about_front(samples.shape[1])
     bank = bank_of(bins, samples.shape[1])
 
-    def over(longest, samples, clipped, count, high_pass):
-        ready = prepared(bins, bank, samples, clipped, count, high_pass, longest)
+    def over(attempt, longest, until, samples, clipped, count, high_pass):
+        flat = _flat_top(samples, count, attempt.sigma)
+        clipped = jnp.where(attempt.flat, jnp.maximum(clipped, flat), clipped)
+        last = jnp.minimum(until, count)
+        index = jnp.arange(samples.shape[0])
+        # what is left out of a front alone is no pulse to begin with, either
+        cut = jnp.where((index < last) | (until >= count), samples, samples[0])
+        ready = prepared(bins, bank, cut, clipped, last, high_pass, longest)
         duration = jnp.exp(lax.stop_gradient(ready.start[2]))
-        return _picked(bins, ready, clipped, count), duration
+        found = _picked(bins, ready, clipped, count)
+        ends = (index >= count - LAST) & (index < count)
+        end = jnp.sum(jnp.where(ends, samples, 0.0)) / float(LAST) - ready.offset
+        found = found._replace(
+            found=found.found & ~(end > STAYS * ready.scale), front_alone=until < count
+        )
+        return found, duration
 
     @jax.jit  # traced once, for what it gives and for the shape of that
     def picked(*record):
-        longest = jnp.full((), jnp.inf, samples.dtype)
-        shapes, _ = jax.eval_shape(over, longest, *record)
+        kind, count = samples.dtype, record[2]
+        longest = jnp.full((), jnp.inf, kind)
+        first = _Attempt(jnp.asarray(False), jnp.ones((), kind), longest)
+        shapes, _ = jax.eval_shape(over, first, longest, count, *record)
         nothing = jax.tree.map(lambda of: jnp.zeros(of.shape, of.dtype), shapes)
         nothing = nothing._replace(misfit=jnp.full_like(nothing.misfit, jnp.inf))
 
-        def tried(best, _):
-            longest, before = best
+        def tried(best, attempt):
+            longest, reach, before = best
             odd = ~(before.misfit < AGAIN) | ~before.converged
+            left = jnp.sqrt(before.misfit) * before.noise
+            slight = left < SLIGHT * before.scale * before.natural.peak
+            flawed = attempt.flat | (attempt.part > 0)
+            odd &= ~(flawed & before.converged & slight)
 
             def anew():
-                found, duration = over(longest, *record)
+                sigma = before.noise * before.scale
+                part = jnp.maximum(reach * attempt.part, 0.5 * LEAST_REACH)
+                near = before.front + part.astype(count.dtype)
+                until = jnp.where(attempt.part > 0, near, count)
+                mine = attempt._replace(sigma=sigma)
+                most = jnp.where(flawed, jnp.inf, longest)
+                found, duration = over(mine, most, until, *record)
                 better = ~(before.misfit < found.misfit)
-                chosen = jax.tree.map(
-                    lambda new, old: jnp.where(better, new, old), found, before
-                )
-                return SHORTER * duration, chosen
+                fits = found.found & found.converged & (found.misfit < AGAIN)
+                better = jnp.where(flawed, fits, better)
+                chosen = either(better, found, before)
+                first = jnp.where(jnp.isinf(longest), REACH * duration, reach)
+                return SHORTER * duration, first, chosen
 
-            return lax.cond(odd, anew, lambda: (longest, before)), None
+            return lax.cond(odd, anew, lambda: (longest, reach, before)), None
 
-        # a drift that is larger than the pulse is looked at as one: then look closer
-        (_, found), _ = lax.scan(tried, (longest, nothing), length=2)
+        # a drift that is larger than the pulse is looked at as one: then look closer;
+        # of a record with a flaw what comes before it stays
+        parts = jnp.asarray([0.0, 0.0, 0.0, *(1.0 / part for part in FRONTS)], kind)
+        flats = jnp.asarray([False, False, True, *(False for _ in FRONTS)])
+        attempts = _Attempt(flats, jnp.zeros_like(parts), parts)
+        begin = (longest, jnp.zeros((), kind), nothing)
+        (_, _, found), _ = lax.scan(tried, begin, attempts)
         return found
 
     def one(record):
@@ -113,6 +172,29 @@ def pick_lanes(
     return lax.map(one, (samples, clipped, count, high_pass))
 
 
+class _Attempt(NamedTuple):
+    """One of several attempts at a record.
+
+    Attributes:
+        flat: Whether its flat top is taken for clipped.
+        sigma: Standard deviation of the noise, in the record's unit.
+        part: Of the stretch that is fitted; 0: all of it.
+    """
+
+    flat: Bool[Array, ""]
+    sigma: Float[Array, ""]
+    part: Float[Array, ""]
+
+
+def _flat_top(samples, count, sigma):
+    """Return 1 where a sample is of a flat top, else 0."""
+    inside = jnp.arange(samples.shape[0]) < count
+    top = jnp.max(jnp.where(inside, samples, -jnp.inf))
+    # the largest samples of noise alone are no flat top
+    high = top - samples[0] > 2.0 * FLAT * sigma
+    return (inside & high & (samples > top - FLAT * sigma)).astype(samples.dtype)
+
+
 def _picked(
     bins: Bins,
     ready: Prepared,
@@ -121,23 +203,38 @@ def _picked(
 ) -> LanePicks:
     """Pick a record that was made ready, as `pick_lanes` does."""
     one, others = first_optimum(bins, ready)
-    shown = with_what_shows(bins, one, ready.start, ready.case)
+    formed = with_forms(bins, one, ready.continued, ready.case)
+    shown = with_what_shows(bins, one, formed, ready.start, ready.case)
     best, case = shown.best, shown.case
     ratio = larger_misfit_ratio(bins, best.y, case)
     widened = jnp.maximum(ratio, 1.0)
-    plain = case.rings + case.follows + case.passed == 0
+    plain = case.rings + case.follows + case.passed + case.shifted == 0
     # of two other optima the one that has more of the posterior
-    rivals, shares = others.y, jnp.where(plain, others.share, 0.0)
+    rivals = others.y
+    shares = jnp.where(plain, lax.stop_gradient(formed.cubic) * others.share, 0.0)
     more = shown.share > shares[0]
     rivals = rivals.at[0].set(jnp.where(more, shown.rival, rivals[0]))
     shares = shares.at[0].set(jnp.maximum(shares[0], shown.share))
-    natural, covariance = values_of(best.y, best.covariance, widened, rivals, shares)
+    within, between, offset = jax.tree.map(
+        lambda mean, own: jnp.where(plain, mean, own),
+        (formed.within, formed.between, formed.offset),
+        (
+            error_covariance(best.y, best.covariance, case.form),
+            jnp.zeros_like(formed.between),
+            jnp.zeros_like(formed.offset),
+        ),
+    )
+    average = widened * within + between
+    natural, covariance = values_of(best.y, case.form, offset, average, rivals, shares)
     x = (natural.arrival - case.middle) / case.span
     one_way = drift_at(best.y, jnp.ones_like(x)) - drift_at(best.y, -jnp.ones_like(x))
     drift = jnp.maximum(jnp.abs(one_way), jnp.abs(best.y[9]))
     held, low = jnp.any(clipped > 0), jnp.any(clipped < 0)
     # by its own error: elsewhere, or through a ring, it is a pulse as well
+    # of one form alone, too: of many forms one fits noise
     seen = LEAST_SIGNAL * jnp.sqrt(widened * best.covariance[1, 1]) < 1.0
+    seen &= LEAST_SIGNAL * jnp.sqrt(average[1, 1]) < 1.0
+    seen &= LEAST_SIGNAL * jnp.sqrt(one.covariance[1, 1]) < 1.0
     left = (count - ready.front.sample).astype(clipped.dtype)
     lag = jnp.exp(best.y[LAG])
     later_variance = (
@@ -159,12 +256,15 @@ def _picked(
         clipped_level=ready.clipped_at,
         converged=best.converged,
         found=jnp.isfinite(covariance[1, 1]) & (seen | held),
-        drifting=drift > 0.02 * natural.peak,
+        drifting=drift > SHIFT * natural.peak,
         curving=_curving(best, natural.peak),
         cut_short=natural.arrival + natural.duration > left,
         misfit=ratio,
         rings=case.rings > 0,
         passed=case.passed > 0,
+        shifted=case.shifted > 0,
+        front_alone=jnp.zeros_like(held),
+        continued=case.form.negative == CONTINUED,
         frequency=jnp.exp(best.y[CENTRE.size]),
         later=jnp.where(case.follows > 0, natural.arrival + lag, jnp.nan),
         later_sd=jnp.sqrt(widened * later_variance),

@@ -51,14 +51,14 @@ def modelled(
     And what of it a resonance adds; None: the unknowns have none.
     """
     natural = natural_of(y)
-    waves, rings = means_over(bins, pulse_by(natural)), None
+    waves, rings = means_over(bins, pulse_by(natural), case.form), None
     if (further := y[CENTRE.size :]).size:
         zero = jnp.zeros_like(waves)
         none = Ringing(zero, zero, zero)
 
         def follows():
             after = pulse_by(following(natural, further))
-            return none._replace(mean=means_over(bins, after))
+            return none._replace(mean=means_over(bins, after, case.form))
 
         def rings_on():
             return ringing(bins, pulse_by(natural), *_resonance(y))
@@ -66,11 +66,15 @@ def modelled(
         def passed():
             return none._replace(mean=-low_passed(bins, waves, jnp.exp(further[5])))
 
+        def shifted():
+            stop, width = (x.astype(y.dtype) for x in (bins.stop, bins.width))
+            behind = jnp.clip((stop - natural.arrival) / width, 0.0, 1.0)
+            return none._replace(mean=natural.peak * further[6] * behind)
+
         # one at most is asked for, of most records none
-        which = jnp.argmax(
-            jnp.stack([zero[0] + 0.5, case.rings, case.follows, case.passed])
-        )
-        rings = lax.switch(which, [lambda: none, rings_on, follows, passed])
+        asked = (zero[0] + 0.5, case.rings, case.follows, case.passed, case.shifted)
+        choices = [lambda: none, rings_on, follows, passed, shifted]
+        rings = lax.switch(jnp.argmax(jnp.stack(asked)), choices)
         waves = waves + rings.mean
     if case.high_pass is not None:
         waves = waves - low_passed(bins, waves, case.high_pass)

@@ -79,7 +79,8 @@ def optimum_of(
     still = lax.stop_gradient(case)
     begin = lax.stop_gradient(start)
     found = _search(misfit, begin, still, most_steps, hopeless)
-    return found._replace(y=_settled(misfit, found.y, case))
+    y, cost = _settled(misfit, found.y, found.cost, case)
+    return found._replace(y=y, cost=cost)
 
 
 class _State(NamedTuple):
@@ -197,21 +198,27 @@ def _slope(misfit: Misfit, y, case: Case):
     return back(apart)[0]
 
 
-def _settled(misfit: Misfit, y, case: Case):
-    """Return an optimum, with the slopes of the implicit function."""
+def _settled(misfit: Misfit, y, cost, case: Case):
+    """Return an optimum and its cost, with the slopes of the implicit function."""
 
     @jax.custom_jvp
-    def settled(y, case):
+    def settled(y, cost, case):
         del case
-        return y
+        return y, cost
 
     @settled.defjvp
     def _(primals, tangents):
-        y, case = primals
+        y, cost, case = primals
         _, moved = jax.jvp(
-            lambda case: _slope(misfit, y, case), (case,), (tangents[1],)
+            lambda case: _slope(misfit, y, case), (case,), (tangents[2],)
         )
         bend = jax.jacfwd(lambda y: _slope(misfit, y, case))(y)
-        return y, -jnp.linalg.solve(bend, moved[:, None])[:, 0]
+        # at an optimum the cost moves by the record alone
+        _, dearer = jax.jvp(
+            lambda case: 0.5 * jnp.sum(jnp.square(misfit(y, case))),
+            (case,),
+            (tangents[2],),
+        )
+        return (y, cost), (-jnp.linalg.solve(bend, moved[:, None])[:, 0], dearer)
 
-    return settled(y, case)
+    return settled(y, cost, case)

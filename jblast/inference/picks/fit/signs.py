@@ -44,14 +44,14 @@ class Signs(NamedTuple):
         power: Of the loudest oscillation [of white noise].
         follows: 1: a further front; else 0.
         passed: 1: something that one pulse is not; else 0.
-        start: Unknowns of both to begin with: see `unknowns.FURTHER`.
+        start: Unknowns of all to begin with: see `unknowns.FURTHER`.
     """
 
     rings: Float[Array, ""]
     power: Float[Array, ""]
     follows: Float[Array, ""]
     passed: Float[Array, ""]
-    start: Float[Array, "6"]
+    start: Float[Array, "7"]
 
 
 def signs_in(
@@ -72,7 +72,7 @@ def signs_in(
     odd = ratio > 1.0 + ODD * jnp.sqrt(2.0 / jnp.maximum(count, 1.0))
     rings = (power > LOUD) | odd
     start = [jnp.log(omega), np.log(0.05), jnp.log(lag), jnp.log(height), 0.0]
-    start.append(np.log(CORNER) - jnp.log(natural.duration))
+    start += [np.log(CORNER) - jnp.log(natural.duration), 0.0]
     kind = apart.dtype
     return Signs(
         rings.astype(kind),

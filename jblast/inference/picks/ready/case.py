@@ -11,7 +11,7 @@ from jblast.inference.picks.ready.bins import Bins, bins_within, means_in_bins
 from jblast.inference.picks.ready.front import Front, first_front
 from jblast.inference.picks.ready.noise import ORDER, Noise, noise_before, whitened
 from jblast.inference.picks.ready.start import BEFORE, Bank, start_of
-from jblast.inference.picks.unknowns import CENTRE
+from jblast.inference.picks.unknowns import CENTRE, Form
 
 REACH = 4.5
 """The stretch that is fitted ends as many durations behind the front: past the negative
@@ -41,6 +41,8 @@ class Case(NamedTuple):
         rings: 1 where the sensor rings, else 0.
         follows: 1 where a further front does, else 0.
         passed: 1 where an untold high-pass is looked for, else 0.
+        shifted: 1 where the baseline steps at the front, else 0.
+        form: Formulas of the pulse.
         high_pass: Corner of a high-pass [1/sample]; None: there is none.
         hold: How much more firmly than believed ln duration stands at its centre.
     """
@@ -56,6 +58,8 @@ class Case(NamedTuple):
     rings: Float[Array, ""]
     follows: Float[Array, ""]
     passed: Float[Array, ""]
+    shifted: Float[Array, ""]
+    form: Form
     high_pass: Float[Array, ""] | None
     hold: Float[Array, ""]
 
@@ -67,6 +71,7 @@ class Prepared(NamedTuple):
         case: For the fit.
         start: Unknowns to begin with.
         shorter: Those of a pulse shorter by `SHORTER` or more.
+        continued: Those of a pulse that continues below zero.
         front: As seen at first.
         offset: What was taken off the samples.
         scale: And what they were then divided by.
@@ -76,6 +81,7 @@ class Prepared(NamedTuple):
     case: Case
     start: Float[Array, " unknown"]
     shorter: Float[Array, " unknown"]
+    continued: Float[Array, " unknown"]
     front: Front
     offset: Float[Array, ""]
     scale: Float[Array, ""]
@@ -111,6 +117,7 @@ def prepared(
     means = means_in_bins(bins, share, front.sample)
     start, duration = start_of(bank, lax.stop_gradient(means), longest)
     shorter, _ = start_of(bank, lax.stop_gradient(means), SHORTER * duration)
+    continued, _ = start_of(bank, lax.stop_gradient(means), longest, continued=True)
     toe = 3.0 + 1.5 * jnp.exp(start[4]) + 0.02 * duration
     kept = jnp.maximum(front.sample - toe.astype(front.sample.dtype), front.sample // 2)
     noise = noise_before(share, kept)
@@ -136,11 +143,13 @@ def prepared(
         rings=jnp.zeros_like(scale),
         follows=jnp.zeros_like(scale),
         passed=jnp.zeros_like(scale),
+        shifted=jnp.zeros_like(scale),
+        form=Form(jnp.zeros_like(scale), jnp.zeros_like(scale)),
         high_pass=high_pass,
         hold=jnp.zeros_like(scale),
     )
     held = jnp.max(jnp.abs(share * clipped))
-    return Prepared(case, start, shorter, front, offset, scale, held)
+    return Prepared(case, start, shorter, continued, front, offset, scale, held)
 
 
 def _mean_of_first(samples, count):

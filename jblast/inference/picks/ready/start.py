@@ -24,6 +24,9 @@ DECAYS = (0.3, 2.5)
 RISES = (0.0, 0.25)
 """Shares of the duration."""
 
+CONTINUED_DECAYS = (0.2, 0.5, 1.2, 3.0)
+"""Of members that continue below zero: the smaller, the more of them is there."""
+
 BEFORE, BEHIND = 1.5, 4.0
 """How far a member reaches, in durations."""
 
@@ -35,6 +38,7 @@ class Bank(NamedTuple):
         duration: Of each [samples].
         decay: Of each.
         rise: Of each [samples].
+        continued: 1 of those whose decay continues below zero, 0 of the others.
         filters: Times the record's means over bins: the peak of each.
         energy: By peak squared: how much it lowers the weighted sum of squares.
     """
@@ -42,6 +46,7 @@ class Bank(NamedTuple):
     duration: Float[np.ndarray, " member"]
     decay: Float[np.ndarray, " member"]
     rise: Float[np.ndarray, " member"]
+    continued: Float[np.ndarray, " member"]
     filters: Float[np.ndarray, "member bin"]
     energy: Float[np.ndarray, " member"]
 
@@ -55,11 +60,12 @@ def bank_of(bins: Bins, samples: int) -> Bank:
     """
     count = int(np.ceil(np.log(max(samples, 8) / SHORTEST) / np.log(STEP)))
     durations = SHORTEST * STEP ** np.arange(count)
-    members = [(d, b, r * d) for d in durations for b in DECAYS for r in RISES]
+    members = [(d, b, r * d, 0.0) for d in durations for b in DECAYS for r in RISES]
+    members += [(d, b, 0.0, 1.0) for d in durations for b in CONTINUED_DECAYS]
     x, weight = bins.middle.astype(float), bins.width.astype(float)
     filters, energy = [], []
-    for duration, decay, rise in members:
-        shape = _shape(x, duration, decay, rise)
+    for duration, decay, rise, continued in members:
+        shape = _shape(x, duration, decay, rise, continued=continued > 0)
         inside = (x > -max(BEFORE * duration, 16.0)) & (x < BEHIND * duration)
         w = weight * inside
         basis = np.stack([np.ones_like(x), x / duration])
@@ -69,12 +75,16 @@ def bank_of(bins: Bins, samples: int) -> Bank:
         filters.append(w * left / size)
         energy.append(size)
     columns = np.array(members).T
-    duration, decay, rise = columns
-    return Bank(duration, decay, rise, np.array(filters), np.array(energy))
+    duration, decay, rise, continued = columns
+    return Bank(duration, decay, rise, continued, np.array(filters), np.array(energy))
 
 
 def start_of(
-    bank: Bank, means: Float[Array, " bin"], longest: Float[ArrayLike, ""] = np.inf
+    bank: Bank,
+    means: Float[Array, " bin"],
+    longest: Float[ArrayLike, ""] = np.inf,
+    *,
+    continued: bool = False,
 ) -> tuple[Float[Array, " unknown"], Float[Array, ""]]:
     """Return the unknowns to begin with, and the duration [samples].
 
@@ -82,12 +92,14 @@ def start_of(
         bank: Pulses.
         means: Of the record over the bins, as shares of its largest sample.
         longest: Members may be so long [samples]; the shortest may always be.
+        continued: Whether to begin with a pulse that continues below zero.
     """
     kind = means.dtype
     peak = jnp.asarray(bank.filters, kind) @ means
     lowered = jnp.square(jnp.maximum(peak, 0.0)) * jnp.asarray(bank.energy, kind)
     short = jnp.asarray(bank.duration, kind) <= jnp.maximum(longest, SHORTEST)
-    best = jnp.argmax(jnp.where(short, lowered, -1.0))
+    some = short & (bank.continued == float(continued))
+    best = jnp.argmax(jnp.where(some, lowered, -1.0))
     duration = jnp.asarray(bank.duration, kind)[best]
     rise = jnp.asarray(bank.rise, kind)[best]
     y = jnp.asarray(CENTRE, kind)
@@ -98,12 +110,14 @@ def start_of(
     return y.at[4].set(jnp.log(jnp.maximum(rise, 1.0))), duration
 
 
-def _shape(x, duration, decay, rise):
+def _shape(x, duration, decay, rise, *, continued):
     """Return a pulse of unit peak, its rise a line about zero, with suction."""
     middle = x + 0.5 + 0.5 * rise
     up = np.clip((x + 0.5) / max(rise, 1e-9) + 0.5, 0.0, 1.0)
     s = middle / duration
-    positive = np.where(s < 1.0, (1.0 - s) * np.exp(-decay * np.clip(s, 0.0, 1.0)), 0.0)
+    last = np.inf if continued else 1.0
+    inside = np.clip(s, 0.0, last)
+    shape = (1.0 - inside) * np.exp(-decay * inside)
     depth, length = CENTRE[5], np.exp(CENTRE[6])
-    q = np.clip((s - 1.0) / length, 0.0, 1.0)
-    return np.where(s >= 0, up * positive - 6.75 * depth * q * (1.0 - q) ** 2, 0.0)
+    q = 1.0 if continued else np.clip((s - 1.0) / length, 0.0, 1.0)
+    return np.where(s >= 0, up * shape - 6.75 * depth * q * (1.0 - q) ** 2, 0.0)
