@@ -13,7 +13,10 @@ FOUND = FilmEvents((0.2, 0.2), "off", 3000, 2000, 1000, "solved for", 1e-6)
 FILES = FilmFiles("out/frames", "out/events.h5", None, "out/contact_sheet.png")
 BOTH = FilmAnswer("a.toml", "both", *SIZE, None, 0.0, 0.04, 0, FOUND, None, FILES)
 FRAMES = replace(BOTH, mode="rgb", found=None, files=replace(FILES, events=None))
-EVENTS = EventsAnswer(*SIZE, 0.04, (0.2, 0.3), False, "on", 0, 3, 2, 1, "events.h5")
+DARK = (8, 0.5 / 255, 0.0, ())
+EVENTS = EventsAnswer(
+    *(*SIZE, 0.04, (0.2, 0.3), False, "on", 0, 3, 2, 1, *DARK), "events.h5"
+)
 
 
 def test_the_schema_takes_a_film_with_and_without_events():
