@@ -5,7 +5,7 @@ from collections.abc import Collection
 import numpy as np
 from jaxtyping import Bool, Float
 
-from jblast.errors import InputError, shown
+from jblast.errors import InputError, argument, shown
 from jblast.observations.table import Observations
 from jblast.observations.times.clocks import clocks_apart
 from jblast.parameter_table import CLOCK_OFFSET
@@ -95,17 +95,32 @@ def refuse_on_charge(
     position: np.ndarray,
     charge: Charge,
     here: Bool[np.ndarray, " row"],
+    to_free: Collection[str] = (),
 ) -> None:
-    """Refuse a sensor where the charge is fixed: no law holds at distance zero."""
+    """Refuse a sensor where the charge is fixed: no law holds at distance zero.
+
+    Args:
+        observations: The log.
+        position: Of each row [m].
+        charge: The charge.
+        here: Which rows are of it.
+        to_free: Parameters to free where its place was assumed, for want of a scene.
+    """
     if charge.range_m is not None:
         return
     at = _place(charge)
     apart = np.linalg.norm(position - at, axis=1)
     for row in np.flatnonzero(here & (apart == 0)):
-        name = observations.sensor[row]
+        name = shown(observations.sensor[row])
+        who = f"{observations.where(int(row))}: sensor {name}"
+        if to_free:
+            raise InputError(
+                f"{who} stands at {metres(at)}; no scene given: the charge is assumed "
+                f"at the origin; add {argument('freed')} {','.join(to_free)}"
+            )
         raise InputError(
-            f"{observations.where(int(row))}: sensor {shown(name)} stands at "
-            f"{metres(at)}, where the charge is; expected a distance from it"
+            f"{who} stands at {metres(at)}, where the charge is; expected a distance "
+            "from it"
         )
 
 

@@ -21,7 +21,7 @@ from jblast.observations.consistency import (
 from jblast.observations.table import SAMPLES, Observations
 from jblast.observations.times.clocks import check_clocks
 from jblast.parameter_table import CHARGE_POSITION, PARAMETERS
-from jblast.quantities import BY_CAMERA
+from jblast.quantities import BY_CAMERA, CLOCK_TIMES
 from jblast.scene import Scene
 
 OF_PLACE = (
@@ -32,7 +32,11 @@ OF_PLACE = (
 
 
 def resolve_positions(
-    observations: Observations, scene: Scene, beliefs: Collection[str] = ()
+    observations: Observations,
+    scene: Scene,
+    beliefs: Collection[str] = (),
+    *,
+    is_default: bool = False,
 ) -> Observations:
     """Fill in the positions of sensors from the scene, and check what both say.
 
@@ -44,6 +48,7 @@ def resolve_positions(
         observations: The log.
         scene: What stands where.
         beliefs: Names of the scene's parameters that are not fixed.
+        is_default: Whether no scene was given, and the place of the charge is assumed.
 
     Raises:
         InputError: A sensor's place is missing, or given twice and differently; or the
@@ -84,12 +89,20 @@ def resolve_positions(
             position[row] = np.nan  # the slant range is what counts
         refuse_placeless(observations, position, charge, here)
         if not free & set(CHARGE_POSITION):
-            refuse_on_charge(observations, position, charge, here)
+            to_free = _to_free(observations, beliefs) if is_default else ()
+            refuse_on_charge(observations, position, charge, here, to_free)
         if "origin_time_s" not in free:
             refuse_before_origin(observations, scene, charge, here, beliefs)
     refuse_aimless(observations, position, scene)
     refuse_wind_without_place(observations, position, scene, beliefs)
     return replace(observations, position=position)
+
+
+def _to_free(observations: Observations, beliefs: Collection[str]) -> tuple[str, ...]:
+    """Return the place and time of the default scene that a log could fit instead."""
+    timed = set(CLOCK_TIMES) & set(observations.quantity)
+    names = ("charge_east_m", "charge_north_m", *(("origin_time_s",) if timed else ()))
+    return tuple(name for name in names if name not in beliefs)
 
 
 def _refuse_samples(observations: Observations) -> None:

@@ -46,6 +46,7 @@ from jblast.observations.times.clocks import (
 )
 from jblast.progress import stages
 from jblast.scene import UncertainScene, default_scene, freed
+from jblast.scene.uncertain import NO_SCENE
 from jblast.sensors import layout_of
 from jblast.sensors.law_choice import law_names
 from jblast.sensors.observe import Noise
@@ -115,7 +116,12 @@ def fit(
     set_aside = tuple(dict.fromkeys(np.array(observations.clock, object)[aside]))
     if set_aside:
         observations = some_rows(observations, np.flatnonzero(~aside))
-    observations = resolve_positions(observations, uncertain.scene, uncertain.beliefs)
+    observations = resolve_positions(
+        observations,
+        uncertain.scene,
+        uncertain.beliefs,
+        is_default=uncertain.source == NO_SCENE,
+    )
     solution = solve(
         observations, uncertain, noise=noise, seed=seed, records=sampled, begin=begin
     )

@@ -31,7 +31,7 @@ from jblast.inference.fitting.unidentified import (
     other_modes,
     requested,
 )
-from jblast.inference.fitting.warnings import warnings_of
+from jblast.inference.fitting.warnings import assumptions_of, warnings_of
 from jblast.inference.identifiability.findings import (
     EstimableCombination,
     NullDirection,
@@ -80,6 +80,7 @@ class Summary:
         warnings: What is to be told beside the numbers, the gravest first.
         n_lower_bounds: Rows of the log that are lower bounds.
         understood: What of the log was converted, skipped or supplied to read it.
+        assumptions: What the answer takes for granted, and what it would be without.
     """
 
     law: Mapping[str, str]
@@ -103,6 +104,7 @@ class Summary:
     warnings: tuple[Finding, ...]
     n_lower_bounds: int = 0
     understood: tuple[Understood, ...] = ()
+    assumptions: tuple[Finding, ...] = ()
 
     @property
     def unidentified(self) -> tuple[str, ...]:
@@ -206,6 +208,7 @@ def summary_of(
         ),
         n_lower_bounds=int(observations.bounds().sum()),
         understood=observations.understood,
+        assumptions=assumptions_of(solution),
     )
 
 

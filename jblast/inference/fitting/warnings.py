@@ -97,9 +97,13 @@ def warnings_of(
         )
     findings += clocks_taken_to_agree(observations, uncertain, solution, estimates)
     findings += _round_earth(observations, solution)
-    if still := still_air(solution):
-        findings.append(still)
     return findings
+
+
+def assumptions_of(solution: Solution) -> tuple[Finding, ...]:
+    """Return what an answer takes for granted, with what that is worth."""
+    still = still_air(solution)
+    return (still,) if still else ()
 
 
 def _round_earth(observations: Observations, solution: Solution) -> list[Finding]:

@@ -13,6 +13,7 @@ from jblast.observations.located import located
 from jblast.observations.times.clocks import refuse_unresolved
 from jblast.registry import names_for
 from jblast.scene import Scene, UncertainScene
+from jblast.scene.uncertain import NO_SCENE
 from jblast.sensors import Layout, layout_of, resolve_laws
 from jblast.sensors.law_choice import law_names
 
@@ -55,7 +56,12 @@ def batch_of(logs: Sequence[Observations], uncertain: UncertainScene) -> Batch:
     if not logs:
         raise InputError("logs: expected at least one, got none")
     first = located(logs[0], uncertain)
-    first = resolve_positions(first, uncertain.scene, uncertain.beliefs)
+    first = resolve_positions(
+        first,
+        uncertain.scene,
+        uncertain.beliefs,
+        is_default=uncertain.source == NO_SCENE,
+    )
     layout = layout_of(first, uncertain.scene)
     laws = _named_laws(uncertain.scene, layout)
     for number, log in enumerate(logs):

@@ -14,6 +14,7 @@ from jblast.observations.table import Observations
 from jblast.quantities import components
 from jblast.registry import names_for
 from jblast.scene import UncertainScene
+from jblast.scene.uncertain import NO_SCENE
 
 MOST = 200
 """Faults of one log that are told; past them the log is another one altogether."""
@@ -68,7 +69,10 @@ def _of_log(log: Observations, uncertain: UncertainScene) -> list[InputError]:
         uncertain = for_log(uncertain, log)
         try:
             resolve_positions(
-                located(log, uncertain), uncertain.scene, uncertain.beliefs
+                located(log, uncertain),
+                uncertain.scene,
+                uncertain.beliefs,
+                is_default=uncertain.source == NO_SCENE,
             )
         except InputError as fault:
             row = _row_of(fault, log)

@@ -15,7 +15,7 @@ from jblast.report.calculator.terminal import (
 )
 from jblast.report.lines import behind
 from jblast.report.numbers import printed_number
-from jblast.report.words import quantity_words
+from jblast.report.words import joined, quantity_words
 from jblast.sensors.calculator.forward import Calculated
 from jblast.sensors.calculator.inverse import Roots
 from jblast.sensors.calculator.question import Question
@@ -68,27 +68,35 @@ def root_line(
         by_law: What all laws say.
     """
     target = printed_number(question.quantity, question.target, system=question.units)
-    value = printed_number(
-        recommended.quantity, recommended.value, system=question.units
-    )
+    solutions = recommended.solutions or (recommended.value,)
+    values = [
+        printed_number(recommended.quantity, value, system=question.units)
+        for value in solutions
+    ]
+    several = len(values) > 1
+    value = f"{len(values)} solutions, {joined(values)}" if several else values[0]
     others = [
         line
         for name, found in by_law.items()
         if name != recommended.law
         for line in root_entries(question, name, found, law_column(by_law))
     ]
-    first = f"{target}: {value}, {_sure(recommended)}"
+    first = f"{target}: {value}, {_sure(recommended, several=several)}"
     return _whole(
         first, others, question, recommended, by_law[recommended.law].law.range
     )
 
 
-def _sure(recommended: Recommended) -> str:
-    """Say by which law, whether it holds, and how far nature departs from it."""
+def _sure(recommended: Recommended, *, several: bool = False) -> str:
+    """Return the law, whether it holds, and how far nature departs from it.
+
+    Of several solutions each has a scatter of its own, and none is returned.
+    """
     holds = "holds there" if recommended.valid else "outside its range"
+    holds = "holds at each" if several else holds
     scatter = (
         f", scatter {100.0 * recommended.scatter:.2g} %"
-        if recommended.scatter > 0.0
+        if recommended.scatter > 0.0 and not several
         else ""
     )
     return f"{recommended.law} ({holds}{scatter})"

@@ -8,7 +8,7 @@ from jblast.inference.posterior.estimate import Estimate
 from jblast.parameter_table import CHARGE_POSITION, PARAMETERS, described
 from jblast.registry import law_for
 from jblast.report.estimates import printed_estimate
-from jblast.report.fit.findings import reason_words
+from jblast.report.fit.findings import all_words, reason_words
 from jblast.report.fit.goodness import goodness_sentence
 from jblast.report.fit.headline import headline
 from jblast.report.fit.identifiability import (
@@ -28,7 +28,7 @@ from jblast.report.fit.reference_values import (
 )
 from jblast.report.fit.rows import lower_bound_sentence
 from jblast.report.numbers import printed_number, significant
-from jblast.report.words import joined, parameter_words, split_name
+from jblast.report.words import capitalised, joined, parameter_words, split_name
 from jblast.scene import EXPLOSIVES, Charge
 from jblast.scene.parameters import value_of
 
@@ -77,6 +77,7 @@ def limits(fit: Fit) -> list[str]:
         "(emcee).",
     }
     lines = [given_sentence(fit)]
+    lines += [f"{capitalised(one)}." for one in all_words(fit.summary.assumptions)]
     if posterior := "weighted" if fit.weighted else fit.summary.posterior:
         reason = reason_words(fit.posterior_reason)
         why = f" Why: {reason}." if reason else ""

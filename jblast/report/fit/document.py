@@ -48,6 +48,7 @@ def fit_document(fit: Fit) -> dict[str, Any]:
             "suspected_outliers": [asdict(o) for o in found.suspected_outliers],
             "explained_by": [_explanation(wrong) for wrong in found.explained_by],
             "warnings": all_words(found.warnings),
+            "assumptions": all_words(found.assumptions),
             "understood": understood_lines(found.understood),
             **asdict(on_earth(fit)),
         }

@@ -75,6 +75,7 @@ def summary(
     lines += section("What they do tell", determined_lines(found.determined))
     lines += section("Suspected outliers", outlier_lines(found.suspected_outliers))
     lines += section("How the log was read", understood_lines(found.understood))
+    lines += section("Assumptions", all_words(found.assumptions))
     lines += section("Warnings", all_words(found.warnings))
     if out is not None:
         lines += ["", f"Report and figures: {out}"]

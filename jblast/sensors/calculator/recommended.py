@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import jax
 import numpy as np
 
-from jblast.json_values import HIDDEN
+from jblast.json_values import ABSENT, HIDDEN
 from jblast.registry import LAWS, call, names_for
 from jblast.sensors.calculator.combined import COMBINATIONS
 from jblast.sensors.calculator.forward import Calculated, evaluate
@@ -37,6 +37,8 @@ class Recommended:
             was chosen.
         is_nearest: Whether the chosen law does not give the value: then it is the
             nearest to the others of those that give it where they hold.
+        solutions: Of a range or a mass: every one at which the law takes the value
+            within its range, ascending; `value` is one of them. Absent of a quantity.
     """
 
     quantity: str
@@ -46,6 +48,7 @@ class Recommended:
     scatter: float
     choice: "Choice | None" = field(default=None, metadata=HIDDEN)
     is_nearest: bool = field(default=False, metadata=HIDDEN)
+    solutions: tuple[float, ...] | None = field(default=None, metadata=ABSENT)
 
 
 def choice_at(question: Question, quantity: str) -> "Choice":
@@ -101,7 +104,7 @@ def recommended_root(question: Question, by_law: Mapping[str, Roots]) -> Recomme
     best = {name: root for name, root in best.items() if root is not None}
     holding = {name: value for name, (value, valid) in best.items() if valid}
     if not holding:
-        return Recommended(asked, "", math.nan, False, math.nan)
+        return Recommended(asked, "", math.nan, False, math.nan, solutions=())
     middle = math.exp(float(np.median(np.log(list(holding.values())))))
     law, choice = _of(_at(question, middle), question.quantity, tuple(by_law))
     is_nearest = law not in holding
@@ -116,6 +119,7 @@ def recommended_root(question: Question, by_law: Mapping[str, Roots]) -> Recomme
         value=value,
         valid=True,
         scatter=scatter / abs(slope) if slope else math.nan,
+        solutions=tuple(map(float, by_law[law].value[by_law[law].valid])),
         choice=None if is_nearest else choice,
         is_nearest=is_nearest,
     )

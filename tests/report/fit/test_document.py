@@ -58,6 +58,7 @@ def test_what_is_not_identified_is_null_and_every_key_is_there():
         ("suspected_outliers", []),
         ("explained_by", []),
         ("warnings", []),
+        ("assumptions", []),
         ("understood", []),
         ("place", None),
         ("origin_time_utc", None),

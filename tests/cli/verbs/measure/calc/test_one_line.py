@@ -107,3 +107,17 @@ def test_a_question_has_one_panel(calc, tmp_path):
         assert calc(f"{words} --plot {tmp_path / name} --json").startswith("{")
         assert json.loads(calc(f"{words} --json"))["recommended"]["valid"]
         assert (tmp_path / name).read_text().count('id="axes_') == 1
+
+
+def test_the_line_holds_every_solution_of_its_law(calc, numbers):
+    found = numbers("--range 5 --duration 3ms")
+    roots = found["quantities"]["charge_mass_kg"]["kingery_bulmash"]["roots"]
+    inside = [root["value"] for root in roots if root["valid"]]
+    assert len(inside) == 3  # the duration falls and rises again with the mass
+    assert inside == pytest.approx([0.34, 686.0, 2248.0], rel=0.01)
+    assert found["recommended"]["solutions"] == inside
+    first, _ = parts(calc("--range 5 --duration 3ms"))
+    assert first.startswith("3 ms: 3 solutions, 0.34")
+    for value in ("686", "2248"):
+        assert value in first
+    assert first.endswith("kg, kingery_bulmash (holds at each)")
