@@ -36,6 +36,7 @@ from jblast.report.choice.answer import choice_answer
 from jblast.report.design.document import bound_document
 from jblast.report.discovery.answer import (
     DiscoveryAnswer,
+    ExchangeableTerms,
     FoundEquation,
     FurtherEquations,
     KeptTerm,
@@ -183,6 +184,7 @@ def test_the_schema_of_a_discovery_takes_what_was_found_and_what_was_not():
         equation="d(u)/dt = -0.3 u",
         terms=(KeptTerm("u", -0.3, -0.4, -0.2, 1.0),),
         left_out=(LeftOutTerm("u^2", 0.1),),
+        exchangeable=(ExchangeableTerms("u", "u^2"),),
         noise_sd=0.1,
         misfit=math.inf,
         reproduced=False,
