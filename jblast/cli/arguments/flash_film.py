@@ -83,7 +83,7 @@ def flashes_found(asked: Namespace, kind: "FilmKind") -> Found:
     from jblast.detect.flash.search import SLOW_HZ, detect_flashes
     from jblast.detect.flash.tail import flash_threshold
     from jblast.report.detect.flash.answer import Searched, flash_answer
-    from jblast.report.detect.flash.text import slow_film
+    from jblast.report.detect.flash.text import rejected_alarms, slow_film
 
     path = asked.recordings[0]
     camera = None if asked.scene is None else camera_of(asked.scene)
@@ -101,6 +101,7 @@ def flashes_found(asked: Namespace, kind: "FilmKind") -> Found:
     seen = detect_flashes(blocks, rate, height, changes=kind == "events")
     searched = Searched(path, kind, size[0], size[1], frames, rate, seconds)
     warnings = [] if rate >= SLOW_HZ else [slow_film(rate)]
+    warnings += rejected_alarms(seen.rejected)
     directions: Sequence[Direction] = ()
     log = None
     if camera is not None:

@@ -10,6 +10,7 @@ from jblast.detect.flash.log import log_of as log_of
 from jblast.detect.flash.search import (
     Flash as Flash,
     FlashDetections as FlashDetections,
+    Rejected as Rejected,
     detect_flashes as detect_flashes,
 )
 from jblast.detect.flash.silhouette import Silhouette as Silhouette

@@ -1,7 +1,9 @@
 """What was seen in a film, in words for a terminal."""
 
 import math
+from collections.abc import Sequence
 
+from jblast.detect.flash.search import Rejected
 from jblast.report.detect.flash.answer import FlashAnswer, FlashSeen, Searched
 
 
@@ -12,6 +14,16 @@ def slow_film(frames_hz: float) -> str:
         "test was set for 1,000 frames/s; slower films show a lamp and a blast alike, "
         "and false alarms are not those asked for"
     )
+
+
+def rejected_alarms(rejected: Sequence[Rejected]) -> list[str]:
+    """Return a note for each reason for which alarms were rejected."""
+    notes = []
+    for reason in dict.fromkeys(one.reason for one in rejected):
+        times = [f"{one.time_s:.3g} s" for one in rejected if one.reason == reason]
+        more = f" and {len(times) - 1} more" if len(times) > 1 else ""
+        notes.append(f"no blast at {times[0]}{more}: {reason}")
+    return notes
 
 
 def flash_text(answer: FlashAnswer) -> str:

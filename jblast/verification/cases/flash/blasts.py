@@ -72,6 +72,7 @@ def blast(
     drift: float | None = None,
     sensor: ImageSensor | None = None,
     pictures: ExplosionViews | None = None,
+    filmed_s: float = SECONDS,
 ) -> BlastFilm:
     """Return a sequence with a blast.
 
@@ -85,6 +86,7 @@ def blast(
             default as it is drawn.
         sensor: Whose noise it has; by default the usual one's.
         pictures: Of an explosion, in place of the law's ball.
+        filmed_s: Filmed after the burst [s].
     """
     rng = np.random.default_rng([99, seed])
     drawn = 10 ** rng.uniform(0.0, 3.0), 10 * 5 ** rng.uniform(0.0, 1.0)
@@ -101,7 +103,7 @@ def blast(
     # so far into its interval does the burst come
     lead = round(LEAD * rate_hz / RATE_HZ)
     burst = (lead + rng.uniform(0.0, 1.0)) / rate_hz
-    count = round(SECONDS * rate_hz)
+    count = round(filmed_s * rate_hz)
     times = np.arange(lead + 1 + count) / rate_hz
     round_it, above = 0.0, 0.0
     if pictures is not None:
