@@ -1,8 +1,11 @@
 """How far may a reference be off? What the evidence at hand says, span by span.
 
 Pressure, impulse and duration: the gauge of `gauge_200g.py` beside Kingery and Bulmash
-at the factors of C4, the worse of its two readings; past Z = 20 the scatter that
-`ford_2021.py` measured on 189 recordings. One gauge is not many: that is all there is.
+at the factors of C4, the worse of its two readings. One gauge is not many: that is all
+there is. Past Z = 20 recordings: for impulse and duration the scatter that
+`ford_2021.py` measured on 189 of them; for the peak the root mean square of recorded
+over reference, of the shots whose charge stood on the ground (`far_pressure.py`, where
+the peak of a recording is defined), and the scatter of all shots that grows with Z.
 
 Past Z = 20 the last stretch of Kingery's and Bulmash's pressure bends away from a weak
 shock (`kinematics_tail.py`), so the reference there is also as uncertain as the choice
@@ -20,18 +23,25 @@ from typing import NamedTuple
 import jax.numpy as jnp
 import numpy as np
 
+from calibration.far_pressure import SHALLOW, bend, every_record
 from calibration.gauge_200g import as_read, at_front, distance, table
+from jblast.fidelity.candidates import ON_THE_GROUND
 from jblast.fidelity.measured_errors import BURSTS, standard_path
 from jblast.fidelity.reference import END, FORD_START, KINGERY_BULMASH_END, REFERENCES
-from jblast.registry import call, law_for
+from jblast.registry import call, law_for, total_scatter
 from jblast.scene.charge import Burst
 from jblast.scene.explosives import tnt_factor
 from jblast.waves.laws.kingery_bulmash.table import kingery_bulmash_curve
+from jblast.waves.shock.far_scatter import FAR_END
 from jblast.waves.shock.rankine_hugoniot import shock_mach_number
 from jblast.waves.shock.weak_shock_tail import weak_shock_tail
 
-EDGES = (0.0, 0.3, 1.0, 3.0, 10.0, 20.0, 40.0, 100.0, 300.0, 1000.0)
+EDGES = (0.0, 0.3, 1.0, 3.0, 10.0, 20.0, 40.0, 100.0, 200.0, FAR_END, 1000.0)
 """Of the spans [m/kg^(1/3)]; the first begins where the reference does."""
+
+MEASURED_FROM = 100.0
+"""Where the scatter of peaks that grows with Z begins to count: at 100 it is 1 % of its
+size, and what is declared nearer is no measurement [m/kg^(1/3)]."""
 
 PER_SPAN = 200
 """Places looked at in each."""
@@ -134,7 +144,32 @@ def _evidence(
             else (_pressure(z, burst, LATE), JOINS)
         )
         found.append((_worst(late / tail), why + which))
+        off, which_records = _recorded_peaks(start, end)
+        found.append((off, which_records + which))
+        if start >= MEASURED_FROM:
+            found.append((_law_scatter(z, burst), "scatter of 189 records"))
     return found
+
+
+def _recorded_peaks(start: float, end: float) -> tuple[float, str]:
+    """Return how far recorded peaks are off `shock_kinematics`, root mean square.
+
+    Of shots on the ground: at most `ON_THE_GROUND` below it, since burial lowers the
+    peak, and at most `SHALLOW` above it. Peaks nearer than the end of the
+    tables are those of Kingery's and Bulmash's shape, not of a triangle.
+    """
+    found = every_record()
+    some = (found.height >= -ON_THE_GROUND) & (found.height <= SHALLOW)
+    some &= (found.z > start) & (found.z <= end)
+    off = found.log_ratio("peak_overpressure_pa") + np.log(bend(found.z))
+    size = math.sqrt(float(np.mean(off[some] ** 2)))
+    return math.expm1(size), f"{int(some.sum())} recorded peaks"
+
+
+def _law_scatter(z: np.ndarray, burst: Burst) -> float:
+    """Return the largest scatter about the far reference of the peak, all its parts."""
+    law = law_for("peak_overpressure_pa", "shock_kinematics")
+    return math.expm1(float(np.max(total_scatter(law, standard_path(z, burst)))))
 
 
 def _ford_scatter(quantity: str, z: np.ndarray, burst: Burst) -> float:

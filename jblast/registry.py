@@ -29,6 +29,9 @@ class Law:
             declared.
         joins: Scaled distances [m/kg^(1/3)] where slope or curvature is not continuous
             (scaled times [s/kg^(1/3)] for what is taken at a time).
+        far_scatter: Scatter added far away, likewise in ln: standard deviations of an
+            effect that the far rows of a shot share, independent of the shot's own,
+            and of each record. None: nothing is added.
     """
 
     quantity: str
@@ -40,6 +43,7 @@ class Law:
     scatter: Callable[..., tuple[Any, Any, Any]]
     scatter_source: str
     joins: tuple[float, ...] = ()
+    far_scatter: Callable[..., tuple[Any, Any]] | None = None
 
     def arguments(self) -> tuple[str, ...]:
         """Names of what the law depends on, as `waves.paths.Path` calls them."""
@@ -59,6 +63,8 @@ class Law:
             )
             if sd
         )
+        if self.far_scatter is not None:
+            parts += "; more past Z = 200, measured by calibration/far_pressure.py"
         return f"scatter {self.scatter_source}: {parts}"
 
     def is_exact(self) -> bool:
@@ -136,6 +142,14 @@ def call(function: Callable[..., Any], path: Any) -> Any:
     if "burst" in names and path.burst is None:
         return path.by_height(lambda way: call(function, way))
     return function(*(getattr(path, name) for name in names))
+
+
+def total_scatter(law: Law, path: Any) -> Any:
+    """Return one standard deviation of nature about a law: all parts together."""
+    parts = call(law.scatter, path)
+    if law.far_scatter is not None:
+        parts = (*parts, *call(law.far_scatter, path))
+    return sum(part**2 for part in parts) ** 0.5
 
 
 def declared_scatter(

@@ -1,9 +1,11 @@
 """What each quantity is held against, and where that is known.
 
 For real TNT the reference is Kingery and Bulmash as far as their tables reach, and
-beyond them the weak shock with the absorption of ISO 9613-1, for impulse and duration
+beyond them the weak shock with the absorption of ISO 9613-1, which for the peak ends
+where recorded peaks leave it, for impulse and duration
 the recordings that `ford_2021` was fitted to. How far a reference itself may be off,
-$e_{ref}$, is measured by `calibration/fidelity.py` and stored in
+$e_{ref}$, is measured by `calibration/fidelity.py`, against recordings where there are
+any, and stored in
 `data/references.csv`. The exact point source is the reference of numerics alone: it is
 what the shock solver is held against.
 """
@@ -18,6 +20,7 @@ import jblast.waves as _waves  # noqa: F401  laws enter the registry as they are
 from jblast.registry import call, law_for
 from jblast.waves.paths import Path
 from jblast.waves.scaling import scaled_distance
+from jblast.waves.shock.far_scatter import FAR_END
 
 KINGERY_BULMASH_END = 40.0
 """Where the tables of Kingery and Bulmash end [m/kg^(1/3)]."""
@@ -26,7 +29,7 @@ FORD_START = 20.0
 """Where the recordings of `ford_2021` begin [m/kg^(1/3)]."""
 
 END = 1000.0
-"""Scaled distance up to which there is a reference [m/kg^(1/3)]."""
+"""Scaled distance up to which there is a reference, but for the peak [m/kg^(1/3)]."""
 
 FARTHEST = 5000.0
 """Distance up to which there is one past the tables [m]: farther, weather decides."""
@@ -59,7 +62,7 @@ REFERENCES: dict[str, tuple[Branch, ...]] = {
     "air_arrival_s": (NEAR, _branch("shock_kinematics", KINGERY_BULMASH_END, END)),
     "peak_overpressure_pa": (
         NEAR,
-        _branch("weak_shock_iso", KINGERY_BULMASH_END, END, "shock_kinematics"),
+        _branch("weak_shock_iso", KINGERY_BULMASH_END, FAR_END, "shock_kinematics"),
     ),
     "shock_speed_m_s": (NEAR, _branch("shock_kinematics", KINGERY_BULMASH_END, END)),
     **dict.fromkeys(

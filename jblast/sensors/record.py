@@ -27,6 +27,9 @@ from jblast.sensors.shapes import check_laws, check_layout, check_scene
 from jblast.waves.path_between import path_between
 from jblast.waves.paths import Path
 
+FAR = " far away"
+"""Marks the effect that the far rows of a shot share (`registry.Law.far_scatter`)."""
+
 
 class Recording(eqx.Module):
     """What every row would read, and how the laws scatter about nature there.
@@ -39,7 +42,8 @@ class Recording(eqx.Module):
         valid: Whether the row's laws hold there; so too where nothing happens.
         record_sd: Law scatter of this row alone; seconds for times, else ln.
         shot_loading: By quantity (and charge, if several), what one standard deviation
-            of the effect shared by the whole shot adds to each row, same unit.
+            of the effect shared by the whole shot adds to each row, same unit; under
+            the name with `FAR`, that of the effect shared by its far rows.
         path_loading: Likewise for the effect shared by the rows of one path.
         arrival_sd: Of `record_sd`, what is of each path's travel time: the scatter of
             arrivals, by quantity (and charge), same unit.
@@ -175,19 +179,24 @@ def record(scene: Scene, layout: Layout, laws: Mapping[str, str]) -> Recording:
             holds.append((rows, jnp.broadcast_to(call(law.valid, way), rows.shape)))
             unit = given if quantity in TIMES else jnp.ones_like(given)
             sds = call(law.scatter, way) if scene.scatter else (0.0, 0.0, 0.0)
-            of_shot, of_path, of_record = (
-                jnp.where(never, 0.0, sd * unit * sign) for sd in sds
+            far = (0.0, 0.0)
+            if scene.scatter and law.far_scatter is not None:
+                far = call(law.far_scatter, way)
+            of_shot, of_path, of_record, of_weather, of_far_record = (
+                jnp.where(never, 0.0, sd * unit * sign) for sd in (*sds, *far)
             )
             name = quantity + scene.label(charge)
             if not _is_zero(sds[0]):
                 of_shots[name] = joined([(rows, of_shot)], n)
             if not _is_zero(sds[1]):
                 of_paths[name] = joined([(rows, of_path)], n)
+            if not _is_zero(far[0]):
+                of_shots[name + FAR] = joined([(rows, of_weather)], n)
             if quantity in ARRIVALS and not _is_zero(sds[2]):
                 of_arrivals[name] = joined([(rows, of_record)], n)
             if name in of_paths or name in of_arrivals:
                 fields.append((name, quantity, shot))
-            variances.append((rows, of_record**2))
+            variances.append((rows, of_record**2 + of_far_record**2))
         if values:
             value = value + joined(values, n)
             valid = valid & joined(holds, n)

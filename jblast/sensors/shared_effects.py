@@ -49,7 +49,8 @@ def _path_scatter(law: Law, scene: Scene, layout: Layout, row: int):
 def count_effects(scene: Scene, layout: Layout, laws: Mapping[str, str]) -> int:
     """Return how many effects rows share, at most.
 
-    One for each quantity and charge, and one for each path where `path_effects` says.
+    One for each quantity and charge, one more where the law has a far scatter, and one
+    for each path where `path_effects` says.
     """
     if not scene.scatter:
         return 0
@@ -58,5 +59,6 @@ def count_effects(scene: Scene, layout: Layout, laws: Mapping[str, str]) -> int:
         for quantity, shot in set(zip(layout.quantity, layout.shot, strict=True))
         for name, _ in components(quantity)
     }
+    far = sum(law_for(name, laws[name]).far_scatter is not None for name, _ in kinds)
     paths = len(set(layout.group))
-    return len(kinds) + paths * len(path_effects(scene, layout, laws))
+    return len(kinds) + far + paths * len(path_effects(scene, layout, laws))

@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from jblast.json_values import HIDDEN
-from jblast.registry import LAWS, call
+from jblast.registry import LAWS, total_scatter
 from jblast.sensors.calculator.forward import Calculated, Calculation
 from jblast.sensors.calculator.question import Question, path_of_rows
 from jblast.sensors.calculator.recommended import choice_at
@@ -103,9 +103,8 @@ def _of(
 
 def _scatter(quantity: str, name: str, path: Path) -> Float[np.ndarray, " row"]:
     """Return one standard deviation of nature about a law, in ln, of each row."""
-    parts = call(LAWS[quantity, name].scatter, path)
-    squares = sum(np.square(np.asarray(part)) for part in parts)
-    return np.broadcast_to(np.sqrt(squares), path.slant_range.shape)
+    sd = np.asarray(total_scatter(LAWS[quantity, name], path))
+    return np.broadcast_to(sd, path.slant_range.shape)
 
 
 def _sds_apart(

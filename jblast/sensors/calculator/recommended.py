@@ -9,7 +9,7 @@ import jax
 import numpy as np
 
 from jblast.json_values import ABSENT, HIDDEN
-from jblast.registry import LAWS, call, names_for
+from jblast.registry import LAWS, names_for, total_scatter
 from jblast.sensors.calculator.combined import COMBINATIONS
 from jblast.sensors.calculator.forward import Calculated, evaluate
 from jblast.sensors.calculator.inverse import Roots
@@ -132,9 +132,8 @@ def law_scatter(question: Question, quantity: str, law: str) -> float:
     """
     if (quantity, law) not in LAWS:
         return math.nan
-    parts = call(LAWS[quantity, law].scatter, path_of_rows(question, quantity))
-    square = sum(np.square(np.asarray(part)) for part in parts)
-    return math.sqrt(float(np.ravel(square)[0]))
+    sd = total_scatter(LAWS[quantity, law], path_of_rows(question, quantity))
+    return float(np.ravel(np.asarray(sd))[0])
 
 
 def _of(

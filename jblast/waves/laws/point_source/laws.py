@@ -19,7 +19,9 @@ gives 2.7 times their pressure at Z = 0.3, 1.4 at 0.5, 0.80 at 1, 0.73 at 2, 0.9
 and 20, and the arrival is 0.36, 0.57, 0.88, 1.06, 1.02 and 1.02 of theirs.
 
 Range: $\lambda \ge 0.1$ (Z = 0.346, 158 ambient pressures: real air has lost
-its gamma of 1.4 well before) to Z = 1e4, where absorption has to be reckoned with.
+its gamma of 1.4 well before) to Z = 1e4 of arrival and speed, where absorption has to
+be reckoned with; the pressure to Z = 300, past which recorded peaks are half of a weak
+shock's (`waves/shock/far_scatter.py`).
 Outside it goes on, finite: by the strong limit and the weak-shock law.
 """
 
@@ -42,6 +44,7 @@ from jblast.waves.laws.point_source.front import (
     point_source_mach_number,
 )
 from jblast.waves.scaling import scaled_distance
+from jblast.waves.shock.far_scatter import FAR_END, measured_far_scatter
 
 LENGTH = (TNT_SPECIFIC_ENERGY / STANDARD_PRESSURE) ** (1.0 / 3.0)
 """Scaled distance of lambda = 1 [m/kg^(1/3)]: 3.456."""
@@ -122,26 +125,59 @@ def point_source_valid(
     ambient_pressure: Float[ArrayLike, "..."] = STANDARD_PRESSURE,
     burst: str = "surface",
 ) -> Bool[Array, "..."]:
-    """Return where Z lies in 0.346 to 1e4, in free air."""
+    """Return where arrival and speed hold: Z from 0.346 to 1e4, in free air."""
     z = scaled_distance(slant_range, charge_mass, ambient_pressure)
     return (z >= RANGE[0]) & (z <= RANGE[1]) & (burst == "free-air")
 
 
-for _quantity, _function, _sd in (
-    ("air_arrival_s", point_source_arrival_time, 0.01),
-    ("peak_overpressure_pa", point_source_pressure, 0.10),
-    ("shock_speed_m_s", point_source_shock_speed, 0.01),
+def point_source_pressure_valid(
+    slant_range: Float[ArrayLike, "..."],
+    charge_mass: Float[ArrayLike, "..."],
+    ambient_pressure: Float[ArrayLike, "..."] = STANDARD_PRESSURE,
+    burst: str = "surface",
+) -> Bool[Array, "..."]:
+    """Return where the pressure holds: Z from 0.346 to 300, in free air."""
+    z = scaled_distance(slant_range, charge_mass, ambient_pressure)
+    return (z >= RANGE[0]) & (z <= FAR_END) & (burst == "free-air")
+
+
+for _quantity, _function, _valid, _last, _sd, _far in (
+    (
+        "air_arrival_s",
+        point_source_arrival_time,
+        point_source_valid,
+        "1e4 m/kg^(1/3)",
+        0.01,
+        None,
+    ),
+    (
+        "peak_overpressure_pa",
+        point_source_pressure,
+        point_source_pressure_valid,
+        "300 m/kg^(1/3)",
+        0.10,
+        measured_far_scatter("peak_overpressure_pa"),
+    ),
+    (
+        "shock_speed_m_s",
+        point_source_shock_speed,
+        point_source_valid,
+        "1e4 m/kg^(1/3)",
+        0.01,
+        None,
+    ),
 ):
     register(
         Law(
             quantity=_quantity,
             name="point_source",
             function=_function,
-            range="free air, Z = 0.346 to 1e4 m/kg^(1/3); source small and light",
+            range=f"free air, Z = 0.346 to {_last}; source small and light",
             source="jblast.waves.euler to Z = 346, weak-shock tail; 1/U integrated",
-            valid=point_source_valid,
+            valid=_valid,
             scatter=declared_scatter(shot=_sd, record=_sd),
             scatter_source="declared",
             joins=tuple(LENGTH * end for end in ENDS),
+            far_scatter=_far,
         )
     )

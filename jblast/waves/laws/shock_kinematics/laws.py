@@ -22,11 +22,16 @@ Within the table the arrival is that of Kingery and Bulmash to 3.4 % (worst near
 Z = 0.2, where the start decides), to 0.9 % past Z = 2. Below Z = 0.5 real air is slower
 than the ideal gas: U is up to 5 % above their shock speed.
 
-Range: from the first $Z$ (0.0674 surface, 0.0531 free air) to 1e4; past that the
-formulas go on, finite. Nothing here knows wind or absorption. Z = 1e4 is 10 km for
-1 kg, where ISO 9613-1 (20 C, 70 % humidity) takes 3.4 dB at 125 Hz, above the 20 Hz or
-so where such a pulse is strongest; larger charges are lower in pitch and lose less. So
-from about there absorption has to be reckoned with: a choice, not a measurement.
+Range of arrival and speed: from the first $Z$ (0.0674 surface, 0.0531 free air) to 1e4;
+past that the formulas continue, finite. Neither wind nor absorption is modelled.
+Z = 1e4 is 10 km for 1 kg, where ISO 9613-1 (20 C, 70 % humidity) takes 3.4 dB at
+125 Hz, above the 20 Hz or so where such a pulse is strongest; larger charges are lower
+in pitch and lose less. That limit is a choice, not a measurement.
+
+Range of the pressure: to Z = 300. Past it the median of recorded peaks is half of the
+law, with a scatter of a factor of 1.6; from 200 on the scatter grows as measured
+(`waves/shock/far_scatter.py`). A peak that is off by a factor of two moves the speed by
+0.05 % at Z = 300.
 """
 
 import jax.numpy as jnp
@@ -52,9 +57,11 @@ from jblast.waves.scaling import (
     sachs_pressure_factor,
     scaled_distance,
 )
+from jblast.waves.shock.far_scatter import FAR_END, measured_far_scatter
 
 LAST_VALID = 1e4
-"""Scaled distance up to which absorption may be forgotten [m/kg^(1/3)]."""
+"""Scaled distance up to which absorption may be neglected in an arrival
+[m/kg^(1/3)]."""
 
 
 @checked
@@ -127,27 +134,65 @@ def shock_kinematics_valid(
     ambient_pressure: Float[ArrayLike, "..."] = STANDARD_PRESSURE,
     burst: str = "surface",
 ) -> Bool[Array, "..."]:
-    """Return where the picture holds: from the first tabulated Z to 1e4."""
+    """Return where arrival and speed hold: from the first tabulated Z to 1e4."""
     z = scaled_distance(slant_range, charge_mass, ambient_pressure)
     first = kingery_bulmash_curve("incident_pressure", burst).z_min
     return (z >= first) & (z <= LAST_VALID)
 
 
-for _quantity, _function, _sd in (
-    ("air_arrival_s", shock_kinematics_arrival_time, 0.01),
-    ("peak_overpressure_pa", shock_kinematics_pressure, 0.10),
-    ("shock_speed_m_s", shock_kinematics_shock_speed, 0.01),
+def shock_kinematics_pressure_valid(
+    slant_range: Float[ArrayLike, "..."],
+    charge_mass: Float[ArrayLike, "..."],
+    ambient_pressure: Float[ArrayLike, "..."] = STANDARD_PRESSURE,
+    burst: str = "surface",
+) -> Bool[Array, "..."]:
+    """Return where the pressure holds: from the first tabulated Z to 300."""
+    z = scaled_distance(slant_range, charge_mass, ambient_pressure)
+    first = kingery_bulmash_curve("incident_pressure", burst).z_min
+    return (z >= first) & (z <= FAR_END)
+
+
+_FIRST = "Z = 0.0674 (free-air 0.0531)"
+_TO_SOUND = f"{_FIRST} to 1e4 m/kg^(1/3); no absorption"
+_RECORDED = f"{_FIRST} to 300 m/kg^(1/3); no absorption"
+
+for _quantity, _function, _range, _valid, _sd, _far in (
+    (
+        "air_arrival_s",
+        shock_kinematics_arrival_time,
+        _TO_SOUND,
+        shock_kinematics_valid,
+        0.01,
+        None,
+    ),
+    (
+        "peak_overpressure_pa",
+        shock_kinematics_pressure,
+        _RECORDED,
+        shock_kinematics_pressure_valid,
+        0.10,
+        measured_far_scatter("peak_overpressure_pa"),
+    ),
+    (
+        "shock_speed_m_s",
+        shock_kinematics_shock_speed,
+        _TO_SOUND,
+        shock_kinematics_valid,
+        0.01,
+        None,
+    ),
 ):
     register(
         Law(
             quantity=_quantity,
             name="shock_kinematics",
             function=_function,
-            range="Z = 0.0674 (free-air 0.0531) to 1e4 m/kg^(1/3); no absorption",
+            range=_range,
             source="Kingery & Bulmash 1984 to Z = 20, weak-shock tail, 1/U integrated",
-            valid=shock_kinematics_valid,
+            valid=_valid,
             scatter=declared_scatter(shot=_sd, record=_sd),
             scatter_source="declared",
             joins=(*kingery_bulmash_joins(), JOIN),
+            far_scatter=_far,
         )
     )

@@ -19,7 +19,9 @@ on the surface, has durations 13 % shorter at Z = 100 and 13 % longer at 1000, i
 (`fidelity.measured_errors`). It gives durations and impulses where a record needs them
 from one picture at all distances.
 
-Range: that of Kingery's and Bulmash's tables nearer, to Z = 1e4.
+Range: that of Kingery's and Bulmash's tables nearer, to Z = 300. Past it the median of
+recorded impulses is 0.7 of this, of durations 1.2 to 1.3 times; from 200 on the scatter
+grows as measured (`waves/shock/far_scatter.py`).
 """
 
 import math
@@ -37,13 +39,13 @@ from jblast.waves.laws.kingery_bulmash.table import (
     kingery_bulmash_joins,
 )
 from jblast.waves.laws.shock_kinematics.front import front_tail
-from jblast.waves.laws.shock_kinematics.laws import LAST_VALID
 from jblast.waves.scaling import (
     log_scaled_distance,
     sachs_impulse_factor,
     sachs_time_factor,
     scaled_distance,
 )
+from jblast.waves.shock.far_scatter import FAR_END, measured_far_scatter
 
 END_OF_TABLE = 40.0
 """Up to which the curves are Kingery's and Bulmash's [m/kg^(1/3)]."""
@@ -136,10 +138,10 @@ def shock_kinematics_duration_valid(
     ambient_pressure: Float[ArrayLike, "..."] = STANDARD_PRESSURE,
     burst: str = "surface",
 ) -> Bool[Array, "..."]:
-    """Return where it holds: from the first tabulated duration to Z = 1e4."""
+    """Return where it holds: from the first tabulated duration to Z = 300."""
     z = scaled_distance(slant_range, charge_mass, ambient_pressure)
     first = kingery_bulmash_curve("positive_phase_duration", burst).z_min
-    return (z >= first) & (z <= LAST_VALID)
+    return (z >= first) & (z <= FAR_END)
 
 
 def shock_kinematics_impulse_valid(
@@ -148,10 +150,10 @@ def shock_kinematics_impulse_valid(
     ambient_pressure: Float[ArrayLike, "..."] = STANDARD_PRESSURE,
     burst: str = "surface",
 ) -> Bool[Array, "..."]:
-    """Return where it holds: from the first tabulated impulse to Z = 1e4."""
+    """Return where it holds: from the first tabulated impulse to Z = 300."""
     z = scaled_distance(slant_range, charge_mass, ambient_pressure)
     first = kingery_bulmash_curve("incident_impulse", burst).z_min
-    return (z >= first) & (z <= LAST_VALID)
+    return (z >= first) & (z <= FAR_END)
 
 
 for _quantity, _function, _valid, _first in (
@@ -173,11 +175,12 @@ for _quantity, _function, _valid, _first in (
             quantity=_quantity,
             name="shock_kinematics",
             function=_function,
-            range=f"Z = {_first} to 1e4 m/kg^(1/3); no absorption",
+            range=f"Z = {_first} to 300 m/kg^(1/3); no absorption",
             source="Kingery & Bulmash 1984 to Z = 40, weak shock from there",
             valid=_valid,
             scatter=declared_scatter(shot=0.10, record=0.10),
             scatter_source="declared",
             joins=kingery_bulmash_joins(),
+            far_scatter=measured_far_scatter(_quantity),
         )
     )

@@ -5,8 +5,8 @@ $$p = \frac{A}{Z \sqrt{\ln(Z/b)}}$$
 with $A$ and $b$ where the tail leaves the curve of Kingery and Bulmash, at $Z = 20$
 m/kg^(1/3) (`shock_kinematics/front.py`; `weak_shock_tail.py` derives it). From there
 on it is `shock_kinematics`; nearer, where this law does not hold, it is a power law
-with the slope at 20. Past 1e4, where absorption has to be reckoned with, the formula
-goes on.
+with the slope at 20. Range: Z = 20 to 300; past it recorded peaks are half of this, and
+the formula continues. The scatter grows as measured (`waves/shock/far_scatter.py`).
 """
 
 import math
@@ -24,8 +24,9 @@ from jblast.waves.scaling import (
     sachs_pressure_factor,
     scaled_distance,
 )
+from jblast.waves.shock.far_scatter import FAR_END, measured_far_scatter
 
-RANGE = (JOIN, 1e4)
+RANGE = (JOIN, FAR_END)
 """Scaled distances where the law holds [m/kg^(1/3)]."""
 
 
@@ -61,7 +62,7 @@ def weak_shock_valid(
     charge_mass: Float[ArrayLike, "..."],
     ambient_pressure: Float[ArrayLike, "..."] = STANDARD_PRESSURE,
 ) -> Bool[Array, "..."]:
-    """Return where Z lies in 20 to 1e4."""
+    """Return where Z lies in 20 to 300."""
     z = scaled_distance(slant_range, charge_mass, ambient_pressure)
     return (z >= RANGE[0]) & (z <= RANGE[1])
 
@@ -71,11 +72,12 @@ register(
         quantity="peak_overpressure_pa",
         name="weak_shock",
         function=weak_shock_pressure,
-        range="Z = 20 to 1e4 m/kg^(1/3); no absorption",
+        range="Z = 20 to 300 m/kg^(1/3); no absorption",
         source="Landau 1945; Whitham 1974; from Kingery & Bulmash at Z = 20",
         valid=weak_shock_valid,
         scatter=declared_scatter(shot=0.10, record=0.10),
         scatter_source="declared",
         joins=(JOIN,),
+        far_scatter=measured_far_scatter("peak_overpressure_pa"),
     )
 )
