@@ -10,6 +10,7 @@ import numpy as np
 from jaxtyping import Float
 
 from jblast.errors import InputError
+from jblast.fidelity import solver
 from jblast.fidelity.candidates import (
     blind_to_height,
     candidates_for,
@@ -17,7 +18,7 @@ from jblast.fidelity.candidates import (
 )
 from jblast.fidelity.choice import Candidate, Choice
 from jblast.fidelity.conditions import Conditions, jitted_conditions
-from jblast.fidelity.reference import REFERENCES, is_reference
+from jblast.fidelity.reference import REFERENCES, continues_reference, is_reference
 from jblast.fidelity.sensor_paths import by_curves, paths_in, sensors_for, tnt_path
 from jblast.quantities import TIMES
 from jblast.registry import names_for
@@ -125,7 +126,11 @@ def tolerance_of(
 
 
 def choose_for(
-    quantity: str, conditions: Sequence[Conditions], tolerance: float
+    quantity: str,
+    conditions: Sequence[Conditions],
+    tolerance: float,
+    *,
+    laws_only: bool = False,
 ) -> Choice:
     """Return the cheapest method that is good enough over some places.
 
@@ -133,12 +138,15 @@ def choose_for(
         quantity: What is asked for; some law gives it.
         conditions: From every charge at its places.
         tolerance: Largest relative error allowed; zero asks for the best there is.
+        laws_only: Whether the method has to be a law, as in a fit; the solver is then
+            a candidate that is not taken.
     """
     z = np.concatenate([each.z for each in conditions])
     span = float(z.min()), float(z.max())
     uncertainty = worst_reference_uncertainty(quantity, conditions)
     candidates = sorted(candidates_for(quantity, conditions, uncertainty), key=_cost)
-    enough = [c for c in candidates if c.valid and c.predicted_error <= tolerance]
+    taken = [c for c in candidates if not (laws_only and c.method == solver.METHOD)]
+    enough = [c for c in taken if c.valid and c.predicted_error <= tolerance]
     if enough:
         most = ALIKE * _cost(enough[0])
         alike = [c for c in enough if _cost(c) <= most]
@@ -147,7 +155,7 @@ def choose_for(
         blind = blind_to_height(quantity, conditions)
         # one that knows of burial, out of its range, before any that does not
         found = min(
-            candidates,
+            taken,
             key=lambda c: (c.method in blind, *_nearness(quantity, c, conditions)),
         )
     return Choice(
@@ -173,7 +181,7 @@ def _nearness(
     """Return what to compare methods by where none is good enough.
 
     First whether it holds at all places, then whether at the nearest and at how many,
-    then as where several are.
+    then whether it continues the reference, then as where several are.
     """
     holding = np.concatenate([each.holds[candidate.method] for each in conditions])
     z = np.concatenate([each.z for each in conditions])
@@ -181,6 +189,7 @@ def _nearness(
         not candidate.valid,
         not holding[z.argmin()],
         int((~holding).sum()),
+        not continues_reference(quantity, candidate.method, z),
         *_preference(quantity, candidate, conditions),
     )
 

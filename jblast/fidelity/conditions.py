@@ -11,6 +11,7 @@ from jblast.registry import call, law_for, names_for
 from jblast.scene.charge import Burst
 from jblast.waves.paths import Path
 from jblast.waves.scaling import scaled_distance
+from jblast.waves.shock.far_scatter import FAR_END
 
 Numbers = Float[Array | np.ndarray, " place"]
 Marks = Bool[Array | np.ndarray, " place"]
@@ -56,7 +57,10 @@ def conditions_of(quantity: str, path: Path) -> Conditions:
         name: call(law_for(quantity, name).valid, path) for name in names_for(quantity)
     }
     if quantity in solver.SOLVED:
-        holds[solver.METHOD] = solver.holds(z, path.one_burst())
+        here = solver.holds(z, path.one_burst())
+        if quantity == "peak_overpressure_pa":  # of still air, as the laws are
+            here = here & (z <= FAR_END)
+        holds[solver.METHOD] = here
     return Conditions(
         z=z,
         slant_range=path.slant_range,

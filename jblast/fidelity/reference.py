@@ -111,6 +111,23 @@ def is_reference(
     )
 
 
+def continues_reference(
+    quantity: str, name: str, z: Float[np.ndarray, " place"]
+) -> bool:
+    """Return whether a method is the reference, or continues it past its last end.
+
+    Without absorption, everywhere. At Z = 600 no method holds for the peak: the weak
+    shock continues the reference, and the power law that the tables continue by does
+    not.
+    """
+    starts = [branch.start for branch in REFERENCES.get(quantity, ())]
+    if not starts:
+        return False
+    at = np.searchsorted(starts, z, side="left") - 1
+    nearest = [REFERENCES[quantity][max(int(i), 0)].lossless for i in at]
+    return all(law == name for law in nearest)
+
+
 def is_too_far(
     z: Float[np.ndarray, " place"], slant_range: Float[Array | np.ndarray, " place"]
 ) -> Bool[np.ndarray, " place"]:

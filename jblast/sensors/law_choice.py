@@ -132,7 +132,8 @@ def _choose(
             found.append(each)
             shares.append(tolerance_of(sigma[rows], quantity, [each]))
     stated = [share for share in shares if share > 0.0]
-    choice = choose_for(quantity, found, min(stated, default=0.0))
+    tolerance = min(stated, default=0.0)
+    choice = choose_for(quantity, found, tolerance, laws_only=True)
     return TakenLaw(choice.method, choice)
 
 

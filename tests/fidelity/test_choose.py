@@ -14,6 +14,7 @@ from jblast.report.choice.reason import reason_for
 from jblast.scene import Charge, Scene, Sensor, UncertainScene, freed
 from jblast.scene.parameters import with_values
 from jblast.scene.priors import LogNormal
+from jblast.sensors import planned_layout, resolve_laws
 
 ARRIVAL, PRESSURE = "air_arrival_s", "peak_overpressure_pa"
 IMPULSE = "positive_impulse_pa_s"
@@ -210,3 +211,9 @@ def test_a_far_peak_is_promised_no_better_than_recordings_are():
     near = choose(scene(250.0, mass=1.0, quantity=PRESSURE), PRESSURE, 0.3)
     assert not near.met
     assert near.predicted_error > 0.5
+
+
+def test_where_no_law_of_the_peak_holds_a_fit_takes_the_weak_shock_and_not_the_solver():
+    far = scene(600.0, mass=1.0, quantity=PRESSURE)  # Z = 600, past the end of all
+    laws = resolve_laws(far, planned_layout(far)[0])
+    assert laws[PRESSURE].name == "shock_kinematics"

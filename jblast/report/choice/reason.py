@@ -4,7 +4,7 @@ import math
 from collections.abc import Mapping
 
 from jblast.fidelity.choice import Candidate, Choice, TakenLaw
-from jblast.fidelity.reference import END, FARTHEST, REFERENCES
+from jblast.fidelity.reference import FARTHEST, REFERENCES
 from jblast.fidelity.solver import METHOD as SOLVER
 from jblast.registry import LAWS
 
@@ -98,8 +98,9 @@ def _of_the_chosen(choice: Choice, found: Candidate) -> str:
             "hold it against, so no tolerance is supportable"
         )
     if not math.isfinite(choice.reference_uncertainty):
+        end = REFERENCES[choice.quantity][-1].end
         return (
-            f"{name}: {z}; the reference ends at Z = {END:g} and "
+            f"{name}: {z}; the reference ends at Z = {end:g} and "
             f"{FARTHEST / 1000:g} km, so no tolerance is supportable there"
         )
     own = percent(choice.reference_uncertainty)
