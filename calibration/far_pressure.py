@@ -466,14 +466,13 @@ def _absorbed() -> list[str]:
     """Return what absorption takes from the peaks past `FAR`, by ISO 9613-1."""
     found = every_record()
     far = found.z > FAR
-    place = tuple(
-        x[far] for x in (found.slant_range, found.charge_mass, found.ambient_pressure)
-    )
+    distance, mass = found.slant_range[far], found.charge_mass[far]
+    ambient, sound = found.ambient_pressure[far], found.sound_speed[far]
+    plain = np.asarray(shock_kinematics_pressure(distance, mass, ambient))
     worst = 0.0
     for humidity in (0.1, 0.3, 0.5):
-        lossy = weak_shock_iso_pressure(*place, found.sound_speed[far], 300.0, humidity)
-        loss = 1.0 - np.asarray(lossy / shock_kinematics_pressure(*place))
-        worst = max(worst, float(loss.max()))
+        lossy = weak_shock_iso_pressure(distance, mass, ambient, sound, 300.0, humidity)
+        worst = max(worst, float(np.max(1.0 - np.asarray(lossy) / plain)))
     return [
         f"ISO 9613-1 takes at most {100 * worst:.1f} % of the peaks past Z = {FAR:g} "
         "(27 C, 10 to 50 % humidity)"

@@ -7,6 +7,7 @@ import pytest
 
 from jblast.registry import LAWS, call, law_for, total_scatter
 from jblast.scene import Charge, Scene, Sensor
+from jblast.scene.charge import Burst
 from jblast.sensors import planned_layout, record
 from jblast.sensors.observe import loadings
 from jblast.waves.paths import Path
@@ -16,7 +17,7 @@ PEAK = "peak_overpressure_pa"
 FAR_QUANTITIES = (PEAK, "positive_impulse_pa_s", "positive_duration_s")
 
 
-def path(z, burst="surface") -> Path:
+def path(z, burst: Burst = "surface") -> Path:
     z = jnp.asarray(z, float)
     nothing = jnp.zeros(())
     return Path(

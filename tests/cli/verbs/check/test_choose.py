@@ -26,12 +26,13 @@ def chosen(jblast, *asked: str) -> tuple[int, dict]:
 
 def test_the_answer_has_every_key_and_stdout_holds_nothing_else(jblast):
     code, answer = chosen(
-        jblast, "--quantity", "peak_overpressure_pa", "--tolerance", "0.1"
+        jblast, "--quantity", "peak_overpressure_pa", "--tolerance", "0.2"
     )
     assert tuple(answer) == KEYS
     assert (code, answer["met"]) == (0, True)
     assert answer["method"] in {each["method"] for each in answer["candidates"]}
-    assert answer["predicted_error"] <= 0.1
+    # recorded peaks are off the reference by 14 % at Z = 20 to 40
+    assert 0.1 < answer["predicted_error"] <= 0.2
     assert answer["cost_s"] > 0
     errors = [each["error"] for each in answer["candidates"]]
     assert None in errors  # the laws of free air do not hold on the ground
