@@ -4,7 +4,7 @@ from typing import Literal
 
 import numpy as np
 
-from jblast.inference.picks.fit.lanes import AGAIN, SLIGHT
+from jblast.inference.picks.fit.lanes import AGAIN, HOPELESS_MISFIT, SLIGHT
 from jblast.inference.picks.result import Pick
 
 Quality = Literal["good", "doubtful", "poor"]
@@ -36,7 +36,6 @@ POOR = frozenset({"nothing_found", "not_converged"})
 HARMLESS = frozenset({"sharp_front", "drifting", "later_arrival"})
 """These were seen and are within the errors; any other makes a pick doubtful."""
 
-HOPELESS_MISFIT = 30.0
 UNSURE_DURATION = 0.2
 """Standard deviation of ln duration from which on it is hardly known."""
 

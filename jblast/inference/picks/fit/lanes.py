@@ -33,8 +33,12 @@ CURVED = 0.03
 """A baseline that bends by this share of the peak may do what no cubic does."""
 
 AGAIN = 3.0
-"""Squared misfit from which on a record is picked again: over a shorter stretch, with
-its flat top as bounds, and by its front alone."""
+"""Squared misfit above which the model does not hold, and a record is picked again over
+a shorter stretch."""
+
+HOPELESS_MISFIT = 30.0
+"""That above which it explains next to nothing, and a record is picked again with its
+flat top as bounds and by its front alone."""
 
 FLAT = 6.0
 """A flat top is what lies so many standard deviations of the noise below the largest
@@ -132,9 +136,10 @@ def pick_lanes(
             longest, reach, before = best
             odd = ~(before.misfit < AGAIN) | ~before.converged
             left = jnp.sqrt(before.misfit) * before.noise
-            slight = left < SLIGHT * before.scale * before.natural.peak
+            slight = left < SLIGHT * before.natural.peak
             flawed = attempt.flat | (attempt.part > 0)
-            odd &= ~(flawed & before.converged & slight)
+            holds = slight | (before.misfit < HOPELESS_MISFIT)
+            odd &= ~(flawed & before.converged & holds)
 
             def anew():
                 sigma = before.noise * before.scale
