@@ -19,7 +19,12 @@ from jblast.errors import InputError
 from jblast.fidelity import TakenLaw
 from jblast.inference.design.cramer_rao import Bound
 from jblast.inference.design.summary import AddedDatum, BoundSummary, Sensitivity
-from jblast.inference.fitting.findings import NotAtOptimum, WrongClock, WrongSensor
+from jblast.inference.fitting.findings import (
+    ExchangedSensors,
+    NotAtOptimum,
+    WrongClock,
+    WrongSensor,
+)
 from jblast.inference.identifiability.findings import (
     Cure,
     EstimableCombination,
@@ -105,6 +110,7 @@ def test_the_schema_of_a_fit_takes_every_answer():
         explained_by=(
             WrongClock("c", *rest, -0.8, 0.01, None),
             WrongSensor("d", *rest),
+            ExchangedSensors("e", *rest, "f"),
         ),
     )
     made = (fit, example.three_parameters(), example.with_outliers())

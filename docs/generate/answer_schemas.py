@@ -285,11 +285,14 @@ def _combination(schema: Schema) -> Schema:
 
 
 def _wrong(schema: Schema) -> Schema:
-    told = _object({"kind": {"enum": ["clock", "sensor"]}, **schema["properties"]})
+    told = _object(
+        {"kind": {"enum": ["clock", "sensor", "exchange"]}, **schema["properties"]}
+    )
     told["properties"] |= {
         "offset_s": NUMBER,
         "offset_sd": NUMBER,
         "parameter": {"type": ["string", "null"]},
+        "other": {"type": "string"},
     }
     return told
 

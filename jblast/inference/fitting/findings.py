@@ -59,6 +59,30 @@ class WrongClock(WrongSensor):
 
 
 @dataclass(frozen=True)
+class ExchangedSensors(WrongSensor):
+    """Two sensors with whose places exchanged a log fits, all rows together.
+
+    Attributes:
+        other: Name of the second sensor.
+    """
+
+    other: str
+
+
+@dataclass(frozen=True)
+class SeveralExplanations(Finding):
+    """Other sensors without which a log fits as well as without a suspected one.
+
+    Attributes:
+        suspected: Sensor of the largest outlier.
+        others: The other sensors.
+    """
+
+    suspected: str
+    others: tuple[str, ...]
+
+
+@dataclass(frozen=True)
 class AsAsked(Finding):
     """A method was used because it was named."""
 

@@ -22,7 +22,12 @@ from jblast.inference.fitting.goodness_of_fit import (
     suspected_outliers,
 )
 from jblast.inference.fitting.solution import Solution
-from jblast.inference.fitting.suspects import explained_by, lies_far
+from jblast.inference.fitting.suspects import (
+    accused_sensors,
+    explained_by,
+    lies_far,
+    other_explanations,
+)
 from jblast.inference.fitting.uncertainty import Uncertainty
 from jblast.inference.fitting.unidentified import (
     estimable_combinations,
@@ -76,7 +81,8 @@ class Summary:
         dof: Its degrees of freedom.
         n_observations: Rows of the log.
         suspected_outliers: Readings too far off, worst first.
-        explained_by: Clocks and sensors without one of which the log fits.
+        explained_by: Clocks and sensors without one of which the log fits, and pairs of
+            sensors with whose places exchanged it does.
         warnings: What is to be told beside the numbers, the gravest first.
         n_lower_bounds: Rows of the log that are lower bounds.
         understood: What of the log was converted, skipped or supplied to read it.
@@ -166,6 +172,15 @@ def summary_of(
         wrong = explained_by(
             observations, solution, answered, lambda log: refit(log, ())
         )
+    suspected = suspected_outliers(
+        observations, left.residual, solution.posterior.noise
+    )
+    several: tuple[Finding, ...] = ()
+    if wrong:  # others may lie far off because of it
+        accused = accused_sensors(observations, wrong)
+        suspected = tuple(of for of in suspected if of.sensor in accused)
+    else:
+        several = other_explanations(observations, solution, suspected)
     more: tuple[Finding, ...] = ()
     if poor and not wrong:
         found = more_to_free(observations, uncertain, solution, refit)
@@ -187,13 +202,12 @@ def summary_of(
         chi2=chi2,
         dof=dof,
         n_observations=len(observations),
-        suspected_outliers=suspected_outliers(
-            observations, left.residual, solution.posterior.noise
-        ),
+        suspected_outliers=suspected,
         explained_by=wrong,
         warnings=(
             *more,
             *found_before,
+            *several,
             *warnings_of(
                 observations,
                 uncertain,

@@ -1,4 +1,6 @@
-"""Does one clock, or one sensor, explain a log that no scene fits: without it.
+"""Clocks and sensors that explain a log which no scene fits.
+
+A log may fit without one clock or sensor, or with the places of two exchanged.
 
 Rows are left out by an error too large for them to count (`UNHEARD`): the log keeps its
 layout, and nothing is compiled anew. An accused clock is one whose readings are left
@@ -8,6 +10,7 @@ out and not one whose offset is fitted: of one arrival that is the same.
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from itertools import combinations
 from typing import Any, NamedTuple
 
 import jax
@@ -16,7 +19,13 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from jblast.errors import InputError
-from jblast.inference.fitting.findings import WrongClock, WrongSensor
+from jblast.inference.fitting.findings import (
+    ExchangedSensors,
+    SeveralExplanations,
+    SuspectedOutlier,
+    WrongClock,
+    WrongSensor,
+)
 from jblast.inference.fitting.goodness_of_fit import (
     FITS,
     POOR,
@@ -69,7 +78,8 @@ def explained_by(
 ) -> tuple[WrongSensor, ...]:
     """Name each clock or sensor without which a log fits, and from which it is far.
 
-    One is accused if the rest converges, identifies every number and fits; and if
+    Two sensors whose exchanged places make all rows fit are named likewise. One clock
+    or sensor is accused if the rest converges, identifies every number and fits; and if
     errors as stated would put one among all so far off once in a thousand logs. Where
     all rows together have an answer as well, perhaps of kilotons miles away where laws
     scatter by seconds, the rest must be a thousand times as probable, the rows left out
@@ -104,6 +114,15 @@ def explained_by(
         if fits and density < least:
             continue
         if wrong := _judged(observations, rest, suspect, len(possible)):
+            found.append((density, wrong))
+    for exchanged in _exchanges(observations, solution):
+        try:
+            rest = refit(exchanged.log)
+        except InputError:
+            continue
+        density = float(rest.optima.log_density[0])
+        least = float(solution.optima.log_density[0]) - math.log(POOR)
+        if density >= least and (wrong := _exchange(rest, exchanged)):
             found.append((density, wrong))
     if any(wrong.law_valid_rows for _, wrong in found):
         found = [pair for pair in found if pair[1].law_valid_rows]
@@ -157,22 +176,158 @@ def _without(observations: Observations, rows: Int[np.ndarray, " out"]) -> Obser
 
 def _likeliest(solution: Solution, possible: Sequence[Suspect]) -> list[Suspect]:
     """Order suspects by how much chi squared would fall without each, laws linear."""
-    posterior, z = solution.posterior, jnp.asarray(solution.laplace.z)
-    misfit = posterior.misfit(z)
-    missed = jnp.asarray(least_error(np.asarray(misfit.residual), posterior))
-    moved = whitened_rows(posterior, misfit, missed[:, None])[:, 0]
-    slopes = whitened_jacobian(posterior, z)[: len(moved)]
-    moved, slopes = np.asarray(moved), np.asarray(slopes)
-    if not (np.isfinite(moved).all() and np.isfinite(slopes).all()):
-        return list(possible)
-    basis = np.linalg.svd(slopes / np.maximum(np.abs(slopes).max(0), 1e-300), False)[0]
-    left = moved - basis @ (basis.T @ moved)
+    falls = _falls(solution, possible)
+    order = (
+        np.argsort(-np.array(falls), kind="stable") if falls else range(len(possible))
+    )
+    return [possible[int(k)] for k in order]
+
+
+def _falls(solution: Solution, possible: Sequence[Suspect]) -> list[float]:
+    """Return by how much chi squared would fall without each suspect, laws linear.
+
+    Nothing is returned where predictions have no slopes.
+    """
+    linear = _linear_fit(solution.posterior, solution.laplace.z)
+    if linear is None:
+        return []
+    basis, left = linear
 
     def fall(suspect: Suspect) -> float:
         free = np.eye(len(suspect.rows)) - basis[suspect.rows] @ basis[suspect.rows].T
         return float(left[suspect.rows] @ np.linalg.pinv(free) @ left[suspect.rows])
 
-    return sorted(possible, key=fall, reverse=True)
+    return [fall(suspect) for suspect in possible]
+
+
+def _linear_fit(
+    posterior: Posterior, z: Float[np.ndarray, " free"]
+) -> tuple[Float[np.ndarray, "row rank"], Float[np.ndarray, " row"]] | None:
+    """Return the basis of what least squares can fit about a place, and what it leaves.
+
+    Both are in standard deviations; None where predictions have no slopes.
+    """
+    at = jnp.asarray(z)
+    misfit = posterior.misfit(at)
+    missed = jnp.asarray(least_error(np.asarray(misfit.residual), posterior))
+    moved = np.asarray(whitened_rows(posterior, misfit, missed[:, None])[:, 0])
+    slopes = np.asarray(whitened_jacobian(posterior, at)[: len(moved)])
+    if not (np.isfinite(moved).all() and np.isfinite(slopes).all()):
+        return None
+    basis = np.linalg.svd(slopes / np.maximum(np.abs(slopes).max(0), 1e-300), False)[0]
+    return basis, moved - basis @ (basis.T @ moved)
+
+
+class Exchanged(NamedTuple):
+    """A log with the places of two sensors exchanged."""
+
+    names: tuple[str, str]
+    log: Observations
+
+
+MOST_EXCHANGES = 3
+"""So many exchanges are solved for, the most promising: each is a search of its own."""
+
+
+def _exchanges(observations: Observations, solution: Solution) -> list[Exchanged]:
+    """Return the exchanges of two sensors' places that lower chi squared most.
+
+    Chi squared is that of a least-squares step about the answer. Only sensors are
+    exchanged without one of which it would fall most (`MOST`), and only exchanges that
+    lower it are returned: of an honest log none.
+    """
+    posterior, z = solution.posterior, solution.laplace.z
+    names = np.array(observations.sensor, object)
+    place = observations.position
+    placed = np.isnan(observations.slant_range) & np.isfinite(place).all(axis=1)
+    sensors = [
+        Suspect("sensor", name, rows)
+        for name in dict.fromkeys(observations.sensor)
+        for rows in [np.flatnonzero(names == name)]
+        if placed[rows].all() and not np.ptp(place[rows], axis=0).any()
+    ]
+    now = _linear_fit(posterior, z)
+    if now is None:
+        return []
+    found = []
+    for one, other in combinations(_likeliest(solution, sensors)[:MOST], 2):
+        moved = place.copy()
+        moved[one.rows], moved[other.rows] = place[other.rows[0]], place[one.rows[0]]
+        layout = replace(posterior.layout, position=jnp.asarray(moved))
+        then = _linear_fit(replace(posterior, layout=layout), z)
+        if then is not None and np.sum(then[1] ** 2) < np.sum(now[1] ** 2):
+            log = replace(observations, position=moved)
+            found.append((float(np.sum(then[1] ** 2)), (one.name, other.name), log))
+    found.sort(key=lambda entry: entry[0])
+    return [Exchanged(pair, log) for _, pair, log in found[:MOST_EXCHANGES]]
+
+
+def _exchange(rest: Solution, exchanged: Exchanged) -> ExchangedSensors | None:
+    """Return an exchange that makes a log fit; None if it does not."""
+    normal = rest.laplace
+    if not (normal.converged and all(rest.identifiability.determined)):
+        return None
+    posterior, z = rest.posterior, normal.z
+    left = standardised_residuals(posterior, z)
+    chi2, dof = chi_squared(posterior, z, left, z.size)
+    p = p_value(chi2, dof)
+    if p is None or p < FITS:
+        return None
+    valid = np.asarray(posterior.misfit(jnp.asarray(z)).valid)
+    return ExchangedSensors(
+        name=exchanged.names[0],
+        chi2=chi2,
+        dof=dof,
+        p_value=p,
+        law_valid_rows=int(valid.sum()),
+        estimates=marginals(posterior.parameters, normal),
+        other=exchanged.names[1],
+    )
+
+
+def accused_sensors(
+    observations: Observations, wrong: Sequence[WrongSensor]
+) -> set[str]:
+    """Return the sensors whose readings are wrong by any of some explanations."""
+    names: set[str] = set()
+    for one in wrong:
+        if isinstance(one, WrongClock):
+            of_clock = zip(observations.sensor, observations.clocks(), strict=True)
+            names |= {sensor for sensor, clock in of_clock if clock == one.name}
+        else:
+            names.add(one.name)
+        if isinstance(one, ExchangedSensors):
+            names.add(one.other)
+    return names
+
+
+def other_explanations(
+    observations: Observations,
+    solution: Solution,
+    suspected: Sequence[SuspectedOutlier],
+) -> tuple[SeveralExplanations, ...]:
+    """Return the sensors that explain a log as well as the one of the worst outlier.
+
+    Without one of them chi squared would fall by as much, to `AS_LIKELY` in ln
+    density. Where a log has one degree of freedom that holds of every sensor.
+    """
+    if not suspected or is_long(solution.posterior):
+        return ()
+    names = np.array(observations.sensor, object)
+    sensors = [
+        Suspect("sensor", name, np.flatnonzero(names == name))
+        for name in dict.fromkeys(observations.sensor)
+    ]
+    falls = dict(
+        zip((s.name for s in sensors), _falls(solution, sensors), strict=False)
+    )
+    worst = suspected[0].sensor
+    others = tuple(
+        name
+        for name, fall in falls.items()
+        if name != worst and fall > falls[worst] - 2 * AS_LIKELY
+    )
+    return (SeveralExplanations(worst, others),) if others else ()
 
 
 def _judged(

@@ -5,7 +5,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from typing import Any
 
-from jblast.inference.fitting.findings import WrongClock, WrongSensor
+from jblast.inference.fitting.findings import (
+    ExchangedSensors,
+    WrongClock,
+    WrongSensor,
+)
 from jblast.inference.fitting.place.on_earth import on_earth
 from jblast.inference.fitting.result import Fit
 from jblast.inference.identifiability.findings import (
@@ -118,7 +122,7 @@ NEAR_ALONE = "near the answer only: the invariance is curved"
 
 
 def _explanation(wrong: WrongSensor) -> dict[str, Any]:
-    """Return the entry of a clock or a sensor without which the log fits."""
+    """Return the entry of what explains a log that does not fit."""
     clock = {}
     if isinstance(wrong, WrongClock):
         clock = {
@@ -126,9 +130,11 @@ def _explanation(wrong: WrongSensor) -> dict[str, Any]:
             "offset_sd": wrong.offset_sd,
             "parameter": wrong.parameter,
         }
+    exchanged = isinstance(wrong, ExchangedSensors)
     return {
-        "kind": "clock" if clock else "sensor",
+        "kind": "exchange" if exchanged else "clock" if clock else "sensor",
         "name": wrong.name,
+        **({"other": wrong.other} if exchanged else {}),
         **clock,
         "chi2": wrong.chi2,
         "dof": wrong.dof,

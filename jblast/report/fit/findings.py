@@ -216,6 +216,15 @@ def _(finding: StillAir) -> str:
 
 
 @words.register
+def _(finding: fitting.SeveralExplanations) -> str:
+    others = " or ".join(finding.others)
+    return (
+        f"the recordings of {finding.suspected} are suspected, but without those of "
+        f"{others} the log would fit as well: it cannot say which is wrong"
+    )
+
+
+@words.register
 def _(finding: fitting.AsAsked) -> str:
     return "as asked for"
 

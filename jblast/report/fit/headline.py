@@ -3,7 +3,12 @@
 import math
 from collections.abc import Mapping
 
-from jblast.inference.fitting.findings import MoreToFree, WrongClock, WrongSensor
+from jblast.inference.fitting.findings import (
+    ExchangedSensors,
+    MoreToFree,
+    WrongClock,
+    WrongSensor,
+)
 from jblast.inference.fitting.result import Fit
 from jblast.inference.fitting.summary import Summary
 from jblast.inference.fitting.unidentified import requested
@@ -39,7 +44,7 @@ def headline(fit: Fit) -> list[str]:
     if found.explained_by and not lines:
         lines.append("ONE READING SPOILS THE LOG: take no number below as an answer.")
     if len(found.explained_by) > 1:
-        names = " or ".join(wrong.name for wrong in found.explained_by)
+        names = " or ".join(_accused(wrong) for wrong in found.explained_by)
         lines.append(f"{names} is wrong; the log cannot say which.")
     lines += [explanation(wrong) for wrong in found.explained_by]
     more = (one for one in found.warnings if isinstance(one, MoreToFree))
@@ -122,8 +127,24 @@ def _mass(estimates: Mapping[str, Estimate]) -> str:
     )
 
 
+def _accused(wrong: WrongSensor) -> str:
+    """Return the name of a clock or sensor, or of two whose places are exchanged."""
+    if isinstance(wrong, ExchangedSensors):
+        return f"the order of {wrong.name} and {wrong.other}"
+    return wrong.name
+
+
 def explanation(wrong: WrongSensor) -> str:
-    """Say what a log tells without a clock or sensor, and what to type."""
+    """Return what a log says without a clock or sensor, and what to type."""
+    if isinstance(wrong, ExchangedSensors):
+        said = (
+            f"With the places of {wrong.name} and {wrong.other} exchanged all "
+            f"recordings fit (p {printed_p(wrong.p_value)})."
+        )
+        if mass := _mass(wrong.estimates):
+            outside = "" if wrong.law_valid_rows else ", outside the laws"
+            said += f" Then: {mass}{outside}."
+        return f"{said} If they were swapped, exchange their positions in the log."
     name, fits = wrong.name, f"the others fit (p {printed_p(wrong.p_value)})"
     if isinstance(wrong, WrongClock):
         offset = wrong.offset_s

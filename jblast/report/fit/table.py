@@ -7,6 +7,7 @@ from dataclasses import asdict
 from typing import Any
 
 from jblast.errors import InputError
+from jblast.inference.fitting.findings import ExchangedSensors, WrongSensor
 from jblast.inference.fitting.result import Fit
 from jblast.inference.posterior.estimate import Estimate
 from jblast.report.estimates import printed_estimate
@@ -108,9 +109,15 @@ def _doubts(fit: Fit) -> str:
             ("poor fit", fit.is_poor),
             ("no row within its law", fit.is_outside),
             ("outside its law", not found.law_valid and not fit.is_outside),
-            *((f"without {wrong.name} it fits", True) for wrong in found.explained_by),
+            *((_fits(wrong), True) for wrong in found.explained_by),
             ("outliers", bool(found.suspected_outliers)),
         )
         if doubtful
     ]
     return ", ".join(doubts)
+
+
+def _fits(wrong: WrongSensor) -> str:
+    if isinstance(wrong, ExchangedSensors):
+        return f"with {wrong.name} and {wrong.other} exchanged it fits"
+    return f"without {wrong.name} it fits"

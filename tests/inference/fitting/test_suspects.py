@@ -1,12 +1,30 @@
 """One clock or one sensor that spoils a log is named; an honest log accuses nobody."""
 
+from dataclasses import replace
+
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
 from jblast.errors import InputError
 from jblast.inference import fit, solve
-from jblast.inference.fitting.findings import WrongClock, WrongSensor
-from jblast.inference.fitting.suspects import explained_by
+from jblast.inference.fitting.findings import (
+    ExchangedSensors,
+    SuspectedOutlier,
+    WrongClock,
+    WrongSensor,
+)
+from jblast.inference.fitting.suspects import (
+    AS_LIKELY,
+    MOST_EXCHANGES,
+    accused_sensors,
+    explained_by,
+    other_explanations,
+)
+from jblast.inference.posterior.fisher_information import (
+    whitened_jacobian,
+    whitened_rows,
+)
 from jblast.report import summary
 from tests.inference.fitting.clocks_off import ASKED, MASS, NAMES, accused, heard
 
@@ -43,6 +61,50 @@ def test_asked_one_by_one_no_sensor_of_an_honest_log_is_accused():
     assert len(asked) == len(NAMES)
 
 
+def test_two_sensors_whose_places_are_swapped_are_named():
+    made = heard("arrivals", np.random.default_rng(5))
+    place = made.position.copy()
+    place[[1, 4]] = place[[4, 1]]
+    swapped = replace(made, position=place)
+
+    def refit(log):
+        return solve(log, ASKED)
+
+    first, *_ = explained_by(swapped, solve(swapped, ASKED), False, refit)
+    assert isinstance(first, ExchangedSensors)
+    assert {first.name, first.other} == {"b", "e"}
+    assert first.p_value > 0.01
+    assert accused_sensors(swapped, [first]) == {"b", "e"}
+
+
+def test_sensors_that_explain_a_log_as_well_as_the_suspected_one_are_named():
+    made = heard("arrivals", np.random.default_rng(3), clock={"c": -0.1})
+    solution = solve(made, ASKED)
+    posterior, z = solution.posterior, jnp.asarray(solution.laplace.z)
+    misfit = posterior.misfit(z)
+    missed = np.asarray(
+        whitened_rows(posterior, misfit, misfit.residual[:, None])[:, 0]
+    )
+    slopes = np.asarray(whitened_jacobian(posterior, z))[: len(missed)]
+
+    def chi2_without(rows):
+        kept = np.delete(slopes, rows, 0), np.delete(missed, rows)
+        step = np.linalg.lstsq(*kept, rcond=1e-12)[0]
+        return np.sum((kept[1] - kept[0] @ step) ** 2)
+
+    falls = {name: -chi2_without([i]) for i, name in enumerate(NAMES)}
+    for suspect in NAMES:
+        as_well = [
+            name
+            for name in NAMES
+            if name != suspect and falls[name] > falls[suspect] - 2 * AS_LIKELY
+        ]
+        worst = SuspectedOutlier(suspect, "air_arrival_s", -4.0)
+        told = other_explanations(made, solution, [worst])
+        assert [name for one in told for name in one.others] == as_well
+    assert other_explanations(made, solution, []) == ()
+
+
 @pytest.mark.slow  # of a whole fit, which asks them where the log does not fit
 def test_an_honest_log_of_the_same_sensors_accuses_nobody():
     found = fit(heard("arrivals", np.random.default_rng(4)), ASKED)
@@ -60,7 +122,7 @@ def test_a_rest_that_has_no_answer_accuses_nobody_and_ends_nothing():
         raise InputError("no value of charge_mass_kg gives the log a probability")
 
     assert explained_by(made, solution, False, refused) == ()
-    assert len(asked) == len(NAMES)  # each was tried
+    assert len(NAMES) <= len(asked) <= len(NAMES) + MOST_EXCHANGES  # each was tried
 
 
 @pytest.mark.slow

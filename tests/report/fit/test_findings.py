@@ -23,7 +23,8 @@ MADE: dict[Any, Any] = {
     bool: True,
     importance.FewEffectiveDraws: importance.FewEffectiveDraws(50.4, 100),
 }
-ACCUSED = (fitting.WrongSensor, fitting.WrongClock)  # `headline` has their words
+ACCUSED = (fitting.WrongSensor, fitting.WrongClock, fitting.ExchangedSensors)
+"""Of these `headline` has the words."""
 
 
 def kinds():

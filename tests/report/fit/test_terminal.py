@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 import scipy.stats
 
+from jblast.inference.fitting.findings import ExchangedSensors, WrongClock
 from jblast.inference.posterior.estimate import Estimate
 from jblast.report import summary
 from jblast.report.fit.conclusion import conclusion, limits
@@ -190,3 +191,16 @@ def test_a_fit_that_identifies_nothing_it_was_asked_for_ends_with_code_4():
     one = wide_mass(charge_east_m=far, charge_north_m=Estimate(4.0))
     assert one.exit_code == 0
     assert conclusion(one)[0].endswith("are not identified; charge north is.")
+
+
+def test_two_exchanged_sensors_are_named_with_what_to_do():
+    fit = example.three_parameters()
+    mass = {"charge_mass_kg": fit.summary.estimates["charge_mass_kg"]}
+    swap = ExchangedSensors("b", 2.5, 3, 0.47, 4, mass, "e")
+    clock = WrongClock("c", 2.5, 3, 0.47, 4, mass, -0.8, 0.01, "clock_offset_s.c")
+    fit = replace(fit, summary=replace(fit.summary, explained_by=(swap, clock)))
+    text = " ".join(summary(fit).split())
+    assert "the order of b and e or c is wrong; the log cannot say which." in text
+    assert "With the places of b and e exchanged all recordings fit (p = 0.47)." in text
+    assert "exchange their positions in the log." in text
+    assert fit.exit_code == 4
