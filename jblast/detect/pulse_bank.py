@@ -2,9 +2,9 @@
 
 Waves of laws differ mostly by how long they last: a bank in even steps of ln duration
 has one near any blast, with which a matched filter loses little. Each is a filter of
-its own; what one hears above its threshold is a blast, unless another hears it louder
-within the length of the longest. The false alarms that are borne with are shared among
-them, which costs some 0.6 dB with one an hour.
+its own. Of the arrivals above the thresholds within the length of the longest pulse the
+loudest counts, if its form is that of a blast (`pulse_fit.py`). The accepted false
+alarms are shared among them, which costs some 0.6 dB with one an hour.
 
 It is preferred to STA/LTA because its output is in standard deviations of the noise, so
 that its false alarms are those asked for in noise of any colour, and because its times
@@ -17,6 +17,7 @@ import numpy as np
 
 from jblast.constants import STANDARD_PRESSURE, STANDARD_SOUND_SPEED
 from jblast.detect.peaks import Detection
+from jblast.detect.pulse_fit import PulseFit, PulseTest
 from jblast.detect.search import Channel, Searched
 from jblast.detect.templates import blast_templates
 from jblast.waves.waveform.blast_pressure import blast_pulse
@@ -48,16 +49,22 @@ def search_bank(
     templates: Sequence[np.ndarray],
     false_alarms_per_hour: float,
     look: Callable[[Channel, np.ndarray, float], Searched],
+    *,
+    any_form: bool = False,
 ) -> Searched:
     """Search a channel for several templates.
 
-    The output is the largest of all at each sample, the threshold the highest.
+    The output is the largest of all at each sample, the threshold the highest. Of
+    arrivals nearer to each other than the longest pulse the loudest is tested: those
+    of other forms (`jblast.detect.pulse_fit`), and those no louder than the threshold
+    in the noise just before them, are rejected.
 
     Args:
         channel: Where.
         templates: What for, at the channel's rate.
         false_alarms_per_hour: Of all together [1/h].
         look: `search`, or `search_as_stream`.
+        any_form: Whether arrivals of any form are accepted.
 
     Raises:
         InputError: Templates or recording cannot be used.
@@ -65,19 +72,31 @@ def search_bank(
     share = false_alarms_per_hour / len(templates)
     every = [look(channel, template, share) for template in templates]
     longest = max(template.size for template in templates) / channel.rate_hz
-    found = [(one, of) for of in every for one in of.detections]
+    found = [(one, nth) for nth, of in enumerate(every) for one in of.detections]
     found.sort(key=lambda heard: -heard[0].statistic)
-    kept: list[Detection] = []
-    for one, _ in found:
-        if all(abs(one.time_s - other.time_s) > longest for other in kept):
-            kept.append(one)
-    kept.sort(key=lambda one: one.time_s)
-    loudest = found[0][1] if found else every[0]
+    tested: list[tuple[Detection, PulseFit]] = []
+    accepted: set[Detection] = set()
+    tests: dict[int, PulseTest] = {}
+    for one, nth in found:
+        if any(abs(one.time_s - other.time_s) <= longest for other, _ in tested):
+            continue
+        if nth not in tests:
+            tests[nth] = PulseTest(templates, channel.rate_hz, every[nth].noise)
+        fit = tests[nth](channel.samples, one.time_s, nth)
+        tested.append((one, fit))
+        # where the noise is louder than on average, so is the threshold
+        loud = one.statistic > every[nth].threshold * fit.level
+        if any_form or (fit.accepted and loud):
+            accepted.add(one)
+    tested.sort(key=lambda pair: pair[0].time_s)
+    loudest = every[found[0][1]] if found else every[0]
     length = min(one.statistic.size for one in every)
     outputs = np.max([one.statistic[:length] for one in every], axis=0)
     return loudest._replace(
         threshold=max(one.threshold for one in every),
         statistic=outputs,
-        detections=tuple(kept),
+        detections=tuple(one for one, _ in tested if one in accepted),
+        fits=tuple(fit for one, fit in tested if one in accepted),
+        rejected=tuple(pair for pair in tested if pair[0] not in accepted),
         latency_s=max(one.latency_s for one in every) + longest,
     )

@@ -18,6 +18,7 @@ from jaxtyping import Float
 from jblast.detect.kernel import MatchedKernel
 from jblast.detect.matched_filter import Filtered, matched_filter
 from jblast.detect.peaks import Detection, PeakPicker, detections
+from jblast.detect.pulse_fit import PulseFit
 from jblast.detect.stream import BLOCK_S, LEARN_S, Stream, stream
 from jblast.detect.threshold import FALSE_ALARMS_PER_HOUR, in_decibels, threshold_for
 from jblast.detect.whitening import NoiseSpectrum, noise_spectrum
@@ -64,6 +65,8 @@ class Searched(NamedTuple):
         statistic: The filter's output, a sample for each that it is known of.
         detections: Blasts, in order of time.
         latency_s: From the first sample of a blast to its being told, as a stream [s].
+        fits: Goodness of fit of each detection, in a search without a template.
+        rejected: Arrivals above the threshold whose form is not that of a blast.
     """
 
     channel: Channel
@@ -73,6 +76,8 @@ class Searched(NamedTuple):
     statistic: Float[np.ndarray, " sample"]
     detections: tuple[Detection, ...]
     latency_s: float
+    fits: tuple[PulseFit, ...] = ()
+    rejected: tuple[tuple[Detection, PulseFit], ...] = ()
 
     @property
     def threshold_snr_db(self) -> float:

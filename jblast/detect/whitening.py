@@ -170,3 +170,23 @@ def bin_variances(
     at = np.fft.rfftfreq(size, 1 / rate_hz)
     fine = np.interp(at, frequency, density) * (rate_hz / 2)
     return np.maximum(fine, FLOOR * fine.mean())
+
+
+def whitening_taps(noise: NoiseSpectrum, rate_hz: float) -> Float[np.ndarray, " tap"]:
+    r"""Return a causal filter after which the noise is white, with variance 1.
+
+    The minimum-phase filter of gain $1/\sqrt S$, by the cepstrum of the gain (Oppenheim
+    and Schafer, Discrete-Time Signal Processing, section 13.5). Nothing after a sample
+    changes it, so that the quiet before an arrival remains quiet.
+
+    Args:
+        noise: Its spectrum.
+        rate_hz: Sampling rate [Hz].
+    """
+    lines = int(np.ceil(8 * rate_hz / float(noise.frequency_hz[1])))
+    size = 2 ** int(np.ceil(np.log2(max(lines, 64))))
+    cepstrum = np.fft.irfft(-0.5 * np.log(bin_variances(noise, size, rate_hz)), size)
+    cepstrum[1 : size // 2] *= 2
+    cepstrum[size // 2 + 1 :] = 0.0
+    taps = np.fft.irfft(np.exp(np.fft.rfft(cepstrum)), size)
+    return taps[: size // 4]

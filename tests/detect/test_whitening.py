@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from jblast.detect import NoiseSpectrum, matched_kernel, noise_spectrum, white_noise
-from jblast.detect.whitening import median_bias
+from jblast.detect.whitening import median_bias, whitening_taps
 from jblast.errors import InputError
 from jblast.verification.cases.detectors import RATE, coloured, pulse, rumble
 
@@ -74,3 +74,18 @@ def test_windows_that_do_not_fit_are_refused():
         noise_spectrum(np.arange(1000.0), RATE, segment_s=0.1)
     with pytest.raises(InputError, match="segment_s: expected a positive number"):
         noise_spectrum(np.arange(1000.0), RATE, segment_s=-0.1)
+
+
+def test_the_causal_filter_leaves_white_noise_of_variance_one():
+    noise = rumble()
+    taps = whitening_taps(noise, RATE)
+    # its gain is one over the root of the density
+    gain = np.abs(np.fft.rfft(taps, 2**16)[1:-1]) ** 2
+    f = np.fft.rfftfreq(2**16, 1 / RATE)[1:-1]
+    density = np.interp(f, noise.frequency_hz, noise.density) * RATE / 2
+    np.testing.assert_allclose(gain * density, 1.0, rtol=0.02)
+    sound = coloured(np.random.default_rng(8), noise, 2**17)[0]
+    white = np.convolve(sound, taps)[taps.size : sound.size]
+    assert white.std() == pytest.approx(1.0, abs=0.02)
+    neighbours = np.corrcoef(white[1:], white[:-1])[0, 1]
+    assert abs(neighbours) < 0.02

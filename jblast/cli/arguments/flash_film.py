@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 Kind = Literal["sound", "frames", "video", "events"]
 VIDEOS = (".mp4", ".avi", ".mov", ".mkv", ".webm", ".m4v", ".mpg", ".mpeg", ".ogv")
 EVENTS = (".h5", ".hdf5", ".npz", ".raw", ".aedat4")
-OF_SOUND = ("template", "charge", "range", "stream", "positions")
+OF_SOUND = ("template", "charge", "range", "any_form", "stream", "positions")
 OF_PICTURES = ("fps", "scene")
 
 
@@ -54,7 +54,8 @@ def kind_asked(asked: Namespace) -> Kind:
             if not Path(first).exists():
                 raise InputError(f"{first}: no such file or directory")
             only = "sound" if seen else "frames, a video or events"
-            raise InputError(f"--{name}: expected it with {only} only, got {first}")
+            option = name.replace("_", "-")
+            raise InputError(f"--{option}: expected it with {only} only, got {first}")
     return kinds[0]
 
 

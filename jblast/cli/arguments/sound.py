@@ -141,7 +141,10 @@ def searched_for(
             continue
         from jblast.detect.pulse_bank import search_bank
 
-        searched.append(search_bank(channel, templates, asked.false_alarms, look))
+        found = search_bank(
+            channel, templates, asked.false_alarms, look, any_form=asked.any_form
+        )
+        searched.append(found)
     return searched, method
 
 

@@ -1,9 +1,12 @@
 """What was heard, as JSON."""
 
 from collections.abc import Sequence
+from itertools import zip_longest
 from typing import Any
 
 from jblast.detect.array.log import ArrayFinding
+from jblast.detect.peaks import Detection
+from jblast.detect.pulse_fit import PulseFit
 from jblast.detect.search import Searched
 from jblast.json_values import plain
 
@@ -23,17 +26,13 @@ def detection_document(
         arrays: What arrays told.
     """
     arrivals = [
-        {
-            "time_s": found.time_s,
-            "snr_db": found.snr_db,
-            "sigma_s": found.sigma_s,
-            "channel": one.channel.number,
-            "sensor": one.channel.sensor,
-        }
+        _arrival(one, found, fit)
         for one in searched
-        for found in one.detections
+        for found, fit in zip_longest(one.detections, one.fits)
     ]
-    arrivals.sort(key=lambda arrival: arrival["time_s"])
+    rejected = [_arrival(one, *pair) for one in searched for pair in one.rejected]
+    for entries in (arrivals, rejected):
+        entries.sort(key=lambda arrival: arrival["time_s"])
     document = {
         "schema": 1,
         "detected": bool(arrivals),
@@ -54,8 +53,28 @@ def detection_document(
         ],
         "dead_channels": list(dead),
         "arrays": [_array(finding) for finding in arrays],
+        "rejected_arrivals": rejected,
     }
     return plain(document)
+
+
+def _arrival(one: Searched, found: Detection, fit: PulseFit | None) -> dict[str, Any]:
+    entry = {
+        "time_s": found.time_s,
+        "snr_db": found.snr_db,
+        "sigma_s": found.sigma_s,
+        "channel": one.channel.number,
+        "sensor": one.channel.sensor,
+    }
+    if fit is not None:
+        entry |= {
+            "misfit": fit.misfit,
+            "ringing": fit.ringing,
+            "fit_p": fit.p,
+            "fit_dof": fit.dof,
+            "noise_level": fit.level,
+        }
+    return entry
 
 
 def _array(finding: ArrayFinding) -> dict[str, Any]:

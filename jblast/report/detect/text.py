@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from itertools import zip_longest
 
 from jblast.detect.array.log import CONTRADICTED, WIDEST, ArrayFinding, Log
 from jblast.detect.search import Searched
@@ -45,6 +46,7 @@ def detection_text(
     if dead:
         are = "is dead: it holds" if len(dead) == 1 else "are dead: each holds"
         lines.append(f"{joined(list(dead))} {are} one value throughout; not searched")
+    lines += _rejected(sum(len(one.rejected) for one in searched))
     if count:
         lines += ["", *_table(searched)]
     if log is not None:
@@ -64,10 +66,18 @@ def _thresholds(searched: Sequence[Searched]) -> list[str]:
     ]
 
 
+def _rejected(count: int) -> list[str]:
+    """Return a line for the arrivals that were rejected, if any."""
+    if not count:
+        return []
+    words = "1 impulsive sound" if count == 1 else f"{count} impulsive sounds"
+    return [f"{words} rejected: not the form of a blast pulse (--any-form accepts all)"]
+
+
 def _table(searched: Sequence[Searched]) -> list[str]:
-    rows = []
+    rows, tested = [], any(one.fits for one in searched)
     for one in searched:
-        for found in one.detections:
+        for found, fit in zip_longest(one.detections, one.fits):
             digits = min(max(1 - math.floor(math.log10(found.sigma_s)), 1), 9)
             rows.append(
                 (
@@ -75,11 +85,13 @@ def _table(searched: Sequence[Searched]) -> list[str]:
                     f"{found.time_s:.{digits}f}",
                     f"{found.sigma_s:.2g}",
                     f"{found.snr_db:.1f}",
+                    *((f"{fit.misfit:.2f}", f"{fit.ringing:.2f}") if fit else ()),
                 )
             )
     rows.sort(key=lambda row: float(row[1]))
     head = ("sensor", "arrival [s]", "sigma [s]", "SNR [dB]")
-    return aligned([head, *rows], right={1, 2, 3})
+    head += ("misfit", "ringing") if tested else ()
+    return aligned([head, *rows], right=set(range(1, len(head))))
 
 
 def _of_log(log: Log) -> list[str]:

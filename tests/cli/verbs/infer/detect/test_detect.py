@@ -89,6 +89,36 @@ def test_a_dead_channel_is_named_and_the_others_are_used(jblast):
     assert "three.2 is dead" in said
 
 
+def test_without_a_template_a_door_is_rejected_and_a_blast_is_not(jblast):
+    samples = recording([[]], seconds=6.0)
+    time = np.arange(samples.shape[1]) / RATE
+    blast, late = time - 2.0, np.maximum(time - 4.0, 0.0)
+    x = np.maximum(blast, 0.0) / 0.008
+    samples[0] += np.where(blast >= 0, (1 - x) * np.exp(-x), 0.0)
+    for f, quality, size in ((63, 8, 1.0), (121, 12, -0.8), (187, 10, 0.6)):
+        decay = np.exp(-np.pi * f * late / quality)
+        samples[0] += 0.6 * size * decay * np.sin(2 * np.pi * f * late)
+    file = write(jblast, "both.wav", samples)
+    code, found = answer(jblast, file)
+    assert code == 0
+    (arrival,) = found["arrivals"]
+    assert abs(arrival["time_s"] - 2.0) < 1e-3
+    assert arrival["misfit"] < 0.5
+    assert arrival["ringing"] < 1.0
+    assert 0.99 < arrival["fit_p"] <= 1.0
+    assert arrival["fit_dof"] > 500
+    assert found["rejected_arrivals"]
+    assert all(3.9 < one["time_s"] < 4.6 for one in found["rejected_arrivals"])
+
+    door = write(jblast, "door.wav", samples[:, round(3.0 * RATE) :])
+    code, out, _ = jblast("detect", door)
+    assert code == 3
+    assert "rejected: not the form of a blast pulse" in out
+    code, found = answer(jblast, door, "--any-form")
+    assert (code, found["rejected_arrivals"]) == (0, [])
+    assert found["arrivals"][0]["ringing"] > 1.0
+
+
 def test_more_false_alarms_make_a_lower_threshold(jblast):
     file = write(jblast, "noise.wav", recording([[]]))
     shape = template(jblast)

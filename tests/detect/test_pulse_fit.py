@@ -1,0 +1,155 @@
+"""Goodness of fit of arrivals: blast pulses, and other impulsive sounds."""
+
+import numpy as np
+import pytest
+
+from jblast.detect import noise_spectrum, white_noise
+from jblast.detect.pulse_bank import bank_of_pulses, search_bank
+from jblast.detect.pulse_fit import MOST_MISFIT, PulseTest
+from jblast.detect.search import Channel, search, search_as_stream
+
+RATE, SECONDS = 8000.0, 6.0
+TIME = np.arange(round(0.4 * RATE)) / RATE
+
+
+@pytest.fixture(scope="module")
+def bank():
+    return bank_of_pulses(RATE)
+
+
+def friedlander(duration_s, decay=1.0):
+    """A pulse that is none of the bank's."""
+    x = TIME / duration_s
+    return (1 - x) * np.exp(-decay * x)
+
+
+def ringing(frequency_hz, quality):
+    decay = np.exp(-np.pi * frequency_hz * TIME / quality)
+    return decay * np.sin(2 * np.pi * frequency_hz * TIME)
+
+
+def burst(seed=5):
+    """A longer noise burst."""
+    rng = np.random.default_rng(seed)
+    return rng.standard_normal(TIME.size) * np.exp(-TIME / 0.1)
+
+
+def door():
+    parts = [ringing(f, q) for f, q in ((62, 8), (118, 12), (190, 10), (333, 15))]
+    return parts[0] - 0.8 * parts[1] + 0.6 * parts[2] + 0.5 * parts[3]
+
+
+def drum():
+    return ringing(90, 12) + 0.4 * ringing(143, 15)
+
+
+def click():
+    return ringing(2200, 4)
+
+
+def with_reflection(sound, delay_s=0.004, share=0.8):
+    late = round(delay_s * RATE)
+    return sound + share * np.r_[np.zeros(late), sound[:-late]]
+
+
+BLASTS = {
+    "3 ms": friedlander(0.003),
+    "12 ms": friedlander(0.012),
+    "other decay": friedlander(0.02, 2.0),
+    "reflection": with_reflection(friedlander(0.006)),
+    "clipped": np.minimum(friedlander(0.01), 0.6),
+}
+OTHERS = {"door": door(), "drum": drum(), "click": click(), "burst": burst()}
+
+
+def channel(sound, at_s=3.0, level=40.0, seed=0):
+    """White noise of variance 1 with a sound of a given peak."""
+    samples = np.random.default_rng(seed).standard_normal(round(SECONDS * RATE))
+    start = round(at_s * RATE)
+    samples[start : start + sound.size] += level * sound / np.abs(sound).max()
+    return Channel("gate", "gate.wav", 1, samples, RATE)
+
+
+@pytest.mark.parametrize("name", BLASTS)
+def test_pulses_of_other_forms_are_accepted(bank, name):
+    found = search_bank(channel(BLASTS[name]), bank, 1.0, search)
+    assert [round(one.time_s, 2) for one in found.detections] == [3.0]
+    (fit,) = found.fits
+    assert fit.misfit < MOST_MISFIT
+    assert fit.ringing < 1.0
+
+
+@pytest.mark.parametrize("name", OTHERS)
+def test_other_impulsive_sounds_are_rejected(bank, name):
+    found = search_bank(channel(OTHERS[name]), bank, 1.0, search)
+    assert found.detections == ()
+    assert found.rejected  # reported, not dropped
+    assert all(not fit.accepted for _, fit in found.rejected)
+    accepted = search_bank(channel(OTHERS[name]), bank, 1.0, search, any_form=True)
+    assert len(accepted.detections) == len(found.rejected) == len(accepted.fits)
+
+
+@pytest.mark.parametrize("sound", [BLASTS["12 ms"], OTHERS["door"]])
+def test_a_stream_accepts_what_a_whole_recording_does(bank, sound):
+    whole = search_bank(channel(sound), bank, 1.0, search)
+    streamed = search_bank(channel(sound), bank, 1.0, search_as_stream)
+    # shorter than ten seconds: the noise is that of all of it, in both
+    np.testing.assert_allclose(streamed.detections, whole.detections, rtol=1e-9)
+    np.testing.assert_allclose(streamed.fits, whole.fits, rtol=1e-9)
+    assert len(streamed.rejected) == len(whole.rejected)
+
+
+def test_chi_squared_of_a_true_pulse_has_its_degrees_of_freedom(bank):
+    """In noise of known spectrum: mean and variance are those of chi-squared."""
+    nth, size = 6, 20.0
+    pulse = bank[nth] / np.abs(bank[nth]).max()
+    test = PulseTest(bank, RATE, white_noise(1.0, RATE))
+    z = []
+    for seed in range(60):
+        samples = np.random.default_rng(seed).standard_normal(round(1.5 * RATE))
+        samples[8000 : 8000 + pulse.size] += size * pulse
+        fit = test(samples, 8000 / RATE, nth)
+        # in units of the standard deviation, of chi-squared and of the noise level
+        excess = fit.misfit * size**2 * (pulse @ pulse)
+        level_sd = np.sqrt(2 / (0.5 * RATE)) * fit.dof
+        z.append(excess / np.hypot(np.sqrt(2 * fit.dof), level_sd))
+        assert fit.p > 0.999  # far less misfit than is accepted
+    assert abs(np.mean(z)) < 0.5  # 4 standard errors
+    assert np.std(z) == pytest.approx(1.0, abs=0.35)
+
+
+def test_the_probability_is_that_of_the_largest_accepted_misfit(bank):
+    test = PulseTest(bank, RATE, white_noise(1.0, RATE))
+    far = test(channel(burst()).samples, 3.0, 4)
+    assert far.misfit > 2
+    assert far.p < 1e-6
+
+
+def test_a_louder_interval_raises_the_threshold(bank):
+    """A burst of steady noise 6 dB up is no blast, nor is what is in its statistic."""
+    rng = np.random.default_rng(3)
+    samples = rng.standard_normal(round(20 * RATE))
+    samples[round(8 * RATE) : round(10 * RATE)] *= 4.0
+    found = search_bank(
+        Channel("gate", "gate.wav", 1, samples, RATE), bank, 1.0, search
+    )
+    assert len(found.rejected) > 0
+    assert found.detections == ()
+
+
+def test_a_blast_in_quiet_after_loud_sound_is_accepted(bank):
+    """Half of the recording is ten times as loud: the level is that before it."""
+    one = channel(friedlander(0.008), at_s=5.0, level=8.0)
+    one.samples[: round(3 * RATE)] *= 3.0
+    found = search_bank(one, bank, 1.0, search)
+    assert [round(arrival.time_s, 2) for arrival in found.detections] == [5.0]
+    assert found.fits[0].level < 0.7
+
+
+def test_an_arrival_at_either_end_of_a_recording_is_tested(bank):
+    noise = noise_spectrum(channel(np.zeros(1) + 1e-9).samples, RATE)
+    for at in (0.0, 0.01, SECONDS - 0.01):
+        sound = friedlander(0.003)[: round((SECONDS - at) * RATE)]
+        fit = PulseTest(bank, RATE, noise)(channel(sound, at).samples, at, 3)
+        assert fit.accepted
+        assert fit.dof > 0
