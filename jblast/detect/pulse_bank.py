@@ -18,8 +18,9 @@ import numpy as np
 from jblast.constants import STANDARD_PRESSURE, STANDARD_SOUND_SPEED
 from jblast.detect.peaks import Detection
 from jblast.detect.pulse_fit import PulseFit, PulseTest
-from jblast.detect.search import Channel, Searched
+from jblast.detect.search import BEFORE_S, LEAST_QUIET, LENGTHS, Channel, Searched
 from jblast.detect.templates import blast_templates
+from jblast.detect.whitening import NoiseSpectrum, noise_spectrum
 from jblast.waves.waveform.blast_pressure import blast_pulse
 
 STEP = 2**0.5
@@ -76,12 +77,14 @@ def search_bank(
     found.sort(key=lambda heard: -heard[0].statistic)
     tested: list[tuple[Detection, PulseFit]] = []
     accepted: set[Detection] = set()
+    quiet = _noise_beside(channel, [one.time_s for one, _ in found], longest)
     tests: dict[int, PulseTest] = {}
     for one, nth in found:
         if any(abs(one.time_s - other.time_s) <= longest for other, _ in tested):
             continue
         if nth not in tests:
-            tests[nth] = PulseTest(templates, channel.rate_hz, every[nth].noise)
+            noise = every[nth].noise if quiet is None else quiet
+            tests[nth] = PulseTest(templates, channel.rate_hz, noise)
         fit = tests[nth](channel.samples, one.time_s, nth)
         tested.append((one, fit))
         # where the noise is louder than on average, so is the threshold
@@ -100,3 +103,28 @@ def search_bank(
         rejected=tuple(pair for pair in tested if pair[0] not in accepted),
         latency_s=max(one.latency_s for one in every) + longest,
     )
+
+
+def _noise_beside(
+    channel: Channel, times_s: Sequence[float], longest_s: float
+) -> NoiseSpectrum | None:
+    """Return the noise away from all arrivals; None where too little is left.
+
+    The search leaves out only as much as its own template needs, and so keeps most of
+    a long sound in the noise, which then seems to have no tail.
+
+    Args:
+        channel: Where.
+        times_s: Arrivals of all templates [s].
+        longest_s: Length of the longest template [s].
+    """
+    if not times_s:
+        return None
+    rate = channel.rate_hz
+    quiet = np.ones(channel.samples.size, bool)
+    for time in times_s:
+        start = max(int((time - BEFORE_S) * rate), 0)
+        quiet[start : int((time + LENGTHS * longest_s) * rate) + 1] = False
+    if quiet.all() or quiet.mean() < LEAST_QUIET:
+        return None
+    return noise_spectrum(channel.samples[quiet], rate)

@@ -69,7 +69,7 @@ def _arrival(one: Searched, found: Detection, fit: PulseFit | None) -> dict[str,
     if fit is not None:
         entry |= {
             "misfit": fit.misfit,
-            "ringing": fit.ringing,
+            "log_likelihood_ratio": fit.log_likelihood_ratio,
             "fit_p": fit.p,
             "fit_dof": fit.dof,
             "noise_level": fit.level,

@@ -85,12 +85,16 @@ def _table(searched: Sequence[Searched]) -> list[str]:
                     f"{found.time_s:.{digits}f}",
                     f"{found.sigma_s:.2g}",
                     f"{found.snr_db:.1f}",
-                    *((f"{fit.misfit:.2f}", f"{fit.ringing:.2f}") if fit else ()),
+                    *(
+                        (f"{fit.misfit:.2f}", f"{fit.log_likelihood_ratio:.1f}")
+                        if fit
+                        else ()
+                    ),
                 )
             )
     rows.sort(key=lambda row: float(row[1]))
     head = ("sensor", "arrival [s]", "sigma [s]", "SNR [dB]")
-    head += ("misfit", "ringing") if tested else ()
+    head += ("misfit", "ln LR") if tested else ()
     return aligned([head, *rows], right=set(range(1, len(head))))
 
 

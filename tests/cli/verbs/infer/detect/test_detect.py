@@ -104,7 +104,7 @@ def test_without_a_template_a_door_is_rejected_and_a_blast_is_not(jblast):
     (arrival,) = found["arrivals"]
     assert abs(arrival["time_s"] - 2.0) < 1e-3
     assert arrival["misfit"] < 0.5
-    assert arrival["ringing"] < 1.0
+    assert arrival["log_likelihood_ratio"] > np.log(100)
     assert 0.99 < arrival["fit_p"] <= 1.0
     assert arrival["fit_dof"] > 500
     assert found["rejected_arrivals"]
@@ -116,7 +116,7 @@ def test_without_a_template_a_door_is_rejected_and_a_blast_is_not(jblast):
     assert "rejected: not the form of a blast pulse" in out
     code, found = answer(jblast, door, "--any-form")
     assert (code, found["rejected_arrivals"]) == (0, [])
-    assert found["arrivals"][0]["ringing"] > 1.0
+    assert found["arrivals"][0]["log_likelihood_ratio"] < 0.0
 
 
 def test_more_false_alarms_make_a_lower_threshold(jblast):
