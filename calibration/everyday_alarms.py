@@ -167,10 +167,11 @@ def bangs(bank: list[np.ndarray]) -> list[str]:
     for level in BANG_LEVELS_DB:
         rng, hits = np.random.default_rng(SEED), []
         for _ in range(BANGS):
-            length = round(10 * RATE_HZ)
+            second = round(RATE_HZ)
+            length = 10 * second
             start = rng.integers(0, birds.size - length)
             window = birds[start:][:length].copy()
-            at = int(rng.integers(RATE_HZ, length - bang.size - RATE_HZ))
+            at = int(rng.integers(second, length - bang.size - second))
             amount = window.std() / bang.std() * 10 ** (level / 20)
             window[at:][: bang.size] += amount * bang
             began = at / RATE_HZ

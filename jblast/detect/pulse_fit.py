@@ -110,7 +110,7 @@ class _Window(NamedTuple):
     """Models for the arrivals of one pulse of the bank.
 
     Attributes:
-        count: Samples of the window.
+        length: Samples of the window.
         before: Samples of it before the arrival.
         size: Of the Fourier transforms.
         pulses: Whitened pulses, unit energy, each from `lead` samples before its front.
@@ -118,7 +118,7 @@ class _Window(NamedTuple):
         rings: Transforms of pairs of whitened oscillations, orthonormal.
     """
 
-    count: int
+    length: int
     before: int
     size: int
     pulses: Float[np.ndarray, "pulse tap"]
@@ -174,7 +174,7 @@ class PulseTest:
         rings = np.fft.irfft(spectrum * np.conj(window.rings), window.size)[..., lags]
         ringing = float(np.sum(rings**2, axis=1).max())
         begin = at - window.before
-        dof = min(begin + window.count, samples.size) - max(begin, 0) - FITTED
+        dof = min(begin + window.length, samples.size) - max(begin, 0) - FITTED
         # louder noise before excuses no misfit: it may be over, or the same sound
         least = min(power, 1.0)
         accepted = MOST_MISFIT * energy
@@ -199,7 +199,7 @@ class PulseTest:
         begin = at - window.before
         memory = self._taps.size - 1
         start = begin - round(LEVEL_S * self._rate_hz) - memory
-        stop = begin + window.count
+        stop = begin + window.length
         inside = samples[max(start, 0) : stop] - self._noise.offset
         padded = np.zeros(stop - start)
         padded[max(-start, 0) :][: inside.size] = inside
@@ -261,7 +261,7 @@ class PulseTest:
         pulses = np.fft.irfft(spectra, wide)[..., :taps].reshape(-1, taps)
         pulses = pulses / np.linalg.norm(pulses, axis=1, keepdims=True)
         return _Window(
-            count=before + room,
+            length=before + room,
             before=before,
             size=size,
             pulses=pulses,
@@ -280,8 +280,8 @@ class PulseTest:
         frequency = np.repeat(np.geomspace(low, high, count), len(QUALITIES))
         quality = np.tile(QUALITIES, count)
         decay = -np.pi * frequency / quality
-        turning = np.exp((decay + 2j * np.pi * frequency)[:, None] * t)
-        pairs = np.stack([turning.imag, turning.real], axis=1)
+        fall, turn = np.exp(decay[:, None] * t), 2 * np.pi * frequency[:, None] * t
+        pairs = np.stack([fall * np.sin(turn), fall * np.cos(turn)], axis=1)
         whitened = np.fft.irfft(np.fft.rfft(pairs, wide) * gain, wide)[..., :room]
         first, second = whitened[:, 0], whitened[:, 1]
         first = first / np.linalg.norm(first, axis=1, keepdims=True)

@@ -38,12 +38,9 @@ def door(rng):
     """Some modes of a panel, struck at once."""
     count = int(rng.integers(4, 10))
     sizes, f = rng.normal(size=count), rng.uniform(40, 400, count)
-    return sum(
-        size * ringing(*mode)
-        for size, mode in zip(
-            sizes, zip(f, rng.uniform(5, 20, count), strict=True), strict=True
-        )
-    )
+    qualities = rng.uniform(5, 20, count)
+    modes = zip(sizes, f, qualities, strict=True)
+    return np.sum([size * ringing(*mode) for size, *mode in modes], axis=0)
 
 
 def drum():
