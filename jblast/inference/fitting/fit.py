@@ -29,6 +29,7 @@ from jblast.inference.fitting.uncertainty import Method, uncertainty
 from jblast.inference.identifiability.null_space import identifiability
 from jblast.inference.importance.whitening import refuse_without_density
 from jblast.inference.mode.laplace import laplace
+from jblast.inference.mode.mirror_images import with_mirror_images
 from jblast.inference.mode.search import Optima, likeliest_start, optima
 from jblast.inference.posterior.fireball_growth import as_seen
 from jblast.inference.posterior.parameters import parameters_of
@@ -239,6 +240,8 @@ def solve(
         near = first.parameters.scene_at(likeliest_start(key, first))
         choices = choices.as_for(choices_for(near, rows, sigma))
     (posterior, found, there), choices = settle_laws(choices, search)
+    z = np.asarray(found.z)[0]
+    found = with_mirror_images(posterior, found)
     z = np.asarray(found.z)[0]
     begin("what can be told")
     posterior = posterior.weighed(jax.device_put(z))

@@ -96,7 +96,7 @@ def likeliest_start(key: PRNGKeyArray, posterior: Posterior) -> Float[Array, " f
 def _searched(key: PRNGKeyArray, posterior: Posterior):
     """Return the optima, and the middle of the starts."""
     scale = start_sd(posterior)
-    first = starts(key, posterior, STARTS) / scale[None, :]
+    first = starts(key, posterior, STARTS, far=True) / scale[None, :]
     near = posterior.independent()
     shape = jax.eval_shape(near.misfit, first[0]).loading.shape
     effects = jnp.zeros((STARTS, shape[1]))

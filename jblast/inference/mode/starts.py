@@ -1,7 +1,10 @@
 """Where a search begins: many places, spread over what the parameters could be."""
 
+import math
+
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float, PRNGKeyArray
 
 from jblast.constants import STANDARD_SOUND_SPEED
@@ -13,6 +16,11 @@ from jblast.parameter_table import CHARGE_POSITION
 from jblast.scene import Free, parameter_named
 from jblast.scene.parameters import value_of
 from jblast.scene.priors import Belief
+
+FARTHEST = 100.0
+"""A charge is searched as far from an array as this many times its width."""
+GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)
+"""Multiples of this, modulo 1, are evenly spread however many are taken."""
 
 
 @kept
@@ -57,19 +65,26 @@ def start_sd(posterior: Posterior) -> Float[Array, " free"]:
 
 
 def starts(
-    key: PRNGKeyArray, posterior: Posterior, count: int
+    key: PRNGKeyArray, posterior: Posterior, count: int, *, far: bool = False
 ) -> Float[Array, "start free"]:
     """Draw places to start from; the first is the middle of them all.
 
     A number with a prior is drawn from it. A free one is spread about its start: a
     positive one by a factor, a place over the sensors' surroundings. A free origin
     time, or clock, is set so that the median reading of its rows is met.
+
+    Args:
+        key: Random key.
+        posterior: Has the scene, and the sensors.
+        count: Number of starts.
+        far: Whether every fourth place lies beyond the surroundings of the sensors,
+            at up to `FARTHEST` times their extent: a charge beside a small array.
     """
     parameters = posterior.parameters
     normal = jax.random.normal(key, (count, len(parameters.names))).at[0].set(0.0)
     moved = normal * start_sd(posterior)[None, :]
     columns = [
-        _spread(posterior, name, belief, moved[:, i])
+        _spread(posterior, name, belief, moved[:, i], far=far)
         for i, (name, belief) in enumerate(
             zip(parameters.names, parameters.beliefs, strict=True)
         )
@@ -79,7 +94,12 @@ def starts(
 
 
 def _spread(
-    posterior: Posterior, name: str, belief: Belief, moved: Float[Array, " start"]
+    posterior: Posterior,
+    name: str,
+    belief: Belief,
+    moved: Float[Array, " start"],
+    *,
+    far: bool,
 ) -> Float[Array, " start"]:
     """Spread one coordinate about where it is expected; wind and altitude stay there.
 
@@ -88,6 +108,7 @@ def _spread(
         name: Of the number.
         belief: What is believed of it; a prior is a normal in its coordinate.
         moved: How far each start is to be from there.
+        far: See `starts`.
     """
     if not isinstance(belief, Free):
         return moved
@@ -99,5 +120,17 @@ def _spread(
         return jnp.log(known) + moved
     if parameter.name in CHARGE_POSITION:
         middle = posterior.layout.position.mean(axis=0).at[2].set(0.0)  # on the ground
+        if far and parameter.name in CHARGE_POSITION[:2]:
+            moved = moved * _farther(len(moved))
         return middle[parameter.key.index] + moved
     return (0.0 if value is None else value) + 0.0 * moved
+
+
+def _farther(count: int) -> Float[np.ndarray, " start"]:
+    """Return by how much farther each start lies than the surroundings of the sensors.
+
+    Every fourth start: the same factor for east and north, evenly spread in its ln.
+    """
+    number = np.arange(count)
+    share = (number * GOLDEN) % 1.0
+    return np.where(number % 4 == 3, FARTHEST**share, 1.0)
