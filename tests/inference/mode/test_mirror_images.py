@@ -26,9 +26,9 @@ def test_both_sides_of_a_line_of_sensors_are_found():
     both = with_mirror_images(posterior, best)
     assert len(both.z) == 2
     north = named(posterior, "charge_north_m")
-    np.testing.assert_array_equal(np.sign(both.z[:, north]), [-1, 1])
-    # the image is climbed from, the place given is the truth and not its optimum
-    assert both.log_density[1] >= best.log_density[0] - 1e-6
+    assert sorted(np.sign(both.z[:, north])) == [-1, 1]
+    # the image is climbed to its optimum; the place given is the truth, below it
+    assert min(both.log_density) >= best.log_density[0] - 1e-6
 
 
 def test_a_charge_on_the_line_is_its_own_image():
