@@ -15,6 +15,7 @@ from typing import NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
+from jax.scipy.linalg import cho_solve
 from jaxtyping import Array, Float
 
 from jblast.sensors.even_rows import picked
@@ -50,9 +51,16 @@ class Together(NamedTuple):
         return self.load.T @ of_row
 
     def solved(self, weight: Float[Array, " row"], right: Float[Array, " effect"]):
-        """Solve, and return ln of the determinant's size beside it."""
+        """Solve, and return ln of the determinant; NaN if not positive definite."""
         matrix = self.load.T @ (weight[:, None] * self.load)
         return _solved(jnp.eye(len(right)) + matrix, right)
+
+    def spread(self, weight: Float[Array, " row"]):
+        """Return each row's variance under the inverse, and ln of the determinant."""
+        unit = jnp.eye(self.load.shape[1])
+        matrix = unit + self.load.T @ (weight[:, None] * self.load)
+        inverse, size = _solved(matrix, unit)
+        return jnp.sum((self.load @ inverse) * self.load, axis=1), size
 
     def in_order(self, v: Float[Array, " effect"]) -> Float[Array, " effect"]:
         """Return effects in the order of the columns."""
@@ -86,12 +94,8 @@ class Apart(NamedTuple):
     def added(self, v: Float[Array, " held"]) -> Float[Array, " row"]:
         """Return what effects add to each row."""
         first, own = self._parted(v)
-        of_records = jnp.sum(self.of_record * own[:, None, :], axis=2).ravel()
-        if not self._in_turn():
-            place = np.full(len(self.load) + 1, of_records.size)
-            place[self.record.ravel()] = np.arange(of_records.size)
-            of_records = jnp.append(of_records, 0.0)[place[:-1]]
-        return self.load @ first + of_records
+        of_records = jnp.sum(self.of_record * own[:, None, :], axis=2)
+        return self.load @ first + self._by_row(of_records)
 
     def gathered(self, of_row: Float[Array, " row"]) -> Float[Array, " held"]:
         """Return $L^T x$."""
@@ -99,22 +103,48 @@ class Apart(NamedTuple):
         return jnp.concatenate([self.load.T @ of_row, own.ravel()])
 
     def solved(self, weight: Float[Array, " row"], right: Float[Array, " held"]):
-        """Solve, and return ln of the determinant's size beside it."""
-        count, errors = self.load.shape[1], self.of_record.shape[2]
+        """Solve, and return ln of the determinant; NaN if not positive definite."""
         first, own = self._parted(right)
+        across, inner, matrix, sizes = self._first_kind(weight, own[:, :, None])
+        first -= jnp.einsum("kag,ka->g", across, inner[:, :, -1])
+        outer, size = _solved(matrix, first)
+        own = inner[:, :, -1] - jnp.einsum("kag,g->ka", inner[:, :, :-1], outer)
+        return jnp.concatenate([outer, own.ravel()]), size + sizes
+
+    def spread(self, weight: Float[Array, " row"]):
+        """Return each row's variance under the inverse, and ln of the determinant."""
+        count = self.load.shape[1]
+        turned = jnp.swapaxes(self.of_record, 1, 2)
+        _, inner, matrix, sizes = self._first_kind(weight, turned)
+        alone = jnp.sum(turned * inner[:, :, count:], axis=1)
+        inverse, size = _solved(matrix, jnp.eye(count))
+        along = jnp.einsum("kra,kag->krg", self.of_record, inner[:, :, :count])
+        left = self.load - self._by_row(along)
+        variance = jnp.sum((left @ inverse) * left, axis=1) + self._by_row(alone)
+        return variance, size + sizes
+
+    def _first_kind(self, weight, right):
+        """Eliminate the effects of records.
+
+        Args:
+            weight: Of each row.
+            right: Right sides of each record's system.
+
+        Returns:
+            What effects of the first kind and of records share, this and `right`
+            solved, the system that is left of the first kind, and ln of the
+            determinant of those of records.
+        """
+        count, errors = self.load.shape[1], self.of_record.shape[2]
         weighted = self.of_record * self._by_record(weight)[:, :, None]
         block = jnp.eye(errors)[None] + jnp.einsum(
             "kra,krb->kab", weighted, self.of_record
         )
         across = jnp.einsum("kra,krg->kag", weighted, self._by_record(self.load))
-        both = jnp.concatenate([across, own[:, :, None]], axis=2)
-        inner, sizes = _eliminated(block, both)
+        inner, sizes = _eliminated(block, jnp.concatenate([across, right], axis=2))
         matrix = jnp.eye(count) + self.load.T @ (weight[:, None] * self.load)
-        matrix -= jnp.einsum("kag,kah->gh", across, inner[:, :, :-1])
-        first -= jnp.einsum("kag,ka->g", across, inner[:, :, -1])
-        outer, size = _solved(matrix, first)
-        own = inner[:, :, -1] - jnp.einsum("kag,g->ka", inner[:, :, :-1], outer)
-        return jnp.concatenate([outer, own.ravel()]), size + jnp.sum(sizes)
+        matrix -= jnp.einsum("kag,kah->gh", across, inner[:, :, :count])
+        return across, inner, matrix, jnp.sum(sizes)
 
     def in_order(self, v: Float[Array, " held"]) -> Float[Array, " effect"]:
         """Return effects in the order of the columns."""
@@ -131,6 +161,16 @@ class Apart(NamedTuple):
         return self.record.size == rows.size and bool(
             (self.record.ravel() == rows).all()
         )
+
+    def _by_row(self, of_records):
+        """Return what records have of each row; zero of rows of no record."""
+        flat = of_records.reshape(-1, *of_records.shape[2:])
+        if self._in_turn():
+            return flat
+        place = np.full(len(self.load) + 1, len(flat))
+        place[self.record.ravel()] = np.arange(len(flat))
+        nothing = jnp.zeros((1, *flat.shape[1:]), flat.dtype)
+        return jnp.concatenate([flat, nothing])[place[:-1]]
 
     def _by_record(self, of_row):
         """Return what the rows of each record have; zero of what is missing."""
@@ -214,12 +254,12 @@ def _eliminated(matrix, right):
         row = both[:, i] / pivots[-1][:, None]
         others = both[:, :, i] - np.tile(np.eye(count)[i], (systems, 1))
         both = both - others[:, :, None] * row[:, None, :]
-    size = jnp.sum(jnp.log(jnp.abs(jnp.stack(pivots))), axis=0)
+    size = jnp.sum(jnp.log(jnp.stack(pivots)), axis=0)
     return both[:, :, count:], size
 
 
 def _solved(matrix, right):
-    """Solve, and return ln of the determinant's size beside it.
+    """Solve, and return ln of the determinant; NaN if not positive definite.
 
     Few unknowns are eliminated one after another (Gauss-Jordan; positive definite
     matrices need no pivoting) in operations on whole matrices, which a batch runs
@@ -228,6 +268,9 @@ def _solved(matrix, right):
     if len(right) == 0:
         return right, jnp.zeros((), right.dtype)
     if len(right) > WRITTEN_OUT:
-        return jnp.linalg.solve(matrix, right), jnp.linalg.slogdet(matrix)[1]
-    answer, size = _eliminated(matrix[None], right[None, :, None])
-    return answer[0, :, 0], size[0]
+        root = jnp.linalg.cholesky(matrix)  # of NaN if not positive definite
+        size = 2 * jnp.sum(jnp.log(jnp.diagonal(root)))
+        return cho_solve((root, True), right), size
+    columns = right.reshape(len(right), -1)
+    answer, size = _eliminated(matrix[None], columns[None])
+    return answer[0].reshape(right.shape), size[0]

@@ -38,6 +38,16 @@ def noise_slopes(u: Float[Array, "..."], noise: Noise) -> tuple[Array, Array]:
     return (nu + 1) * u / heavy, (nu + 1) * (nu - jnp.square(u)) / jnp.square(heavy)
 
 
+def information_of_row(noise: Noise) -> float:
+    r"""Return the information of one standardised error about its mean.
+
+    1 for a normal error, $(\nu + 1)/(\nu + 3)$ for Student-t (Lange, Little & Taylor
+    1989, J. Am. Stat. Assoc. 84:881, appendix B, with one dimension).
+    """
+    nu = STUDENT_FREEDOM
+    return 1.0 if noise == "gaussian" else (nu + 1) / (nu + 3)
+
+
 def log_survival(u: Float[Array, "..."], noise: Noise) -> Float[Array, "..."]:
     """Return ln of the chance of a standardised error of $u$ or more."""
     if noise == "gaussian":

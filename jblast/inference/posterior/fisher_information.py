@@ -11,10 +11,12 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
-from jblast.inference.posterior.error_density import survival_information
+from jblast.inference.posterior.error_density import (
+    information_of_row,
+    survival_information,
+)
 from jblast.inference.posterior.posterior import Misfit, Posterior
 from jblast.kept_programs import kept
-from jblast.sensors.observe import STUDENT_FREEDOM, Noise
 
 NULL = 1e-10
 """An eigenvalue of the unit-diagonal information below this is a null direction."""
@@ -53,16 +55,6 @@ def whitened_jacobian(
     jacobian = -jax.jacfwd(lambda z: posterior.misfit(z).residual)(z)
     rows = whitened_rows(posterior, posterior.misfit(z), jacobian)
     return jnp.concatenate([rows, jnp.diag(posterior.parameters.has_prior())])
-
-
-def information_of_row(noise: Noise) -> float:
-    r"""Return the information of one standardised error about its mean.
-
-    1 for a normal error, $(\nu + 1)/(\nu + 3)$ for Student-t (Lange, Little & Taylor
-    1989, J. Am. Stat. Assoc. 84:881, appendix B, with one dimension).
-    """
-    nu = STUDENT_FREEDOM
-    return 1.0 if noise == "gaussian" else (nu + 1) / (nu + 3)
 
 
 def information_of_rows(

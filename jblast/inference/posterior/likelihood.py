@@ -2,14 +2,26 @@ r"""The probability of residuals whose rows share effects.
 
 Row $i$ misses by $r_i = \sum_k L_{ik} v_k + s_i \epsilon_i$: shared effects $v$ are
 standard normal and loaded by $L$, what is left, $\epsilon$, is standard normal or
-Student-t with 4 degrees of freedom. The effects are integrated out: exactly for normal
-$\epsilon$, where this is $\ln N(r; 0, \mathrm{diag}(s^2) + L L^T)$, and by Laplace's
-method about their own mode for Student-t. Of a row that is a lower bound it is known
-that it misses by $r_i$ or more: its own error counts with the survival function, where
-others count with the density, and the effects are integrated out by Laplace's method.
+Student-t with 4 degrees of freedom. Of a row that is a lower bound it is known that it
+misses by $r_i$ or more: its own error counts with the survival function, where others
+count with the density. The effects are integrated out: exactly for normal $\epsilon$,
+where this is $\ln N(r; 0, \mathrm{diag}(s^2) + L L^T)$, and otherwise by the
+variational Gaussian approximation (Opper & Archambeau 2009, Neural Comput. 21:786). For
+any normal density $q(v) = N(m, \Sigma)$
+
+$$\ln p(r) \ge \sum_i E_q[\ln p(r_i | v)] - \tfrac{1}{2} m^T m
+  - \tfrac{1}{2} \mathrm{tr} \Sigma + \tfrac{1}{2} \ln |\Sigma| + \tfrac{k}{2}.$$
+
+Here $\Sigma = (I + L^T W L)^{-1}$ with $W$ the expected (Fisher) information of each
+row about its mean, and $m$ is where the bound is largest. $\Sigma$ does not depend on
+$m$: the bound has no poles, where Laplace's method has one wherever two modes of $v$
+become one, and where one maximum takes over from another it has a kink and no step.
+For 2 to 20 Student-t rows that share one effect the bound is 0.001 to 0.01 below the
+exact integral, where Laplace's method is off by up to 0.1.
 """
 
 from functools import partial
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -19,21 +31,68 @@ from jaxtyping import Array, Bool, Float
 
 from jblast.inference.posterior.effect_systems import Blocks, effects_of
 from jblast.inference.posterior.error_density import (
+    information_of_row,
     log_noise,
     log_survival,
     noise_slopes,
+    survival_information,
     survival_slopes,
 )
 from jblast.sensors.observe import STUDENT_FREEDOM, Noise
 
-REWEIGHTINGS = 40
-"""Rounds to find the effects' mode, at most: few, but where readings contradict."""
+ROUNDS = 100
+"""Steps of one search at most."""
 SETTLED = 1e-5
-"""Effects that move by less, in standard deviations, are left to Newton's steps, of
-which the first leaves the square of that."""
-PARTS = np.append(0.5 ** np.arange(12), 0.0)
-"""Of a Newton step, of which the one that climbs most is taken: bounds bend the density
-so that a whole step may overshoot."""
+"""Effects whose next step is shorter, in standard deviations, are left to the Newton
+steps that are differentiated, of which the first leaves the square of that."""
+LEAST_DAMPING, DAMPING_FACTOR = 1e-3, 10.0
+"""Damping of a step (see `_step`). At the least, steps are Newton's but for 1e-3 of
+the difference, so distances fall by a thousand in each."""
+NODES, NODE_WEIGHTS = np.polynomial.hermite_e.hermegauss(5)
+"""Gauss-Hermite rule of expectations over a row's error, whose standard deviation under
+$q$ is at most 1.2 for readings: 15 nodes in place of 5 change the mass of `hri_2` by
+5e-4 standard deviations."""
+NODE_WEIGHTS = NODE_WEIGHTS / NODE_WEIGHTS.sum()
+
+
+class Rows(NamedTuple):
+    """Rows, and how far the effects are uncertain.
+
+    Attributes:
+        r: Residuals, in standard deviations.
+        blur: Standard deviation under $q$ of what the effects add to each row.
+        noise: Distribution of the independent errors.
+        lower_bound: Whether each is a lower bound; None if none is.
+    """
+
+    r: Float[Array, " row"]
+    blur: Float[Array, " row"]
+    noise: Noise
+    lower_bound: Bool[Array, " row"] | None
+
+    def log_density(self, added: Float[Array, " row"]) -> Float[Array, ""]:
+        """Return the expectation of ln of the rows' probability.
+
+        Args:
+            added: Expectation of what the effects add to each row.
+        """
+        u = self._at_nodes(added)
+        rows = jax.vmap(log_rows, (0, None, None, None))(
+            u, jnp.ones_like(self.r), self.noise, self.lower_bound
+        )
+        return jnp.asarray(NODE_WEIGHTS, u.dtype) @ rows
+
+    def slopes(self, added: Float[Array, " row"]) -> tuple[Array, Array, Array]:
+        """Return first and second derivative of minus that, and `reweighted` ones."""
+        u = self._at_nodes(added)
+        slope, curvature = row_slopes(u, self.noise, self.lower_bound)
+        sure = reweighted(u, curvature, self.noise, self.lower_bound)
+        weight = jnp.asarray(NODE_WEIGHTS, u.dtype)
+        return weight @ slope, weight @ curvature, weight @ sure
+
+    def _at_nodes(self, added):
+        nodes = jnp.asarray(NODES, self.r.dtype)
+        return (self.r - added)[None, :] + nodes[:, None] * self.blur[None, :]
 
 
 @partial(jax.jit, static_argnames=("noise", "blocks"))
@@ -45,7 +104,9 @@ def log_likelihood(
     lower_bound: Bool[Array, " row"] | None = None,
     blocks: Blocks = (),
 ) -> tuple[Float[Array, ""], Float[Array, " effect"]]:
-    """Return ln of the probability of residuals, and the most probable effects.
+    """Return ln of the probability of residuals, and the expected effects.
+
+    It is no number (NaN) where the search for the effects did not converge.
 
     Args:
         residual: Measured minus predicted $r$.
@@ -59,20 +120,27 @@ def log_likelihood(
     if loading.shape[1] == 0:
         return log_rows(r, sd, noise, lower_bound), jnp.zeros(0)
     effects = effects_of(load, blocks)
-    rows = lax.stop_gradient(r), effects_of(lax.stop_gradient(load), blocks), noise
-    v = _reweighted(*rows) if lower_bound is None else _climbed(*rows, lower_bound)
+    weight = _weights(r, load, noise, lower_bound)
+    if noise == "gaussian" and lower_bound is None:
+        v, log_determinant = effects.solved(weight, effects.gathered(r))
+        rows = log_rows(r - effects.added(v), sd, noise, lower_bound)
+        return rows - 0.5 * (v @ v + log_determinant), effects.in_order(v)
+    rows, log_determinant = blurred(r, load, noise, lower_bound, blocks)
+    still = effects_of(lax.stop_gradient(load), blocks)
+    held = rows._replace(r=lax.stop_gradient(r), blur=lax.stop_gradient(rows.blur))
+    v, damping, found = _expected(held, still)
 
-    # Two Newton steps that are differentiated carry first and second derivatives of
-    # the mode, which the loop above does not; the last tells of the curvature alone.
+    # The search is not differentiated: two steps after it carry the slopes of $m$.
     def onward(v, _):
-        step, log_determinant = _newton_step(v, r, effects, noise, lower_bound)
-        return v - step, (v, log_determinant)
+        return v + _step(v, jnp.minimum(damping, 1.0), rows, effects)[0], None
 
-    steps = 1 if noise == "gaussian" and lower_bound is None else 2
-    _, along = lax.scan(onward, v, length=steps + 1)
-    v, log_determinant = jax.tree.map(lambda x: x[-1], along)
-    joint = log_rows(r - effects.added(v), sd, noise, lower_bound) - 0.5 * v @ v
-    return joint - 0.5 * log_determinant, effects.in_order(v)
+    v, _ = lax.scan(onward, v, length=2)
+    # tr Sigma = k - sum of weight times squared blur
+    bound = rows.log_density(effects.added(v)) - jnp.sum(jnp.log(sd)) - 0.5 * v @ v
+    bound += 0.5 * (weight @ jnp.square(rows.blur) - log_determinant)
+    if lower_bound is not None:  # whose probability has no unit
+        bound += jnp.sum(jnp.where(lower_bound, jnp.log(sd), 0.0))
+    return jnp.where(found, bound, jnp.nan), effects.in_order(v)
 
 
 def log_rows(
@@ -88,14 +156,8 @@ def log_rows(
     return jnp.sum(jnp.where(lower_bound, log_survival(u, noise), read))
 
 
-def _newton_step(v, r, effects, noise, lower_bound):
-    """Return a step downhill minus the joint log-density, and its Hessian's ln det."""
-    slope, curvature = row_slopes(r - effects.added(v), noise, lower_bound)
-    return effects.solved(curvature, v - effects.gathered(slope))
-
-
 def row_slopes(
-    u: Float[Array, " row"], noise: Noise, lower_bound: Bool[Array, " row"] | None
+    u: Float[Array, "... row"], noise: Noise, lower_bound: Bool[Array, " row"] | None
 ) -> tuple[Array, ...]:
     """First and second derivative of minus ln of each row's probability."""
     read = noise_slopes(u, noise)
@@ -108,11 +170,11 @@ def row_slopes(
 
 
 def reweighted(
-    u: Float[Array, " row"],
-    curvature: Float[Array, " row"],
+    u: Float[Array, "... row"],
+    curvature: Float[Array, "... row"],
     noise: Noise,
     lower_bound: Bool[Array, " row"] | None,
-) -> Float[Array, " row"]:
+) -> Float[Array, "... row"]:
     """Return curvatures of minus ln of each row's probability that always climb.
 
     Student-t readings are reweighted as normal ones; bounds have their own curvature,
@@ -127,55 +189,112 @@ def reweighted(
     return jnp.where(lower_bound, weight, of_reading)
 
 
-def _reweighted(r, effects, noise):
-    """Mode of the effects by iterated reweighting, which always climbs."""
+def blurred(
+    r: Float[Array, " row"],
+    load: Float[Array, "row effect"],
+    noise: Noise,
+    lower_bound: Bool[Array, " row"] | None = None,
+    blocks: Blocks = (),
+) -> tuple[Rows, Float[Array, ""]]:
+    r"""Return rows with their spread under $q$, and $-\ln |\Sigma|$.
+
+    Args:
+        r: Residuals, in standard deviations.
+        load: Loadings, in standard deviations.
+        noise: Distribution of the independent errors.
+        lower_bound: Whether each is a lower bound; None if none is.
+        blocks: As of `log_likelihood`.
+    """
+    weight = _weights(r, load, noise, lower_bound)
+    variance, log_determinant = effects_of(load, blocks).spread(weight)
+    some = variance > 0  # else no effect loads the row
+    blur = jnp.where(some, jnp.sqrt(jnp.where(some, variance, 1.0)), 0.0)
+    return Rows(r, blur, noise, lower_bound), log_determinant
+
+
+def _weights(r, load, noise, lower_bound):
+    """Return the information of each row about its mean, whatever the effects are.
+
+    That of a lower bound is taken where the effects are zero but for their spread, and
+    vanishes where the bound is met by far. Under normal errors it is the curvature,
+    which stays near 1 where a bound is missed by far, as the information does not.
+    """
+    weight = jnp.full_like(r, information_of_row(noise))
+    if lower_bound is None:
+        return weight
+    about = r / jnp.sqrt(1 + jnp.sum(jnp.square(load), axis=1))
     if noise == "gaussian":
-        return effects.solved(jnp.ones_like(r), effects.gathered(r))[0]
-
-    def again(state):
-        rounds, v, _ = state
-        u = r - effects.added(v)
-        weight = (STUDENT_FREEDOM + 1) / (STUDENT_FREEDOM + jnp.square(u))
-        weight = jnp.where(rounds == 0, 1.0, weight)  # of normal errors at first
-        new = effects.solved(weight, effects.gathered(weight * r))[0]
-        return rounds + 1, new, jnp.max(jnp.abs(new - v))
-
-    def unsettled(state):
-        rounds, _, moved = state
-        return (rounds == 0) | ((rounds <= REWEIGHTINGS) & (moved > SETTLED))
-
-    start = effects.start()
-    return lax.while_loop(unsettled, again, (0, start, jnp.asarray(jnp.inf, r.dtype)))[
-        1
-    ]
+        return jnp.where(lower_bound, survival_slopes(about, noise)[1], weight)
+    return jnp.where(lower_bound, survival_information(about, noise), weight)
 
 
-def _climbed(r, effects, noise, lower_bound):
-    """Mode of the effects where some rows are bounds, by steps that always climb.
+def _expected(rows, effects):
+    """Return the effects where the bound is largest, damping, and whether it converged.
 
-    Readings are reweighted; bounds have their own curvature, where it is positive. So
-    each step goes uphill, if it is short enough.
+    Student-t readings that disagree with the prior of an effect can leave two maxima:
+    the effect is large, or the readings are outliers. Searches from both sides, from
+    the solution for normal errors and from zero, find them; the larger one counts.
+    """
+    read = jnp.ones_like(rows.r)
+    if rows.lower_bound is not None:
+        read = jnp.where(rows.lower_bound, 0.0, read)
+    normal = effects.solved(read, effects.gathered(read * rows.r))[0]
+
+    def end(start):
+        v, height, damping, settled = _climbed(start, rows, effects)
+        return v, damping, jnp.where(settled, height, -jnp.inf)
+
+    # one after another: the search is compiled once, and long logs are held once
+    starts = jnp.stack([normal, jnp.zeros_like(normal)])
+    ends, damping, height = lax.map(end, starts)
+    best = jnp.argmax(height)
+    return ends[best], damping[best], height[best] > -jnp.inf
+
+
+def _climbed(start, rows, effects):
+    """Climb from one place to a maximum; return its height and whether it was reached.
+
+    A step that does not climb, or that a matrix which is not positive definite gave, is
+    not taken, and damped more.
     """
 
     def joint(v):
-        u = r - effects.added(v)
-        return log_rows(u, jnp.ones_like(r), noise, lower_bound) - 0.5 * v @ v
+        return rows.log_density(effects.added(v)) - 0.5 * v @ v
 
     def again(state):
-        rounds, v, _ = state
-        u = r - effects.added(v)
-        slope, curvature = row_slopes(u, noise, lower_bound)
-        weight = reweighted(u, curvature, noise, lower_bound)
-        step = effects.solved(weight, effects.gathered(slope) - v)[0]
-        tried = v[None, :] + jnp.asarray(PARTS, v.dtype)[:, None] * step[None, :]
-        new = tried[jnp.argmax(jax.vmap(joint)(tried))]
-        return rounds + 1, new, jnp.max(jnp.abs(new - v))
+        rounds, v, height, damping, _ = state
+        step, sure = _step(v, damping, rows, effects)
+        there = joint(v + step)
+        climbs = sure & (there > height)  # not so of no number
+        # a step that is shortened is short far from the maximum, too
+        moved = jnp.max(jnp.abs(step)) * jnp.maximum(damping, 1.0)
+        moved = jnp.where(sure, moved, jnp.inf)
+        v = jnp.where(climbs, v + step, v)
+        height = jnp.where(climbs, there, height)
+        less = jnp.maximum(damping / DAMPING_FACTOR, LEAST_DAMPING)
+        damping = jnp.where(climbs, less, damping * DAMPING_FACTOR)
+        return rounds + 1, v, height, damping, moved
 
     def unsettled(state):
-        rounds, _, moved = state
-        return (rounds < REWEIGHTINGS) & (moved > SETTLED)
+        rounds, v, _, _, moved = state
+        rounding = 8 * jnp.finfo(v.dtype).eps * jnp.max(jnp.abs(v))
+        return (rounds < ROUNDS) & ~(moved <= SETTLED + rounding)
 
-    start = effects.start()
-    return lax.while_loop(unsettled, again, (0, start, jnp.asarray(jnp.inf, r.dtype)))[
-        1
-    ]
+    one, most = jnp.asarray(1.0, start.dtype), jnp.asarray(jnp.inf, start.dtype)
+    begun = (0, start, joint(start), one, most)
+    end = lax.while_loop(unsettled, again, begun)
+    _, v, height, damping, _ = end
+    return v, height, damping, ~unsettled((0, *end[1:]))
+
+
+def _step(v, damping, rows, effects):
+    """Return a step uphill, and whether its matrix was positive definite.
+
+    With a damping of 1 readings are reweighted as normal ones, which always climbs
+    (bounds have their own curvature, where it is positive); with less, it is between
+    that and Newton's step; with more, it is shorter.
+    """
+    slope, curvature, safe = rows.slopes(effects.added(v))
+    weight = curvature + jnp.minimum(damping, 1.0) * (safe - curvature)
+    step, log_determinant = effects.solved(weight, effects.gathered(slope) - v)
+    return step / jnp.maximum(damping, 1.0), jnp.isfinite(log_determinant)

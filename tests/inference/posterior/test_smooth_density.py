@@ -1,0 +1,93 @@
+"""Log densities far from their modes: no steps, and slopes that are derivatives."""
+
+import dataclasses
+from pathlib import Path
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import calibration
+from jblast.inference.fitting.fit import solve
+from jblast.inference.posterior.parameters import parameters_of
+from jblast.inference.posterior.posterior import Posterior, posterior_of
+from jblast.observations import Observations, read, resolve_positions
+from jblast.observations.default_scene import for_log
+from jblast.observations.located import located
+from jblast.scene import UncertainScene, default_scene, read_scene, with_laws
+from jblast.sensors import layout_of
+from jblast.sensors.observe import Noise
+
+DATA = Path(calibration.__path__[0]) / "data"
+LOGS = ("hta_1", "hri_2", "trinity", "five_microphones", "camera_and_bang", "six_clips")
+FORD = dict.fromkeys(("positive_impulse_pa_s", "positive_duration_s"), "ford_2021")
+REACH, STEP = 5.0, 0.0125
+"""How far from the mode each coordinate goes, and in what steps."""
+
+
+def kept_log(name: str) -> tuple[Observations, UncertainScene]:
+    """Read a log of `calibration/data` and its scene, as `fit` takes them."""
+    log, scene = read(DATA / f"{name}.csv"), DATA / f"{name}.toml"
+    uncertain = for_log(read_scene(scene) if scene.exists() else default_scene(), log)
+    log = located(log, uncertain)
+    return resolve_positions(log, uncertain.scene, uncertain.beliefs), uncertain
+
+
+def ford_posterior(name: str, noise: Noise) -> Posterior:
+    """Return the posterior of a log of impulses and durations."""
+    log, uncertain = kept_log(name)
+    layout = layout_of(log, uncertain.scene)
+    parameters = parameters_of(with_laws(uncertain, FORD))
+    return posterior_of(parameters, layout, log, FORD, noise)
+
+
+def assert_smooth(posterior: Posterior, places: np.ndarray, axis: int) -> None:
+    """Assert that values follow slopes from place to place, and slopes differences.
+
+    Args:
+        posterior: The posterior.
+        places: Coordinates in even steps along one axis.
+        axis: Which.
+    """
+    both = jax.jit(jax.vmap(jax.value_and_grad(posterior.log_density)))
+    value, slope = (np.asarray(x) for x in both(places))
+    assert np.isfinite(value).all()
+    slope, steps = slope[:, axis], np.diff(places[:, axis])
+    by_slopes = 0.5 * (slope[1:] + slope[:-1]) * steps
+    # a kink, where one mode of the effects takes over from another, is off by an
+    # eighth of the change of slope along a step; no step of the density is that small
+    bend = np.abs(np.diff(slope)) * steps
+    np.testing.assert_array_less(
+        np.abs(np.diff(value) - by_slopes), 0.02 + 0.26 * bend, err_msg=str(axis)
+    )
+    near = 1e-5 * np.eye(places.shape[1])[axis]
+    change = np.asarray(both(places + near)[0]) - np.asarray(both(places - near)[0])
+    difference = change / 2e-5
+    rounding = 1e-14 * np.abs(value) / 1e-5
+    off = np.abs(difference - slope) > 1e-2 * np.abs(difference) + 1e-3 + rounding
+    assert not off.any(), (axis, places[off, axis], difference[off], slope[off])
+
+
+@pytest.mark.parametrize("name", ["hta_1", "hri_2"])
+def test_student_errors_far_from_the_mode_leave_no_steps(name):
+    posterior = ford_posterior(name, "student")
+    assert_smooth(posterior, np.arange(-4.0, 12.0, STEP)[:, None], 0)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", LOGS)
+def test_each_kept_log_has_a_smooth_density_along_each_coordinate(name):
+    solution = solve(*kept_log(name))
+    mode = np.asarray(solution.laplace.z)
+    offsets = np.arange(-REACH, REACH, STEP)
+    for noise in ("student", "gaussian"):
+        posterior = dataclasses.replace(solution.posterior, noise=noise)
+        for axis in range(mode.size):
+            places = mode[None, :] + offsets[:, None] * np.eye(mode.size)[axis]
+            assert_smooth(posterior, places, axis)
+        one = jax.jit(posterior.log_density)
+        many = jax.jit(jax.vmap(posterior.log_density))(places)
+        alone = [one(z) for z in jnp.asarray(places[::40])]
+        # the order of sums differs, and the searches for effects end 1e-5 apart
+        np.testing.assert_allclose(many[::40], alone, rtol=1e-8, atol=1e-8)
