@@ -89,14 +89,14 @@ class Rows(NamedTuple):
 
     def slopes(self, added: Float[Array, " row"]) -> tuple[Array, Array, Array]:
         """Return first and second derivative of minus that, and `reweighted` ones."""
-        total = (jnp.zeros_like(self.r),) * 3
+        slope = curvature = sure = jnp.zeros_like(self.r)
         # summed node by node: so XLA makes one pass over the rows of it
         for u, weight in self._at_nodes(added):
-            slope, curvature = row_slopes(u, self.noise, self.lower_bound)
-            sure = reweighted(u, curvature, self.noise, self.lower_bound)
-            parts = zip(total, (slope, curvature, sure), strict=True)
-            total = tuple(x + weight * y for x, y in parts)
-        return total
+            first, second = row_slopes(u, self.noise, self.lower_bound)
+            slope, curvature = slope + weight * first, curvature + weight * second
+            safe = reweighted(u, second, self.noise, self.lower_bound)
+            sure = sure + weight * safe
+        return slope, curvature, sure
 
     def _at_nodes(self, added):
         nodes, weights = np.polynomial.hermite_e.hermegauss(self.nodes)

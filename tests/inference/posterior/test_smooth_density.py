@@ -21,7 +21,10 @@ from jblast.sensors.observe import Noise
 
 DATA = Path(calibration.__path__[0]) / "data"
 LOGS = ("hta_1", "hri_2", "trinity", "five_microphones", "camera_and_bang", "six_clips")
-FORD = dict.fromkeys(("positive_impulse_pa_s", "positive_duration_s"), "ford_2021")
+FORD: dict[str, str] = {
+    "positive_impulse_pa_s": "ford_2021",
+    "positive_duration_s": "ford_2021",
+}
 REACH, STEP = 5.0, 0.0125
 """How far from the mode each coordinate goes, and in what steps."""
 
@@ -81,6 +84,7 @@ def test_each_kept_log_has_a_smooth_density_along_each_coordinate(name):
     solution = solve(*kept_log(name))
     mode = np.asarray(solution.laplace.z)
     offsets = np.arange(-REACH, REACH, STEP)
+    places = mode[None, :]
     for noise in ("student", "gaussian"):
         posterior = dataclasses.replace(solution.posterior, noise=noise)
         for axis in range(mode.size):
