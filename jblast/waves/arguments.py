@@ -1,10 +1,11 @@
 """What the laws' arguments are called, in which unit, and where they may lie.
 
 A law's arguments have one name, unit and meaning wherever they occur, so one table
-checks them all. Values are looked at outside `jit` only: inside it, a law has no way to
-raise, and answers NaN, a limit or nonsense for what is refused here. Outside it a law
-is compiled as a whole, once for each shape: operation by operation every call would
-take many times as long, and so would compiling.
+checks them all. Outside `jit` a law raises for what no scene has. Inside it a law has no
+way to raise: a negative number where a positive one is expected counts as NaN, and so
+does the result. Zero stays zero there, and gives a limit. Outside `jit` a law is
+compiled as a whole, once for each shape: operation by operation every call would take
+many times as long, and so would compiling.
 """
 
 import functools
@@ -15,6 +16,7 @@ from dataclasses import dataclass
 from typing import Any, ParamSpec, TypeVar
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 from jax.core import Tracer
 from jaxtyping import Float
@@ -55,6 +57,16 @@ class Argument:
                 unit = "" if self.unit == "1" else f" {self.unit}"
                 return f"must be {expected}, got {values[bad][0]:g}{unit}"
         return ""
+
+    def or_nan(self, values: Any) -> Any:
+        """Return traced values; NaN for negative ones that have to be positive.
+
+        Those that are open keep them: NaN means there that nothing is given.
+        """
+        if self.bounds.above != 0.0 or self.open:
+            return values
+        # On the input, not on the result: its slope is then 1 where values are good.
+        return jnp.where(values < 0.0, jnp.nan, values)
 
 
 def _positive(unit: str, low: float, high: float, *, open: bool = False) -> Argument:
@@ -124,18 +136,23 @@ def checked(law: Callable[P, R]) -> Callable[P, R]:
 
     @functools.wraps(law)
     def checking(*args: P.args, **kwargs: P.kwargs) -> R:
-        given = signature.bind(*args, **kwargs).arguments
-        for name, value in given.items():
+        bound = signature.bind(*args, **kwargs)
+        given = bound.arguments
+        for name, value in list(given.items()):
             if name == "burst":
                 if value not in ("surface", "free-air"):
                     raise ValueError(
                         f"burst must be 'surface' or 'free-air', got {value!r}"
                     )
-            elif name in ARGUMENTS and not isinstance(value, Tracer):
+            elif name in ARGUMENTS and isinstance(value, Tracer):
+                given[name] = ARGUMENTS[name].or_nan(value)
+            elif name in ARGUMENTS:
                 _check(name, np.atleast_1d(np.asarray(value, float)))
         traced = any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves(given))
         try:
-            return (law if traced else compiled)(*args, **kwargs)
+            if traced:
+                return law(*bound.args, **bound.kwargs)
+            return compiled(*args, **kwargs)
         except (TypeError, ValueError) as error:
             if fault := _shape_fault(given):
                 raise ValueError(f"{law.__name__}: {fault}") from error

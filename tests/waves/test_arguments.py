@@ -1,8 +1,14 @@
 """Numbers that no scene has are refused by name, whichever way they are none."""
 
+import inspect
+
+import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
+import jblast.waves
+from jblast.registry import LAWS
 from jblast.waves import kingery_bulmash_pressure, swisdak_pressure
 from jblast.waves.arguments import ARGUMENTS
 
@@ -28,3 +34,52 @@ def test_what_has_to_be_finite_says_so(name, value):
     said = ARGUMENTS[name].fault(np.array([value]))
     assert said.startswith("must be ")
     assert f"got {value:g}" in said
+
+
+NUMERIC = {
+    f"{law.name}_{quantity}": law.function for (quantity, _), law in LAWS.items()
+} | {
+    name: function
+    for name in dir(jblast.waves)
+    if hasattr(function := getattr(jblast.waves, name), "__wrapped__")
+}
+"""Every law, and every helper that checks its arguments."""
+
+
+def usual_values(function):
+    """Give every argument a usual value; {} if one is no number of the table."""
+    needed = [
+        name
+        for name, parameter in inspect.signature(function).parameters.items()
+        if parameter.default is inspect.Parameter.empty
+    ]
+    if not set(needed) <= set(ARGUMENTS):
+        return {}
+    return {
+        name: float(np.sqrt(np.prod(np.abs(ARGUMENTS[name].usual)))) for name in needed
+    }
+
+
+@pytest.mark.parametrize("name", NUMERIC)
+def test_under_jit_a_negative_number_where_a_positive_is_expected_gives_nan(name):
+    """A range of -1 m has no arrival of light and no scaled distance, jitted or not."""
+    usual = usual_values(NUMERIC[name])
+    for argument in usual:
+        if ARGUMENTS[argument].bounds.above != 0.0 or ARGUMENTS[argument].open:
+            continue
+
+        def of(factor, argument=argument):
+            return NUMERIC[name](**usual | {argument: factor * usual[argument]})
+
+        good, other, bad = map(jax.jit(of), (1.0, 1.01, -1.0))
+        for one, two, leaf in zip(
+            *map(jax.tree.leaves, (good, other, bad)), strict=True
+        ):
+            depends = np.any(np.asarray(one) != np.asarray(two))
+            if depends and jnp.issubdtype(leaf.dtype, jnp.floating):
+                assert jnp.isnan(leaf).all(), argument
+
+
+def test_the_slope_of_a_law_is_unmoved_by_the_guard():
+    slope = jax.jit(jax.grad(jblast.waves.light_arrival_time))(100.0)
+    assert float(slope) == pytest.approx(1 / 299792458.0, rel=1e-12)
