@@ -1,9 +1,9 @@
 """What the laws' arguments are called, in which unit, and where they may lie.
 
 A law's arguments have one name, unit and meaning wherever they occur, so one table
-checks them all. Outside `jit` a law raises for what no scene has. Inside it a law has no
-way to raise: a negative number where a positive one is expected counts as NaN, and so
-does the result. Zero stays zero there, and gives a limit. Outside `jit` a law is
+checks them all. Outside `jit` a law raises for what no scene has. Inside it a law has
+no way to raise: a negative number where a positive one is expected counts as NaN, and
+so does the result. Zero stays zero there, and gives a limit. Outside `jit` a law is
 compiled as a whole, once for each shape: operation by operation every call would take
 many times as long, and so would compiling.
 """
