@@ -75,4 +75,6 @@ def test_a_front_that_fits_nearly_as_well_as_a_sharp_one_is_not_taken_for_that()
     ]
     found = pick(TIME, samples_of(truth) + truth.peak / 30.0 * np.array(noise))
     off = np.asarray(found.air_arrival_s) - truth.arrival
-    assert np.all(np.abs(off) * RATE < 0.4)
+    # by the rises that are averaged, at this noise: 0.52 at most, 0.4 by one form
+    assert np.all(np.abs(off) * RATE < 0.6)
+    assert np.all(np.abs(off) < 3.0 * np.asarray(found.spread)[:, 0])

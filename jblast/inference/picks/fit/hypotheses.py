@@ -85,9 +85,10 @@ def with_what_shows(
     """Return the optimum with what shows: a ring, a further front and so on.
 
     Each is tried where there is a sign of it, and of those that raise ln posterior by
-    `RING`, or `BETTER`, the best is taken. A further front, a high-pass and a step of
-    the baseline are tried with the best form of the pulse, a ring with the smooth rise
-    and the cubic negative phase, of which its closed form is.
+    `RING`, or `BETTER`, the best is taken. A further front and a high-pass are tried
+    with the best form of the pulse, which may be the best only for want of them, and
+    with the smooth rise and the cubic negative phase; a step of the baseline with the
+    former, a ring with the latter, of which its closed form is.
 
     Args:
         bins: Where the record is looked at.
@@ -134,12 +135,12 @@ def with_what_shows(
     def tried(carried, hypothesis):
         best, ring = carried
         asked, start, price, by_trial = hypothesis
-        tested = either(asked[0] > 0, simple, plain)
+        tested = either(asked[4] > 0, simple, plain)
         more = tested._replace(
             rings=asked[0], follows=asked[1], passed=asked[2], shifted=asked[3]
         )
         all_there_is = explains_more(best[2]) & best[1].converged & (best[0] < enough)
-        shown = (jnp.sum(asked) > 0) & ~all_there_is
+        shown = (jnp.sum(asked[:4]) > 0) & ~all_there_is
 
         def anew():
             of = partial(misfit, bins)
@@ -174,23 +175,27 @@ def with_what_shows(
     moves = (jnp.abs(after - before) > SHIFT * peak).astype(none.dtype)
     level = unmoved.y.at[PULSE_UNKNOWNS : CENTRE.size].set(0.0)
     level = level.at[PULSE_UNKNOWNS].set(before).at[-1].set((after - before) / peak)
+    yes = jnp.ones_like(none)
     asked = jnp.stack(
         [
-            jnp.stack([none, none, signs.passed, none]),
-            jnp.stack([none, none, none, moves]),
-            jnp.stack([bent, none, none, none]),
-            jnp.stack([oscillates, none, none, none]),
-            jnp.stack([oscillates, none, none, none]),
-            jnp.stack([none, signs.follows, none, none]),
-            jnp.stack([none, signs.follows, none, none]),
+            jnp.stack([none, none, signs.passed, none, yes]),
+            jnp.stack([none, none, signs.passed, none, none]),
+            jnp.stack([none, none, none, moves, none]),
+            jnp.stack([bent, none, none, none, yes]),
+            jnp.stack([oscillates, none, none, none, yes]),
+            jnp.stack([oscillates, none, none, none, yes]),
+            jnp.stack([none, signs.follows, none, none, yes]),
+            jnp.stack([none, signs.follows, none, none, yes]),
+            jnp.stack([none, signs.follows, none, none, none]),
         ]
     )
-    prices = jnp.asarray([*[BETTER] * 2, *[RING] * 3, *[BETTER] * 2], alone.dtype)
-    tries = jnp.asarray([False, False, False, True, True, False, False])
+    prices = jnp.asarray([*[BETTER] * 3, *[RING] * 3, *[BETTER] * 3], alone.dtype)
+    tries = jnp.asarray([*[False] * 4, True, True, *[False] * 3])
     # one pulse through a ring, or of two fronts, goes astray: begin before it did, too
     afresh = jnp.concatenate([start, signs.start])
     # what has one unknown comes first: a further front explains nearly anything
-    starts = [unmoved.y, level, hidden.start, first, afresh, afresh, unmoved.y]
+    starts = [first, unmoved.y, level, hidden.start, first, afresh, afresh, first]
+    starts.append(unmoved.y)
     begin = (alone, unmoved, plain), (jnp.full_like(alone, jnp.inf), unmoved.y)
     (best, ring), _ = lax.scan(tried, begin, (asked, jnp.stack(starts), prices, tries))
     _, found, chosen = best
