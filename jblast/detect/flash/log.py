@@ -7,7 +7,7 @@ import numpy as np
 from jblast.detect.flash.directions import direction_of, radius_in_middle
 from jblast.detect.flash.growth import growing
 from jblast.detect.flash.search import Flash
-from jblast.detect.flash.silhouette import Silhouette
+from jblast.detect.flash.silhouette import UNSURE, Silhouette
 from jblast.observations import Observations, observed
 from jblast.scene import Camera
 
@@ -16,10 +16,6 @@ RADII = 8
 """Rows of a flash that tell its radius, at most."""
 SMALLEST = 3.0
 """Radius that stands in a row, at least [px]."""
-UNSURE = 0.25
-"""Error, as a share of the radius, from which on there is no row: ground that the fire
-lights as brightly as itself makes all radii of a film too large, and a fit would take
-them for so many independent ones."""
 
 
 def log_of(

@@ -37,6 +37,11 @@ PIXEL = 0.3
 SHARE = 0.02
 """And a share of it: a fireball is rough."""
 
+UNSURE = 0.25
+"""Error, as a share of the radius, from which on a radius is not used: ground that the
+fire lights as brightly as itself makes all radii of a film too large, and a fit would
+take them for so many independent ones."""
+
 
 class Silhouette(NamedTuple):
     """A fireball at an instant, in the image.

@@ -22,7 +22,8 @@ import numpy as np
 from jaxtyping import Float
 
 from jblast.detect.flash.brightening import BRIGHTER
-from jblast.detect.flash.silhouette import Silhouette
+from jblast.detect.flash.growth import growing
+from jblast.detect.flash.silhouette import UNSURE, Silhouette
 
 SETTLED = 20
 """Frames after an alarm from which on a fireball lights few more pixels: two time
@@ -62,22 +63,27 @@ def grows_on(seen: Sequence[Silhouette], earliest_s: float) -> bool:
     """Return whether a spot grew on when the slowest fireball slows down.
 
     Args:
-        seen: Its silhouettes in order of time; what follows a cut one is left out.
+        seen: Its silhouettes in order of time. Those after a cut or a leap, and those
+            whose radius is not trusted, are left out.
         earliest_s: The last instant that does not show it [s].
     """
-    cut = next((i for i, one in enumerate(seen) if one.cut), len(seen))
-    time = np.array([one.time_s for one in seen[:cut]])
-    radius = np.array([one.radius_px for one in seen[:cut]])
+    whole = [one for one in growing(seen) if one.sigma_px <= UNSURE * one.radius_px]
+    time, radius, error = (
+        np.array([getattr(one, name) for one in whole])
+        for name in ("time_s", "radius_px", "sigma_px")
+    )
     if len(time) < 2 * ENOUGH:
         return False
-    since = time - 0.5 * (earliest_s + time[0])
-    late = (since > 0.5 * since[-1]) & (radius > 0.0)
+    since = time - 0.5 * (earliest_s + seen[0].time_s)
+    late = since > 0.5 * since[-1]
     if np.count_nonzero(late) < ENOUGH:
         return False
-    since, radius = since[late], radius[late]
+    since, radius, error = since[late], radius[late], error[late]
     slope, sigma = _slope(np.log(since), np.log(radius))
     fireball, _ = _slope(np.log(since), np.log(-np.expm1(-since / SLOWEST_S)))
-    return slope - 2.0 * sigma > fireball
+    # errors of silhouettes are shared by neighbours: they do not average out
+    shared = float(np.mean(error / radius)) / float(np.log(since[-1] / since[0]))
+    return slope - 2.0 * float(np.hypot(sigma, shared)) > fireball
 
 
 def _slope(
