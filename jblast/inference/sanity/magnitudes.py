@@ -15,7 +15,12 @@ from jblast.waves.fireball import LARGEST_RADIUS
 IN_THE_FIREBALL = 1e4
 """Within the fireball of more than this [kg] nobody sets a gauge (declared)."""
 RISES = 2.0
-"""A pressure this much larger farther away is no scatter of records (10 to 20 %)."""
+"""A radius this much smaller later is no scatter of records (10 to 20 %)."""
+SCATTER = 0.17
+"""Scatter of one recorded peak about the level of its shot, up to Z = 200 [ln]:
+Student-t with 4 degrees of freedom, scale 0.12 (`calibration/far_pressure.py`)."""
+BEYOND = 3.0
+"""Standard deviations of a difference of two peaks past which it is no scatter."""
 FARTHER = 1.3
 """Ranges nearer to each other than this ratio are not compared."""
 
@@ -58,7 +63,12 @@ def magnitudes_doubted(
 
 
 def rising_peaks(readings: Readings, distance: Float[np.ndarray, " n"]) -> list[Doubt]:
-    """Return peaks that are larger than one taken nearer to the charge, one a kind."""
+    """Return peaks that are larger than one taken nearer to the charge, one a kind.
+
+    A peak falls at least as 1/R, as sound does; a shock falls faster. So what has to be
+    explained by scatter is the rise of peak times distance. A reflected reading is 2 to
+    8 times an incident one.
+    """
     found = []
     for quantity in ("peak_overpressure_pa", "reflected_pressure_pa"):
         kind = np.array([q == quantity for q in readings.quantity], bool)
@@ -67,12 +77,14 @@ def rising_peaks(readings: Readings, distance: Float[np.ndarray, " n"]) -> list[
         if not here.size:
             continue
         far, value, error = distance[here], readings.value[here], readings.error[here]
-        least = np.minimum.accumulate(value)  # of all that are nearer, and its place
-        at = np.maximum.accumulate(np.where(value == least, np.arange(len(here)), 0))
+        spread = value + np.log(np.maximum(far, np.finfo(float).tiny))
+        least = np.minimum.accumulate(spread)  # of all that are nearer, and its place
+        at = np.maximum.accumulate(np.where(spread == least, np.arange(len(here)), 0))
         nearer = np.searchsorted(far, far / FARTHER, side="left") - 1
         low = at[np.maximum(nearer, 0)]
-        allowed = np.log(RISES) + np.hypot(error, error[low])
-        rising = np.flatnonzero((nearer >= 0) & (value - value[low] > allowed))
+        allowed = BEYOND * np.sqrt(2.0) * SCATTER + np.hypot(error, error[low])
+        rises = (value > value[low]) & (spread - spread[low] > allowed)
+        rising = np.flatnonzero((nearer >= 0) & rises)
         if rising.size:
             j, i = int(rising[0]), int(low[rising[0]])
             numbers = {

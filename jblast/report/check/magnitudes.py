@@ -40,7 +40,7 @@ def _rises(doubt: Doubt, log: Observations) -> str:
     return (
         f"{reading(doubt, log)} at {metres(numbers['distance_m'])} is larger than "
         f"{value_of(doubt, 'nearer')} at {metres(numbers['nearer_m'])}: peaks fall "
-        "with distance"
+        "with distance; a factor of 2 to 8 suggests a reflected reading"
     )
 
 

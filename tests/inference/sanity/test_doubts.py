@@ -7,6 +7,8 @@ import pytest
 from hypothesis import given, settings, strategies as st
 
 from jblast.inference.sanity import doubts
+from jblast.inference.sanity.magnitudes import rising_peaks
+from jblast.inference.sanity.readings import Readings
 from jblast.observations import Observations, some_rows
 from jblast.observations.places.frame import Frame
 from jblast.scene import default_scene, freed
@@ -177,3 +179,21 @@ def test_no_rows_and_rows_without_places_are_taken():
     assert kinds(some_rows(BOTH, np.array([], int))) == []
     nowhere = replace(BOTH, position=np.full((10, 3), np.nan))
     assert kinds(nowhere) == []
+
+
+@pytest.mark.parametrize(("factor", "odd"), [(1.0, False), (1.8, True), (4.0, True)])
+def test_a_peak_that_rises_beyond_scatter_is_doubted(factor, odd):
+    """Three gauges; the middle one reads this much more than the nearest, at 1.5 times
+    its distance. Scatter of a record is 17 %, and sound would fall by a third."""
+    distance = np.array([20.0, 30.0, 60.0])
+    readings = Readings(
+        quantity=("peak_overpressure_pa",) * 3,
+        row=np.arange(3),
+        value=np.log(np.array([1e4, factor * 1e4, 2e3])),
+        error=np.full(3, 0.02),
+        position=np.full((3, 3), np.nan),
+        slant_range=distance,
+        clock=np.full(3, -1),
+        bound=np.zeros(3, bool),
+    )
+    assert [doubt.rows for doubt in rising_peaks(readings, distance)] == [(1, 0)] * odd
