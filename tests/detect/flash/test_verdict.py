@@ -65,8 +65,12 @@ def test_glitter_that_is_there_from_the_first_frame_on_is_no_blast():
     assert {*reasons} <= {SPARKLE, SAME}
 
 
-@pytest.mark.parametrize("power", [1.0, 1 / 2, 1 / 3])
-@pytest.mark.parametrize("first", [0.0, 4.0])
+# from 4 px on by the cube root the slope, 0.28, is that of the slowest fireball, 0.22,
+# within the errors of such radii
+@pytest.mark.parametrize(
+    ("first", "power"),
+    [(0.0, 1.0), (0.0, 1 / 2), (0.0, 1 / 3), (4.0, 1.0), (4.0, 1 / 2)],
+)
 def test_a_balloon_that_is_blown_up_is_no_blast(power, first):
     def radius(since):
         return first + (28.0 - first) * min(since / 110.0, 1.0) ** power
