@@ -42,7 +42,6 @@ from jblast.inference.identifiability.findings import (
     NullDirection,
     OtherMode,
 )
-from jblast.inference.mode.laplace import NORMAL_Q95
 from jblast.inference.posterior.estimate import Estimate
 from jblast.inference.posterior.finding import Finding
 from jblast.json_values import plain
@@ -70,8 +69,7 @@ class Summary:
         law_valid_rows: How many do.
         estimates: What is known of every free number; one that is not identified has
             no value.
-        derived: What follows from each mass: as TNT, and as energy; where the range of
-            a charge has no upper bound, its bearing and the least range.
+        derived: What follows from each mass: as TNT, and as energy.
         free: Names of what was fitted.
         identifiable: Whether the data leave one answer.
         null_directions: Directions in which no datum moves.
@@ -193,9 +191,9 @@ def summary_of(
         law_valid=bool((valid & deep).all()),
         law_valid_rows=int(valid.sum()),
         estimates=estimates,
-        derived=_derived(estimates, solution) | _bearing(sure),
+        derived=_derived(estimates, solution),
         free=solution.posterior.parameters.names,
-        identifiable=not null and not doubles and sure.open_range is None,
+        identifiable=not null and not doubles,
         null_directions=null,
         ambiguities=doubles,
         determined=estimable_combinations(solution),
@@ -262,22 +260,3 @@ def _derived(
             per_kg["energy"] * TNT_SPECIFIC_ENERGY
         )
     return derived
-
-
-def _bearing(sure: Uncertainty) -> dict[str, Estimate]:
-    """Return bearing and least range of a charge whose range has no upper bound."""
-    profile = sure.open_range
-    if profile is None or not profile.has_bearing:
-        return {}
-    at = profile.likeliest()
-    bearing, sd = np.degrees([profile.bearing[at], profile.bearing_sd[at]])
-    return {
-        "bearing_deg": Estimate(
-            value=float(bearing),
-            sd=float(sd),
-            q05=float(bearing - NORMAL_Q95 * sd),
-            q50=float(bearing),
-            q95=float(bearing + NORMAL_Q95 * sd),
-        ),
-        "range_m": Estimate(q05=profile.least_range()),
-    }

@@ -21,7 +21,6 @@ from jblast.inference.importance.findings import (
     ImportanceCannotTell,
     NormalIntervals,
     NormalJudged,
-    RangeFollowed,
 )
 from jblast.inference.importance.interval_check import check_intervals
 from jblast.inference.importance.marginals import marginals_of_draws
@@ -37,10 +36,8 @@ from jblast.inference.importance.psis import (
 from jblast.inference.mcmc.ensemble import Ensemble, ensemble
 from jblast.inference.mcmc.run import WALKERS
 from jblast.inference.mode.laplace import marginals
-from jblast.inference.mode.range_profile import RangeProfile, range_profile
 from jblast.inference.posterior.estimate import Estimate
 from jblast.inference.posterior.finding import Finding
-from jblast.parameter_table import CHARGE_POSITION
 
 Method = Literal["weighted", "laplace", "emcee", "auto"]
 DRAWS = 8000
@@ -62,7 +59,6 @@ class Uncertainty:
         converged: Whether the method reached what it should.
         findings: What draws showed: modes, a ridge, intervals that are off.
         ensemble: The walk, where there was one.
-        sight: The range of the charge followed outwards, where it may have no end.
     """
 
     method: str
@@ -73,66 +69,9 @@ class Uncertainty:
     findings: tuple[Finding, ...] = ()
     ensemble: Ensemble | None = None
     weighted: bool = False
-    sight: RangeProfile | None = None
-
-    @property
-    def open_range(self) -> RangeProfile | None:
-        """The range followed outwards, where it or the bearing is not identified."""
-        sight = self.sight
-        if sight is None or (sight.has_bearing and not sight.is_open):
-            return None
-        return sight
 
 
 def uncertainty(
-    solution: Solution,
-    method: Method,
-    *,
-    seed: int = 0,
-    rows: Sequence[str] = (),
-    store: str | os.PathLike[str] | None = None,
-) -> Uncertainty:
-    """Draw from the posterior by the method wanted, and follow the range of a charge.
-
-    A place whose range has no end has no value. Where importance sampling fails for a
-    charge beside an array, draws follow the range instead.
-
-    Args:
-        solution: Result of the search.
-        method: See `by_method`.
-        seed: Of the draws.
-        rows: What to call each row of the log in messages.
-        store: Folder in which a walk is kept, to be gone on with if it is cut short.
-    """
-    found = by_method(solution, method, seed=seed, rows=rows, store=store)
-    if len(solution.identifiability.null):
-        return found
-    profile = range_profile(solution.posterior, solution.laplace.z)
-    if profile is None:
-        return found
-    parameters = solution.posterior.parameters
-    if profile.is_open or not profile.has_bearing:
-        unknown = {*CHARGE_POSITION[:2], "origin_time_s"}
-        kept = {
-            n: Estimate() if n in unknown else e for n, e in found.marginals.items()
-        }
-        return replace(found, marginals=kept, sight=profile)
-    if method == "weighted" and not found.weighted:
-        z = profile.draws(DRAWS, np.random.default_rng(seed))
-        by_name = marginals_of_draws(parameters, z)
-        best = parameters.values(jnp.asarray(solution.laplace.z))
-        return replace(
-            found,
-            reason=RangeFollowed(len(profile.range_m)),
-            z=z,
-            marginals={n: replace(by_name[n], value=float(best[n])) for n in by_name},
-            findings=(),
-            sight=profile,
-        )
-    return replace(found, sight=profile)
-
-
-def by_method(
     solution: Solution,
     method: Method,
     *,

@@ -49,20 +49,7 @@ def headline(fit: Fit) -> list[str]:
     lines += [explanation(wrong) for wrong in found.explained_by]
     more = (one for one in found.warnings if isinstance(one, MoreToFree))
     lines += [freeing(one) for one in more]
-    return lines + bearing_lines(found) + unidentified_lines(found)
-
-
-def bearing_lines(found: Summary) -> list[str]:
-    """Return the answer of an array that identifies the bearing and no range."""
-    bearing, distance = (found.derived.get(n) for n in ("bearing_deg", "range_m"))
-    if bearing is None or distance is None:
-        return []
-    degrees = f"{bearing.value:.1f} +- {bearing.sd:.1f} degrees"
-    least = printed_number("range_m", distance.q05)
-    return [
-        f"Of the place only the bearing is identified: {degrees} clockwise from north, "
-        f"from the middle of the sensors; the range is at least {least}."
-    ]
+    return lines + unidentified_lines(found)
 
 
 def unidentified_lines(found: Summary) -> list[str]:
