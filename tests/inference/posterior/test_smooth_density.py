@@ -58,11 +58,11 @@ def assert_smooth(posterior: Posterior, places: np.ndarray, axis: int) -> None:
     assert np.isfinite(value).all()
     slope, steps = slope[:, axis], np.diff(places[:, axis])
     by_slopes = 0.5 * (slope[1:] + slope[:-1]) * steps
-    # a kink, where one mode of the effects takes over from another, is off by an
-    # eighth of the change of slope along a step; no step of the density is that small
+    # where one maximum over the effects takes over from another the density has a kink:
+    # there the mean slope is off by up to half of its change along a step
     bend = np.abs(np.diff(slope)) * steps
     np.testing.assert_array_less(
-        np.abs(np.diff(value) - by_slopes), 0.02 + 0.26 * bend, err_msg=str(axis)
+        np.abs(np.diff(value) - by_slopes), 0.02 + 0.51 * bend, err_msg=str(axis)
     )
     near = 1e-5 * np.eye(places.shape[1])[axis]
     change = np.asarray(both(places + near)[0]) - np.asarray(both(places - near)[0])
