@@ -57,10 +57,11 @@ neighbours of an ordinary layout; the second has a shorter outer scale. The firs
 for roughness at small separations, as from ground and obstacles. In the fourth a tenth
 of the variance is turbulence: 0.3 % of the travel time for a law with 1 %, as for index
 fluctuations of 0.5 % with eddies of L = 50 m over R = 300 m, which leave the share
-sqrt(sqrt(pi) L/R) along the path. For errors of seven other correlation functions
-(exponential, von Karman, Gaussian; lengths of 0.1 to 0.8), linearised, 250 random
-layouts, 90 % intervals of the bearing contain the truth in 86 to 96 % with these four,
-in 33 to 98 % with the third alone (`calibration/array_coverage.py`)."""
+sqrt(sqrt(pi) L/R) along the path. Least squares of a known mass, linearised, of 250
+random layouts with errors of seven other correlation functions (exponential, von
+Karman, Gaussian; lengths of 0.1 to 0.8): 90 % intervals of the bearing contain the
+truth in 86 to 96 % with these four, in 33 to 98 % with the third alone. Fits with a
+free mass do not reach that (`calibration/array_coverage.py`)."""
 TYPICAL = np.array([0.0, 0.0, 1.0, 0.0])
 """Weights of the kernels where no data weigh them, as for a planned layout."""
 DENSE = 32
