@@ -86,10 +86,11 @@ def search_bank(
             noise = every[nth].noise if quiet is None else quiet
             tests[nth] = PulseTest(templates, channel.rate_hz, noise)
         fit = tests[nth](channel.samples, one.time_s, nth)
-        tested.append((one, fit))
         # where the noise is louder than on average, so is the threshold
         loud = one.statistic > every[nth].threshold * fit.level
-        if any_form or (fit.accepted and loud):
+        fit = fit._replace(loud=bool(loud))
+        tested.append((one, fit))
+        if any_form or fit.blast_form:
             accepted.add(one)
     tested.sort(key=lambda pair: pair[0].time_s)
     loudest = every[found[0][1]] if found else every[0]

@@ -89,6 +89,7 @@ class PulseFit(NamedTuple):
         dof: Degrees of freedom of chi-squared.
         level: Noise in the pulse's band before the arrival over that of the whole
             recording, rms.
+        loud: Whether the arrival exceeds the threshold in that noise, too.
     """
 
     misfit: float
@@ -96,6 +97,12 @@ class PulseFit(NamedTuple):
     p: float
     dof: int
     level: float
+    loud: bool = True
+
+    @property
+    def blast_form(self) -> bool:
+        """Whether the arrival counts as a blast: by its form, and over the noise."""
+        return self.accepted and self.loud
 
     @property
     def accepted(self) -> bool:

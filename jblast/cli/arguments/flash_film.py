@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 Kind = Literal["sound", "frames", "video", "events"]
 VIDEOS = (".mp4", ".avi", ".mov", ".mkv", ".webm", ".m4v", ".mpg", ".mpeg", ".ogv")
 EVENTS = (".h5", ".hdf5", ".npz", ".raw", ".aedat4")
-OF_SOUND = ("template", "charge", "range", "any_form", "stream", "positions")
+OF_SOUND = ("template", "charge", "range", "blast_form", "stream", "positions")
 OF_PICTURES = ("fps", "scene")
 
 

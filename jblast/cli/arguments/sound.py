@@ -142,7 +142,11 @@ def searched_for(
         from jblast.detect.pulse_bank import search_bank
 
         found = search_bank(
-            channel, templates, asked.false_alarms, look, any_form=asked.any_form
+            channel,
+            templates,
+            asked.false_alarms,
+            look,
+            any_form=not asked.blast_form,
         )
         searched.append(found)
     return searched, method

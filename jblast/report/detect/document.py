@@ -68,6 +68,7 @@ def _arrival(one: Searched, found: Detection, fit: PulseFit | None) -> dict[str,
     }
     if fit is not None:
         entry |= {
+            "blast_form": fit.blast_form,
             "misfit": fit.misfit,
             "log_likelihood_ratio": fit.log_likelihood_ratio,
             "fit_p": fit.p,

@@ -46,6 +46,7 @@ def detection_text(
     if dead:
         are = "is dead: it holds" if len(dead) == 1 else "are dead: each holds"
         lines.append(f"{joined(list(dead))} {are} one value throughout; not searched")
+    lines += _forms(searched)
     lines += _rejected(sum(len(one.rejected) for one in searched))
     if count:
         lines += ["", *_table(searched)]
@@ -71,7 +72,20 @@ def _rejected(count: int) -> list[str]:
     if not count:
         return []
     words = "1 impulsive sound" if count == 1 else f"{count} impulsive sounds"
-    return [f"{words} rejected: not the form of a blast pulse (--any-form accepts all)"]
+    return [f"{words} rejected: not the form of a blast pulse"]
+
+
+def _forms(searched: Sequence[Searched]) -> list[str]:
+    """Return how many arrivals have the form of a blast, where that was tested."""
+    fits = [fit for one in searched for fit in one.fits]
+    other = sum(not fit.blast_form for fit in fits)
+    if not other:
+        return []
+    return [
+        f"{len(fits) - other} of {len(fits)} have the form of a blast pulse; others "
+        "can be doors, clicks, thunder, or distant or reverberant blasts",
+        "(--blast-form leaves these out)",
+    ]
 
 
 def _table(searched: Sequence[Searched]) -> list[str]:

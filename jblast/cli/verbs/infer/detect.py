@@ -69,10 +69,10 @@ def add_arguments(verb: argparse.ArgumentParser) -> None:
         "that look like a blast (default: 1)",
     )
     verb.add_argument(
-        "--any-form",
+        "--blast-form",
         action="store_true",
-        help="without a template: accept impulsive sounds of any form (doors, clicks, "
-        "thunder; reverberant or distant blasts), not only blast pulses",
+        help="without a template: accept only sounds with the form of a blast pulse, "
+        "no doors, clicks or most thunder, and no reverberant or distant blasts",
     )
     verb.add_argument(
         "--stream",
@@ -203,9 +203,9 @@ def _check(asked: argparse.Namespace) -> None:
     if (asked.charge is None) != (asked.range is None):
         one, other = ("--charge", "--range")[:: 1 if asked.charge else -1]
         raise InputError(f"{one}: expected {other} beside it, got none")
-    if asked.any_form and (asked.template or asked.charge):
+    if asked.blast_form and (asked.template or asked.charge):
         other = "--template" if asked.template else "--charge"
-        raise InputError(f"--any-form: expected no {other} beside it, got both")
+        raise InputError(f"--blast-form: expected no {other} beside it, got both")
     if asked.positions and not asked.out:
         raise InputError("--positions: expected --out to write the log to, got none")
     if asked.out:

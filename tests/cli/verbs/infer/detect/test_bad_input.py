@@ -61,7 +61,7 @@ def test_options_that_cannot_be_used(jblast, good):
             (*shape, "--charge", "1", "--range", "5"),
             "expected it or --charge, got both",
         ),
-        ((*shape, "--any-form"), "--any-form: expected no --template beside it"),
+        ((*shape, "--blast-form"), "--blast-form: expected no --template beside it"),
         ((*shape, "--false-alarms", "0"), "--false-alarms: expected a positive"),
         ((*shape, "--false-alarms", "1e12"), "--false-alarms: expected less than"),
         ((*shape, "--positions", "x.csv"), "--positions: expected --out"),

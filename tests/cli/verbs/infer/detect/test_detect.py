@@ -99,9 +99,10 @@ def test_without_a_template_a_drum_is_rejected_and_a_blast_is_not(jblast):
         decay = np.exp(-np.pi * f * late / quality)
         samples[0] += 0.6 * size * decay * np.sin(2 * np.pi * f * late)
     file = write(jblast, "both.wav", samples)
-    code, found = answer(jblast, file)
+    code, found = answer(jblast, file, "--blast-form")
     assert code == 0
     (arrival,) = found["arrivals"]
+    assert arrival["blast_form"]
     assert abs(arrival["time_s"] - 2.0) < 1e-3
     assert arrival["misfit"] < 0.5
     assert arrival["log_likelihood_ratio"] > np.log(100)
@@ -111,11 +112,16 @@ def test_without_a_template_a_drum_is_rejected_and_a_blast_is_not(jblast):
     assert all(3.9 < one["time_s"] < 4.6 for one in found["rejected_arrivals"])
 
     drum = write(jblast, "drum.wav", samples[:, round(3.0 * RATE) :])
-    code, out, _ = jblast("detect", drum)
+    code, out, _ = jblast("detect", drum, "--blast-form")
     assert code == 3
     assert "rejected: not the form of a blast pulse" in out
-    code, found = answer(jblast, drum, "--any-form")
+    code, out, _ = jblast("detect", drum)
+    assert code == 0
+    assert "0 of " in out
+    assert "have the form of a blast pulse" in out
+    code, found = answer(jblast, drum)
     assert (code, found["rejected_arrivals"]) == (0, [])
+    assert not found["arrivals"][0]["blast_form"]
     assert found["arrivals"][0]["log_likelihood_ratio"] < 0.0
 
 
