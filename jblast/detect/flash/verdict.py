@@ -21,7 +21,8 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Float
 
-from jblast.detect.flash.brightening import BRIGHTER
+from jblast.detect.flash.brightening import BRIGHTER, NOISES
+from jblast.detect.flash.cusum import LEAST
 from jblast.detect.flash.growth import growing
 from jblast.detect.flash.silhouette import UNSURE, Silhouette
 
@@ -33,6 +34,8 @@ ENOUGH = 10
 CONTINUES = 0.5
 """Pixels lit a frame after an alarm over those before it from which on it is sparkle.
 Half way: stationary sparkle has 1, a growth that has ended 0."""
+NORMAL = 1.4826
+"""Standard deviation of normal noise over its median size."""
 SLOWEST_S = 0.02
 """Time constant of the slowest fireball: twice that of 1 t by the law, which is known
 to a factor of two (`waves.fireball`). The test was set for up to 1 t [s]."""
@@ -47,16 +50,22 @@ def sparkles(
 ) -> bool:
     """Return whether pixels go on lighting up as they did before an alarm.
 
+    A pixel is lit by a change that is large for its own noise, as in `Brightening`: in
+    the dark the logarithm of light is noisy all the time.
+
     Args:
         changes: Of the logarithm of light, from frame to frame, about the alarm.
         begun: Number of the frame in which its evidence began.
         at: Number of the frame of the alarm.
     """
-    lit = np.count_nonzero(changes > BRIGHTER, axis=(1, 2))
-    after = lit[at + SETTLED :]
-    if len(after) < ENOUGH:
+    noise = NORMAL * np.median(np.abs(changes), axis=0)
+    least = np.maximum(BRIGHTER, NOISES * noise)
+    lit = np.count_nonzero(changes > least, axis=(1, 2))
+    before, after = lit[begun : at + 1].mean(), lit[at + SETTLED :]
+    # of fewer pixels a rate is not known
+    if len(after) < ENOUGH or before < LEAST:
         return False
-    return bool(after.mean() > CONTINUES * lit[begun : at + 1].mean())
+    return bool(after.mean() > CONTINUES * before)
 
 
 def grows_on(seen: Sequence[Silhouette], earliest_s: float) -> bool:

@@ -101,3 +101,16 @@ def test_a_fireball_of_another_law_is_a_blast():
     # a strong blast's power of 0.4 (Taylor 1950) that ends after 12 ms
     seen = searched(growing_disc(lambda since: 26.0 * min(since / 12.0, 1.0) ** 0.4))
     assert [flash.frame for flash in seen.flashes] == [31]
+
+
+def test_a_fireball_in_the_dark_is_a_blast():
+    # the logarithm of 0.02 of full scale is noisy: a tenth of all pixels at any time
+    # change by more than a quarter
+    rng, light = np.random.default_rng(0), []
+    for k in range(115):
+        size = -13.0 * np.expm1(-max(k - 30.0, 0.0) / 4.0)
+        cover = np.clip(size + 0.5 - np.hypot(_X - 45.0, _Y - 30.0), 0.0, 1.0)
+        light.append(0.02 + cover * (size > 0.0) * 0.98)
+    seen = searched(filmed(rng, light))
+    assert [flash.frame for flash in seen.flashes] == [31]
+    assert not seen.rejected
