@@ -29,6 +29,7 @@ ANSWER = {
     "suspected_outliers": list,
     "explained_by": list,
     "warnings": list,
+    "assumptions": list,
     "understood": list,
     "place": type(None),
     "origin_time_utc": type(None),
