@@ -37,8 +37,9 @@ grows in proportion to the number of paths.
 import jax.numpy as jnp
 import numpy as np
 from jax import lax
-from jax.scipy.linalg import solve_triangular
 from jaxtyping import Array, Bool, Float, Int
+
+from jblast.sensors.small_systems import cholesky_factor, solve_system
 
 KERNELS = np.array(
     [
@@ -141,7 +142,7 @@ def split(
     both = placed[:, None] & placed[None, :] & ~np.eye(count, dtype=bool)
     matrix = jnp.where(both, correlations(place, place, weights), 0.0)
     matrix = matrix + (1 + nugget) * jnp.eye(count, dtype=place.dtype)
-    precision = jnp.linalg.inv(matrix)
+    precision, _ = solve_system(matrix, jnp.eye(count, dtype=place.dtype))
     size = jnp.diagonal(precision)
     least = NEAR_ZERO**2 * size[:, None] * size[None, :]
     row_sum = jnp.sum(
@@ -152,7 +153,7 @@ def split(
     )
     own = 1 / (size + row_sum)
     shared = matrix - jnp.diag(own) + nugget * jnp.eye(count, dtype=place.dtype)
-    return own, jnp.linalg.cholesky(shared)
+    return own, cholesky_factor(shared)
 
 
 def _split_by_anchors(place, placed, weights):
@@ -165,8 +166,8 @@ def _split_by_anchors(place, placed, weights):
     both = is_placed[:, None] & is_placed[None, :] & ~np.eye(ANCHORS, dtype=bool)
     inner = jnp.where(both, across[anchors], 0.0)
     inner = inner + (1 + nugget) * jnp.eye(ANCHORS, dtype=place.dtype)
-    root = jnp.linalg.cholesky(inner)
-    columns = solve_triangular(root, across.T, lower=True).T
+    root = cholesky_factor(inner)
+    columns = solve_system(root, across.T)[0].T
     neighbours = jnp.maximum(jnp.sum(across, axis=0) - 1, 0.0)
     share = neighbours / (neighbours + FEW_NEIGHBOURS)
     columns = columns * jnp.sqrt(share + nugget)[None, :]

@@ -13,15 +13,16 @@ five and one of the shot's four, in place of one of 54.
 from collections.abc import Sequence
 from typing import NamedTuple
 
+import jax
 import jax.numpy as jnp
 import numpy as np
-from jax.scipy.linalg import cho_solve
 from jaxtyping import Array, Float
 
 from jblast.sensors.even_rows import picked
+from jblast.sensors.small_systems import solve_system
 
-WRITTEN_OUT = 16
-"""Systems of no more effects are solved without LAPACK."""
+MOST_OF_A_BLOCK = 16
+"""Groups of more effects are not eliminated one by one (see `blocks_of`)."""
 
 Block = tuple[tuple[int, ...], tuple[int, ...]]
 Blocks = tuple[Block, ...]
@@ -53,18 +54,67 @@ class Together(NamedTuple):
     def solved(self, weight: Float[Array, " row"], right: Float[Array, " effect"]):
         """Solve, and return ln of the determinant; NaN if not positive definite."""
         matrix = self.load.T @ (weight[:, None] * self.load)
-        return _solved(jnp.eye(len(right)) + matrix, right)
+        answer, size = solve_system(jnp.eye(len(right)) + matrix, right[:, None])
+        return answer[:, 0], size
 
     def spread(self, weight: Float[Array, " row"]):
         """Return each row's variance under the inverse, and ln of the determinant."""
         unit = jnp.eye(self.load.shape[1])
         matrix = unit + self.load.T @ (weight[:, None] * self.load)
-        inverse, size = _solved(matrix, unit)
+        inverse, size = solve_system(matrix, unit)
         return jnp.sum((self.load @ inverse) * self.load, axis=1), size
 
     def in_order(self, v: Float[Array, " effect"]) -> Float[Array, " effect"]:
         """Return effects in the order of the columns."""
         return v
+
+
+class FewRows(NamedTuple):
+    r"""Effects of which there are more than rows.
+
+    With $K = L L^T$ and $W$ the weights the system is solved for the rows:
+    $(I + L^T W L)^{-1} = I - L^T W (I + K W)^{-1} L$, and
+    $|I + L^T W L| = |I + K W|$.
+
+    Attributes:
+        load: What one standard deviation of each adds.
+        covariance: $K$, of what the effects add to rows.
+    """
+
+    load: Float[Array, "row effect"]
+    covariance: Float[Array, "row row"]
+
+    def start(self) -> Float[Array, " effect"]:
+        """Return effects of zero."""
+        return jnp.zeros(self.load.shape[1], self.load.dtype)
+
+    def added(self, v: Float[Array, " effect"]) -> Float[Array, " row"]:
+        """Return what effects add to each row."""
+        return self.load @ v
+
+    def gathered(self, of_row: Float[Array, " row"]) -> Float[Array, " effect"]:
+        """Return $L^T x$."""
+        return self.load.T @ of_row
+
+    def solved(self, weight: Float[Array, " row"], right: Float[Array, " effect"]):
+        """Solve, and return ln of the determinant; NaN if not positive definite.
+
+        Of some positive definite systems that have negative weights it is NaN, too.
+        """
+        answer, size = solve_system(self._matrix(weight), (self.load @ right)[:, None])
+        return right - self.load.T @ (weight * answer[:, 0]), size
+
+    def spread(self, weight: Float[Array, " row"]):
+        """Return each row's variance under the inverse, and ln of the determinant."""
+        variance, size = solve_system(self._matrix(weight), self.covariance)
+        return jnp.diagonal(variance), size
+
+    def in_order(self, v: Float[Array, " effect"]) -> Float[Array, " effect"]:
+        """Return effects in the order of the columns."""
+        return v
+
+    def _matrix(self, weight):
+        return jnp.eye(len(weight)) + self.covariance * weight[None, :]
 
 
 class Apart(NamedTuple):
@@ -107,7 +157,8 @@ class Apart(NamedTuple):
         first, own = self._parted(right)
         across, inner, matrix, sizes = self._first_kind(weight, own[:, :, None])
         first -= jnp.einsum("kag,ka->g", across, inner[:, :, -1])
-        outer, size = _solved(matrix, first)
+        outer, size = solve_system(matrix, first[:, None])
+        outer = outer[:, 0]
         own = inner[:, :, -1] - jnp.einsum("kag,g->ka", inner[:, :, :-1], outer)
         return jnp.concatenate([outer, own.ravel()]), size + sizes
 
@@ -117,7 +168,7 @@ class Apart(NamedTuple):
         turned = jnp.swapaxes(self.of_record, 1, 2)
         _, inner, matrix, sizes = self._first_kind(weight, turned)
         alone = jnp.sum(turned * inner[:, :, count:], axis=1)
-        inverse, size = _solved(matrix, jnp.eye(count))
+        inverse, size = solve_system(matrix, jnp.eye(count))
         along = jnp.einsum("kra,kag->krg", self.of_record, inner[:, :, :count])
         left = self.load - self._by_row(along)
         variance = jnp.sum((left @ inverse) * left, axis=1) + self._by_row(alone)
@@ -141,7 +192,8 @@ class Apart(NamedTuple):
             "kra,krb->kab", weighted, self.of_record
         )
         across = jnp.einsum("kra,krg->kag", weighted, self._by_record(self.load))
-        inner, sizes = _eliminated(block, jnp.concatenate([across, right], axis=2))
+        both = jnp.concatenate([across, right], axis=2)
+        inner, sizes = jax.vmap(solve_system)(block, both)
         matrix = jnp.eye(count) + self.load.T @ (weight[:, None] * self.load)
         matrix -= jnp.einsum("kag,kah->gh", across, inner[:, :, :count])
         return across, inner, matrix, jnp.sum(sizes)
@@ -180,11 +232,15 @@ class Apart(NamedTuple):
         return jnp.concatenate([of_row, nothing])[self.record]
 
 
-def effects_of(load: Float[Array, "row effect"], blocks: Blocks) -> Together | Apart:
+def effects_of(
+    load: Float[Array, "row effect"], blocks: Blocks
+) -> Together | FewRows | Apart:
     """Return effects in the form that is solved fastest."""
-    if not blocks or load.shape[1] <= 1:
-        return Together(load)
     rows, columns = load.shape
+    if rows < columns:
+        return FewRows(load, load @ load.T)
+    if not blocks or columns <= 1:
+        return Together(load)
     record = _padded([block for block, _ in blocks], rows)
     error = _padded([block for _, block in blocks], columns)
     alone = np.setdiff1d(np.arange(columns), error)
@@ -232,7 +288,7 @@ def joined_blocks(parts: Sequence[Block]) -> Blocks:
         block = blocks.setdefault(root(part), (set(), set()))
         block[0].update(rows)
         block[1].update(columns)
-    if any(len(columns) > WRITTEN_OUT for _, columns in blocks.values()):
+    if any(len(columns) > MOST_OF_A_BLOCK for _, columns in blocks.values()):
         return ()
     return tuple((tuple(sorted(r)), tuple(sorted(c))) for r, c in blocks.values())
 
@@ -243,34 +299,3 @@ def _padded(lists: list[tuple[int, ...]], missing: int) -> np.ndarray:
     return np.array(
         [[*entries, *[missing] * (most - len(entries))] for entries in lists]
     )
-
-
-def _eliminated(matrix, right):
-    """Solve many small systems at once, each for several right sides (Gauss-Jordan)."""
-    systems, count, _ = matrix.shape
-    both, pivots = jnp.concatenate([matrix, right], axis=2), []
-    for i in range(count):
-        pivots.append(both[:, i, i])
-        row = both[:, i] / pivots[-1][:, None]
-        others = both[:, :, i] - np.tile(np.eye(count)[i], (systems, 1))
-        both = both - others[:, :, None] * row[:, None, :]
-    size = jnp.sum(jnp.log(jnp.stack(pivots)), axis=0)
-    return both[:, :, count:], size
-
-
-def _solved(matrix, right):
-    """Solve, and return ln of the determinant; NaN if not positive definite.
-
-    Few unknowns are eliminated one after another (Gauss-Jordan; positive definite
-    matrices need no pivoting) in operations on whole matrices, which a batch runs
-    through ten times as fast as through LAPACK.
-    """
-    if len(right) == 0:
-        return right, jnp.zeros((), right.dtype)
-    if len(right) > WRITTEN_OUT:
-        root = jnp.linalg.cholesky(matrix)  # of NaN if not positive definite
-        size = 2 * jnp.sum(jnp.log(jnp.diagonal(root)))
-        return cho_solve((root, True), right), size
-    columns = right.reshape(len(right), -1)
-    answer, size = _eliminated(matrix[None], columns[None])
-    return answer[0].reshape(right.shape), size[0]

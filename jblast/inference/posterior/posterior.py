@@ -29,6 +29,7 @@ from jblast.inference.posterior.refused_logs import refuse_exact, refuse_vast
 from jblast.kept_programs import kept
 from jblast.observations import Observations
 from jblast.observations.times.clocks import refuse_unresolved
+from jblast.parameter_table import CHARGE_POSITION
 from jblast.sensors import Layout, record
 from jblast.sensors.observe import ErrorModel, Noise, error_model, paths_of
 from jblast.sensors.path_scatter import DENSE, KERNELS, TYPICAL, kernel_weights
@@ -78,8 +79,8 @@ class Posterior(eqx.Module):
             itself, for speed alone; () if that is not known.
         records: Whose samples count in place of the rows read off them; None: of none.
         correction: What is added; None: nothing.
-        kernels: Weights of the correlation functions of neighbouring paths in `misfit`;
-            the density is the mean over all of them.
+        kernels: Weights of the correlation functions of neighbouring paths in `misfit`.
+            Where the place of the charge is fitted the density is the mean over all.
         neighbours: Whether neighbouring paths share scatter.
     """
 
@@ -129,12 +130,18 @@ class Posterior(eqx.Module):
         return record(self.parameters.scene_at(z), self.layout, dict(self.laws))
 
     def _has_neighbours(self, recording: Recording) -> bool:
-        """Return whether correlation functions matter, and are few enough to weigh."""
+        """Return whether correlation functions are to be weighed by the data.
+
+        They decide how far away an array places a charge. Where the place is fixed
+        the typical one serves, at a quarter of the cost.
+        """
+        if not self.neighbours or not {*CHARGE_POSITION} & {*self.parameters.names}:
+            return False
         sizes = [
             len(paths_of(self.layout, quantity, shot)[1])
             for _, quantity, shot in recording.fields
         ]
-        return self.neighbours and 2 <= max(sizes, default=0) <= DENSE
+        return 2 <= max(sizes, default=0) <= DENSE
 
     def _of_kernels(self, recording: Recording) -> Float[Array, " kernel"]:
         """Return ln of the probability of the log by each correlation function."""
