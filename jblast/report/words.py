@@ -10,6 +10,7 @@ SUFFIXES = (
     "_m_s2",
     "_m_s",
     "_rad",
+    "_deg",
     "_kg",
     "_pa",
     "_px",

@@ -30,6 +30,7 @@ from jblast.inference.identifiability.null_space import identifiability
 from jblast.inference.importance.whitening import refuse_without_density
 from jblast.inference.mode.laplace import laplace
 from jblast.inference.mode.mirror_images import with_mirror_images
+from jblast.inference.mode.range_profile import range_profile, with_best_range
 from jblast.inference.mode.search import Optima, likeliest_start, optima
 from jblast.inference.posterior.fireball_growth import as_seen
 from jblast.inference.posterior.parameters import parameters_of
@@ -240,7 +241,9 @@ def solve(
         near = first.parameters.scene_at(likeliest_start(key, first))
         choices = choices.as_for(choices_for(near, rows, sigma))
     (posterior, found, there), choices = settle_laws(choices, search)
-    z = np.asarray(found.z)[0]
+    sight = range_profile(posterior, found)
+    if sight is not None:
+        found = with_best_range(posterior, found, sight)
     found = with_mirror_images(posterior, found)
     z = np.asarray(found.z)[0]
     begin("what can be told")
@@ -257,6 +260,7 @@ def solve(
         identifiability=identified,
         laplace=laplace(posterior, z, identified.identified_basis),
         bursts_settled=choices.has_bursts_of(there),
+        sight=sight,
     )
     if records is None:
         return solution

@@ -10,6 +10,7 @@ from jaxtyping import Float
 from jblast.fidelity import TakenLaw
 from jblast.inference.identifiability.null_space import Identifiability
 from jblast.inference.mode.laplace import Laplace
+from jblast.inference.mode.range_profile import RangeProfile
 from jblast.inference.mode.search import Optima
 from jblast.inference.posterior.posterior import Posterior
 from jblast.inference.posterior.record_likelihood import SampledRecords
@@ -36,6 +37,8 @@ class Solution(NamedTuple):
             those used.
         samples_known: To how much in ln the density of samples is known between the
             places where it was computed; None where no samples count.
+        sight: The range of a charge beside a small array followed inwards and outwards;
+            None where the array is not small, or the place not free.
     """
 
     posterior: Posterior
@@ -46,6 +49,7 @@ class Solution(NamedTuple):
     laplace: Laplace
     bursts_settled: bool = True
     samples_known: float | None = None
+    sight: RangeProfile | None = None
 
 
 class Choices(NamedTuple):

@@ -69,7 +69,8 @@ class Summary:
         law_valid_rows: How many do.
         estimates: What is known of every free number; one that is not identified has
             no value.
-        derived: What follows from each mass: as TNT, and as energy.
+        derived: What follows from each mass: as TNT, and as energy; where the place of
+            a charge is not identified and its bearing is, bearing and range.
         free: Names of what was fitted.
         identifiable: Whether the data leave one answer.
         null_directions: Directions in which no datum moves.
@@ -164,7 +165,9 @@ def summary_of(
         solution.identifiability.identified_basis.shape[1],
     )
     p = p_value(chi2, dof)
-    converged = solution.laplace.converged and sure.converged
+    # along an open range there is no optimum
+    at_optimum = solution.laplace.converged or sure.bearing is not None
+    converged = at_optimum and sure.converged
     poor = p is not None and p < POOR
     answered = converged and not null and bool(valid.any()) and not poor
     wrong: tuple[WrongSensor, ...] = ()
@@ -191,9 +194,9 @@ def summary_of(
         law_valid=bool((valid & deep).all()),
         law_valid_rows=int(valid.sum()),
         estimates=estimates,
-        derived=_derived(estimates, solution),
+        derived=_derived(estimates, solution) | dict(sure.bearing or {}),
         free=solution.posterior.parameters.names,
-        identifiable=not null and not doubles,
+        identifiable=not null and not doubles and sure.bearing is None,
         null_directions=null,
         ambiguities=doubles,
         determined=estimable_combinations(solution),
@@ -212,6 +215,7 @@ def summary_of(
                 observations,
                 uncertain,
                 solution,
+                at_optimum,
                 valid & deep,
                 chi2,
                 dof,

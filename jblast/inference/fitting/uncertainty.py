@@ -1,7 +1,7 @@
 """How sure the answer is: by the normal approximation, or by walkers where it fails."""
 
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -15,12 +15,14 @@ from jblast.inference.fitting.findings import (
     NotAtOptimum,
 )
 from jblast.inference.fitting.solution import Solution
+from jblast.inference.fitting.unidentified import identified_estimates
 from jblast.inference.importance.findings import (
     DrawsWeighted,
     FewEffectiveDraws,
     ImportanceCannotTell,
     NormalIntervals,
     NormalJudged,
+    RangeFollowed,
 )
 from jblast.inference.importance.interval_check import check_intervals
 from jblast.inference.importance.marginals import marginals_of_draws
@@ -36,8 +38,14 @@ from jblast.inference.importance.psis import (
 from jblast.inference.mcmc.ensemble import Ensemble, ensemble
 from jblast.inference.mcmc.run import WALKERS
 from jblast.inference.mode.laplace import marginals
+from jblast.inference.mode.range_profile import (
+    DETERMINED,
+    RangeProfile,
+    free_place,
+)
 from jblast.inference.posterior.estimate import Estimate
 from jblast.inference.posterior.finding import Finding
+from jblast.parameter_table import CHARGE_POSITION
 
 Method = Literal["weighted", "laplace", "emcee", "auto"]
 DRAWS = 8000
@@ -59,6 +67,8 @@ class Uncertainty:
         converged: Whether the method reached what it should.
         findings: What draws showed: modes, a ridge, intervals that are off.
         ensemble: The walk, where there was one.
+        bearing: Where arrival times determine the bearing of a charge and not its
+            place: the bearing [degrees clockwise from north] and the range [m].
     """
 
     method: str
@@ -69,9 +79,89 @@ class Uncertainty:
     findings: tuple[Finding, ...] = ()
     ensemble: Ensemble | None = None
     weighted: bool = False
+    bearing: Mapping[str, Estimate] | None = None
 
 
 def uncertainty(
+    solution: Solution,
+    method: Method,
+    *,
+    seed: int = 0,
+    rows: Sequence[str] = (),
+    store: str | os.PathLike[str] | None = None,
+) -> Uncertainty:
+    """Draw from the posterior by the method wanted, or along the range of a charge.
+
+    Draws follow the range where it has no upper bound, where the place is not
+    identified, or where importance sampling fails for a charge beside a small array.
+
+    Args:
+        solution: Result of the search.
+        method: See `by_method`.
+        seed: Of the draws.
+        rows: What to call each row of the log in messages.
+        store: Folder in which a walk is kept, to be gone on with if it is cut short.
+    """
+    sight = solution.sight
+    if sight is None or len(solution.identifiability.null):
+        return by_method(solution, method, seed=seed, rows=rows, store=store)
+    followed = _along_range(solution, sight, seed)
+    if followed.bearing is not None:
+        return followed
+    found = by_method(solution, method, seed=seed, rows=rows, store=store)
+    return followed if method == "weighted" and not found.weighted else found
+
+
+def _along_range(solution: Solution, sight: RangeProfile, seed: int) -> Uncertainty:
+    """Draw along the range; give the bearing where the place is not identified."""
+    parameters, normal = solution.posterior.parameters, solution.laplace
+    z = sight.draws(DRAWS, np.random.default_rng(seed))
+    by_name = marginals_of_draws(parameters, z)
+    best = parameters.values(jnp.asarray(normal.z))
+    by_name = {n: replace(by_name[n], value=float(best[n])) for n in by_name}
+    place, at = CHARGE_POSITION[:2], free_place(solution.posterior)
+    assert at is not None  # else there is no profile
+    judged = identified_estimates(solution, by_name)
+    bearing = None
+    if sight.is_open or not all(judged[n].identified for n in place):
+        unknown = {*place, "origin_time_s"}
+        if sight.is_open:  # a larger charge farther away
+            unknown |= {n for n in by_name if n.partition(".")[0] == "charge_mass_kg"}
+        by_name = {n: Estimate() if n in unknown else by_name[n] for n in by_name}
+        bearing = _bearing_and_range(sight, z, at)
+    return Uncertainty(
+        method="laplace",
+        reason=RangeFollowed(len(sight.by_range()[0])),
+        z=z,
+        marginals=by_name,
+        converged=True,
+        bearing=bearing,
+    )
+
+
+def _bearing_and_range(
+    sight: RangeProfile, z: Float[np.ndarray, "draw free"], at: np.ndarray
+) -> dict[str, Estimate]:
+    """Return the bearing, a second one where there is one, and bounds of the range."""
+    ranges = np.linalg.norm(z[:, at] - sight.middle, axis=1)
+    q05, q95 = np.quantile(ranges, [0.05, 0.95])
+    if sight.is_open:
+        q05, q95 = sight.least_range_m, np.nan
+    found = {"range_m": Estimate(q05=float(q05), q95=float(q95))}
+    names = ("bearing_deg", "other_bearing_deg")
+    for name, place in zip(names, (sight.best, *sight.others()), strict=False):
+        off = np.degrees(sight.bearings(z, at, place))
+        middle = np.degrees(sight.bearing[place])
+        if not len(off) or not np.std(off) < np.degrees(DETERMINED):
+            continue
+        low, median, high = (middle + np.quantile(off, [0.05, 0.5, 0.95])).tolist()
+        found[name] = Estimate(
+            value=median, sd=float(np.std(off)), q05=low, q50=median, q95=high
+        )
+    return found
+
+
+def by_method(
     solution: Solution,
     method: Method,
     *,

@@ -56,6 +56,7 @@ def warnings_of(
     observations: Observations,
     uncertain: UncertainScene,
     solution: Solution,
+    at_optimum: bool,
     valid: Bool[np.ndarray, " row"],
     chi2: float,
     dof: int,
@@ -75,7 +76,7 @@ def warnings_of(
         findings.append(PriorConflict(against))
     if not valid.all():
         findings.append(outside(observations, solution, valid))
-    if not solution.laplace.converged:
+    if not at_optimum:
         findings.append(NotAtOptimum())
     if (known := solution.samples_known or 0.0) > ROUGH:
         findings.append(SamplesRoughlyCounted(known, ROUGH))

@@ -57,6 +57,17 @@ class NormalIntervals(Finding):
 
 
 @dataclass(frozen=True)
+class RangeFollowed(Finding):
+    """Intervals are of draws that follow the range of a charge beside a small array.
+
+    Attributes:
+        ranges: Ranges at which the posterior was integrated over all other numbers.
+    """
+
+    ranges: int
+
+
+@dataclass(frozen=True)
 class DrawsWeighted(Finding):
     """Draws of the normal approximation were weighted by the posterior.
 

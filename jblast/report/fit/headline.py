@@ -49,7 +49,27 @@ def headline(fit: Fit) -> list[str]:
     lines += [explanation(wrong) for wrong in found.explained_by]
     more = (one for one in found.warnings if isinstance(one, MoreToFree))
     lines += [freeing(one) for one in more]
-    return lines + unidentified_lines(found)
+    return lines + bearing_lines(found) + unidentified_lines(found)
+
+
+def bearing_lines(found: Summary) -> list[str]:
+    """Return the answer of an array that identifies the bearing and not the place."""
+    distance = found.derived.get("range_m")
+    bearings = [
+        f"{of.value % 360:.1f} +- {of.sd:.1f} degrees"
+        for name in ("bearing_deg", "other_bearing_deg")
+        if (of := found.derived.get(name)) is not None
+    ]
+    if distance is None or not bearings:
+        return []
+    least = printed_number("range_m", distance.q05)
+    bounds = f"at least {least}"
+    if math.isfinite(distance.q95):
+        bounds = f"{least} to {printed_number('range_m', distance.q95)}"
+    return [
+        f"Of the place only the bearing is identified: {' or '.join(bearings)} "
+        f"clockwise from north, from the middle of the sensors; the range is {bounds}."
+    ]
 
 
 def unidentified_lines(found: Summary) -> list[str]:

@@ -61,6 +61,15 @@ def _(finding: importance.DrawsWeighted) -> str:
 
 
 @posterior_words.register
+def _(finding: importance.RangeFollowed) -> str:
+    return (
+        f"draws along the range of the charge: at {finding.ranges} ranges the "
+        "posterior is integrated over bearing and all other numbers; the prior is flat "
+        "in ln of the range"
+    )
+
+
+@posterior_words.register
 def _(finding: importance.NormalJudged) -> str:
     said = (
         f"importance sampling k-hat {finding.k_hat:.2f}, largest sd in ln "

@@ -8,6 +8,7 @@ from jblast.inference.design.summary import BoundSummary
 from jblast.inference.fitting.findings import AsAsked
 from jblast.inference.fitting.result import Fit
 from jblast.inference.fitting.summary import Summary
+from jblast.inference.importance.findings import RangeFollowed
 from jblast.inference.posterior.estimate import Estimate
 from jblast.report.estimates import printed_estimate
 from jblast.report.fit.conclusion import accepted_not_fitted
@@ -89,6 +90,8 @@ def _how_intervals_held(fit: Fit) -> list[str]:
     """
     if fit.summary.posterior != "laplace" or not fit.summary.converged:
         return []
+    if isinstance(fit.posterior_reason, RangeFollowed):
+        return ["90 % intervals by draws along the range of the charge"]
     how = "weighted by the posterior" if fit.weighted else "alone"
     said = f"90 % intervals by a normal approximation, {how}"
     if fit.exit_code == 0 and (

@@ -1,0 +1,454 @@
+r"""Range and bearing of a charge beside an array that is small for the distance.
+
+Arrival times at such an array determine the bearing by their differences. The range
+follows from the curvature of the front alone, which vanishes with distance. So the
+posterior of the place is a sector, often without an end, and no normal about the mode
+describes it. A mode inside the array's surroundings can have a higher density per unit
+of the coordinates and still be improbable. Here ln of the likelihood, integrated over
+bearing and all other numbers by Laplace's method, is followed along the range:
+
+$$\ell(\ln R) = \ln \sum_k p(\hat y_k(R) \mid R) \det(I_k)^{-1/2},$$
+
+with the information $I_k$ of bearing and other numbers $y$ at each of their optima
+$\hat y_k$: a line of sensors has one on either side. The prior is flat in $\ln R$: it
+prefers no scale. (One that is flat over the plane puts nearly all of its probability at
+the largest ranges.) Where $\ell$ does not fall far out, the range has no upper bound:
+the bearing is the answer.
+"""
+
+import math
+from typing import NamedTuple
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Float, Int
+from scipy.special import logsumexp
+
+from jblast.inference.mode.laplace import NORMAL_Q95, density_and_slope
+from jblast.inference.mode.search import HOPELESS, Optima
+from jblast.inference.mode.starts import layout_size, typical_step
+from jblast.inference.posterior.fisher_information import information
+from jblast.inference.posterior.posterior import Posterior
+from jblast.parameter_table import CHARGE_POSITION
+from jblast.scene import Free
+
+STEP = math.log(1.5)
+"""Between ranges, in ln: a range that is known to 20 % has several of them."""
+FARTHEST = 300.0
+"""Ranges are followed to so many widths of the array: the sagitta of the front is then
+1/2400 of the width, 0.01 ms for 10 m."""
+FALLEN = 0.5 * NORMAL_Q95**2
+"""Fall in ln of the likelihood at the end of a one-sided 95 % interval."""
+WIDEST_STEP = 10.0
+"""Numbers of which the data determine little move by so many typical steps at most."""
+DETERMINED = 0.5
+"""A bearing with a larger standard deviation is not determined [rad], as for the
+direction of a front (`detect.array.direction`)."""
+BEARINGS = 8
+"""Bearings that are tried, 45 degrees apart: at a ring as at a line of sensors each
+optimum has one within its basin."""
+ROUNDS = 20
+"""Newton steps at each range, from the place found at the last one."""
+GAIN = 1e-3
+"""A step that gains less than this in ln of the density is the last."""
+UNFINISHED = 0.5
+"""A search whose next step promises more than this is not at an optimum."""
+SAME = 1.0
+"""Bearings nearer than this many standard deviations are one."""
+
+
+class RangeProfile(NamedTuple):
+    """Optima over bearing and other numbers at each of several ranges.
+
+    Attributes:
+        width_m: Largest distance between sensors.
+        middle: Of the sensors, east and north [m].
+        level: Number of the range of each place.
+        range_m: From the middle of the sensors, over the ground [m].
+        log_likelihood: Integrated over all other numbers about the place.
+        bearing: Of the charge from the middle, clockwise from north [rad].
+        bearing_sd: Its standard deviation at this range [rad].
+        z: Coordinates.
+        spread: Root of the covariance of the coordinates at this range, one column for
+            the bearing and for each other number.
+    """
+
+    width_m: float
+    middle: Float[np.ndarray, "2"]
+    level: Int[np.ndarray, " place"]
+    range_m: Float[np.ndarray, " place"]
+    log_likelihood: Float[np.ndarray, " place"]
+    bearing: Float[np.ndarray, " place"]
+    bearing_sd: Float[np.ndarray, " place"]
+    z: Float[np.ndarray, "place free"]
+    spread: Float[np.ndarray, "place free column"]
+
+    def by_range(self) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
+        """Return the ranges, and ln of the likelihood over all optima of each."""
+        levels = np.unique(self.level)
+        at = [self.level == level for level in levels]
+        return (
+            np.array([self.range_m[of][0] for of in at]),
+            np.array([logsumexp(self.log_likelihood[of]) for of in at]),
+        )
+
+    @property
+    def best(self) -> int:
+        """The most probable place."""
+        return int(np.argmax(self.log_likelihood))
+
+    @property
+    def is_open(self) -> bool:
+        """Whether the likelihood has not come to an end at the largest range."""
+        height = self.by_range()[1]
+        return bool(height[-1] > height.max() - FALLEN)
+
+    @property
+    def least_range_m(self) -> float:
+        """Lower bound of the range where there is no upper one, with 95 %."""
+        ranges, height = self.by_range()
+        first = int(np.argmax(height > height.max() - FALLEN))
+        if first == 0:
+            return float(ranges[0])
+        return math.exp(
+            np.interp(
+                height.max() - FALLEN,
+                height[first - 1 : first + 1],
+                np.log(ranges[first - 1 : first + 1]),
+            )
+        )
+
+    def others(self) -> list[int]:
+        """Return places of other bearings that are nearly as probable as the best."""
+        best = self.best
+        return [
+            int(place)
+            for place in np.flatnonzero(self.level == self.level[best])
+            if place != best
+            and self.log_likelihood[place] > self.log_likelihood[best] - FALLEN
+        ]
+
+    def draws(
+        self, count: int, rng: np.random.Generator
+    ) -> Float[np.ndarray, "draw free"]:
+        """Draw coordinates: the range by its likelihood, the others about it."""
+        weight = np.exp(self.log_likelihood - self.log_likelihood.max())
+        place = rng.choice(len(weight), count, p=weight / weight.sum())
+        aside = rng.uniform(-0.5, 0.5, count) * STEP
+        noise = rng.standard_normal((count, self.spread.shape[2]))
+        about = np.einsum("dfc,dc->df", self.spread[place], noise)
+        return self.z[place] + aside[:, None] * self._along()[place] + about
+
+    def bearings(
+        self,
+        z: Float[np.ndarray, "draw free"],
+        at: Int[np.ndarray, "2"],
+        place: int,
+    ) -> Float[np.ndarray, " draw"]:
+        """Return how far the bearings of draws are from that of a place [rad].
+
+        Draws that are nearer to another bearing that is as probable are left out.
+
+        Args:
+            z: Draws.
+            at: Which coordinates are east and north.
+            place: The best place, or one of `others`.
+        """
+        away = z[:, at] - self.middle
+        bearing = np.arctan2(away[:, 0], away[:, 1])
+        places = (self.best, *self.others())
+        off = np.stack([_turned(bearing, self.bearing[k]) for k in places])
+        nearest = np.argmin(np.abs(off), axis=0)
+        of = places.index(place)
+        return off[of][nearest == of]
+
+    def _along(self) -> Float[np.ndarray, "place free"]:
+        """Return how coordinates change with ln of the range, by differences."""
+        along = np.zeros_like(self.z)
+        for place, level in enumerate(self.level):
+            found = []
+            for aside in (-1, 1):
+                beside = np.flatnonzero(self.level == level + aside)
+                if not len(beside):
+                    continue
+                off = np.abs(_turned(self.bearing[beside], self.bearing[place]))
+                nearest = int(beside[np.argmin(off)])
+                sd = math.hypot(self.bearing_sd[place], self.bearing_sd[nearest])
+                if off.min() < 2 * SAME * sd:
+                    found.append(aside * (self.z[nearest] - self.z[place]) / STEP)
+            if found:
+                along[place] = np.mean(found, axis=0)
+        return along
+
+
+def with_best_range(
+    posterior: Posterior, found: Optima, profile: RangeProfile
+) -> Optima:
+    """Put the optimum first that lies at the most probable range and bearing.
+
+    Where the search did not end there, as where the range is open, the place of the
+    profile is put first; other bearings that are as probable are added.
+
+    Args:
+        posterior: What was searched.
+        found: Ends of the search, the best first.
+        profile: The range followed.
+    """
+    z, density = np.asarray(found.z), np.asarray(found.log_density)
+    at, best = free_place(posterior), profile.best
+    away = z[:, at] - profile.middle
+    off = _turned(np.arctan2(away[:, 0], away[:, 1]), profile.bearing[best])
+    far = np.log(np.linalg.norm(away, axis=1) / profile.range_m[best])
+    near = (np.abs(off) < 2 * profile.bearing_sd[best]) & (np.abs(far) < STEP)
+    near &= np.isfinite(density)
+    added = [*profile.others()] if near.any() else [best, *profile.others()]
+    order = np.argsort(~near, kind="stable")
+    heights = [float(posterior.log_density(jnp.asarray(profile.z[k]))) for k in added]
+    first = int(near.any())
+    return Optima(
+        jnp.asarray(np.insert(z[order], first, profile.z[added], axis=0)),
+        jnp.asarray(np.insert(density[order], first, heights)),
+    )
+
+
+def range_profile(posterior: Posterior, found: Optima) -> RangeProfile | None:
+    """Follow the range of a charge inwards and outwards.
+
+    Args:
+        posterior: The posterior.
+        found: Its optima.
+
+    Returns:
+        The profile; None where the place is not free over the plane, there are several
+        charges, or all optima are nearer than the width of the array.
+    """
+    at = free_place(posterior)
+    if at is None:
+        return None
+    placed = ~(np.asarray(posterior.layout.slant_range) > 0)
+    position = np.unique(np.asarray(posterior.layout.position)[placed][:, :2], axis=0)
+    if len(position) < 2:
+        return None
+    middle = position.mean(axis=0)
+    width = float(np.linalg.norm(position[:, None] - position[None], axis=-1).max())
+    density = np.asarray(found.log_density)
+    optima = np.asarray(found.z)[density > density[0] - HOPELESS]
+    ranges = np.linalg.norm(optima[:, at] - middle, axis=1)
+    if not ranges.max() > width:
+        return None
+    walker = _Walker(posterior, at, middle, width)
+    for z, distance in zip(optima, ranges, strict=True):
+        if distance > width:
+            walker.follow(z, walker.level_of(distance))
+    far = walker.level_of(10 * width)
+    z = walker.levels[far][0].z if far in walker.levels else optima[0]
+    for turned in walker.around(z, far):
+        walker.follow(turned, far)
+    return walker.profile()
+
+
+def free_place(posterior: Posterior) -> Int[np.ndarray, "2"] | None:
+    """Return which coordinates are the place of the one charge; None: it is not free.
+
+    Args:
+        posterior: The posterior.
+    """
+    parameters = posterior.parameters
+    if len(parameters.scene.charges) > 1 or parameters.scene.charge.range_m is not None:
+        return None
+    at = []
+    for name in CHARGE_POSITION[:2]:
+        if name not in parameters.names:
+            return None
+        at.append(parameters.names.index(name))
+        if not isinstance(parameters.beliefs[at[-1]], Free):
+            return None
+    return np.array(at)
+
+
+class _Place(NamedTuple):
+    """An optimum at one range; see `RangeProfile`."""
+
+    log_likelihood: float
+    bearing: float
+    bearing_sd: float
+    z: Float[np.ndarray, " free"]
+    spread: Float[np.ndarray, "free column"]
+
+
+class _Walker:
+    """Finds optima at each range.
+
+    Attributes:
+        levels: The optima found so far, by the number of their range.
+    """
+
+    def __init__(self, posterior, at, middle, width) -> None:
+        self.posterior, self.at, self.middle, self.width = posterior, at, middle, width
+        self.steps = np.asarray(typical_step(posterior))
+        self.others = np.delete(np.arange(len(self.steps)), at)
+        self.size = float(layout_size(posterior))
+        names = posterior.parameters.names
+        self.time = names.index("origin_time_s") if "origin_time_s" in names else -1
+        self.levels: dict[int, list[_Place]] = {}
+        self.last = self.level_of(FARTHEST * width)
+
+    def level_of(self, distance: float) -> int:
+        """Return the number of the range nearest to a distance."""
+        return max(0, round(math.log(distance / self.width) / STEP))
+
+    def range_of(self, level: int) -> float:
+        """Return a range by its number [m]."""
+        return self.width * math.exp(level * STEP)
+
+    def follow(self, z, level: int) -> None:
+        """Add the optimum near a place, and follow it inwards and outwards."""
+        z = np.array(z)
+        for levels in (range(level, self.last + 1), range(level - 1, -1, -1)):
+            near = z
+            for k in levels:
+                place = self._climbed(self._at_range(near, self.range_of(k)))
+                if place is None:
+                    break
+                near = place.z
+                if k == level:
+                    z = near
+                if not self._is_new(place, k):
+                    break
+                top = max(p.log_likelihood for of in self.levels.values() for p in of)
+                if place.log_likelihood < top - HOPELESS:
+                    break
+                if place.bearing_sd > DETERMINED:  # nor is anything farther out
+                    break
+
+    def _is_new(self, place: _Place, level: int) -> bool:
+        """Add a place to its level, and return True, unless its bearing is there."""
+        there = self.levels.setdefault(level, [])
+        for other in there:
+            off = abs(float(_turned(place.bearing, other.bearing)))
+            if off < SAME * min(place.bearing_sd, other.bearing_sd, DETERMINED / 2):
+                return False
+        there.append(place)
+        return True
+
+    def around(self, z, level: int):
+        """Return places at a range in all directions from the array.
+
+        The search that leads from there to an optimum also changes the charge: the
+        speed of its front and the bearing both shift the times along a line of sensors.
+        """
+        places, step = [], np.zeros(1 + len(self.others))
+        for turn in 2 * math.pi * np.arange(BEARINGS) / BEARINGS:
+            step[0] = turn
+            moved = self._moved(self._at_range(z, self.range_of(level)), step)
+            places.append(self._at_range(moved, self.range_of(level)))
+        return places
+
+    def profile(self) -> RangeProfile | None:
+        """Return what was found.
+
+        In the direction of a line of sensors the times do not change with the bearing:
+        the optima on either side count, and not the saddle between them.
+        """
+        rows = [(k, p) for k in sorted(self.levels) for p in self.levels[k]]
+        known = [(k, p) for k, p in rows if p.bearing_sd < DETERMINED]
+        rows = known or rows
+        if not rows:
+            return None
+        least = max(p.log_likelihood for _, p in rows) - HOPELESS
+        rows = [(k, p) for k, p in rows if p.log_likelihood > least]
+        level = np.array([k for k, _ in rows])
+        return RangeProfile(
+            self.width,
+            self.middle,
+            level,
+            np.array([self.range_of(k) for k, _ in rows]),
+            *(np.array(column) for column in zip(*(p for _, p in rows), strict=True)),
+        )
+
+    def _at_range(self, z, distance: float):
+        """Move a place to a range; the origin time follows the travel times."""
+        away = z[self.at] - self.middle
+        moved = np.array(z)
+        length = float(np.linalg.norm(away))
+        toward = away / length if length > 0 else np.array([0.0, 1.0])
+        moved[self.at] = self.middle + distance * toward
+        if self.time >= 0:
+            left = self.posterior.misfit(jnp.asarray(moved)).residual
+            moved[self.time] += float(np.mean(np.asarray(left)))
+        return moved
+
+    def _climbed(self, z) -> _Place | None:
+        """Climb at a fixed range by Newton steps with the expected information."""
+        value, slope = self._density(z)
+        if not np.isfinite(value):
+            return None
+        promised = math.inf
+        for _ in range(ROUNDS):
+            known, basis = self._known(self.posterior, z)
+            step = np.linalg.solve(known, basis.T @ slope)
+            promised = 0.5 * step @ known @ step
+            if not promised > GAIN:
+                break
+            for part in 0.5 ** np.arange(8):
+                tried = self._moved(z, part * step)
+                found, tried_slope = self._density(tried)
+                if found > value:
+                    gain = found - value
+                    z, value, slope = tried, found, tried_slope
+                    break
+            else:
+                break
+            if gain < GAIN:
+                break
+        else:
+            if promised > UNFINISHED:
+                return None
+        known, basis = self._known(self.posterior.weighed(jnp.asarray(z)), z)
+        if not np.isfinite(known).all():
+            return None
+        away = z[self.at] - self.middle
+        covariance = np.linalg.inv(known)
+        return _Place(
+            float(value - 0.5 * np.linalg.slogdet(known)[1]),
+            math.atan2(away[0], away[1]) % (2 * math.pi),
+            math.sqrt(covariance[0, 0]),
+            z,
+            basis @ np.linalg.cholesky(covariance),
+        )
+
+    def _density(self, z):
+        value, slope = density_and_slope(self.posterior, jnp.asarray(z))
+        return float(value), np.asarray(slope)
+
+    def _known(self, posterior, z):
+        """Return the information of bearing and other numbers, and their directions."""
+        east, north = z[self.at] - self.middle
+        basis = np.zeros((len(z), 1 + len(self.others)))
+        basis[self.at, 0] = north, -east  # per radian, clockwise
+        basis[self.others, 1 + np.arange(len(self.others))] = 1.0
+        least = 1 / (WIDEST_STEP * self.steps[self.others]) ** 2
+        if self.time >= 0:  # a typical step is that of the layout, not of the range
+            far = max(1.0, math.hypot(east, north) / self.size)
+            least[self.others == self.time] /= far**2
+        least = np.append(math.pi**-2, least)
+        matrix = np.asarray(information(posterior, jnp.asarray(z)))
+        return basis.T @ matrix @ basis + np.diag(least), basis
+
+    def _moved(self, z, step):
+        """Turn the place about the sensors, and move the other numbers."""
+        moved = np.array(z)
+        (east, north), turn = z[self.at] - self.middle, step[0]
+        moved[self.at] = self.middle + np.array(
+            [
+                east * math.cos(turn) + north * math.sin(turn),
+                north * math.cos(turn) - east * math.sin(turn),
+            ]
+        )
+        moved[self.others] += step[1:]
+        return moved
+
+
+def _turned(bearing, other):
+    """Return one bearing less another, within half a turn [rad]."""
+    return (bearing - other + math.pi) % (2 * math.pi) - math.pi
