@@ -169,9 +169,9 @@ def predictive(
     records, used, n = read_records(), weight > 0, len(COEFFICIENTS)
     held = dict(form.held)
     inner = [i for i, name in enumerate(COEFFICIENTS) if name not in held]
-    place = records.place()
-    left = np.asarray(records.log_value[quantity] - log_curve(values[:n], *place))[used]
-    slopes = np.asarray(log_gradient(values[:n], *place))[used][:, inner]
+    place, b = records.place(), jnp.asarray(values[:n])
+    left = np.asarray(records.log_value[quantity] - log_curve(b, *place))[used]
+    slopes = np.asarray(log_gradient(b, *place))[used][:, inner]
     alike = [
         np.equal.outer(names[used], names[used])
         for names in (records.site, records.shot, records.path)
