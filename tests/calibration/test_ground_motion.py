@@ -1,6 +1,7 @@
 """The packaged curves of ground motion are those of generalised least squares."""
 
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -50,3 +51,26 @@ def test_all_records_are_there_and_their_units_are_said_to_be_inferred():
     assert records.shot.size == PACKAGED["n_records"] == 200
     assert sorted(set(records.shot)) == PACKAGED["shots"]
     assert "units inferred" in PACKAGED["source"]
+
+
+def test_ground_motion_does_not_make_masses_of_shots_left_out_worse():
+    kept = Path(__file__).parents[2] / "calibration/results/ground_motion_joint.txt"
+    by_shot, by_campaign = kept.read_text("utf-8").split("Each campaign left out")
+
+    def numbers(text, row):
+        line = next(line for line in text.splitlines() if line.startswith(f"  {row}"))
+        return [float(x) for x in re.findall(r"[-+]?\d+\.?\d*", line)]
+
+    for table in (by_shot, by_campaign):
+        *_, inside_alone, n = numbers(table, "acoustic alone")
+        *_, inside, _ = numbers(table, "both")
+        assert n == 15
+        assert inside >= inside_alone
+        # the bootstrap over shots (or campaigns) does not exclude a gain of score
+        _, _, high = numbers(table, "gain in mean score")
+        assert high > 0
+    (error_alone, score_alone, *_), (error, score, *_) = (
+        numbers(by_shot, row) for row in ("acoustic alone", "both")
+    )
+    assert error <= error_alone
+    assert score >= score_alone
