@@ -20,7 +20,7 @@ m/kg^(1/3); it is held at 15 for both quantities.
 
 Shots. 12 shots were added to the first ten, whose shot scatter was 0.09 in displacement
 and 0.07 in velocity. Now it is 0.47 and 0.61: charges of 175 kg in the wet rock of HTP
-differ by up to 3 in ln, those at the other sites hardly more than before. A scatter
+differ by up to 2.4 in ln, those at the other sites hardly more than before. A scatter
 that differs from site to site needs more sites than four; until then all sites have the
 mean.
 
