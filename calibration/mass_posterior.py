@@ -62,15 +62,20 @@ def log_likelihood(
     return logsumexp(shots + weight[:, None], axis=0)
 
 
-def estimate(log: Records, laws: list[Law]) -> MassEstimate:
-    """Return what the records of one shot say about its mass.
+def mass_grid(charge_mass: float) -> np.ndarray:
+    """Return the values of ln W of the quadrature, about the true one."""
+    truth = np.log(charge_mass)
+    return truth + np.arange(-HALF_WIDTH, HALF_WIDTH + STEP / 2, STEP)
+
+
+def log_density_of(log: Records, laws: list[Law], grid: np.ndarray) -> np.ndarray:
+    """Return the log-likelihood of one shot's records at each ln W of a grid.
 
     Args:
-        log: The records of one shot; its true mass only places the grid.
+        log: The records of one shot; its mass is not used.
         laws: One law for each quantity that is used.
+        grid: Values of ln W.
     """
-    truth = float(np.log(log.charge_mass[0]))
-    grid = truth + np.arange(-HALF_WIDTH, HALF_WIDTH + STEP / 2, STEP)
     nothing = jnp.zeros(())
     path = Path(
         slant_range=jnp.asarray(log.slant_range)[None, :],
@@ -96,6 +101,31 @@ def estimate(log: Records, laws: list[Law]) -> MassEstimate:
             jnp.broadcast_to(sd, residual.shape) for sd in call(law.scatter, path)
         )
         total += np.asarray(jax.jit(log_likelihood)(residual, scatter, of_path))
+    return total
+
+
+def estimate(log: Records, laws: list[Law]) -> MassEstimate:
+    """Return what the records of one shot say about its mass.
+
+    Args:
+        log: The records of one shot; its true mass only places the grid.
+        laws: One law for each quantity that is used.
+    """
+    grid = mass_grid(log.charge_mass[0])
+    return summarised(grid, log_density_of(log, laws, grid))
+
+
+def summarised(grid: np.ndarray, total: np.ndarray) -> MassEstimate:
+    """Return mean, sd and 90 % interval of ln W by a log-likelihood and a flat prior.
+
+    Args:
+        grid: Of `mass_grid`; the true ln W is its centre.
+        total: Log-likelihood on it.
+
+    Raises:
+        ValueError: The posterior does not end within the grid.
+    """
+    truth = float(grid[len(grid) // 2])
     log_density = total - total.max()
     log_density -= np.log(np.sum(np.exp(log_density)) * STEP)
     density = np.exp(log_density)

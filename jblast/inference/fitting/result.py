@@ -63,7 +63,8 @@ class Fit:
         density: The posterior.
         exit_code: 0 answered, 4 computed with a doubt: not converged, not
             identifiable, nothing that was asked for identified, a poor fit, a law that
-            holds for no row, or a log that one clock or sensor spoils.
+            holds for no row or not for those a requested number rests on, or a log
+            that one clock or sensor spoils.
     """
 
     summary: Summary
@@ -105,8 +106,8 @@ class Fit:
 
     @property
     def is_outside(self) -> bool:
-        """Whether the laws hold for no row."""
-        return self.summary.law_valid_rows == 0
+        """Whether the laws hold for no row, or a number rests on rows outside."""
+        return self.summary.law_valid_rows == 0 or bool(self.summary.extrapolated)
 
     def to_dict(self) -> dict[str, Any]:
         """Return what was found as JSON can hold it."""

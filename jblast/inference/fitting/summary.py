@@ -11,6 +11,7 @@ from jaxtyping import Bool
 from jblast.constants import TNT_SPECIFIC_ENERGY
 from jblast.fidelity import TakenLaw
 from jblast.inference.fitting.doubts.left_fixed import more_to_free
+from jblast.inference.fitting.extrapolated import extrapolated
 from jblast.inference.fitting.findings import WrongSensor
 from jblast.inference.fitting.goodness_of_fit import (
     FITS,
@@ -88,6 +89,8 @@ class Summary:
         n_lower_bounds: Rows of the log that are lower bounds.
         understood: What of the log was converted, skipped or supplied to read it.
         assumptions: What the answer takes for granted, and what it would be without.
+        extrapolated: Requested numbers that rest, by more than half of their
+            information, on rows outside the range of their laws.
     """
 
     law: Mapping[str, str]
@@ -112,6 +115,7 @@ class Summary:
     n_lower_bounds: int = 0
     understood: tuple[Understood, ...] = ()
     assumptions: tuple[Finding, ...] = ()
+    extrapolated: tuple[str, ...] = ()
 
     @property
     def unidentified(self) -> tuple[str, ...]:
@@ -227,6 +231,7 @@ def summary_of(
         n_lower_bounds=int(observations.bounds().sum()),
         understood=observations.understood,
         assumptions=assumptions_of(solution),
+        extrapolated=extrapolated(solution, valid),
     )
 
 

@@ -53,6 +53,7 @@ def fit_document(fit: Fit) -> dict[str, Any]:
             "explained_by": [_explanation(wrong) for wrong in found.explained_by],
             "warnings": all_words(found.warnings),
             "assumptions": all_words(found.assumptions),
+            "extrapolated": list(found.extrapolated),
             "understood": understood_lines(found.understood),
             **asdict(on_earth(fit)),
         }

@@ -36,10 +36,18 @@ def headline(fit: Fit) -> list[str]:
             f"POOR FIT (p {printed_p(p or 0.0)}): the recordings disagree with the law "
             "by more than their errors allow; take no interval below as an answer."
         )
-    if fit.is_outside:
+    if found.law_valid_rows == 0:
         lines.append(
             "OUTSIDE THE LAWS: no recording lies where its law holds; take no number "
             "below as an answer."
+        )
+    elif fit.is_outside:
+        several = len(found.extrapolated) > 1
+        names = joined([parameter_words(name) for name in found.extrapolated])
+        lines.append(
+            f"OUTSIDE THE LAWS: most of the information about the {names} is from "
+            f"recordings outside the range of their laws; take "
+            f"{'none of them' if several else 'no such number'} as an answer."
         )
     if found.explained_by and not lines:
         lines.append("ONE READING SPOILS THE LOG: take no number below as an answer.")

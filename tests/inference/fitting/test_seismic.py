@@ -1,4 +1,4 @@
-"""A charge is weighed by how far and how fast it moved the ground."""
+"""Ground motion alone bounds a charge mass; it does not identify it."""
 
 import jax.numpy as jnp
 import numpy as np
@@ -14,7 +14,7 @@ BURIED = -3.0
 
 
 @pytest.mark.slow
-def test_seismic_rows_weigh_a_charge_as_well_as_rocks_are_alike():
+def test_seismic_rows_alone_bound_a_mass_as_far_as_rocks_are_alike():
     distance = np.array([*PLACES.values()])
     readings = {
         "ground_displacement_m": ground_motion_displacement,
@@ -34,9 +34,11 @@ def test_seismic_rows_weigh_a_charge_as_well_as_rocks_are_alike():
     answer = fit(log(*rows), free, posterior="laplace").summary
     mass = answer.estimates["charge_mass_kg"]
     assert set(answer.law.values()) == {"ground_motion"}
-    assert answer.law_valid
+    # at the answer; small masses of the interval are deeper than the law reaches
+    assert answer.law_valid_rows == len(rows)
     assert mass.q05 < 300.0 < mass.q95
-    # shots of one site share 1.28 and 0.61 in ln; a displacement grows as W^0.81, a
-    # velocity as W^0.61: 1 / (0.81^2 / 1.28^2 + 0.61^2 / 0.61^2) is 0.85^2, more with
-    # what each path and record adds and the coefficients do not know
-    assert 0.85 < mass.log_sd < 1.5
+    # Shots of a new site share 1.90 and 2.05 in ln; a displacement grows as W^0.82, a
+    # velocity as W^0.66: 1 / (0.82^2 / 1.90^2 + 0.66^2 / 2.05^2) is 1.86^2, more with
+    # path and record scatter, so the 90 % interval spans a factor above 30
+    assert 1.6 < np.log(mass.q95 / mass.q05) / (2 * 1.645) < 2.6
+    assert not mass.identified

@@ -59,6 +59,7 @@ def test_what_is_not_identified_is_null_and_every_key_is_there():
         ("explained_by", []),
         ("warnings", []),
         ("assumptions", []),
+        ("extrapolated", []),
         ("understood", []),
         ("place", None),
         ("origin_time_utc", None),

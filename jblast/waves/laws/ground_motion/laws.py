@@ -8,14 +8,16 @@ $$\ln(D/W^{1/3}) = b_1 + b_2 \ln Z + b_3 / (1 + e^{b_4 (x - b_5)})$$
 for the displacement $D$ [m], and likewise, with other coefficients, $\ln v$ for the
 velocity $v$ [m/s]. Coefficients, their covariance and the scatter stand in
 `data/ground_motion.json`, written by `calibration/ground_motion.py` from the P waves of
-10 chemical shots of 74 to 540 kg at three sites (S. R. Ford et al. 2021, as LANL's
-MultiPEM distributes them), Z from 28 to 777 m/kg^(1/3), x from -1.43 to 0.81.
+22 chemical shots of 74 to 744 kg at four sites (S. R. Ford et al. 2021, as LANL's
+MultiPEM distributes them), Z from 28 to 902 m/kg^(1/3), x from -1.43 to 0.81.
 
 That the recordings are in metres and metres a second is inferred from the axes of a
 figure (Williams, Picard and Anderson 2026, Geophys. J. Int. 245, ggag125, fig. 4), with
-medium confidence; which component they are of is not said. Rocks differ: one of the
-three sites moves a twentieth as far as the others, and the scatter that the law carries
-holds that.
+medium confidence; which component they are of is not specified. Rocks differ: one of
+the four sites moves a twentieth as far as the others, and in wet rock two equal charges
+at one site differ by 2.5 in ln of the velocity. The scatter of the law contains both:
+the variance of a site and of a shot is its posterior mean over what four sites and 22
+shots allow.
 """
 
 import json
@@ -39,7 +41,7 @@ from jblast.waves.laws.ground_motion.curve import (
 )
 
 SOURCE = "fitted to P waves recorded by Ford et al. 2021 (units inferred)"
-RANGE = "Z = 25 to 800 m/kg^(1/3), h/W^(1/3) = -1.5 to 1 m/kg^(1/3), along rock"
+RANGE = "Z = 25 to 1000 m/kg^(1/3), h/W^(1/3) = -1.5 to 1 m/kg^(1/3), along rock"
 SCATTER_SOURCE = "measured by calibration/ground_motion.py"
 
 
@@ -50,7 +52,7 @@ def _packaged() -> dict[str, Any]:
 
 
 def ground_motion_curve(quantity: str) -> GroundMotionCurve:
-    """Return the packaged curve of a quantity, from all 10 shots."""
+    """Return the packaged curve of a quantity, from all 22 shots."""
     curve = _packaged()["curves"][quantity]
     return GroundMotionCurve(**{name: np.array(x) for name, x in curve.items()})
 
@@ -94,7 +96,7 @@ def ground_motion_valid(
     """Return where the recordings reach: see `RANGE`."""
     log_range, height = log_scaled_place(slant_range, charge_mass, height_of_burst)
     scaled_range = jnp.exp(log_range)
-    reached = (scaled_range >= 25.0) & (scaled_range <= 800.0)
+    reached = (scaled_range >= 25.0) & (scaled_range <= 1000.0)
     return reached & (height >= -1.5) & (height <= 1.0)
 
 

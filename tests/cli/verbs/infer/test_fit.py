@@ -30,6 +30,7 @@ ANSWER = {
     "explained_by": list,
     "warnings": list,
     "assumptions": list,
+    "extrapolated": list,
     "understood": list,
     "place": type(None),
     "origin_time_utc": type(None),
