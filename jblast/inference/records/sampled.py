@@ -13,6 +13,7 @@ from jblast.inference.picks.fit.hypotheses import with_what_shows
 from jblast.inference.picks.fit.model import larger_misfit_ratio
 from jblast.inference.picks.fit.one_pulse import first_optimum
 from jblast.inference.picks.fit.posterior import NARROW, WIDE
+from jblast.inference.picks.fit.unstated import unstated_high_pass
 from jblast.inference.picks.ready.bins import bins_about_front
 from jblast.inference.picks.ready.case import prepared
 from jblast.inference.picks.ready.clipped import clipped_samples
@@ -151,7 +152,7 @@ def _picked(samples, count, full_scale, corner, *, more: bool):
     if more:
         formed = with_forms(bins, best, ready.continued, case)
         shown = with_what_shows(bins, best, formed, ready.start, case)
-        best, case = shown.best, shown.case
+        best, case = unstated_high_pass(bins, ready, formed, shown).chosen(shown)
     y = best.y
     ratio = larger_misfit_ratio(bins, y, case)
     widened = jnp.sqrt(jnp.maximum(ratio, 1.0))

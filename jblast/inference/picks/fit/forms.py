@@ -101,6 +101,8 @@ class Formed(NamedTuple):
         within: Mean covariance of the values.
         between: Covariance of the values between forms.
         cubic: Weight of the cubic negative phase.
+        front_offset: The offset of the rises alone.
+        front_between: Their covariance, with how samples were taken.
     """
 
     best: Optimum
@@ -109,6 +111,8 @@ class Formed(NamedTuple):
     within: Float[Array, "8 8"]
     between: Float[Array, "8 8"]
     cubic: Float[Array, ""]
+    front_offset: Float[Array, "8"]
+    front_between: Float[Array, "8 8"]
 
 
 def with_forms(
@@ -180,8 +184,9 @@ def with_forms(
         seen = 1.0 - unresolved(time)
         moved = -centres[number] * (longer - time)
         later = jnp.zeros_like(values).at[0].set(1.0).at[2].set(-jnp.exp(-values[2]))
-        either_way = lax.stop_gradient(0.5 * moved * later)
-        spread = seen * either_way[:, None] * either_way[None, :]
+        either_way = 0.5 * moved * later
+        apart = lax.stop_gradient(either_way)
+        spread = seen * apart[:, None] * apart[None, :]
         slope = (1.0 + values[4]) * jnp.exp(-values[2])
         height = jnp.zeros_like(values).at[1].set(slope)
         for beyond in (later, height):
@@ -199,20 +204,22 @@ def with_forms(
     # the best negative phase has all rises, the others the smooth one
     rest = weights.at[tail].set(0.0)
     within = weights[tail] * _mean_of(shares, tall)
+    between_front = between_front + _mean_of(shares, sampled)
     return Formed(
         best=chosen,
         case=case._replace(form=Form(each[head], negative)),
         offset=mean + mean_front,
         within=within + _mean_of(rest, wide),
-        between=between + between_front + _mean_of(shares, sampled),
+        between=between + between_front,
         cubic=weights[CUBIC],
+        front_offset=mean_front,
+        front_between=between_front,
     )
 
 
 def _level(found: Optimum) -> Float[Array, ""]:
     """Return ln of the evidence of a form, but for what all have in common."""
-    size = 0.5 * jnp.linalg.slogdet(found.covariance)[1]
-    level = lax.stop_gradient(size - found.cost)
+    level = lax.stop_gradient(0.5 * found.size - found.cost)
     good = found.converged & jnp.isfinite(level)
     return jnp.where(good, level, -jnp.inf)
 
@@ -228,13 +235,12 @@ def _weights(
     """Return the weights of forms."""
     still = lax.stop_gradient(found)
     many = jnp.maximum(jnp.sum((case.weight > 0).astype(still.cost.dtype)), 1.0)
-    sizes = jnp.linalg.slogdet(still.covariance)[1]
-    good = still.converged & jnp.isfinite(still.cost) & jnp.isfinite(sizes)
+    good = still.converged & jnp.isfinite(still.cost) & jnp.isfinite(still.size)
     # the first one stays, whatever else fails
     good = good.at[0].set(True)
     cost = jnp.where(good, found.cost, 0.0)
     widened = jnp.maximum(2.0 * jnp.min(jnp.where(good, cost, jnp.inf)) / many, 1.0)
-    size = jnp.where(good & jnp.isfinite(sizes), sizes, 0.0)
+    size = jnp.where(good & jnp.isfinite(still.size), found.size, 0.0)
     level = 0.5 * size - cost / lax.stop_gradient(widened)
     level = level + jnp.asarray(np.log(prior), level.dtype)
     return jax.nn.softmax(jnp.where(good, level, -jnp.inf))

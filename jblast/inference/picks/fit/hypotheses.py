@@ -110,6 +110,7 @@ def with_what_shows(
         _with_block(best_form.covariance),
         best_form.converged,
         alone,
+        lax.stop_gradient(best_form.size),
     )
     first = jnp.concatenate([one.y, signs.start])
 

@@ -10,10 +10,11 @@ from jaxtyping import Array, Bool, Float, Int
 from jblast.inference.picks.fit.forms import with_forms
 from jblast.inference.picks.fit.hypotheses import LAG, SHIFT, with_what_shows
 from jblast.inference.picks.fit.model import drift_at, larger_misfit_ratio
-from jblast.inference.picks.fit.one_pulse import first_optimum
+from jblast.inference.picks.fit.one_pulse import LEAST_SHARE, first_optimum
 from jblast.inference.picks.fit.optimum import Optimum
 from jblast.inference.picks.fit.posterior import error_covariance, values_of
 from jblast.inference.picks.fit.searches import either
+from jblast.inference.picks.fit.unstated import unstated_high_pass
 from jblast.inference.picks.ready.bins import Bins, bins_about_front
 from jblast.inference.picks.ready.case import (
     LEAST_REACH,
@@ -114,6 +115,11 @@ def pick_lanes(
         # what is left out of a front alone is no pulse to begin with, either
         cut = jnp.where((index < last) | (until >= count), samples, samples[0])
         ready = prepared(bins, bank, cut, clipped, last, high_pass, longest)
+        # of a front alone no tail is there to look at
+        off = jnp.where(until < count, jnp.inf, ready.net)
+        ready = ready._replace(
+            net=off, net_sd=jnp.where(until < count, 0.0, ready.net_sd)
+        )
         duration = jnp.exp(lax.stop_gradient(ready.start[2]))
         found = _picked(bins, ready, clipped, count)
         ends = (index >= count - LAST) & (index < count)
@@ -210,23 +216,31 @@ def _picked(
     one, others = first_optimum(bins, ready)
     formed = with_forms(bins, one, ready.continued, ready.case)
     shown = with_what_shows(bins, one, formed, ready.start, ready.case)
-    best, case = shown.best, shown.case
+    passed = unstated_high_pass(bins, ready, formed, shown)
+    plain = shown.case.rings + shown.case.follows + shown.case.passed
+    plain = ~passed.probable & (plain + shown.case.shifted == 0)
+    best, case = passed.chosen(shown)
     ratio = larger_misfit_ratio(bins, best.y, case)
     widened = jnp.maximum(ratio, 1.0)
-    plain = case.rings + case.follows + case.passed + case.shifted == 0
     # of two other optima the one that has more of the posterior
     rivals = others.y
     shares = jnp.where(plain, lax.stop_gradient(formed.cubic) * others.share, 0.0)
     more = shown.share > shares[0]
     rivals = rivals.at[0].set(jnp.where(more, shown.rival, rivals[0]))
     shares = shares.at[0].set(jnp.maximum(shares[0], shown.share))
+    # with a high-pass or without: either may have the right duration
+    other = jnp.where(passed.probable, shown.best.y, passed.found.y)
+    share = jnp.where(passed.probable, 1.0 - passed.share, passed.share)
+    share = jnp.where(share > LEAST_SHARE, share, 0.0)
+    rivals = jnp.concatenate([rivals, other[None, : rivals.shape[1]]])
+    shares = jnp.concatenate([shares, share[None]])
     within, between, offset = jax.tree.map(
         lambda mean, own: jnp.where(plain, mean, own),
         (formed.within, formed.between, formed.offset),
         (
             error_covariance(best.y, best.covariance, case.form),
-            jnp.zeros_like(formed.between),
-            jnp.zeros_like(formed.offset),
+            jnp.where(passed.probable, formed.front_between, 0.0),
+            jnp.where(passed.probable, formed.front_offset, 0.0),
         ),
     )
     average = widened * within + between

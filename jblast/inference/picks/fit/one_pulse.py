@@ -57,8 +57,7 @@ def first_optimum(bins: Bins, ready: Prepared) -> tuple[Optimum, Others]:
     costs = jnp.where(jnp.isnan(costs), jnp.inf, costs)
     row, other = jnp.argsort(costs)[:2]
     best, rival = (jax.tree.map(lambda x, k=k: x[k], both) for k in (row, other))
-    sizes = jnp.linalg.slogdet(lax.stop_gradient(both.covariance))[1]
-    weights = 0.5 * sizes - costs
+    weights = 0.5 * lax.stop_gradient(both.size) - costs
     share = 1.0 / (1.0 + jnp.exp(weights[row] - weights[other]))
     share = jnp.where(jnp.isfinite(share) & rival.converged, share, 0.0)
     # of what counts little, nothing: it may be anywhere

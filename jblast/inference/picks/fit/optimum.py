@@ -50,12 +50,14 @@ class Optimum(NamedTuple):
         covariance: Of the posterior about them, by Gauss and Newton.
         converged: Whether they are an optimum.
         cost: Minus ln posterior of the last step but the one that ended the search.
+        size: ln of the determinant of the covariance.
     """
 
     y: Float[Array, " unknown"]
     covariance: Float[Array, "unknown unknown"]
     converged: Bool[Array, ""]
     cost: Float[Array, ""]
+    size: Float[Array, ""]
 
 
 def optimum_of(
@@ -79,8 +81,8 @@ def optimum_of(
     still = lax.stop_gradient(case)
     begin = lax.stop_gradient(start)
     found = _search(misfit, begin, still, most_steps, hopeless)
-    y, cost = _settled(misfit, found.y, found.cost, case)
-    return found._replace(y=y, cost=cost)
+    y, cost, size = _settled(misfit, found, case)
+    return found._replace(y=y, cost=cost, size=size)
 
 
 class _State(NamedTuple):
@@ -189,7 +191,8 @@ def _search(misfit: Misfit, start, case: Case, most_steps: int, hopeless) -> Opt
     left = slope @ inverse @ slope
     y = jnp.where(state.done, state.tried, state.y)
     ended = state.done | (state.lost >= MOST_LOST)
-    return Optimum(y, covariance, ended | (left < KINK**2), state.here.cost)
+    size = jnp.linalg.slogdet(covariance)[1]
+    return Optimum(y, covariance, ended | (left < KINK**2), state.here.cost, size)
 
 
 def _slope(misfit: Misfit, y, case: Case):
@@ -198,27 +201,30 @@ def _slope(misfit: Misfit, y, case: Case):
     return back(apart)[0]
 
 
-def _settled(misfit: Misfit, y, cost, case: Case):
-    """Return an optimum and its cost, with the slopes of the implicit function."""
+def _settled(misfit: Misfit, found: Optimum, case: Case):
+    """Return an optimum, its cost and size, with slopes of the implicit function."""
+
+    def size_at(y, case):
+        slopes = jax.jacfwd(lambda y: misfit(y, case))(y)
+        return -jnp.linalg.slogdet(slopes.T @ slopes)[1]
 
     @jax.custom_jvp
-    def settled(y, cost, case):
+    def settled(y, cost, size, case):
         del case
-        return y, cost
+        return y, cost, size
 
     @settled.defjvp
     def _(primals, tangents):
-        y, cost, case = primals
-        _, moved = jax.jvp(
-            lambda case: _slope(misfit, y, case), (case,), (tangents[2],)
-        )
+        y, _, _, case = primals
+        moves = tangents[3]
+        _, moved = jax.jvp(lambda case: _slope(misfit, y, case), (case,), (moves,))
         bend = jax.jacfwd(lambda y: _slope(misfit, y, case))(y)
-        # at an optimum the cost moves by the record alone
+        there = -jnp.linalg.solve(bend, moved[:, None])[:, 0]
+        # at an optimum the cost moves by the record alone, its width by both
         _, dearer = jax.jvp(
-            lambda case: 0.5 * jnp.sum(jnp.square(misfit(y, case))),
-            (case,),
-            (tangents[2],),
+            lambda case: 0.5 * jnp.sum(jnp.square(misfit(y, case))), (case,), (moves,)
         )
-        return (y, cost), (-jnp.linalg.solve(bend, moved[:, None])[:, 0], dearer)
+        _, wider = jax.jvp(size_at, (y, case), (there, moves))
+        return primals[:3], (there, dearer, wider)
 
-    return settled(y, cost, case)
+    return settled(found.y, found.cost, found.size, case)

@@ -223,7 +223,8 @@ def _nothing(start: Float[Array, " unknown"]) -> Optimum:
     """Return what is found where nothing is looked for."""
     unit = jnp.eye(CENTRE.size, dtype=start.dtype)
     never = jnp.full((), jnp.inf, start.dtype)
-    return Optimum(jnp.zeros_like(start), unit, jnp.asarray(False), never)
+    none = jnp.zeros_like(never)
+    return Optimum(jnp.zeros_like(start), unit, jnp.asarray(False), never, none)
 
 
 def either(first, here, there):

@@ -17,6 +17,11 @@ REACH = 4.5
 """The stretch that is fitted ends as many durations behind the front: past the negative
 phase of the priors."""
 
+LONGER = 24.0 / REACH
+"""And of the stretch over which a high-pass is looked for: one with its corner at the
+inverse of the duration shortens the positive phase fivefold, and this is 4.5 of the
+durations before it."""
+
 LEAST_REACH = 48
 """And at least as many samples."""
 
@@ -69,6 +74,10 @@ class Prepared(NamedTuple):
 
     Attributes:
         case: For the fit.
+        whole: The same over a stretch longer by `LONGER`.
+        net: Net impulse over that [share of the largest, samples].
+        net_sd: Its standard deviation; infinite where the record ends within the usual
+            stretch, which may hold too little of the tail.
         start: Unknowns to begin with.
         shorter: Those of a pulse shorter by `SHORTER` or more.
         continued: Those of a pulse that continues below zero.
@@ -79,6 +88,9 @@ class Prepared(NamedTuple):
     """
 
     case: Case
+    whole: Case
+    net: Float[Array, ""]
+    net_sd: Float[Array, ""]
     start: Float[Array, " unknown"]
     shorter: Float[Array, " unknown"]
     continued: Float[Array, " unknown"]
@@ -122,34 +134,49 @@ def prepared(
     kept = jnp.maximum(front.sample - toe.astype(front.sample.dtype), front.sample // 2)
     noise = noise_before(share, kept)
     before = jnp.maximum(BEFORE * duration, 64.0).astype(front.sample.dtype)
-    reach = jnp.maximum(REACH * duration, LEAST_REACH).astype(front.sample.dtype)
+    reach = jnp.maximum(REACH * duration, LEAST_REACH)
     first = jnp.maximum(front.sample - before, ORDER)
-    last = jnp.minimum(front.sample + reach, count)
-    used = bins_within(bins, front.sample, first, last)
     bound, unusable = _clipped_bins(bins, clipped, front.sample)
     white = means_in_bins(bins, whitened(noise, share), front.sample)
     root = np.sqrt(bins.width).astype(samples.dtype)
-    weight = jnp.where(used & ~unusable, root / noise.sigma, 0.0)
-    case = Case(
-        white=weight * white,
-        weight=weight,
-        noise=noise,
-        level=jnp.abs(means),
-        clipped=jnp.where(used, bound, 0.0),
-        span=0.5 * (last - first).astype(samples.dtype),
-        middle=0.5 * (last + first).astype(samples.dtype)
-        - front.sample.astype(samples.dtype),
-        centre=jnp.asarray(CENTRE, samples.dtype),
-        rings=jnp.zeros_like(scale),
-        follows=jnp.zeros_like(scale),
-        passed=jnp.zeros_like(scale),
-        shifted=jnp.zeros_like(scale),
-        form=Form(jnp.zeros_like(scale), jnp.zeros_like(scale)),
-        high_pass=high_pass,
-        hold=jnp.zeros_like(scale),
-    )
+
+    def until(reach):
+        """Return the case of a stretch, and where that ends."""
+        last = jnp.minimum(front.sample + reach.astype(front.sample.dtype), count)
+        used = bins_within(bins, front.sample, first, last)
+        weight = jnp.where(used & ~unusable, root / noise.sigma, 0.0)
+        case = Case(
+            white=weight * white,
+            weight=weight,
+            noise=noise,
+            level=jnp.abs(means),
+            clipped=jnp.where(used, bound, 0.0),
+            span=0.5 * (last - first).astype(samples.dtype),
+            middle=0.5 * (last + first).astype(samples.dtype)
+            - front.sample.astype(samples.dtype),
+            centre=jnp.asarray(CENTRE, samples.dtype),
+            rings=jnp.zeros_like(scale),
+            follows=jnp.zeros_like(scale),
+            passed=jnp.zeros_like(scale),
+            shifted=jnp.zeros_like(scale),
+            form=Form(jnp.zeros_like(scale), jnp.zeros_like(scale)),
+            high_pass=high_pass,
+            hold=jnp.zeros_like(scale),
+        )
+        return case, last
+
+    (case, last), (whole, end) = until(reach), until(LONGER * reach)
+    index = jnp.arange(samples.shape[0])
+    behind = (index >= kept) & (index < end)
+    net = jnp.sum(jnp.where(behind, lax.stop_gradient(share), 0.0))
+    length, quiet = ((end - kept).astype(scale.dtype), kept.astype(scale.dtype))
+    # noise of zero frequency, over the stretch and of the zero before it
+    slow = noise.sigma / jnp.abs(jnp.sum(noise.taps))
+    net_sd = slow * jnp.sqrt(length + length * length / jnp.maximum(quiet, 1.0))
+    net_sd = jnp.where(last < count, lax.stop_gradient(net_sd), jnp.inf)
     held = jnp.max(jnp.abs(share * clipped))
-    return Prepared(case, start, shorter, continued, front, offset, scale, held)
+    starts = start, shorter, continued
+    return Prepared(case, whole, net, net_sd, *starts, front, offset, scale, held)
 
 
 def _mean_of_first(samples, count):
