@@ -326,7 +326,7 @@ def mass_interval(shot: str, far: FarFit | None) -> tuple[float, float, float]:
         each = left[:, None] - level - NORMAL[:, None] * shared[:, None]
         terms = student.logpdf(each / scale[:, None], 4.0) - np.log(scale[:, None])
         log_density.append(logsumexp(terms.sum(axis=-1) + prior, axis=1))
-    total = logsumexp(np.array(log_density) + prior[:, None], axis=0)
+    total = np.asarray(logsumexp(np.array(log_density) + prior[:, None], axis=0))
     density = np.exp(total - total.max())
     if max(density[0], density[-1]) > 1e-3:
         raise ValueError(f"the posterior of the mass of {shot} leaves its grid")

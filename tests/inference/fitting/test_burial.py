@@ -116,7 +116,7 @@ def test_what_changed_at_the_answer_is_told_by_its_own_sentence():
     scene = UncertainScene(solution.posterior.parameters.scene)
 
     def said(**flags):
-        told = warnings_of(made, scene, solution._replace(**flags), *nothing)
+        told = warnings_of(made, scene, solution._replace(**flags), True, *nothing)
         return [
             cure for cure in ("--law", "burst =") if cure in " ".join(all_words(told))
         ]
