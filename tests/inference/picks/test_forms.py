@@ -76,9 +76,9 @@ def test_a_textbook_pulse_that_continues_below_zero_is_picked(found, name, expec
     assert quality_of(mine) == "good"
     assert abs(float(getattr(mine, name)) - expected) < 3.0 * sd
     # it was 20.70 +- 0.40 ms and 92.4 +- 0.7 Pa s; a pulse of another form through a
-    # high-pass that nobody stated looks much the same, which makes up half of the sd
+    # high-pass that nobody stated looks much the same, which makes up most of the sd
     if name in ("positive_duration_s", "positive_impulse_pa_s"):
-        assert sd < 0.05 * expected
+        assert sd < 0.1 * expected
 
 
 @pytest.mark.parametrize("k", range(len(PAIRS)), ids=["-".join(pair) for pair in PAIRS])

@@ -41,13 +41,14 @@ def test_the_wave_in_the_ground_comes_first_as_the_laws_of_ground_motion_say():
         both = heard(scene, WavePaths(), 0.2, 0.0)
         first = np.flatnonzero(both)[0]
         assert first == np.floor(arrival * RATE)
-        # the ground's pressure is rho c v, some 415 Pa s/m, a mean over the sample
+        # the ground's pressure is rho c v, some 415 Pa s/m, a mean over the sample: of
+        # a pulse of five samples the largest mean is up to 4 % below the peak
         below = replace(
             sensor, position_m=sensor.position_m * np.array([1.0, 1.0, 0.0])
         )
         layout, *_ = jblast.sensors.planned_layout(replace(scene, sensors=(below,)))
         velocity = jblast.record(scene, layout, DEFAULT_GROUND_LAWS).value[1]
-        assert both.max() / float(velocity) == pytest.approx(1.225 * 340.3, rel=0.02)
+        assert both.max() / float(velocity) == pytest.approx(1.225 * 340.3, rel=0.04)
 
 
 def test_air_and_ground_add_up():
