@@ -216,7 +216,7 @@ class Apart(NamedTuple):
 
     def _by_row(self, of_records):
         """Return what records have of each row; zero of rows of no record."""
-        flat = of_records.reshape(-1, *of_records.shape[2:])
+        flat = of_records.reshape(self.record.size, *of_records.shape[2:])
         if self._in_turn():
             return flat
         place = np.full(len(self.load) + 1, len(flat))
