@@ -38,11 +38,7 @@ from jblast.inference.importance.psis import (
 from jblast.inference.mcmc.ensemble import Ensemble, ensemble
 from jblast.inference.mcmc.run import WALKERS
 from jblast.inference.mode.laplace import marginals
-from jblast.inference.mode.range_profile import (
-    DETERMINED,
-    RangeProfile,
-    free_place,
-)
+from jblast.inference.mode.range_profile import DETERMINED, RangeProfile
 from jblast.inference.posterior.estimate import Estimate
 from jblast.inference.posterior.finding import Finding
 from jblast.parameter_table import CHARGE_POSITION
@@ -97,18 +93,22 @@ def uncertainty(
 
     Args:
         solution: Result of the search.
-        method: See `by_method`.
+        method: "laplace" takes the normal approximation, and warns where the ends of
+            its intervals are off; "weighted" moves them to where importance sampling
+            finds the posterior's, wherever it can. "auto" takes the normal
+            approximation where importance sampling finds nothing against it and
+            numbers are narrow, and walkers else.
         seed: Of the draws.
         rows: What to call each row of the log in messages.
         store: Folder in which a walk is kept, to be gone on with if it is cut short.
     """
     sight = solution.sight
     if sight is None or len(solution.identifiability.null):
-        return by_method(solution, method, seed=seed, rows=rows, store=store)
+        return _by_method(solution, method, seed=seed, rows=rows, store=store)
     followed = _along_range(solution, sight, seed)
     if followed.bearing is not None:
         return followed
-    found = by_method(solution, method, seed=seed, rows=rows, store=store)
+    found = _by_method(solution, method, seed=seed, rows=rows, store=store)
     return followed if method == "weighted" and not found.weighted else found
 
 
@@ -119,8 +119,7 @@ def _along_range(solution: Solution, sight: RangeProfile, seed: int) -> Uncertai
     by_name = marginals_of_draws(parameters, z)
     best = parameters.values(jnp.asarray(normal.z))
     by_name = {n: replace(by_name[n], value=float(best[n])) for n in by_name}
-    place, at = CHARGE_POSITION[:2], free_place(solution.posterior)
-    assert at is not None  # else there is no profile
+    place = CHARGE_POSITION[:2]
     judged = identified_estimates(solution, by_name)
     bearing = None
     if sight.is_open or not all(judged[n].identified for n in place):
@@ -128,7 +127,7 @@ def _along_range(solution: Solution, sight: RangeProfile, seed: int) -> Uncertai
         if sight.is_open:  # a larger charge farther away
             unknown |= {n for n in by_name if n.partition(".")[0] == "charge_mass_kg"}
         by_name = {n: Estimate() if n in unknown else by_name[n] for n in by_name}
-        bearing = _bearing_and_range(sight, z, at)
+        bearing = _bearing_and_range(sight, z)
     return Uncertainty(
         method="laplace",
         reason=RangeFollowed(len(sight.by_range()[0])),
@@ -140,28 +139,29 @@ def _along_range(solution: Solution, sight: RangeProfile, seed: int) -> Uncertai
 
 
 def _bearing_and_range(
-    sight: RangeProfile, z: Float[np.ndarray, "draw free"], at: np.ndarray
+    sight: RangeProfile, z: Float[np.ndarray, "draw free"]
 ) -> dict[str, Estimate]:
     """Return the bearing, a second one where there is one, and bounds of the range."""
-    ranges = np.linalg.norm(z[:, at] - sight.middle, axis=1)
+    ranges = np.linalg.norm(z[:, sight.at] - sight.middle, axis=1)
     q05, q95 = np.quantile(ranges, [0.05, 0.95])
     if sight.is_open:
         q05, q95 = sight.least_range_m, np.nan
     found = {"range_m": Estimate(q05=float(q05), q95=float(q95))}
     names = ("bearing_deg", "other_bearing_deg")
     for name, place in zip(names, (sight.best, *sight.others()), strict=False):
-        off = np.degrees(sight.bearings(z, at, place))
+        off = np.degrees(sight.bearings(z, place))
         middle = np.degrees(sight.bearing[place])
         if not len(off) or not np.std(off) < np.degrees(DETERMINED):
             continue
-        low, median, high = (middle + np.quantile(off, [0.05, 0.5, 0.95])).tolist()
+        ends = middle + np.quantile(off, [0.05, 0.5, 0.95])
+        low, median, high = (ends - 360 * (ends[1] // 360)).tolist()
         found[name] = Estimate(
             value=median, sd=float(np.std(off)), q05=low, q50=median, q95=high
         )
     return found
 
 
-def by_method(
+def _by_method(
     solution: Solution,
     method: Method,
     *,
@@ -169,19 +169,7 @@ def by_method(
     rows: Sequence[str] = (),
     store: str | os.PathLike[str] | None = None,
 ) -> Uncertainty:
-    """Draw from the posterior by the method wanted.
-
-    Args:
-        solution: What inference found.
-        method: "laplace" takes the normal approximation, and says so where the ends of
-            its intervals are off; "weighted" moves them to where importance sampling
-            finds the posterior's, wherever it can tell. "auto" takes the normal
-            approximation where importance sampling finds nothing against it and
-            numbers are narrow, and walkers else.
-        seed: Of the draws.
-        rows: What to call each row of the log in messages.
-        store: Folder in which a walk is kept, to be gone on with if it is cut short.
-    """
+    """Draw from the posterior by the method wanted; see `uncertainty`."""
     normal = solution.laplace
     if len(solution.identifiability.null):
         return _by_normal(solution, DirectionUnidentified(), seed)

@@ -11,7 +11,9 @@ density falls as it should.
 """
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -68,6 +70,23 @@ class Laplace:
         values, vectors = np.linalg.eigh(self.covariance)
         root = vectors * np.sqrt(np.clip(values, 0, None))
         return self.z + rng.standard_normal((count, self.z.size)) @ root.T
+
+
+class Climbed(NamedTuple):
+    """Where a climb ended.
+
+    Attributes:
+        z: The place.
+        log_density: There.
+        promised: What the next step was expected to gain in ln of the density.
+    """
+
+    z: Float[np.ndarray, " free"]
+    log_density: float
+    promised: float
+
+
+KnownAt = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
 
 
 def laplace(
@@ -159,6 +178,51 @@ def half_width(posterior, z, axis, top) -> float:
         while at < len(steps) - 1 and not has_fallen(at):
             at += 1
     return steps[at]
+
+
+def climbed(
+    posterior: Posterior,
+    z: Float[np.ndarray, " free"],
+    known_at: KnownAt,
+    moved: Callable[[np.ndarray, np.ndarray], np.ndarray],
+    *,
+    rounds: int,
+    gain: float,
+) -> Climbed:
+    """Climb by Newton steps with the expected information, halved until they gain.
+
+    Args:
+        posterior: What is climbed.
+        z: Where to begin.
+        known_at: Returns the information along some directions, positive definite, and
+            these directions, one column each.
+        moved: Moves a place by a step along these directions.
+        rounds: Steps at most.
+        gain: A step that gains less than this in ln of the density is the last.
+    """
+    value, slope = _top(posterior, z)
+    promised = math.inf
+    for _ in range(rounds):
+        known, directions = known_at(z)
+        if not (np.isfinite(known).all() and np.isfinite(slope).all()):
+            break
+        step = np.linalg.solve(known, directions.T @ slope)
+        promised = float(0.5 * step @ known @ step)
+        if not promised > gain:
+            break
+        for part in 0.5 ** np.arange(8):
+            there = moved(z, part * step)
+            found, its_slope = _top(posterior, there)
+            if found > value:
+                break
+        else:
+            promised = 0.0  # no step gains: it is rounding
+            break
+        gained, z, value, slope = found - value, there, found, its_slope
+        if gained < gain:
+            promised = gained
+            break
+    return Climbed(z, value, promised)
 
 
 @kept

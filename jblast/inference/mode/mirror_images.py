@@ -11,7 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
-from jblast.inference.mode.laplace import density_and_slope
+from jblast.inference.mode.laplace import climbed
 from jblast.inference.mode.search import Optima
 from jblast.inference.mode.starts import typical_step
 from jblast.inference.posterior.fisher_information import information
@@ -40,15 +40,21 @@ def with_mirror_images(posterior: Posterior, found: Optima) -> Optima:
     """
     best = np.asarray(found.z)[0]
     known = np.asarray(information(posterior, jnp.asarray(best)))
+    least = np.diag(1e-6 / np.square(np.asarray(typical_step(posterior))))
+    everything = np.eye(len(best))
+
+    def known_at(z):
+        return np.asarray(information(posterior, jnp.asarray(z))) + least, everything
+
     images = []
     for image in _images(posterior, best):
         away = image - best
         if not away @ known @ away > ASIDE**2:
             continue
-        climbed, density = _climbed(posterior, image)
-        away = climbed - best
+        end = climbed(posterior, image, known_at, np.add, rounds=ROUNDS, gain=GAIN)
+        away = end.z - best
         if away @ known @ away > ASIDE**2:
-            images.append((climbed, density))
+            images.append((end.z, end.log_density))
     if not images:
         return found
     z = np.concatenate([np.asarray(found.z), np.array([z for z, _ in images])])
@@ -98,25 +104,3 @@ def _images(
                 image = image - 2 * (normal @ image - offset) * normal
             images.append(image)
     return images
-
-
-def _climbed(posterior: Posterior, z: Float[np.ndarray, " free"]):
-    """Climb from a place by Newton steps with the expected information."""
-    least = np.diag(1e-6 / np.square(np.asarray(typical_step(posterior))))
-    value, slope = density_and_slope(posterior, jnp.asarray(z))
-    for _ in range(ROUNDS):
-        known = np.asarray(information(posterior, jnp.asarray(z)))
-        if not (np.isfinite(known).all() and np.isfinite(slope).all()):
-            break
-        step = np.linalg.solve(known + least, np.asarray(slope))
-        for part in 0.5 ** np.arange(8):
-            tried = density_and_slope(posterior, jnp.asarray(z + part * step))
-            if float(tried[0]) > float(value):
-                break
-        else:
-            break
-        gain = float(tried[0] - value)
-        z, (value, slope) = z + part * step, tried
-        if gain < GAIN:
-            break
-    return z, float(value)

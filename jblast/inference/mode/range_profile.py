@@ -22,9 +22,8 @@ from typing import NamedTuple
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float, Int
-from scipy.special import logsumexp
 
-from jblast.inference.mode.laplace import NORMAL_Q95, density_and_slope
+from jblast.inference.mode.laplace import NORMAL_Q95, climbed
 from jblast.inference.mode.search import HOPELESS, Optima
 from jblast.inference.mode.starts import layout_size, typical_step
 from jblast.inference.posterior.fisher_information import information
@@ -62,6 +61,7 @@ class RangeProfile(NamedTuple):
 
     Attributes:
         width_m: Largest distance between sensors.
+        at: Which coordinates are east and north of the charge.
         middle: Of the sensors, east and north [m].
         level: Number of the range of each place.
         range_m: From the middle of the sensors, over the ground [m].
@@ -74,6 +74,7 @@ class RangeProfile(NamedTuple):
     """
 
     width_m: float
+    at: Int[np.ndarray, "2"]
     middle: Float[np.ndarray, "2"]
     level: Int[np.ndarray, " place"]
     range_m: Float[np.ndarray, " place"]
@@ -89,7 +90,7 @@ class RangeProfile(NamedTuple):
         at = [self.level == level for level in levels]
         return (
             np.array([self.range_m[of][0] for of in at]),
-            np.array([logsumexp(self.log_likelihood[of]) for of in at]),
+            np.array([np.logaddexp.reduce(self.log_likelihood[of]) for of in at]),
         )
 
     @property
@@ -142,7 +143,6 @@ class RangeProfile(NamedTuple):
     def bearings(
         self,
         z: Float[np.ndarray, "draw free"],
-        at: Int[np.ndarray, "2"],
         place: int,
     ) -> Float[np.ndarray, " draw"]:
         """Return how far the bearings of draws are from that of a place [rad].
@@ -151,10 +151,9 @@ class RangeProfile(NamedTuple):
 
         Args:
             z: Draws.
-            at: Which coordinates are east and north.
             place: The best place, or one of `others`.
         """
-        away = z[:, at] - self.middle
+        away = z[:, self.at] - self.middle
         bearing = np.arctan2(away[:, 0], away[:, 1])
         places = (self.best, *self.others())
         off = np.stack([_turned(bearing, self.bearing[k]) for k in places])
@@ -195,8 +194,8 @@ def with_best_range(
         profile: The range followed.
     """
     z, density = np.asarray(found.z), np.asarray(found.log_density)
-    at, best = free_place(posterior), profile.best
-    away = z[:, at] - profile.middle
+    best = profile.best
+    away = z[:, profile.at] - profile.middle
     off = _turned(np.arctan2(away[:, 0], away[:, 1]), profile.bearing[best])
     far = np.log(np.linalg.norm(away, axis=1) / profile.range_m[best])
     near = (np.abs(off) < 2 * profile.bearing_sd[best]) & (np.abs(far) < STEP)
@@ -220,9 +219,9 @@ def range_profile(posterior: Posterior, found: Optima) -> RangeProfile | None:
 
     Returns:
         The profile; None where the place is not free over the plane, there are several
-        charges, or all optima are nearer than the width of the array.
+        charges, or the best optimum is nearer than the width of the array.
     """
-    at = free_place(posterior)
+    at = _free_place(posterior)
     if at is None:
         return None
     placed = ~(np.asarray(posterior.layout.slant_range) > 0)
@@ -234,7 +233,7 @@ def range_profile(posterior: Posterior, found: Optima) -> RangeProfile | None:
     density = np.asarray(found.log_density)
     optima = np.asarray(found.z)[density > density[0] - HOPELESS]
     ranges = np.linalg.norm(optima[:, at] - middle, axis=1)
-    if not ranges.max() > width:
+    if not ranges[0] > width:
         return None
     walker = _Walker(posterior, at, middle, width)
     for z, distance in zip(optima, ranges, strict=True):
@@ -247,7 +246,7 @@ def range_profile(posterior: Posterior, found: Optima) -> RangeProfile | None:
     return walker.profile()
 
 
-def free_place(posterior: Posterior) -> Int[np.ndarray, "2"] | None:
+def _free_place(posterior: Posterior) -> Int[np.ndarray, "2"] | None:
     """Return which coordinates are the place of the one charge; None: it is not free.
 
     Args:
@@ -360,6 +359,7 @@ class _Walker:
         level = np.array([k for k, _ in rows])
         return RangeProfile(
             self.width,
+            self.at,
             self.middle,
             level,
             np.array([self.range_of(k) for k, _ in rows]),
@@ -379,33 +379,17 @@ class _Walker:
         return moved
 
     def _climbed(self, z) -> _Place | None:
-        """Climb at a fixed range by Newton steps with the expected information."""
-        value, slope = self._density(z)
-        if not np.isfinite(value):
-            return None
-        promised = math.inf
-        for _ in range(ROUNDS):
-            known, basis = self._known(self.posterior, z)
-            step = np.linalg.solve(known, basis.T @ slope)
-            promised = 0.5 * step @ known @ step
-            if not promised > GAIN:
-                break
-            for part in 0.5 ** np.arange(8):
-                tried = self._moved(z, part * step)
-                found, tried_slope = self._density(tried)
-                if found > value:
-                    gain = found - value
-                    z, value, slope = tried, found, tried_slope
-                    break
-            else:
-                break
-            if gain < GAIN:
-                break
-        else:
-            if promised > UNFINISHED:
-                return None
+        """Return the optimum at a fixed range; None where the climb ended before it."""
+        z, value, promised = climbed(
+            self.posterior,
+            z,
+            lambda z: self._known(self.posterior, z),
+            self._moved,
+            rounds=ROUNDS,
+            gain=GAIN,
+        )
         known, basis = self._known(self.posterior.weighed(jnp.asarray(z)), z)
-        if not np.isfinite(known).all():
+        if promised > UNFINISHED or not np.isfinite([value, *known.ravel()]).all():
             return None
         away = z[self.at] - self.middle
         covariance = np.linalg.inv(known)
@@ -416,10 +400,6 @@ class _Walker:
             z,
             basis @ np.linalg.cholesky(covariance),
         )
-
-    def _density(self, z):
-        value, slope = density_and_slope(self.posterior, jnp.asarray(z))
-        return float(value), np.asarray(slope)
 
     def _known(self, posterior, z):
         """Return the information of bearing and other numbers, and their directions."""

@@ -19,6 +19,8 @@ from jblast.scene.priors import Belief
 
 FARTHEST = 100.0
 """A charge is searched as far from an array as this many times its width."""
+AMONG = 0.25
+"""Half of the starts are drawn nearer the middle of the sensors by this factor."""
 GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)
 """Multiples of this, modulo 1, are evenly spread however many are taken."""
 
@@ -130,7 +132,10 @@ def _farther(count: int) -> Float[np.ndarray, " start"]:
     """Return by how much farther each start lies than the surroundings of the sensors.
 
     Every fourth start: the same factor for east and north, evenly spread in its ln.
+    Half of the starts lie among the sensors, from where the search reaches an optimum
+    there that a wider one beside it would hide.
     """
     number = np.arange(count)
     share = (number * GOLDEN) % 1.0
-    return np.where(number % 4 == 3, FARTHEST**share, 1.0)
+    beyond = np.where(number % 4 == 3, FARTHEST**share, 1.0)
+    return np.where(np.isin(number % 4, (1, 2)), AMONG, beyond)

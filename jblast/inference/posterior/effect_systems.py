@@ -31,62 +31,19 @@ no other group loads."""
 
 
 class Together(NamedTuple):
-    """Effects each of which may load all rows.
+    r"""Effects each of which may load all rows.
+
+    Of more effects than rows the system of the rows is solved, the smaller one. With
+    $K = L L^T$ and $W$ the weights, $(I + L^T W L)^{-1} = I - L^T W (I + K W)^{-1} L$
+    and $|I + L^T W L| = |I + K W|$.
 
     Attributes:
         load: What one standard deviation of each adds.
+        covariance: $K$ where there are more effects than rows, else None.
     """
 
     load: Float[Array, "row effect"]
-
-    def start(self) -> Float[Array, " effect"]:
-        """Return effects of zero."""
-        return jnp.zeros(self.load.shape[1], self.load.dtype)
-
-    def added(self, v: Float[Array, " effect"]) -> Float[Array, " row"]:
-        """Return what effects add to each row."""
-        return self.load @ v
-
-    def gathered(self, of_row: Float[Array, " row"]) -> Float[Array, " effect"]:
-        """Return $L^T x$."""
-        return self.load.T @ of_row
-
-    def solved(self, weight: Float[Array, " row"], right: Float[Array, " effect"]):
-        """Solve, and return ln of the determinant; NaN if not positive definite."""
-        matrix = self.load.T @ (weight[:, None] * self.load)
-        answer, size = solve_system(jnp.eye(len(right)) + matrix, right[:, None])
-        return answer[:, 0], size
-
-    def spread(self, weight: Float[Array, " row"]):
-        """Return each row's variance under the inverse, and ln of the determinant."""
-        unit = jnp.eye(self.load.shape[1])
-        matrix = unit + self.load.T @ (weight[:, None] * self.load)
-        inverse, size = solve_system(matrix, unit)
-        return jnp.sum((self.load @ inverse) * self.load, axis=1), size
-
-    def in_order(self, v: Float[Array, " effect"]) -> Float[Array, " effect"]:
-        """Return effects in the order of the columns."""
-        return v
-
-
-class FewRows(NamedTuple):
-    r"""Effects of which there are more than rows.
-
-    With $K = L L^T$ and $W$ the weights the system is solved for the rows:
-    $(I + L^T W L)^{-1} = I - L^T W (I + K W)^{-1} L$, and
-    $|I + L^T W L| = |I + K W|$.
-
-    Attributes:
-        load: What one standard deviation of each adds.
-        covariance: $K$, of what the effects add to rows.
-    """
-
-    load: Float[Array, "row effect"]
-    covariance: Float[Array, "row row"]
-
-    def start(self) -> Float[Array, " effect"]:
-        """Return effects of zero."""
-        return jnp.zeros(self.load.shape[1], self.load.dtype)
+    covariance: Float[Array, "row row"] | None
 
     def added(self, v: Float[Array, " effect"]) -> Float[Array, " row"]:
         """Return what effects add to each row."""
@@ -99,13 +56,20 @@ class FewRows(NamedTuple):
     def solved(self, weight: Float[Array, " row"], right: Float[Array, " effect"]):
         """Solve, and return ln of the determinant; NaN if not positive definite.
 
-        Of some positive definite systems that have negative weights it is NaN, too.
+        By rows it is also NaN for some positive definite systems with negative weights.
         """
+        if self.covariance is None:
+            answer, size = solve_system(self._matrix(weight), right[:, None])
+            return answer[:, 0], size
         answer, size = solve_system(self._matrix(weight), (self.load @ right)[:, None])
         return right - self.load.T @ (weight * answer[:, 0]), size
 
     def spread(self, weight: Float[Array, " row"]):
         """Return each row's variance under the inverse, and ln of the determinant."""
+        if self.covariance is None:
+            unit = jnp.eye(self.load.shape[1])
+            inverse, size = solve_system(self._matrix(weight), unit)
+            return jnp.sum((self.load @ inverse) * self.load, axis=1), size
         variance, size = solve_system(self._matrix(weight), self.covariance)
         return jnp.diagonal(variance), size
 
@@ -114,6 +78,9 @@ class FewRows(NamedTuple):
         return v
 
     def _matrix(self, weight):
+        if self.covariance is None:
+            unit = jnp.eye(self.load.shape[1])
+            return unit + self.load.T @ (weight[:, None] * self.load)
         return jnp.eye(len(weight)) + self.covariance * weight[None, :]
 
 
@@ -134,12 +101,6 @@ class Apart(NamedTuple):
     of_record: Float[Array, "record row_of_record error"]
     record: np.ndarray
     place: np.ndarray
-
-    def start(self) -> Float[Array, " held"]:
-        """Return effects of zero."""
-        records, _, errors = self.of_record.shape
-        count = self.load.shape[1] + records * errors
-        return jnp.zeros(count, self.load.dtype)
 
     def added(self, v: Float[Array, " held"]) -> Float[Array, " row"]:
         """Return what effects add to each row."""
@@ -232,15 +193,13 @@ class Apart(NamedTuple):
         return jnp.concatenate([of_row, nothing])[self.record]
 
 
-def effects_of(
-    load: Float[Array, "row effect"], blocks: Blocks
-) -> Together | FewRows | Apart:
+def effects_of(load: Float[Array, "row effect"], blocks: Blocks) -> Together | Apart:
     """Return effects in the form that is solved fastest."""
     rows, columns = load.shape
     if rows < columns:
-        return FewRows(load, load @ load.T)
+        return Together(load, load @ load.T)
     if not blocks or columns <= 1:
-        return Together(load)
+        return Together(load, None)
     record = _padded([block for block, _ in blocks], rows)
     error = _padded([block for _, block in blocks], columns)
     alone = np.setdiff1d(np.arange(columns), error)

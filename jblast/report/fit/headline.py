@@ -42,12 +42,11 @@ def headline(fit: Fit) -> list[str]:
             "below as an answer."
         )
     elif fit.is_outside:
-        several = len(found.extrapolated) > 1
         names = joined([parameter_words(name) for name in found.extrapolated])
         lines.append(
             f"OUTSIDE THE LAWS: most of the information about the {names} is from "
-            f"recordings outside the range of their laws; take "
-            f"{'none of them' if several else 'no such number'} as an answer."
+            f"recordings outside the range of their laws; do not use "
+            f"{'these values' if len(found.extrapolated) > 1 else 'this value'}."
         )
     if found.explained_by and not lines:
         lines.append("ONE READING SPOILS THE LOG: take no number below as an answer.")
@@ -64,7 +63,7 @@ def bearing_lines(found: Summary) -> list[str]:
     """Return the answer of an array that identifies the bearing and not the place."""
     distance = found.derived.get("range_m")
     bearings = [
-        f"{of.value % 360:.1f} +- {of.sd:.1f} degrees"
+        f"{of.value:.1f} +- {of.sd:.1f} degrees"
         for name in ("bearing_deg", "other_bearing_deg")
         if (of := found.derived.get(name)) is not None
     ]

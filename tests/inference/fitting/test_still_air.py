@@ -15,6 +15,7 @@ from jblast.inference.posterior.parameters import parameters_of
 from jblast.report.fit.findings import words
 from jblast.scene import Scene, Sensor, UncertainScene, freed, with_values
 from jblast.sensors import planned_layout, record
+from jblast.sensors.path_scatter import TYPICAL, correlations, embedded
 
 LAWS = {"air_arrival_s": "acoustic"}
 PLACES = np.array([(600.0, 0.0), (-700.0, 300.0), (0.0, 900.0), (200.0, -800.0)])
@@ -54,7 +55,8 @@ def by_hand(scatter: bool, sd_of_wind: float) -> np.ndarray:
     r"""Sds of east, north and time with the wind among the unknowns, over without.
 
     Of t = t0 + |r - x| / (c + w . n): slopes -n/c to the place, 1 to the time, and
-    -R n/c^2 to the wind. The law scatters by 1 % of the travel time a shot and a row.
+    -R n/c^2 to the wind. The law scatters by 1 % of the travel time a shot and a row,
+    and rows scatter alike where their paths are neighbours.
     """
     distance = np.linalg.norm(PLACES, axis=1)
     n, travel = PLACES / distance[:, None], distance / SOUND
@@ -62,7 +64,10 @@ def by_hand(scatter: bool, sd_of_wind: float) -> np.ndarray:
     wind = -distance[:, None] * n / SOUND**2
     cover = np.eye(len(n)) * SIGMA**2
     if scatter:
-        cover += 1e-4 * (np.diag(travel**2) + np.outer(travel, travel))
+        height = np.zeros((len(n), 1))
+        paths, _ = embedded(jnp.hstack([-PLACES, height]), jnp.asarray(distance))
+        alike = np.asarray(correlations(paths, paths, jnp.asarray(TYPICAL)))
+        cover += 1e-4 * (1.0 + alike) * np.outer(travel, travel)
     both = np.hstack([fitted, wind])
     full = both.T @ np.linalg.inv(cover) @ both
     full += np.diag([0, 0, 0, *[1 / sd_of_wind**2] * 2])

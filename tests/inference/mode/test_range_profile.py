@@ -26,6 +26,7 @@ def profile_of(log_likelihood, bearing=0.5, *, bearing_sd=0.02):
     tangent = ranges[:, None] * np.array([math.cos(bearing), -math.sin(bearing)])
     return RangeProfile(
         10.0,
+        np.array([0, 1]),
         np.zeros(2),
         np.arange(count),
         ranges,
@@ -56,7 +57,7 @@ def test_draws_have_the_moments_of_the_likelihood_and_of_the_bearing():
     assert drawn.mean() == pytest.approx(middle, abs=0.02)
     # within a step places are drawn evenly, along the chord between two ranges
     assert drawn.std() == pytest.approx(math.hypot(sd, STEP / math.sqrt(12)), rel=0.02)
-    bearing = found.bearings(z, np.array([0, 1]), found.best)
+    bearing = found.bearings(z, found.best)
     assert bearing.std() == pytest.approx(0.02, rel=0.04)
     assert found.others() == []
 

@@ -1,16 +1,16 @@
-r"""Whether a record was high-passed by a corner that nobody stated.
+r"""Whether a record was high-passed although no corner was stated.
 
 A high-pass shortens the positive phase and deepens the suction, and what it makes of a
 pulse may fit another pulse as well as noise allows: over the stretch of 4.5 durations
 a corner of $1/t_d$ and a deep suction are alike. But a high-pass of any order leaves no
 net impulse, and its tail lasts as long as the pulse that it was made of: a corner of
 $1/t_d$ shortens the positive phase fivefold. So a record whose net impulse may be zero
-is looked at over as many times the stretch, by all negative phases without a high-pass
-and by the cubic and the continued one through one of first order (of which one of
-second order and an oscillation are much the same).
+is analysed over a stretch as many times as long: with every negative phase and no
+high-pass, and with the cubic and the continued one through a high-pass of first order
+(a high-pass of second order, or an oscillation, has much the same effect).
 
-A priori both are as probable. So the odds of a high-pass are the ratio of the largest
-evidence with it to that without it, by Laplace's approximation, tempered as in
+Both are equally probable a priori, so the odds of a high-pass are the ratio of the
+largest evidence with it to that without it, by Laplace's approximation, tempered as in
 `forms.py` where neither fits. Above one, the record is called high-passed; below, the
 errors contain the duration that it would have then.
 """

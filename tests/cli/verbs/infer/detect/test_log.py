@@ -10,7 +10,7 @@ from jblast.observations import read
 from tests.cli.verbs.infer.detect.sounds import recording, template, write
 
 PLACES = np.array([[60.0, 0, 1.5], [-20, 70, 1.5], [-50, -40, 1.5], [30, -80, 1.5]])
-CHARGE, MASS, BEGAN = np.array([12.0, -7.0, 0.0]), 5.0, 1.5
+CHARGE, MASS, BEGAN = np.array([12.0, -7.0, 0.0]), 20.0, 1.5
 
 
 def stations(jblast, names, places, clocks=None):
@@ -123,7 +123,7 @@ def test_a_fit_takes_the_log_as_it_stands_and_finds_the_charge(jblast):
     log_of(jblast, file, stations(jblast, names_of("far", 4), PLACES))
     plan = jblast.file(
         "scene.toml",
-        '[charge]\nmass_kg = 5.0\nposition_m = ["free", "free", 0.0]\ntime_s = "free"\n'
+        '[charge]\nmass_kg = 20.0\nposition_m = ["free", "free", 0.0]\ntime_s = "free"\n'
         '[law]\nair_arrival_s = "kingery_bulmash"\nscatter = false\n',
     )
     code, out, err = jblast(
