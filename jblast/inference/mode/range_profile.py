@@ -33,6 +33,9 @@ from jblast.scene import Free
 
 STEP = math.log(1.5)
 """Between ranges, in ln: a range that is known to 20 % has several of them."""
+FEWEST = 3
+"""A range has a profile if so many steps are less than `HOPELESS` below the best, that
+is if its standard deviation is more than a tenth."""
 FARTHEST = 300.0
 """Ranges are followed to so many widths of the array: the sagitta of the front is then
 1/2400 of the width, 0.01 ms for 10 m."""
@@ -219,7 +222,8 @@ def range_profile(posterior: Posterior, found: Optima) -> RangeProfile | None:
 
     Returns:
         The profile; None where the place is not free over the plane, there are several
-        charges, or the best optimum is nearer than the width of the array.
+        charges, the best optimum is nearer than the width of the array, or the range
+        is known better than these steps resolve, where a normal describes it.
     """
     at = _free_place(posterior)
     if at is None:
@@ -243,7 +247,12 @@ def range_profile(posterior: Posterior, found: Optima) -> RangeProfile | None:
     z = walker.levels[far][0].z if far in walker.levels else optima[0]
     for turned in walker.around(z, far):
         walker.follow(turned, far)
-    return walker.profile()
+    profile = walker.profile()
+    if profile is None or profile.is_open:
+        return profile
+    height = profile.by_range()[1]
+    is_resolved = np.sum(height > height.max() - HOPELESS) >= FEWEST
+    return profile if is_resolved else None
 
 
 def _free_place(posterior: Posterior) -> Int[np.ndarray, "2"] | None:
@@ -354,8 +363,6 @@ class _Walker:
         rows = known or rows
         if not rows:
             return None
-        least = max(p.log_likelihood for _, p in rows) - HOPELESS
-        rows = [(k, p) for k, p in rows if p.log_likelihood > least]
         level = np.array([k for k, _ in rows])
         return RangeProfile(
             self.width,

@@ -15,6 +15,7 @@ from jblast.observations import observed
 from jblast.scene import Scene, UncertainScene, freed
 from jblast.waves import kingery_bulmash_arrival_time
 
+LAW = ("air_arrival_s", "kingery_bulmash")
 NAMES = ("charge_mass_kg", "charge_east_m", "charge_north_m", "origin_time_s")
 
 
@@ -45,6 +46,10 @@ def test_a_likelihood_without_an_end_is_open_and_has_a_lower_bound():
     # it has fallen by 1.645^2 / 2 so many steps before the sixth range
     expected = 10.0 * math.exp(STEP * (5.0 - 0.5 * 1.6448536**2))
     assert found.least_range_m == pytest.approx(expected, rel=1e-6)
+
+
+def test_a_range_known_within_a_step_is_not_open():
+    assert not profile_of([-30.0, 0.0, -30.0]).is_open
 
 
 def test_draws_have_the_moments_of_the_likelihood_and_of_the_bearing():
@@ -81,8 +86,7 @@ def ring_log(range_m, bearing_deg, width_m=2.0, count=6, sd=2e-5):
 
 
 def free_scene():
-    scene = dataclasses.replace(Scene(), law=(("air_arrival_s", "kingery_bulmash"),))
-    return freed(UncertainScene(scene), list(NAMES))
+    return freed(UncertainScene(Scene(law=(LAW,))), list(NAMES))
 
 
 @pytest.mark.slow
@@ -130,3 +134,17 @@ def test_an_array_as_wide_as_the_range_places_the_charge():
     assert "bearing_deg" not in found.summary.derived
     east = found.summary.estimates["charge_east_m"]
     assert east.q05 < 40.0 * math.sin(math.radians(123.0)) < east.q95
+
+
+@pytest.mark.slow
+def test_a_range_known_better_than_a_step_is_a_place():
+    # its time known, a charge of free mass beside a ring a third as wide as the range
+    timed = freed(UncertainScene(Scene(law=(LAW,))), list(NAMES[:3]))
+    log = dataclasses.replace(
+        (drawn := ring_log(60.0, 90.0, width_m=20.0, count=8)),
+        value=drawn.value - 1.0,
+    )
+    found = fit(log, timed)
+    assert found.exit_code == 0
+    east = found.summary.estimates["charge_east_m"]
+    assert east.q05 < 60.0 < east.q95
