@@ -123,7 +123,8 @@ def test_a_fit_takes_the_log_as_it_stands_and_finds_the_charge(jblast):
     log_of(jblast, file, stations(jblast, names_of("far", 4), PLACES))
     plan = jblast.file(
         "scene.toml",
-        '[charge]\nmass_kg = 20.0\nposition_m = ["free", "free", 0.0]\ntime_s = "free"\n'
+        '[charge]\nmass_kg = 20.0\nposition_m = ["free", "free", 0.0]\n'
+        'time_s = "free"\n'
         '[law]\nair_arrival_s = "kingery_bulmash"\nscatter = false\n',
     )
     code, out, err = jblast(
