@@ -1,25 +1,31 @@
-"""How is the house built, and how far does one question walk through it?
+"""How large is the package, and how much of it does one command use?
 
-    python -m calibration.rooms
+    python -m calibration.rooms > calibration/results/rooms.txt
 
-No random numbers. Reads every import of the package, then runs four small commands,
-each in a process of its own with every call of ours recorded (what runs while modules
-are imported is left out). Prints both tables and draws who imports whom.
+No random numbers. Counts every module, reads every import of the package, then runs
+five small commands, each in a process of its own with every call of ours recorded (what
+runs while modules are imported is left out): "cold" without programs kept from earlier
+runs, "warm" with those of a run before. Prints the tables and draws which package
+imports which. The anchors were counted in the same way from their own files.
 """
 
+import ast
+import io
 import json
 import os
 import subprocess
 import sys
 import tempfile
+import tokenize
 from collections import Counter
 from pathlib import Path
 from statistics import median
 from types import FrameType
+from typing import NamedTuple, TypeGuard
 
 import numpy as np
 
-from calibration.imports import PACKAGE, ROOMS, imported, package_of
+from calibration.imports import PACKAGE, ROOMS, imported, module_of, package_of
 from jblast.report.figure_files import write_figure
 from jblast.report.figure_style import INK, MUTED, new_figure, titled
 
@@ -49,20 +55,133 @@ b,peak_overpressure_pa,9000,0.1,40
 c,peak_overpressure_pa,4900,0.1,60
 d,peak_overpressure_pa,2900,0.1,90
 """
+PULSE = """
+[charge]
+mass_kg = 1.0
+[[sensor]]
+name = "ear"
+kind = "microphone"
+position_m = [20.0, 0.0, 1.0]
+rate_hz = 8000
+"""
+STUDY = """
+scene = "scene.toml"
+samples = 16
+outcomes = ["air_arrival_s"]
+"""
+INPUTS = {
+    "scene.toml": SCENE,
+    "log.csv": LOG,
+    "pulse.toml": PULSE,
+    "study.toml": STUDY,
+}
 WALKS = {
+    "calc": "--mass 15 --range 20",
     "fit": "log.csv",
-    "fly": "scene.toml --seconds 0.5 --out flight",
+    "listen": "pulse.toml --seconds 0.2 --out sound",
     "render": "scene.toml --times 0:0.05 --out film",
-    "choose": "scene.toml --quantity air_arrival_s --tolerance 0.01",
+    "study": "study.toml --out study.zarr",
 }
-"""A log of four rows and one unknown; one vehicle; five frames; one quantity."""
-BEFORE = {
-    "fit": (111, 12700, 479, 217, 134, 1920, 249),
-    "fly": (105, 11500, 417, 187, 140, 4269, 302),
-    "render": (68, 7300, 215, 100, 65, 3675, 286),
-    "choose": (67, 7400, 188, 100, 64, 475, 248),
+"""A log of four rows and one unknown; a microphone; five frames; 16 arrivals."""
+ANCHORS = {
+    "optimistix": ("34", "7.6", "218/397/645", "4", "7.5", "4.9"),
+    "diffrax": ("63", "16.5", "140/685/1543", "5", "6.4", "7.7"),
+    "JAX-Fluids": ("384", "58.6", "93/419/1545", "65", "4.5", "3.5"),
+    "TORAX": ("264", "54.5", "147/542/1070", "40", "4.5", "12.2"),
+    "newton": ("346", "273", "399/1975/13077", "54", "1.6", "7.1"),
+    "ObsPy core": ("32", "24.1", "487/1268/3749", "4", "1.6", "4.6"),
 }
-"""The same, walked before there were rooms (4b8d7e4, 22 November 2026)."""
+"""Modules, thousands of lines, lines of a module (median/90 %/largest), folders, and
+shares of import and comment lines in per cent, counted on 26 November 2026."""
+
+
+class Size(NamedTuple):
+    """What stands in some modules.
+
+    Attributes:
+        modules: Number of files.
+        folders: That hold them.
+        lines: All lines.
+        code: Lines that are neither blank, nor comment, documentation or import.
+        imports: Lines of import statements.
+        comments: Lines with nothing but a comment.
+        each: Lines of each module.
+    """
+
+    modules: int
+    folders: int
+    lines: int
+    code: int
+    imports: int
+    comments: int
+    each: list[int]
+
+
+def size_of(files: list[Path]) -> Size:
+    """Count lines by kind."""
+    code = imports = comments = 0
+    each = []
+    for path in files:
+        text = path.read_text()
+        tree = ast.parse(text)
+        lines = text.splitlines()
+        each.append(len(lines))
+        imported_at, told_at = set(), set()
+        for node in ast.walk(tree):
+            if isinstance(node, ast.Import | ast.ImportFrom):
+                imported_at |= {*range(node.lineno, (node.end_lineno or 0) + 1)}
+            elif _is_text(node):
+                told_at |= {*range(node.lineno, (node.end_lineno or 0) + 1)}
+        remarks = {
+            token.start[0]
+            for token in tokenize.generate_tokens(io.StringIO(text).readline)
+            if token.type == tokenize.COMMENT
+            and lines[token.start[0] - 1].lstrip().startswith("#")
+        }
+        blank = {i for i, line in enumerate(lines, 1) if not line.strip()}
+        imports += len(imported_at)
+        comments += len(remarks)
+        code += len(lines) - len(imported_at | told_at | remarks | blank)
+    folders = len({path.parent for path in files})
+    return Size(len(files), folders, sum(each), code, imports, comments, each)
+
+
+def _is_text(node: ast.AST) -> TypeGuard[ast.Expr]:
+    """Tell whether a node is a statement of text alone: documentation."""
+    return (
+        isinstance(node, ast.Expr)
+        and isinstance(node.value, ast.Constant)
+        and isinstance(node.value.value, str)
+    )
+
+
+def single_uses() -> dict[str, int]:
+    """Count functions of modules that are named once, and modules imported once."""
+    names: Counter[str] = Counter()
+    functions: Counter[str] = Counter()
+    importers: dict[str, set[str]] = {}
+    for path in PACKAGE.rglob("*.py"):
+        text, module = path.read_text(), module_of(path)
+        tree = ast.parse(text)
+        functions.update(
+            node.name for node in tree.body if isinstance(node, ast.FunctionDef)
+        )
+        for node in ast.walk(tree):
+            if isinstance(node, ast.Name):
+                names[node.id] += 1
+            elif isinstance(node, ast.Attribute):
+                names[node.attr] += 1
+        for other, taken in imported(text, package_of(path)):
+            for name in (other, *(f"{other}.{part}" for part in taken)):
+                importers.setdefault(name, set()).add(module)
+    modules = [module_of(path) for path in PACKAGE.rglob("*.py")]
+    return {
+        "functions of modules": functions.total(),
+        "of these named once": sum(names[name] == 1 for name in functions),
+        "modules with one importer": sum(
+            len(importers.get(name, ())) == 1 for name in modules
+        ),
+    }
 
 
 def room_of(path: Path) -> str:
@@ -141,51 +260,96 @@ def walk(words: list[str]) -> dict[str, int]:
     return tracer.counted()
 
 
-def walked(verb: str) -> dict[str, int]:
-    """Return what a verb walks through, in a process and a folder of its own."""
+def walked(verb: str, *, warm: bool) -> dict[str, int]:
+    """Return what a verb walks through, in a process and a folder of its own.
+
+    Args:
+        verb: Of the command.
+        warm: Whether programs are kept from a run before.
+    """
     with tempfile.TemporaryDirectory() as folder:
-        Path(folder, "scene.toml").write_text(SCENE)
-        Path(folder, "log.csv").write_text(LOG)
-        run = subprocess.run(
-            [sys.executable, "-m", "calibration.rooms", verb, *WALKS[verb].split()],
-            env={
-                **os.environ,
-                "PYTHONPATH": str(PACKAGE.parent),
-                "JBLAST_KEEP_PROGRAMS": "0",  # a program that is kept calls nothing
-            },
-            cwd=folder,
-            stdout=subprocess.PIPE,
-            text=True,
-            check=True,
-        )
-    return json.loads(run.stdout)
+        env = {
+            **os.environ,
+            "PYTHONPATH": str(PACKAGE.parent),
+            "XDG_CACHE_HOME": str(Path(folder, "cache")),
+            "JBLAST_KEEP_PROGRAMS": str(int(warm)),
+        }
+        printed = ""
+        for number in range(1 + warm):
+            place = Path(folder, str(number))
+            place.mkdir()
+            for name, text in INPUTS.items():
+                (place / name).write_text(text)
+            printed = subprocess.run(
+                [sys.executable, "-m", "calibration.rooms", verb, *WALKS[verb].split()],
+                env=env,
+                cwd=place,
+                stdout=subprocess.PIPE,
+                text=True,
+                check=True,
+            ).stdout
+    return json.loads(printed)
 
 
 def rooms_table(between: Counter[tuple[str, str]]) -> str:
-    """Return a line a room: files, lines, and what it imports from other rooms."""
-    lines = [f"{'room':13s} folders  files   lines  median  longest  imports others"]
+    """Return a line a package: files, lines, and what it imports from others."""
+    lines = [
+        f"{'package':13s} folders modules   lines    code  median  longest  "
+        "imports others"
+    ]
     for room in ROOMS:
-        files = sorted((PACKAGE / room).rglob("*.py"))
-        long = [path.read_text().count("\n") for path in files]
-        folders = len({path.parent for path in files})
+        size = size_of(sorted((PACKAGE / room).rglob("*.py")))
         others = sum(
             n for (a, b), n in between.items() if a == room and b not in (room, "")
         )
         lines.append(
-            f"{room:13s} {folders:7d} {len(files):6d} {sum(long):7d} "
-            f"{median(long):7.0f} {max(long):8d} {others:15d}"
+            f"{room:13s} {size.folders:7d} {size.modules:7d} {size.lines:7d} "
+            f"{size.code:7d} {median(size.each):7.0f} {max(size.each):8d} {others:15d}"
         )
     return "\n".join(lines)
 
 
-def walks_table(walks: dict[str, dict[str, int]]) -> str:
-    """Return two lines a command: now, and before there were rooms."""
+def size_table() -> str:
+    """Return a line for the package and for each of the anchors."""
+    size = size_of(sorted(PACKAGE.rglob("*.py")))
+    middle, tenth = np.quantile(size.each, [0.5, 0.9])
+    ours = (
+        f"{size.modules}",
+        f"{size.lines / 1e3:.1f}",
+        f"{middle:.0f}/{tenth:.0f}/{max(size.each)}",
+        f"{size.folders}",
+        f"{100 * size.imports / size.lines:.1f}",
+        f"{100 * size.comments / size.lines:.1f}",
+    )
+    heads = (
+        "modules",
+        "1000 lines",
+        "of a module",
+        "folders",
+        "imports %",
+        "remarks %",
+    )
+    rows = {"": heads, **ANCHORS, "jblast": ours}
+    lines = [
+        "".join([f"{name:12s}", *(f"{entry:>16s}" for entry in row)])
+        for name, row in rows.items()
+    ]
+    lines.append("of a module: lines, median/90 %/largest")
+    counts = single_uses()
+    lines.append(f"lines of code: {size.code}")
+    lines += [f"{name}: {count}" for name, count in counts.items()]
+    return "\n".join(lines)
+
+
+def walks_table(walks: dict[tuple[str, bool], dict[str, int]]) -> str:
+    """Return two lines a command: without programs that are kept, and with them."""
     heads = list(next(iter(walks.values())))
     lines = ["".join([f"{'command':15s}", *(f"{head:>15s}" for head in heads)])]
-    for verb, found in walks.items():
-        now = [found[head] for head in heads]
-        for name, numbers in ((verb, now), ("  before rooms", BEFORE[verb])):
-            lines.append("".join([f"{name:15s}", *(f"{n:15d}" for n in numbers)]))
+    for (verb, warm), found in walks.items():
+        name = f"{verb}, {'warm' if warm else 'cold'}"
+        lines.append(
+            "".join([f"{name:15s}", *(f"{found[head]:15d}" for head in heads)])
+        )
     return "\n".join(lines)
 
 
@@ -216,7 +380,8 @@ if __name__ == "__main__":
         print(json.dumps(counted))
     else:
         imports = imports_between()
-        print(
-            rooms_table(imports), walks_table({v: walked(v) for v in WALKS}), sep="\n\n"
-        )
+        walks = {
+            (v, warm): walked(v, warm=warm) for v in WALKS for warm in (False, True)
+        }
+        print(size_table(), rooms_table(imports), walks_table(walks), sep="\n\n")
         draw(imports)

@@ -1,11 +1,11 @@
-"""The walk through the house counts what runs, and the drawing shows every import."""
+"""What runs is counted, lines by their kind, and the drawing shows every import."""
 
 import sys
 
 import pytest
 
 from calibration.imports import ROOMS
-from calibration.rooms import WALKS, Tracer, imports_between, rooms_table
+from calibration.rooms import WALKS, Tracer, imports_between, rooms_table, size_of
 from jblast.scene import Charge, Scene
 from jblast.sensors import calculate
 
@@ -24,7 +24,33 @@ def test_nothing_stands_above_the_diagonal(between):
 def test_each_room_has_its_line(between):
     heads, *lines = rooms_table(between).split("\n")
     assert [line.split()[0] for line in lines] == list(ROOMS)
-    assert heads.split()[0] == "room"
+    assert heads.split()[0] == "package"
+
+
+MODULE = """
+'Of the module,'
+
+import ast
+from os import (
+    path,
+)
+
+X = 1  # beside code
+# a remark
+
+
+def f():
+    'Text.'
+    return X
+"""
+
+
+def test_lines_are_counted_by_what_stands_there(tmp_path):
+    file = tmp_path / "a.py"
+    file.write_text(MODULE)
+    size = size_of([file])
+    assert (size.modules, size.folders, size.lines) == (1, 1, 15)
+    assert (size.imports, size.comments, size.code) == (4, 1, 3)
 
 
 def test_a_tracer_counts_files_functions_and_calls_between_files():
