@@ -39,7 +39,7 @@ from calibration.many_worlds import (
     parts_of_many,
 )
 from jblast.fidelity.timing import machine
-from jblast.report.tables import aligned
+from jblast.report.words import aligned
 from jblast.scene import Camera, Charge, Scene, look_at
 from jblast.sensors import microphone
 from jblast.sensors.camera.events.stream import stream_events

@@ -15,8 +15,8 @@ from pathlib import Path
 import numpy as np
 
 from jblast.cli.jax_start import start_jax
-from jblast.report.flights.controllers_figure import controllers_figure
-from jblast.report.tables import aligned
+from jblast.report.flight_figures import controllers_figure
+from jblast.report.words import aligned
 from jblast.scene import read_scene
 from jblast.study.flights.fly import fly
 from jblast.study.flights.records import Flights, Options

@@ -34,8 +34,8 @@ from scipy.integrate import solve_ivp
 from scipy.signal import lfilter
 
 from jblast.observations import read
-from jblast.report.discovery.figure import noise_figure
-from jblast.report.discovery.text import outcomes_text, slowing_text
+from jblast.report.discovery import outcomes_text, slowing_text
+from jblast.report.discovery_figures import noise_figure
 from jblast.study.discovery.candidate_terms import polynomial
 from jblast.study.discovery.cases import CASES
 from jblast.study.discovery.discover import discover

@@ -18,7 +18,7 @@ import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 from scipy.optimize import least_squares
 
-from jblast.report.tables import aligned
+from jblast.report.words import aligned
 from jblast.scene import Camera, Charge, Scene, look_at
 from jblast.sensors.camera import ExplosionViews, explosion_views, render
 from jblast.sensors.camera.files.png import srgb_bytes

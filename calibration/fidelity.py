@@ -34,7 +34,7 @@ from jblast.fidelity.measured_errors import (
 from jblast.fidelity.reference import REFERENCES
 from jblast.fidelity.timing import machine
 from jblast.files import write_text
-from jblast.report.tables import comma_separated
+from jblast.report.words import comma_separated
 from jblast.verification.benchmark.laws import method_seconds
 
 DATA = Path(jblast.fidelity.__file__).parent / "data"

@@ -10,7 +10,7 @@ from jaxtyping import Bool, Float
 
 from jblast.constants import GRANITE_P_SPEED, STANDARD_SOUND_SPEED
 from jblast.registry import LAWS, Law, call
-from jblast.report.calculator.law_curves import NOT_DRAWN
+from jblast.report.calculator.figures import NOT_DRAWN
 from jblast.report.words import split_name
 from jblast.scene import Air, Charge, Scene
 from jblast.scene.charge import Burst

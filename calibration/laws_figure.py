@@ -16,7 +16,7 @@ from calibration.laws_curves import (
     Curve,
     Curves,
 )
-from jblast.report.calculator.law_curves import draw_curve, law_colours, name_curves
+from jblast.report.calculator.figures import draw_curve, law_colours, name_curves
 from jblast.report.figure_style import (
     INK,
     MUTED,
@@ -25,8 +25,7 @@ from jblast.report.figure_style import (
     quiet,
     titled,
 )
-from jblast.report.numbers import Unit, unit_for
-from jblast.report.words import capitalised, quantity_words, split_name
+from jblast.report.words import Unit, capitalised, quantity_words, split_name, unit_for
 
 REFERENCES = ("shock_kinematics", "kingery_bulmash", "ufc_3_340_02")
 """The first that gives a quantity is what the others are compared with."""

@@ -20,7 +20,7 @@ from jblast.cli.jax_start import start_jax
 from jblast.files import write_text
 from jblast.quantity_table import DERIVED_QUANTITIES, QUANTITIES
 from jblast.registry import LAWS, Law
-from jblast.report.calculator.law_curves import NOT_DRAWN
+from jblast.report.calculator.figures import NOT_DRAWN
 from jblast.report.words import capitalised, quantity_words
 
 RESULTS = Path(__file__).parent / "results"

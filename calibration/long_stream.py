@@ -17,7 +17,7 @@ import jax
 import numpy as np
 
 from jblast.cli.jax_start import start_jax
-from jblast.report.tables import aligned
+from jblast.report.words import aligned
 from jblast.scene import Ambient, Charge, Instrument, Scene, Sensor
 from jblast.sensors import microphone
 

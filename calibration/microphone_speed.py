@@ -15,7 +15,7 @@ from collections.abc import Callable
 import jax
 import jax.numpy as jnp
 
-from jblast.report.tables import aligned
+from jblast.report.words import aligned
 from jblast.scene import Ambient, Charge, Instrument, Scene, Sensor
 from jblast.sensors import microphone
 

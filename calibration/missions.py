@@ -48,7 +48,7 @@ from jblast.report.figure_style import (
     quiet,
     titled,
 )
-from jblast.report.missions.figures import draw_map
+from jblast.report.mission_figures import draw_map
 from jblast.scene import Charge, Place, Scene, UncertainScene, VehicleSpec
 from jblast.study.flights.encounter import Profile
 from jblast.study.flights.records import Options

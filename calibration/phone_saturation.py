@@ -16,7 +16,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jblast.cli.jax_start import start_jax
-from jblast.report.tables import aligned
+from jblast.report.words import aligned
 from jblast.scene import Charge, Instrument, Scene, Sensor
 from jblast.sensors import heard, microphone
 

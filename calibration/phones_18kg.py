@@ -15,7 +15,7 @@ import numpy as np
 from jblast.files import write_text
 from jblast.inference.records.gathered import gathered
 from jblast.observations.records.stations import read_stations
-from jblast.report.tables import aligned
+from jblast.report.words import aligned
 
 HERE = Path(__file__).parent
 DATA = HERE / "data" / "inl_phones"

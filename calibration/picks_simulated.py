@@ -29,7 +29,7 @@ from calibration.picks_records import (
 )
 from jblast.cli.jax_start import start_jax
 from jblast.inference.picks import Pick, eye_pick, pick
-from jblast.report.tables import aligned
+from jblast.report.words import aligned
 
 MANY, SEEDS = 1000, (20, 21, 30, 31, *range(40, 46))
 """Records of a seed."""

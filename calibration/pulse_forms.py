@@ -238,7 +238,7 @@ def main(per_pair: int, workers: int, save: str | None) -> None:
 
 def tables(forms: list[Form], truth, found: Picked) -> str:
     """Return the tables of coverage."""
-    from jblast.report.tables import aligned
+    from jblast.report.words import aligned
 
     sd, quality = found.sd, found.quality
     expected = truth.copy()

@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from jblast.files import write_text
-from jblast.report.tables import aligned
+from jblast.report.words import aligned
 from jblast.study.rare import rare_probability
 from jblast.verification.cases.rare_regions import RareRegion, rare_regions
 

@@ -29,7 +29,7 @@ from jblast.inference.importance.marginals import weighted_quantiles
 from jblast.inference.picks import pick_records
 from jblast.inference.posterior.record_likelihood import SampledRecords
 from jblast.inference.records.sampled import sampled_records
-from jblast.report.tables import aligned
+from jblast.report.words import aligned
 from jblast.verification.cases.pressure_records import (
     Recorder,
     log_of_picks,

@@ -17,9 +17,9 @@ import numpy as np
 from jblast.cli.jax_start import start_jax
 from jblast.files import write_text
 from jblast.observations.places.frame import Frame
-from jblast.report.listen.document import CLOCK
-from jblast.report.listen.files import provenance
-from jblast.report.tables import comma_separated
+from jblast.report.listen import CLOCK
+from jblast.report.listen_files import provenance
+from jblast.report.words import comma_separated
 from jblast.scene import read_scene
 from jblast.sensors.listening.plan import Listening, instrument_of, plan
 from jblast.sensors.listening.recorders import packets

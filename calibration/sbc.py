@@ -26,7 +26,7 @@ from calibration.sbc_figure import figure
 from calibration.sbc_logs import DRAWS, Ranked, rank_truths
 from jblast.cli.jax_start import start_jax
 from jblast.files import write_text
-from jblast.report.tables import comma_separated
+from jblast.report.words import comma_separated
 
 CASES = (
     "arrivals",

@@ -29,11 +29,11 @@ from jblast.cli.jax_start import start_jax
 from jblast.files import write_text
 from jblast.report.figure_files import write_figure
 from jblast.report.figure_style import COLOURS, MARKERS, log_ticks, new_figure, quiet
-from jblast.report.study.page.columns import StudyColumns
-from jblast.report.study.page.contour_figure import contour_figure
-from jblast.report.study.page.read import read_columns
-from jblast.report.study.page.summaries import summary_of
-from jblast.report.tables import aligned
+from jblast.report.study_columns import StudyColumns
+from jblast.report.study_page import contour_figure
+from jblast.report.study_results import summary_of
+from jblast.report.study_stores import read_columns
+from jblast.report.words import aligned
 
 STUDIES = Path(__file__).parent / "studies"
 RESULTS = Path(__file__).parent / "results"

@@ -35,7 +35,7 @@ from jblast.cli.jax_start import start_jax
 from jblast.files import write_text
 from jblast.report.figure_files import write_figure
 from jblast.report.figure_style import BLUE, GRID, MUTED, new_figure, titled
-from jblast.report.tables import aligned
+from jblast.report.words import aligned
 from jblast.scene import Camera, Charge, Scene, look_at
 from jblast.sensors.camera import (
     ExplosionViews,

@@ -39,7 +39,7 @@ from jblast.report.figure_style import (
     quiet,
     titled,
 )
-from jblast.report.tables import aligned
+from jblast.report.words import aligned
 from jblast.scene import Air, Ambient, Charge, Ground, Instrument, Scene, Sensor
 from jblast.sensors import heard, microphone, overpressure
 from jblast.sensors.arrivals.ground_wave import ground_waves

@@ -29,7 +29,7 @@ import numpy as np
 
 from jblast.cli.jax_start import start_jax
 from jblast.files import write_text
-from jblast.report.tables import aligned
+from jblast.report.words import aligned
 from jblast.scene import (
     Camera,
     Charge,

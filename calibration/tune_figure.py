@@ -9,7 +9,7 @@ from pathlib import Path
 
 from calibration.tune_round_trip import CASES
 from jblast.report.figure_files import write_figure
-from jblast.report.tune.figure import tune_figure
+from jblast.report.tune_files import tune_figure
 
 FIGURE = Path(__file__).parent / "results" / "tune.png"
 

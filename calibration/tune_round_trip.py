@@ -38,8 +38,8 @@ from jblast.inference.tuning.tune_sight import (  # noqa: E402
     tune_frames,
 )
 from jblast.inference.tuning.unknowns import tuned_value  # noqa: E402
-from jblast.report.tables import aligned  # noqa: E402
-from jblast.report.tune.scene_file import tuned_document  # noqa: E402
+from jblast.report.tune_files import tuned_document  # noqa: E402
+from jblast.report.words import aligned  # noqa: E402
 from jblast.scene import Scene  # noqa: E402
 from jblast.scene.reader.scene import scene_from_document  # noqa: E402
 from jblast.sensors.camera.events.exact.fireball import render_events  # noqa: E402

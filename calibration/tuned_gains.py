@@ -16,9 +16,8 @@ from multiprocessing import get_context
 from jblast.cli.jax_start import start_jax
 from jblast.report.figure_files import write_figure
 from jblast.report.figure_style import new_figure, titled
-from jblast.report.gains.answer import gains_answer
-from jblast.report.gains.figure import cut_words, draw_each, draw_middle
-from jblast.report.gains.text import gains_text
+from jblast.report.gain_files import cut_words, draw_each, draw_middle
+from jblast.report.gains import gains_answer, gains_text
 from jblast.scene.reader.scene import scene_from_document
 from jblast.study.gains.records import TunedGains, Wish
 from jblast.study.gains.tune import tune_gains

@@ -39,7 +39,7 @@ from jblast.report.figure_style import (
     quiet,
     titled,
 )
-from jblast.report.tables import aligned
+from jblast.report.words import aligned
 from jblast.verification.cases.flash.negatives import KINDS, SECONDS
 
 RESULTS = Path(__file__).parent / "results"

@@ -26,7 +26,7 @@ from jblast.detect.flash.search import FlashDetections
 from jblast.detect.flash.tail import flash_threshold
 from jblast.files import write_text
 from jblast.progress import counted
-from jblast.report.tables import aligned
+from jblast.report.words import aligned
 from jblast.sensors.camera import explosion_views
 from jblast.verification.cases.flash.background import RATE_HZ
 from jblast.verification.cases.flash.blasts import blast

@@ -23,7 +23,7 @@ from calibration.flash_trials import (
 )
 from jblast.detect.flash.tail import flash_threshold
 from jblast.files import write_text
-from jblast.report.tables import aligned
+from jblast.report.words import aligned
 from jblast.verification.cases.flash.negatives import SECONDS
 
 RESULTS = Path(__file__).parent / "results"

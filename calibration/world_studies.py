@@ -33,7 +33,7 @@ from jblast.detect import blast_template, matched_filter, threshold_for, white_n
 from jblast.files import write_text
 from jblast.report.figure_files import write_figure
 from jblast.report.figure_style import COLOURS, MUTED, new_figure, quiet, titled
-from jblast.report.tables import aligned
+from jblast.report.words import aligned
 from jblast.scene import Charge, Instrument, Scene, Sensor, VehicleSpec
 from jblast.sensors import microphone
 from jblast.vehicle import (

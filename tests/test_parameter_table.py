@@ -13,8 +13,7 @@ from jblast.parameter_table import (
     PARAMETERS,
     described,
 )
-from jblast.report.numbers import LADDERS
-from jblast.report.words import parameter_words, split_name
+from jblast.report.words import LADDERS, parameter_words, split_name
 from jblast.scene import Scene, parameter_named, value_of
 from jblast.scene.parameters import names_in
 from jblast.scene.reader.priors import LISTS

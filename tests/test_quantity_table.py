@@ -26,8 +26,7 @@ from jblast.quantities import (
 )
 from jblast.quantity_table import DERIVED_QUANTITIES, QUANTITIES, quantity_named
 from jblast.registry import LAWS
-from jblast.report.numbers import LADDERS
-from jblast.report.words import quantity_words, split_name
+from jblast.report.words import LADDERS, quantity_words, split_name
 from jblast.scene.explosives import EXPLOSIVES, tnt_factor
 from jblast.scene.reader.schema import KEYS
 from jblast.sensors.calculator.combined import COMBINATIONS

@@ -36,10 +36,10 @@ from jblast.inference.posterior.estimate import Estimate, Spread
 from jblast.inference.records import log_of
 from jblast.json_values import plain
 from jblast.observations.check.doubt import Doubt
-from jblast.report.check.answer import check_answer
-from jblast.report.choice.answer import choice_answer
-from jblast.report.design.document import bound_document
-from jblast.report.discovery.answer import (
+from jblast.report.check import check_answer
+from jblast.report.choice import choice_answer
+from jblast.report.design import bound_document
+from jblast.report.discovery import (
     DiscoveryAnswer,
     ExchangeableTerms,
     FoundEquation,
@@ -49,9 +49,9 @@ from jblast.report.discovery.answer import (
     NominalInterval,
 )
 from jblast.report.fit.document import answer_json, fit_document
-from jblast.report.picks.document import picks_document
+from jblast.report.picks import picks_document
 from jblast.report.provenance import provenance_of
-from jblast.report.study.run_answer import study_answer
+from jblast.report.study_run import study_answer
 from jblast.scene.reader.scene import scene_from_document
 from jblast.study import run_into
 from jblast.verification.stability.failure import FailureMode

@@ -23,23 +23,22 @@ from jblast.inference.identifiability.findings import (
 )
 from jblast.inference.posterior.finding import Finding
 from jblast.observations.understood import Understood
-from jblast.report.autopilot.served import LockstepAnswer, WatchedAnswer
+from jblast.report.autopilot import LockstepAnswer, WatchedAnswer
 from jblast.report.calculator.answer import CalculatorAnswer, InverseAnswer
-from jblast.report.check.answer import CheckAnswer
-from jblast.report.choice.answer import ChoiceAnswer
-from jblast.report.detect.flash.answer import DirectionSeen, FlashAnswer
-from jblast.report.discovery.answer import DiscoveryAnswer
-from jblast.report.film.answer import EventsAnswer, FilmAnswer
-from jblast.report.flights.answer import FlightsAnswer
-from jblast.report.gains.answer import GainsAnswer
-from jblast.report.missions.answer import MissionAnswer
-from jblast.report.picks.answer import PicksAnswer
+from jblast.report.check import CheckAnswer
+from jblast.report.choice import ChoiceAnswer
+from jblast.report.discovery import DiscoveryAnswer
+from jblast.report.film import EventsAnswer, FilmAnswer
+from jblast.report.flash import DirectionSeen, FlashAnswer
+from jblast.report.flights import FlightsAnswer
+from jblast.report.gains import GainsAnswer
+from jblast.report.missions import MissionAnswer
+from jblast.report.picks import PicksAnswer
 from jblast.report.provenance import Provenance
-from jblast.report.study.page.document import StudyReportAnswer
-from jblast.report.study.run_answer import StudyAnswer
-from jblast.report.tune.answer import TuneAnswer
-from jblast.report.world.answer import WorldAnswer
-from jblast.report.world.served import ServedAnswer
+from jblast.report.study_results import StudyReportAnswer
+from jblast.report.study_run import StudyAnswer
+from jblast.report.tune import TuneAnswer
+from jblast.report.world import ServedAnswer, WorldAnswer
 from jblast.verification.stability.failure import KEYS as FAILURE_KEYS, FailureMode
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"

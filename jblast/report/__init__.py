@@ -4,7 +4,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from jblast.report.choice.reason import (
+    from jblast.report.choice import (
         law_reason as law_reason,
         reason_for as reason_for,
     )
@@ -15,8 +15,8 @@ if TYPE_CHECKING:
     from jblast.report.fit.terminal import summary as summary
 
 HOMES = {
-    "law_reason": "choice.reason",
-    "reason_for": "choice.reason",
+    "law_reason": "choice",
+    "reason_for": "choice",
     "summary": "fit.terminal",
     "check_directory": "fit.files",
     "write_report": "fit.files",

@@ -5,8 +5,14 @@ from dataclasses import dataclass
 
 from jblast.constants import TNT_SPECIFIC_ENERGY
 from jblast.inference.posterior.estimate import Estimate
-from jblast.report.numbers import finite, rounded, scientific, significant, unit_for
-from jblast.report.words import split_name
+from jblast.report.words import (
+    finite,
+    rounded,
+    scientific,
+    significant,
+    split_name,
+    unit_for,
+)
 
 WIDE_LOG_SD = 0.3
 """Past this sd in ln an interval spans a factor of three: digits count then."""

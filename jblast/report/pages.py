@@ -1,4 +1,4 @@
-"""Pages of HTML from the templates that stand beside who fills them."""
+"""Pages of HTML from `templates`."""
 
 from importlib.resources import files
 from typing import Any
@@ -10,7 +10,7 @@ def page(template: str, **values: Any) -> str:
     """Return a page that needs nothing beside it.
 
     Args:
-        template: Its path in this room; it may include what else is there.
+        template: Its path in this package; it may include others.
         **values: What the template names; what it does not find is an error.
     """
     environment = Environment(

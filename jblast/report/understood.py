@@ -1,15 +1,31 @@
-"""What a reader understood of a log, in words: each conversion, once."""
+"""How a log was understood, in words."""
 
 from collections.abc import Sequence
 from functools import singledispatch
+from pathlib import Path
 
-from jblast.observations import understood as of
+import jblast
+from jblast.observations import Observations, understood as of
 from jblast.observations.understood import Understood
 from jblast.report.words import joined
 
 NAMED = 5
 """Lines, or names, that a sentence gives one by one."""
 WAYS = {"CSV": "text"}
+
+
+def conversion_comments(log: Observations) -> list[str]:
+    """Return provenance: where a log comes from, and what was understood of it."""
+    lines = [f"converted from {Path(log.source).name} by jblast {jblast.__version__}"]
+    lines += understood_lines(log.understood)
+    return [" ".join(line.split()) for line in lines]
+
+
+def conversion_text(log: Observations, out: str) -> str:
+    """Return what was written where, and what was done, for the terminal."""
+    rows = "1 measurement" if len(log) == 1 else f"{len(log):,} measurements"
+    done = understood_lines(log.understood) or ["nothing had to be converted"]
+    return "".join(f"{line}\n" for line in (f"wrote {out}: {rows}", *done))
 
 
 def understood_lines(understood: Sequence[Understood]) -> list[str]:

@@ -10,7 +10,7 @@ from jblast.fidelity.choose import ALIKE, SHARE_OF_SIGMA, tolerance_of
 from jblast.fidelity.conditions import conditions_of
 from jblast.fidelity.measured_errors import standard_path
 from jblast.fidelity.reference import END, FARTHEST
-from jblast.report.choice.reason import reason_for
+from jblast.report.choice import reason_for
 from jblast.scene import Charge, Scene, Sensor, UncertainScene, freed
 from jblast.scene.parameters import with_values
 from jblast.scene.priors import LogNormal

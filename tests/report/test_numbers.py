@@ -2,8 +2,16 @@ import pytest
 
 from jblast.inference.posterior.estimate import Estimate
 from jblast.report.estimates import printed_estimate
-from jblast.report.numbers import printed_number, rounded, significant, unit_for
-from jblast.report.words import joined, parameter_words, quantity_words, split_name
+from jblast.report.words import (
+    joined,
+    parameter_words,
+    printed_number,
+    quantity_words,
+    rounded,
+    significant,
+    split_name,
+    unit_for,
+)
 
 
 @pytest.mark.parametrize(

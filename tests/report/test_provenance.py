@@ -10,7 +10,7 @@ import jax
 
 import jblast
 from jblast.report import write_report
-from jblast.report.choice.reason import law_reason
+from jblast.report.choice import law_reason
 from jblast.report.provenance import provenance_lines, provenance_of
 from tests.report import example
 

@@ -4,7 +4,7 @@ import csv
 
 import pytest
 
-from jblast.report.tables import aligned, comma_separated, markdown
+from jblast.report.words import aligned, comma_separated, markdown
 
 ROWS = [
     ("method", "error", ""),

@@ -110,9 +110,9 @@ STUDY = """
 scene = "prior.toml"
 seed = 3
 samples = 16
-outcomes = ["air_arrival_s", "peak_overpressure_pa", "charge_mass_kg"]
+outcomes = ["air_arrival_s", "peak_overpressure_pa"]
 [axes]
-charge_range_m = [50.0, 200.0]
+charge_east_m = [-50.0, 50.0]
 """
 FILES = {
     "log.csv": LOG,
@@ -123,13 +123,18 @@ FILES = {
     "heard.toml": CHARGE + HEARD,
     "film.toml": CHARGE + CAMERA,
     "flight.toml": "[charge]\nmass_kg = 1.0\n" + VEHICLE,
+    "flights.toml": "[charge]\nmass_kg = { lognormal = [1.0, 2.0] }\n" + VEHICLE,
     "mission.toml": "[charge]\nmass_kg = 0.5\nposition_m = [1.0, 4.0, 0.0]\n"
     'time_s = 8.0\n[vehicle]\nmodel = "crazyflie"\nmission = "grid.plan"\n',
     "world.toml": WORLD + RECORDS + HEARD + CAMERA + VEHICLE,
     "free.toml": '[charge]\nmass_kg = "free"\n' + RECORDS,
-    "prior.toml": "[charge]\nmass_kg = { lognormal = [15.0, 3.0] }\n",
+    "prior.toml": "[charge]\nmass_kg = { lognormal = [15.0, 3.0] }\n" + RECORDS,
     "growth.toml": CHARGE + "[law]\nfireball_growth_s = 0.0025\n" + CAMERA,
     "study.toml": STUDY,
+    "orbit.csv": "time_s,x_m,v_m_s\n"
+    + "".join(
+        f"{0.05 * i},{math.cos(0.1 * i)},{-2 * math.sin(0.1 * i)}\n" for i in range(200)
+    ),
 }
 """Inputs, written anew for each record."""
 
@@ -153,14 +158,17 @@ COMMANDS = (
     Command("calc_far", "calc --mass 2 --explosive C4 --range 5,50,500 --json"),
     Command("calc_inverse", "calc --range 5 --duration 3ms --json"),
     Command("calc_reflected", "calc --mass 15 --reflected-pressure 1e5 --json"),
-    Command("convert", "convert foreign.csv --out converted.csv"),
+    Command("convert", "convert foreign.csv --wide --out converted.csv"),
     Command("scene", "scene log.csv --out starter.toml"),
     Command("check", "check log.csv --json", exact=False),
     Command("check_hta", "check DATA/hta_1.csv --json", exact=False),
     Command("choose", "choose records.toml --quantity air_arrival_s --json"),
     Command("choose_peak", "choose prior.toml --quantity peak_overpressure_pa --json"),
     Command("stability", "stability clocks wave-forms --json"),
-    Command("bound", "bound records.toml --free charge_mass_kg --json"),
+    Command(
+        "bound",
+        "bound records.toml --free charge_mass_kg --at charge_mass_kg=15 --json",
+    ),
     Command("bound_free", "bound free.toml --at charge_mass_kg=15 --json"),
     Command("simulate", "simulate records.toml --seed 3 --out simulated.csv"),
     Command("fit", "fit log.csv --json", exact=False),
@@ -180,7 +188,11 @@ COMMANDS = (
     Command(
         "fit_hta", "fit DATA/hta_1.csv --scene DATA/hta_1.toml --json", exact=False
     ),
-    Command("fit_clips", "fit DATA/six_clips.csv --json", exact=False),
+    Command(
+        "fit_clips",
+        "fit DATA/six_clips.csv --date 2024-05-17 --zone UTC --json",
+        exact=False,
+    ),
     Command(
         "fit_records",
         "fit DATA/records_example --positions DATA/records_example/STATIONS.csv --json",
@@ -199,7 +211,7 @@ COMMANDS = (
     Command("fly", "fly flight.toml --seconds 0.6 --step 0.002 --out flown --json"),
     Command(
         "fly_many",
-        "fly flight.toml --vehicles 4 --seconds 0.4 --step 0.002 --seed 2 "
+        "fly flights.toml --vehicles 4 --seconds 0.4 --step 0.002 --seed 2 "
         "--controllers hold,cascade,observer --out many --json",
     ),
     Command("plan", "plan grid.plan --grid 6,0,1 --home 35.3,-80.7,200 --speed 4"),
@@ -217,7 +229,7 @@ COMMANDS = (
     ),
     Command(
         "discover",
-        "discover flown/flight.csv --ensemble 20 --seed 0 --json",
+        "discover orbit.csv --state x_m,v_m_s --ensemble 20 --seed 0 --json",
         exact=False,
     ),
 )

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from jblast.report.world.tables import blasts_csv
+from jblast.report.world import blasts_csv
 from jblast.scene import Charge, Instrument, Scene, Sensor, VehicleSpec
 from jblast.scene.reader.scene import world_from_document
 from jblast.sensors import microphone

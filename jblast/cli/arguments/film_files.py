@@ -15,7 +15,7 @@ import numpy as np
 
 from jblast.cli.arguments.film_outputs import FilmOutputs
 from jblast.progress import counted
-from jblast.report.film.contact_sheet import (
+from jblast.report.contact_sheet import (
     sheet_frames,
     time_label,
     write_contact_sheet,

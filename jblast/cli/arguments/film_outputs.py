@@ -7,7 +7,7 @@ from pathlib import Path
 
 from jblast.cli.arguments.paths import refuse_existing
 from jblast.errors import InputError
-from jblast.report.film.answer import FilmFiles
+from jblast.report.film import FilmFiles
 from jblast.sensors.camera.files.video.write import check_video
 
 SHOWN_HZ = 30.0

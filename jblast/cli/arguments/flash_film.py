@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from jblast.detect.flash.directions import Direction
     from jblast.detect.flash.search import FlashDetections
     from jblast.observations import Observations
-    from jblast.report.detect.flash.answer import FlashAnswer, Kind as FilmKind
+    from jblast.report.flash import FlashAnswer, Kind as FilmKind
     from jblast.scene import Camera
 
 Kind = Literal["sound", "frames", "video", "events"]
@@ -83,8 +83,7 @@ def flashes_found(asked: Namespace, kind: "FilmKind") -> Found:
     """
     from jblast.detect.flash.search import SLOW_HZ, detect_flashes
     from jblast.detect.flash.tail import flash_threshold
-    from jblast.report.detect.flash.answer import Searched, flash_answer
-    from jblast.report.detect.flash.text import rejected_alarms, slow_film
+    from jblast.report.flash import Searched, flash_answer, rejected_alarms, slow_film
 
     path = asked.recordings[0]
     camera = None if asked.scene is None else camera_of(asked.scene)

@@ -132,7 +132,7 @@ def write_answers(
     """
     import json
 
-    from jblast.report.fit.table import answers_csv, answers_document
+    from jblast.report.fit.terminal import answers_csv, answers_document
 
     with writing(directory):
         directory.mkdir(parents=True, exist_ok=True)

@@ -116,13 +116,13 @@ class FromRecords(NamedTuple):
 
     def figure(self) -> "Figure":
         """Draw the records."""
-        from jblast.report.picks.figure import records_figure
+        from jblast.report.pick_figures import records_figure
 
         return records_figure(self.found.named(), self.found.picks)
 
     def document(self) -> dict[str, Any]:
         """Return what `jblast pick --json` would print."""
-        from jblast.report.picks.document import picks_document
+        from jblast.report.picks import picks_document
 
         return picks_document(self.found, self.log)
 
@@ -174,7 +174,7 @@ def from_records(named: list[str], asked: argparse.Namespace) -> FromRecords | N
     if asked.positions is None:
         return None
     from jblast.errors import InputError
-    from jblast.report.picks.text import picks_text
+    from jblast.report.picks import picks_text
 
     found, log, files = picked(named, asked, keep_samples=asked.out is not None)
     text = picks_text(found, log, tuple(path.name for path in files.left_out))

@@ -7,7 +7,7 @@ import signal
 import sys
 
 from jblast.errors import InputError, read_text
-from jblast.report.world.served import ServedAnswer, served_answer, serving_line
+from jblast.report.world import ServedAnswer, served_answer, serving_line
 from jblast.world import DrawnWorld
 from jblast.world.remote.serving import Options, listening
 

@@ -1,17 +1,239 @@
-"""The calculator's answer as `jblast calc --json` prints it, key by key."""
+"""The answer of `jblast calc`."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+from jaxtyping import Array, ArrayLike, Float
 
 from jblast.json_values import ABSENT, AMONG, entries
-from jblast.report.calculator.inputs import Inputs, Numbers, inputs
-from jblast.report.calculator.reasons import why_recommended, why_taken
+from jblast.kept_programs import kept
+from jblast.report.words import System, printed_number, quantity_words, unit_for
 from jblast.sensors.calculator.disagreement import Disagreement
 from jblast.sensors.calculator.forward import Calculated, Calculation
 from jblast.sensors.calculator.inverse import Roots
-from jblast.sensors.calculator.question import Question
+from jblast.sensors.calculator.question import (
+    Question,
+    charge_radius,
+    free_air_rows,
+    scene_path,
+)
 from jblast.sensors.calculator.recommended import Recommended
+from jblast.waves.burst_and_height import burst_notes
+from jblast.waves.laws.ground_factor import ground_factor
+from jblast.waves.propagation.ambient import ambient
+from jblast.waves.scaling import sachs_distance_factor, scaled_distance
+
+Numbers = float | tuple[float, ...]
+"""One, or one a row."""
+if TYPE_CHECKING:
+    from jblast.fidelity import Choice
+
+
+def header(question: Question) -> list[tuple[str, str]]:
+    """Return the inputs as labels and words, for a terminal."""
+    given = inputs(question)
+    charge, defaults = question.scene.charge, question.defaults
+    system = question.units
+    lines = []
+    if charge.explosive != "TNT":
+        factors = given.tnt_factor
+        text = f"{factors.pressure:g} for pressure and time, "
+        text += f"{factors.impulse:g} for impulse and duration, times the mass"
+        lines.append(("as TNT", text))
+    if given.scaled:
+        z = np.atleast_1d(given.scaled.scaled_distance_m_kg13)
+        radius = np.atleast_1d(given.scaled.charge_radius_m)
+        text = f"{_span(z)} m/kg^(1/3)"
+        if system == "us":
+            foot, pound = (unit_for(name, 1.0, system=system) for name in ("_m", "_kg"))
+            text = f"{_span(z * pound.size ** (1 / 3) / foot.size)} ft/lb^(1/3)"
+        lines.append(("scaled distance", text))
+        unit = unit_for("_m", 1.0, system=system)
+        text = f"{_span(radius / unit.size)} {unit.symbol} (TNT at 1630 kg/m3)"
+        lines.append(("charge radius", text))
+        if charge.burst == "surface":
+            factor = np.atleast_1d(given.scaled.ground_factor)
+            text = f"{_span(factor)} times the mass makes the same in free air"
+            lines.append(("ground factor", text))
+    height = given.height_m
+    place = (
+        "" if not height else f", {printed_number('_m', abs(height), system=system)} "
+    )
+    place += "" if not height else "above ground" if height > 0 else "deep"
+    burst = charge.burst or "each range by its height"
+    lines.append(("burst", f"{burst}{_default('burst', defaults)}{place}"))
+    lines.append(
+        ("air", _air(given, system) + _default("air", defaults, "at sea level"))
+    )
+    rock = f"P wave {_speed(given.p_speed_m_s, system, 'g')}"
+    lines.append(("ground", rock + _default("ground", defaults, "granite")))
+    return lines
+
+
+def title(question: Question) -> str:
+    """Return the question in words."""
+    ranges, masses = (
+        _values(name, x, question.units)
+        for name, x in (("_m", question.slant_range), ("_kg", question.charge_mass))
+    )
+    explosive = question.scene.charge.explosive
+    if not question.quantity:
+        return f"{masses} of {explosive} at {ranges}"
+    target = printed_number(question.quantity, question.target, system=question.units)
+    words = quantity_words(question.quantity)
+    what = f"{'an' if words[0] in 'aeiou' else 'a'} {words} of {target}"
+    if masses:
+        return f"Range at which {masses} of {explosive} makes {what}"
+    return f"Mass of {explosive} that makes {what} at {ranges}"
+
+
+@dataclass(frozen=True)
+class Scaled:
+    """What ranges and masses come to, by row.
+
+    Attributes:
+        scaled_distance_m_kg13: By Sachs, for pressures.
+        charge_radius_m: Of a sphere of TNT.
+        ground_factor: How many times the mass makes the same pressure in free air.
+    """
+
+    scaled_distance_m_kg13: Numbers
+    charge_radius_m: Numbers
+    ground_factor: Numbers
+
+
+@dataclass(frozen=True)
+class TntFactor:
+    """TNT mass of an explosive over its mass.
+
+    Attributes:
+        pressure: For pressures and times.
+        impulse: For impulses and durations.
+    """
+
+    pressure: float
+    impulse: float
+
+
+def notes(question: Question, *, beside: bool = True) -> list[str]:
+    """Return, in sentences, what no number of the answer says by itself.
+
+    Args:
+        question: What was asked.
+        beside: Whether the answer has room for what the other curve set gives.
+    """
+    charge = question.scene.charge
+    low, high = _scaled_heights(question)
+    if high < 0.0:
+        return [
+            f"the charge is buried: the {charge.burst} curves were used; ford_2021 "
+            "alone takes the depth into account"
+        ]
+    if high > 0.0 and question.quantity:
+        return [
+            f"the {charge.burst} curves were used; a burst above the ground lies "
+            "between surface and free-air until its reflection comes after the "
+            "positive phase: compare with the other --burst"
+        ]
+    if not high > 0.0:
+        return []
+    said = burst_notes(charge, (low, high), free_air_rows(question), "range")
+    said[-1] += "; sensors were taken to stand as low as the range allows"
+    if between_limits(question):
+        said[-1] += f"; {_other_set(question, beside)}"
+    return said
+
+
+@dataclass(frozen=True)
+class Inputs:
+    """What was given and what was taken for granted.
+
+    Attributes:
+        mass_kg: Of the explosive, by row; absent where it is asked for.
+        range_m: Slant range, by row; absent where it is asked for.
+        asked: Which of the two is asked for; absent where none is.
+        scaled: What the two come to; None where one is asked for.
+        measured: What was measured in place of the one asked for, by quantity.
+        explosive: Of what the charge is.
+        tnt_factor: Its TNT mass over its mass.
+        burst: The curve set, or "by height" where each row has its own.
+        height_m: Of burst; negative is buried.
+        temperature_k: Of the air at the charge.
+        pressure_pa: Of the air at the charge.
+        relative_humidity: Of the air, 0 to 1.
+        altitude_m: Of the standard atmosphere; null where none was asked for.
+        sound_speed_m_s: In the air at the charge.
+        p_speed_m_s: Of the ground.
+        defaults: What was not said: air, burst, explosive, ground.
+        notes: What no number says by itself, a sentence each.
+    """
+
+    mass_kg: Numbers | None = field(metadata=ABSENT)
+    range_m: Numbers | None = field(metadata=ABSENT)
+    asked: Literal["range_m", "charge_mass_kg"] | None = field(metadata=ABSENT)
+    scaled: Scaled | None = field(metadata=AMONG)
+    measured: Mapping[str, float] = field(metadata=AMONG)
+    explosive: str
+    tnt_factor: TntFactor
+    burst: str
+    height_m: float
+    temperature_k: float
+    pressure_pa: float
+    relative_humidity: float
+    altitude_m: float | None
+    sound_speed_m_s: float
+    p_speed_m_s: float
+    defaults: tuple[str, ...]
+    notes: tuple[str, ...]
+
+
+def _air(given: Inputs, system: System) -> str:
+    pressure = f"{given.pressure_pa / 1e3:.3f} kPa"
+    temperature = f"{given.temperature_k:.2f} K"
+    if system == "us":
+        temperature = f"{given.temperature_k * 1.8 - 459.67:.2f} °F"
+        pressure = printed_number("_pa", given.pressure_pa, system=system)
+    words = [
+        temperature,
+        pressure,
+        f"humidity {given.relative_humidity:g}" if given.relative_humidity else "dry",
+        f"sound {_speed(given.sound_speed_m_s, system, '.2f')}",
+    ]
+    if given.altitude_m is not None:
+        altitude = given.altitude_m
+        shown = f"{altitude:g} m"
+        if system == "us":
+            shown = printed_number("_m", altitude, system=system)
+        words.insert(0, f"standard atmosphere at {shown}")
+    return ", ".join(words)
+
+
+def _speed(value: float, system: System, digits: str) -> str:
+    if system == "us":
+        return printed_number("_m_s", value, system=system)
+    return f"{value:{digits}} m/s"
+
+
+def _values(name: str, values: tuple[float, ...], system: System) -> str:
+    if len(values) < 4:
+        return ", ".join(printed_number(name, v, system=system) for v in values)
+    first, last = (
+        printed_number(name, v, system=system) for v in (min(values), max(values))
+    )
+    return f"{first} to {last} ({len(values)} values)"
+
+
+def _span(values: np.ndarray) -> str:
+    low, high = f"{values.min():.4g}", f"{values.max():.4g}"
+    return low if low == high else f"{low} to {high}"
+
+
+def _default(field: str, defaults: frozenset[str], what: str = "") -> str:
+    if field not in defaults:
+        return ""
+    return f" (default{': ' if what else ''}{what})"
 
 
 @dataclass(frozen=True)
@@ -100,6 +322,53 @@ class DisagreementEntry:
     found: Disagreement = field(metadata=AMONG)
     taken: str
     reason: str
+
+
+def inputs(question: Question) -> Inputs:
+    """Return what was given and what was taken for granted, by name, in SI units."""
+    scene = question.scene
+    charge, air = scene.charge, scene.air
+    path = scene_path(scene)
+    temperature, _ = ambient(air)
+    pressure_factor = float(charge.tnt_factor_for("peak_overpressure_pa"))
+    mass = distance = asked = scaled = None
+    if question.quantity and question.charge_mass:
+        mass, asked = question.charge_mass[0], "range_m"
+    elif question.quantity:
+        distance, asked = question.slant_range[0], "charge_mass_kg"
+    else:
+        ranges, masses = question.rows()
+        mass, distance = _one_or_all(masses), _one_or_all(ranges)
+        tnt_masses = pressure_factor * masses
+        rows = _scaled(ranges, tnt_masses, path.ambient_pressure)
+        distances, factors = map(np.asarray, rows)
+        scaled = Scaled(
+            scaled_distance_m_kg13=_one_or_all(distances),
+            charge_radius_m=_one_or_all(charge_radius(masses)),
+            ground_factor=_one_or_all(factors),
+        )
+    return Inputs(
+        mass_kg=mass,
+        range_m=distance,
+        asked=asked,
+        scaled=scaled,
+        measured={question.quantity: question.target} if question.quantity else {},
+        explosive=charge.explosive,
+        tnt_factor=TntFactor(
+            pressure=pressure_factor,
+            impulse=float(charge.tnt_factor_for("positive_impulse_pa_s")),
+        ),
+        burst=charge.burst or "by height",
+        height_m=charge.up.item(),
+        temperature_k=temperature.item(),
+        pressure_pa=path.ambient_pressure.item(),
+        relative_humidity=air.relative_humidity.item(),
+        altitude_m=None if air.altitude is None else air.altitude.item(),
+        sound_speed_m_s=path.sound_speed.item(),
+        p_speed_m_s=path.p_speed.item(),
+        defaults=tuple(sorted(question.defaults)),
+        notes=tuple(notes(question)),
+    )
 
 
 @dataclass(frozen=True)
@@ -208,3 +477,82 @@ def _value(of_law: Calculated) -> LawValue:
     return LawValue(
         tuple(map(float, of_law.value)), tuple(bool(ok) for ok in of_law.valid)
     )
+
+
+@kept
+def _scaled(
+    slant_range: Float[ArrayLike, " row"],
+    charge_mass: Float[ArrayLike, " row"],
+    ambient_pressure: Float[ArrayLike, ""],
+) -> tuple[Float[Array, " row"], Float[Array, " row"]]:
+    """Return scaled distances, and how much more a charge in free air weighs there.
+
+    It makes the same pressure there as the charge on the ground.
+    """
+    distance = scaled_distance(slant_range, charge_mass, ambient_pressure)
+    return distance, ground_factor(distance, 1.0)
+
+
+def _one_or_all(values: np.ndarray) -> Numbers:
+    return float(values[0]) if len(values) == 1 else tuple(float(v) for v in values)
+
+
+def between_limits(question: Question) -> bool:
+    """Return whether some charge bursts neither on the ground nor as in free air."""
+    _, high = _scaled_heights(question)
+    asked = question.quantity  # no rows yet: what is asked for may lie on either side
+    return not asked and high > 0.0 and not free_air_rows(question).all()
+
+
+def disagreement_words(found: Disagreement, question: Question) -> str:
+    """Say that laws of a quantity that hold disagree, and which one we would take."""
+    where, rows = "", len(question.rows()[0])
+    if rows > 1:
+        place = printed_number("_m", found.range_m, system=question.units)
+        where = f" at {found.rows} of {rows} rows, most at {place}"
+    taken = why_taken(found)
+    if found.choice:
+        taken = f"we would take {found.choice.method}: {taken}"
+    return (
+        f"laws that hold disagree{where}: {found.high} is {found.ratio:.2f} times "
+        f"{found.low}, where their scatter leaves {found.expected:.2f}; "
+        f"{taken}"
+    )
+
+
+def _other_set(question: Question, beside: bool) -> str:
+    if not beside or len(question.rows()[0]) > 1:
+        return "compare with the other --burst"
+    return "beside a law of two curve sets stands what the other set gives"
+
+
+def _scaled_heights(question: Question) -> tuple[float, float]:
+    """Return the least and the largest height of burst [m/kg^(1/3)]."""
+    height = question.scene.charge.up.item()
+    if not (height and question.charge_mass):  # of an unknown mass only the sign counts
+        return height, height
+    factor = float(question.scene.charge.tnt_factor_for("peak_overpressure_pa"))
+    pressure = scene_path(question.scene).ambient_pressure.item()
+    masses = factor * np.asarray(question.charge_mass)
+    heights = height / np.asarray(sachs_distance_factor(masses, pressure))
+    return float(heights.min()), float(heights.max())
+
+
+def why_recommended(recommended: Recommended) -> str:
+    """Return why an answer is by its law; "" where there is no other."""
+    if recommended.is_nearest:
+        return "the nearest to the others of those that give it where they hold"
+    return _of_choice(recommended.choice) if recommended.choice else ""
+
+
+def why_taken(found: Disagreement) -> str:
+    """Return why we would take one of two laws that disagree, or why neither."""
+    if found.choice is None:
+        return "nothing here tells which of them is nearer to nature"
+    return _of_choice(found.choice)
+
+
+def _of_choice(choice: "Choice") -> str:
+    from jblast.report.choice import choice_reason  # read with what it words
+
+    return choice_reason(choice)

@@ -1,27 +1,215 @@
-"""The calculator's answer as the terminal shows it."""
+"""The answer of `jblast calc` on the terminal.
 
+What the laws' ranges and notes say in m/kg^(1/3), in ft/lb^(1/3) for who asks so.
+
+The ranges of laws are words, as their sources give them; the numbers before a scaled
+distance are converted, to four digits, and nothing else of them is touched.
+"""
+
+import json
+import re
 from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
-from jblast.report.calculator.customary import scaled_in
-from jblast.report.calculator.header import header, title
-from jblast.report.calculator.notes import disagreement_words, notes
-from jblast.report.lines import WIDTH, behind
-from jblast.report.numbers import Unit, printed_number, significant, unit_for
-from jblast.report.tables import aligned
-from jblast.report.words import capitalised, quantity_words
+from jblast.report.calculator.answer import (
+    calculator_answer,
+    disagreement_words,
+    header,
+    inputs,
+    inverse_answer,
+    notes,
+    title,
+    why_recommended,
+)
+from jblast.report.words import (
+    WIDTH,
+    System,
+    Unit,
+    aligned,
+    behind,
+    capitalised,
+    comma_separated,
+    joined,
+    printed_number,
+    quantity_words,
+    significant,
+    unit_for,
+)
 from jblast.sensors.calculator.disagreement import Disagreement
 from jblast.sensors.calculator.forward import Calculated, Calculation
 from jblast.sensors.calculator.inverse import Roots
 from jblast.sensors.calculator.question import Question
+from jblast.sensors.calculator.recommended import Recommended
 
+LINE = 60
+"""How long the line is that other laws stand below."""
+SAID = ("as TNT", "burst", "air")
+"""Of what it was answered with, what one answer says again."""
 OUTSIDE = "outside"
 """Mark of a number where its law does not hold."""
 PLACES, LAW = (12, 9), 11
 """Widths of columns of the table: range and mass, and each law, unless one is wider."""
 Columns = list[list[str]]
 Lines = list[str]
+NUMBER = r"-?\d+(?:\.\d+)?(?:e-?\d+)?"
+SCALED = re.compile(rf"((?:{NUMBER}|free-air|to|[() ])+) m/(kg|kt)\^\(1/3\)")
+"""Numbers, perhaps of two curve sets, up to their unit: 0.0674 (free-air 0.0531) to 40
+m/kg^(1/3)."""
+OF_ROOT = re.compile(rf"({NUMBER}) sqrt\(Q\) m\b")
+"""Of what grows as the root of the charge's mass Q."""
+
+
+def calculation_json(
+    question: Question,
+    answer: Calculation,
+    other: Calculation | None = None,
+    apart: Sequence[Disagreement] = (),
+    recommended: Recommended | None = None,
+) -> str:
+    """Return inputs and quantities as JSON; arguments as of `calculator_answer`."""
+    return _json(
+        calculator_answer(question, answer, other, apart, recommended).to_dict()
+    )
+
+
+def roots_json(
+    question: Question, answer: dict[str, Roots], recommended: Recommended
+) -> str:
+    """Return inputs, the answer, and by law the best root and all of them as JSON."""
+    return _json(inverse_answer(question, answer, recommended).to_dict())
+
+
+def calculation_csv(
+    question: Question, answer: Calculation, apart: Sequence[Disagreement] = ()
+) -> str:
+    """Return one value a line; the inputs stand above as comments."""
+    ranges, masses = question.rows()
+    lines = [("range_m", "mass_kg", "quantity", "law", "value", "valid")]
+    for quantity, by_law in answer.items():
+        for name, of_law in by_law.items():
+            for i, (r, m) in enumerate(zip(ranges, masses, strict=True)):
+                value, valid = repr(float(of_law.value[i])), bool(of_law.valid[i])
+                row = (repr(float(r)), repr(float(m)), quantity, name, value)
+                lines.append((*row, str(valid).lower()))
+    said = "".join(
+        f"# {one.quantity}: {disagreement_words(one, question)}\n" for one in apart
+    )
+    return _comments(question) + said + comma_separated(lines)
+
+
+def roots_csv(question: Question, answer: dict[str, Roots]) -> str:
+    """Return one root a line; the inputs stand above as comments."""
+    lines = [(str(inputs(question).asked), "law", "valid")]
+    for name, found in answer.items():
+        for value, valid in zip(found.value, found.valid, strict=True):
+            lines.append((repr(float(value)), name, str(bool(valid)).lower()))
+    return _comments(question) + comma_separated(lines)
+
+
+def _comments(question: Question) -> str:
+    said = [title(question), *(f"{name}: {text}" for name, text in header(question))]
+    said += notes(question, beside=False)
+    return "".join(f"# {line}\n" for line in said)
+
+
+def _json(answer: dict[str, Any]) -> str:
+    text = json.dumps(answer, indent=1, allow_nan=False, ensure_ascii=False)
+    return text + "\n"
+
+
+def value_line(
+    question: Question, recommended: Recommended, by_law: Mapping[str, Calculated]
+) -> str:
+    """Return one quantity at one range from one charge by the law we take.
+
+    Args:
+        question: Of one range and one mass.
+        recommended: The answer.
+        by_law: What all laws say.
+    """
+    words = quantity_words(recommended.quantity)
+    value = printed_number(
+        recommended.quantity, recommended.value, system=question.units
+    )
+    unit = one_unit(question, recommended.quantity, by_law)
+    others = [
+        line
+        for name, of_law in by_law.items()
+        if name != recommended.law
+        for line in entry(
+            name,
+            *printed_value(of_law, unit),
+            scaled_in(of_law.range, question.units),
+            law_column(by_law),
+        )
+    ]
+    first = f"{title(question)}: {words} {value}, {_sure(recommended)}"
+    return _whole(first, others, question, recommended, by_law[recommended.law].range)
+
+
+def root_line(
+    question: Question, recommended: Recommended, by_law: Mapping[str, Roots]
+) -> str:
+    """Return the range or mass at which a quantity takes its value.
+
+    Args:
+        question: Of the quantity, and of one range or one mass.
+        recommended: The answer.
+        by_law: What all laws say.
+    """
+    target = printed_number(question.quantity, question.target, system=question.units)
+    solutions = recommended.solutions or (recommended.value,)
+    values = [
+        printed_number(recommended.quantity, value, system=question.units)
+        for value in solutions
+    ]
+    several = len(values) > 1
+    value = f"{len(values)} solutions, {joined(values)}" if several else values[0]
+    others = [
+        line
+        for name, found in by_law.items()
+        if name != recommended.law
+        for line in root_entries(question, name, found, law_column(by_law))
+    ]
+    first = f"{target}: {value}, {_sure(recommended, several=several)}"
+    return _whole(
+        first, others, question, recommended, by_law[recommended.law].law.range
+    )
+
+
+def _sure(recommended: Recommended, *, several: bool = False) -> str:
+    """Return the law, whether it holds, and how far nature departs from it.
+
+    Of several solutions each has a scatter of its own, and none is returned.
+    """
+    holds = "holds there" if recommended.valid else "outside its range"
+    holds = "holds at each" if several else holds
+    scatter = (
+        f", scatter {100.0 * recommended.scatter:.2g} %"
+        if recommended.scatter > 0.0 and not several
+        else ""
+    )
+    return f"{recommended.law} ({holds}{scatter})"
+
+
+def _whole(
+    first: str,
+    others: list[str],
+    question: Question,
+    recommended: Recommended,
+    range_: str,
+) -> str:
+    lines = [first, "-" * LINE, *others]
+    lines += [""] if others else []
+    facts = [("by", f"{recommended.law}: {why_recommended(recommended) or range_}")]
+    facts += [("asked", title(question))] if question.quantity else []
+    facts += [fact for fact in header(question) if fact[0] in SAID]
+    facts += [("note", note) for note in notes(question)]
+    for name, text in facts:
+        lines += behind(f"  {name}".ljust(10), scaled_in(text, question.units))
+    return "\n".join(line.rstrip() for line in lines) + "\n"
 
 
 def calculation_text(
@@ -186,3 +374,35 @@ def _beside_places(places: Columns, columns: Columns) -> Lines:
     least = (*PLACES[: len(places)], *[LAW] * len(columns))
     rows = list(zip(*whole, strict=True))
     return aligned(rows, right=range(len(whole)), least=least)
+
+
+def scaled_in(text: str, system: System) -> str:
+    """Return words about scaled distances in a system of units.
+
+    A kiloton stays one.
+
+    Args:
+        text: As the laws have them.
+        system: "si" leaves them as they are.
+    """
+    if system == "si":
+        return text
+    foot, pound = (unit_for(name, 1.0, system=system).size for name in ("_m", "_kg"))
+
+    def scaled(found: re.Match[str]) -> str:
+        of, factor = found[2], 1.0 / foot
+        if of == "kg":
+            of, factor = "lb", pound ** (1 / 3) / foot
+        numbers = re.sub(NUMBER, lambda n: _times(n[0], factor), found[1])
+        return f"{numbers} ft/{of}^(1/3)"
+
+    def of_root(found: re.Match[str]) -> str:
+        return f"{_times(found[1], pound**0.5 / foot)} sqrt(Q in lb) ft"
+
+    return OF_ROOT.sub(of_root, SCALED.sub(scaled, text))
+
+
+def _times(number: str, factor: float) -> str:
+    """Return a written number times a factor, to four digits."""
+    text = significant(float(number) * factor, 4)
+    return text.rstrip("0").rstrip(".") if "." in text and "e" not in text else text

@@ -11,8 +11,8 @@ from jblast.files import write_bytes, write_text
 from jblast.inference.fitting.result import Fit
 from jblast.report.fit.document import answer_json
 from jblast.report.fit.findings import all_words
-from jblast.report.fit.place.files import PLACE_FILES, write_place
-from jblast.report.fit.reference_values import Accepted
+from jblast.report.fit.geo_files import PLACE_FILES, write_place
+from jblast.report.fit.rows import Accepted
 from jblast.report.provenance import Provenance, provenance_of
 
 if TYPE_CHECKING:
@@ -58,11 +58,13 @@ def write_report(
     """
     # here, so that an answer in words alone need not wait for Matplotlib
     from jblast.report.figure_files import Picture, picture_of
-    from jblast.report.fit.figures.corner_plot import corner_figure
-    from jblast.report.fit.figures.recordings import recordings_figure
-    from jblast.report.fit.figures.residuals import residuals_figure
+    from jblast.report.fit.figures import (
+        corner_figure,
+        recordings_figure,
+        residuals_figure,
+    )
+    from jblast.report.fit.map import map_figure
     from jblast.report.fit.page import report_page
-    from jblast.report.fit.place.map_figure import map_figure
 
     directory = Path(directory)
     check_directory(directory, force)

@@ -1,16 +1,107 @@
-"""What a fit, or a bound, has to tell beside its numbers, in words."""
+"""What an answer says beside its numbers."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from functools import singledispatch
 
+import numpy as np
+
 from jblast.inference.fitting import findings as fitting
+from jblast.inference.fitting.goodness_of_fit import POOR, p_value
 from jblast.inference.fitting.samples.findings import SamplesRoughlyCounted
 from jblast.inference.fitting.still_air import StillAir, WindPassesForSoundSpeed
+from jblast.inference.fitting.summary import Summary
+from jblast.inference.identifiability.findings import Cure, OtherMode, ResolvingDatum
+from jblast.inference.importance import findings as importance
+from jblast.inference.mcmc import findings as mcmc
 from jblast.inference.posterior.finding import Finding
-from jblast.parameter_table import CLOCK_OFFSET
-from jblast.report.fit.posterior_findings import posterior_words
-from jblast.report.numbers import printed_number
-from jblast.report.words import joined, parameter_words
+from jblast.parameter_table import CHARGE_POSITION, CLOCK_OFFSET
+from jblast.quantity_table import QUANTITIES
+from jblast.report.words import finite, joined, parameter_words, printed_number
+
+MARGINAL = 0.01
+RANGING = "its range is the sound speed times what it comes after the flash"
+WHERE = {
+    "sensor": "at a sensor of the log",
+    "place": "at a new place",
+    "aside": "at a new place off the sensors' line",
+    "range": "at a new range",
+    "later": "at a later time",
+}
+NORMAL = "the 90 % intervals are those of a normal approximation"
+
+
+def goodness_p(found: Summary) -> float | None:
+    """Return the chance of a worse chi2 than this by luck; None without freedom."""
+    chi2 = finite(found.chi2)
+    return None if chi2 is None else p_value(chi2, found.dof)
+
+
+def goodness_sentence(found: Summary) -> str:
+    """Say what chi2 says of the fit."""
+    p = goodness_p(found)
+    if p is None and found.dof > 0:
+        return "There is no chi2, so nothing says whether the law fits the recordings."
+    if p is None:
+        return (
+            "There are no more recordings than unknowns, so the recordings cannot say "
+            "whether the law fits them."
+        )
+    if p < POOR:
+        return (
+            f"The fit is poor (p {printed_p(p)}): the recordings disagree with the law "
+            "by more than their errors allow, and the intervals are likely too narrow."
+        )
+    if p < MARGINAL:
+        return (
+            f"The fit is marginal (p {printed_p(p)}): by luck alone, errors as stated "
+            "seldom disagree with the law so much."
+        )
+    if p > 1 - POOR:
+        return (
+            f"The recordings lie closer to the law than their errors allow "
+            f"(p {printed_p(p)}): the errors may be overstated."
+        )
+    return f"The recordings agree with the law within their errors (p {printed_p(p)})."
+
+
+def goodness_numbers(found: Summary) -> str:
+    """Return chi2, degrees of freedom and p in one line."""
+    chi2, p = finite(found.chi2), goodness_p(found)
+    shown = "unknown" if chi2 is None else f"{chi2:.1f}"
+    line = f"chi2 = {shown} on {found.dof} degrees of freedom"
+    return line if p is None else f"{line}, p {printed_p(p)}"
+
+
+def printed_p(p: float) -> str:
+    """Print a probability with its sign of comparison: "= 0.27", "< 0.001"."""
+    if p < POOR:
+        return f"< {POOR}"
+    return f"> {1 - POOR}" if p > 1 - POOR else f"= {p:.2g}"
+
+
+def cure_words(cure: Cure) -> str:
+    """Say which prior, measurement or datum would end a null direction."""
+    known = f"a prior on, or a measurement of, {' or '.join(cure.parameters)}"
+    added = "; ".join(datum_words(datum) for datum in cure.data)
+    return f"{known}; or {added}" if added else known
+
+
+def datum_words(datum: ResolvingDatum) -> str:
+    """Say what to record, and where."""
+    what = QUANTITIES[datum.quantity].with_article()
+    bang = f" (the bang: {RANGING})" if datum.is_bang else ""
+    clock = ", on a clock that is right" if datum.on_right_clock else ""
+    return f"{what}{bang} {WHERE[datum.where]}{clock}"
+
+
+def other_mode_words(other: OtherMode) -> str:
+    """Say why another optimum is one."""
+    what = "place" if set(CHARGE_POSITION) & set(other.differ) else "solution"
+    names = ", ".join(sorted(other.differ)) or "all"
+    return (
+        f"another {what} of {names} explains the log nearly as well (chi squared "
+        f"differs by {other.delta_chi2:.2g})"
+    )
 
 
 def all_words(findings: Iterable[Finding]) -> list[str]:
@@ -232,3 +323,131 @@ def _(finding: fitting.AsAsked) -> str:
 @words.register
 def _(finding: fitting.DirectionUnidentified) -> str:
     return "nothing else can be said of a log that leaves a direction untold"
+
+
+@singledispatch
+def posterior_words(finding: Finding) -> str:
+    """Say what was found."""
+    raise NotImplementedError(f"no words for {type(finding).__name__}")
+
+
+@posterior_words.register
+def _(finding: importance.IntervalsOff) -> str:
+    off, k_hat = finding.off, f"(k-hat {finding.k_hat:.2f})"
+    said = NORMAL
+    if not np.isnan(off):
+        said += f", off by up to {off:.1f} of a standard deviation at "
+        said += finding.parameter
+    if not np.isnan(finding.k_hat):
+        said += (
+            f"; how far they are off, importance sampling cannot tell {k_hat}"
+            if np.isnan(off)
+            else f", as far as importance sampling can tell {k_hat}"
+        )
+    return f"{said}: --posterior emcee walks"
+
+
+@posterior_words.register
+def _(finding: importance.NormalIntervals) -> str:
+    return f"{NORMAL}, as {posterior_words(finding.because)}: --posterior emcee walks"
+
+
+@posterior_words.register
+def _(finding: importance.FewEffectiveDraws) -> str:
+    return (
+        f"importance sampling is left with {finding.effective:.0f} draws' worth, of "
+        f"{finding.wanted} that intervals take"
+    )
+
+
+@posterior_words.register
+def _(finding: importance.ImportanceCannotTell) -> str:
+    return f"importance sampling cannot tell (k-hat {finding.k_hat:.2f})"
+
+
+@posterior_words.register
+def _(finding: importance.DrawsWeighted) -> str:
+    return (
+        "draws of the normal approximation, weighted by the posterior (importance "
+        f"sampling, k-hat {finding.k_hat:.2f}, {finding.effective:.0f} draws' worth)"
+    )
+
+
+@posterior_words.register
+def _(finding: importance.RangeFollowed) -> str:
+    return (
+        f"draws along the range of the charge: at {finding.ranges} ranges the "
+        "posterior is integrated over bearing and all other numbers; the prior is flat "
+        "in ln of the range"
+    )
+
+
+@posterior_words.register
+def _(finding: importance.NormalJudged) -> str:
+    said = (
+        f"importance sampling k-hat {finding.k_hat:.2f}, largest sd in ln "
+        f"{finding.log_sd:.2g}, ends of intervals off by {finding.off:.2f} sd"
+    )
+    limits = (
+        f"the limits are {finding.most_k_hat:g}, {finding.most_log_sd:g} and "
+        f"{finding.most_off:g}"
+    )
+    if finding.holds:
+        return f"{said}: {limits}"
+    return f"the normal approximation does not do ({said}; {limits})"
+
+
+@posterior_words.register
+def _(finding: mcmc.Interrupted) -> str:
+    return f"stopped by Ctrl-C after {finding.steps} steps"
+
+
+@posterior_words.register
+def _(finding: mcmc.QuantilesUncertain) -> str:
+    return (
+        f"the quantiles of {finding.parameter} are known to {finding.error:.2g} "
+        f"of its standard deviation, wanted {finding.wanted:g}"
+    )
+
+
+@posterior_words.register
+def _(finding: mcmc.ChainTooShort) -> str:
+    return (
+        f"{finding.steps} steps are {finding.times:.0f} autocorrelation times of "
+        f"{finding.parameter}, wanted {finding.wanted:.0f}"
+    )
+
+
+@posterior_words.register
+def _(finding: mcmc.ChainsDisagree) -> str:
+    return (
+        f"R-hat of {finding.parameter} is {finding.r_hat:.3g}, wanted "
+        f"{finding.wanted:g}"
+    )
+
+
+@posterior_words.register
+def _(finding: mcmc.SeveralModes) -> str:
+    parts = [
+        f"{100 * share:.0f} % about {_place(peak)}"
+        for share, peak in zip(finding.shares, finding.peaks, strict=True)
+    ]
+    return f"the posterior has {len(parts)} modes: {'; '.join(parts)}"
+
+
+@posterior_words.register
+def _(finding: mcmc.LongRidge) -> str:
+    text = (
+        f"the posterior is a ridge {finding.longer:.0f} times as long as its normal "
+        f"approximation, from {_place(finding.low)} to {_place(finding.high)}"
+    )
+    if finding.is_endless:
+        text += (
+            "; the density does not fall beyond it, so the posterior is improper: "
+            "expected a prior for one of these"
+        )
+    return text
+
+
+def _place(values: Mapping[str, float]) -> str:
+    return ", ".join(f"{name} {value:.4g}" for name, value in values.items())

@@ -9,22 +9,27 @@ from jblast.inference.fitting.result import Fit
 from jblast.inference.fitting.summary import Summary
 from jblast.report.estimates import printed_estimate
 from jblast.report.figure_files import Picture
-from jblast.report.fit.conclusion import SAFETY, accepted_not_fitted, conclusion, limits
-from jblast.report.fit.figures.corner_plot import absent_note
-from jblast.report.fit.findings import all_words
-from jblast.report.fit.goodness import (
+from jblast.report.fit.document import determined_lines
+from jblast.report.fit.figures import absent_note
+from jblast.report.fit.findings import (
     POOR,
+    all_words,
     goodness_numbers,
     goodness_p,
     goodness_sentence,
 )
-from jblast.report.fit.identifiability import determined_lines
-from jblast.report.fit.laws import laws_used, validity_sentence
-from jblast.report.fit.place.map_words import absent_map_note, map_alt, map_caption
-from jblast.report.fit.reference_values import Accepted, compare
-from jblast.report.fit.rows import log_name, residual_rows
+from jblast.report.fit.place import absent_map_note, map_alt, map_caption
+from jblast.report.fit.rows import Accepted, compare, log_name, residual_rows
+from jblast.report.fit.terminal import (
+    SAFETY,
+    accepted_not_fitted,
+    conclusion,
+    laws_used,
+    limits,
+    validity_sentence,
+)
 from jblast.report.pages import page
-from jblast.report.picks.words import RECORDS_ALT, RECORDS_CAPTION
+from jblast.report.picks import RECORDS_ALT, RECORDS_CAPTION
 from jblast.report.provenance import Provenance, provenance_lines
 from jblast.report.understood import understood_lines
 from jblast.report.words import capitalised, joined, parameter_words, quantity_words
@@ -61,7 +66,7 @@ def report_page(
     found, name, used = fit.summary, log_name(fit), laws_used(fit)
     p = goodness_p(found)
     return page(
-        "fit/template.html",
+        "templates/fit.html",
         title=f"Blast fit: {name}" if name else "Blast fit",
         subtitle=_subtitle(fit),
         conclusion=conclusion(fit, accepted),

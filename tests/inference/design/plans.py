@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from jblast.report.design.terminal import bound_text
+from jblast.report.design import bound_text
 from jblast.scene import (
     Air,
     Charge,

@@ -13,7 +13,7 @@ from jblast.inference.design.planned_log import planned as plan_of
 from jblast.inference.design.summary import AddedDatum
 from jblast.inference.posterior.estimate import Spread
 from jblast.quantities import QUANTITIES
-from jblast.report.design.added_datum import data_lines
+from jblast.report.design import data_lines
 from jblast.scene import Charge, Free, LogNormal, Sensor, UncertainScene
 from jblast.waves import kingery_bulmash_pressure
 from tests.inference.design.plans import MASS, PLAN, PRESSURE, RING, TRUE, scene_of

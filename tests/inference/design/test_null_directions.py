@@ -5,7 +5,7 @@ import pytest
 
 from jblast.inference import bound
 from jblast.inference.posterior.estimate import Spread
-from jblast.report.fit.cures import cure_words
+from jblast.report.fit.findings import cure_words
 from jblast.scene import (
     Free,
     LogNormal,

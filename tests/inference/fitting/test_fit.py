@@ -10,7 +10,7 @@ from jblast.errors import InputError
 from jblast.inference import fit
 from jblast.inference.fitting.findings import LawOutOfRange
 from jblast.report import summary
-from jblast.report.choice.reason import law_reason
+from jblast.report.choice import law_reason
 from jblast.scene import (
     Sensor,
     UncertainScene,

@@ -20,8 +20,7 @@ from jblast.inference.posterior.parameters import parameters_of
 from jblast.inference.posterior.posterior import posterior_of
 from jblast.report import summary
 from jblast.report.fit.document import fit_document
-from jblast.report.fit.figures.recordings import recordings_figure
-from jblast.report.fit.figures.residuals import residuals_figure
+from jblast.report.fit.figures import recordings_figure, residuals_figure
 from jblast.report.fit.rows import residual_rows
 from jblast.scene import Scene, UncertainScene, freed, with_laws
 from jblast.sensors import layout_of, record

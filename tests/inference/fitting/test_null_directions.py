@@ -7,7 +7,7 @@ import pytest
 
 from jblast.inference import fit
 from jblast.inference.posterior.estimate import Estimate
-from jblast.report.fit.cures import cure_words, datum_words
+from jblast.report.fit.findings import cure_words, datum_words
 from jblast.scene import (
     Free,
     LogNormal,

@@ -8,7 +8,7 @@ import pytest
 from matplotlib.collections import PolyCollection
 
 from jblast.inference import fit
-from jblast.report.fit.figures.recordings import recordings_figure
+from jblast.report.fit.figures import recordings_figure
 from tests.inference.fitting.clocks_off import ASKED, heard
 from tests.report.example import three_parameters
 

@@ -9,7 +9,7 @@ from jblast.inference.tuning.search.solve import problem_from
 from jblast.inference.tuning.sight import camera_of, look_of
 from jblast.inference.tuning.tune_sight import paired, tune_events, tune_frames
 from jblast.inference.tuning.unknowns import filled, unknowns_of
-from jblast.report.tune.figure import tune_figure
+from jblast.report.tune_files import tune_figure
 from jblast.scene.reader.scene import scene_from_document
 from jblast.sensors.camera.events.exact.fireball import render_events
 from jblast.sensors.camera.files.png import srgb_bytes

@@ -16,8 +16,7 @@ from jblast.inference.tuning.search.solve import parts_told
 from jblast.inference.tuning.tune_sight import paired, tune_events, tune_frames
 from jblast.inference.tuning.unknowns import Between
 from jblast.observations.records.sound_file import write_sound
-from jblast.report.tune.answer import tune_answer
-from jblast.report.tune.text import list_text, tune_text
+from jblast.report.tune import list_text, tune_answer, tune_text
 from jblast.scene.reader.scene import scene_from_document
 from jblast.sensors.listening.plan import plan
 from jblast.sensors.listening.recorders import packets

@@ -11,7 +11,7 @@ from jblast.observations.check.clocks import clocks_doubted
 from jblast.observations.check.places import places_doubted
 from jblast.observations.check.refusals import refusals
 from jblast.observations.check.sigmas import sigmas_doubted
-from jblast.report.check.words import sentence
+from jblast.report.check import sentence
 from jblast.scene import Scene, Sensor, default_scene
 from tests.observations.rows import HEADER
 

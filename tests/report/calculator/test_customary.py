@@ -6,7 +6,7 @@ import pytest
 
 import jblast.waves  # noqa: F401  laws enter the registry as they are imported
 from jblast.registry import LAWS
-from jblast.report.calculator.customary import scaled_in
+from jblast.report.calculator.terminal import scaled_in
 
 
 @pytest.mark.parametrize(

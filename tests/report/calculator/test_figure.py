@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from jblast.report.calculator.figure import calculator_figure
+from jblast.report.calculator.figures import calculator_figure
 from jblast.scene import Scene
 from jblast.sensors.calculator.forward import calculate, calculated_laws
 from jblast.sensors.calculator.question import Question

@@ -2,8 +2,8 @@
 
 import pytest
 
-from jblast.report import numbers
-from jblast.report.calculator.header import header
+from jblast.report import words as numbers
+from jblast.report.calculator.answer import header
 from jblast.scene import Scene
 from jblast.sensors.calculator.question import Question
 

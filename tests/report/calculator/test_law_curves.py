@@ -5,7 +5,7 @@ from matplotlib.text import Annotation
 
 import jblast.waves  # noqa: F401  laws enter the registry as they are imported
 from jblast.registry import LAWS
-from jblast.report.calculator.law_curves import (
+from jblast.report.calculator.figures import (
     LABEL_GAP,
     LAW_COLOURS,
     draw_curve,

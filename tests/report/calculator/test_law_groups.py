@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from jblast.report.calculator.law_groups import (
+from jblast.report.calculator.figures import (
     group_words,
     groups,
     holding,

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from jblast.report.calculator.question_figure import question_figure
+from jblast.report.calculator.figures import question_figure
 from jblast.scene import Charge, Scene
 from jblast.sensors.calculator.forward import calculate
 from jblast.sensors.calculator.question import Question

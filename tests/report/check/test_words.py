@@ -11,10 +11,13 @@ import pytest
 import jblast
 from jblast.observations.check.doubt import Doubt
 from jblast.observations.places.frame import Frame
-from jblast.report.check.answer import check_answer
-from jblast.report.check.setting import setting_lines
-from jblast.report.check.text import check_text
-from jblast.report.check.words import SENTENCES, sentence
+from jblast.report.check import (
+    SENTENCES,
+    check_answer,
+    check_text,
+    sentence,
+    setting_lines,
+)
 from jblast.scene import default_scene
 
 PACKAGE = Path(jblast.__file__).parent

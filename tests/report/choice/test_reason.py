@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 
 from jblast.fidelity import Candidate, TakenLaw
-from jblast.report.choice.reason import choice_reason, law_reason, percent, reason_for
+from jblast.report.choice import choice_reason, law_reason, percent, reason_for
 from tests.report.made_up import chosen
 
 CHOICE = chosen("air_arrival_s", "kingery_bulmash")

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from jblast.inference import BoundMap
-from jblast.report.design.sensor_map import bound_figure, round_levels
+from jblast.report.design_figure import bound_figure, round_levels
 
 pytestmark = pytest.mark.slow  # each layout compiles its own search
 

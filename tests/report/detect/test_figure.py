@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from jblast.detect.search import Channel, search
-from jblast.report.detect.figure import COLUMNS, MOST_LABELS, detection_figure
-from jblast.report.detect.text import detection_text
+from jblast.report.detect import detection_text
+from jblast.report.detect_files import COLUMNS, MOST_LABELS, detection_figure
 
 RATE = 8000.0
 

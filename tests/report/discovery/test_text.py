@@ -1,7 +1,7 @@
 import re
 from pathlib import Path
 
-from jblast.report.discovery.document import HELD
+from jblast.report.discovery import HELD
 
 TABLE = Path(__file__).parents[3] / "calibration" / "results" / "discovery.txt"
 

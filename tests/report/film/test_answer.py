@@ -5,8 +5,14 @@ from dataclasses import replace
 from jsonschema import Draft202012Validator
 
 from docs.generate import answer_schemas
-from jblast.report.film.answer import EventsAnswer, FilmAnswer, FilmEvents, FilmFiles
-from jblast.report.film.text import events_text, film_text
+from jblast.report.film import (
+    EventsAnswer,
+    FilmAnswer,
+    FilmEvents,
+    FilmFiles,
+    events_text,
+    film_text,
+)
 
 SIZE = (5, 64, 48, 100.0)
 FOUND = FilmEvents((0.2, 0.2), "off", 3000, 2000, 1000, "solved for", 1e-6)

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from jblast.report.film.contact_sheet import (
+from jblast.report.contact_sheet import (
     sheet_frames,
     time_label,
     write_contact_sheet,

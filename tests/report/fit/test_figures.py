@@ -4,10 +4,14 @@ import numpy as np
 import pytest
 from matplotlib.collections import LineCollection, PolyCollection
 
-from jblast.report.fit.figures.corner_plot import corner_figure, drawn_parameters
-from jblast.report.fit.figures.recordings import recordings_figure, runs
-from jblast.report.fit.figures.reduced_time import reduction
-from jblast.report.fit.figures.residuals import residuals_figure
+from jblast.report.fit.figures import (
+    corner_figure,
+    drawn_parameters,
+    recordings_figure,
+    reduction,
+    residuals_figure,
+    runs,
+)
 from jblast.report.fit.rows import MOST_ROWS, outlier_rows, residual_rows
 from jblast.scene import with_values
 from tests.report import example

@@ -7,9 +7,9 @@ import scipy.stats
 from jblast.inference.fitting.findings import ExchangedSensors, WrongClock
 from jblast.inference.posterior.estimate import Estimate
 from jblast.report import summary
-from jblast.report.fit.conclusion import conclusion, limits
 from jblast.report.fit.document import fit_document
-from jblast.report.fit.goodness import goodness_p, goodness_sentence
+from jblast.report.fit.findings import goodness_p, goodness_sentence
+from jblast.report.fit.terminal import conclusion, limits
 from tests.report import example
 from tests.report.made_up import PLAIN
 

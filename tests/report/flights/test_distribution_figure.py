@@ -4,7 +4,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jblast.report.flights.distribution_figure import distribution_figure
+from jblast.report.flight_figures import distribution_figure
 from jblast.scene import VehicleSpec
 from jblast.study.flights.encounter import Encounter
 from jblast.study.flights.exposure import Exposure

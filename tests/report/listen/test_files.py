@@ -1,6 +1,6 @@
 import numpy as np
 
-from jblast.report.listen.files import file_names
+from jblast.report.listen_files import file_names
 from jblast.scene import Sensor
 
 

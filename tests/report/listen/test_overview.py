@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 import scipy.signal
 
-from jblast.report.listen.overview import Envelope, Spectrogram
+from jblast.report.listen import Envelope, Spectrogram
 
 SAMPLES = np.random.default_rng(3).normal(size=50_000)
 

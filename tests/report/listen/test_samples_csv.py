@@ -3,7 +3,7 @@ import os
 import numpy as np
 import pytest
 
-from jblast.report.listen.samples_csv import write_samples
+from jblast.report.listen import write_samples
 
 
 def packets(*sizes: int, end: BaseException | None = None):

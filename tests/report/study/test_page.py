@@ -9,13 +9,10 @@ from jsonschema import Draft202012Validator
 
 from docs.generate import answer_schemas
 from jblast.errors import InputError
-from jblast.report.study.page import study_report
-from jblast.report.study.page.columns import columns_of
-from jblast.report.study.page.contour_figure import shares_on_grid
-from jblast.report.study.page.curve_figures import is_geometric
-from jblast.report.study.page.read import read_columns
-from jblast.report.study.page.summaries import summary_of
-from jblast.report.study.page.tables import printed_share
+from jblast.report.study_columns import columns_of
+from jblast.report.study_page import is_geometric, shares_on_grid, study_report
+from jblast.report.study_results import printed_share, summary_of
+from jblast.report.study_stores import read_columns
 
 ATTRIBUTES = {
     "jblast_study_schema": 1,

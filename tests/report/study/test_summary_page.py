@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from jblast.report.study.page import study_report
-from jblast.report.study.page.read import read_columns
+from jblast.report.study_page import study_report
+from jblast.report.study_stores import read_columns
 from jblast.study import run_into
 from jblast.study.sampling import work as work_module
 from tests.study.example import STUDY, study_in

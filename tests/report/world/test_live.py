@@ -10,18 +10,20 @@ from hypothesis import given, strategies as st
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 from jblast.errors import InputError
+from jblast.report import world_live as window
 from jblast.report.figure_style import new_figure
-from jblast.report.world.live import window
-from jblast.report.world.live.lanes import (
+from jblast.report.world_live import (
     CAPACITY,
     COLUMN_S,
     WINDOW_S,
+    LiveFigure,
+    Rolling,
     announced,
+    check_display,
     lanes_of,
+    play,
 )
-from jblast.report.world.live.rolling import Rolling
-from jblast.report.world.live.window import LiveFigure, check_display, play
-from jblast.report.world.page.folder import RunFolder, Waveform
+from jblast.report.world_page import RunFolder, Waveform
 
 SECONDS = 8.0
 

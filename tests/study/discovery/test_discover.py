@@ -3,8 +3,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from jblast.errors import InputError
-from jblast.report.discovery.doubts import certain
-from jblast.report.discovery.text import discovery_text
+from jblast.report.discovery import certain, discovery_text
 from jblast.study.discovery.candidate_terms import Candidates, polynomial
 from jblast.study.discovery.cases import drag_case, motor_case
 from jblast.study.discovery.discover import discover

@@ -5,7 +5,7 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.interpolate import make_smoothing_spline
 
-from jblast.report.discovery.doubts import certain, doubts
+from jblast.report.discovery import certain, doubts
 from jblast.study.discovery.candidate_terms import polynomial
 from jblast.study.discovery.cases import motor_case
 from jblast.study.discovery.discover import discover

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from jblast.errors import InputError
-from jblast.report.flights.text import flights_text
+from jblast.report.flights import flights_text
 from jblast.study.flights.controllers import named_controllers
 from jblast.study.flights.fly import fly
 from jblast.study.flights.records import Options

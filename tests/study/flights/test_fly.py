@@ -10,9 +10,8 @@ from scipy.stats import beta
 
 from jblast.errors import InputError
 from jblast.progress import Listener, heard_by
-from jblast.report.flights.document import flights_answer
-from jblast.report.flights.figure import loads_figure
-from jblast.report.flights.text import flights_text
+from jblast.report.flight_figures import loads_figure
+from jblast.report.flights import flights_answer, flights_text
 from jblast.scene import (
     Air,
     Charge,

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from jblast.report.benchmark.figure import chart_figure
+from jblast.report.benchmark import chart_figure
 from jblast.verification.benchmark import flights
 from jblast.verification.benchmark.chart import BENCHMARKS, BenchmarkPoint
 

@@ -24,7 +24,7 @@ from jblast.autopilot.simulator.stepping import PERIOD_S, programs
 from jblast.cli.arguments.autopilot.options import AUTOPILOT_PORT, GROUND_PORT
 from jblast.cli.arguments.paths import refuse_existing
 from jblast.files import write_bytes
-from jblast.report.autopilot.served import (
+from jblast.report.autopilot import (
     LockstepAnswer,
     WatchedAnswer,
     lockstep_answer,

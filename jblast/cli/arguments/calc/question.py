@@ -11,7 +11,7 @@ from jblast.cli.arguments.calc.options import MEASURED
 from jblast.cli.arguments.numbers import MOST_ROWS
 from jblast.errors import InputError, nearest, shown
 from jblast.parameter_table import PARAMETERS
-from jblast.report.numbers import printed_number
+from jblast.report.words import printed_number
 from jblast.scene import Air, Charge, Ground, Scene
 from jblast.scene.charge import BURSTS
 from jblast.scene.explosives import explosive_named

@@ -9,12 +9,14 @@ from matplotlib.figure import Figure
 
 from jblast.cli.arguments.paths import save_text, writing
 from jblast.report.figure_files import write_drawn
-from jblast.report.flights.controllers_figure import controllers_figure
-from jblast.report.flights.distribution_figure import distribution_figure
-from jblast.report.flights.document import flights_csv
-from jblast.report.flights.figure import error_figure, loads_figure
-from jblast.report.flights.path_figure import path_figure
-from jblast.report.flights.trajectory_csv import trajectory_csv
+from jblast.report.flight_figures import (
+    controllers_figure,
+    distribution_figure,
+    error_figure,
+    loads_figure,
+    path_figure,
+)
+from jblast.report.flights import flights_csv, trajectory_csv
 from jblast.study.flights.controllers import BOTH_HOLDS
 from jblast.study.flights.records import Flights
 from jblast.study.flights.statistics import hold_words, target_of, trajectory_of

@@ -10,9 +10,8 @@ from matplotlib.figure import Figure
 from jblast.cli.arguments.flights.files import JSON, MANY, ONE, TABLES
 from jblast.cli.arguments.paths import save_text, writing
 from jblast.report.figure_files import write_drawn
-from jblast.report.flights.trajectory_csv import trajectory_csv
-from jblast.report.missions.figures import error_figure, map_figure
-from jblast.report.missions.kml import mission_kml
+from jblast.report.flights import trajectory_csv
+from jblast.report.mission_figures import error_figure, map_figure, mission_kml
 from jblast.study.missions.records import MissionFlight
 from jblast.vehicle import Trajectory
 

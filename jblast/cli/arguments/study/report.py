@@ -16,8 +16,8 @@ def report(asked: argparse.Namespace) -> int:
 
     from jblast.errors import InputError
     from jblast.report.fit.files import check_directory
-    from jblast.report.study.page import study_report
-    from jblast.report.study.page.read import read_columns
+    from jblast.report.study_page import study_report
+    from jblast.report.study_stores import read_columns
 
     stores = asked.given[1:]
     if len(stores) != 1:
@@ -29,7 +29,7 @@ def report(asked: argparse.Namespace) -> int:
     found = study_report(read_columns(str(store)), store.name)
     if out is not None:
         from jblast.cli.arguments.paths import writing
-        from jblast.report.study.page.files import write_report
+        from jblast.report.study_page import write_report
 
         with writing(out):
             write_report(found, out)

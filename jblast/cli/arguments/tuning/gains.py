@@ -51,9 +51,8 @@ def tune_as_asked(asked: argparse.Namespace) -> bool:
     start_jax(quick=True)
     from jblast.cli.arguments.paths import writing
     from jblast.report.fit.files import check_directory
-    from jblast.report.gains.answer import gains_answer
-    from jblast.report.gains.files import as_json, write_gains
-    from jblast.report.gains.text import gains_text
+    from jblast.report.gain_files import as_json, write_gains
+    from jblast.report.gains import gains_answer, gains_text
     from jblast.scene import read_scene
     from jblast.study.gains.records import Wish
     from jblast.study.gains.tune import tune_gains

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from jblast.cli.arguments.paths import save_text
-from jblast.report.tables import comma_separated, commented
+from jblast.report.words import comma_separated, commented
 from jblast.world import ImuRecord
 
 COLUMNS = (

@@ -27,7 +27,7 @@ def check_live(asked: argparse.Namespace) -> None:
         InputError: There is no display.
     """
     if asked.live:
-        from jblast.report.world.live.window import check_display
+        from jblast.report.world_live import check_display
 
         check_display()
 
@@ -36,8 +36,8 @@ def show_live(asked: argparse.Namespace, folder: Path) -> None:
     """Show what a folder holds, if that is asked for."""
     if not asked.live:
         return
-    from jblast.report.world.live.window import play
-    from jblast.report.world.page.folder import read_run
+    from jblast.report.world_live import play
+    from jblast.report.world_page import read_run
 
     sys.stdout.flush()
     play(read_run(folder), asked.live)

@@ -11,11 +11,9 @@ from jblast.cli.arguments.world.imus import clear_imus, write_imus
 from jblast.cli.arguments.world.picked import Picked, joined, picked, sampled
 from jblast.cli.arguments.world.senses import filmed, flight_of, flown, listened
 from jblast.observations import write
-from jblast.report.flights.document import flights_answer
+from jblast.report.flights import flights_answer
 from jblast.report.provenance import provenance_of
-from jblast.report.world.preset import preset_words
-from jblast.report.world.run import WorldRun
-from jblast.report.world.tables import blasts_csv, perceived_csv
+from jblast.report.world import WorldRun, blasts_csv, perceived_csv, preset_words
 from jblast.sensors.listening.ambient import with_ambient
 from jblast.world import (
     Arrivals,

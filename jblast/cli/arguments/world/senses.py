@@ -11,9 +11,9 @@ import numpy as np
 from jblast.cli.arguments.film_files import FilmWriter
 from jblast.cli.arguments.film_outputs import FilmOutputs, cleared
 from jblast.files import write_text
-from jblast.report.listen.document import listening_document
-from jblast.report.listen.files import provenance, write_tracks
-from jblast.report.tables import comma_separated
+from jblast.report.listen import listening_document
+from jblast.report.listen_files import provenance, write_tracks
+from jblast.report.words import comma_separated
 from jblast.scene import UncertainScene
 from jblast.scene.reader.schema import INSTRUMENT_KINDS
 from jblast.sensors import Track

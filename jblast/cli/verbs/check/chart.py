@@ -41,7 +41,7 @@ def run(asked: argparse.Namespace) -> int:
     from jblast.errors import InputError, nearest
     from jblast.progress import stages
     from jblast.report import check_directory
-    from jblast.report.benchmark.table import chart_markdown, write_chart
+    from jblast.report.benchmark import chart_markdown, write_chart
     from jblast.verification.benchmark import BENCHMARKS
 
     known = (*BENCHMARKS, ALL)

@@ -56,11 +56,8 @@ def run(asked: argparse.Namespace) -> int:
     from jblast.observations import write
     from jblast.observations.check.refusals import refusals, with_places
     from jblast.observations.table import SAMPLES
-    from jblast.report.check.answer import check_answer
-    from jblast.report.check.setting import setting_lines
-    from jblast.report.check.text import check_text
-    from jblast.report.conversion import conversion_comments
-    from jblast.report.understood import understood_lines
+    from jblast.report.check import check_answer, check_text, setting_lines
+    from jblast.report.understood import conversion_comments, understood_lines
     from jblast.scene import default_scene, read_scene
 
     if asked.out:

@@ -42,8 +42,7 @@ def run(asked: argparse.Namespace) -> int:
     import json
 
     from jblast.fidelity import choose
-    from jblast.report.choice.answer import choice_answer
-    from jblast.report.choice.text import choice_text
+    from jblast.report.choice import choice_answer, choice_text
     from jblast.scene import read_scene
 
     begin("choosing")

@@ -45,7 +45,7 @@ def run(asked: argparse.Namespace) -> int:
 
     start_jax()
     from jblast.progress import stages
-    from jblast.report.stability.text import stability_json, stability_text
+    from jblast.report.stability import stability_json, stability_text
     from jblast.verification.stability.areas import failure_modes_of
 
     begin, modes = stages(dict.fromkeys(areas, 1.0)), {}
@@ -72,8 +72,8 @@ def _check_out(directory: str, *, force: bool) -> None:
 
 def _write(directory: Path, modes) -> None:
     from jblast.cli.arguments.paths import save_figure, save_text
-    from jblast.report.stability.figure import stability_figure
-    from jblast.report.stability.text import stability_csv, stability_markdown
+    from jblast.report.stability import stability_csv, stability_markdown
+    from jblast.report.stability_figures import stability_figure
 
     table, page, picture = (directory / name for name in FILES)
     save_text(stability_csv(modes), table)

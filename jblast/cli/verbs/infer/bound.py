@@ -55,8 +55,7 @@ def run(asked: argparse.Namespace) -> int:
 
     from jblast.cli.arguments.laws import chosen_laws
     from jblast.inference import bound
-    from jblast.report.design.document import bound_document
-    from jblast.report.design.terminal import bound_text
+    from jblast.report.design import bound_document, bound_text
     from jblast.scene import freed, read_scene, with_laws
 
     if asked.map:
@@ -71,7 +70,7 @@ def run(asked: argparse.Namespace) -> int:
     if asked.map:
         begin("the map")
         from jblast.inference import bound_map
-        from jblast.report.design.sensor_map import bound_figure
+        from jblast.report.design_figure import bound_figure
 
         save_figure(bound_figure(bound_map(found)), asked.map)
     if asked.json:

@@ -14,7 +14,7 @@ from jblast.cli.arguments.numbers import positive, positive_of_any_size
 from jblast.cli.arguments.paths import path
 
 if TYPE_CHECKING:
-    from jblast.report.detect.flash.answer import Kind
+    from jblast.report.flash import Kind
 
 NOT_FOUND = 3
 
@@ -115,8 +115,7 @@ def run(asked: argparse.Namespace) -> int:
     import json
 
     from jblast.cli.arguments.sound import channels_of, searched_for, stations_of
-    from jblast.report.detect.document import detection_document
-    from jblast.report.detect.text import detection_text
+    from jblast.report.detect import detection_document, detection_text
 
     _check(asked)
     channels, dead = channels_of(asked.recordings)
@@ -133,7 +132,7 @@ def run(asked: argparse.Namespace) -> int:
     document = detection_document(searched, dead, method.keys, arrays)
     text = json.dumps(document, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
     if asked.out:
-        from jblast.report.detect.files import write_detection
+        from jblast.report.detect_files import write_detection
 
         written = write_detection(Path(asked.out), searched, text, log)
     if asked.json:
@@ -156,7 +155,7 @@ def _run_film(asked: argparse.Namespace, kind: "Kind") -> int:
 
     from jblast.cli.arguments.flash_film import flashes_found
     from jblast.progress import stages
-    from jblast.report.detect.flash.text import flash_text
+    from jblast.report.flash import flash_text
 
     if asked.out:
         from jblast.report.fit.files import check_directory
@@ -170,7 +169,7 @@ def _run_film(asked: argparse.Namespace, kind: "Kind") -> int:
     text = json.dumps(document, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
     written: list[str] = []
     if asked.out:
-        from jblast.report.detect.flash.files import write_flashes
+        from jblast.report.detect_files import write_flashes
 
         written = write_flashes(
             Path(asked.out), found.watched, found.shape, text, found.log

@@ -111,9 +111,7 @@ def run(asked: argparse.Namespace) -> int:
     data = read_trajectory(asked.trajectory, _names(asked.state), _names(asked.input))
     _check_size(len(data.names), asked.degree, asked.drag)
 
-    from jblast.report.discovery.document import discovery_answer
-    from jblast.report.discovery.doubts import certain
-    from jblast.report.discovery.text import discovery_text
+    from jblast.report.discovery import certain, discovery_answer, discovery_text
     from jblast.study.discovery.candidate_terms import polynomial
     from jblast.study.discovery.discover import discover
     from jblast.study.discovery.replay import replay
@@ -160,7 +158,7 @@ def run(asked: argparse.Namespace) -> int:
     document = {"schema": 1} | answer.to_dict()
     text = json.dumps(document, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
     if asked.out:
-        from jblast.report.discovery.figure import discovery_figure
+        from jblast.report.discovery_figures import discovery_figure
 
         figure = discovery_figure(found, again, data.time_s, data.states)
         _write(Path(asked.out), text, figure)

@@ -207,7 +207,7 @@ def _many(answers, picks, out, made_of, asked: argparse.Namespace) -> int:
     """Print and write the answers of several logs; the worst decides the exit code."""
     from jblast.cli.arguments.logs import write_answers
     from jblast.errors import InputError
-    from jblast.report.fit.table import answers_document, answers_text
+    from jblast.report.fit.terminal import answers_document, answers_text
 
     if out:
         write_answers(answers, out, made_of, picks)

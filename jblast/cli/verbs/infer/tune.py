@@ -133,7 +133,7 @@ def run(asked: argparse.Namespace) -> int:
     from jblast.errors import InputError
 
     if asked.list:
-        from jblast.report.tune.text import list_text
+        from jblast.report.tune import list_text
 
         sys.stdout.write(list_text())
         return 0
@@ -156,8 +156,7 @@ def run(asked: argparse.Namespace) -> int:
     from jblast.cli.arguments.tuning.asked import tuned_as_asked
     from jblast.inference.tuning import NothingHeardError
     from jblast.report.fit.files import check_directory
-    from jblast.report.tune.answer import as_json, tune_answer
-    from jblast.report.tune.text import tune_text
+    from jblast.report.tune import as_json, tune_answer, tune_text
 
     if asked.out:
         check_directory(asked.out, asked.force)
@@ -171,7 +170,7 @@ def run(asked: argparse.Namespace) -> int:
     written: tuple[str, ...] = ()
     if asked.out:
         from jblast.cli.arguments.paths import writing
-        from jblast.report.tune.files import write_tuned
+        from jblast.report.tune_files import write_tuned
 
         with writing(asked.out):
             written = write_tuned(tuned, Path(asked.out), asked.scene, asked.recorded)

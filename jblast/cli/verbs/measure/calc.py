@@ -34,8 +34,7 @@ def run(asked: argparse.Namespace) -> int:
     answer = _roots if question.quantity else _forward
     text, recommended = answer(asked, question, quantity, law)
     if asked.plot:
-        from jblast.report.calculator.figure import calculator_figure
-        from jblast.report.calculator.question_figure import question_figure
+        from jblast.report.calculator.figures import calculator_figure, question_figure
 
         one = question.quantity or quantity
         draw = question_figure(question, one, recommended, law) if one else None
@@ -51,9 +50,12 @@ def _roots(
 ) -> "tuple[str, Recommended | None]":
     """Answer with the range or the mass at which a quantity takes a value."""
     from jblast.cli.arguments.calc.question import check_roots
-    from jblast.report.calculator.files import roots_csv, roots_json
-    from jblast.report.calculator.one_line import root_line
-    from jblast.report.calculator.terminal import roots_text
+    from jblast.report.calculator.terminal import (
+        root_line,
+        roots_csv,
+        roots_json,
+        roots_text,
+    )
     from jblast.sensors.calculator.inverse import roots
     from jblast.sensors.calculator.recommended import recommended_root
 
@@ -71,10 +73,13 @@ def _forward(
     asked: argparse.Namespace, question: "Question", quantity: str, law: str
 ) -> "tuple[str, Recommended | None]":
     """Answer with quantities at ranges from masses."""
-    from jblast.report.calculator.files import calculation_csv, calculation_json
-    from jblast.report.calculator.notes import between_limits
-    from jblast.report.calculator.one_line import value_line
-    from jblast.report.calculator.terminal import calculation_text
+    from jblast.report.calculator.answer import between_limits
+    from jblast.report.calculator.terminal import (
+        calculation_csv,
+        calculation_json,
+        calculation_text,
+        value_line,
+    )
     from jblast.sensors.calculator.disagreement import disagreements
     from jblast.sensors.calculator.forward import calculate, only, with_other_burst
     from jblast.sensors.calculator.recommended import recommended_value

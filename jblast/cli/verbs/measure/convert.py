@@ -28,7 +28,7 @@ def run(asked: argparse.Namespace) -> int:
     """Write the log and return the exit code."""
     from jblast.cli.arguments.paths import refuse_existing, writing
     from jblast.observations.write import log_text, write
-    from jblast.report.conversion import conversion_comments, conversion_text
+    from jblast.report.understood import conversion_comments, conversion_text
 
     if asked.out:
         refuse_existing(asked.out, force=asked.force)

@@ -66,9 +66,7 @@ def run(asked: argparse.Namespace) -> int:
     start_jax(quick=True)
     from jblast.cli.arguments.records import picked, refusal
     from jblast.observations import write
-    from jblast.report.picks.document import picks_document
-    from jblast.report.picks.files import write_picks
-    from jblast.report.picks.text import picks_text
+    from jblast.report.picks import picks_document, picks_text, write_picks
     from jblast.report.provenance import provenance_of
 
     begin("picking")

@@ -79,8 +79,7 @@ def run(asked: argparse.Namespace) -> int:
 
     from jblast.cli.arguments.paths import refuse_existing, writing
     from jblast.errors import InputError
-    from jblast.report.film.answer import EventsAnswer, as_json
-    from jblast.report.film.text import dark_film, events_text
+    from jblast.report.film import EventsAnswer, as_json, dark_film, events_text
     from jblast.sensors.camera.events.log_intensity import count_below, grey_table
     from jblast.sensors.camera.events.noise import NoiseModel
     from jblast.sensors.camera.events.noisy import noisy_stream

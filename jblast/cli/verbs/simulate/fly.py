@@ -170,8 +170,7 @@ def _flights(asked: argparse.Namespace, uncertain: "UncertainScene") -> Answer:
     )
     from jblast.cli.arguments.flights.files import write_flights
     from jblast.cli.arguments.flights.logs import write_logs
-    from jblast.report.flights.document import flights_answer
-    from jblast.report.flights.text import flights_text
+    from jblast.report.flights import flights_answer, flights_text
     from jblast.study.flights.fly import fly
     from jblast.study.missions.fly import MISSION_STEP_S
     from jblast.study.missions.logged import hold_record
@@ -204,8 +203,7 @@ def _mission(asked: argparse.Namespace, uncertain: "UncertainScene") -> Answer:
     from jblast.cli.arguments.flights.mission_files import write_mission
     from jblast.cli.arguments.paths import refuse_existing, save_text
     from jblast.missions.plan.read import check_form, plan_text
-    from jblast.report.missions.document import mission_answer
-    from jblast.report.missions.text import mission_text
+    from jblast.report.missions import mission_answer, mission_text
     from jblast.study.missions.fly import MISSION_STEP_S, TOLERANCE_M, fly_mission
     from jblast.study.missions.logged import mission_record
 

@@ -71,15 +71,14 @@ def run(asked: argparse.Namespace) -> int:
 
     from jblast.cli.arguments.paths import save_text, writing
     from jblast.report.fit.files import check_directory
-    from jblast.report.listen.document import listening_document
-    from jblast.report.listen.files import (
+    from jblast.report.listen import listening_document, listening_text
+    from jblast.report.listen_files import (
         JSON,
         TRUTH,
         provenance,
         write_pictures,
         write_tracks,
     )
-    from jblast.report.listen.text import listening_text
     from jblast.scene import read_scene
     from jblast.sensors.listening.ambient import with_ambient
     from jblast.sensors.listening.plan import plan

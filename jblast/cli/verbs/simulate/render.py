@@ -197,8 +197,7 @@ def run(asked: argparse.Namespace) -> int:
     from jblast.cli.arguments.film_outputs import cleared, outputs_asked
     from jblast.cli.arguments.paths import writing
     from jblast.cli.arguments.views import folder_named
-    from jblast.report.film.answer import FilmAnswer, FilmEvents, as_json
-    from jblast.report.film.text import film_text
+    from jblast.report.film import FilmAnswer, FilmEvents, as_json, film_text
 
     film = film_asked(asked, MOST)
     outputs = outputs_asked(asked, float(film.camera.frames_hz))

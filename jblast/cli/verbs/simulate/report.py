@@ -55,9 +55,7 @@ def run(asked: argparse.Namespace) -> int:
     from jblast.cli.arguments.paths import refuse_existing, save_text
     from jblast.errors import InputError
     from jblast.report.provenance import provenance_of
-    from jblast.report.world.page.answers import answers_of
-    from jblast.report.world.page.folder import read_run
-    from jblast.report.world.page.page import world_page
+    from jblast.report.world_page import answers_of, read_run, world_page
     from jblast.world import preset_named, read_world_by
 
     check_live(asked)

@@ -108,7 +108,7 @@ def run(asked: argparse.Namespace) -> int:
     import math
 
     from jblast.cli.arguments.serve import served, token_of
-    from jblast.report.world.served import served_document, served_text
+    from jblast.report.world import served_document, served_text
     from jblast.scene import read_scene_or_world
     from jblast.world import draw_world
     from jblast.world.remote.serving import ADDRESS, Options, checked_address
@@ -151,7 +151,7 @@ def _over_mavlink(asked: argparse.Namespace) -> int:
         served_autopilot,
         served_ground_station,
     )
-    from jblast.report.autopilot.served import document, lockstep_text, watched_text
+    from jblast.report.autopilot import document, lockstep_text, watched_text
 
     if asked.mavlink:
         flight = served_autopilot(asked)

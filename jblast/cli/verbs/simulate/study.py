@@ -96,7 +96,7 @@ def run(asked: argparse.Namespace) -> int:
         return report(asked)
     start_jax(all_cores=asked.workers is None and asked.scheduler is None)
     if asked.list:
-        from jblast.report.study.run_text import outcomes_text
+        from jblast.report.study_run import outcomes_text
         from jblast.study.outcome.registry import OUTCOMES
 
         sys.stdout.write(outcomes_text(OUTCOMES.values()))
@@ -112,8 +112,7 @@ def _run(asked: argparse.Namespace) -> int:
     import json
 
     from jblast.cli.arguments.study.devices import devices_asked, tiles_asked
-    from jblast.report.study.run_answer import study_answer
-    from jblast.report.study.run_text import run_text
+    from jblast.report.study_run import run_text, study_answer
     from jblast.study.engine.mesh import mesh_of
     from jblast.study.file.read import read_study
     from jblast.study.sampling.run import run_into

@@ -64,8 +64,7 @@ def run(asked: argparse.Namespace) -> int:
     from jblast.cli.arguments.paths import save_text
     from jblast.cli.arguments.world.run import ran
     from jblast.report.fit.files import check_directory
-    from jblast.report.world.document import world_document
-    from jblast.report.world.text import world_text
+    from jblast.report.world import world_document, world_text
 
     check_live(asked)
     check_directory(asked.out, asked.force, "the world's run")

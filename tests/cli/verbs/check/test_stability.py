@@ -4,7 +4,7 @@ import json
 import pytest
 
 from jblast.cli.verbs.check import stability
-from jblast.report.stability.text import stability_markdown, stability_text
+from jblast.report.stability import stability_markdown, stability_text
 from jblast.verification.stability.areas import AREAS
 from jblast.verification.stability.failure import FailureMode, verified
 from tests.cli.child import told

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import soundfile
 
-from jblast.report.flights.trajectory_csv import COLUMNS
+from jblast.report.flights import COLUMNS
 
 SCENE = """
 [world]
@@ -94,7 +94,7 @@ def test_the_page_tells_all_and_needs_nothing_beside_it(jblast, world):
 
 
 def test_a_loud_sample_is_drawn_however_short_it_is(jblast, world):
-    from jblast.report.world.page.folder import read_run
+    from jblast.report.world_page import read_run
 
     (wave,) = read_run(jblast.path("run")).waveforms
     assert len(wave.time_s) == 2000

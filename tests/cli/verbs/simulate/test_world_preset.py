@@ -4,7 +4,7 @@ import json
 
 import pytest
 
-from jblast.report.world.preset import MARK
+from jblast.report.world import MARK
 
 SCENE = """
 [world]

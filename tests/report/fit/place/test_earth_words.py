@@ -10,7 +10,7 @@ import pytest
 from jblast.inference.fitting.place.on_earth import on_earth
 from jblast.inference.posterior.estimate import Estimate
 from jblast.report.fit.document import fit_document
-from jblast.report.fit.place.earth_words import earth_lines
+from jblast.report.fit.place import earth_lines
 from jblast.scene import Charge
 from tests.report.fit.place.located import BEIRUT, located
 

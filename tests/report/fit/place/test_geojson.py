@@ -9,10 +9,8 @@ import pytest
 
 from jblast.inference.fitting.place.shock_rings import LEVELS
 from jblast.observations.places.frame import Frame
-from jblast.report.fit.place.features import features
-from jblast.report.fit.place.files import write_place
-from jblast.report.fit.place.geojson import geojson
-from jblast.report.fit.place.ground_map import ground_map
+from jblast.report.fit.geo_files import features, geojson, write_place
+from jblast.report.fit.place import ground_map
 from tests.report.fit.place.located import BEIRUT, arc, around, located, normal_draws
 
 COVARIANCE = [[60.0, 20.0], [20.0, 30.0]]

@@ -7,10 +7,8 @@ from xml.etree import ElementTree as ET
 import numpy as np
 import pytest
 
-from jblast.report.fit.place.features import features
-from jblast.report.fit.place.geojson import geojson
-from jblast.report.fit.place.ground_map import ground_map
-from jblast.report.fit.place.kml import FOLDERS, kml
+from jblast.report.fit.geo_files import FOLDERS, features, geojson, kml
+from jblast.report.fit.place import ground_map
 from tests.report.fit.place.located import BEIRUT, arc, around, located, normal_draws
 
 KML = "{http://www.opengis.net/kml/2.2}"

@@ -8,11 +8,17 @@ from matplotlib.colors import to_hex
 
 from jblast.inference.identifiability.findings import OtherMode, ResolvingDatum
 from jblast.report.figure_files import image_bytes
-from jblast.report.fit.place.ground_map import ground_map
-from jblast.report.fit.place.map_figure import map_figure
-from jblast.report.fit.place.map_words import absent_map_note, degrees
-from jblast.report.fit.place.residual_colours import COLOURS, NONE, residual_colour
-from jblast.report.fit.place.view import round_length, whole_view
+from jblast.report.fit.map import map_figure
+from jblast.report.fit.place import (
+    COLOURS,
+    NONE,
+    absent_map_note,
+    degrees,
+    ground_map,
+    residual_colour,
+    round_length,
+    whole_view,
+)
 from tests.report import example
 from tests.report.fit.place.located import BEIRUT, arc, around, located, normal_draws
 

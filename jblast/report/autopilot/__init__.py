@@ -1,1 +1,0 @@
-"""What is said of vehicles that others fly, or watch, over MAVLink."""

@@ -1,0 +1,473 @@
+"""The curves of laws about the answer of `jblast calc`."""
+
+import textwrap
+from collections.abc import Collection, Iterable, Mapping, Sequence
+
+import numpy as np
+from jaxtyping import Bool, Float
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+
+from jblast.quantities import BY_VEHICLE, DIRECTIONS, FIREBALL_RADII
+from jblast.registry import LAWS
+from jblast.report.calculator.answer import title
+from jblast.report.figure_style import (
+    COLOURS,
+    INK,
+    MUTED,
+    log_ticks,
+    new_figure,
+    quiet,
+    titled,
+)
+from jblast.report.fit.figures import runs
+from jblast.report.words import (
+    System,
+    capitalised,
+    printed_number,
+    quantity_words,
+    unit_for,
+)
+from jblast.sensors.calculator.forward import Calculated, calculate, only
+from jblast.sensors.calculator.question import Question, charge_radius
+from jblast.sensors.calculator.recommended import Recommended
+
+POINTS = 512
+AROUND = 5.0
+"""How far a panel reaches past an answer, as a factor of the range."""
+STYLES = ("-", (0, (6, 2.5)), (0, (2.5, 1.5)), (0, (8, 2, 2, 2)))
+"""Of colours in turn, so that one that lies on another shows what is below it."""
+WIDTHS = (3.4, 2.0, 1.2)
+"""Of the groups of a panel."""
+COINCIDE = 0.02
+"""Relative difference up to which laws, wherever both hold, are one line to the eye."""
+FIRST = "kingery_bulmash"
+"""Leads its group, as it does the choice of laws where it holds."""
+LETTERS = 40
+"""Of a line of a key."""
+Curves = Mapping[str, Calculated]
+NOT_DRAWN = ("flash_time_s", *FIREBALL_RADII, *DIRECTIONS, *BY_VEHICLE)
+"""No waves of the air or the ground."""
+LAW_COLOURS = (
+    *(*COLOURS, INK, "#882255", "#E8308A", "#332288", "#999933", "#AA4499"),
+    *("#8C510A", "#44AA99", "#661100", "#888888", "#117733", "#B8860B"),
+    *("#3B6FB6", "#5E8C31"),
+)
+"""One a law, as long as they last: Okabe and Ito's, then mostly Tol's muted ones."""
+LABEL_GAP = 0.062
+"""Between two labels, as a fraction of a panel's height."""
+
+
+def question_figure(
+    question: Question, quantity: str, recommended: Recommended | None, law: str = ""
+) -> Figure:
+    """Draw one quantity against range, or against mass where that is asked for.
+
+    Laws that hold in sight have a colour each, those that coincide one between them;
+    the others are grey, and named in the key.
+
+    Args:
+        question: What was asked; of one mass, or of one range and no mass.
+        quantity: What is drawn.
+        recommended: The answer, which is marked; None where several were asked for.
+        law: This one alone; "" for all.
+    """
+    x, ranges, masses = _along(question, recommended)
+    by_law = only(calculate(question.scene, ranges, masses), quantity, law)[quantity]
+    first = recommended.law if recommended else ""
+    held = holding(by_law, first)
+    figure = new_figure(8.0, 5.4)
+    axes = figure.subplots()
+    seen = [by_law[name].value[by_law[name].valid] for name in held]
+    seen = np.concatenate(seen or [one.value for one in by_law.values()])
+    unit = unit_for(quantity, float(np.median(np.abs(seen))), system=question.units)
+    _draw_question(axes, x, by_law, groups(by_law, held), unit.size)
+    _frame(axes, seen / unit.size)
+    if recommended is not None:
+        value = question.target if question.quantity else recommended.value
+        at = recommended.value if question.quantity else question.slant_range[0]
+        _mark(axes, at / _size(question), value / unit.size)
+    axes.set_xlabel(_label(question))
+    axes.set_ylabel(unit.symbol)
+    titled(axes, capitalised(quantity_words(quantity)))
+    burst = question.scene.charge.burst or "surface or free-air"
+    figure.suptitle(
+        f"{_words(question, recommended)}, {burst} burst",
+        x=0.01, ha="left", fontsize=13, color=INK,
+    )  # fmt: skip
+    return figure
+
+
+def _draw_question(
+    axes: Axes,
+    x: Float[np.ndarray, " point"],
+    by_law: Curves,
+    together: list[list[str]],
+    size: float,
+) -> None:
+    """Draw grey what does not hold, then a colour a group, and the key."""
+    lines = {name for group in together for name in group}
+    for name, of_law in by_law.items():
+        if name not in lines:
+            draw_curve(axes, x, of_law.value / size, of_law.valid, MUTED)
+    palette = (INK, *COLOURS)
+    for i, group in enumerate(together):
+        look = {
+            "color": palette[i % len(palette)],
+            "linewidth": 1.8 if i else 2.6,
+            "linestyle": STYLES[i % len(STYLES)],
+        }
+        for name in group:
+            value = np.where(by_law[name].valid, by_law[name].value / size, np.nan)
+            axes.plot(x, value, zorder=4, **look)
+        axes.plot([], [], label=group_words(group), **look)
+    draw_key(axes, by_law, 9)
+
+
+def _frame(axes: Axes, seen: Float[np.ndarray, " value"]) -> None:
+    quiet(axes)
+    axes.set_xscale("log")
+    low, high = float(seen.min()), float(seen.max())
+    if low > 0.0:
+        axes.set_yscale("log")
+        axes.set_ylim(low / 1.3, high * 1.3)
+        log_ticks(axes.yaxis, axes.get_ylim())
+    axes.margins(x=0.0)
+    axes.autoscale_view(scaley=False)
+    log_ticks(axes.xaxis, axes.get_xlim())
+
+
+def _mark(axes: Axes, x: float, y: float) -> None:
+    axes.axvline(x, color=MUTED, linewidth=0.8, zorder=1)
+    axes.axhline(y, color=MUTED, linewidth=0.8, zorder=1)
+    axes.plot([x], [y], "o", color=INK, markersize=7, zorder=5)
+
+
+def _along(
+    question: Question, recommended: Recommended | None
+) -> tuple[Float[np.ndarray, " point"], ...]:
+    """Return what is drawn along, in its unit, and the ranges and masses there."""
+    if question.quantity and not question.charge_mass and recommended is not None:
+        masses = recommended.value * np.geomspace(AROUND**-3, AROUND**3, POINTS)
+        ranges = np.full_like(masses, question.slant_range[0])
+        return masses / _size(question), ranges, masses
+    asked = question.slant_range or ((recommended.value,) if recommended else (1.0,))
+    low, high = min(asked), max(asked)
+    if high < 1.5 * low:
+        low, high = low / AROUND, high * AROUND
+    radius = float(charge_radius(question.charge_mass[0]))
+    ranges = np.geomspace(max(low, 1.01 * radius), high, POINTS)
+    masses = np.full_like(ranges, question.charge_mass[0])
+    return ranges / _size(question), ranges, masses
+
+
+def _of_mass(question: Question) -> bool:
+    return bool(question.quantity) and not question.charge_mass
+
+
+def _size(question: Question) -> float:
+    name = "_kg" if _of_mass(question) else "_m"
+    return unit_for(name, 1.0, system=question.units).size
+
+
+def _label(question: Question) -> str:
+    name = "_kg" if _of_mass(question) else "_m"
+    unit = unit_for(name, 1.0, system=question.units).symbol
+    return f"{'charge mass' if _of_mass(question) else 'slant range'} ({unit})"
+
+
+def _words(question: Question, recommended: Recommended | None) -> str:
+    if recommended is None:
+        return title(question)
+    value = printed_number(
+        recommended.quantity, recommended.value, system=question.units
+    )
+    if not question.quantity:
+        return f"{title(question)}: {value}"
+    given = question.charge_mass or question.slant_range
+    name = "_kg" if question.charge_mass else "_m"
+    beside = printed_number(name, given[0], system=question.units)
+    target = printed_number(question.quantity, question.target, system=question.units)
+    return f"{target} {'from' if question.charge_mass else 'at'} {beside}: {value}"
+
+
+def calculator_figure(question: Question, law: str = "") -> Figure:
+    """Draw every quantity against range; a lone range is marked, a decade to each side.
+
+    Laws that coincide are one line, of a colour that their first one has in all panels;
+    those that hold nowhere in sight are grey.
+
+    Args:
+        question: Of one mass and one or more ranges.
+        law: This one alone; "" for all.
+    """
+    ranges = _ranges(question)
+    masses = np.full_like(ranges, question.charge_mass[0])
+    answer = only(calculate(question.scene, ranges, masses), law=law)
+    panels = [
+        (quantity, by_law)
+        for quantity, by_law in answer.items()
+        if quantity not in NOT_DRAWN
+    ]
+    together = {
+        quantity: groups(by_law, holding(by_law)) for quantity, by_law in panels
+    }
+    colours = leader_colours(together.values())
+    columns = 2 if len(panels) <= 8 else 3
+    rows = -(-len(panels) // columns)
+    figure = new_figure(6.0 * columns, 3.7 * rows + 0.6)
+    grid = figure.subplots(rows, columns, squeeze=False)
+    for axes, (quantity, by_law) in zip(grid.flat, panels, strict=False):
+        of_panel = together[quantity]
+        _panel(axes, quantity, by_law, of_panel, ranges, colours, question.units)
+        if len(question.slant_range) == 1:
+            axes.axvline(_x(question), color=MUTED, linewidth=0.8, zorder=1)
+    for axes in list(grid.flat)[len(panels) :]:
+        axes.set_axis_off()
+    burst = question.scene.charge.burst or "surface or free-air"
+    figure.suptitle(
+        f"{title(question)}, {burst} burst", x=0.01, ha="left", fontsize=13, color=INK
+    )
+    key = "solid: where the law holds    dashed: outside its range"
+    figure.supxlabel(key, fontsize=9, color=MUTED)
+    return figure
+
+
+def _x(question: Question) -> float:
+    return question.slant_range[0] / unit_for("_m", 1.0, system=question.units).size
+
+
+def _ranges(question: Question) -> Float[np.ndarray, " point"]:
+    low, high = min(question.slant_range), max(question.slant_range)
+    if high < 1.5 * low:
+        low, high = low / 10.0, high * 10.0
+    radius = float(charge_radius(question.charge_mass[0]))
+    return np.geomspace(max(low, 1.01 * radius), high, POINTS)
+
+
+def _panel(
+    axes: Axes,
+    quantity: str,
+    by_law: Curves,
+    together: Sequence[Sequence[str]],
+    ranges: Float[np.ndarray, " point"],
+    colours: Mapping[str, str],
+    system: System,
+) -> None:
+    across = unit_for("_m", 1.0, system=system)
+    x = ranges / across.size
+    drawn = [of_law.value[of_law.valid] for of_law in by_law.values()]
+    seen = np.concatenate(drawn)
+    if not len(seen):  # no law holds anywhere here
+        seen = np.concatenate([of_law.value for of_law in by_law.values()])
+    logarithmic = bool(np.all(seen > 0))
+    unit = unit_for(quantity, float(np.median(np.abs(seen))), system=system)
+    _draw(axes, x, by_law, together, colours, unit.size)
+    quiet(axes)
+    axes.set_xscale("log")
+    axes.set_xlim(x[0], x[-1])
+    low, high = float(seen.min()) / unit.size, float(seen.max()) / unit.size
+    if logarithmic:
+        axes.set_yscale("log")
+        axes.set_ylim(low / 1.5, high * 1.5)
+        log_ticks(axes.yaxis, axes.get_ylim())
+    else:
+        margin = 0.08 * max(high - low, 1e-9)
+        axes.set_ylim(low - margin, high + margin)
+    log_ticks(axes.xaxis, axes.get_xlim())
+    axes.set_xlabel(f"slant range ({across.symbol})")
+    axes.set_ylabel(unit.symbol)
+    titled(axes, capitalised(quantity_words(quantity)))
+    draw_key(axes, by_law, 8)
+
+
+def _draw(
+    axes: Axes,
+    x: Float[np.ndarray, " point"],
+    by_law: Curves,
+    together: Sequence[Sequence[str]],
+    colours: Mapping[str, str],
+    size: float,
+) -> None:
+    """Draw group upon group, each thinner, so that what lies below is seen."""
+    for of_law in by_law.values():
+        if not of_law.valid.any():
+            draw_curve(axes, x, of_law.value / size, of_law.valid, MUTED)
+    for i, group in enumerate(together):
+        colour, width = colours[group[0]], WIDTHS[min(i, len(WIDTHS) - 1)]
+        for name in group:
+            of_law = by_law[name]
+            draw_curve(axes, x, of_law.value / size, of_law.valid, colour, width)
+        axes.plot([], [], color=colour, linewidth=width, label=group_words(group))
+
+
+def groups(by_law: Curves, names: Iterable[str]) -> list[list[str]]:
+    """Return some laws in groups that coincide where they hold, the first one leading.
+
+    Two that hold nowhere together are two.
+    """
+    found: list[list[str]] = []
+    for name in names:
+        for group in found:
+            if _coincide(by_law[group[0]], by_law[name]):
+                group.append(name)
+                break
+        else:
+            found.append([name])
+    return found
+
+
+def holding(by_law: Curves, first: str = FIRST) -> list[str]:
+    """Return the laws that hold somewhere, one before all, then those that hold most.
+
+    Args:
+        by_law: What each says.
+        first: The one, if it holds.
+    """
+    return sorted(
+        (name for name, of_law in by_law.items() if of_law.valid.any()),
+        key=lambda name: (name != first, -int(by_law[name].valid.sum())),
+    )
+
+
+def leader_colours(panels: Iterable[Sequence[Sequence[str]]]) -> dict[str, str]:
+    """Return a colour for the first law of every group, the same in all panels."""
+    leaders = dict.fromkeys(group[0] for groups in panels for group in groups)
+    palette = tuple(dict.fromkeys((INK, *COLOURS, *LAW_COLOURS)))
+    return {name: palette[i % len(palette)] for i, name in enumerate(leaders)}
+
+
+def group_words(group: Sequence[str]) -> str:
+    """Return the entry of a key: who leads, and who says the same."""
+    if len(group) == 1:
+        return group[0]
+    same = f"= {', '.join(group[1:])} (within\xa0{100 * COINCIDE:g}\xa0%)"
+    lines = textwrap.wrap(same, LETTERS, break_on_hyphens=False)
+    return "\n  ".join([group[0], *lines])
+
+
+def outside_entry(by_law: Curves) -> Line2D | None:
+    """Return the entry of a key for laws that hold nowhere in sight; None of none."""
+    names = [name for name, of_law in by_law.items() if not of_law.valid.any()]
+    if not names:
+        return None
+    whose = "its" if len(names) == 1 else "their"
+    words = f"outside {whose} range: {', '.join(names)}"
+    lines = textwrap.wrap(words, LETTERS, break_on_hyphens=False)
+    look = {"color": MUTED, "linewidth": 1.0, "linestyle": (0, (3, 2.5)), "alpha": 0.7}
+    return Line2D([], [], label="\n  ".join(lines), **look)
+
+
+def draw_key(axes: Axes, by_law: Curves, size: int) -> None:
+    """Write the key of a panel where it covers least, what holds nowhere at its end."""
+    handles, _ = axes.get_legend_handles_labels()
+    outside = outside_entry(by_law)
+    handles += [] if outside is None else [outside]
+    axes.legend(handles=handles, fontsize=size, frameon=False, loc="best")
+
+
+def _coincide(one: Calculated, other: Calculated) -> bool:
+    both: Bool[np.ndarray, " point"] = one.valid & other.valid
+    if not both.any():
+        return False
+    a, b = one.value[both], other.value[both]
+    return bool(np.all(np.abs(a - b) <= COINCIDE * np.abs(a)))
+
+
+def law_colours() -> dict[str, str]:
+    """Return a colour for each law that is drawn, the same in every figure."""
+    ordered = sorted({name for quantity, name in LAWS if quantity not in NOT_DRAWN})
+    return {name: LAW_COLOURS[i % len(LAW_COLOURS)] for i, name in enumerate(ordered)}
+
+
+def draw_curve(
+    axes: Axes,
+    x: Float[np.ndarray, " point"],
+    value: Float[np.ndarray, " point"],
+    valid: Bool[np.ndarray, " point"],
+    colour: str,
+    width: float = 1.7,
+) -> None:
+    """Draw a law, solid where it holds and thin and dashed elsewhere."""
+    for start, stop, holds in runs(valid):
+        part = slice(start, stop)
+        axes.plot(
+            x[part],
+            value[part],
+            color=colour,
+            linewidth=width if holds else 1.0,
+            linestyle="-" if holds else (0, (3, 2.5)),
+            alpha=1.0 if holds else 0.55,
+            zorder=3 if holds else 2,
+        )
+
+
+def name_curves(
+    axes: Axes,
+    ends: Mapping[str, tuple[float, float]],
+    colours: Mapping[str, str],
+    quieter: Collection[str] = (),
+) -> None:
+    """Name curves to the right of a panel, names pushed apart where ends meet.
+
+    Args:
+        axes: The panel, its limits set.
+        ends: Where each curve ends, in the units of the panel.
+        colours: By name.
+        quieter: Names that are written fainter.
+    """
+    corner = axes.transAxes.inverted()
+    places = corner.transform(axes.transData.transform(np.array(list(ends.values()))))
+    places = np.clip(np.nan_to_num(places), 0.0, 1.0)
+    for name, (x, y), height in zip(ends, places, spread(places[:, 1]), strict=True):
+        axes.annotate(
+            name,
+            xy=(x, y),
+            xytext=(1.05, height),
+            xycoords="axes fraction",
+            textcoords="axes fraction",
+            fontsize=8.5,
+            color=colours[name],
+            alpha=0.7 if name in quieter else 1.0,
+            va="center",
+            annotation_clip=False,
+            arrowprops={
+                "arrowstyle": "-",
+                "color": colours[name],
+                "linewidth": 0.6,
+                "alpha": 0.6,
+                "relpos": (0.0, 0.5),
+                "shrinkA": 1,
+                "shrinkB": 0,
+            },
+        )
+
+
+def spread(heights: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
+    """Return places at least `LABEL_GAP` apart, in the same order, near the heights.
+
+    Blocks of labels that touch are centred on the mean of what they name.
+    """
+    order = np.argsort(heights, kind="stable")
+    blocks: list[list[float]] = []  # each: wanted heights of its labels
+    for wanted in heights[order]:
+        blocks.append([float(wanted)])
+        while len(blocks) > 1 and _top(blocks[-2]) > _bottom(blocks[-1]):
+            upper = blocks.pop()
+            blocks[-1] = blocks[-1] + upper
+    places = [_bottom(b) + LABEL_GAP * (i + 0.5) for b in blocks for i in range(len(b))]
+    result = np.empty_like(heights)
+    result[order] = places
+    return result
+
+
+def _bottom(block: list[float]) -> float:
+    """Return where a block of labels starts, the whole of it beside its panel."""
+    height = LABEL_GAP * len(block)
+    middle = float(np.mean(block))
+    return min(max(middle - 0.5 * height, 0.0), max(1.0 - height, 0.0))
+
+
+def _top(block: list[float]) -> float:
+    return _bottom(block) + LABEL_GAP * len(block)

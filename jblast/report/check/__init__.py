@@ -1,1 +1,0 @@
-"""What is said of a log before it is fitted."""

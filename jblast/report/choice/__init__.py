@@ -1,1 +1,0 @@
-"""A choice of method: why it was taken, on a terminal and for a program."""

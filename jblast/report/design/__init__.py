@@ -1,1 +1,0 @@
-"""What a planned log would tell, in words and as a map."""

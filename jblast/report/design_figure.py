@@ -1,0 +1,165 @@
+"""Where a next sensor should stand: the sd of mass and of place over the plane."""
+
+import textwrap
+
+import numpy as np
+from jaxtyping import Float
+from matplotlib import patheffects
+from matplotlib.axes import Axes
+from matplotlib.colors import LinearSegmentedColormap, LogNorm
+from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
+
+from jblast.inference.design.sensor_map import BoundMap
+from jblast.report.figure_style import (
+    BLUE,
+    INK,
+    MUTED,
+    VERMILLION,
+    new_figure,
+    quiet,
+    titled,
+)
+from jblast.report.words import (
+    capitalised,
+    joined,
+    parameter_words,
+    printed_number,
+    quantity_words,
+)
+
+SHADES = LinearSegmentedColormap.from_list("paper", ["#3d84b8", "#b7d4e8", "#ffffff"])
+"""Dark where a sensor tells much."""
+NICE = (1.0, 1.5, 2.0, 3.0, 5.0, 7.0)
+MOST_LEVELS = 6
+MOST_NAMED = 12
+"""More sensors than this are drawn without their names."""
+
+
+def bound_figure(drawn: BoundMap) -> Figure:
+    """Draw the sd of ln mass, and of the place, over where a next sensor stands."""
+    panels = []
+    if drawn.log_sd_mass is not None:
+        percent = 100.0 * drawn.log_sd_mass
+        now = f"now {_percent(100 * drawn.now['mass'], 2)}"
+        panels.append((f"sd of {parameter_words(drawn.mass)}", percent, _percent, now))
+    if drawn.place_sd is not None:
+        what = "place" if len(drawn.place) == 2 else parameter_words(drawn.place[-1])
+        now = f"now {_metres(drawn.now['place'], 2)}"
+        panels.append((f"sd of {what}", drawn.place_sd, _metres, now))
+    figure = new_figure(6.2 * len(panels), 6.4)
+    grid = figure.subplots(1, len(panels), squeeze=False)
+    for axes, (name, values, words, now) in zip(grid.flat, panels, strict=True):
+        _panel(axes, drawn, values, words)
+        titled(axes, capitalised(name), now)
+    records = joined([quantity_words(q) for q in drawn.records])
+    hatched = "" if drawn.valid.all() else "  Hatched: outside the range of a law."
+    caption = (
+        f"With one more sensor there, {drawn.up:g} m up, that records {records} as "
+        f"{drawn.like} does. Dots: sensors, star: charge.{hatched}"
+    )
+    lines = textwrap.wrap(caption, 92 * len(panels))
+    figure.supxlabel("\n".join(lines), fontsize=9, color=MUTED)
+    return figure
+
+
+def _panel(axes: Axes, drawn: BoundMap, values, words) -> None:
+    seen = values[np.isfinite(values)]
+    if seen.size:
+        _shade(axes, drawn, np.where(np.isfinite(values), values, np.nan), words)
+    else:
+        axes.text(
+            *(0.5, 0.03),
+            "not identified, wherever it stands",
+            transform=axes.transAxes,
+            ha="center",
+            color=INK,
+        )
+    if not drawn.valid.all():
+        outside = axes.contourf(
+            drawn.east,
+            drawn.north,
+            (~drawn.valid).astype(float),
+            levels=[0.5, 1.5],
+            colors="none",
+            hatches=["//"],
+        )
+        outside.set(edgecolor="#c4c4c4", linewidth=0.0)
+    quiet(axes)
+    axes.grid(False)
+    axes.set(xlabel="east (m)", ylabel="north (m)", aspect="equal")
+    axes.set(xlim=drawn.east[[0, -1]], ylim=drawn.north[[0, -1]])
+    halo = [patheffects.withStroke(linewidth=2.5, foreground="white")]
+    for name, (east, north) in drawn.sensors.items():
+        axes.plot(
+            *(east, north), "o", color=BLUE, markeredgecolor="white", markersize=8
+        )
+        if len(drawn.sensors) <= MOST_NAMED:
+            axes.annotate(
+                name,
+                (east, north),
+                xytext=(6, 5),
+                textcoords="offset points",
+                fontsize=9,
+                color=INK,
+                path_effects=halo,
+            )
+    axes.plot(
+        *drawn.charges.T,
+        "*",
+        color=VERMILLION,
+        markeredgecolor="white",
+        markersize=15,
+    )
+
+
+def _shade(axes: Axes, drawn: BoundMap, values, words) -> None:
+    """Shade what is left unknown, with contours at round numbers."""
+    low, high = np.nanquantile(values, [0.005, 0.995])
+    norm = LogNorm(low, max(high, 1.001 * low))
+    half = [(line[1] - line[0]) / 2 for line in (drawn.east, drawn.north)]
+    axes.imshow(
+        np.ma.masked_invalid(values),
+        origin="lower",
+        extent=(
+            drawn.east[0] - half[0],
+            drawn.east[-1] + half[0],
+            drawn.north[0] - half[1],
+            drawn.north[-1] + half[1],
+        ),
+        interpolation="bilinear",
+        norm=norm,
+        cmap=SHADES,
+    )
+    levels = round_levels(float(low), float(high))
+    if len(levels):
+        lines = axes.contour(
+            drawn.east, drawn.north, values, levels, colors=INK, linewidths=0.8
+        )
+        axes.clabel(lines, fmt=words, fontsize=9)
+
+
+def round_levels(low: float, high: float) -> Float[np.ndarray, " level"]:
+    """Return some round numbers between two others, evenly spaced if these are near.
+
+    There are none where all is the same to a per cent.
+    """
+    if high < 1.01 * low:
+        return np.zeros(0)
+    if high < 2.5 * low:
+        locator = MaxNLocator(MOST_LEVELS, steps=[1, 2, 2.5, 5, 10])
+        levels = np.asarray(locator.tick_values(low, high))
+    else:
+        decades = range(int(np.floor(np.log10(low))), int(np.ceil(np.log10(high))) + 1)
+        levels = np.array([m * 10.0**d for d in decades for m in NICE])
+    levels = levels[(levels > low) & (levels < high)]
+    return levels[:: max(-(-len(levels) // MOST_LEVELS), 1)]
+
+
+def _percent(value: float, digits: int = 4) -> str:
+    return f"{value:.{digits}g} %" if np.isfinite(value) else "not identified"
+
+
+def _metres(value: float, digits: int = 4) -> str:
+    shown = np.isfinite(value)
+    return printed_number("_m", value, digits) if shown else "not identified"

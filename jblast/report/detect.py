@@ -1,0 +1,245 @@
+"""What `jblast detect` found in sound."""
+
+import math
+from collections.abc import Sequence
+from itertools import zip_longest
+from typing import Any
+
+from jblast.detect.array.log import CONTRADICTED, WIDEST, ArrayFinding, Log
+from jblast.detect.peaks import Detection
+from jblast.detect.pulse_fit import PulseFit
+from jblast.detect.search import Searched
+from jblast.json_values import plain
+from jblast.report.words import aligned, joined
+
+LAYOUTS = {
+    "coplanar": "microphones in one plane",
+    "spatial": "microphones in space",
+    "collinear": "microphones in a line",
+    "two": "two microphones",
+}
+ANGLES = {"bearing_rad": "the bearing", "elevation_rad": "the elevation"}
+
+
+def detection_text(
+    searched: Sequence[Searched], dead: Sequence[str], how: str, log: Log | None = None
+) -> str:
+    """Return what was heard.
+
+    Args:
+        searched: Channels that were searched.
+        dead: Names of those that hold nothing.
+        how: What was looked for.
+        log: Rows of the arrivals, if there are any.
+    """
+    count = sum(len(one.detections) for one in searched)
+    names = len(searched)
+    head = (
+        f"{count} {'arrival' if count == 1 else 'arrivals'}"
+        if count
+        else "Nothing was found"
+    )
+    seconds = sum(one.channel.samples.size / one.channel.rate_hz for one in searched)
+    lines = [
+        f"{head} in {names} {'channel' if names == 1 else 'channels'}, "
+        f"{seconds:.6g} s of sound",
+        f"looked for: {how}",
+        *_thresholds(searched),
+    ]
+    if dead:
+        are = "is dead: it holds" if len(dead) == 1 else "are dead: each holds"
+        lines.append(f"{joined(list(dead))} {are} one value throughout; not searched")
+    lines += _forms(searched)
+    lines += _rejected(sum(len(one.rejected) for one in searched))
+    if count:
+        lines += ["", *_table(searched)]
+    if log is not None:
+        lines += _of_log(log)
+    return "\n".join(lines) + "\n"
+
+
+def _thresholds(searched: Sequence[Searched]) -> list[str]:
+    """Say how loud is loud enough, and how late it is told."""
+    levels = [one.threshold_snr_db for one in searched]
+    low, high = min(levels), max(levels)
+    span = f"{high:.1f}" if high - low < 0.05 else f"{low:.1f} to {high:.1f}"
+    latency = max(one.latency_s for one in searched)
+    return [
+        f"threshold {span} dB (2E/N0); told {1e3 * latency:.3g} ms after the first "
+        "sample of it"
+    ]
+
+
+def _rejected(count: int) -> list[str]:
+    """Return a line for the arrivals that were rejected, if any."""
+    if not count:
+        return []
+    words = "1 impulsive sound" if count == 1 else f"{count} impulsive sounds"
+    return [f"{words} rejected: not the form of a blast pulse"]
+
+
+def _forms(searched: Sequence[Searched]) -> list[str]:
+    """Return how many arrivals have the form of a blast, where that was tested."""
+    fits = [fit for one in searched for fit in one.fits]
+    other = sum(not fit.blast_form for fit in fits)
+    if not other:
+        return []
+    return [
+        f"{len(fits) - other} of {len(fits)} have the form of a blast pulse; others "
+        "can be doors, clicks, thunder, or distant or reverberant blasts",
+        "(--blast-form leaves these out)",
+    ]
+
+
+def _table(searched: Sequence[Searched]) -> list[str]:
+    rows, tested = [], any(one.fits for one in searched)
+    for one in searched:
+        for found, fit in zip_longest(one.detections, one.fits):
+            digits = min(max(1 - math.floor(math.log10(found.sigma_s)), 1), 9)
+            rows.append(
+                (
+                    one.channel.sensor,
+                    f"{found.time_s:.{digits}f}",
+                    f"{found.sigma_s:.2g}",
+                    f"{found.snr_db:.1f}",
+                    *(
+                        (f"{fit.misfit:.2f}", f"{fit.log_likelihood_ratio:.1f}")
+                        if fit
+                        else ()
+                    ),
+                )
+            )
+    rows.sort(key=lambda row: float(row[1]))
+    head = ("sensor", "arrival [s]", "sigma [s]", "SNR [dB]")
+    head += ("misfit", "ln LR") if tested else ()
+    return aligned([head, *rows], right=set(range(1, len(head))))
+
+
+def _of_log(log: Log) -> list[str]:
+    """Say what the rows of the log are, and what stands in none."""
+    lines = [""]
+    for finding in log.arrays:
+        lines += _of_array(finding)
+    for sensor, found in log.left_out:
+        lines.append(
+            f"{sensor}: the arrival at {found.time_s:.6g} s is weaker than one of the "
+            "same bang, an echo perhaps, and stands in no row"
+        )
+    return lines if len(lines) > 1 else []
+
+
+def _of_array(finding: ArrayFinding) -> list[str]:
+    came = finding.direction
+    name = f"Array {finding.array}, bang {finding.bang + 1}"
+    if came is None:
+        return [f"{name}: the microphones have no delay in common; rows of their own"]
+    sds = came.covariance.diagonal() ** 0.5
+    angles = [
+        f"{word} {math.degrees(value):.2f} ± {math.degrees(sd):.2g} degrees"
+        for word, value, sd in (
+            ("bearing", came.bearing, sds[0]),
+            ("elevation", came.elevation, sds[1]),
+        )
+        if math.isfinite(value)
+    ]
+    said = f"{name} ({LAYOUTS[came.layout]}): {', '.join(angles) or 'no direction'}"
+    lost = [ANGLES[key] for key in came.undetermined]
+    if lost:
+        said += f"; {joined(lost)} is not told by them"
+    if not finding.used and finding.probability <= CONTRADICTED:
+        said += (
+            f"; the times contradict a plane wave (p = {finding.probability:.1g}), so "
+            "each microphone has its own row"
+        )
+    elif finding.used:
+        said += f"; within {WIDEST:g} m of each other, so one row of time for all"
+    return [said]
+
+
+def detection_document(
+    searched: Sequence[Searched],
+    dead: Sequence[str],
+    method: dict[str, Any],
+    arrays: Sequence[ArrayFinding] = (),
+) -> dict[str, Any]:
+    """Return the document of what was heard.
+
+    Args:
+        searched: Channels that were searched.
+        dead: Names of those that could not be.
+        method: How, as keys and values.
+        arrays: What arrays told.
+    """
+    arrivals = [
+        _arrival(one, found, fit)
+        for one in searched
+        for found, fit in zip_longest(one.detections, one.fits)
+    ]
+    rejected = [_arrival(one, *pair) for one in searched for pair in one.rejected]
+    for entries in (arrivals, rejected):
+        entries.sort(key=lambda arrival: arrival["time_s"])
+    document = {
+        "schema": 1,
+        "detected": bool(arrivals),
+        "arrivals": arrivals,
+        "threshold_snr_db": max(one.threshold_snr_db for one in searched),
+        "latency_s": max(one.latency_s for one in searched),
+        "method": method,
+        "channels": [
+            {
+                "sensor": one.channel.sensor,
+                "record": one.channel.record,
+                "channel": one.channel.number,
+                "rate_hz": one.channel.rate_hz,
+                "seconds": one.channel.samples.size / one.channel.rate_hz,
+                "threshold_snr_db": one.threshold_snr_db,
+            }
+            for one in searched
+        ],
+        "dead_channels": list(dead),
+        "arrays": [_array(finding) for finding in arrays],
+        "rejected_arrivals": rejected,
+    }
+    return plain(document)
+
+
+def _arrival(one: Searched, found: Detection, fit: PulseFit | None) -> dict[str, Any]:
+    entry = {
+        "time_s": found.time_s,
+        "snr_db": found.snr_db,
+        "sigma_s": found.sigma_s,
+        "channel": one.channel.number,
+        "sensor": one.channel.sensor,
+    }
+    if fit is not None:
+        entry |= {
+            "blast_form": fit.blast_form,
+            "misfit": fit.misfit,
+            "log_likelihood_ratio": fit.log_likelihood_ratio,
+            "fit_p": fit.p,
+            "fit_dof": fit.dof,
+            "noise_level": fit.level,
+        }
+    return entry
+
+
+def _array(finding: ArrayFinding) -> dict[str, Any]:
+    came = finding.direction
+    document = {
+        "array": finding.array,
+        "bang": finding.bang + 1,
+        "in_log": finding.used,
+    }
+    if came is None:
+        return document
+    sds = came.covariance.diagonal() ** 0.5
+    return document | {
+        "layout": came.layout,
+        "bearing_rad": came.bearing,
+        "bearing_sd_rad": sds[0],
+        "elevation_rad": came.elevation,
+        "elevation_sd_rad": sds[1],
+        "undetermined": list(came.undetermined),
+        "mirror_rad": came.mirror,
+        "p_plane_wave": finding.probability,
+    }

@@ -1,1 +1,0 @@
-"""What was heard in a recording: words, JSON, picture, files."""

@@ -1,1 +1,0 @@
-"""What was seen in a film: words, JSON, picture, files."""

@@ -1,0 +1,234 @@
+"""What `jblast detect --out` writes: the log, and what was detected, drawn."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patches import Circle
+
+from jblast.detect.array.log import Log
+from jblast.detect.flash.search import Flash, FlashDetections
+from jblast.detect.search import Searched
+from jblast.files import write_text
+from jblast.observations import Observations, write
+from jblast.observations.records.sound_file import write_sound
+from jblast.report.figure_files import write_figure
+from jblast.report.figure_style import (
+    BLUE,
+    INK,
+    MUTED,
+    VERMILLION,
+    new_figure,
+    quiet,
+    titled,
+)
+
+MOST = 4
+"""Flashes that are drawn."""
+JSON, PICTURE, LOG, FILTERED = (
+    *("detect.json", "detection.png", "observations.csv", "filtered.wav"),
+)
+COLUMNS = 2000
+"""Of an envelope: more than a screen shows."""
+MOST_CHANNELS = 8
+MOST_LABELS = 5
+"""Of arrivals, the loudest: more would hide each other."""
+
+
+def write_flashes(
+    directory: Path,
+    watched: FlashDetections,
+    shape: tuple[int, int],
+    text: str,
+    log: Observations | None,
+) -> list[str]:
+    """Write all there is; return the names of the files.
+
+    Args:
+        directory: Where to; made if it is not there.
+        watched: What was seen.
+        shape: Height and width of the image [px].
+        text: The document.
+        log: Rows; where there are none no file is written, and an older one is removed.
+
+    Raises:
+        OSError: It cannot be written.
+    """
+    directory.mkdir(parents=True, exist_ok=True)
+    write_text(directory / JSON, text)
+    write_figure(flash_figure(watched, shape), directory / PICTURE)
+    names = [JSON, PICTURE]
+    (directory / LOG).unlink(missing_ok=True)
+    if log is not None and len(log):
+        write(directory / LOG, log)
+        names.append(LOG)
+    return names
+
+
+def flash_figure(watched: FlashDetections, shape: tuple[int, int]) -> Figure:
+    """Draw each flash, and the statistic below.
+
+    Args:
+        watched: What was seen.
+        shape: Height and width of the image [px].
+    """
+    shown = watched.flashes[:MOST]
+    figure = new_figure(10.0, 2.4 + 3.4 * len(shown))
+    grid = figure.add_gridspec(
+        len(shown) + 1, 2, height_ratios=[*([1.4] * len(shown)), 1.0]
+    )
+    for row, flash in enumerate(shown):
+        _picture(figure.add_subplot(grid[row, 0]), flash, shape)
+        _growth(figure.add_subplot(grid[row, 1]), flash)
+    _statistic(figure.add_subplot(grid[-1, :]), watched)
+    return figure
+
+
+def _picture(axes: Axes, flash: Flash, shape: tuple[int, int]) -> None:
+    height, width = shape
+    extent = (-0.5, width - 0.5, height - 0.5, -0.5)
+    if flash.picture is None:
+        axes.set_facecolor("#cccccc")
+    else:
+        shown = np.clip(flash.picture, 0.0, 1.0) ** 0.45
+        axes.imshow(shown, cmap="gray", vmin=0.0, vmax=1.0, extent=extent)
+    grown = flash.growth
+    last = flash.silhouettes[min(15, len(flash.silhouettes) - 1)]
+    axes.add_patch(
+        Circle((last.x_px, grown.y_px), last.radius_px, fill=False, ec=VERMILLION)
+    )
+    axes.plot(grown.x_px, grown.y_px, "+", color=BLUE, ms=12, mew=1.6)
+    axes.set(xlim=extent[:2], ylim=extent[2:], aspect="equal", xlabel="x [px]")
+    axes.set_ylabel("y [px]")
+    titled(axes, f"{1e3 * (last.time_s - grown.time_s):.0f} ms after first light")
+
+
+def _growth(axes: Axes, flash: Flash) -> None:
+    grown = flash.growth
+    time = np.array([one.time_s for one in flash.silhouettes])
+    radius = np.array([one.radius_px for one in flash.silhouettes])
+    cut = np.array([one.cut for one in flash.silhouettes])
+    since = 1e3 * (time - grown.time_s)
+    axes.plot(since[~cut], radius[~cut], "o", color=INK, ms=3)
+    if cut.any():
+        axes.plot(since[cut], radius[cut], "o", mfc="none", mec=MUTED, ms=3)
+    if grown.radius_px is not None and grown.growth_s is not None:
+        fine = np.linspace(0.0, since.max(), 200)
+        law = -grown.radius_px * np.expm1(-1e-3 * fine / grown.growth_s)
+        axes.plot(fine, law, color=BLUE, linewidth=1.2)
+    axes.set(xlabel="since first light [ms]", ylabel="radius [px]", ylim=(0, None))
+    quiet(axes)
+    note = "open: cut by an edge" if cut.any() else ""
+    titled(
+        axes, f"first light {grown.time_s:.5f} s ± {1e3 * grown.sigma_s:.2g} ms", note
+    )
+
+
+def _statistic(axes: Axes, watched: FlashDetections) -> None:
+    axes.plot(watched.times, watched.statistic, color=BLUE, linewidth=1.0)
+    axes.axhline(watched.threshold, color=INK, linewidth=0.9, linestyle="--")
+    for flash in watched.flashes:
+        axes.axvline(flash.growth.time_s, color=VERMILLION, linewidth=0.9, zorder=0)
+    axes.set(xlabel="time [s]", ylabel="statistic", ylim=(0, None))
+    quiet(axes)
+    count = len(watched.flashes)
+    title = f"{count} seen" if count else "nothing seen"
+    titled(axes, title, f"dashed: threshold, {watched.threshold:.1f}")
+
+
+def write_detection(
+    directory: Path, searched: Sequence[Searched], text: str, log: Log | None
+) -> list[str]:
+    """Write all there is; return the names of the files.
+
+    Args:
+        directory: Where to; made if it is not there.
+        searched: Channels.
+        text: The document.
+        log: Rows of the arrivals, if positions are known; where there are none, no
+            file is written, and an older one is removed.
+
+    Raises:
+        OSError: It cannot be written.
+    """
+    directory.mkdir(parents=True, exist_ok=True)
+    write_text(directory / JSON, text)
+    names = [JSON, *_write_outputs(directory, searched)]
+    write_figure(detection_figure(searched), directory / PICTURE)
+    names.append(PICTURE)
+    (directory / LOG).unlink(missing_ok=True)
+    if log is not None and len(log.observations):
+        write(directory / LOG, log.observations)
+        names.append(LOG)
+    return names
+
+
+def _write_outputs(directory: Path, searched: Sequence[Searched]) -> list[str]:
+    """Write the filter's output, a file for each recording, its live channels in it."""
+    records: dict[str, list[Searched]] = {}
+    for one in searched:
+        records.setdefault(one.channel.record, []).append(one)
+    names = []
+    for record, members in records.items():
+        name = FILTERED if len(records) == 1 else f"{Path(record).stem}.{FILTERED}"
+        length = min(member.statistic.size for member in members)
+        outputs = np.array([member.statistic[:length] for member in members])
+        write_sound(directory / name, outputs, members[0].channel.rate_hz)
+        names.append(name)
+    return names
+
+
+def detection_figure(searched: Sequence[Searched]) -> Figure:
+    """Draw each channel's recording above what the filter made of it."""
+    shown = searched[:MOST_CHANNELS]
+    figure = new_figure(10.0, 0.4 + 3.6 * len(shown))
+    grid = figure.subplots(2 * len(shown), 1, sharex=True, squeeze=False)[:, 0]
+    for one, above, below in zip(shown, grid[::2], grid[1::2], strict=True):
+        rate = one.channel.rate_hz
+        _envelope(above, one.channel.samples, rate, MUTED)
+        _envelope(below, one.statistic, rate, BLUE)
+        for found in one.detections:
+            above.axvline(found.time_s, color=VERMILLION, linewidth=0.9, zorder=0)
+            below.plot(found.time_s, found.statistic, "v", color=VERMILLION, ms=6)
+        loudest = sorted(one.detections, key=lambda found: -found.statistic)
+        for found in loudest[:MOST_LABELS]:
+            below.annotate(
+                f"{found.time_s:.4f} s, {found.snr_db:.0f} dB",
+                (found.time_s, found.statistic),
+                xytext=(6, 0),
+                textcoords="offset points",
+                fontsize=8,
+                color=INK,
+                va="center",
+            )
+        below.axhline(one.threshold, color=INK, linewidth=0.9, linestyle="--")
+        quiet(above)
+        quiet(below)
+        above.set_ylabel("recording")
+        below.set_ylabel("output [sigma]")
+        count = len(one.detections)
+        heard = f"{count} arrival{'' if count == 1 else 's'}" if count else "nothing"
+        titled(above, f"{one.channel.sensor}: {heard} found")
+        note = f"dashed: threshold, {one.threshold_snr_db:.1f} dB"
+        below.set_title(note, loc="right", fontsize=9, color=MUTED)
+    grid[-1].set_xlabel("time of the recording [s]")
+    left = len(searched) - len(shown)
+    if left:
+        figure.supxlabel(f"{left} channels more are not drawn", fontsize=9)
+    return figure
+
+
+def _envelope(
+    axes: Axes, samples: Float[np.ndarray, " sample"], rate_hz: float, colour: str
+) -> None:
+    """Draw samples, or of many the lowest and highest of each column."""
+    if samples.size <= 2 * COLUMNS:
+        axes.plot(np.arange(samples.size) / rate_hz, samples, color=colour, lw=0.7)
+        return
+    starts = np.linspace(0, samples.size, COLUMNS, endpoint=False).astype(int)
+    low = np.minimum.reduceat(samples, starts)
+    high = np.maximum.reduceat(samples, starts)
+    axes.fill_between(starts / rate_hz, low, high, color=colour, linewidth=0.3)

@@ -1,1 +1,0 @@
-"""A discovered law, in words and as a figure."""

@@ -1,0 +1,124 @@
+"""Data against integrated equations, and what noise does to discovery, as figures."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from jaxtyping import Float
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from jblast.report.discovery import doubts, equation_text
+from jblast.report.figure_style import (
+    BLUE,
+    COLOURS,
+    INK,
+    MARKERS,
+    MUTED,
+    VERMILLION,
+    log_ticks,
+    new_figure,
+    quiet,
+    titled,
+)
+from jblast.study.discovery.discover import Discovery
+from jblast.study.discovery.noise_sweep import Outcome
+from jblast.study.discovery.replay import Replay
+
+DATA = "#b0b0b0"
+
+
+def discovery_figure(
+    found: Discovery,
+    again: Replay,
+    time_s: Float[np.ndarray, " row"],
+    states: Float[np.ndarray, "row state"],
+) -> Figure:
+    """Draw each state with its equation integrated, and how often each term came."""
+    rows = len(found.states)
+    figure = new_figure(11.0, 0.8 + 3.0 * rows)
+    grid = figure.subplots(rows, 2, squeeze=False, width_ratios=[2.6, 1.0])
+    for state, (left, right) in enumerate(grid):
+        name = found.states[state]
+        quiet(left)
+        left.plot(time_s, states[:, state], ".", color=DATA, markersize=5)
+        left.plot(time_s, again.states[:, state], color=BLUE, linewidth=1.3)
+        spread = np.ptp(states[:, state])
+        left.set_ylim(
+            np.min(states[:, state]) - 0.25 * spread,
+            np.max(states[:, state]) + 0.25 * spread,
+        )
+        left.set_ylabel(name)
+        titled(left, _cut(equation_text(found, state)))
+        left.text(0.01, 0.96, "data", color=MUTED, transform=left.transAxes, va="top")
+        doubtful = bool(doubts(found, again, state))
+        left.text(
+            0.09,
+            0.96,
+            "equations, integrated from the first row"
+            + (": IN DOUBT" if doubtful else ""),
+            color=VERMILLION if doubtful else BLUE,
+            transform=left.transAxes,
+            va="top",
+        )
+        _inclusion(right, found, state)
+    grid[-1][0].set_xlabel("time [s]")
+    grid[-1][1].set_xlabel("share of the ensemble with the term")
+    return figure
+
+
+def noise_figure(outcomes: Sequence[Outcome]) -> Figure:
+    """Draw the share of records whose true terms came out, and the coefficients."""
+    figure = new_figure(11.0, 4.4)
+    left, right = figure.subplots(1, 2)
+    keys = list(dict.fromkeys((o.case, o.state) for o in outcomes))
+    for nth, key in enumerate(keys):
+        own = [o for o in outcomes if (o.case, o.state) == key and o.noise > 0.0]
+        noise = [100.0 * o.noise for o in own]
+        style = {
+            "color": COLOURS[nth],
+            "marker": MARKERS[nth],
+            "markersize": 5,
+            "label": ", ".join(key),
+        }
+        left.plot(noise, [100.0 * o.exact for o in own], **style)
+        right.plot(noise, [100.0 * o.error for o in own], **style)
+    for axes in (left, right):
+        quiet(axes)
+        axes.set_xscale("log")
+        log_ticks(axes.xaxis, (0.08, 35.0))
+        axes.set_xlabel("noise, share of the state's spread (of the radius) [%]")
+    right.set_yscale("log")
+    log_ticks(right.yaxis, right.get_ylim())
+    left.set_ylim(-4.0, 104.0)
+    left.set_ylabel("records [%]")
+    right.set_ylabel("largest error of a coefficient, median [%]")
+    titled(left, "Exactly the true terms come out")
+    titled(right, "Their coefficients, where they do")
+    left.legend(frameon=False, fontsize=9, loc="lower left")
+    return figure
+
+
+def _inclusion(axes: Axes, found: Discovery, state: int) -> None:
+    """Draw a bar a term: how much of the ensemble has it."""
+    quiet(axes)
+    kept = found.coefficients[state] != 0.0
+    share = found.inclusion[state]
+    shown = np.flatnonzero(kept | (share > 0.0))[::-1]
+    places = np.arange(len(shown))
+    colours = [BLUE if kept[place] else "#c8c8c8" for place in shown]
+    axes.barh(places, share[shown], height=0.6, color=colours)
+    axes.set_yticks(places, [found.candidates.names[place] for place in shown])
+    axes.set_ylim(-0.6, max(len(shown), 3) - 0.4)
+    axes.set_xlim(0.0, 1.0)
+    axes.grid(False, axis="y")
+    axes.tick_params(axis="y", length=0)
+    if not len(shown):
+        axes.text(0.5, 1.0, "no term", ha="center", color=INK)
+
+
+def _cut(words: str, longest: int = 84) -> str:
+    """Return a title that fits above its plot."""
+    if len(words) <= longest:
+        return words
+    kept = words[: longest - 4]
+    return kept[: max(kept.rfind(" + "), kept.rfind(" - "))] + " ..."

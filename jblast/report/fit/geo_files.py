@@ -1,0 +1,392 @@
+"""The place of a charge on the Earth: GeoJSON and KML."""
+
+import json
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, field
+from itertools import groupby
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree as ET
+
+import numpy as np
+from jaxtyping import Float
+
+from jblast.files import write_text
+from jblast.inference.fitting.result import Fit
+from jblast.inference.fitting.summary import Summary
+from jblast.json_values import plain
+from jblast.observations.places.frame import Frame
+from jblast.report.fit.place import ChargePlace, GroundMap, ground_map, residual_colour
+from jblast.report.fit.rows import Accepted, estimates_of, log_name
+from jblast.report.words import law_words, printed_number
+
+PLACE_FILES = ("place.geojson", "place.kml")
+NAMESPACE = "http://www.opengis.net/kml/2.2"
+FOLDERS = {
+    "sensor": "Sensors",
+    "charge": "Charges",
+    "other optimum": "Other optima",
+    "ellipse": "Ellipses of the charge's place",
+    "region": "Regions of the charge's place",
+    "shock ring": "Peak overpressure",
+}
+FILLED, FAINT = "26", "0d"
+"""How opaque areas are, of ff: what is below is to be seen."""
+DECIMALS = 9
+"""Of a degree: a tenth of a millimetre."""
+CORNERS = 120
+"""Of a circle: its area is 0.05 % short."""
+CHARGE, ELLIPSE, RING, OTHER = "#d55e00", "#0072b2", "#666666", "#cc79a7"
+Ring = Float[np.ndarray, "_ 2"]
+"""Longitude and latitude [degree] of corners, the first one once."""
+Polygon = tuple[Ring, ...]
+"""An outline, anticlockwise, and its holes, clockwise."""
+
+
+def write_place(
+    fit: Fit, directory: Path, accepted: Accepted | None = None
+) -> list[Path]:
+    """Write the map in degrees, where the log or its scene says where on the Earth.
+
+    Args:
+        fit: The fit.
+        directory: Where to; it is there.
+        accepted: Published values by parameter name, each with where it comes from.
+
+    Returns:
+        The files written; none without a frame, or without a sensor's place.
+    """
+    frame = fit.observations.frame
+    shown = None if frame is None else ground_map(fit, accepted)
+    if frame is None or shown is None:
+        return []
+    found = features(shown, frame, fit)
+    name = log_name(fit)
+    title = f"Blast fit: {name}" if name else "Blast fit"
+    paths = [directory / name for name in PLACE_FILES]
+    for path, text in zip(paths, (geojson(found), kml(found, title)), strict=True):
+        write_text(path, text)
+    return paths
+
+
+@dataclass(frozen=True)
+class Feature:
+    """One thing on the map.
+
+    Attributes:
+        kind: "sensor", "charge", "ellipse", "region", "shock ring", "other optimum".
+        name: What a reader calls it.
+        colour: As #rrggbb.
+        point: Longitude and latitude [degree] of what is a place.
+        polygons: Of what has an area, none of them across the 180th meridian.
+        properties: Numbers of it, units in their names.
+    """
+
+    kind: str
+    name: str
+    colour: str
+    point: tuple[float, float] | None = None
+    polygons: tuple[Polygon, ...] = ()
+    properties: dict[str, Any] = field(default_factory=dict)
+
+
+def kml(features: Sequence[Feature], title: str) -> str:
+    """Return the text of a document with a folder for each kind of feature.
+
+    Args:
+        features: What it holds, in any order.
+        title: What a viewer calls it.
+    """
+    root = ET.Element("kml", xmlns=NAMESPACE)
+    document = ET.SubElement(root, "Document")
+    _said(document, "name", title)
+    order = list(FOLDERS)
+    by_kind = sorted(features, key=lambda feature: order.index(feature.kind))
+    for kind, of_kind in groupby(by_kind, key=lambda feature: feature.kind):
+        folder = ET.SubElement(document, "Folder")
+        _said(folder, "name", FOLDERS[kind])
+        for feature in of_kind:
+            _placemark(folder, feature)
+    ET.indent(root)
+    text = ET.tostring(root, encoding="unicode")
+    return f'<?xml version="1.0" encoding="UTF-8"?>\n{text}\n'
+
+
+def _placemark(folder: ET.Element, feature: Feature) -> None:
+    mark = ET.SubElement(folder, "Placemark")
+    _said(mark, "name", feature.name)
+    _style(mark, feature)
+    table = ET.SubElement(mark, "ExtendedData")
+    for name, value in feature.properties.items():
+        entry = ET.SubElement(table, "Data", name=name)
+        _said(entry, "value", json.dumps(plain(value)).strip('"'))
+    if feature.point is not None:
+        point = ET.SubElement(mark, "Point")
+        _said(point, "coordinates", _places(np.array([feature.point])))
+        return
+    areas = ET.SubElement(mark, "MultiGeometry")
+    for outer, *holes in feature.polygons:
+        area = ET.SubElement(areas, "Polygon")
+        _boundary(area, "outerBoundaryIs", outer)
+        for hole in holes:
+            _boundary(area, "innerBoundaryIs", hole)
+
+
+def _style(mark: ET.Element, feature: Feature) -> None:
+    """Write colours, which KML has as alpha, blue, green, red."""
+    red, green, blue = (feature.colour[k : k + 2] for k in (1, 3, 5))
+    colour = blue + green + red
+    style = ET.SubElement(mark, "Style")
+    if feature.point is not None:
+        _said(ET.SubElement(style, "IconStyle"), "color", f"ff{colour}")
+        return
+    faint = feature.kind == "shock ring"
+    line = ET.SubElement(style, "LineStyle")
+    _said(line, "color", f"ff{colour}")
+    _said(line, "width", 1 if faint else 2)
+    fill = FAINT if faint else FILLED
+    _said(ET.SubElement(style, "PolyStyle"), "color", fill + colour)
+
+
+def _boundary(area: ET.Element, side: str, ring: Ring) -> None:
+    line = ET.SubElement(ET.SubElement(area, side), "LinearRing")
+    _said(line, "coordinates", _places(np.concatenate([ring, ring[:1]])))
+
+
+def _places(ring: Ring) -> str:
+    return " ".join(f"{lon:.9f},{lat:.9f}" for lon, lat in ring)
+
+
+def _said(parent: ET.Element, name: str, value: object) -> None:
+    ET.SubElement(parent, name).text = _printable(str(value))
+
+
+def _printable(text: str) -> str:
+    """Return a text without signs that XML cannot hold at all."""
+    return "".join(c for c in text if c.isprintable())
+
+
+def geojson(features: Sequence[Feature]) -> str:
+    """Return the text of a feature collection, a line a feature.
+
+    Colours are named as simplestyle-spec 1.1 names them, which viewers know.
+    """
+    lines = [
+        json.dumps(_feature(f), ensure_ascii=False, allow_nan=False) for f in features
+    ]
+    body = ",\n".join(lines)
+    return f'{{"type": "FeatureCollection", "features": [\n{body}\n]}}\n'
+
+
+def _feature(feature: Feature) -> dict[str, Any]:
+    style: dict[str, Any] = {"marker-color": feature.colour}
+    if feature.point is None:
+        faint = feature.kind == "shock ring"
+        style = {
+            "stroke": feature.colour,
+            "stroke-width": 1 if faint else 2,
+            "fill": feature.colour,
+            "fill-opacity": 0.03 if faint else 0.15,
+        }
+    return {
+        "type": "Feature",
+        "geometry": _geometry(feature),
+        "properties": plain(
+            {"kind": feature.kind, "name": feature.name} | feature.properties | style
+        ),
+    }
+
+
+def _geometry(feature: Feature) -> dict[str, Any]:
+    if feature.point is not None:
+        lon, lat = feature.point
+        at = [round(lon, DECIMALS), round(lat, DECIMALS)]
+        return {"type": "Point", "coordinates": at}
+    areas = [_closed(polygon) for polygon in feature.polygons]
+    if len(areas) == 1:
+        return {"type": "Polygon", "coordinates": areas[0]}
+    return {"type": "MultiPolygon", "coordinates": areas}
+
+
+def _closed(polygon: Polygon) -> list[list[list[float]]]:
+    closed = (np.concatenate([ring, ring[:1]]) for ring in polygon)
+    return [np.round(ring, DECIMALS).tolist() for ring in closed]
+
+
+def features(shown: GroundMap, frame: Frame, fit: Fit) -> tuple[Feature, ...]:
+    """Return everything on a map in WGS84, areas first so that points lie above them.
+
+    Args:
+        shown: What the map shows.
+        frame: Where its east, north, up are counted from.
+        fit: The answer, for the numbers of its charges.
+    """
+    found = [
+        feature
+        for charge in shown.charges
+        for feature in (
+            *_rings(charge, frame),
+            *_areas(charge, frame),
+            *_charge(charge, frame, fit.summary, fit.scene.label),
+        )
+    ]
+    return (*found, *_sensors(shown, frame))
+
+
+def _sensors(shown: GroundMap, frame: Frame) -> Iterator[Feature]:
+    for station in shown.stations:
+        each = {f"residual_sd.{quantity}": r for quantity, r in station.residuals}
+        yield Feature(
+            kind="sensor",
+            name=station.name,
+            colour=residual_colour(station.worst),
+            point=_point(frame, station.position),
+            properties={
+                "residual_sd": station.worst,
+                **each,
+                "up_m": float(station.position[2]),
+                "suspected_outlier": station.suspected,
+            },
+        )
+
+
+def _charge(charge: ChargePlace, frame: Frame, found: Summary, label) -> Iterator:
+    numbers = estimates_of(found)
+    suffix = f".{charge.name}" if charge.name else ""
+    properties: dict[str, Any] = {}
+    for name, estimate in numbers.items():
+        stem, _, of = name.partition(".")
+        if f".{of}" * bool(of) == suffix and (stem.startswith("charge_") or not suffix):
+            properties[stem] = estimate.value
+            properties |= {f"{stem}.q05": estimate.q05, f"{stem}.q95": estimate.q95}
+    yield Feature(
+        kind="charge",
+        name=charge.name or "charge",
+        colour=CHARGE,
+        point=_point(frame, charge.position),
+        properties={"place": "fitted" if charge.asked else "given", **properties},
+    )
+    for east, north in charge.elsewhere:
+        yield Feature(
+            kind="other optimum",
+            name=f"{charge.name or 'charge'}, another optimum",
+            colour=OTHER,
+            point=_point(frame, np.array([east, north, charge.position[2]])),
+        )
+
+
+def _areas(charge: ChargePlace, frame: Frame) -> Iterator[Feature]:
+    of = f" of {charge.name}" if charge.name else ""
+    for region in reversed(charge.regions):
+        rings = [(outer, *holes) for outer, holes in region.parts]
+        yield Feature(
+            kind="region",
+            name=f"{100 * region.share:.0f} % region{of}",
+            colour=ELLIPSE,
+            polygons=_polygons(frame, rings),
+            properties={"share": region.share},
+        )
+    for ellipse in reversed(charge.ellipses):
+        if not ellipse.minor > 0.0:
+            continue  # one coordinate was asked for: no area
+        yield Feature(
+            kind="ellipse",
+            name=f"{100 * ellipse.share:.0f} % ellipse{of}",
+            colour=ELLIPSE,
+            polygons=_polygons(frame, [(ellipse.outline(CORNERS),)]),
+            properties={
+                "share": ellipse.share,
+                "semi_major_m": ellipse.major,
+                "semi_minor_m": ellipse.minor,
+                "azimuth_deg": ellipse.azimuth_deg,
+                "misleads": bool(charge.regions),
+            },
+        )
+
+
+def _rings(charge: ChargePlace, frame: Frame) -> Iterator[Feature]:
+    of = f" of {charge.name}" if charge.name else ""
+    turn = np.linspace(0.0, 2.0 * np.pi, CORNERS, endpoint=False)
+    unit = np.stack([np.cos(turn), np.sin(turn)], axis=-1)
+    for ring in charge.rings:
+        peak = printed_number("_pa", ring.peak_overpressure_pa)
+        yield Feature(
+            kind="shock ring",
+            name=f"{peak}{of}",
+            colour=RING,
+            polygons=_polygons(frame, [(charge.position[:2] + ring.range_m * unit,)]),
+            properties={
+                "peak_overpressure_pa": ring.peak_overpressure_pa,
+                "range_m": ring.range_m,
+                "range_m.q05": ring.range_q05_m,
+                "range_m.q95": ring.range_q95_m,
+                "law": law_words(ring.law),
+                "law_holds": ring.valid,
+            },
+        )
+
+
+def _point(frame: Frame, enu: Float[np.ndarray, "3"]) -> tuple[float, float]:
+    lat, lon, _ = frame.to_geodetic(enu)
+    return float(lon), float(lat)
+
+
+def _polygons(
+    frame: Frame, parts: Iterable[tuple[Float[np.ndarray, "_ 2"], ...]]
+) -> tuple[Polygon, ...]:
+    """Return areas (east, north) [m] as polygons in degrees."""
+    found: list[Polygon] = []
+    for rings in parts:
+        in_degrees = []
+        for ring in rings:
+            enu = np.concatenate([ring, np.zeros((len(ring), 1))], axis=1)
+            in_degrees.append(frame.to_geodetic(enu)[:, 1::-1])
+        found += without_crossing(in_degrees)
+    return tuple(found)
+
+
+def without_crossing(rings: Sequence[Ring]) -> list[Polygon]:
+    """Return an area as one polygon, or as two on either side of the 180th meridian.
+
+    Args:
+        rings: Its outline and holes, longitudes -180 to 180; none goes around a pole.
+    """
+    start = rings[0][0, 0]
+    turned = [_continuous(ring, start) for ring in rings]
+    low, high = turned[0][:, 0].min(), turned[0][:, 0].max()
+    if low >= -180.0 and high <= 180.0:
+        return [tuple(turned)]
+    cut = 180.0 if high > 180.0 else -180.0
+    found = []
+    for side in (1.0, -1.0):
+        shift = -np.sign(cut) * 360.0 if side * np.sign(cut) < 0.0 else 0.0
+        kept = [_clipped(ring, cut, side) for ring in turned]
+        parts = [ring + np.array([shift, 0.0]) for ring in kept if len(ring) > 2]
+        if len(kept[0]) > 2:
+            found.append(tuple(parts))
+    return found
+
+
+def _continuous(ring: Ring, start: float) -> Ring:
+    """Return a ring without jumps of a turn, its first longitude nearest to one."""
+    lon = np.rad2deg(np.unwrap(np.deg2rad(ring[:, 0])))
+    near = 360.0 * np.round((start - lon[0]) / 360.0)
+    # only what had jumped is changed: a turn there and back costs rounding
+    lon = np.where(np.abs(lon - ring[:, 0]) < 1.0, ring[:, 0], lon) + near
+    return np.stack([lon, ring[:, 1]], axis=-1)
+
+
+def _clipped(ring: Ring, cut: float, side: float) -> Ring:
+    """Return what of a ring lies below a longitude (side 1), or above it (-1).
+
+    By Sutherland and Hodgman (1974): corners on the side, and where edges pass.
+    """
+    found = []
+    for one, other in zip(ring, np.roll(ring, -1, axis=0), strict=True):
+        inside, then = (side * (cut - p[0]) >= 0.0 for p in (one, other))
+        if inside:
+            found.append(one)
+        if inside != then:
+            part = (cut - one[0]) / (other[0] - one[0])
+            found.append(np.array([cut, one[1] + part * (other[1] - one[1])]))
+    return np.array(found).reshape(-1, 2)

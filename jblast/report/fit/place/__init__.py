@@ -1,1 +1,0 @@
-"""The answer on a map: a figure in metres, GeoJSON and KML in degrees."""

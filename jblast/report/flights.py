@@ -1,0 +1,702 @@
+"""What became of the vehicles that `jblast fly` flew.
+
+A flight as a table of CSV, which `jblast discover` reads.
+
+Beside the parts of a trajectory it has the direction in which the rotors pull, body z
+in the world's axes: in it the thrust's push is linear, in the quaternion it is not.
+"""
+
+import math
+import textwrap
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, fields
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+from numpy.typing import ArrayLike
+from scipy.spatial.transform import Rotation
+
+from jblast.autopilot.estimator.thrown import Thrown
+from jblast.json_values import plain
+from jblast.quantity_table import QUANTITIES
+from jblast.report.words import (
+    WIDTH,
+    aligned,
+    capitalised,
+    comma_separated,
+    parameter_words,
+    printed_number,
+    significant,
+)
+from jblast.study.flights.records import Flights, Flown
+from jblast.study.flights.statistics import (
+    EXPOSURES,
+    METRICS,
+    flies_on,
+    hold_words,
+    metric,
+    past_threshold,
+    quantiles,
+    share_interval,
+    target_of,
+    warnings_of,
+)
+from jblast.vehicle import Trajectory
+from jblast.vehicle.thresholds import THRESHOLDS
+
+WORLD, BODY, ROTORS = ("east", "north", "up"), "xyz", "1234"
+COLUMNS = {
+    "position_m": [f"{axis}_m" for axis in WORLD],
+    "velocity_m_s": [f"velocity_{axis}_m_s" for axis in WORLD],
+    "quaternion": [f"quaternion_{part}" for part in "ijkw"],
+    "body_rate_rad_s": [f"body_rate_{axis}_rad_s" for axis in BODY],
+    "rotor_speed_rad_s": [f"rotor_speed_{n}_rad_s" for n in ROTORS],
+    "force_n": [f"force_{axis}_n" for axis in WORLD],
+    "moment_n_m": [f"moment_{axis}_n_m" for axis in BODY],
+}
+"""Columns by the trajectory's parts."""
+PULL = [f"pull_{axis}" for axis in WORLD]
+WORDS = {
+    "error_before_m": "path error before",
+    "error_at_blast_m": "path error as it comes",
+    "error_after_m": "path error after",
+    "peak_deviation_m": "peak deviation",
+    "peak_time_s": "  after the blast",
+    "recovery_time_s": "recovery time",
+    "peak_overpressure_pa": QUANTITIES["peak_overpressure_pa"].words,
+    "peak_acceleration_m_s2": "peak acceleration",
+    "fireball_time_s": "in a fireball for",
+}
+THRESHOLD_WORDS = {
+    "peak_overpressure_pa": "threshold of overpressure",
+    "peak_acceleration_m_s2": "threshold of acceleration",
+    "fireball_time_s": "threshold of time in a fireball",
+}
+MET = ("arrival_s", "distance_m", "scaled_distance", "overpressure_pa")
+"""Numbers of an `Encounter` that are told of each blast."""
+MOST_NAMED = 100
+"""Lost vehicles that are named one by one."""
+PARTS = {"position": "place", "velocity": "moves", "attitude": "turn"}
+UNITS = {"place": "_m", "moves": "_m_s", "turn": "_rad"}
+EastNorthUpM = tuple[float, float, float]
+
+
+def trajectory_csv(
+    trajectory: Trajectory, path_error_m: Float[np.ndarray, " time"], comment: str
+) -> str:
+    """Return the rows of one flight, up to where it was lost if it was.
+
+    Args:
+        trajectory: The flight.
+        path_error_m: Of each row.
+        comment: What is said of it in the first line.
+    """
+    names = [name for part in COLUMNS.values() for name in part]
+    parts = [np.asarray(trajectory.time_s)[:, None]]
+    parts += [np.asarray(getattr(trajectory, name)) for name in COLUMNS]
+    rows = np.hstack([*parts, path_error_m[:, None]])
+    rows = rows[np.isfinite(rows).all(axis=1)]
+    first = 1 + names.index("quaternion_i")
+    attitude = Rotation.from_quat(rows[:, first : first + 4]).as_matrix()
+    rows = np.hstack([rows, attitude[:, :, 2]])
+    columns = ["time_s", *names, "path_error_m", *PULL]
+    numbers = ([f"{value:.12g}" for value in row] for row in rows)
+    return f"# {comment}\n" + comma_separated([columns, *numbers])
+
+
+def flights_text(flights: Flights) -> str:
+    """Return what the terminal shows."""
+    lines = [_title(flights), ""]
+    if flights.drawn:
+        lines += [*aligned(_drawn(flights)), ""]
+    lines += [*aligned(_blasts(flights)), ""]
+    lines += aligned(_holds(flights))
+    estimates = [(hold_words(name), one.thrown) for name, one in flights.holds.items()]
+    lines += estimate_lines(estimates, flights.blasts, _number)
+    lines += ["", *_notes(flights)]
+    return "\n".join(lines) + "\n"
+
+
+def _title(flights: Flights) -> str:
+    vehicle, options = flights.vehicle, flights.options
+    place = ", ".join(f"{float(x):g}" for x in target_of(vehicle))
+    who = vehicle.model.capitalize()
+    if flights.count > 1:
+        who = f"{flights.count:,} x {who}"
+    return (
+        f"{who} holding ({place}) m for {flights.seconds:g} s "
+        f"({options.integrator}, steps of {printed_number('step_s', options.step_s)})"
+    )
+
+
+def _drawn(flights: Flights) -> list[tuple[str, ...]]:
+    head = "drawn, by --seed"
+    if flights.count > 1:
+        head += ": 5 %, 50 %, 95 %"
+    return [
+        (head, ""),
+        *(
+            (parameter_words(name), _number(name, values))
+            for name, values in flights.drawn.items()
+        ),
+    ]
+
+
+def _blasts(flights: Flights) -> list[tuple[str, ...]]:
+    """Return a row for each blast."""
+    encounter = next(iter(flights.holds.values())).encounter
+    by_law = flights.options.profile is None
+    rows = [("blast", "arrives", "distance", "scaled [m/kg^(1/3)]", "peak", "in range")]
+    if flights.count > 1:
+        rows[0] = (*rows[0][:-1], "in range of its laws" if by_law else "in its cases")
+    for n, name in enumerate(flights.blasts):
+        inside = encounter.in_range[..., n]
+        rows.append(
+            (
+                name or "the charge",
+                _number("arrival_s", encounter.arrival_s[..., n]),
+                _number("distance_m", encounter.distance_m[..., n]),
+                _number("", encounter.scaled_distance[..., n]),
+                _number("overpressure_pa", encounter.overpressure_pa[..., n]),
+                _yes(bool(inside))
+                if flights.count == 1
+                else f"{100 * np.mean(inside):.3g} %",
+            )
+        )
+    return rows
+
+
+def _holds(flights: Flights) -> list[tuple[str, ...]]:
+    """Return a row for each metric, a column for each hold."""
+    holds = flights.holds
+    several = flights.count > 1
+    head = [
+        hold_words(name) + (" (the scene's)" if name == flights.own else "")
+        for name in holds
+    ]
+    rows = [("5 %, 50 %, 95 %" if several else "", *head)]
+    for name in METRICS:
+        cells = [_number(name, metric(f, name)) for f in holds.values()]
+        rows.append((WORDS[name], *cells))
+    if several:
+        shares = {
+            "recovered": lambda f: np.isfinite(f.metrics.recovery_time_s),
+            "settled": lambda f: f.metrics.settled,
+            "crashed": lambda f: f.metrics.crashed,
+        }
+        for word, of in shares.items():
+            cells = [f"{100 * np.mean(of(f)):.4g} %" for f in holds.values()]
+            rows.append((word, *cells))
+        rows.append(("flies on", *(_interval(flies_on(f)) for f in holds.values())))
+        return rows + _exposures(flights)
+    for word in ("settled", "crashed"):
+        flags = [bool(getattr(f.metrics, word)) for f in holds.values()]
+        rows.append((word, *map(_yes, flags)))
+    rows.append(("flies on", *(_yes(bool(flies_on(f))) for f in holds.values())))
+    return rows + _exposures(flights)
+
+
+def _exposures(flights: Flights) -> list[tuple[str, ...]]:
+    """Return what the blasts did beside moving it, and who is past a threshold."""
+    model, rows = flights.vehicle.model, []
+    for name in EXPOSURES:
+        held = flights.holds.values()
+        rows.append((WORDS[name], *(_number(name, metric(f, name)) for f in held)))
+        past = [past_threshold(model, f)[name] for f in held]
+        cells = ["not known" if each is None else _past(each) for each in past]
+        limit = THRESHOLDS[model][name].value
+        limit_words = "" if limit is None else f" {_one(name, limit, 3)}"
+        rows.append((f"  past{limit_words or ' a threshold'}", *cells))
+    return rows
+
+
+def _past(flags: np.ndarray) -> str:
+    return _interval(flags) if flags.ndim else _yes(bool(flags))
+
+
+def _notes(flights: Flights) -> list[str]:
+    """Return what the words above mean, and what to beware of."""
+    tolerance = printed_number("tolerance_m", flights.options.tolerance_m)
+    notes = [
+        f"Path errors are root mean squares. Recovery: from the first blast's arrival "
+        f"until the path error stays within {tolerance}; 0 where it never left. "
+        "Flies on: never hit the ground, turned over or diverged, and came back or "
+        "not; whether the blast broke it is not judged by that."
+    ]
+    for name, limit in THRESHOLDS[flights.vehicle.model].items():
+        notes.append(f"{capitalised(THRESHOLD_WORDS[name])}: {limit.source}.")
+    notes += [f"{capitalised(warning)}." for warning in warnings_of(flights)]
+    return [line for note in notes for line in textwrap.wrap(note, WIDTH)]
+
+
+def _interval(flags: np.ndarray) -> str:
+    low, high = (100 * share for share in share_interval(flags))
+    return f"{100 * np.mean(flags):.4g} % [{low:.4g} to {high:.4g} %]"
+
+
+def _number(name: str, values: ArrayLike) -> str:
+    """Return a number with its unit, or the quantiles of several."""
+    known = np.asarray(values)
+    if not known.ndim:
+        return _one(name, float(known))
+    return ", ".join(_one(name, value, 3) for value in quantiles(known))
+
+
+def _one(name: str, value: float, digits: int = 4) -> str:
+    if math.isnan(value):
+        return "-"
+    if math.isinf(value):
+        return {"recovery_time_s": "never here", "arrival_s": "never"}.get(name, "-")
+    if 0 < abs(value) < 1e-6:
+        return printed_number(name, 0.0)
+    return printed_number(name, value, digits) if name else significant(value, digits)
+
+
+def _yes(value: bool) -> str:
+    return "yes" if value else "no"
+
+
+@dataclass(frozen=True)
+class BlastMet:
+    """A blast as it came to one vehicle.
+
+    Attributes:
+        charge: Its name; "" of one alone.
+        arrival_s: When, on the scene's clock.
+        distance_m: From the charge to the vehicle then.
+        scaled_distance: By Sachs [m/kg^(1/3)].
+        overpressure_pa: Incident peak there.
+        in_range: Whether its laws hold there.
+    """
+
+    charge: str
+    arrival_s: float
+    distance_m: float
+    scaled_distance: float
+    overpressure_pa: float
+    in_range: bool
+
+
+@dataclass(frozen=True)
+class Quantiles:
+    """Quantiles of a number over the vehicles; some may be infinite.
+
+    Attributes:
+        q05: 5 % quantile.
+        q50: Median.
+        q95: 95 % quantile.
+    """
+
+    q05: float
+    q50: float
+    q95: float
+
+
+@dataclass(frozen=True)
+class BlastMetBySeveral:
+    """A blast as it came to several vehicles; attributes as of `BlastMet`.
+
+    Attributes:
+        charge: Its name; "" of one alone.
+        arrival_s: When, on the scene's clock.
+        distance_m: From the charge to the vehicle then.
+        scaled_distance: By Sachs [m/kg^(1/3)].
+        overpressure_pa: Incident peak there.
+        in_range_share: Of the vehicles, where its laws hold.
+    """
+
+    charge: str
+    arrival_s: Quantiles
+    distance_m: Quantiles
+    scaled_distance: Quantiles
+    overpressure_pa: Quantiles
+    in_range_share: float
+
+
+@dataclass(frozen=True)
+class EstimateThrown:
+    """Errors of the vehicle's estimate about one blast; quantiles of several vehicles.
+
+    Attributes:
+        charge: Its name; "" of one alone.
+        place_before_m: Of position, root mean square in the second before it comes.
+        place_m: Greatest until the next blast, 10 s at most.
+        moves_before_m_s: Of velocity, before.
+        moves_m_s: After.
+        turn_before_rad: Of attitude, before.
+        turn_rad: After.
+    """
+
+    charge: str
+    place_before_m: float | Quantiles
+    place_m: float | Quantiles
+    moves_before_m_s: float | Quantiles
+    moves_m_s: float | Quantiles
+    turn_before_rad: float | Quantiles
+    turn_rad: float | Quantiles
+
+
+@dataclass(frozen=True)
+class Limit:
+    """A threshold of the vehicle.
+
+    Attributes:
+        value: Its value; null: nobody knows.
+        source: Where it comes from.
+    """
+
+    value: float | None
+    source: str
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What became of one flight.
+
+    Attributes:
+        error_before_m: Path error before the first blast.
+        error_at_blast_m: As it comes.
+        error_after_m: After it.
+        peak_deviation_m: Largest path error after it.
+        peak_time_s: When that was, after the arrival.
+        recovery_time_s: From the arrival until it stays within the tolerance.
+        peak_overpressure_pa: Incident, of the strongest blast.
+        peak_acceleration_m_s2: By the blasts alone.
+        fireball_time_s: Within a fireball while it glows.
+        recovered: Whether it came back within the tolerance.
+        settled: Whether it was within it before the blast.
+        crashed: Whether it crashed.
+        lost: Whether its numbers ran away.
+        flies_on: Whether it did neither.
+        past_threshold: By exposure; null: not known.
+    """
+
+    error_before_m: float
+    error_at_blast_m: float
+    error_after_m: float
+    peak_deviation_m: float
+    peak_time_s: float
+    recovery_time_s: float
+    peak_overpressure_pa: float
+    peak_acceleration_m_s2: float
+    fireball_time_s: float
+    recovered: bool
+    settled: bool
+    crashed: bool
+    lost: bool
+    flies_on: bool
+    past_threshold: Mapping[str, bool | None]
+
+
+@dataclass(frozen=True)
+class Share:
+    """A share of the vehicles as that of a chance.
+
+    Attributes:
+        value: The share.
+        q05: Where the chance's 90 % interval begins.
+        q95: Where it ends.
+    """
+
+    value: float
+    q05: float
+    q95: float
+
+
+@dataclass(frozen=True)
+class OutcomeOfSeveral:
+    """What became of several flights; quantiles are of the attributes of `Outcome`.
+
+    Attributes:
+        error_before_m: Path error before the first blast.
+        error_at_blast_m: As it comes.
+        error_after_m: After it.
+        peak_deviation_m: Largest path error after it.
+        peak_time_s: When that was, after the arrival.
+        recovery_time_s: From the arrival until it stays within the tolerance.
+        peak_overpressure_pa: Incident, of the strongest blast.
+        peak_acceleration_m_s2: By the blasts alone.
+        fireball_time_s: Within a fireball while it glows.
+        recovered_share: Of the vehicles.
+        settled_share: Of the vehicles.
+        crashed_share: Of the vehicles.
+        flies_on_share: Of the vehicles, with its interval.
+        past_threshold_share: By exposure; null: not known.
+        lost: How many ran away.
+        lost_vehicles: Numbers of these, the first hundred.
+    """
+
+    error_before_m: Quantiles
+    error_at_blast_m: Quantiles
+    error_after_m: Quantiles
+    peak_deviation_m: Quantiles
+    peak_time_s: Quantiles
+    recovery_time_s: Quantiles
+    peak_overpressure_pa: Quantiles
+    peak_acceleration_m_s2: Quantiles
+    fireball_time_s: Quantiles
+    recovered_share: float
+    settled_share: float
+    crashed_share: float
+    flies_on_share: Share
+    past_threshold_share: Mapping[str, float | None]
+    lost: int
+    lost_vehicles: tuple[int, ...]
+
+
+@dataclass(frozen=True)
+class FlightsAnswer:
+    """How it was flown, what came, and what became of it.
+
+    Attributes:
+        scene: The scene's file.
+        seed: Of the priors.
+        vehicle: What flew.
+        vehicles: How many.
+        position_m: Where from: east, north, up.
+        target_m: What it holds.
+        yaw_rad: Its heading.
+        seconds: How long.
+        step_s: Of the integrator.
+        integrator: Which.
+        backend: What calculated it.
+        tolerance_m: Within which a vehicle has recovered.
+        load: "laws", "custom profile" or the preset of a world.
+        drawn: What was drawn of priors; quantiles of several.
+        blasts: Each as it came.
+        thresholds: By exposure.
+        scene_hold: Which hold the scene asked for; null: it does not say.
+        holds: By hold what became of the flights.
+        estimator: "ekf", or "": it flew by the truth.
+        estimates: By hold what each blast did to the estimate.
+        warnings: Sentences on what the numbers do not tell.
+    """
+
+    scene: str
+    seed: int
+    vehicle: str
+    vehicles: int
+    position_m: EastNorthUpM
+    target_m: EastNorthUpM
+    yaw_rad: float
+    seconds: float
+    step_s: float
+    integrator: str
+    backend: str
+    tolerance_m: float
+    load: str
+    drawn: Mapping[str, float | Quantiles]
+    blasts: tuple[BlastMet | BlastMetBySeveral, ...]
+    thresholds: Mapping[str, Limit]
+    scene_hold: str | None
+    holds: Mapping[str, Outcome | OutcomeOfSeveral]
+    estimator: str
+    estimates: Mapping[str, tuple[EstimateThrown, ...]]
+    warnings: tuple[str, ...]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return it as JSON can hold it; null is what is not a finite number."""
+        return {f.name: plain(getattr(self, f.name)) for f in fields(self)}
+
+
+def flights_answer(flights: Flights, *, scene: str, seed: int) -> FlightsAnswer:
+    """Return what is to be told of flights.
+
+    Args:
+        flights: What was flown.
+        scene: The file that says through what.
+        seed: Of what was drawn.
+    """
+    options, vehicle = flights.options, flights.vehicle
+    first = next(iter(flights.holds.values()))
+    several = flights.count > 1
+    blast = _blast_of_several if several else _blast
+    return FlightsAnswer(
+        scene=scene,
+        seed=seed,
+        vehicle=vehicle.model,
+        vehicles=flights.count,
+        position_m=_place(vehicle.position),
+        target_m=_place(target_of(vehicle)),
+        yaw_rad=float(vehicle.yaw),
+        seconds=flights.seconds,
+        step_s=options.step_s,
+        integrator=options.integrator,
+        backend=options.backend,
+        tolerance_m=options.tolerance_m,
+        load=options.load if options.profile is None else "custom profile",
+        drawn={
+            name: _spread(values) if several else float(values)
+            for name, values in flights.drawn.items()
+        },
+        blasts=tuple(blast(flights, first, n) for n in range(len(flights.blasts))),
+        thresholds={
+            name: Limit(limit.value, limit.source)
+            for name, limit in THRESHOLDS[vehicle.model].items()
+        },
+        scene_hold=flights.own,
+        holds={
+            name: (_outcome_of_several if several else _outcome)(vehicle.model, flown)
+            for name, flown in flights.holds.items()
+        },
+        estimator=options.estimator,
+        estimates={
+            name: estimates_thrown(
+                flown.thrown, flights.blasts, _spread if several else float
+            )
+            for name, flown in flights.holds.items()
+            if flown.thrown is not None
+        },
+        warnings=tuple(warnings_of(flights)),
+    )
+
+
+def flights_csv(flights: Flights) -> str:
+    """Return a row for each vehicle and hold: what was drawn, and what became of it."""
+    blasts = [f".{name}" if name else "" for name in flights.blasts]
+    met = ("arrival_s", "distance_m", "scaled_distance", "in_range")
+    names = ["vehicle", "hold", *flights.drawn]
+    names += [f"{column}{blast}" for blast in blasts for column in met]
+    table = [[*names, *METRICS, *EXPOSURES, "settled", "crashed", "lost"]]
+    for hold, flown in flights.holds.items():
+        columns: list[Any] = list(flights.drawn.values())
+        for n in range(len(blasts)):
+            columns += [getattr(flown.encounter, name)[:, n] for name in met]
+        columns += [metric(flown, name) for name in (*METRICS, *EXPOSURES)]
+        columns += [flown.metrics.settled, flown.metrics.crashed, flown.lost]
+        rows = zip(*map(np.asarray, columns), strict=True)
+        for lane, row in enumerate(rows):
+            table.append([str(lane), hold, *map(_field, row)])
+    return comma_separated(table)
+
+
+def _field(value: Any) -> str:
+    if isinstance(value, np.bool_):
+        return "true" if value else "false"
+    return f"{value:.9g}"
+
+
+def _outcome(model: str, flown: Flown) -> Outcome:
+    """Return what became of one flight."""
+    metrics = flown.metrics
+    return Outcome(
+        **{name: float(metric(flown, name)) for name in (*METRICS, *EXPOSURES)},
+        recovered=math.isfinite(float(metrics.recovery_time_s)),
+        settled=bool(metrics.settled),
+        crashed=bool(metrics.crashed),
+        lost=bool(flown.lost),
+        flies_on=bool(flies_on(flown)),
+        past_threshold={
+            name: None if past is None else bool(past)
+            for name, past in past_threshold(model, flown).items()
+        },
+    )
+
+
+def _outcome_of_several(model: str, flown: Flown) -> OutcomeOfSeveral:
+    """Return the distribution of each metric, and shares of the vehicles."""
+    metrics = flown.metrics
+    on = flies_on(flown)
+    lost = np.flatnonzero(flown.lost)
+    return OutcomeOfSeveral(
+        **{name: _spread(metric(flown, name)) for name in (*METRICS, *EXPOSURES)},
+        recovered_share=_share(np.isfinite(metrics.recovery_time_s)),
+        settled_share=_share(metrics.settled),
+        crashed_share=_share(metrics.crashed),
+        flies_on_share=Share(_share(on), *share_interval(on)),
+        past_threshold_share={
+            name: None if past is None else _share(past)
+            for name, past in past_threshold(model, flown).items()
+        },
+        lost=lost.size,
+        lost_vehicles=tuple(lost[:MOST_NAMED].tolist()),
+    )
+
+
+def _blast(flights: Flights, flown: Flown, n: int) -> BlastMet:
+    """Return a blast as it came to one vehicle."""
+    encounter = flown.encounter
+    return BlastMet(
+        charge=flights.blasts[n],
+        **{name: float(getattr(encounter, name)[n]) for name in MET},
+        in_range=bool(encounter.in_range[n]),
+    )
+
+
+def _blast_of_several(flights: Flights, flown: Flown, n: int) -> BlastMetBySeveral:
+    """Return a blast as it came to several vehicles."""
+    encounter = flown.encounter
+    return BlastMetBySeveral(
+        charge=flights.blasts[n],
+        **{name: _spread(getattr(encounter, name)[..., n]) for name in MET},
+        in_range_share=_share(encounter.in_range[..., n]),
+    )
+
+
+def _place(at: ArrayLike) -> EastNorthUpM:
+    east, north, up = np.asarray(at).tolist()
+    return east, north, up
+
+
+def _share(flags: ArrayLike) -> float:
+    return float(np.mean(np.asarray(flags)))
+
+
+def _spread(values: ArrayLike) -> Quantiles:
+    """Return quantiles of numbers, of which some may be infinite."""
+    return Quantiles(*quantiles(np.asarray(values)))
+
+
+def estimates_thrown(
+    thrown: Thrown, blasts: Iterable[str], of: Callable[[Any], Any]
+) -> tuple[EstimateThrown, ...]:
+    """Return what each blast did to the estimate.
+
+    Args:
+        thrown: It, the blasts last.
+        blasts: Their names.
+        of: What is told of the vehicles' numbers.
+    """
+    found = thrown._asdict()
+    return tuple(
+        EstimateThrown(charge=name, **{k: of(v[..., n]) for k, v in found.items()})
+        for n, name in enumerate(blasts)
+    )
+
+
+def estimate_lines(
+    estimates: Sequence[tuple[str, Thrown | None]],
+    blasts: Sequence[str],
+    number: Callable[[str, ArrayLike], str],
+) -> list[str]:
+    """Return lines on the estimates of flights; none where they flew by the truth.
+
+    Args:
+        estimates: What the blasts did to each, behind its name; None: nothing is.
+        blasts: Names of the charges.
+        number: Words a number by the name of its unit.
+    """
+    rows = []
+    for own, thrown in estimates:
+        if thrown is None:
+            continue
+        found = thrown._asdict()
+        for n, blast in enumerate(blasts):
+            cells = []
+            for part in PARTS.values():
+                unit = UNITS[part]
+                before = number(f"{part}{unit}", found[f"{part}_before{unit}"][..., n])
+                after = number(f"{part}{unit}", found[f"{part}{unit}"][..., n])
+                cells.append(f"{before} -> {after}")
+            name = blast or "the charge"
+            rows.append((f"{name}, {own}" if own else name, *cells))
+    if not rows:
+        return []
+    head = ("error of the estimate", *PARTS)
+    return [
+        "",
+        *aligned([head, *rows]),
+        "Root mean square in the second before each blast -> greatest until the next,",
+        "10 s at most.",
+    ]

@@ -1,1 +1,0 @@
-"""Flights: terminal, document, figures."""

@@ -1,0 +1,142 @@
+"""What `jblast tune --gains --out` writes: the scene, and both holds drawn."""
+
+import copy
+import json
+import tomllib
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+import jblast
+from jblast.files import write_text
+from jblast.report.figure_files import write_drawn
+from jblast.report.figure_style import (
+    BLUE,
+    INK,
+    VERMILLION,
+    log_ticks,
+    new_figure,
+    quiet,
+    titled,
+)
+from jblast.report.gains import GainsAnswer, gains_answer, keys_of_gains
+from jblast.report.tune_files import FIGURE, JSON, SCENE, moved, scene_text
+from jblast.study.gains.records import TunedGains, known_peaks
+
+BEFORE_S, AFTER_S = 0.2, 3.0
+"""What is shown about a blast."""
+
+
+def gains_figure(tuned: TunedGains) -> Figure:
+    """Draw peak deviations after against before, and the path error of one blast."""
+    figure = new_figure(10.5, 4.6)
+    each, over_time = figure.subplots(1, 2)
+    draw_each(each, tuned)
+    draw_middle(over_time, tuned)
+    titled(
+        each,
+        f"{tuned.vehicle.model.capitalize()}: {tuned.wish.unseen} unseen blasts",
+        f"{cut_words(tuned)}; cross: does not fly on",
+    )
+    titled(over_time, "One of them", "the blast whose peak before was the median")
+    return figure
+
+
+def cut_words(tuned: TunedGains) -> str:
+    """Return by how much the median peak deviation is less, or more."""
+    cut = tuned.cut()
+    return f"median {100 * abs(cut):.0f} % {'less' if cut >= 0 else 'more'}"
+
+
+def draw_each(axes: Axes, tuned: TunedGains) -> None:
+    """Draw the peak deviation of each unseen blast, after against before."""
+    before, after = known_peaks(tuned.before), known_peaks(tuned.after)
+    both = np.isfinite(before) & np.isfinite(after)
+    on = both & tuned.before.outcomes.flies_on & tuned.after.outcomes.flies_on
+    axes.plot(before[on], after[on], ".", color=BLUE, markersize=5, alpha=0.6)
+    off = both & ~on
+    axes.plot(before[off], after[off], "x", color=VERMILLION, markersize=5)
+    known = np.concatenate([before[both], after[both]])
+    ends = np.array([0.8 * known.min(), 1.25 * known.max()])
+    axes.plot(ends, ends, color=INK, linewidth=0.9)
+    axes.plot(ends, 0.8 * ends, color=INK, linewidth=0.9, linestyle=(0, (3, 3)))
+    axes.set_xscale("log")
+    axes.set_yscale("log")
+    axes.set_xlim(*ends)
+    axes.set_ylim(*ends)
+    for axis in (axes.xaxis, axes.yaxis):
+        log_ticks(axis, tuple(ends))
+    axes.set_xlabel("peak deviation before [m]")
+    axes.set_ylabel("after [m]; dashed: 20 % less")
+    quiet(axes)
+
+
+def draw_middle(axes: Axes, tuned: TunedGains) -> None:
+    """Draw the path error over time of the blast in the middle, before and after."""
+    peaks = known_peaks(tuned.before)
+    middle = int(np.argsort(peaks)[peaks.size // 2])
+    for tried, colour, label in (
+        (tuned.before, VERMILLION, "before"),
+        (tuned.after, BLUE, "after"),
+    ):
+        outcomes = tried.outcomes
+        error, time = outcomes.error_m[middle], outcomes.time_s
+        # where the first blast comes is where its peak time counts from
+        peak = time[np.nanargmax(np.where(time > 0, error, 0.0))]
+        since = peak - float(np.asarray(outcomes.metrics.peak_time_s)[middle])
+        axes.plot(time - since, error, color=colour, linewidth=1.6, label=label)
+    axes.set_xlim(-BEFORE_S, AFTER_S)
+    axes.set_ylim(0.0, None)
+    axes.set_xlabel("time after the blast's arrival [s]")
+    axes.set_ylabel("path error [m]")
+    axes.legend(frameon=False, fontsize=9)
+    quiet(axes)
+
+
+def write_gains(tuned: TunedGains, directory: Path, scene: str) -> tuple[str, ...]:
+    """Write tuned gains into a directory; return the names of the files.
+
+    A figure that cannot be drawn costs nothing but itself: a warning names it.
+
+    Args:
+        tuned: What was found.
+        directory: Where to; made if it is not there.
+        scene: The file of the scene, which is read again.
+
+    Raises:
+        OSError: It cannot be written.
+    """
+    directory.mkdir(parents=True, exist_ok=True)
+    document = moved(tomllib.loads(Path(scene).read_text("utf-8")), scene, directory)
+    comment = f"gains tuned by jblast {jblast.__version__} to the blasts of this scene"
+    for name in (SCENE, JSON, FIGURE):
+        (directory / name).unlink(missing_ok=True)
+    write_text(directory / SCENE, scene_text(with_gains(document, tuned), [comment]))
+    pass
+
+    names = [SCENE, JSON]
+    if write_drawn(partial(gains_figure, tuned), directory / FIGURE) is not None:
+        names.append(FIGURE)
+    write_text(directory / JSON, as_json(gains_answer(tuned, scene, tuple(names))))
+    return tuple(names)
+
+
+def with_gains(document: dict[str, Any], tuned: TunedGains) -> dict[str, Any]:
+    """Return a scene's tables with the tuned gains in them."""
+    changed = copy.deepcopy(document)
+    control = changed["vehicle"].setdefault("control", {})
+    found = keys_of_gains(tuned.after.gains)
+    control["integral"] = "ki_pos" in found
+    for key, value in found.items():
+        control[key] = list(value) if isinstance(value, tuple) else value
+    return changed
+
+
+def as_json(answer: GainsAnswer) -> str:
+    """Return what `--json` prints, and tune.json holds."""
+    document = {"schema": 1} | answer.to_dict()
+    return json.dumps(document, indent=2, ensure_ascii=False, allow_nan=False) + "\n"

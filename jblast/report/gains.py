@@ -1,0 +1,294 @@
+"""Gains that `jblast tune --gains` found."""
+
+import textwrap
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from typing import Any
+
+import numpy as np
+
+from jblast.json_values import plain
+from jblast.report.words import WIDTH, aligned
+from jblast.study.gains.records import Tried, TunedGains, known_peaks
+from jblast.vehicle import STEP_S, Gains, vehicle_of
+from jblast.vehicle.control.margins import LOOPS
+
+WORDS = {
+    "kp_pos": "position [1/s2]",
+    "kd_pos": "velocity [1/s]",
+    "ki_pos": "integral [1/s3]",
+    "kp_att": "attitude [1/s2]",
+    "kd_att": "body rate [1/s]",
+    "motor_lead": "motors' lead [-]",
+}
+
+
+@dataclass(frozen=True)
+class LoopMargins:
+    """Margins of one loop; null: nothing of the kind makes it swing.
+
+    Attributes:
+        gain_up_db: By what the rotors' answer may grow.
+        gain_down_db: By what it may shrink.
+        phase_deg: By what it may lag.
+        distance: Least distance of the loop from -1.
+    """
+
+    gain_up_db: float
+    gain_down_db: float
+    phase_deg: float
+    distance: float
+
+
+@dataclass(frozen=True)
+class Peaks:
+    """Peak deviations from the place held over the unseen blasts [m]; null: infinite.
+
+    Attributes:
+        q50: Median.
+        q90: 90 % quantile.
+        worst: The largest.
+    """
+
+    q50: float
+    q90: float
+    worst: float
+
+
+@dataclass(frozen=True)
+class TriedGains:
+    """A hold with some gains.
+
+    Attributes:
+        gains: By the names of `[vehicle] control`.
+        gain_margin_db: Least of all loops, upwards and downwards.
+        phase_margin_deg: Least of all loops.
+        margins: By loop.
+        peak_deviation_m: Over the unseen blasts.
+        error_after_m: Root mean square of the path error from the first blast to the
+            end of the flight; median over them.
+        flies_on_share: Of them, after which the vehicle flies on.
+    """
+
+    gains: Mapping[str, float | tuple[float, ...]]
+    gain_margin_db: float
+    phase_margin_deg: float
+    margins: Mapping[str, LoopMargins]
+    peak_deviation_m: Peaks
+    error_after_m: float
+    flies_on_share: float
+
+
+@dataclass(frozen=True)
+class GainsAnswer:
+    """Gains before and after, and what they are worth.
+
+    Attributes:
+        scene: The scene's file.
+        vehicle: What flew.
+        seed: Of the blasts.
+        vehicles: Blasts that the gains were tuned by.
+        unseen: Blasts that they are judged by.
+        margin_db: Gain margin asked for.
+        margin_deg: Phase margin asked for.
+        motor_lag_s: Of the motors.
+        dead_time_s: Of the loops, at which margins are told.
+        before: The scene's gains.
+        after: The tuned ones.
+        cut: By what share the median peak deviation is less.
+        flights_of_the_search: How often all blasts were flown, with derivatives.
+        converged: Whether the search ended of itself.
+        warnings: What to know.
+        files: What was written.
+    """
+
+    scene: str
+    vehicle: str
+    seed: int
+    vehicles: int
+    unseen: int
+    margin_db: float
+    margin_deg: float
+    motor_lag_s: float
+    dead_time_s: float
+    before: TriedGains
+    after: TriedGains
+    cut: float
+    flights_of_the_search: int
+    converged: bool
+    warnings: tuple[str, ...]
+    files: tuple[str, ...]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return it as JSON can hold it; null is what is not a finite number."""
+        return {f.name: plain(getattr(self, f.name)) for f in fields(self)}
+
+
+def gains_text(answer: GainsAnswer) -> str:
+    """Return what the terminal shows."""
+    lines = textwrap.wrap(
+        f"{answer.vehicle}: gains tuned by gradient through {answer.vehicles} blasts, "
+        f"judged by {answer.unseen} unseen ones; motors lag by {answer.motor_lag_s:g} "
+        f"s, dead time {answer.dead_time_s:.3g} s",
+        WIDTH,
+    )
+    lines += ["", *aligned(_rows(answer), right=(1, 2, 3)), ""]
+    lines += textwrap.wrap(
+        f"Asked for: margins of {answer.margin_db:g} dB and {answer.margin_deg:g} "
+        "degrees and more, each loop broken at the rotors.",
+        WIDTH,
+    )
+    for warning in answer.warnings:
+        lines += textwrap.wrap(f"Beware: {warning}.", WIDTH)
+    lines += ["", "Into the scene, as one line:", "", control_line(answer.after)]
+    return "\n".join(lines) + "\n"
+
+
+def control_line(tried: TriedGains) -> str:
+    """Return the gains as a scene's `[vehicle]` takes them, on one line."""
+    integral = "ki_pos" in tried.gains
+    entries = [f"integral = {'true' if integral else 'false'}"]
+    entries += [f"{key} = {_toml(value)}" for key, value in tried.gains.items()]
+    return f"control = {{ {', '.join(entries)} }}"
+
+
+def _rows(answer: GainsAnswer) -> list[list[str]]:
+    before, after = answer.before, answer.after
+    rows = [["", "before", "after", "change"]]
+    for key, words in WORDS.items():
+        if key not in after.gains:
+            continue
+        old, new = before.gains.get(key, 1.0), after.gains[key]
+        if not isinstance(old, tuple) or not isinstance(new, tuple):
+            rows.append([words, f"{old:.4g}", f"{new:.4g}", ""])
+            continue
+        for name, n in (("sideways", 0), ("upwards", 2)):
+            rows.append([f"{words}, {name}", f"{old[n]:.4g}", f"{new[n]:.4g}", ""])
+    rows.append(["gain margin [dB]", *_both(before, after, "gain_margin_db"), ""])
+    rows.append(["phase margin [deg]", *_both(before, after, "phase_margin_deg"), ""])
+    for key, words in (("q50", "median"), ("q90", "90 %"), ("worst", "worst")):
+        old, new = (getattr(x.peak_deviation_m, key) for x in (before, after))
+        change = f"{100 * (new / old - 1):+.1f} %"
+        rows.append(
+            [f"peak deviation, {words} [m]", f"{old:.3g}", f"{new:.3g}", change]
+        )
+    old, new = before.error_after_m, after.error_after_m
+    change = f"{100 * (new / old - 1):+.1f} %"
+    rows.append(["path error after, median [m]", f"{old:.3g}", f"{new:.3g}", change])
+    shares = (f"{100 * x.flies_on_share:.4g}" for x in (before, after))
+    rows.append(["fly on [%]", *shares, ""])
+    return rows
+
+
+def _both(before: TriedGains, after: TriedGains, name: str) -> list[str]:
+    return [f"{getattr(x, name):.3g}" for x in (before, after)]
+
+
+def _toml(value: float | tuple[float, ...]) -> str:
+    if isinstance(value, tuple):
+        return f"[{', '.join(map(repr, value))}]"
+    return repr(value)
+
+
+def gains_answer(
+    tuned: TunedGains, scene: str, files: tuple[str, ...] = ()
+) -> GainsAnswer:
+    """Return an answer as it is printed.
+
+    Args:
+        tuned: What was found.
+        scene: The scene's file.
+        files: What was written.
+    """
+    wish = tuned.wish
+    return GainsAnswer(
+        scene=scene,
+        vehicle=tuned.vehicle.model,
+        seed=wish.seed,
+        vehicles=wish.vehicles,
+        unseen=wish.unseen,
+        margin_db=wish.margin_db,
+        margin_deg=wish.margin_deg,
+        motor_lag_s=float(vehicle_of(tuned.vehicle).motor_lag_s),
+        dead_time_s=STEP_S / 2 + wish.delay_s,
+        before=_tried(tuned.before),
+        after=_tried(tuned.after),
+        cut=tuned.cut(),
+        flights_of_the_search=len(tuned.ln_peaks),
+        converged=tuned.converged,
+        warnings=tuple(warnings_of(tuned)),
+        files=files,
+    )
+
+
+def keys_of_gains(gains: Gains) -> dict[str, float | tuple[float, ...]]:
+    """Return gains by the names of `[vehicle] control`, in four digits."""
+
+    def few(value: Any) -> float:
+        return float(f"{float(value):.4g}")
+
+    keys: dict[str, float | tuple[float, ...]] = {
+        "kp_pos": tuple(map(few, gains.position)),
+        "kd_pos": tuple(map(few, gains.velocity)),
+    }
+    if np.any(np.asarray(gains.integral) > 0):
+        keys["ki_pos"] = tuple(map(few, gains.integral))
+    keys |= {"kp_att": few(gains.attitude), "kd_att": few(gains.body_rate)}
+    if gains.motor_lead is not None:
+        keys["motor_lead"] = few(gains.motor_lead)
+    return keys
+
+
+def warnings_of(tuned: TunedGains) -> list[str]:
+    """Return what to know of tuned gains."""
+    said = list(tuned.notes)
+    before, after = tuned.before, tuned.after
+    short = [
+        f"{had:.3g} {unit}"
+        for had, asked, unit in (
+            (before.gain_margin_db, tuned.wish.margin_db, "dB"),
+            (before.phase_margin_deg, tuned.wish.margin_deg, "degrees"),
+        )
+        if had < asked
+    ]
+    if short:
+        said.append(
+            f"the scene's own gains have margins of {' and '.join(short)}, less than "
+            "is asked of the tuned ones"
+        )
+    fewer = np.mean(before.outcomes.flies_on) - np.mean(after.outcomes.flies_on)
+    if fewer > 0:
+        said.append(
+            f"{100 * fewer:.3g} % of the flights that flew on with the scene's gains "
+            "no longer do"
+        )
+    if tuned.cut(1.0) < 0 < tuned.cut():
+        said.append("the worst of the blasts throws it further than before")
+    if tuned.cut() <= 0:
+        said.append("the median peak deviation is not less than with the scene's gains")
+    error = [
+        float(np.nanmedian(x.outcomes.metrics.error_after_m)) for x in (before, after)
+    ]
+    if error[1] > error[0]:
+        said.append(
+            "the path error after the blast is more than with the scene's gains: the "
+            "way back is longer"
+        )
+    if not tuned.converged:
+        said.append("the search did not end of itself: other gains may be better")
+    return said
+
+
+def _tried(tried: Tried) -> TriedGains:
+    margins, peaks = tried.margins, known_peaks(tried)
+    each = zip(LOOPS, *(np.asarray(x).tolist() for x in margins), strict=True)
+    half, most, worst = (float(np.quantile(peaks, q)) for q in (0.5, 0.9, 1.0))
+    return TriedGains(
+        gains=keys_of_gains(tried.gains),
+        gain_margin_db=tried.gain_margin_db,
+        phase_margin_deg=tried.phase_margin_deg,
+        margins={name: LoopMargins(*values) for name, *values in each},
+        peak_deviation_m=Peaks(half, most, worst),
+        error_after_m=float(np.nanmedian(tried.outcomes.metrics.error_after_m)),
+        flies_on_share=float(np.mean(tried.outcomes.flies_on)),
+    )

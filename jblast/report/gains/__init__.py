@@ -1,1 +1,0 @@
-"""Gains tuned by gradient through blasts, as text, figure, JSON and a scene file."""

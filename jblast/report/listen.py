@@ -1,0 +1,444 @@
+"""What the sensors of a scene recorded, as `jblast listen` tells and writes it.
+
+What is kept of samples that go by, to draw them: in constant memory.
+
+Samples come in pieces, of any size, and are seen once: the same pictures result
+whether a record came whole or in packets.
+"""
+
+import math
+import os
+from collections.abc import Iterable, Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Bool, Float
+
+from jblast.files import replacing
+from jblast.json_values import plain
+from jblast.observations.records.sound_file import write_sound_stream
+from jblast.observations.records.sound_formats import Bits
+from jblast.report.words import (
+    aligned,
+    comma_separated,
+    commented,
+    law_words,
+    printed_number,
+)
+from jblast.scene import Sensor
+from jblast.sensors.listening.plan import Listening, instrument_of, samples_of
+from jblast.sensors.signal.quantise import clipping
+
+MOST_LINES = 20
+"""Sensors that are told one by one; all of them stand in truth.csv."""
+TOLD = ("ground_arrival_s", "air_arrival_s", "peak_overpressure_pa")
+CLOCK = "times are by each sensor's own clock; its file begins there at 0"
+COLUMNS = {
+    "microphone": ("overpressure_pa",),
+    "pressure": ("overpressure_pa",),
+    "anemometer": ("wind_east_m_s", "wind_north_m_s", "wind_up_m_s"),
+    "geophone": ("ground_velocity_m_s",),
+}
+"""What a kind of sensor writes down, component by component."""
+DRAWN = {"anemometer": "wind_speed_m_s"}
+"""What is told and drawn instead, of several components: their magnitude."""
+BITS = (8, 16, 24, 32)
+"""What a whole number in a sound file may have; the least that holds a sensor's own."""
+BEFORE, AFTER = 0.25, 6.0
+"""What is drawn large: from the first arrival, some of the time to the end of the
+positive phase before it, and so many positive phases after the last."""
+DRAWN_COLUMNS = 1600
+"""That a waveform is drawn from, about one a pixel."""
+INSTANTS = 400
+"""That a spectrogram has at most."""
+WINDOW_S = 0.04
+"""Of one spectrum, about: a blast's low tones and its front are both seen."""
+OVERLAPS = (2, 16)
+"""Windows that a sample lies in: of a long record, and at most."""
+PIECE = 2**16
+"""Samples that are looked at in one go."""
+
+
+class SensorRecord:
+    """One sensor's record: where it is written, and what is kept of it to be told.
+
+    Attributes:
+        sensor: Whose it is.
+        file: Name of its file.
+        rate_hz: Samples a second.
+        samples: How many it has.
+        column: What is told and drawn of it, with its unit.
+        full_scale: What a sample of 1 in a sound file stands for [Pa].
+        largest: Largest magnitude written, in its unit.
+        clipped: By charge, whether a sample clipped between its first arrival and the
+            next charge's.
+        clipped_samples: How many did in all.
+        whole: Its wave form.
+        near: Its wave form around the arrivals; None where no blast comes.
+        spectrogram: Its spectra.
+    """
+
+    def __init__(self, listening: Listening, sensor: Sensor, file: str):
+        instrument = instrument_of(sensor)
+        self.sensor, self.file = sensor, file
+        self.rate_hz, self.samples = instrument.rate, 0
+        self.column: str = DRAWN.get(sensor.kind) or COLUMNS[sensor.kind][0]
+        self.bits = instrument.bits
+        self.full_scale = 1.0
+        if self.bits is not None and instrument.full_scale is not None:
+            self.full_scale = float(instrument.full_scale)
+        # what 32 bits make of a sample at the limit is no less clipped
+        self._limit = float(clipping(jnp.zeros(1), instrument).level) * (1 - 1e-6)
+        self.largest, self.clipped_samples = 0.0, 0
+        number = [other.name for other in listening.sensors].index(sensor.name)
+        values = {name: rows[number] for name, rows in listening.truth.values.items()}
+        self._first = np.fmin(values["air_arrival_s"], values["ground_arrival_s"])
+        self.clipped: Bool[np.ndarray, " shot"] = np.zeros(self._first.shape, bool)
+        planned = samples_of(listening, sensor)
+        self.whole = Envelope(0, planned, self.rate_hz)
+        self.near = _near(self._first, values, planned, self.rate_hz)
+        self.spectrogram = Spectrogram(planned, self.rate_hz)
+
+    def write(
+        self,
+        path: Path,
+        packets: Iterable[Float[np.ndarray, "sample component"]],
+        comments: Iterable[str],
+    ) -> None:
+        """Write the samples as they come; what a stream had that breaks is kept."""
+        seen = self._seen(packets)
+        if self.sensor.kind != "microphone":
+            columns = COLUMNS[self.sensor.kind]
+            write_samples(path, seen, self.rate_hz, columns, [*comments])
+            return
+        bits: Bits = "float"
+        if self.bits is not None:
+            bits = next(most for most in BITS if most >= self.bits)
+        scaled = (samples[:, 0] / self.full_scale for samples in seen)
+        write_sound_stream(path, scaled, self.rate_hz, bits)
+
+    def _seen(
+        self, packets: Iterable[Float[np.ndarray, "sample component"]]
+    ) -> Iterator[Float[np.ndarray, "sample component"]]:
+        """Look at packets as they go by."""
+        for packet in packets:
+            magnitude = np.linalg.norm(packet, axis=1)
+            signal = packet[:, 0] if packet.shape[1] == 1 else magnitude
+            self.whole.push(signal, self.samples)
+            if self.near is not None:
+                self.near.push(signal, self.samples)
+            self.spectrogram.push(signal)
+            self.largest = max(self.largest, float(magnitude.max(initial=0.0)))
+            at = np.flatnonzero((np.abs(packet) >= self._limit).any(axis=1))
+            self._clip((self.samples + at) / self.rate_hz)
+            self.samples += len(packet)
+            yield packet
+
+    def _clip(self, times: Float[np.ndarray, " n"]) -> None:
+        """Count samples that clipped, and say of which blast: the last that came."""
+        self.clipped_samples += times.size
+        order = np.argsort(self._first)
+        # a front within the sample that it begins in
+        came = np.searchsorted(self._first[order], times + 1.0 / self.rate_hz)
+        self.clipped[order[np.unique(came[came > 0]) - 1]] = True
+
+
+def listening_text(
+    listening: Listening, records: Sequence[SensorRecord], notes: Sequence[str] = ()
+) -> str:
+    """Return the records as a table, and what to know of them.
+
+    Args:
+        listening: What was to be recorded.
+        records: What was.
+        notes: What else there is to know.
+    """
+    rows = [["sensor", "kind", "file", "ground", "air", "peak"]]
+    for number, record in enumerate(records[:MOST_LINES]):
+        values = {name: row[number] for name, row in listening.truth.values.items()}
+        shot = int(np.nan_to_num(values["air_arrival_s"], nan=np.inf).argmin())
+        numbers = [_number(name, values[name][shot]) for name in TOLD]
+        rows.append([record.sensor.name, record.sensor.kind, record.file, *numbers])
+    lines = aligned(rows, right=(3, 4, 5))
+    if len(records) > MOST_LINES:
+        lines.append(f"and {len(records) - MOST_LINES} more, in truth.csv")
+    lines.append(f"{listening.seconds:g} s each, from 0 on the sensor's own clock")
+    if len(listening.truth.shots) > 1:
+        lines.append("arrivals and peak of the first blast that comes")
+    notes = (*notes, *listening.notes, *warnings_of(listening, records))
+    lines += [f"Note: {note.removeprefix('note: ')}" for note in notes]
+    return "\n".join(lines) + "\n"
+
+
+def _number(name: str, value: float) -> str:
+    return printed_number(name, value) if np.isfinite(value) else "never"
+
+
+def listening_document(
+    listening: Listening, records: Sequence[SensorRecord], notes: Sequence[str] = ()
+) -> dict[str, Any]:
+    """Return what `--json` prints; what never comes is null.
+
+    Where there are several blasts, a sensor's own arrivals and peak are those of the
+    first that comes to it.
+
+    Args:
+        listening: What was to be recorded.
+        records: What was.
+        notes: What else there is to know.
+    """
+    return plain(
+        {
+            "seconds": listening.seconds,
+            "laws": listening.truth.laws,
+            "sensors": {
+                record.sensor.name: _sensor(listening, number, record)
+                for number, record in enumerate(records)
+            },
+            "skipped": listening.skipped,
+            "warnings": [*notes, *listening.notes, *warnings_of(listening, records)],
+        }
+    )
+
+
+def _sensor(listening: Listening, number: int, record: SensorRecord) -> dict[str, Any]:
+    truth = listening.truth
+    values = {name: rows[number] for name, rows in truth.values.items()}
+    shot = int(np.nan_to_num(values["air_arrival_s"], nan=np.inf).argmin())
+    document = {
+        "kind": record.sensor.kind,
+        "file": record.file,
+        "rate_hz": record.rate_hz,
+        "samples": record.samples,
+        **{name: row[shot] for name, row in values.items()},
+        "clipped": record.clipped_samples > 0,
+        "clipped_samples": record.clipped_samples,
+        f"largest_{record.column}": record.largest,
+    }
+    if record.sensor.kind == "microphone":
+        document["full_scale_pa"] = record.full_scale
+    if len(truth.shots) > 1:
+        document["blasts"] = {
+            name: {quantity: row[n] for quantity, row in values.items()}
+            | {"clipped": record.clipped[n]}
+            for n, name in enumerate(truth.shots)
+        }
+    return document
+
+
+def warnings_of(listening: Listening, records: Sequence[SensorRecord]) -> list[str]:
+    """Return what somebody should know who uses the records."""
+    truth = listening.truth
+    notes = [f"sensor {name!r}: {why}" for name, why in listening.skipped.items()]
+    for name, valid in truth.valid.items():
+        held = zip(records, valid, strict=True)
+        wrong = [record.sensor.name for record, row in held if not row.all()]
+        if wrong:
+            notes.append(
+                f"{name} by {law_words(truth.laws[name])}, which was not made for "
+                f"where these stand: {', '.join(wrong)}"
+            )
+    for record, arrivals in zip(records, truth.values["air_arrival_s"], strict=True):
+        who = f"sensor {record.sensor.name!r}"
+        if record.clipped_samples:
+            notes.append(
+                f"{who}: {record.clipped_samples:,} of {record.samples:,} samples are "
+                "at the instrument's limit; a peak read from them is a lower bound"
+            )
+        end = record.samples / record.rate_hz
+        notes += [
+            f"{who}: the blast{f' {shot!r}' if shot else ''} comes at {arrival:.6g} s, "
+            f"outside the record of {end:g} s"
+            for shot, arrival in zip(truth.shots, arrivals, strict=True)
+            if np.isfinite(arrival) and not 0.0 <= arrival < end
+        ]
+    return notes
+
+
+def truth_csv(
+    listening: Listening, records: Sequence[SensorRecord], comments: Sequence[str]
+) -> str:
+    """Return a row for each sensor and blast: what the laws say, and what clipped."""
+    truth = listening.truth
+    head = ["sensor", "kind", "shot", "east_m", "north_m", "up_m", *truth.values]
+    head += ["law_valid", "clipped", "file", "rate_hz", "samples", "full_scale_pa"]
+    rows: list[list[str]] = [head]
+    for number, record in enumerate(records):
+        sound = record.sensor.kind == "microphone"
+        for n, shot in enumerate(truth.shots):
+            values = [f"{column[number, n]:.12g}" for column in truth.values.values()]
+            valid = all(held[number, n] for held in truth.valid.values())
+            place = [
+                f"{x:.12g}" for x in truth.places["air_arrival_s"][number, n].tolist()
+            ]
+            row = [record.sensor.name, record.sensor.kind, shot, *place, *values]
+            row += [_word(valid), _word(record.clipped[n]), record.file]
+            row += [f"{record.rate_hz:g}", str(record.samples)]
+            rows.append([*row, f"{record.full_scale:.12g}" if sound else ""])
+    return commented(comments) + comma_separated(rows)
+
+
+def _word(flag: Any) -> str:
+    return "true" if flag else "false"
+
+
+class Envelope:
+    """Smallest and largest sample of every column of a stretch of a record.
+
+    Attributes:
+        low: Smallest sample of each column; NaN where none has come.
+        high: Largest one.
+    """
+
+    def __init__(
+        self, start: int, stop: int, rate_hz: float, columns: int = DRAWN_COLUMNS
+    ):
+        self.start, self.stop, self.rate_hz = start, stop, rate_hz
+        columns = max(1, min(columns, stop - start))
+        self.edges = start + (stop - start) * np.arange(columns + 1) // columns
+        self.low = np.full(columns, np.nan)
+        self.high = np.full(columns, np.nan)
+
+    def push(self, samples: Float[np.ndarray, " n"], at: int) -> None:
+        """Take in samples, of which the first is number `at` of the record."""
+        begin, end = max(at, self.start), min(at + samples.size, self.stop)
+        if end <= begin:
+            return
+        inside = samples[begin - at : end - at]
+        first = int(np.searchsorted(self.edges, begin, side="right")) - 1
+        last = int(np.searchsorted(self.edges, end, side="left"))
+        cuts = np.maximum(self.edges[first:last], begin) - begin
+        low, high = self.low[first:last], self.high[first:last]
+        np.fmin(low, np.minimum.reduceat(inside, cuts), out=low)
+        np.fmax(high, np.maximum.reduceat(inside, cuts), out=high)
+
+    @property
+    def time_s(self) -> Float[np.ndarray, " column"]:
+        """Middle of each column [s]."""
+        return (self.edges[:-1] + self.edges[1:] - 1) / (2.0 * self.rate_hz)
+
+
+def _near(
+    first: Float[np.ndarray, " shot"],
+    values: dict[str, Float[np.ndarray, " shot"]],
+    samples: int,
+    rate_hz: float,
+) -> Envelope | None:
+    """Return what draws the arrivals of the first blast that comes, large."""
+    first = np.where(first >= 0, first, np.inf)
+    shot = int(first.argmin())
+    duration = values["positive_duration_s"][shot]
+    begin, end = first[shot], values["air_arrival_s"][shot] + duration
+    if not (np.isfinite(begin) and np.isfinite(end)):
+        return None
+    begin -= BEFORE * (end - begin)
+    end += AFTER * duration
+    start, stop = (int(np.clip(t * rate_hz, 0, samples)) for t in (begin, end))
+    return Envelope(start, stop, rate_hz) if stop > start + 1 else None
+
+
+def write_samples(
+    path: str | os.PathLike[str],
+    packets: Iterable[Float[np.ndarray, "sample component"]],
+    rate_hz: float,
+    columns: Sequence[str],
+    comments: Sequence[str],
+) -> int:
+    """Write samples against time, in constant memory.
+
+    If the packets break off by an error, or are interrupted, those that came are kept
+    as a whole file and the error goes on.
+
+    Args:
+        path: What is there is replaced.
+        packets: Samples in a row.
+        rate_hz: Samples a second; the first is at 0.
+        columns: What each component is, with the unit.
+        comments: Lines that say where the samples come from.
+
+    Returns:
+        How many samples there are.
+    """
+    written = 0
+    broken: BaseException | None = None
+    with (
+        replacing(path) as temporary,
+        temporary.open("w", encoding="utf-8", newline="") as file,
+    ):
+        file.write(commented(comments))
+        file.write(comma_separated([["time_s", *columns]]))
+        try:
+            for packet in packets:
+                times = (written + np.arange(len(packet))) / rate_hz
+                rows = np.column_stack([times, packet]).tolist()
+                file.write(comma_separated(map(_cells, rows)))
+                written += len(packet)
+        except BaseException as error:
+            if not written:
+                raise  # nothing to keep: what was there before stays
+            broken = error
+    if broken is not None:
+        raise broken
+    return written
+
+
+def _cells(row: Sequence[float]) -> list[str]:
+    """Return a time to the nanosecond, and samples with the digits of 32 bits."""
+    time, *samples = row
+    return [f"{time:.9f}", *(f"{sample:.9g}" for sample in samples)]
+
+
+class Spectrogram:
+    """Power density of a record against time, by Hann windows that overlap.
+
+    Attributes:
+        frequency_hz: Of each row, without 0.
+        time_s: Edges of the columns.
+    """
+
+    def __init__(self, samples: int, rate_hz: float):
+        self.rate_hz, self.samples = rate_hz, samples
+        size = 2 ** round(math.log2(max(WINDOW_S * rate_hz, 16.0)))
+        while size > max(samples, 16):
+            size //= 2
+        least, most = (size // overlap for overlap in reversed(OVERLAPS))
+        self.size, self.step = size, max(1, least, min(most, samples // INSTANTS))
+        self.window = np.hanning(size + 1)[:-1]
+        frames = max(1, (samples - size) // self.step + 1)
+        self.frames, columns = frames, min(frames, INSTANTS)
+        self.power = np.zeros((columns, size // 2))
+        self.count = np.zeros(columns)
+        self.frequency_hz = np.arange(1, size // 2 + 1) * rate_hz / size
+        first = np.arange(columns + 1) * frames / columns * self.step
+        self.time_s = (first + self.size / 2 - self.step / 2) / rate_hz
+        self._left = np.zeros(0)
+        self._done = 0
+
+    def push(self, samples: Float[np.ndarray, " n"]) -> None:
+        """Take in the next samples."""
+        for start in range(0, samples.size, PIECE):
+            self._take(samples[start : start + PIECE])
+
+    def _take(self, samples: Float[np.ndarray, " n"]) -> None:
+        waiting = np.concatenate([self._left, samples])
+        frames = max(0, (waiting.size - self.size) // self.step + 1)
+        frames = min(frames, self.frames - self._done)
+        if frames > 0:
+            windows = np.lib.stride_tricks.sliding_window_view(waiting, self.size)
+            spectra = np.fft.rfft(windows[:: self.step][:frames] * self.window)[:, 1:]
+            # one-sided; the last row, Nyquist's, has no twin
+            power = 2.0 * np.abs(spectra) ** 2
+            power[:, -1] /= 2.0
+            columns = (self._done + np.arange(frames)) * len(self.count) // self.frames
+            np.add.at(self.power, columns, power)
+            np.add.at(self.count, columns, 1.0)
+            self._done += frames
+        self._left = waiting[frames * self.step :]
+
+    def density(self) -> Float[np.ndarray, "instant frequency"]:
+        """Return mean power by frequency [unit^2/Hz]; NaN where nothing came."""
+        scale = self.rate_hz * np.sum(self.window**2)
+        with np.errstate(invalid="ignore"):
+            return self.power / (scale * self.count[:, None])

@@ -1,1 +1,0 @@
-"""What `jblast listen` writes: samples, the truth behind them, and pictures of both."""

@@ -1,0 +1,362 @@
+"""How a mission went."""
+
+import math
+import textwrap
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from jblast.json_values import plain
+from jblast.missions.frame import geodetic
+from jblast.missions.plan.commands import COMMANDS
+from jblast.report.flights import (
+    BlastMet,
+    EastNorthUpM,
+    EstimateThrown,
+    Limit,
+    estimate_lines,
+    estimates_thrown,
+)
+from jblast.report.words import (
+    WIDTH,
+    aligned,
+    capitalised,
+    parameter_words,
+    printed_number,
+    significant,
+)
+from jblast.study.missions.outcome import WATCHED_S
+from jblast.study.missions.records import Disturbance, MissionFlight
+from jblast.vehicle.thresholds import THRESHOLDS
+
+
+def mission_text(flight: MissionFlight) -> str:
+    """Return what the terminal shows."""
+    lines = [*_title(flight), ""]
+    if flight.drawn:
+        drawn = [
+            (parameter_words(name), _number(name, value))
+            for name, value in flight.drawn.items()
+        ]
+        lines += [*aligned([("drawn, by --seed", ""), *drawn]), ""]
+    lines += [*aligned(_waypoints(flight)), ""]
+    lines += aligned(_blasts(flight))
+    names = [one.charge for one in flight.disturbances]
+    lines += estimate_lines([("", flight.thrown)], names, _any_number)
+    lines += ["", *_notes(flight)]
+    return "\n".join(lines) + "\n"
+
+
+def _title(flight: MissionFlight) -> list[str]:
+    reached = sum(one.reached for one in flight.waypoints)
+    options = flight.options
+    who = f"{flight.vehicle.model.capitalize()} on {flight.mission.plan.source}"
+    how = f"({options.integrator}, steps of {printed_number('step_s', options.step_s)})"
+    if flight.crash:
+        end = f"{flight.crash}: a crash"
+    elif math.isfinite(flight.disarmed_s):
+        end = f"landed, disarmed after {flight.disarmed_s:.4g} s"
+    else:
+        end = f"cut off after {flight.seconds:.4g} s, in flight"
+    return [
+        f"{who} {how}:",
+        f"{end}; {reached} of {len(flight.waypoints)} waypoints reached",
+    ]
+
+
+def _waypoints(flight: MissionFlight) -> list[tuple[str, ...]]:
+    rows = [("waypoint", "reached", "missed by", "path error rms", "greatest")]
+    for one in flight.waypoints:
+        rows.append(
+            (
+                f"{one.item.number} {COMMANDS[one.item.command].name}",
+                f"{one.time_s:.2f} s" if one.reached else "no",
+                _number("path_error_m", one.error_m),
+                _number("path_error_m", one.path_error_rms_m),
+                _number("path_error_m", one.path_error_max_m),
+            )
+        )
+    return rows
+
+
+def _blasts(flight: MissionFlight) -> list[tuple[str, ...]]:
+    rows: list[tuple[str, ...]] = [
+        (
+            *("blast", "arrives", "on the way to", "distance", "peak"),
+            *("path error before", "peak deviation", "recovery"),
+        )
+    ]
+    came = flight.encounter
+    for n, one in enumerate(flight.disturbances):
+        flown = one.waypoint >= 0
+        to = str(flight.waypoints[one.waypoint].item.number) if flown else "-"
+        rows.append(
+            (
+                one.charge or "the charge",
+                _number("arrival_s", float(came.arrival_s[n])),
+                to,
+                _number("distance_m", float(came.distance_m[n])),
+                _number("overpressure_pa", float(came.overpressure_pa[n])),
+                _number("path_error_m", one.error_before_m),
+                _number("path_error_m", one.peak_deviation_m),
+                _number("recovery_time_s", one.recovery_time_s),
+            )
+        )
+    return rows
+
+
+def _notes(flight: MissionFlight) -> list[str]:
+    tolerance = printed_number("tolerance_m", flight.options.tolerance_m)
+    notes = [
+        "A waypoint is reached within its acceptance radius; missed by: the least "
+        "distance from it. Path error: distance from the set point, which moves along "
+        "the plan's legs. Deviation and recovery: of the "
+        f"{WATCHED_S:g} s after a blast, or up to the next one; recovered is who stays "
+        f"within {tolerance}."
+    ]
+    notes += [f"{capitalised(warning)}." for warning in mission_warnings(flight)]
+    return [line for note in notes for line in textwrap.wrap(note, WIDTH)]
+
+
+def _any_number(name: str, value: ArrayLike) -> str:
+    return _number(name, float(np.asarray(value)))
+
+
+def _number(name: str, value: float) -> str:
+    if math.isnan(value):
+        return "-"
+    if math.isinf(value):
+        return {"recovery_time_s": "not yet", "arrival_s": "never"}.get(name, "-")
+    if 0 < abs(value) < 1e-6:
+        return printed_number(name, 0.0)
+    return printed_number(name, value, 4) if name else significant(value, 4)
+
+
+@dataclass(frozen=True)
+class BlastFlownThrough:
+    """What one blast did; null where it came before or after the flight.
+
+    Attributes:
+        charge: Its name; "" of one alone.
+        waypoint: Number of the item it came on the way to.
+        error_before_m: Path error as it came.
+        peak_deviation_m: Greatest path error until the next blast, 10 s at most.
+        peak_time_s: When, after it came.
+        recovery_time_s: Until the path error stayed within the tolerance; null: it
+            did not.
+        recovered: Whether it did.
+    """
+
+    charge: str
+    waypoint: int | None
+    error_before_m: float
+    peak_deviation_m: float
+    peak_time_s: float
+    recovery_time_s: float
+    recovered: bool | None
+
+
+@dataclass(frozen=True)
+class WaypointFlown:
+    """One item as it was flown; one that is jumped back to is there again.
+
+    Attributes:
+        index: Number of the item in its plan.
+        command: As MAVLink numbers it.
+        reached: Whether the vehicle came within the acceptance radius.
+        time_s: When, on the scene's clock; null: never.
+        error_m: Least distance from it.
+        path_error_rms_m: Of the distance from the set point on the way there.
+        path_error_max_m: Likewise, the greatest.
+    """
+
+    index: int
+    command: int
+    reached: bool
+    time_s: float
+    error_m: float
+    path_error_rms_m: float
+    path_error_max_m: float
+
+
+@dataclass(frozen=True)
+class MissionAnswer:
+    """What was flown, what came, and what became of it.
+
+    Attributes:
+        scene: The scene's file.
+        mission: The plan's file.
+        seed: Of the priors.
+        vehicle: What flew.
+        home: Latitude, longitude [degree] and height [m] of where it stood.
+        home_m: The same: east, north, up.
+        seconds: How long, from calibration until a second after it was disarmed.
+        step_s: Of the integrator, and of the controller.
+        integrator: Which.
+        backend: What calculated it.
+        tolerance_m: Within which a vehicle has recovered.
+        load: "laws", "custom profile" or the preset of a world.
+        drawn: What was drawn of priors.
+        completed: Whether it came to its end without a crash, each waypoint reached.
+        disarmed_s: When its rotors were stopped after it had landed; null: never.
+        crashed: Whether it crashed.
+        crash: By what; "" if it did not.
+        waypoints: Each item as it was flown.
+        blasts: Each as it came.
+        disturbances: What each did.
+        estimator: "ekf", or "": it flew by the truth.
+        estimates: What each blast did to the estimate; none by the truth.
+        peak_overpressure_pa: Incident, of the strongest blast.
+        peak_acceleration_m_s2: By the blasts alone.
+        thresholds: Of these two, by exposure.
+        warnings: Sentences on what the numbers do not tell.
+    """
+
+    scene: str
+    mission: str
+    seed: int
+    vehicle: str
+    home: tuple[float, float, float]
+    home_m: EastNorthUpM
+    seconds: float
+    step_s: float
+    integrator: str
+    backend: str
+    tolerance_m: float
+    load: str
+    drawn: Mapping[str, float]
+    completed: bool
+    disarmed_s: float
+    crashed: bool
+    crash: str
+    waypoints: tuple[WaypointFlown, ...]
+    blasts: tuple[BlastMet, ...]
+    disturbances: tuple[BlastFlownThrough, ...]
+    estimator: str
+    estimates: tuple[EstimateThrown, ...]
+    peak_overpressure_pa: float
+    peak_acceleration_m_s2: float
+    thresholds: Mapping[str, Limit]
+    warnings: tuple[str, ...]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return it as JSON can hold it; null is what is not a finite number."""
+        return {f.name: plain(getattr(self, f.name)) for f in fields(self)}
+
+
+def mission_answer(flight: MissionFlight, *, scene: str, seed: int) -> MissionAnswer:
+    """Return what is to be told of a mission.
+
+    Args:
+        flight: What was flown.
+        scene: The file that says through what.
+        seed: Of what was drawn.
+    """
+    options, mission = flight.options, flight.mission
+    limits = THRESHOLDS[flight.vehicle.model]
+    judged = ("peak_overpressure_pa", "peak_acceleration_m_s2")
+    lat, lon, alt = geodetic(mission.frame, mission.home_m).tolist()
+    east, north, up = mission.home_m.tolist()
+    return MissionAnswer(
+        scene=scene,
+        mission=mission.plan.source,
+        seed=seed,
+        vehicle=flight.vehicle.model,
+        home=(lat, lon, alt),
+        home_m=(east, north, up),
+        seconds=flight.seconds,
+        step_s=options.step_s,
+        integrator=options.integrator,
+        backend=options.backend,
+        tolerance_m=options.tolerance_m,
+        load=options.load if options.profile is None else "custom profile",
+        drawn=flight.drawn,
+        completed=flight.completed,
+        disarmed_s=flight.disarmed_s,
+        crashed=bool(flight.crash),
+        crash=flight.crash,
+        waypoints=tuple(
+            WaypointFlown(
+                one.item.number,
+                one.item.command,
+                one.reached,
+                one.time_s,
+                one.error_m,
+                one.path_error_rms_m,
+                one.path_error_max_m,
+            )
+            for one in flight.waypoints
+        ),
+        blasts=tuple(
+            _met(flight, n, one.charge) for n, one in enumerate(flight.disturbances)
+        ),
+        disturbances=tuple(_through(flight, one) for one in flight.disturbances),
+        estimator=options.estimator,
+        estimates=_estimates(flight),
+        peak_overpressure_pa=float(flight.exposure.peak_overpressure_pa),
+        peak_acceleration_m_s2=float(flight.exposure.peak_acceleration_m_s2),
+        thresholds={n: Limit(limits[n].value, limits[n].source) for n in judged},
+        warnings=tuple(mission_warnings(flight)),
+    )
+
+
+def mission_warnings(flight: MissionFlight) -> list[str]:
+    """Return sentences on what the numbers do not tell by themselves."""
+    said = list(flight.notes)
+    plan = flight.mission.plan
+    said += [
+        f"{plan.source} has {part}, which is not heeded" for part in plan.not_flown
+    ]
+    if flight.crash:
+        said.append(f"the vehicle {flight.crash}: what it did afterwards is no flight")
+    elif math.isnan(flight.disarmed_s):
+        said.append("it was cut off before it had landed")
+    outside = ~np.asarray(flight.encounter.in_range)
+    for one, away in zip(flight.disturbances, outside, strict=True):
+        name = f"blast {one.charge}" if one.charge else "the blast"
+        if one.waypoint < 0:
+            said.append(f"{name} comes before or after the flight")
+        elif away:
+            known = "its laws hold" if flight.options.profile is None else "has cases"
+            said.append(
+                f"{name} comes from where no "
+                + ("laws hold" if known.startswith("its") else "profile has cases")
+                + ": its load is finite, no more"
+            )
+    return said
+
+
+def _met(flight: MissionFlight, n: int, name: str) -> BlastMet:
+    came = flight.encounter
+    return BlastMet(
+        charge=name,
+        arrival_s=float(came.arrival_s[n]),
+        distance_m=float(came.distance_m[n]),
+        scaled_distance=float(came.scaled_distance[n]),
+        overpressure_pa=float(came.overpressure_pa[n]),
+        in_range=bool(came.in_range[n]),
+    )
+
+
+def _estimates(flight: MissionFlight) -> tuple[EstimateThrown, ...]:
+    """Return what each blast did to the estimate; nothing by the truth."""
+    if flight.thrown is None:
+        return ()
+    names = [one.charge for one in flight.disturbances]
+    return estimates_thrown(flight.thrown, names, float)
+
+
+def _through(flight: MissionFlight, one: Disturbance) -> BlastFlownThrough:
+    flown = one.waypoint >= 0
+    return BlastFlownThrough(
+        one.charge,
+        flight.waypoints[one.waypoint].item.number if flown else None,
+        one.error_before_m,
+        one.peak_deviation_m,
+        one.peak_time_s,
+        one.recovery_time_s,
+        math.isfinite(one.recovery_time_s) if flown else None,
+    )

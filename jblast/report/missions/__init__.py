@@ -1,1 +1,0 @@
-"""Missions: terminal, document, map, figures."""

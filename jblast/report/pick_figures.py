@@ -1,0 +1,279 @@
+"""Records and the pulses picked from them, drawn, and on a page."""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import jax
+import numpy as np
+from jaxtyping import Array, Float, Int
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+import jblast
+from jblast.inference.picks import NAMES, Pick, RecordPick
+from jblast.inference.records import Gathered
+from jblast.kept_programs import kept
+from jblast.report.figure_files import picture_of
+from jblast.report.figure_style import (
+    BLUE,
+    COLOURS,
+    DPI,
+    INK,
+    MUTED,
+    VERMILLION,
+    quiet,
+    titled,
+)
+from jblast.report.pages import page
+from jblast.report.picks import RECORDS_ALT, RECORDS_CAPTION, estimate_words, note_words
+from jblast.report.provenance import Provenance, provenance_lines
+from jblast.report.words import Unit, capitalised, quantity_words, unit_for
+from jblast.waves.waveform.pulse import Pulse, pulse_mean
+
+MOST = 24
+"""Records of one picture."""
+COLUMNS = 2
+NEAR = 1e-3
+"""A sample within this share of where a record clips is clipped."""
+UNSCALED = Unit("sample", 1.0)
+BINS = 320
+"""What a picture of a record shows."""
+BEFORE, AFTER = 0.6, 1.4
+"""Drawn before the front, in positive phases; and after it, in lengths of the wave."""
+TITLES = {"decay": "Decay", "rise_time_s": "Rise time"}
+"""Of what stands in no table of quantities."""
+
+
+def records_figure(names: Sequence[str], picks: Sequence[RecordPick]) -> Figure:
+    """Draw picks, each record above its residual, two beside each other.
+
+    Args:
+        names: What to call each.
+        picks: They keep their samples; the first `MOST` are drawn.
+    """
+    shown = picks[:MOST]
+    rows = -(-len(shown) // COLUMNS)
+    columns = min(COLUMNS, len(shown))
+    width, height = 5.4 * columns, 0.5 + 2.9 * rows
+    # a grid that is known needs no constrained layout, which would take seconds
+    figure = Figure(figsize=(width, height), dpi=DPI)
+    outer = figure.add_gridspec(
+        rows,
+        columns,
+        left=0.75 / width,
+        right=1 - 0.15 / width,
+        bottom=0.6 / height,
+        top=1 - 0.35 / height,
+        wspace=0.2,
+        hspace=0.24,
+    )
+    made = zip(names, shown, curves(shown), strict=False)
+    for nth, (name, one, curve) in enumerate(made):
+        row, column = divmod(nth, columns)
+        inner = outer[row, column].subgridspec(2, 1, height_ratios=[2.6, 1], hspace=0.1)
+        above, below = (figure.add_subplot(part) for part in inner)
+        _draw(above, below, name, one, curve)
+        if nth + columns >= len(shown):
+            below.set_xlabel("time [s]")
+    if len(picks) > MOST:
+        figure.supxlabel(f"{len(picks) - MOST} more are not drawn", fontsize=9)
+    return figure
+
+
+class Curve(NamedTuple):
+    """What is drawn of a pick, a value for each bin.
+
+    Attributes:
+        time: Middle of each bin [s].
+        samples: Mean of the samples in it.
+        low: Least of them.
+        high: Largest of them.
+        fitted: Mean of the fitted pulse over it, above the baseline at the arrival.
+    """
+
+    time: Float[np.ndarray, " bin"]
+    samples: Float[np.ndarray, " bin"]
+    low: Float[np.ndarray, " bin"]
+    high: Float[np.ndarray, " bin"]
+    fitted: Float[np.ndarray, " bin"]
+
+
+def _draw(above: Axes, below: Axes, name: str, one: RecordPick, curve: Curve) -> None:
+    """Draw one record."""
+    unit, alone = UNSCALED, "onset_alone" in one.notes
+    if one.record.calibrated:
+        largest = np.abs([curve.low, curve.high]).max()
+        size = largest if alone else one.pick.peak_overpressure_pa
+        unit = unit_for("peak_overpressure_pa", float(size))
+    low, high, fitted = (x / unit.size for x in (curve.low, curve.high, curve.fitted))
+    residual = (curve.samples - curve.fitted) / unit.size
+    for axes in (above, below):
+        quiet(axes)
+        axes.set_xlim(curve.time[0], curve.time[-1])
+        axes.axhline(0.0, color=MUTED, linewidth=0.7)
+    above.fill_between(curve.time, low, high, color="#9a9a9a", linewidth=0.8)
+    above.plot(curve.time, fitted, color=BLUE, linewidth=1.4)
+    arrival = float(one.pick.air_arrival_s)
+    end = arrival + float(one.pick.positive_duration_s)
+    above.axvline(arrival, color=VERMILLION, linewidth=1.0, zorder=0)
+    above.axvline(end, color=VERMILLION, linewidth=1.0, linestyle=":", zorder=0)
+    for later in np.asarray(one.pick.later_arrivals_s):
+        if np.isfinite(later):
+            above.axvline(later, color=COLOURS[4], linewidth=1.0, zorder=0)
+    clipped = float(one.pick.clipped_at_pa)
+    if np.isfinite(clipped):
+        level = (clipped - float(one.pick.baseline_pa)) / unit.size
+        above.axhline(level, color=INK, linewidth=0.8, linestyle="--")
+        residual[high >= (1.0 - NEAR) * level] = np.nan  # only bounds the pressure
+    below.plot(curve.time, residual, color=INK, linewidth=0.7)
+    largest = float(np.abs(residual[np.isfinite(residual)]).max(initial=0.0))
+    below.set_ylim(-1.15 * largest or -1.0, 1.15 * largest or 1.0)
+    above.tick_params(labelbottom=False)
+    above.set_ylabel(f"[{unit.symbol}]")
+    above.yaxis.set_label_coords(-0.095, 0.5)
+    words = [estimate_words(one, "peak_overpressure_pa") or "uncalibrated"]
+    words.append(estimate_words(one, "positive_duration_s"))
+    note = "onset alone" if alone else ", ".join(filter(None, words))
+    titled(above, name, note, y=1.0)
+
+
+def curves(picks: Sequence[RecordPick]) -> list[Curve]:
+    """Return what is drawn of picks that keep their samples."""
+    edges = [_edges(one) for one in picks]
+    padded = np.array([np.pad(e, (0, BINS + 1 - e.size), mode="edge") for e in edges])
+    start = np.array([one.record.start_s for one in picks])[:, None]
+    rate = np.array([one.record.rate_hz for one in picks])[:, None]
+    arrival = np.array([float(one.pick.air_arrival_s) for one in picks])[:, None]
+    # a sample is a mean about its time; from the arrival, so that no digits are lost
+    since = (start - arrival) + (padded - 0.5) / rate
+    pulses = _pulses([one.pick for one in picks])
+    fitted = np.asarray(_means(pulses, jax.device_put(since)))
+    return [
+        _curve(one, edge, means)
+        for one, edge, means in zip(picks, edges, fitted, strict=True)
+    ]
+
+
+@kept
+def _means(pulses: Pulse, edges: Float[Array, "pick edge"]) -> Float[Array, "pick bin"]:
+    return jax.vmap(pulse_mean)(pulses, edges[:, :-1], edges[:, 1:])
+
+
+def _pulses(picks: Sequence[Pick]) -> Pulse:
+    """Return pulses that arrive at zero."""
+
+    def of(name: str) -> Float[Array, "pick 1"]:
+        return jax.device_put(
+            np.array([[getattr(pick, name)] for pick in picks], float)
+        )
+
+    zero = jax.device_put(np.zeros((len(picks), 1)))
+    return Pulse(
+        arrival_time=zero,
+        peak=of("peak_overpressure_pa"),
+        rise_time=of("rise_time_s"),
+        duration=of("positive_duration_s"),
+        decay=of("decay"),
+        suction=of("negative_pressure_pa"),
+        suction_duration=of("negative_duration_s"),
+        hold_time=zero,
+    )
+
+
+def _edges(one: RecordPick) -> Int[np.ndarray, " edge"]:
+    """Return the samples that bins begin and end at: at most `BINS` bins of a size."""
+    pick, record = one.pick, one.record
+    arrival, duration = float(pick.air_arrival_s), float(pick.positive_duration_s)
+    if np.isnan(duration):  # an onset alone: all of the record
+        arrival, duration = record.start_s, record.seconds
+    wave = duration + float(np.nan_to_num(pick.negative_duration_s))
+    first = int((arrival - BEFORE * duration - record.start_s) * record.rate_hz) - 1
+    last = int((arrival + AFTER * wave - record.start_s) * record.rate_hz) + 2
+    first, last = max(first, 0), min(last, record.samples.size)
+    first = max(min(first, last - 2), 0)
+    size = -(-(last - first) // BINS)
+    return np.arange(first, last + 1, size)
+
+
+def _curve(
+    one: RecordPick,
+    edges: Int[np.ndarray, " edge"],
+    fitted: Float[np.ndarray, " bins"],
+) -> Curve:
+    record = one.record
+    own = record.samples[edges[0] : edges[-1]] - float(one.pick.baseline_pa)
+    bins = own.reshape(edges.size - 1, -1)
+    middle = 0.5 * (edges[:-1] + edges[1:] - 1)
+    return Curve(
+        record.start_s + middle / record.rate_hz,
+        bins.mean(axis=1),
+        bins.min(axis=1),
+        bins.max(axis=1),
+        _through_high_pass(one, fitted[: len(bins)], int(edges[1] - edges[0])),
+    )
+
+
+def _through_high_pass(
+    one: RecordPick, fitted: Float[np.ndarray, " bin"], samples: int
+) -> Float[np.ndarray, " bin"]:
+    """Return the pulse as the recorder's first-order high-pass shows it, if it has one.
+
+    Args:
+        one: The pick.
+        fitted: The pulse in bins, still at the first.
+        samples: Of a bin.
+    """
+    if not one.record.high_pass_hz:
+        return fitted
+    from scipy.signal import lfilter
+
+    step = samples / one.record.rate_hz
+    kept = np.exp(-2.0 * np.pi * one.record.high_pass_hz * step)
+    gain = 0.5 * (1.0 + kept)
+    return np.asarray(lfilter([gain, -gain], [1.0, -kept], fitted))
+
+
+def picks_page(
+    found: Gathered,
+    pictures: Sequence[Figure],
+    lines: Sequence[str],
+    made: Provenance,
+    comments: Sequence[str],
+) -> str:
+    """Return the page.
+
+    Args:
+        found: Picks.
+        pictures: Of their records.
+        lines: What else is to be said, a sentence each.
+        made: What they were made of.
+        comments: Of the log.
+    """
+    rows = [
+        {
+            "name": name,
+            "told": [estimate_words(one, quantity) for quantity in NAMES],
+            "quality": one.quality,
+            "notes": "; ".join(note_words(one)),
+        }
+        for name, one in zip(found.named(), found.picks, strict=True)
+    ]
+    count, channels = len(found.picks), found.channels
+    return page(
+        "templates/picks.html",
+        title=f"{count} {'pick' if count == 1 else 'picks'}",
+        subtitle=f"{channels} {'record' if channels == 1 else 'records'} read",
+        columns=[TITLES.get(q) or capitalised(quantity_words(q)) for q in NAMES],
+        rows=rows,
+        pictures=[_picture(figure) for figure in pictures],
+        caption=RECORDS_CAPTION,
+        lines=lines,
+        provenance=provenance_lines(made, "File"),
+        comments="\n".join(comments),
+        version=jblast.__version__,
+    )
+
+
+def _picture(figure: Figure) -> dict[str, str | int]:
+    picture = picture_of(figure)
+    return {"source": picture.source, "alt": RECORDS_ALT, "width": picture.width}

@@ -1,1 +1,0 @@
-"""What was picked of records: words, JSON, pictures, page, files."""

@@ -1,0 +1,85 @@
+"""How methods fail, as text, Markdown, CSV and JSON."""
+
+import json
+from collections.abc import Mapping, Sequence
+
+from jblast.json_values import plain
+from jblast.report.words import (
+    capitalised,
+    comma_separated,
+    hanging,
+    markdown,
+    printed_number,
+)
+from jblast.verification.stability.failure import KEYS, FailureMode
+
+FailureModes = Mapping[str, Sequence[FailureMode]]
+"""By area."""
+COLUMNS = ("method", "what goes wrong", "at", "beyond it", "jblast")
+COLUMN = 10
+"""Width of the words before each entry."""
+HEAD = (
+    "# Where each method breaks",
+    "",
+    "Measured by `jblast stability`: each method was taken past its edge, and jblast",
+    "was watched there. It *marks* (the answer says that it is outside), *refuses*",
+    "(one message, no number), *falls back* (to another method), or *holds* (what",
+    "breaks is not what it uses).",
+    "",
+    "![Where each method breaks](stability.png)",
+)
+
+
+def boundary_words(mode: FailureMode) -> str:
+    """Return where a failure begins, with its unit."""
+    number = (
+        f"{mode.boundary:g}" if mode.cases else printed_number("", mode.boundary, 3)
+    )
+    return f"{number} {mode.unit}".rstrip()
+
+
+def stability_text(modes: FailureModes) -> str:
+    """Return every failure mode for the terminal, area by area."""
+    lines = []
+    for area, found in modes.items():
+        lines += ["", capitalised(area)]
+        for mode in found:
+            lines += hanging(f"{mode.method}: {mode.failure}", 2)
+            for word, text in (
+                ("at", boundary_words(mode)),
+                ("beyond", mode.beyond),
+                ("jblast", f"{mode.response}: {mode.message}"),
+            ):
+                lines += hanging(f"{word.ljust(COLUMN)}{text}", COLUMN, indent=4)
+    return "\n".join(lines[1:]) + "\n"
+
+
+def stability_markdown(modes: FailureModes) -> str:
+    """Return a page with a table for each area."""
+    lines = [*HEAD]
+    for area, found in modes.items():
+        rows = [
+            (
+                mode.method,
+                mode.failure,
+                boundary_words(mode),
+                mode.beyond,
+                f"**{mode.response}**: {mode.message}",
+            )
+            for mode in found
+        ]
+        lines += ["", f"## {capitalised(area)}", "", markdown(COLUMNS, rows)]
+    return "\n".join(lines) + "\n"
+
+
+def stability_csv(modes: FailureModes) -> str:
+    """Return one row a failure mode."""
+    every = (mode for found in modes.values() for mode in found)
+    return comma_separated([KEYS, *(mode.to_dict().values() for mode in every)])
+
+
+def stability_json(modes: FailureModes) -> str:
+    """Return what `--json` prints."""
+    areas = {area: [mode.to_dict() for mode in found] for area, found in modes.items()}
+    document = plain({"schema": 1, "areas": areas})
+    return json.dumps(document, indent=1, allow_nan=False) + "\n"

@@ -1,1 +1,0 @@
-"""The map of failures, its panels and its words."""

@@ -1,1 +1,0 @@
-"""What studies came to: the text of a run, its JSON, and pages."""

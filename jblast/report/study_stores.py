@@ -1,0 +1,168 @@
+"""A study's columns read from its store, whole samples or summaries."""
+
+import warnings
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from jblast.errors import InputError
+from jblast.report.study_columns import (
+    INCOMPLETE,
+    Lane,
+    StudyAxis,
+    StudyColumns,
+    columns_of,
+    found_in,
+)
+from jblast.study.engine.store import Store, open_store
+from jblast.study.engine.summary.merge import summary_of
+from jblast.study.engine.summary.states import State, merged_states, outcomes_of
+from jblast.study.engine.variable import Variable
+from jblast.study.file.read import study_from_text
+from jblast.study.sampling.provenance import scenes_of
+
+MOST_POINTS = 40
+"""Of a curve of convergence."""
+NOTE = (
+    "Statistics alone were kept of the samples: quantiles are within 0.8 % of their "
+    "distance from where the samples of their cell begin to be counted."
+)
+
+
+def read_columns(path: str) -> StudyColumns:
+    """Read a store.
+
+    Raises:
+        InputError: There is none, or it is of another kind or of a newer schema.
+    """
+    import xarray
+
+    try:
+        with warnings.catch_warnings():
+            # a store has a lock, and statistics, beside its columns
+            warnings.filterwarnings("ignore", message=".*not recognized as a component")
+            dataset = xarray.open_zarr(path, consolidated=False)
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise InputError(
+            f"{path}: expected the store of a study, as `jblast study` writes it: "
+            f"{error}"
+        ) from None
+    found = columns_of(dataset, path)
+    if dataset.attrs.get("keep", "all") == "all":
+        return found
+    store = open_store(path)
+    assert store is not None, "it was read"
+    return summary_columns(store, found if found.samples else None, INCOMPLETE)
+
+
+def summary_columns(
+    store: Store, rows: StudyColumns | None, incomplete: str
+) -> StudyColumns:
+    """Return the statistics of a store.
+
+    Args:
+        store: The store.
+        rows: The samples that it keeps, if any: what scatter comes from is theirs.
+        incomplete: What is said of a store that is not complete.
+
+    Raises:
+        InputError: None were begun.
+    """
+    summary, said = summary_of(store), store.attributes
+    anchors, done = summary.anchors(), summary.done()
+    states: dict[str, State] | None = None
+    ends = np.unique(np.geomspace(1, max(1, len(done)), MOST_POINTS).astype(int))
+    course: list[tuple[int, dict[str, dict[str, Any]]]] = []
+    number = 0
+    while number in done:
+        own = summary.read(number, anchors)
+        states = own if states is None else merged_states(store.variables, states, own)
+        number += 1
+        if number in ends:
+            lanes = _lanes(store, states)
+            course.append((_counted(lanes), _course(lanes)))
+    axes = _axes(store, summary.groups)
+    lanes = () if states is None else _lanes(store, states)
+    notes = [NOTE] if said["complete"] else [NOTE, incomplete]
+    return StudyColumns(
+        lanes,
+        {},
+        {},
+        axes,
+        None,
+        dict(said),
+        summary.groups,
+        notes,
+        counted=_counted(lanes),
+        course=tuple(course),
+        rows=rows,
+    )
+
+
+def _counted(lanes: tuple[Lane, ...]) -> int:
+    """Return how many samples statistics are of."""
+    if not lanes:
+        return 0
+    kinds = {"yes_no": lambda x: (x.known, x.lost)}
+    parts = kinds.get(lanes[0].kind, lambda x: x.moments[:3])(lanes[0].state)
+    return int(sum(np.sum(part) for part in parts))
+
+
+def _course(lanes: tuple[Lane, ...]) -> dict[str, dict[str, Any]]:
+    """Return what is known of each lane, of all cells together."""
+    return {
+        lane.title: found_in(lane.kind, lane.state, slice(None), quantiles=())
+        for lane in lanes
+    }
+
+
+def _lanes(store: Store, states: dict[str, State]) -> tuple[Lane, ...]:
+    found: list[Lane] = []
+    for v in outcomes_of(store.variables):
+        for n, sensor in enumerate(v.sensors or ("",)):
+            state = _lane_of(states[v.name], n) if v.sensors else states[v.name]
+            empty = np.full(len(_first(state)), np.nan)
+            lane = Lane(v.name, sensor, v.units, v.kind, v.long_name, empty)
+            found.append(replace(lane, state=state))
+    return tuple(found)
+
+
+def _lane_of(state: State, sensor: int) -> State:
+    """Return a sensor's part of a state."""
+    if hasattr(state, "_fields"):
+        return type(state)(*(_lane_of(part, sensor) for part in state))
+    return np.asarray(state)[:, sensor]
+
+
+def _first(state: State) -> np.ndarray:
+    while hasattr(state, "_fields"):
+        state = state[0]
+    return np.asarray(state)
+
+
+def _axes(store: Store, groups: int) -> tuple[StudyAxis, ...]:
+    """Return the axes, with the value of each variant and cell."""
+    said = store.attributes
+    study = study_from_text(
+        said["study"], scenes_of(said), allow_code=said["allow_code"]
+    )
+    variant, cell = np.divmod(np.arange(groups), len(study.cells))
+    found: list[StudyAxis] = []
+    columns: dict[str, Any] = {}
+    for n, axis in enumerate(study.numbers):
+        columns[axis.key] = np.array([values[n] for values in study.cells])[cell]
+    each = len(study.variants)
+    for axis in study.words:
+        each //= len(axis.values)
+        columns[axis.key] = (variant // each % len(axis.values)).astype(float)
+    for v in store.variables:
+        if v.role == "axis":
+            found.append(_axis(v, columns[v.name]))
+    return tuple(found)
+
+
+def _axis(v: Variable, column: np.ndarray) -> StudyAxis:
+    values, at = np.unique(column, return_inverse=True)
+    words = tuple(v.names[int(n)] for n in values) if v.names else ()
+    return StudyAxis(v.name, v.units, values, words, at.reshape(-1))

@@ -1,1 +1,0 @@
-"""Random blasts and who perceived them, as documents, tables and text."""

@@ -1,1 +1,0 @@
-"""A world in a window, as its clock passes."""

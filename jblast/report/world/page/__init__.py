@@ -1,1 +1,0 @@
-"""One page of a world: a map, every sense on one time axis, tables."""

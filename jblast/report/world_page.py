@@ -1,0 +1,595 @@
+"""A world on one page.
+
+Every sense of a world on one time axis, as the thesis has it in figures 4.7 and 4.8.
+
+Path from the place that is held, path error, force, moment, what sensors sampled,
+events, and a strip of frames; dashed lines are the blasts themselves.
+"""
+
+import csv
+import json
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from jaxtyping import Float
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure, SubFigure
+
+from jblast.errors import InputError
+from jblast.inference import fit_each
+from jblast.inference.fitting.place.confidence_ellipse import (
+    ConfidenceEllipse,
+    charge_ellipse,
+)
+from jblast.inference.fitting.summary import Estimate
+from jblast.observations import read
+from jblast.observations.grouping import by_shot
+from jblast.report.estimates import printed_estimate
+from jblast.report.figure_files import picture_of
+from jblast.report.figure_style import (
+    BLUE,
+    COLOURS,
+    INK,
+    MUTED,
+    VERMILLION,
+    new_figure,
+    quiet,
+    titled,
+)
+from jblast.report.listen import COLUMNS
+from jblast.report.pages import page
+from jblast.report.words import capitalised, parameter_words, printed_number, unit_for
+from jblast.scene import Scene
+from jblast.world import scene_to_fit
+
+ALT_MAP = "Map of blasts, sensors and the vehicle's path."
+ALT_TIMELINE = "Flight, samples and events against time on one axis."
+MOST_WAVEFORMS, FRAMES = 6, 8
+"""Sensors and frames drawn; the others stand in their files."""
+BINS = 400
+"""Of the rate of events."""
+CUT = 99.5
+"""Percentile of loads that fills half of their plot: blasts would hide all else."""
+Row = tuple[str, str, Callable[[Axes], None]]
+COLUMNS_DRAWN = 2000
+"""Of a waveform: of each column its least and greatest sample are kept."""
+KEY = "perceived"
+UNITS = {"_m_s": "m/s", "_pa": "Pa"}
+"""Of what sensors sample, by how the name of the column ends."""
+TRUTH = {
+    "charge_mass_kg": lambda blast: blast["mass_kg"],
+    "charge_east_m": lambda blast: blast["position_m"][0],
+    "charge_north_m": lambda blast: blast["position_m"][1],
+    "charge_up_m": lambda blast: blast["position_m"][2],
+    "origin_time_s": lambda blast: blast["time_s"],
+}
+"""What a fit may be asked, by what run.json says of a blast."""
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table of the page.
+
+    Attributes:
+        title: Above it.
+        head: Titles of the columns.
+        rows: Cells.
+        numbers: Columns that end below one another.
+        marked: Rows that are to be looked at.
+        lines: What is said below.
+    """
+
+    title: str
+    head: Sequence[str]
+    rows: Sequence[Sequence[str]]
+    numbers: Sequence[int] = ()
+    marked: Sequence[int] = ()
+    lines: list[str] = field(default_factory=list)
+
+
+@dataclass(frozen=True)
+class Waveform:
+    """What one sensor sampled, as far as a picture shows it.
+
+    Attributes:
+        sensor: Its name.
+        column: What was sampled, with the unit.
+        time_s: Middle of each column.
+        least: Smallest sample of each.
+        greatest: Largest sample of each.
+    """
+
+    sensor: str
+    column: str
+    time_s: Float[np.ndarray, " column"]
+    least: Float[np.ndarray, " column"]
+    greatest: Float[np.ndarray, " column"]
+
+    @property
+    def title(self) -> str:
+        """Whose it is, and what."""
+        return f"{self.sensor}: {self._parts[0].replace('_', ' ')}"
+
+    @property
+    def unit(self) -> str:
+        """In brackets."""
+        return f"[{self._parts[1]}]"
+
+    @property
+    def _parts(self) -> tuple[str, str]:
+        for suffix, unit in UNITS.items():
+            if self.column.endswith(suffix):
+                return self.column.removesuffix(suffix), unit
+        return self.column, "-"
+
+
+@dataclass(frozen=True)
+class RunFolder:
+    """A world's folder.
+
+    Attributes:
+        path: Where it is.
+        document: What run.json says.
+        flight: Rows of flight.csv; None where nothing flew.
+        waveforms: By sensor that samples.
+        frames: Time of each frame that was kept [s] and its file.
+        events_s: When each event was [s]; none where there is no camera.
+    """
+
+    path: Path
+    document: dict[str, Any]
+    flight: pd.DataFrame | None
+    waveforms: tuple[Waveform, ...]
+    frames: tuple[tuple[float, Path], ...]
+    events_s: Float[np.ndarray, " event"]
+
+
+@dataclass(frozen=True)
+class ShotAnswer:
+    """What the readings of one blast tell.
+
+    Attributes:
+        shot: Its name.
+        rows: Parameter, truth, answer and 90 % interval in words, and whether the
+            truth lies inside.
+        ellipse: Where it stood, 90 %; None where that was not told.
+        said: Why there is no answer, or that it is doubtful; "" where there is nothing
+            to say.
+    """
+
+    shot: str
+    rows: tuple[tuple[str, str, str, str, bool], ...]
+    ellipse: ConfidenceEllipse | None
+    said: str = ""
+
+
+def world_page(run: RunFolder, scene: Scene, answers: Sequence[ShotAnswer] = ()) -> str:
+    """Return the page.
+
+    Args:
+        run: The world.
+        scene: Where its sensors stand.
+        answers: What its readings tell of each blast, if that was asked.
+    """
+    document = run.document
+    count = len(document["blasts"])
+    tables = [_blasts(document), _perceived(document)]
+    tables += [_answers(answers)] if answers else []
+    tables += [_recovery(document["flight"])] if document["flight"] else []
+    shown = [
+        (timeline_figure(run), ALT_TIMELINE, "Every sense on the common clock."),
+        (map_figure(run, scene, answers), ALT_MAP, "Seen from above; north is up."),
+    ]
+    versions = ", ".join(f"{name} {of}" for name, of in document["versions"].items())
+    return page(
+        "templates/world.html",
+        title=f"{count} blast{'' if count == 1 else 's'} in {document['seconds']:g} s",
+        subtitle=f"{document['scene']}, seed {document['seed']}",
+        mark=_mark(document.get("preset")),
+        tables=tables,
+        pictures=[_picture(*one) for one in shown if one[0] is not None],
+        warnings=document["warnings"],
+        made=[
+            f"Command: {document['command']}",
+            f"Made {document['date']} by {versions}.",
+            f"Scene: SHA-256 {document['scene_sha256']}",
+        ],
+    )
+
+
+def _mark(preset: dict[str, Any] | None) -> str:
+    """Return what a run by a preset is; a run of an older jblast has none."""
+    return f"Preset {preset['name']}: {preset['mark']}." if preset else ""
+
+
+def _blasts(document: dict[str, Any]) -> Table:
+    rows = [
+        [
+            blast["shot"],
+            f"{blast['time_s']:.4f}",
+            *(f"{x:.2f}" for x in blast["position_m"]),
+            f"{blast['mass_kg']:.4g}",
+        ]
+        for blast in document["blasts"]
+    ]
+    head = ["Blast", "Time [s]", "East [m]", "North [m]", "Up [m]", "Mass [kg]"]
+    return Table("Blasts", head, rows, range(1, 6))
+
+
+def _perceived(document: dict[str, Any]) -> Table:
+    """Return a row for each sense of everyone, a column for each blast."""
+    shots = [blast["shot"] for blast in document["blasts"]]
+    times: dict[tuple[str, str], dict[str, float]] = {}
+    for one in document["perceived"]:
+        who = times.setdefault((one["entity"], one["sense"]), {})
+        who[one["shot"]] = one["time_s"]
+    rows = [
+        [*who, *(f"{of[shot]:.4f}" if shot in of else "-" for shot in shots)]
+        for who, of in sorted(times.items())
+    ]
+    head = ["Who", "Perceived", *(f"Blast {shot} [s]" for shot in shots)]
+    return Table("Who perceived what, and when", head, rows, range(2, len(head)))
+
+
+def _answers(answers: Sequence[ShotAnswer]) -> Table:
+    rows = [
+        [of.shot, name, truth, value, interval]
+        for of in answers
+        for name, truth, value, interval, _ in of.rows
+    ]
+    held = [row[-1] for of in answers for row in of.rows]
+    said = [f"Blast {of.shot}: {of.said}" for of in answers if of.said]
+    said.append(
+        f"{sum(held)} of {len(held)} 90 % intervals hold the truth; others are marked."
+    )
+    head = ["Blast", "Parameter", "Truth", "Answer", "90 % interval"]
+    missed = [n for n, inside in enumerate(held) if not inside]
+    return Table("What the readings tell", head, rows, (2, 3, 4), missed, said)
+
+
+def _recovery(flight: dict[str, Any]) -> Table:
+    keys = (
+        "peak_deviation_m",
+        "peak_time_s",
+        "recovery_time_s",
+        "peak_overpressure_pa",
+    )
+    rows = [
+        [
+            capitalised(name.replace("_", " ")),
+            *(
+                "-" if of[key] is None else printed_number(key, of[key], 3)
+                for key in keys
+            ),
+            "yes" if of["flies_on"] else "no",
+        ]
+        for name, of in flight["holds"].items()
+    ]
+    head = ["Hold", "Peak deviation", "after", "Recovery after", "Peak overpressure"]
+    head.append("Flies on")
+    lines = [
+        "Times count from the first arrival at the vehicle; a dash: not within the "
+        f"tolerance of {printed_number('tolerance_m', flight['tolerance_m'])} "
+        "when it ended."
+    ]
+    title = f"The {flight['vehicle'].capitalize()}"
+    return Table(title, head, rows, (1, 2, 3, 4), lines=lines)
+
+
+def _picture(figure: Figure, alt: str, caption: str) -> dict[str, Any]:
+    picture = picture_of(figure)
+    return {
+        "source": picture.source,
+        "alt": alt,
+        "caption": caption,
+        "width": picture.width,
+    }
+
+
+def timeline_figure(run: RunFolder) -> Figure | None:
+    """Draw all senses, one below the other; None where nothing flew, or was sampled."""
+    rows = [*_flight_rows(run), *map(_sampled, run.waveforms[:MOST_WAVEFORMS])]
+    if len(run.events_s):
+        rows.append(("Events", "per second", lambda axes: _events(axes, run)))
+    if not rows:
+        return None
+    figure = new_figure(10.5, 1.45 * (len(rows) + bool(run.frames)) + 0.4)
+    heights = [len(rows), *([1.0] if run.frames else [])]
+    parts = figure.subfigures(len(heights), 1, squeeze=False, height_ratios=heights)
+    plots = parts[0, 0].subplots(len(rows), 1, sharex=True, squeeze=False)[:, 0]
+    for axes, (title, label, draw) in zip(plots, rows, strict=True):
+        quiet(axes)
+        draw(axes)
+        axes.set_ylabel(label)
+        titled(axes, title)
+        for blast in run.document["blasts"]:
+            axes.axvline(
+                blast["time_s"], color=INK, linewidth=0.9, linestyle=(0, (4, 3))
+            )
+    plots[-1].set_xlim(0.0, run.document["seconds"])
+    plots[-1].set_xlabel("time [s] on the common clock; dashed: a blast")
+    if run.frames:
+        _strip(parts[1, 0], run)
+    return figure
+
+
+def _flight_rows(run: RunFolder) -> list[Row]:
+    table = run.flight
+    if table is None:
+        return []
+    time = table["time_s"].to_numpy()
+    target = run.document["flight"]["target_m"]
+    world, body = ("east", "north", "up"), "xyz"
+
+    away = table[[f"{axis}_m" for axis in world]].to_numpy() - target
+    error = table["path_error_m"].to_numpy()
+    unit = unit_for("path_error_m", float(error.max()))
+
+    def path(axes: Axes) -> None:
+        for part, axis, colour in zip(away.T, world, COLOURS, strict=False):
+            axes.plot(time, part / unit.size, color=colour, label=axis)
+        _key(axes)
+
+    def distance(axes: Axes) -> None:
+        axes.plot(time, error / unit.size, color=BLUE)
+        axes.set_ylim(bottom=0.0)
+
+    def loads(columns: list[str], names) -> Callable[[Axes], None]:
+        def draw(axes: Axes) -> None:
+            values = table[columns].to_numpy()
+            for part, name, colour in zip(values.T, names, COLOURS, strict=False):
+                axes.plot(time, part, color=colour, linewidth=1.0, label=name)
+            most = 2.0 * float(np.percentile(np.abs(values), CUT)) or 1.0
+            axes.set_ylim(-most, most)
+            _key(axes)
+
+        return draw
+
+    forces = [f"force_{axis}_n" for axis in world]
+    moments = [f"moment_{axis}_n_m" for axis in body]
+    return [
+        ("Path, from the place that is held", f"[{unit.symbol}]", path),
+        ("Path error", f"[{unit.symbol}]", distance),
+        ("All forces; blasts are cut off", "[N]", loads(forces, world)),
+        ("All moments, body axes; blasts are cut off", "[N m]", loads(moments, body)),
+    ]
+
+
+def _sampled(wave: Waveform) -> Row:
+    def draw(axes: Axes) -> None:
+        axes.fill_between(
+            wave.time_s, wave.least, wave.greatest, color=BLUE, linewidth=0.6
+        )
+
+    return wave.title, wave.unit, draw
+
+
+def _events(axes: Axes, run: RunFolder) -> None:
+    seconds = run.document["seconds"]
+    count, edges = np.histogram(run.events_s, bins=BINS, range=(0.0, seconds))
+    axes.stairs(count / np.diff(edges), edges, color=BLUE, fill=True)
+    axes.set_yscale("symlog", linthresh=100.0)
+
+
+def _strip(figure: SubFigure, run: RunFolder) -> None:
+    """Draw frames in a row: the first, and those soon after each blast."""
+    from matplotlib.image import imread
+
+    times = np.array([time for time, _ in run.frames])
+    bursts = [blast["time_s"] for blast in run.document["blasts"]]
+    shown = max(FRAMES // max(len(bursts), 1), 1)
+    numbers = [
+        int(np.searchsorted(times, burst)) + step
+        for burst in bursts
+        for step in np.unique(np.geomspace(1.0, 60.0, shown).astype(int)) - 1
+    ]
+    numbers = sorted({n for n in numbers if n < len(times)} or {0})[:FRAMES]
+    plots = figure.subplots(1, len(numbers), squeeze=False)[0]
+    for axes, number in zip(plots, numbers, strict=True):
+        time, file = run.frames[number]
+        axes.imshow(imread(file))
+        axes.set_axis_off()
+        axes.set_title(f"{time:.3f} s", fontsize=8.5, color=MUTED)
+
+
+def _key(axes: Axes) -> None:
+    axes.legend(
+        frameon=False, fontsize=8.5, ncols=3, loc="upper right", labelcolor=MUTED
+    )
+
+
+def map_figure(run: RunFolder, scene: Scene, answers: Sequence[ShotAnswer]) -> Figure:
+    """Draw where everything was; a blast's mark is as large as its mass.
+
+    Args:
+        run: The world.
+        scene: Where its sensors stand.
+        answers: Whose ellipses are drawn.
+    """
+    figure = new_figure(7.2, 6.4)
+    axes = figure.subplots()
+    quiet(axes)
+    for sensor in scene.sensors:
+        if not sensor.mount:
+            east, north = np.asarray(sensor.position_m)[:2]
+            axes.plot(east, north, "^", color=INK, markersize=6)
+            _named(axes, sensor.name, east, north, INK)
+    if scene.camera is not None and not scene.camera.mount:
+        east, north = np.asarray(scene.camera.position)[:2]
+        axes.plot(east, north, "v", color=INK, markersize=6)
+        _named(axes, "camera", east, north, INK, below=True)
+    if run.flight is not None:
+        path = run.flight[["east_m", "north_m"]].to_numpy()
+        axes.plot(*path.T, color=BLUE, linewidth=1.4, label="path of the vehicle")
+        axes.plot(*path[:1].T, "s", color=BLUE, markersize=5)
+    label = "blast, and its mass"
+    for blast in run.document["blasts"]:
+        east, north, _ = blast["position_m"]
+        size = 5.0 + 4.0 * blast["mass_kg"] ** (1.0 / 3.0)
+        axes.plot(
+            *(east, north, "o"), color=VERMILLION, markersize=min(size, 24.0),
+            alpha=0.75, linestyle="", label=label,
+        )  # fmt: skip
+        label = None
+        said = f"{blast['shot']}: {blast['mass_kg']:.3g} kg, {blast['time_s']:.2f} s"
+        _named(axes, said, east, north, VERMILLION)
+    label = "90 % of the answer"
+    for answer in answers:
+        if answer.ellipse is not None:
+            rim = answer.ellipse.outline()
+            rim = np.vstack([rim, rim[:1]])
+            axes.plot(*rim.T, color=MUTED, linewidth=1.3, label=label)
+            label = None
+    axes.set_aspect("equal", adjustable="box")
+    axes.margins(0.12)
+    axes.set(xlabel="east [m]", ylabel="north [m]")
+    titled(axes, "Where it was", "triangles: sensors")
+    axes.legend(frameon=False, fontsize=9, labelcolor=MUTED, loc="best")
+    return figure
+
+
+def _named(
+    axes, words: str, east: float, north: float, colour: str, *, below: bool = False
+) -> None:
+    axes.annotate(
+        words, (east, north), (7, -12 if below else 5), textcoords="offset points",
+        fontsize=8.5, color=colour,
+    )  # fmt: skip
+
+
+def read_run(path: str | Path) -> RunFolder:
+    """Read a folder that `jblast world` wrote.
+
+    Raises:
+        InputError: It is none, or something that it names is missing or broken.
+    """
+    path = Path(path)
+    document = _document(path / "run.json")
+    flight = None
+    if document["flight"] is not None:
+        flight = _table(path / "flight.csv")
+    return RunFolder(
+        path,
+        document,
+        flight,
+        _waveforms(path / "sound", document["sound"]),
+        *_film(path / "camera", document["camera"]),
+    )
+
+
+def _document(file: Path) -> dict[str, Any]:
+    if not file.exists():
+        raise InputError(
+            f"{file}: no such file; expected a folder that `jblast world --out` wrote"
+        )
+    try:
+        document = json.loads(file.read_text("utf-8"))
+    except (OSError, ValueError) as error:
+        raise InputError(
+            f"{file}: expected the answer of a world ({error}); expected a folder that "
+            "`jblast world --out` wrote"
+        ) from None
+    if not isinstance(document, dict) or KEY not in document:
+        raise InputError(f"{file}: expected the answer of a world, got another")
+    return document
+
+
+def _table(file: Path) -> pd.DataFrame:
+    """Return a table of CSV below its lines of comment."""
+    try:
+        with file.open(encoding="utf-8") as lines:
+            comments = next(n for n, line in enumerate(lines) if line[:1] != "#")
+        return pd.read_csv(file, skiprows=comments)
+    except (OSError, ValueError, StopIteration) as error:
+        raise InputError(f"{file}: expected a table ({error})") from None
+
+
+def _waveforms(directory: Path, sound: dict[str, Any] | None) -> tuple[Waveform, ...]:
+    sensors = sound["sensors"] if sound else {}
+    return tuple(_waveform(directory, name, of) for name, of in sensors.items())
+
+
+def _waveform(directory: Path, name: str, entry: dict[str, Any]) -> Waveform:
+    file, names = directory / entry["file"], COLUMNS[entry["kind"]]
+    if entry["kind"] == "microphone":
+        import soundfile
+
+        try:
+            samples, rate = soundfile.read(file, dtype="float32")
+        except (OSError, soundfile.LibsndfileError) as error:
+            raise InputError(f"{file}: expected sound ({error})") from None
+        time, samples = np.arange(len(samples)) / rate, samples * entry["full_scale_pa"]
+    else:
+        table = _table(file)
+        time, samples = table["time_s"].to_numpy(), table[list(names)].to_numpy()
+        part = int(np.argmax(np.ptp(samples, axis=0))) if len(samples) else 0
+        samples, names = samples[:, part], (names[part],)
+    edges = np.unique(np.linspace(0, len(samples), COLUMNS_DRAWN + 1).astype(int)[:-1])
+    if not len(samples):
+        return Waveform(name, names[0], *np.zeros((3, 0)))
+    least = np.minimum.reduceat(samples, edges)
+    return Waveform(
+        name, names[0], time[edges], least, np.maximum.reduceat(samples, edges)
+    )
+
+
+def _film(
+    directory: Path, camera: dict[str, Any] | None
+) -> tuple[tuple[tuple[float, Path], ...], Float[np.ndarray, " event"]]:
+    if camera is None:
+        return (), np.zeros(0)
+    from jblast.sensors.camera.files.events.read import read_events
+
+    with (directory / "frames.csv").open(encoding="utf-8", newline="") as file:
+        rows = list(csv.DictReader(file))
+    frames = [(float(r["time_s"]), directory / "frames" / r["file"]) for r in rows]
+    events = read_events(directory / "events.h5")
+    return tuple(frames), (events.t + events.t_offset) * 1e-6
+
+
+def answers_of(
+    directory: Path, document: dict[str, Any], scene: str | Path
+) -> tuple[ShotAnswer, ...]:
+    """Fit the readings of each blast of a world by itself.
+
+    Args:
+        directory: The world's folder.
+        document: What its run.json says.
+        scene: The scene that it was drawn from; [world] becomes the prior.
+
+    Raises:
+        InputError: The scene or the readings cannot be used.
+    """
+    uncertain = scene_to_fit(scene)
+    logs = by_shot(read(directory / "observations.csv"))
+    blasts = {blast["shot"]: blast for blast in document["blasts"]}
+    found = fit_each(logs, uncertain)
+    return tuple(
+        _answer(shot, found[shot], blasts[shot]) for shot in logs if shot in blasts
+    )
+
+
+def _answer(shot: str, found: Any, blast: dict[str, Any]) -> ShotAnswer:
+    if isinstance(found, InputError):
+        return ShotAnswer(shot, (), None, str(found))
+    rows = [
+        _row(name, found.summary.estimates[name], TRUTH[name](blast))
+        for name in found.summary.free
+        if name in TRUTH
+    ]
+    said = "" if found.exit_code == 0 else "doubtful: see what `jblast fit` says"
+    return ShotAnswer(shot, tuple(rows), charge_ellipse(found), said)
+
+
+def _row(
+    name: str, estimate: Estimate, truth: float
+) -> tuple[str, str, str, str, bool]:
+    printed = printed_estimate(name, estimate)
+    low, high = estimate.q05, estimate.q95
+    held = low is not None and high is not None and low <= truth <= high
+    words = capitalised(parameter_words(name))
+    return words, f"{truth:.6g}", printed.value_and_beside, printed.interval, held
