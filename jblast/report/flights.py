@@ -1,9 +1,8 @@
 """What became of the vehicles that `jblast fly` flew.
 
-A flight as a table of CSV, which `jblast discover` reads.
-
-Beside the parts of a trajectory it has the direction in which the rotors pull, body z
-in the world's axes: in it the thrust's push is linear, in the quaternion it is not.
+`jblast discover` reads the table of a flight. Beside position, velocity and attitude it
+has the direction in which the rotors pull (body z in world axes): acceleration by
+thrust is linear in it, and not in the quaternion.
 """
 
 import math

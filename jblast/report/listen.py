@@ -1,9 +1,7 @@
 """What the sensors of a scene recorded, as `jblast listen` tells and writes it.
 
-What is kept of samples that go by, to draw them: in constant memory.
-
-Samples come in pieces, of any size, and are seen once: the same pictures result
-whether a record came whole or in packets.
+Samples come in pieces of any size and are seen once. What is kept of them for a figure
+takes constant memory, and does not depend on the size of the pieces.
 """
 
 import math

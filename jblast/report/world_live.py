@@ -1,9 +1,7 @@
 """A world shown while it runs.
 
-A window that shows a world while its clock runs.
-
-The senses were computed ahead, as everything is that was announced; the window plays
-them at the world's own pace, or so many times as fast.
+All records are computed before the window opens; it plays them at the pace of the
+world's clock, or faster by a factor.
 """
 
 import time

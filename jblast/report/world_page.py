@@ -1,9 +1,8 @@
 """A world on one page.
 
-Every sense of a world on one time axis, as the thesis has it in figures 4.7 and 4.8.
-
-Path from the place that is held, path error, force, moment, what sensors sampled,
-events, and a strip of frames; dashed lines are the blasts themselves.
+The timeline has all records on one time axis, as figures 4.7 and 4.8 of the thesis:
+path from the place that is held, path error, force, moment, samples of sensors, events
+and a strip of frames; dashed lines are the blasts.
 """
 
 import csv

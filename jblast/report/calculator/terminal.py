@@ -1,9 +1,8 @@
 """The answer of `jblast calc` on the terminal.
 
-What the laws' ranges and notes say in m/kg^(1/3), in ft/lb^(1/3) for who asks so.
-
-The ranges of laws are words, as their sources give them; the numbers before a scaled
-distance are converted, to four digits, and nothing else of them is touched.
+With `--units us`, ranges and notes of laws are printed in ft/lb^(1/3). They are words,
+as their sources give them: numbers before a scaled distance are converted, to four
+digits, and the rest is left as it is.
 """
 
 import json

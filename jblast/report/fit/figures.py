@@ -1,9 +1,8 @@
 """Figures of a fit.
 
-What of a reading a plot shows: an arrival less the time sound would have taken.
-
-Arrivals over two decades of range hide a millisecond; less range over speed, they show
-how much the shock outran sound, and the residuals can be seen.
+Arrivals are drawn less the time that sound takes. Over two decades of range an arrival
+hides a millisecond; less range over speed it shows how much the shock outran sound, and
+the residuals can be seen.
 """
 
 import sys
