@@ -27,7 +27,7 @@ from jblast.environments import (
     reset_lanes,
     step_lanes,
 )
-from jblast.environments.chunks import in_chunks
+from jblast.environments.lanes import in_chunks
 from jblast.kept_programs import WIDE
 
 STEPS, REPEATS = 200, 5

@@ -54,7 +54,7 @@ def jblast_rates() -> dict[str, tuple[float, float]]:
 
     from calibration.benchmark_environments import begun, rollout
     from jblast.environments import environment_params
-    from jblast.environments.chunks import CHUNK
+    from jblast.environments.lanes import CHUNK
 
     jax.config.update("jax_enable_x64", False)
     params = environment_params("Hover", command="hold")

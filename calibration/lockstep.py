@@ -19,8 +19,8 @@ import numpy as np
 from jblast.cli.jax_start import start_jax
 
 if TYPE_CHECKING:
-    from jblast.autopilot.mavlink.link import Link
-    from jblast.autopilot.simulator.mock import Mock
+    from jblast.autopilot.mavlink import Link
+    from jblast.autopilot.mock import Mock
 
 SECONDS = 600.0
 TIMES_S = (30.0, 200.0, 400.0)
@@ -29,13 +29,16 @@ TIMES_S = (30.0, 200.0, 400.0)
 def main(seconds: float) -> str:
     """Fly both, and return what is kept."""
     start_jax()
-    from jblast.autopilot.mavlink.address import read_address
-    from jblast.autopilot.mavlink.link import Link
-    from jblast.autopilot.simulator.from_scene import turns_of
-    from jblast.autopilot.simulator.lockstep import Lockstep, fly_lockstep
-    from jblast.autopilot.simulator.mock import Mock, RoundedHold, fly_mock
-    from jblast.autopilot.simulator.rotors import rotors_of
-    from jblast.autopilot.simulator.stepping import PERIOD_S, programs
+    from jblast.autopilot.lockstep import (
+        PERIOD_S,
+        Lockstep,
+        fly_lockstep,
+        programs,
+        rotors_of,
+        turns_of,
+    )
+    from jblast.autopilot.mavlink import Link, read_address
+    from jblast.autopilot.mock import Mock, RoundedHold, fly_mock
     from jblast.scene import Charge, Scene, VehicleSpec
     from jblast.vehicle import hold_of, simulate, vehicle_of
 
@@ -109,8 +112,7 @@ def main(seconds: float) -> str:
 
 def direct_link(mock: "Mock") -> "Link":
     """Return a link to an autopilot in this process: messages, and no network."""
-    from jblast.autopilot.mavlink.link import Link
-    from jblast.autopilot.mavlink.wire import Message, Receiver
+    from jblast.autopilot.mavlink import Link, Message, Receiver
 
     class Direct(Link):
         def __init__(self) -> None:

@@ -31,13 +31,13 @@ from jblast.missions import (
     MissionControl,
     Plan,
     grid_plan,
+    guidance as replay,
     mission_of,
     planned_seconds,
-    replay,
     write_plan,
 )
-from jblast.missions.frame import geodetic
-from jblast.missions.plan.commands import MISSION, RELATIVE, RETURN, TAKEOFF, WAYPOINT
+from jblast.missions.mission import geodetic
+from jblast.missions.plan import MISSION, RELATIVE, RETURN, TAKEOFF, WAYPOINT
 from jblast.observations.places.frame import Frame
 from jblast.report.figure_style import (
     COLOURS,

@@ -33,8 +33,7 @@ from jblast.files import write_text
 from jblast.scene import read_world
 from jblast.world import draw_world
 from jblast.world.remote import connect
-from jblast.world.remote.encode import packet_message
-from jblast.world.remote.wire import PROTOCOL, SERVICE, messages
+from jblast.world.remote.messages import PROTOCOL, SERVICE, messages, packet_message
 from jblast.world.server import (
     BlastSchedule,
     Playback,

@@ -8,29 +8,31 @@ from jblast.errors import InputError
 
 if TYPE_CHECKING:
     from jblast.environments.build import environment_params as environment_params
-    from jblast.environments.commands import COMMANDS as COMMANDS
     from jblast.environments.core import Step as Step, reset as reset, step as step
-    from jblast.environments.gymnasium.single import QuadrotorEnv as QuadrotorEnv
-    from jblast.environments.gymnasium.vector import QuadrotorBlast as QuadrotorBlast
+    from jblast.environments.episode import (
+        COMMANDS as COMMANDS,
+        EnvironmentParams as EnvironmentParams,
+        EnvironmentState as EnvironmentState,
+        Imu as Imu,
+        Randomisation as Randomisation,
+    )
+    from jblast.environments.gymnasium_classes import (
+        QuadrotorBlast as QuadrotorBlast,
+        QuadrotorEnv as QuadrotorEnv,
+    )
     from jblast.environments.lanes import (
         reset_lanes as reset_lanes,
         step_lanes as step_lanes,
     )
-    from jblast.environments.params import (
-        EnvironmentParams as EnvironmentParams,
-        Imu as Imu,
-        Randomisation as Randomisation,
-    )
-    from jblast.environments.state import EnvironmentState as EnvironmentState
 
 _HOMES = {
-    "COMMANDS": "commands",
-    "EnvironmentParams": "params",
-    "EnvironmentState": "state",
-    "Imu": "params",
-    "QuadrotorBlast": "gymnasium.vector",
-    "QuadrotorEnv": "gymnasium.single",
-    "Randomisation": "params",
+    "COMMANDS": "episode",
+    "EnvironmentParams": "episode",
+    "EnvironmentState": "episode",
+    "Imu": "episode",
+    "QuadrotorBlast": "gymnasium_classes",
+    "QuadrotorEnv": "gymnasium_classes",
+    "Randomisation": "episode",
     "Step": "core",
     "environment_params": "build",
     "reset": "core",

@@ -3,8 +3,8 @@
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from jblast.environments.commands import COMMANDS
-from jblast.environments.params import (
+from jblast.environments.episode import (
+    COMMANDS,
     EnvironmentParams,
     Imu,
     Randomisation,

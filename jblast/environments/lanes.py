@@ -1,4 +1,6 @@
-"""Many lanes at once, each as if alone; one that ended begins again with the next step.
+"""Many lanes at once, each as if alone; one that ended begins anew.
+
+Many lanes at once, each as if alone; one that ended begins again with the next step.
 
 Few lanes are in a blast, and few begin, in any step. Both cost more than the step
 itself, so both are computed for blocks of those lanes alone, as many as it takes; the
@@ -13,24 +15,61 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Key, PRNGKeyArray, PyTree
 
 from jblast.environments.core import (
+    Moved,
     Step,
     begin,
     in_blast,
+    moved,
     pushed_by,
     reset,
     step_of,
 )
-from jblast.environments.moved import Moved, moved
-from jblast.environments.params import EnvironmentParams
-from jblast.environments.state import EnvironmentState
+from jblast.environments.episode import EnvironmentParams, EnvironmentState
+from jblast.errors import InputError
 from jblast.vehicle.dynamics.equations import Wrench
-from jblast.vehicle.rollout.batching import CHUNK_BYTES
+from jblast.vehicle.rollout.batching import CHUNK_BYTES, over_devices
 
+T = TypeVar("T")
+CHUNK = 1024
+"""Lanes that a processor takes through all their steps before it takes the next: the
+state of more does not stay in its cache, of fewer a block of those in a blast or at a
+beginning is mostly empty."""
 PUSHED_SHARE, BEGUN_SHARE, LEAST_BLOCK = 128, 256, 8
 """A block holds one in so many pairs of lane and blast, one in so many lanes that
 begin, and so many at least."""
 
-T = TypeVar("T")
+
+def in_chunks(
+    function: Callable[[PyTree[Array]], T],
+    lanes: PyTree[Array],
+    chunk: int,
+    devices: int,
+) -> T:
+    """Return what a function of a chunk of lanes gives for all of them.
+
+    Args:
+        function: Of arrays whose first axis are the lanes of a chunk; so are those that
+            it returns.
+        lanes: Of all.
+        chunk: Lanes of a chunk.
+        devices: Among how many chunks are shared.
+
+    Raises:
+        InputError: Lanes do not go up in chunks, or chunks in devices.
+    """
+    count = jax.tree.leaves(lanes)[0].shape[0]
+    if count < 1 or count % (chunk * devices):
+        raise InputError(
+            f"lanes: expected a multiple of {chunk} times {devices} devices, got "
+            f"{count:,}"
+        )
+    parts = jax.tree.map(lambda x: x.reshape(-1, chunk, *x.shape[1:]), lanes)
+
+    def here(parts: PyTree[Array]) -> PyTree[Array]:
+        return jax.lax.map(function, parts)
+
+    found = over_devices(here, parts, devices)
+    return jax.tree.map(lambda x: x.reshape(-1, *x.shape[2:]), found)
 
 
 def lane_keys(key: PRNGKeyArray, lanes: Array) -> Key[Array, " lane"]:

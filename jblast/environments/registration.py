@@ -21,7 +21,7 @@ def register_environments() -> None:
         if identifier not in registration.registry:
             registration.register(
                 identifier,
-                entry_point="jblast.environments.gymnasium.single:QuadrotorEnv",
-                vector_entry_point="jblast.environments.gymnasium.vector:QuadrotorBlast",
+                entry_point="jblast.environments.gymnasium_classes:QuadrotorEnv",
+                vector_entry_point="jblast.environments.gymnasium_classes:QuadrotorBlast",
                 kwargs={"task": name},
             )

@@ -1,25 +1,191 @@
-"""A plan as what flies: its stops, its legs, its guidance, and how long it takes."""
+r"""A plan as what flies: its stops, and the legs between them.
+
+From stops to legs: straight lines, rounded where the set point passes.
+
+A corner by an angle $\theta$ that need not be stopped at is cut by an arc of radius $r$
+that touches both lines: it leaves them $r \tan(\theta/2)$ before the corner and comes
+as near as $r (1/\cos(\theta/2) - 1)$ to it, half the acceptance radius; neither takes
+more than half of a line. It is flown at $\sqrt{a r}$ at most. Speeds at the ends of
+legs are such that what follows can be braked for, $v^2 \le v_{next}^2 + 2 a l$.
+
+From latitudes to the scene's metres and back, over ground that is level.
+
+Horizontal places are those of `observations.places.frame`. Heights are kept as they
+are: up is height above the origin, the scene's ground is level, and what the Earth
+falls away below the plane (8 cm in a kilometre) is left out of both.
+"""
 
 import math
-from typing import NamedTuple
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import ArrayLike, Float
 
 from jblast.errors import InputError
-from jblast.missions.course import legs_along
-from jblast.missions.frame import frame_of, level
 from jblast.missions.guidance import CALIBRATE_S, IDLE_S, LANDED_S, Guidance
-from jblast.missions.legs import Legs
-from jblast.missions.limits import Limits
-from jblast.missions.plan.item import Plan
-from jblast.missions.route import stops_of
-from jblast.missions.stops import Stop
+from jblast.missions.legs import FIELDS, Legs
+from jblast.missions.limits import CEILING_M, FARTHEST_M, MOST_LEGS, Limits
+from jblast.missions.plan import (
+    GLOBAL,
+    JUMP,
+    LAND,
+    LOITER,
+    LOITER_TIME,
+    MISSION,
+    RELATIVE,
+    RETURN,
+    SPEED,
+    TAKEOFF,
+    TURNS,
+    WAYPOINT,
+    Item,
+    Parameters,
+    Plan,
+)
 from jblast.observations.places.frame import Frame
 from jblast.scene import Place
 
+MOST_LANES = 1000
 ON_GROUND_M = 0.5
 """How far from the ground's height a home may lie; it is then taken as on it."""
+SHORTEST_M = 1e-3
+"""What is shorter is no line."""
+BELOW_M = 3.0
+"""How far below the ground the set point of a landing goes: the vehicle comes to rest
+on it before."""
+STRAIGHT = math.radians(0.5)
+"""A corner of less is none; of more than half a turn less this, a stop."""
+Vector = Float[np.ndarray, "3"]
+CIRCLE_M = 10.0
+"""Radius where an item for turns says none; declared."""
+RAISES = 1e-3
+"""Least difference of heights that is flown by itself [m]."""
+
+
+def grid_plan(
+    home: Place,
+    *,
+    width_m: float,
+    depth_m: float,
+    spacing_m: float,
+    up_m: float,
+    centre_m: tuple[float, float] = (0.0, 0.0),
+    speed_m_s: float | None = None,
+) -> Plan:
+    """Return a plan that flies over a field in lanes, and returns.
+
+    Args:
+        home: Where it takes off.
+        width_m: Of the field, east to west, along the lanes.
+        depth_m: North to south; 0: one lane.
+        spacing_m: Between two lanes, at most.
+        up_m: Height above home.
+        centre_m: Of the field, east and north of home.
+        speed_m_s: Of the flight; None: the vehicle's.
+
+    Raises:
+        InputError: There are too many lanes.
+    """
+    lanes = 1 + math.ceil(depth_m / spacing_m - 1e-9)
+    if lanes > MOST_LANES:
+        raise InputError(
+            f"grid: expected at most {MOST_LANES} lanes, got {lanes}: {depth_m:g} m "
+            f"every {spacing_m:g} m"
+        )
+    norths = np.linspace(-0.5, 0.5, lanes) * depth_m if lanes > 1 else np.zeros(1)
+    places = []
+    for n, north in enumerate(norths):
+        side = (0.5 if n % 2 else -0.5) * width_m
+        places += [
+            (centre_m[0] + side, centre_m[1] + north),
+            (centre_m[0] - side, centre_m[1] + north),
+        ]
+    return _plan(home, places, up_m, speed_m_s)
+
+
+def orbit_plan(
+    home: Place,
+    *,
+    radius_m: float,
+    turns: float,
+    up_m: float,
+    centre_m: tuple[float, float] = (0.0, 0.0),
+    speed_m_s: float | None = None,
+) -> Plan:
+    """Return a plan that flies around a place, clockwise, and returns.
+
+    Args:
+        home: Where it takes off.
+        radius_m: Of the circle; negative: the other way round.
+        turns: How many.
+        up_m: Height above home.
+        centre_m: Of the circle, east and north of home.
+        speed_m_s: Of the flight; None: the vehicle's.
+    """
+    return _plan(home, [centre_m], up_m, speed_m_s, turns=turns, radius_m=radius_m)
+
+
+def _plan(
+    home: Place,
+    places: list[tuple[float, float]],
+    up_m: float,
+    speed_m_s: float | None,
+    turns: float | None = None,
+    radius_m: float | None = None,
+) -> Plan:
+    """Return take-off, the places, and return."""
+    points = np.array([(*place, 0.0) for place in places])
+    on_earth = geodetic(Frame(*home), points)
+    rows: list[tuple[int, int, Parameters]] = [
+        (TAKEOFF, RELATIVE, (0.0, 0.0, 0.0, None, home.lat_deg, home.lon_deg, up_m))
+    ]
+    for lat, lon, _ in on_earth.tolist():
+        # a ten-millionth of a degree, 1 cm, is what MAVLink sends
+        where = (round(lat, 9), round(lon, 9), up_m)
+        if turns is None:
+            rows.append((WAYPOINT, RELATIVE, (0.0, 0.0, 0.0, None, *where)))
+        else:
+            rows.append((TURNS, RELATIVE, (turns, 0.0, radius_m, 0.0, *where)))
+    rows.append((RETURN, MISSION, (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)))
+    items = tuple(Item(n, *row) for n, row in enumerate(rows, start=1))
+    return Plan(items, home, hover_speed_m_s=speed_m_s)
+
+
+@dataclass(frozen=True)
+class Stop:
+    """A place on the way.
+
+    Attributes:
+        item: Place in the plan, from 0.
+        goal_m: East, north, up.
+        speed_m_s: Over ground, on the way there.
+        climb_m_s: Upwards at most.
+        descent_m_s: Downwards at most.
+        acceptance_m: How near the vehicle must come.
+        hold_s: How long it stays; infinite: for ever.
+        yaw_rad: From east to north; NaN: as it is.
+        stops: Whether the set point stops there, hold or not.
+        turns: Around the goal, at `radius_m`; 0: none.
+        radius_m: Positive: clockwise.
+        lands: Whether it is on the ground.
+        visit: Which in the order of the items as they are flown, from 0.
+    """
+
+    item: int
+    goal_m: Float[np.ndarray, "3"]
+    speed_m_s: float
+    climb_m_s: float
+    descent_m_s: float
+    acceptance_m: float
+    hold_s: float = 0.0
+    yaw_rad: float = math.nan
+    stops: bool = False
+    turns: float = 0.0
+    radius_m: float = 0.0
+    lands: bool = False
+    visit: int = 0
 
 
 class Mission(NamedTuple):
@@ -118,3 +284,466 @@ def planned_seconds(legs: Legs, acceleration_m_s2: float) -> float:
         if waits:
             total += LANDED_S if lands else hold
     return total
+
+
+def stops_of(
+    plan: Plan,
+    frame: Frame,
+    home_m: Float[np.ndarray, "3"],
+    limits: Limits,
+    *,
+    may_hover_on: bool = False,
+) -> list[Stop]:
+    """Return the places that a plan goes to, one after another.
+
+    Args:
+        plan: The plan.
+        frame: Where east-north-up has its origin.
+        home_m: Where the vehicle stands, on the ground.
+        limits: How it is flown where the plan does not say.
+        may_hover_on: Whether it may end in the air.
+
+    Raises:
+        InputError: The plan is empty, starts or ends in the air, goes on after it has
+            landed, jumps where it cannot, or has a place that cannot be reached.
+    """
+    where = plan.where
+    if not plan.items:
+        raise InputError(f"{where}: items: expected a mission, got none: it is empty")
+    order = _order(plan)
+    first = next((n for n in order if plan.items[n].command != SPEED), None)
+    if first is None or plan.items[first].command != TAKEOFF:
+        got = "nothing to fly" if first is None else plan.items[first].words
+        raise InputError(
+            f"{where}: expected a take-off (22) first, as the vehicle stands on the "
+            f"ground; got {got}: a mission that starts in the air"
+        )
+    speeds = {
+        "speed_m_s": plan.hover_speed_m_s or limits.speed_m_s,
+        "climb_m_s": limits.climb_m_s,
+        "descent_m_s": limits.descent_m_s,
+    }
+    stops: list[Stop] = []
+    at, ended, visit = np.array(home_m, float), False, 0
+    for n in order:
+        item = plan.items[n]
+        if ended:
+            raise InputError(
+                f"{where}: {item.words}: expected nothing after the mission has ended, "
+                "which a landing, a return and a loiter without end do"
+            )
+        if item.command == SPEED:
+            _change(speeds, item, where)
+            continue
+        found = stops_for(item, n, at, home_m, frame, speeds, limits, where)
+        for stop in found:
+            check_reach(stop, home_m, f"{where}: {item.words}")
+        stops += [replace(stop, visit=visit) for stop in found]
+        visit += 1
+        at = stops[-1].goal_m
+        ended = item.command in (LAND, RETURN, LOITER)
+    if not ended:
+        last = stops[-1]
+        stops.append(held(last))
+    if not may_hover_on and not stops[-1].lands:
+        raise InputError(
+            f"{where}: expected a plan that ends with a landing (21) or a return (20), "
+            "or a time after which it is cut off, as it hovers on for ever at its end"
+        )
+    return stops
+
+
+def _order(plan: Plan) -> list[int]:
+    """Return places in the plan in the order in which they come, jumps unrolled."""
+    by_number = {item.number: n for n, item in enumerate(plan.items)}
+    left: dict[int, int] = {}
+    order: list[int] = []
+    n = steps = 0
+    while n < len(plan.items):
+        item = plan.items[n]
+        steps += 1
+        if len(order) >= MOST_LEGS or steps > 2 * MOST_LEGS:
+            raise InputError(
+                f"{plan.where}: expected at most {MOST_LEGS:,} items when jumps are "
+                "unrolled, got more"
+            )
+        if not item.auto_continue and n + 1 < len(plan.items):
+            raise InputError(
+                f"{plan.where}: {item.words}, autoContinue: expected true, as nobody "
+                "is there to go on, got false"
+            )
+        if item.command != JUMP:
+            order.append(n)
+            n += 1
+            continue
+        goal, times = item.number_of(1, math.nan), item.number_of(2, math.nan)
+        at = f"{plan.where}: {item.words}"
+        if goal not in by_number:
+            known = f"{plan.items[0].number} to {plan.items[-1].number}"
+            raise InputError(
+                f"{at}: expected the number of an item, {known}, got {goal:g}"
+            )
+        if not (times >= 0 and times == int(times)):
+            raise InputError(
+                f"{at}: expected how many times, 0 or more (-1, for ever, never ends "
+                f"unattended), got {times:g}"
+            )
+        if left.setdefault(n, int(times)) > 0:
+            left[n] -= 1
+            n = by_number[int(goal)]
+        else:
+            del left[n]  # a jump around this one begins to count again
+            n += 1
+    return order
+
+
+def _change(speeds: dict[str, float], item: Item, where: str) -> None:
+    """Take in a change of speed."""
+    kind, speed = item.number_of(1), item.number_of(2, -1.0)
+    names = {0.0: "speed_m_s", 1.0: "speed_m_s", 2.0: "climb_m_s", 3.0: "descent_m_s"}
+    if kind not in names:
+        raise InputError(
+            f"{where}: {item.words}, parameter 1: expected 0 to 3, got {kind:g}"
+        )
+    if speed == -1:  # no change
+        return
+    if not 0.05 <= speed <= 60.0:
+        raise InputError(
+            f"{where}: {item.words}, parameter 2: expected 0.05 to 60 m/s, or -1, got "
+            f"{speed:g}"
+        )
+    speeds[names[kind]] = speed
+
+
+def legs_along(stops: Sequence[Stop], start_m: Vector, limits: Limits) -> Legs:
+    """Return the legs that lead to stops, one after another.
+
+    Args:
+        stops: As `stops_of` returns them.
+        start_m: Where the vehicle stands.
+        limits: Of the set point's acceleration.
+    """
+    rows: list[dict] = []
+    ways = _straight(stops, start_m)
+    acceleration = limits.acceleration_m_s2
+    cut = 0.0  # of the line ahead, by the arc behind
+    for n, (stop, start, end, way) in enumerate(ways):
+        length = float(np.linalg.norm(end - start))
+        after = ways[n + 1] if n + 1 < len(ways) else None
+        arc = None if after is None else _arc(stop, length, way, after, acceleration)
+        take = 0.0 if arc is None else arc["take"]
+        known = {"goal_m": stop.goal_m, "acceptance_m": stop.acceptance_m}
+        known |= {"yaw_rad": stop.yaw_rad, "visit": stop.visit, "hold_s": stop.hold_s}
+        passes = arc is not None
+        rows.append(
+            known
+            | {
+                "start_m": start + cut * way,
+                "along": way,
+                "length_m": max(length - cut - take, 0.0),
+                "speed_m_s": _speed(stop, way),
+                "waits": not passes and not stop.turns,
+                "lands": stop.lands,
+                "end_speed_m_s": math.inf if passes else 0.0,
+            }
+        )
+        if arc is not None and arc["row"]["length_m"]:
+            rows.append(known | arc["row"] | {"start_m": end - take * way})
+        if stop.turns:
+            rows.append(known | _circle(stop, end, acceleration))
+        cut = take
+    _brake(rows, acceleration)
+    return _table(rows)
+
+
+def _straight(
+    stops: Sequence[Stop], start_m: Vector
+) -> list[tuple[Stop, Vector, Vector, Vector]]:
+    """Return the line to each stop: start, end, direction."""
+    at, way, found = np.array(start_m, float), np.array([0.0, 0.0, 1.0]), []
+    for stop in stops:
+        end = stop.goal_m
+        if stop.lands:
+            end = end - np.array([0.0, 0.0, BELOW_M])
+        if stop.turns:
+            end = _entry(stop, at)
+        line = end - at
+        length = np.linalg.norm(line)
+        if length > SHORTEST_M:
+            way = line / length
+        else:
+            end = at
+        found.append((stop, at, end, way))
+        at = _exit(stop, end) if stop.turns else end
+    return found
+
+
+def _arc(
+    stop: Stop, length: float, way: Vector, after: tuple, acceleration: float
+) -> dict | None:
+    """Return the arc around a stop that is passed; None: it stops there."""
+    if stop.stops or stop.hold_s or stop.lands or stop.turns:
+        return None
+    following, start, end, onward = after
+    ahead = float(np.linalg.norm(end - start))
+    if min(length, ahead) <= SHORTEST_M:
+        return None
+    angle = math.acos(float(np.clip(way @ onward, -1.0, 1.0)))
+    if angle > math.pi - STRAIGHT:
+        return None
+    row = {"speed_m_s": min(_speed(stop, way), _speed(following, onward))}
+    row |= {"waits": False, "end_speed_m_s": math.inf, "along": way}
+    if angle < STRAIGHT:
+        return {"take": 0.0, "row": row | {"length_m": 0.0}}
+    tangent = math.tan(angle / 2)
+    radius = min(
+        0.5 * stop.acceptance_m / (1 / math.cos(angle / 2) - 1),
+        0.5 * min(length, ahead) / tangent,
+    )
+    inward = onward - (onward @ way) * way
+    row |= {
+        "inward": inward / np.linalg.norm(inward),
+        "curvature_per_m": 1 / radius,
+        "length_m": radius * angle,
+        "speed_m_s": min(row["speed_m_s"], math.sqrt(acceleration * radius)),
+    }
+    return {"take": radius * tangent, "row": row}
+
+
+def _entry(stop: Stop, at: Vector) -> Vector:
+    """Return the nearest point of a circle; from its middle, the northern one."""
+    out = at - stop.goal_m
+    out[2] = 0.0
+    length = np.linalg.norm(out)
+    out = out / length if length > SHORTEST_M else np.array([0.0, 1.0, 0.0])
+    return stop.goal_m + abs(stop.radius_m) * out
+
+
+def _circle(stop: Stop, start: Vector, acceleration: float) -> dict:
+    """Return the leg around a stop."""
+    radius = abs(stop.radius_m)
+    inward = (stop.goal_m - start) / radius
+    sense = math.copysign(1.0, stop.radius_m)
+    # clockwise from above: the middle is to the right
+    along = sense * np.array([-inward[1], inward[0], 0.0])
+    end = _exit(stop, start)
+    return {
+        "start_m": start,
+        "along": along,
+        "inward": inward,
+        "curvature_per_m": 1 / radius,
+        "length_m": 2 * math.pi * radius * stop.turns,
+        "speed_m_s": min(stop.speed_m_s, math.sqrt(acceleration * radius)),
+        "waits": True,
+        "end_speed_m_s": 0.0,
+        "goal_m": end,
+    }
+
+
+def _exit(stop: Stop, start: Vector) -> Vector:
+    """Return where a circle is left."""
+    east, north, _ = start - stop.goal_m
+    angle = -math.copysign(2 * math.pi * stop.turns, stop.radius_m)
+    sine, cosine = math.sin(angle), math.cos(angle)
+    turned = [cosine * east - sine * north, sine * east + cosine * north, 0.0]
+    return stop.goal_m + np.array(turned)
+
+
+def _speed(stop: Stop, way: Vector) -> float:
+    """Return the most speed along a line, of its parts over ground, up and down."""
+    across, up = float(np.hypot(way[0], way[1])), float(way[2])
+    limit = math.inf if across < 1e-9 else stop.speed_m_s / across
+    if up > 1e-9:
+        limit = min(limit, stop.climb_m_s / up)
+    if up < -1e-9:
+        limit = min(limit, stop.descent_m_s / -up)
+    return limit
+
+
+def _brake(rows: list[dict], acceleration: float) -> None:
+    """Set the speeds at the ends of legs that are passed."""
+    allowed = 0.0  # at the start of the leg after
+    for row in reversed(rows):
+        if row["waits"]:
+            row["end_speed_m_s"] = 0.0
+        else:
+            row["end_speed_m_s"] = min(row["end_speed_m_s"], allowed, row["speed_m_s"])
+        end = row["end_speed_m_s"]
+        reach = math.sqrt(end * end + 2 * acceleration * row["length_m"])
+        allowed = min(row["speed_m_s"], reach)
+
+
+def _table(rows: Sequence[dict]) -> Legs:
+    """Return the rows as arrays."""
+    none = {"inward": np.zeros(3), "curvature_per_m": 0.0, "lands": False}
+    whole = [none | row for row in rows]
+    columns: dict[str, Any] = {
+        name: np.array([row[name] for row in whole]) for name in FIELDS
+    }
+    return Legs(**columns)
+
+
+def held(stop: Stop) -> Stop:
+    """Return a stop at the same place, for ever."""
+    return replace(stop, hold_s=math.inf, stops=False, turns=0.0, lands=False)
+
+
+def stops_for(
+    item: Item,
+    n: int,
+    at: Float[np.ndarray, "3"],
+    home: Float[np.ndarray, "3"],
+    frame: Frame,
+    speeds: dict[str, float],
+    limits: Limits,
+    where: str,
+) -> list[Stop]:
+    """Return the stops of one item, from where the vehicle is before it."""
+    radius = limits.acceptance_m
+
+    def stop(goal: Sequence[float] | np.ndarray, **options: Any) -> Stop:
+        known: dict[str, Any] = {"acceptance_m": radius, **speeds}
+        return Stop(n, np.array(goal, float), **(known | options))
+
+    goal = _goal(item, at, home, frame)
+    yaw = _yaw(item)
+    if item.command == TAKEOFF:
+        up = np.array([at[0], at[1], goal[2]])
+        found = [stop(up, stops=True, yaw_rad=yaw)]
+        if np.hypot(*(goal - up)[:2]) > limits.acceptance_m:
+            found.append(stop(goal, yaw_rad=yaw))
+        return found
+    if item.command == WAYPOINT:
+        radius = item.number_of(2) or radius
+        _at_least(item, 1, 0.0, where)
+        _at_least(item, 2, 0.0, where)
+        return [stop(goal, hold_s=item.number_of(1), yaw_rad=yaw)]
+    if item.command == LOITER_TIME:
+        _at_least(item, 1, 0.0, where)
+        return [stop(goal, hold_s=item.number_of(1), stops=True)]
+    if item.command == LOITER:
+        return [stop(goal, hold_s=math.inf, yaw_rad=yaw)]
+    if item.command == TURNS:
+        _at_least(item, 1, 0.0, where)
+        circle = item.number_of(3) or CIRCLE_M
+        return [stop(goal, turns=item.number_of(1), radius_m=circle, stops=True)]
+    if item.command == RETURN:
+        high = max(float(at[2]), float(home[2]) + limits.return_m)
+        found = (
+            [] if high - at[2] < RAISES else [stop((at[0], at[1], high), stops=True)]
+        )
+        over = np.array([home[0], home[1], high])
+    else:
+        found, high = [], float(at[2])
+        over = np.array([goal[0], goal[1], high])
+    if np.hypot(*(over - (found[-1].goal_m if found else at))[:2]) > RAISES:
+        found.append(stop(over, stops=True, yaw_rad=yaw))
+    slow = float(home[2]) + limits.slow_below_m
+    if high > slow + RAISES:
+        found.append(stop((over[0], over[1], slow), yaw_rad=yaw))
+    ground = np.array([over[0], over[1], home[2]])
+    slowly = min(limits.landing_m_s, speeds["descent_m_s"])
+    return [*found, stop(ground, descent_m_s=slowly, lands=True, yaw_rad=yaw)]
+
+
+def _goal(
+    item: Item,
+    at: Float[np.ndarray, "3"],
+    home: Float[np.ndarray, "3"],
+    frame: Frame,
+) -> Float[np.ndarray, "3"]:
+    """Return where an item goes to: without a place here, without a height as high."""
+    lat, lon, alt = item.params[4:]
+    up = at[2]
+    if alt is not None:
+        up = alt - frame.alt_m if item.frame == GLOBAL else home[2] + alt
+    if item.place is None:
+        return np.array([at[0], at[1], up])
+    assert lat is not None  # else it has no place
+    assert lon is not None
+    east, north, _ = level(frame, lat, lon, frame.alt_m)
+    return np.array([east, north, up])
+
+
+def _yaw(item: Item) -> float:
+    """Return a heading from east to north; NaN where an item says none."""
+    degrees = item.params[3]
+    if degrees is None or item.command not in (WAYPOINT, LOITER, LAND, TAKEOFF):
+        return math.nan
+    return math.remainder(math.pi / 2 - math.radians(degrees), 2 * math.pi)
+
+
+def _at_least(item: Item, parameter: int, least: float, where: str) -> None:
+    value = item.number_of(parameter)
+    if value < least:
+        raise InputError(
+            f"{where}: {item.words}, parameter {parameter}: expected {least:g} or "
+            f"more, got {value:g}"
+        )
+
+
+def check_reach(stop: Stop, home: Float[np.ndarray, "3"], at: str) -> None:
+    """Refuse a place that cannot be reached, and say why."""
+    away = float(np.hypot(*(stop.goal_m - home)[:2]))
+    up = float(stop.goal_m[2] - home[2])
+    if away + abs(stop.radius_m) > FARTHEST_M:
+        raise InputError(
+            f"{at}: expected a place within {FARTHEST_M / 1e3:g} km of home, where the "
+            f"ground counts as level, got one {away / 1e3:.4g} km away: unreachable"
+        )
+    if up > CEILING_M:
+        raise InputError(
+            f"{at}: expected a height of at most {CEILING_M:g} m above home, got "
+            f"{up:g} m: unreachable, above the ceiling"
+        )
+    if up <= 0.0 and not stop.lands:
+        raise InputError(
+            f"{at}: expected a height above the ground, got {up:g} m above home: "
+            "unreachable, " + ("below ground" if up < 0 else "on the ground")
+        )
+
+
+def frame_of(plan: Plan, place: Place | None = None) -> Frame:
+    """Return the frame of a plan: about the scene's place, or about its home.
+
+    Args:
+        plan: The plan.
+        place: Where the scene's origin lies, if it says so.
+
+    Raises:
+        InputError: Neither says where.
+    """
+    where = plan.home if place is None else place
+    if where is None:
+        raise InputError(
+            f"{plan.where}: home: expected a first line with home, or the scene's "
+            "[place], got neither"
+        )
+    return Frame(*where)
+
+
+def level(
+    frame: Frame,
+    lat_deg: Float[ArrayLike, "*place"],
+    lon_deg: Float[ArrayLike, "*place"],
+    alt_m: Float[ArrayLike, "*place"],
+) -> Float[np.ndarray, "*place 3"]:
+    """Return east, north, and height above the origin's [m]."""
+    enu = frame.to_enu(lat_deg, lon_deg, frame.alt_m)
+    up = np.broadcast_to(np.asarray(alt_m, float) - frame.alt_m, enu.shape[:-1])
+    return np.concatenate([enu[..., :2], up[..., None]], axis=-1)
+
+
+def geodetic(
+    frame: Frame, place_m: Float[ArrayLike, "*place 3"]
+) -> Float[np.ndarray, "*place 3"]:
+    """Return latitude, longitude [degree] and height [m] of level places."""
+    place = np.array(place_m, float)
+    found = place.copy()
+    found[..., 2] = 0.0
+    # down to the ground, which lies below the plane: twice, to a millimetre at 20 km
+    for _ in range(2):
+        found[..., 2] -= frame.to_geodetic(found)[..., 2] - frame.alt_m
+    answer = frame.to_geodetic(found)
+    answer[..., 2] = place[..., 2] + frame.alt_m
+    return answer

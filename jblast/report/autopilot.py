@@ -3,10 +3,9 @@
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from jblast.autopilot.ground_station.station import Watched
-from jblast.autopilot.mavlink.link import Link
-from jblast.autopilot.simulator.lockstep import Lockstep
-from jblast.autopilot.simulator.rotors import MOTOR_WORDS
+from jblast.autopilot.ground_station import Watched
+from jblast.autopilot.lockstep import MOTOR_WORDS, Lockstep
+from jblast.autopilot.mavlink import Link
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,7 @@ from jaxtyping import Float
 from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
-from jblast.autopilot.estimator.thrown import Thrown
+from jblast.autopilot.estimator import Thrown
 from jblast.json_values import plain
 from jblast.quantity_table import QUANTITIES
 from jblast.report.words import (

@@ -8,8 +8,8 @@ from jaxtyping import Float
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from jblast.autopilot.estimator.estimate import PLACE
-from jblast.missions.frame import geodetic
+from jblast.autopilot.estimator import PLACE
+from jblast.missions.mission import geodetic
 from jblast.report.figure_style import (
     BLUE,
     GRID,

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from jblast.json_values import plain
-from jblast.missions.frame import geodetic
-from jblast.missions.plan.commands import COMMANDS
+from jblast.missions.mission import geodetic
+from jblast.missions.plan import COMMANDS
 from jblast.report.flights import (
     BlastMet,
     EastNorthUpM,

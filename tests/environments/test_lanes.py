@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from jblast.environments import reset_lanes, step_lanes
-from jblast.environments.chunks import in_chunks
+from jblast.environments.lanes import in_chunks
 from jblast.errors import InputError
 from jblast.vehicle.rollout.batching import CHUNK_BYTES
 from tests.environments.lanes_of_one_blast import (

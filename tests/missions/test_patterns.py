@@ -5,7 +5,7 @@ import pytest
 
 from jblast.errors import InputError
 from jblast.missions import grid_plan, orbit_plan
-from jblast.missions.frame import frame_of, geodetic, level
+from jblast.missions.mission import frame_of, geodetic, level
 from jblast.scene import Place
 
 HOME = Place(35.3075, -80.7353, 200.0)

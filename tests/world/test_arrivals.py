@@ -9,7 +9,7 @@ from jblast.scene import Sensor
 from jblast.sensors import Track
 from jblast.waves.propagation.ambient import sound_speed_of
 from jblast.world import arrivals_of, perceived, readings_of
-from jblast.world.arrivals import waves_of
+from jblast.world.perceived import waves_of
 from tests.world.worlds import VEHICLE, drawn
 
 VELOCITY = np.array([30.0, -10.0, 5.0])

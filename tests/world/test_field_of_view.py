@@ -6,7 +6,7 @@ import pytest
 from jblast.vehicle import Trajectory
 from jblast.world import arrivals_of, perceived
 from jblast.world.drawn import CAMERA
-from jblast.world.field_of_view import out_of_view
+from jblast.world.perceived import out_of_view
 from tests.world.worlds import drawn
 
 EYE = {"width": 24, "height": 16, "focal_px": 12.0}

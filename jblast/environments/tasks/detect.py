@@ -23,10 +23,14 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, PRNGKeyArray, PyTree
 
-from jblast.environments.commands import Action, Aim
-from jblast.environments.episode import OF_READINGS, load_of
-from jblast.environments.params import EnvironmentParams
-from jblast.environments.state import EnvironmentState
+from jblast.environments.episode import (
+    OF_READINGS,
+    Action,
+    Aim,
+    EnvironmentParams,
+    EnvironmentState,
+    load_of,
+)
 from jblast.environments.tasks.task import (
     Judged,
     Seen,

@@ -8,9 +8,7 @@ rate in rad/s. Over where the vehicle is farther off than `far_m`, or on the gro
 import jax
 from jaxtyping import Array, PRNGKeyArray, PyTree
 
-from jblast.environments.commands import Action, Aim
-from jblast.environments.params import EnvironmentParams
-from jblast.environments.state import EnvironmentState
+from jblast.environments.episode import Action, Aim, EnvironmentParams, EnvironmentState
 from jblast.environments.tasks.task import (
     Judged,
     Seen,

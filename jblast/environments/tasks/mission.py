@@ -8,9 +8,7 @@ goal (3). Reward of a step: $1 - |e|$. Over where the vehicle is farther off tha
 
 from jaxtyping import Array, PRNGKeyArray, PyTree
 
-from jblast.environments.commands import Action, Aim
-from jblast.environments.params import EnvironmentParams
-from jblast.environments.state import EnvironmentState
+from jblast.environments.episode import Action, Aim, EnvironmentParams, EnvironmentState
 from jblast.environments.tasks.task import (
     Judged,
     Seen,

@@ -10,9 +10,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, PRNGKeyArray, PyTree
 
-from jblast.environments.commands import Action, Aim
-from jblast.environments.params import EnvironmentParams
-from jblast.environments.state import EnvironmentState
+from jblast.environments.episode import Action, Aim, EnvironmentParams, EnvironmentState
 from jblast.environments.tasks.task import Judged, Seen, Task, at_rest, at_target
 from jblast.vehicle.dynamics.components import StateComponents, Vector, three
 

@@ -7,9 +7,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, PRNGKeyArray, PyTree
 
 from jblast.constants import FLIGHT_GRAVITY
-from jblast.environments.commands import Action, Aim
-from jblast.environments.params import EnvironmentParams
-from jblast.environments.state import EnvironmentState
+from jblast.environments.episode import Action, Aim, EnvironmentParams, EnvironmentState
 from jblast.missions.guidance import SetPoint
 from jblast.vehicle import State
 from jblast.vehicle.dynamics.components import (

@@ -8,10 +8,14 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Int, UInt
 
-from jblast.autopilot.estimator.control import EstimatedControl
-from jblast.autopilot.estimator.followed import Followed, followed
-from jblast.autopilot.estimator.thrown import Thrown, thrown
-from jblast.autopilot.simulator.from_scene import suite_of
+from jblast.autopilot.estimator import (
+    EstimatedControl,
+    Followed,
+    Thrown,
+    followed,
+    thrown,
+)
+from jblast.autopilot.lockstep import suite_of
 from jblast.errors import InputError
 from jblast.kept_programs import kept
 from jblast.scene import Place, Scene

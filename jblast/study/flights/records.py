@@ -5,8 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from jblast.autopilot.estimator.followed import Followed
-from jblast.autopilot.estimator.thrown import Thrown
+from jblast.autopilot.estimator import Followed, Thrown
 from jblast.scene import VehicleSpec
 from jblast.study.flights.encounter import Encounter, LoadLaw, Profile
 from jblast.study.flights.exposure import Exposure

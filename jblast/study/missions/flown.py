@@ -13,14 +13,14 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jblast.autopilot.estimator.followed import Followed
+from jblast.autopilot.estimator import Followed
 from jblast.errors import InputError
 from jblast.missions import (
     GuidanceHistory,
     Mission,
     MissionControl,
+    guidance as replay,
     planned_seconds,
-    replay,
 )
 from jblast.missions.guidance import ENDED
 from jblast.progress import counted

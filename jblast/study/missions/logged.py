@@ -4,11 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from jblast.autopilot.estimator.followed import Followed
-from jblast.autopilot.logs.record import Estimate, FlightRecord
+from jblast.autopilot.estimator import Followed
+from jblast.autopilot.logs import Estimate, FlightRecord
 from jblast.missions import Mission, Plan, mission_of, read_plan
-from jblast.missions.frame import geodetic
 from jblast.missions.guidance import ARMED, FLYING
+from jblast.missions.mission import geodetic
 from jblast.observations.places.frame import Frame
 from jblast.scene import Place, UncertainScene, VehicleSpec
 from jblast.study.flights.fly import fly

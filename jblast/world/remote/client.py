@@ -9,11 +9,17 @@ from types import TracebackType
 from typing import Any, NamedTuple
 
 from jblast.errors import InputError
-from jblast.world.remote.encode import vector_message
-from jblast.world.remote.received import packet_of
-from jblast.world.remote.wire import METHODS, PROTOCOL, SERVICE, grpc, messages
+from jblast.world.remote.messages import (
+    METHODS,
+    PROTOCOL,
+    SERVICE,
+    grpc,
+    messages,
+    packet_of,
+    vector_message,
+)
 from jblast.world.server import Motion, Packet
-from jblast.world.server.entity import SENSES
+from jblast.world.server.registry import SENSES
 
 PATIENCE_S = 30.0
 """How long a call that is answered once may take."""

@@ -1,30 +1,58 @@
-"""The methods of the server. They take bytes: who sends garbage is named, too."""
+"""The methods of the server, and one stream to an entity."""
 
 import asyncio
+import contextlib
+import functools
 import gc
 import secrets
-from collections.abc import Awaitable, Callable
-from typing import Any
+import time
+from collections.abc import Awaitable, Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any, NamedTuple
 
 from jblast import __version__
 from jblast.errors import InputError, shown
-from jblast.world.remote.decode import (
+from jblast.world.drawn import DrawnWorld
+from jblast.world.remote.messages import (
+    METHODS,
     MOST_BYTES,
+    PROTOCOL,
+    SERVICE,
     Garbage,
     OtherProtocol,
     TooLarge,
+    air_message,
     charge_of,
     check_protocol,
     entity_of,
+    grpc,
+    messages,
+    motion_of,
+    packet_message,
     parsed,
 )
-from jblast.world.remote.encode import air_message
-from jblast.world.remote.stream import Stream
-from jblast.world.remote.table import Table
-from jblast.world.remote.wire import METHODS, PROTOCOL, SERVICE, grpc, messages
-from jblast.world.server import BufferFull, ScaledRealTime
-from jblast.world.server.packet_buffer import CAPACITY
-from jblast.world.server.registry import NameTaken, NotRegistered, WorldFull
+from jblast.world.server import (
+    Announcement,
+    BlastSchedule,
+    BufferFull,
+    Entity,
+    Lockstep,
+    Packet,
+    PacketBuffer,
+    PacketTimes,
+    Playback,
+    Registry,
+    ScaledRealTime,
+    Stager,
+)
+from jblast.world.server.playback import Wanted
+from jblast.world.server.registry import (
+    CAPACITY,
+    Clock,
+    NameTaken,
+    NotRegistered,
+    WorldFull,
+)
 
 STATUS = {
     TooLarge: "RESOURCE_EXHAUSTED",
@@ -36,6 +64,169 @@ STATUS = {
 """Of an error; of any other `INVALID_ARGUMENT`."""
 SOON_S = 0.1
 TOO_SLOW = f"too slow: {CAPACITY} packets waited for it, which is all that may"
+
+
+async def _check_token(context: Any, token: str) -> None:
+    """Refuse a call that does not show the token."""
+    if not token:
+        return
+    shows = dict(context.invocation_metadata() or ()).get("authorization", "")
+    if not secrets.compare_digest(str(shows).encode(), f"Bearer {token}".encode()):
+        detail = "authorization: expected 'Bearer', a blank and the token of the server"
+        await _abort(context, "UNAUTHENTICATED", detail)
+
+
+async def _abort(context: Any, status: str, detail: str) -> Any:
+    """End a call with a status; never returns."""
+    await context.abort(getattr(grpc().StatusCode, status), detail)
+
+
+STAGED_AHEAD_S = 2.0
+"""In real time blasts are staged so long before they are told [s of the world]."""
+CATCH_UP_S = 2.0
+"""So long after a blast was staged a full buffer is waited for: the first ones compile
+programs, and who takes packets is not to blame that they come all at once."""
+SETTLES_S = 1.0
+"""How long a write may go on of one who is dropped."""
+LINGER_S = 0.05
+"""Of one that was cut off gRPC says first that it has done, and then cancels."""
+WAITS_FOR_NOBODY = float("inf")
+
+
+class ServedWorld(NamedTuple):
+    """What is served.
+
+    Attributes:
+        drawn: Its blasts, air and ground.
+        schedule: Of the blasts.
+        times: Of packets.
+        clock: How time goes on.
+        ends_s: When it ends; infinite: never [s].
+    """
+
+    drawn: DrawnWorld
+    schedule: BlastSchedule
+    times: PacketTimes
+    clock: Clock
+    ends_s: float
+
+    @property
+    def lockstep(self) -> bool:
+        """Whether time goes on as clients ask."""
+        return isinstance(self.clock, Lockstep)
+
+
+class Table:
+    """Who takes part in a world that is served, and how far it has come.
+
+    Attributes:
+        world: The world.
+        registry: Who takes part, and who was dropped.
+        sessions: Streams that are open, by name.
+        sent: Packets that were sent.
+        late: Of those in real time, how many were made after their time was over.
+        closing: Whether the server stops, and cancels all that goes on.
+        foremost_s: In lockstep, how far the foremost entity has come [s].
+    """
+
+    def __init__(
+        self,
+        world: ServedWorld,
+        patience_s: float,
+        say: Callable[[str], object],
+    ):
+        """Begin with nobody.
+
+        Args:
+            world: What is served.
+            patience_s: How long a client may keep the server waiting [s].
+            say: Is told a line of each who is dropped.
+        """
+        self.world = world
+        self.registry = Registry()
+        self.sessions: dict[str, Session] = {}
+        self.sent = self.late = 0
+        self.foremost_s = 0.0
+        self.closing = False
+        self.stager = Stager(world.drawn)
+        self._patience_s, self._say = patience_s, say
+        self._joined: dict[str, Joined] = {}
+        self._thread = ThreadPoolExecutor(1, "staging")
+
+    @property
+    def now_s(self) -> float:
+        """How far the world has come [s]."""
+        clock = self.world.clock
+        if isinstance(clock, Lockstep):
+            return self.foremost_s
+        return max(clock.world_s(), 0.0)
+
+    def join(self, entity: Entity, first: int, peer: str) -> str:
+        """Let an entity in; return its ticket.
+
+        Raises:
+            InputError: As in `Registry.register`.
+        """
+        ticket = self.registry.register(entity).ticket
+        self._joined[entity.name] = Joined(time.monotonic(), first, peer)
+        return ticket
+
+    def first_packet(self, name: str) -> int:
+        """Return where the packets of one who joined begin."""
+        return self._joined[name].first
+
+    def leave(self, name: str) -> None:
+        """Let go of one who goes as it should."""
+        self._joined.pop(name, None)
+        self.registry.leave(name)
+
+    def drop(self, name: str, peer: str, why: str) -> None:
+        """Let go of one who does not, and say so."""
+        self._joined.pop(name, None)
+        self.registry.drop(name, peer, why)
+        who = f"{name!r} ({peer})" if name else peer
+        self._say(f"dropped {who}: {why}")
+
+    async def stage(self, wanted: Wanted) -> Announcement:
+        """Stage a blast in the thread that does it: others are played back meanwhile.
+
+        Raises:
+            InputError: As in `Stager.stage`.
+        """
+        loop = asyncio.get_running_loop()
+        call = functools.partial(self.stager.stage, *wanted)
+        return await loop.run_in_executor(self._thread, call)
+
+    async def watch(self) -> None:
+        """Drop those who keep the server waiting; for ever."""
+        patience = self._patience_s
+        while True:
+            await asyncio.sleep(min(patience / 4, 1.0))
+            latest = time.monotonic() - patience
+            for session in self.sessions.values():
+                if session.waits_since < latest and not session.why and session.task:
+                    session.why = f"kept the server waiting for {patience:g} s"
+                    session.task.cancel()
+            for name, joined in list(self._joined.items()):
+                if name not in self.sessions and joined.since < latest:
+                    why = f"registered, and opened no stream for {patience:g} s"
+                    self.drop(name, joined.peer, why)
+
+    async def end(self) -> None:
+        """End the streams that are open, each of which is told."""
+        self.closing = True
+        for session in self.sessions.values():
+            if not session.why and session.task:
+                session.why = "the server stops"
+                session.task.cancel()
+        for _ in range(100):
+            if not self.sessions:
+                return
+            await asyncio.sleep(0.01)
+
+    def close(self) -> None:
+        """Let go of the thread that stages."""
+        self._thread.shutdown(wait=False, cancel_futures=True)
 
 
 def handler(table: Table, token: str) -> Any:
@@ -113,21 +304,6 @@ async def _streamed(table: Table, context: Any) -> None:
         asyncio.get_running_loop().call_later(SOON_S, gc.collect)  # closes its call
 
 
-async def _check_token(context: Any, token: str) -> None:
-    """Refuse a call that does not show the token."""
-    if not token:
-        return
-    shows = dict(context.invocation_metadata() or ()).get("authorization", "")
-    if not secrets.compare_digest(str(shows).encode(), f"Bearer {token}".encode()):
-        detail = "authorization: expected 'Bearer', a blank and the token of the server"
-        await _abort(context, "UNAUTHENTICATED", detail)
-
-
-async def _abort(context: Any, status: str, detail: str) -> Any:
-    """End a call with a status; never returns."""
-    await context.abort(getattr(grpc().StatusCode, status), detail)
-
-
 def _status_of(error: InputError) -> str:
     return STATUS.get(type(error), "INVALID_ARGUMENT")
 
@@ -188,3 +364,224 @@ def _leave(table: Table, message: Any, peer: str) -> Any:
         )
     table.leave(entity.name)
     return messages().Left()
+
+
+@contextlib.contextmanager
+def _first_error() -> Iterator[None]:
+    """Have a group of tasks raise what its first one did, and not a group of it."""
+    try:
+        yield
+    except BaseExceptionGroup as group:
+        raise group.exceptions[0] from None
+
+
+class Stream:
+    """The stream of one client.
+
+    Attributes:
+        name: Of the entity, once it is known; "" before.
+        session: That may be dropped.
+    """
+
+    def __init__(self, table: Table, context: Any):
+        """Take the stream that a client opens."""
+        self.name = ""
+        self.session = Session(asyncio.current_task())
+        self._table, self._context = table, context
+        self._end = grpc().aio.EOF
+        self._writing: asyncio.Future[None] | None = None
+        self._staged: dict[tuple[str, int], asyncio.Task[Announcement]] = {}
+
+    async def run(self) -> None:
+        """Play back until the client has had enough, or the world ends.
+
+        Raises:
+            InputError: What the client sends cannot be used.
+            BufferFull: It is too slow.
+        """
+        table = self._table
+        ask = await self._read()
+        if ask is None:
+            return
+        entity = table.registry.of(ask.name, ask.ticket)
+        if entity.name in table.sessions:
+            raise InputError(
+                f"entity {entity.name!r}: expected one stream, got another"
+            )
+        self.name = entity.name
+        table.sessions[self.name] = self.session
+        world = table.world
+        playback = Playback(
+            entity,
+            world.schedule,
+            world.times,
+            table.stager,
+            first=table.first_packet(self.name),
+            until_s=world.ends_s,
+        )
+        try:
+            if isinstance(world.clock, ScaledRealTime):
+                await self._by_the_clock(playback, ask, world.clock)
+            else:
+                await self._as_asked(playback, ask)
+        finally:
+            del table.sessions[self.name]
+            for task in self._staged.values():
+                task.cancel()
+
+    async def _as_asked(self, playback: Playback, ask: Any) -> None:
+        """Send as many packets as are asked for, each time."""
+        table, write = self._table, self._context.write
+        while ask is not None:
+            self._reported(playback, ask)
+            if ask.packets > CAPACITY:
+                raise InputError(
+                    f"packets: expected at most {CAPACITY} at a time, got {ask.packets}"
+                )
+            for _ in range(ask.packets):
+                packet = await self._next(playback, playback.wanted())
+                table.foremost_s = max(table.foremost_s, playback.time_s)
+                self.session.waits_since = time.monotonic()
+                await write(packet_message(packet).SerializeToString())
+                table.sent += 1
+                if packet.last:
+                    return
+            ask = await self._read()
+
+    async def _by_the_clock(
+        self, playback: Playback, ask: Any, clock: ScaledRealTime
+    ) -> None:
+        """Send packets as time goes on, while the client may say how it moves."""
+        self._reported(playback, ask)
+        buffer: PacketBuffer[Packet] = PacketBuffer()
+        filled = asyncio.Event()
+        with _first_error():
+            async with asyncio.TaskGroup() as group:
+                tasks = [
+                    group.create_task(self._listen(playback)),
+                    group.create_task(self._fill(playback, clock, buffer, filled)),
+                ]
+                await self._empty(buffer, filled)
+                for task in tasks:
+                    task.cancel()
+
+    async def _listen(self, playback: Playback) -> None:
+        """Take note of what the client reports; when it has done, it still listens."""
+        while (ask := await self._read(patient=True)) is not None:
+            self._reported(playback, ask)
+
+    async def _fill(
+        self,
+        playback: Playback,
+        clock: ScaledRealTime,
+        buffer: PacketBuffer[Packet],
+        filled: asyncio.Event,
+    ) -> None:
+        """Put each packet into the buffer as its time begins."""
+        table, times = self._table, self._table.world.times
+        patient_until = 0.0
+        while True:
+            await asyncio.sleep(clock.wait_s(playback.time_s))
+            self._stage_ahead(playback)
+            wanted = playback.wanted()
+            packet = await self._next(playback, wanted)
+            if wanted:  # perhaps that made us late, which is no fault of the client
+                patient_until = time.monotonic() + CATCH_UP_S
+            table.late += clock.world_s() > times.start_s(packet.number + 1)
+            while (
+                buffer.waiting == buffer.capacity and time.monotonic() < patient_until
+            ):
+                await asyncio.sleep(1.0 / float(times.rate))
+            buffer.write(packet)
+            filled.set()
+            if packet.last:
+                return
+
+    async def _empty(self, buffer: PacketBuffer[Packet], filled: asyncio.Event) -> None:
+        """Send what waits in the buffer, to the last."""
+        while True:
+            self.session.waits_since = WAITS_FOR_NOBODY
+            await filled.wait()
+            filled.clear()
+            for packet in buffer.read():
+                self.session.waits_since = time.monotonic()
+                data = packet_message(packet).SerializeToString()
+                self._writing = writing = asyncio.ensure_future(
+                    self._context.write(data)
+                )
+                # a write that is broken off would leave no way to say why
+                await asyncio.shield(writing)
+                self._table.sent += 1
+                if packet.last:
+                    return
+
+    async def settled(self) -> None:
+        """Wait a moment for what is being written."""
+        if self._writing is not None:
+            await asyncio.wait({self._writing}, timeout=SETTLES_S)
+
+    async def _next(self, playback: Playback, wanted: list[Wanted]) -> Packet:
+        """Return the next packet, what it needs staged before."""
+        staged = []
+        for one in wanted:
+            ahead = self._staged.pop((one.charge.name, one.revision), None)
+            self.session.waits_since = WAITS_FOR_NOBODY  # it waits for us
+            staged.append(await (ahead or self._table.stage(one)))
+        return playback.next(staged)
+
+    def _stage_ahead(self, playback: Playback) -> None:
+        """Begin with what will be told soon."""
+        for wanted in playback.soon(STAGED_AHEAD_S):
+            key = wanted.charge.name, wanted.revision
+            if key not in self._staged:
+                self._staged[key] = asyncio.create_task(self._table.stage(wanted))
+
+    async def _read(self, *, patient: bool = False) -> Any:
+        """Return what the client asks next; None: it has done.
+
+        Args:
+            patient: Whether it may take as long as it likes.
+
+        Raises:
+            InputError: It cannot be read.
+        """
+        if not patient:
+            self.session.waits_since = time.monotonic()
+        data = await self._context.read()
+        if data is self._end:
+            await asyncio.sleep(LINGER_S)
+            return None
+        return parsed("Ask", data)
+
+    def _reported(self, playback: Playback, ask: Any) -> None:
+        if ask.HasField("motion"):
+            playback.report(motion_of(ask.motion))
+
+
+class Joined(NamedTuple):
+    """One who registered.
+
+    Attributes:
+        since: When, by the clock of the machine [s].
+        first: Number of its first packet.
+        peer: Where it speaks from.
+    """
+
+    since: float
+    first: int
+    peer: str
+
+
+class Session:
+    """A stream that is open.
+
+    Attributes:
+        task: That plays it back.
+        waits_since: Since when it waits for its client, by the clock of the machine.
+        why: What it is dropped for; "" while it is not.
+    """
+
+    def __init__(self, task: "asyncio.Task[object] | None"):
+        self.task = task
+        self.waits_since = time.monotonic()
+        self.why = ""

@@ -12,10 +12,8 @@ from typing import Any
 
 from jblast.errors import InputError, argument, read_bytes, shown
 from jblast.world.drawn import DrawnWorld
-from jblast.world.remote.decode import MOST_BYTES
-from jblast.world.remote.service import handler
-from jblast.world.remote.table import ServedWorld, Table
-from jblast.world.remote.wire import grpc
+from jblast.world.remote.messages import MOST_BYTES, grpc
+from jblast.world.remote.service import ServedWorld, Table, handler
 from jblast.world.server import (
     BlastSchedule,
     Lockstep,
@@ -23,8 +21,7 @@ from jblast.world.server import (
     Stager,
     checked_entity,
 )
-from jblast.world.server.clock import packet_times
-from jblast.world.server.entity import SENSES
+from jblast.world.server.registry import SENSES, packet_times
 
 ADDRESS = "127.0.0.1:50551"
 GRACE_S = 0.5

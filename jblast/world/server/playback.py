@@ -1,30 +1,339 @@
-"""What comes to one entity, packet by packet: what was staged, played back.
+"""What comes to one entity, packet by packet, computed ahead of time.
+
+The load of blasts that were announced, on a vehicle wherever it is.
+
+Its numbers are those of the server's own, so a flight by it is the flight in one
+process. A C++ client, which has no laws, flies by the force profiles instead.
+
+What comes to one entity, packet by packet: what was staged, played back.
 
 A blast is told in the first packet that begins within the lead before it. To one who
 reports its motion it is told anew before a wave comes, by what it reported last: in
 one of the `AHEAD` packets before. Until then it could come nearer no faster than sound,
 so none comes unsaid. The wave that comes is that which was told last.
+
+What a blast is for an entity, computed once and ahead of time.
+
+One blast for one entity at a time, by programs that are the same for all: of the load,
+of the arrivals, of each sense that samples. Where who moves meets a wave follows from
+its path, or from what it reported last: straight on from there.
+
+What one blast does to the air at an entity, sampled: stretches, not silence.
+
+Samples are those of `sensors.microphone.record` and `sensors.pressure_gauge.record` for
+an instrument that adds nothing, at the same instants. Between the waves of a blast, and
+where less than `SILENCE_PA` is left of them, nothing is kept.
+
+What one blast gives a vehicle over time, in the state that its front finds it in.
+
+Force and moment are means over each step, from the impulses of `vehicle.blast_load`.
+While the pulse passes the vehicle is taken to stay in the state it was met in: where,
+how fast, how it is turned. So the profile is open-loop; who flies by the load itself
+(`world.remote.blast_load`) has what the vehicle gains meanwhile, too.
 """
 
-from collections.abc import Callable, Iterator
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from itertools import chain
+from types import ModuleType
 from typing import NamedTuple
 
+import equinox as eqx
+import jax
+import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array, Float
 
-from jblast.scene import Charge
+from jblast.constants import FLIGHT_GRAVITY
+from jblast.errors import InputError
+from jblast.kept_programs import kept
+from jblast.scene import Charge, Instrument, Scene, Sensor, VehicleSpec
+from jblast.sensors import Heard, Track, heard, microphone, pressure_gauge, record_laws
+from jblast.sensors.signal.blocks import BLOCK
+from jblast.types import as_float_array
+from jblast.vehicle import BlastLoad, State, Vehicle, blast_load, named, rotor_speeds
+from jblast.vehicle.loads.blast.from_scene import images_of
+from jblast.vehicle.loads.blast.passage import Blast, crossing_time
+from jblast.waves.propagation.absorption_filter import TAIL_S
 from jblast.waves.propagation.ambient import sound_speed_of
-from jblast.world.perceived import Perceived
-from jblast.world.server.blast_schedule import PAST_S, BlastSchedule
-from jblast.world.server.clock import PacketTimes
-from jblast.world.server.entity import Entity, Motion
-from jblast.world.server.force_profiles import STEPS_HZ
-from jblast.world.server.payload import Announcement, Packet, Slice
-from jblast.world.server.staging import Stager
+from jblast.waves.waveform.ground_pulse import GroundPulse
+from jblast.world.drawn import DrawnWorld
+from jblast.world.perceived import Perceived, arrivals_of
+from jblast.world.server.registry import (
+    PAST_S,
+    BlastSchedule,
+    Entity,
+    Motion,
+    PacketTimes,
+)
 
 AHEAD = 2
 """Packets before a wave comes in which the last word on it is told."""
 WAVES = ("flash_s", "ground_s", "air_s")
+STRAIGHT_S = 30.0
+"""How long one who reports its motion is taken to go straight on."""
+NAME = "entity"
+LEVEL = np.array([0.0, 0.0, 0.0, 1.0])
+SILENCE_PA = 1e-9
+"""What is quieter at either end of a stretch is left out: 86 dB below what is heard."""
+GROUND_LASTS = 50.0
+"""Time constants of a pulse in the ground until it is over, u^2 exp(-u) = 5e-19."""
+RECORDERS: dict[str, ModuleType] = {"pressure": pressure_gauge, "sound": microphone}
+KINDS = {"pressure": "pressure", "sound": "microphone"}
+STEPS_HZ = 2000.0
+"""Steps a second: those of a flight where nothing is said."""
+MOST_STEPS = 2**14
+"""Eight seconds: longer than any blast wave here."""
+
+
+class AirPulse(NamedTuple):
+    """The air shock at an entity, as `waves.waveform.pulse.Pulse` has it, in floats.
+
+    Attributes:
+        arrival_s: When pressure first departs from the still air's [s].
+        peak_pa: Overpressure.
+        rise_s: From zero to the peak.
+        duration_s: Of the positive phase, rise included.
+        decay: Friedlander's b behind the peak [-].
+        suction_pa: Greatest underpressure.
+        suction_s: Duration of the negative phase.
+        hold_s: How long the peak lasts.
+    """
+
+    arrival_s: float
+    peak_pa: float
+    rise_s: float
+    duration_s: float
+    decay: float
+    suction_pa: float
+    suction_s: float
+    hold_s: float
+
+
+class BlastArrivals(NamedTuple):
+    """When a blast comes to an entity, on the common clock [s]; infinite: never.
+
+    Attributes:
+        flash_s: Its light.
+        ground_s: The wave through the ground.
+        air_s: The air shock.
+    """
+
+    flash_s: float
+    ground_s: float
+    air_s: float
+
+
+class ForceProfile(NamedTuple):
+    """What a blast gives a vehicle, as it is when the front comes.
+
+    Step n is from `first / rate_hz` on, counted in steps from 0 on the common clock.
+
+    Attributes:
+        first: Number of the first step.
+        rate_hz: Steps a second.
+        force_n: Mean over each step, world.
+        moment_nm: Likewise, body axes, about the centre of mass.
+    """
+
+    first: int
+    rate_hz: float
+    force_n: Float[np.ndarray, "step 3"]
+    moment_nm: Float[np.ndarray, "step 3"]
+
+
+class Record(NamedTuple):
+    """Samples in a row, of one blast alone.
+
+    Attributes:
+        first: Number of the first sample, counted from 0 on the common clock.
+        rate_hz: Samples a second.
+        samples: Mean over each sample [Pa].
+    """
+
+    first: int
+    rate_hz: float
+    samples: Float[np.ndarray, " sample"]
+
+
+class Announcement(NamedTuple):
+    """A blast, told to one entity before it happens.
+
+    Attributes:
+        charge: What explodes, where and when; its name is the blast's.
+        revision: 0 at first; one more each time that it is told anew.
+        arrivals: When it comes to the entity.
+        pulse: The air shock there; None: it never comes.
+        burst: By which curves its load is, "surface" or "free-air".
+        tnt_mass_kg: Mass of TNT that makes the same pressure, and the same impulse.
+        force: For who senses force.
+        pressure: For who senses pressure.
+        sound: For who senses sound.
+    """
+
+    charge: Charge
+    revision: int
+    arrivals: BlastArrivals
+    pulse: AirPulse | None
+    burst: str
+    tnt_mass_kg: tuple[float, float]
+    force: ForceProfile | None = None
+    pressure: tuple[Record, ...] = ()
+    sound: tuple[Record, ...] = ()
+
+    def last_s(self) -> float:
+        """Return when nothing of it is left to be played back [s]."""
+        ends = [time for time in self.arrivals if np.isfinite(time)]
+        if self.force is not None:
+            steps = self.force.first + len(self.force.force_n)
+            ends.append(steps / self.force.rate_hz)
+        ends += [
+            (record.first + record.samples.size) / record.rate_hz
+            for record in (*self.pressure, *self.sound)
+        ]
+        return max(ends, default=-np.inf)
+
+
+def announced_load(
+    announced: Sequence[Announcement],
+    *,
+    pressure_pa: float,
+    sound_speed_m_s: float,
+    wind_m_s: Sequence[float],
+    since_s: float = 0.0,
+    room: int = 4,
+) -> BlastLoad:
+    """Return the load of blasts, for flights of a short while one after another.
+
+    Args:
+        announced: The blasts, those of both curve sets in any order.
+        pressure_pa: Of the air.
+        sound_speed_m_s: In still air.
+        wind_m_s: East, north, up.
+        since_s: When the flight begins: its own clock is 0 then [s].
+        room: Blasts of each curve set that a load has, the missing ones never: one
+            program for all numbers of them.
+
+    Raises:
+        InputError: There are more than fit.
+    """
+    blasts = []
+    for burst in ("surface", "free-air"):
+        of_burst = [one for one in announced if one.burst == burst]
+        if len(of_burst) > room:
+            raise InputError(
+                f"expected at most {room} blasts of burst {burst!r} at a time, got "
+                f"{len(of_burst)}"
+            )
+        blasts += [_blast(one, since_s) for one in of_burst]
+        never = Blast(
+            jnp.array([1e3, 0.0, 0.0]),
+            jnp.asarray(math.inf),
+            jnp.ones(()),
+            jnp.ones(()),
+            burst,
+        )
+        blasts += [never] * (room - len(of_burst))
+    return BlastLoad(
+        tuple(blasts),
+        pressure_pa,
+        sound_speed_m_s,
+        jnp.asarray(wind_m_s, float),
+        images=images_of(blasts),
+    )
+
+
+def _blast(announced: Announcement, since_s: float) -> Blast:
+    pressure_mass, impulse_mass = announced.tnt_mass_kg
+    return Blast(
+        position_m=jnp.stack(
+            [jnp.asarray(x, float) for x in announced.charge.position_m]
+        ),
+        time_s=jnp.asarray(float(announced.charge.time_s) - since_s),
+        mass_kg=jnp.asarray(pressure_mass),
+        impulse_mass_kg=jnp.asarray(impulse_mass),
+        burst=announced.burst,
+    )
+
+
+class PlayedForce(eqx.Module):
+    """A pulse of forces that were staged, whatever the vehicle does meanwhile.
+
+    Attributes:
+        rows: Force, world [N], and moment, body [N m], of each step.
+        rate_hz: Steps a second; the first begins with the flight.
+    """
+
+    rows: Float[Array, "step 6"] = eqx.field(converter=as_float_array)
+    rate_hz: Float[Array, ""] = eqx.field(converter=as_float_array)
+
+    def impulse(
+        self,
+        start_s: Float[Array, ""],
+        end_s: Float[Array, ""],
+        state: State,
+        vehicle: Vehicle,
+    ) -> tuple[Float[Array, "3"], Float[Array, "3"]]:
+        """Return what is given between two times: impulse and angular impulse."""
+        edges = jnp.arange(self.rows.shape[0] + 1, dtype=float) / self.rate_hz
+        until = jnp.clip(end_s, edges[:-1], edges[1:])
+        since = jnp.clip(start_s, edges[:-1], edges[1:])
+        given = (until - since) @ self.rows
+        return given[:3], given[3:]
+
+
+class Slice(NamedTuple):
+    """What is sampled within a packet, all blasts together.
+
+    Attributes:
+        first: Number of the first sample, counted from 0 on the common clock.
+        rate_hz: Samples a second.
+        samples: A row each; empty: all zero.
+    """
+
+    first: int
+    rate_hz: float
+    samples: Float[np.ndarray, "row ..."]
+
+
+class Packet(NamedTuple):
+    """What comes to an entity within one packet's time.
+
+    Attributes:
+        number: Counted from 0 at 0 on the common clock.
+        time_s: When it begins [s]; it ends as the next one begins.
+        announcements: Blasts told for the first time, or anew.
+        perceived: What each sense had first in this time.
+        force: Six numbers a step: force, world [N], and moment, body [N m].
+        pressure: In Pa.
+        sound: In Pa.
+        last: Whether the world ends with it.
+    """
+
+    number: int
+    time_s: float
+    announcements: tuple[Announcement, ...] = ()
+    perceived: tuple[Perceived, ...] = ()
+    force: Slice | None = None
+    pressure: Slice | None = None
+    sound: Slice | None = None
+    last: bool = False
+
+
+def played_force(packet: Packet, packets_hz: float) -> PlayedForce:
+    """Return the force of a packet, for a flight as long as it.
+
+    Args:
+        packet: Of one who senses force.
+        packets_hz: Packets a second.
+    """
+    assert packet.force is not None, "who senses force is sent it"
+    rate = packet.force.rate_hz
+    rows = jnp.asarray(packet.force.samples)
+    if not rows.size:
+        rows = jnp.zeros((round(rate / packets_hz), 6))
+    return PlayedForce(rows, jnp.asarray(rate))
 
 
 class Wanted(NamedTuple):
@@ -50,6 +359,87 @@ class _Live:
         self.newest = announced
         self.motion = motion
         self.settled: set[str] = {"flash_s"}
+
+
+class Stager:
+    """Makes what entities are told of blasts.
+
+    Attributes:
+        scene: What there is besides blasts and entities; its laws are said.
+    """
+
+    def __init__(self, world: DrawnWorld):
+        """Take the air, the ground and the laws of a world."""
+        self.scene = replace(
+            world.scene, sensors=(), camera=None, clocks=(), vehicle=None, ambient=None
+        )
+        self._laws = dict(self.scene.law) | record_laws(self.scene, ground=True)
+
+    def stage(
+        self,
+        entity: Entity,
+        charge: Charge,
+        motion: Motion | None = None,
+        revision: int = 0,
+    ) -> Announcement:
+        """Return what an entity is to be told of a blast.
+
+        Args:
+            entity: Who is told.
+            charge: The blast.
+            motion: What it reported last; None: nothing.
+            revision: How often it was told before.
+
+        Raises:
+            InputError: It is at the charge, or as fast as sound.
+        """
+        place = standpoint(entity, motion)
+        scene = self._alone(charge)
+        arrivals = self._arrivals(scene, place)
+        pulse = self._pulse(scene, place)
+        met = _motion_at(place, arrivals.air_s)
+        if motion is not None:
+            met = met._replace(
+                quaternion=motion.quaternion, body_rate_rad_s=motion.body_rate_rad_s
+            )
+        # of its vehicle the load asks the place alone
+        spec = VehicleSpec(entity.vehicle or "hummingbird", met.position_m)
+        load = blast_load(replace(scene, vehicle=spec))
+        force = None
+        if "force" in entity.senses and pulse is not None:
+            vehicle = named(entity.vehicle)
+            force = force_profile(load, vehicle, state_met(vehicle, met))
+        sampled = {
+            sense: records_of(scene, place, sense, entity.samples_hz, self._laws)
+            for sense in ("pressure", "sound")
+            if sense in entity.senses
+        }
+        (blast,) = load.blasts
+        masses = float(blast.mass_kg), float(blast.impulse_mass_kg)
+        return Announcement(
+            charge, revision, arrivals, pulse, blast.burst, masses, force, **sampled
+        )
+
+    def _alone(self, charge: Charge) -> Scene:
+        return replace(self.scene, charge=replace(charge, name=""), others=())
+
+    def _arrivals(self, scene: Scene, place: np.ndarray | Track) -> BlastArrivals:
+        tracks = {NAME: place} if isinstance(place, Track) else {}
+        start = place.position[0] if isinstance(place, Track) else place
+        asked = replace(scene, sensors=(Sensor(NAME, np.asarray(start)),))
+        times = arrivals_of(asked, tracks).times_s
+        flash, ground, air = (
+            float(times[wave][0, 0])
+            for wave in ("flash_time_s", "ground_arrival_s", "air_arrival_s")
+        )
+        return BlastArrivals(flash, ground, air)
+
+    def _pulse(self, scene: Scene, place: np.ndarray | Track) -> AirPulse | None:
+        waves = heard(scene, place, self._laws)
+        pulse = next(wave.pulse for wave in waves if wave.kind == "air")
+        if not np.isfinite(float(pulse.arrival_time)):
+            return None
+        return AirPulse(*(float(number) for number in pulse))
 
 
 class Playback:
@@ -256,3 +646,192 @@ def _with_past(new: Announcement, known: Announcement, now_s: float) -> Announce
         wave: time for wave, time in known.arrivals._asdict().items() if time < now_s
     }
     return new._replace(arrivals=new.arrivals._replace(**was))
+
+
+def standpoint(entity: Entity, motion: Motion | None) -> np.ndarray | Track:
+    """Return where an entity is over time, as far as is known.
+
+    Args:
+        entity: Its path goes before what it reports.
+        motion: What it reported last; None: nothing.
+    """
+    if entity.path is not None:
+        return _padded(*entity.path)
+    if motion is None:
+        return entity.position_m
+    place = np.maximum(motion.position_m, [-np.inf, -np.inf, 0.0])
+    lasts = STRAIGHT_S
+    if (sinks := -motion.velocity_m_s[2]) * lasts > place[2]:  # it lands before
+        lasts = max(place[2] / sinks, 1e-3)
+    later = place + lasts * motion.velocity_m_s
+    time = motion.time_s + np.array([0.0, lasts])
+    return Track(time, np.stack([place, np.maximum(later, [-np.inf, -np.inf, 0.0])]))
+
+
+def _padded(time: np.ndarray, place: np.ndarray) -> Track:
+    """Return a track of a power of two of knots: who stands on goes on standing."""
+    missing = max(2 ** (len(time) - 1).bit_length(), 2) - len(time)
+    after = time[-1] + 1.0 + np.arange(missing)
+    return Track(
+        np.concatenate([time, after]),
+        np.concatenate([place, np.repeat(place[-1:], missing, axis=0)]),
+    )
+
+
+def _motion_at(place: np.ndarray | Track, time_s: float) -> Motion:
+    """Return where and how fast one is at a time, level."""
+    if not isinstance(place, Track):
+        return Motion(time_s, place, np.zeros(3), LEVEL, np.zeros(3))
+    time, knots = np.asarray(place.time), np.asarray(place.position)
+    here = np.stack([np.interp(time_s, time, axis) for axis in knots.T])
+    if not time[0] <= time_s < time[-1]:
+        return Motion(time_s, here, np.zeros(3), LEVEL, np.zeros(3))
+    n = int(np.searchsorted(time, time_s, side="right")) - 1
+    speed = (knots[n + 1] - knots[n]) / (time[n + 1] - time[n])
+    return Motion(time_s, here, speed, LEVEL, np.zeros(3))
+
+
+def records_of(
+    scene: Scene,
+    place: np.ndarray | Track,
+    sense: str,
+    rate_hz: float,
+    laws: dict[str, str],
+) -> tuple[Record, ...]:
+    """Return what one blast makes of pressure at a place, in order of time.
+
+    Args:
+        scene: Of this one blast.
+        place: East, north, up [m], or where that is over time.
+        sense: "pressure", or "sound", which hears the ground and what air absorbs, too.
+        rate_hz: Samples a second.
+        laws: By quantity.
+    """
+    track = place if isinstance(place, Track) else None
+    start = place.position[0] if isinstance(place, Track) else place
+    sensor = Sensor(
+        "", np.asarray(start), kind=KINDS[sense], instrument=Instrument(rate=rate_hz)
+    )
+    waves = heard(scene, place, laws, ground=sense == "sound")
+    tail = TAIL_S if sense == "sound" else 0.0
+    found = []
+    for first, last in _stretches(waves, rate_hz, tail):
+        size = BLOCK * 2 ** math.ceil(math.log2(max((last - first) / BLOCK, 1.0)))
+        samples = RECORDERS[sense].record(
+            scene,
+            sensor,
+            size / rate_hz,
+            jax.random.key(0),
+            start_s=first / rate_hz,
+            laws=laws,
+            track=track,
+        )
+        found.append(_heard_part(first, rate_hz, np.asarray(samples)[: last - first]))
+    return tuple(record for record in found if record.samples.size)
+
+
+def _stretches(
+    waves: tuple[Heard, ...], rate_hz: float, tail_s: float
+) -> list[tuple[int, int]]:
+    """Return first samples, and those after the last, that waves come in."""
+    spans = sorted(
+        (arrival, arrival + lasts + tail_s)
+        for arrival, lasts in (_span(wave) for wave in waves)
+        if math.isfinite(arrival)
+    )
+    found: list[tuple[int, int]] = []
+    for begin, end in spans:
+        first, last = math.floor(begin * rate_hz), math.ceil(end * rate_hz) + 1
+        if found and first <= found[-1][1]:
+            found[-1] = found[-1][0], max(found[-1][1], last)
+        else:
+            found.append((first, last))
+    return found
+
+
+def _span(wave: Heard) -> tuple[float, float]:
+    """Return when a wave comes, and how long it lasts [s]."""
+    pulse = wave.pulse
+    if isinstance(pulse, GroundPulse):
+        if not float(pulse.amplitude) > 0:
+            return math.inf, 0.0
+        return float(pulse.arrival_time), GROUND_LASTS * float(pulse.time_constant)
+    return float(pulse.arrival_time), float(pulse.duration + pulse.suction_duration)
+
+
+def _heard_part(first: int, rate_hz: float, samples: np.ndarray) -> Record:
+    """Leave out what is silent at either end."""
+    loud = np.flatnonzero(np.abs(samples) >= SILENCE_PA)
+    if not loud.size:
+        return Record(first, rate_hz, samples[:0])
+    begin, end = int(loud[0]), int(loud[-1]) + 1
+    return Record(first + begin, rate_hz, samples[begin:end].copy())
+
+
+def state_met(vehicle: Vehicle, motion: Motion) -> State:
+    """Return a vehicle's state as it moves, its rotors carrying its weight."""
+    zero = jnp.zeros(())
+    weight = vehicle.mass_kg * FLIGHT_GRAVITY
+    return State(
+        position_m=jnp.asarray(motion.position_m),
+        velocity_m_s=jnp.asarray(motion.velocity_m_s),
+        quaternion=jnp.asarray(motion.quaternion),
+        body_rate_rad_s=jnp.asarray(motion.body_rate_rad_s),
+        rotor_speed_rad_s=rotor_speeds(vehicle, (weight, zero, zero, zero)),
+    )
+
+
+def force_profile(load: BlastLoad, vehicle: Vehicle, state: State) -> ForceProfile:
+    """Return what a blast gives a vehicle.
+
+    Args:
+        load: Of one blast, which happens.
+        vehicle: The vehicle.
+        state: As the front comes.
+    """
+    begins, ends = (float(x) for x in _passing(load, vehicle, state))
+    first = math.floor(begins * STEPS_HZ)
+    last = math.ceil(ends * STEPS_HZ) + 1
+    steps = min(last - first, MOST_STEPS)
+    size = max(2 ** math.ceil(math.log2(steps)), 256)
+    edges = np.arange(first, first + size + 1) / STEPS_HZ
+    force, moment = (
+        np.asarray(x)[:steps] for x in _means(load, vehicle, state, jnp.asarray(edges))
+    )
+    return ForceProfile(first, STEPS_HZ, force.copy(), moment.copy())
+
+
+@kept
+def _passing(
+    load: BlastLoad, vehicle: Vehicle, state: State
+) -> tuple[Float[Array, ""], Float[Array, ""]]:
+    """Return when a blast begins to push, and when it has, by way of the ground too."""
+    assert vehicle.body is not None, "models have one"
+    body = vehicle.body
+
+    def times(blast: Blast) -> tuple[Float[Array, ""], Float[Array, ""]]:
+        wave, never = load.wave_of(blast, state.position_m), blast.never
+        at_once = jnp.zeros_like(blast.time_s)
+        came = load.front_time_s(blast, state.position_m, at_once)
+        crossing = crossing_time(body, wave)
+        over = came + crossing + 1.05 * (wave.duration_s + wave.suction_s)
+        begins = jnp.where(never, jnp.inf, came - crossing)
+        return begins, jnp.where(never, -jnp.inf, over)
+
+    begins, ends = (jnp.stack(x) for x in zip(*map(times, load.waves), strict=True))
+    return jnp.min(begins), jnp.max(ends)
+
+
+@kept
+def _means(
+    load: BlastLoad, vehicle: Vehicle, state: State, edges: Float[Array, " edge"]
+) -> tuple[Float[Array, "step 3"], Float[Array, "step 3"]]:
+    """Return mean force and moment over each step, the state held where it is met."""
+
+    def mean(
+        start: Float[Array, ""], end: Float[Array, ""]
+    ) -> tuple[Float[Array, "3"], Float[Array, "3"]]:
+        push, turn = load.impulse(start, end, state, vehicle)
+        return push / (end - start), turn / (end - start)
+
+    return jax.vmap(mean)(edges[:-1], edges[1:])

@@ -4,7 +4,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jblast.autopilot.estimator.estimate import Alignment, Estimate, aligned
+from jblast.autopilot.estimator import Alignment, Estimate, aligned
 from jblast.sensors.carried.magnetometer import Magnetometer
 from jblast.sensors.carried.suite import Suite
 from jblast.vehicle import State, Trajectory

@@ -7,11 +7,16 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from jblast.autopilot.estimator.control import EstimatedControl
-from jblast.autopilot.estimator.correct import GATE, corrected, numbers_read
-from jblast.autopilot.estimator.estimate import error_of
-from jblast.autopilot.estimator.followed import Followed, followed
-from jblast.autopilot.estimator.thrown import thrown
+from jblast.autopilot.estimator import (
+    GATE,
+    EstimatedControl,
+    Followed,
+    corrected,
+    error_of,
+    followed,
+    numbers_read,
+    thrown,
+)
 from jblast.sensors.carried.gps import Fix
 from jblast.sensors.carried.suite import Sample
 from jblast.vehicle import State

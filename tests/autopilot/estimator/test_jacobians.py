@@ -4,16 +4,21 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jblast.autopilot.estimator.correct import (
+from jblast.autopilot.estimator import (
+    SIZE,
+    Estimate,
+    carried_on,
+    error_of,
     field_expected,
     field_rows,
     fix_taken,
     height_expected,
     height_row,
+    moved_on,
     past_rows,
+    predicted,
+    transition,
 )
-from jblast.autopilot.estimator.estimate import SIZE, Estimate, error_of, moved_on
-from jblast.autopilot.estimator.predict import carried_on, predicted, transition
 from jblast.sensors.carried.inertial import Biases
 from jblast.vehicle import State
 from tests.autopilot.estimator.estimates import (

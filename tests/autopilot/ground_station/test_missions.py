@@ -4,12 +4,17 @@ import math
 
 import pytest
 
-from jblast.autopilot.ground_station.items import item_fields, item_of
-from jblast.autopilot.ground_station.missions import RETRIES, RETRY_S, Missions
-from jblast.autopilot.mavlink.wire import Message, Receiver, Sender
+from jblast.autopilot.ground_station import (
+    RETRIES,
+    RETRY_S,
+    Missions,
+    item_fields,
+    item_of,
+)
+from jblast.autopilot.mavlink import Message, Receiver, Sender
 from jblast.errors import InputError
 from jblast.missions import Plan
-from jblast.missions.plan.item import checked_item
+from jblast.missions.plan import checked_item
 from jblast.scene import Place
 
 HOME = Place(47.0, 8.0, 500.0)

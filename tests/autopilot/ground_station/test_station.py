@@ -5,13 +5,10 @@ import threading
 import numpy as np
 import pytest
 
-from jblast.autopilot.ground_station.items import item_fields
-from jblast.autopilot.ground_station.missions import Missions
-from jblast.autopilot.ground_station.station import GroundStation
-from jblast.autopilot.mavlink.address import Address
-from jblast.autopilot.mavlink.link import Link
+from jblast.autopilot.ground_station import GroundStation, Missions, item_fields
+from jblast.autopilot.mavlink import Address, Link
 from jblast.errors import InputError
-from jblast.missions.plan.item import checked_item
+from jblast.missions.plan import checked_item
 from jblast.scene import Place
 from tests.autopilot.logs.flights import HOME, eastward
 

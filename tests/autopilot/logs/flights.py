@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from jblast.autopilot.logs.record import FlightRecord
+from jblast.autopilot.logs import FlightRecord
 from jblast.observations.places.frame import Frame
 
 HOME = (47.0, 8.0, 500.0)

@@ -5,8 +5,7 @@ import struct
 import numpy as np
 import pytest
 
-from jblast.autopilot.logs.flight_ulog import flight_ulog
-from jblast.autopilot.logs.ulog import MAGIC, Topic, ulog_bytes
+from jblast.autopilot.logs import MAGIC, Topic, flight_ulog, ulog_bytes
 from tests.autopilot.logs.flights import HOME, eastward
 
 

@@ -4,9 +4,14 @@ import socket
 
 import pytest
 
-from jblast.autopilot.mavlink.address import Address, read_address
-from jblast.autopilot.mavlink.link import Link, LinkLost
-from jblast.autopilot.mavlink.wire import Receiver, Sender
+from jblast.autopilot.mavlink import (
+    Address,
+    Link,
+    LinkLost,
+    Receiver,
+    Sender,
+    read_address,
+)
 from jblast.errors import InputError
 
 READ = {

@@ -3,7 +3,7 @@
 import pytest
 from pymavlink.dialects.v20 import common
 
-from jblast.autopilot.mavlink.wire import Receiver, Sender
+from jblast.autopilot.mavlink import Receiver, Sender
 from jblast.errors import InputError
 
 VALUES = {"time_usec": 4000, "xacc": 1.5, "zacc": -9.75, "fields_updated": 7167}

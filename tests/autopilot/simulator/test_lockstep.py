@@ -8,15 +8,21 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jblast.autopilot.mavlink.address import Address
-from jblast.autopilot.mavlink.link import Link, LinkLost
-from jblast.autopilot.mavlink.wire import Receiver, Sender
-from jblast.autopilot.simulator.from_scene import turns_of
-from jblast.autopilot.simulator.lockstep import Lockstep, fly_lockstep
-from jblast.autopilot.simulator.mock import Mock, RoundedHold, fly_mock
-from jblast.autopilot.simulator.readings import FIX, SENSOR, STATE
-from jblast.autopilot.simulator.rotors import Rotors, rotors_of
-from jblast.autopilot.simulator.stepping import PERIOD_S, Programs, programs
+from jblast.autopilot.lockstep import (
+    FIX,
+    PERIOD_S,
+    SENSOR,
+    STATE,
+    Lockstep,
+    Programs,
+    Rotors,
+    fly_lockstep,
+    programs,
+    rotors_of,
+    turns_of,
+)
+from jblast.autopilot.mavlink import Address, Link, LinkLost, Receiver, Sender
+from jblast.autopilot.mock import Mock, RoundedHold, fly_mock
 from jblast.errors import InputError
 from jblast.scene import Charge, Place, Scene, VehicleSpec
 from jblast.vehicle import hold_of, simulate, vehicle_of

@@ -7,12 +7,11 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from jblast.autopilot.logs.record import euler, scalar_first
-from jblast.autopilot.simulator import axes
-from jblast.autopilot.simulator.geodesy import geodetic_of, level_of, origin_at
-from jblast.autopilot.simulator.rotors import rotors_of
+from jblast.autopilot import lockstep as axes
+from jblast.autopilot.lockstep import geodetic_of, level_of, origin_at, rotors_of
+from jblast.autopilot.logs import euler, scalar_first
 from jblast.errors import InputError
-from jblast.missions.frame import geodetic
+from jblast.missions.mission import geodetic
 from jblast.observations.places.frame import Frame
 from jblast.scene import Place
 from jblast.vehicle import named

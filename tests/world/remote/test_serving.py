@@ -11,16 +11,15 @@ import pytest
 
 from jblast.errors import InputError
 from jblast.world.remote import Options, connect, serving
-from jblast.world.remote.decode import MOST_BYTES
-from jblast.world.remote.stream import Stream
-from jblast.world.remote.table import ServedWorld, Table
-from jblast.world.remote.wire import (
+from jblast.world.remote.messages import (
     DESCRIPTION,
     METHODS,
+    MOST_BYTES,
     PROTOCOL,
     SERVICE,
     messages,
 )
+from jblast.world.remote.service import ServedWorld, Stream, Table
 from jblast.world.server import (
     BlastSchedule,
     BufferFull,

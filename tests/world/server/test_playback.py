@@ -17,7 +17,7 @@ from jblast.world.server import (
     checked_motion,
     packets_of,
 )
-from jblast.world.server.staging import standpoint
+from jblast.world.server.playback import standpoint
 from tests.world.server.served import (
     ENDS_S,
     HERE,

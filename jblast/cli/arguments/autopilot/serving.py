@@ -10,17 +10,19 @@ from collections.abc import Iterator
 from types import FrameType
 from typing import NamedTuple
 
-from jblast.autopilot.ground_station.missions import Missions
-from jblast.autopilot.ground_station.station import GroundStation
-from jblast.autopilot.logs.flight_ulog import flight_ulog
-from jblast.autopilot.logs.tlog import TelemetryLog
-from jblast.autopilot.mavlink.address import read_address
-from jblast.autopilot.mavlink.link import Link
-from jblast.autopilot.simulator.from_scene import PLACE, turns_of
-from jblast.autopilot.simulator.lockstep import Lockstep, fly_lockstep
-from jblast.autopilot.simulator.record import lockstep_record
-from jblast.autopilot.simulator.rotors import rotors_of
-from jblast.autopilot.simulator.stepping import PERIOD_S, programs
+from jblast.autopilot.ground_station import GroundStation, Missions
+from jblast.autopilot.lockstep import (
+    PERIOD_S,
+    PLACE,
+    Lockstep,
+    fly_lockstep,
+    lockstep_record,
+    programs,
+    rotors_of,
+    turns_of,
+)
+from jblast.autopilot.logs import TelemetryLog, flight_ulog
+from jblast.autopilot.mavlink import Link, read_address
 from jblast.cli.arguments.autopilot.options import AUTOPILOT_PORT, GROUND_PORT
 from jblast.cli.arguments.paths import refuse_existing
 from jblast.files import write_bytes

@@ -7,7 +7,7 @@ from jblast.cli.arguments.paths import path, refuse_existing
 from jblast.errors import InputError
 
 if TYPE_CHECKING:
-    from jblast.autopilot.logs.record import FlightRecord
+    from jblast.autopilot.logs import FlightRecord
 
 
 def add_logs(verb: argparse.ArgumentParser) -> None:
@@ -45,8 +45,8 @@ def write_logs(
     asked: argparse.Namespace, record: "FlightRecord", *, has_mission: bool
 ) -> None:
     """Write the logs that are asked for."""
-    from jblast.autopilot.ground_station.telemetry import telemetry_log
-    from jblast.autopilot.logs.flight_ulog import flight_ulog
+    from jblast.autopilot.ground_station import telemetry_log
+    from jblast.autopilot.logs import flight_ulog
     from jblast.files import write_bytes
 
     if asked.tlog:

@@ -30,7 +30,7 @@ from jblast.observations.records.pressure_record import PressureRecord
 from jblast.observations.records.recording import Recording
 from jblast.scene import Sensor
 from jblast.world import Arrivals, DrawnWorld
-from jblast.world.arrivals import stretch_about
+from jblast.world.perceived import stretch_about
 
 KINDS = ("microphone", "pressure")
 AIR, PEAK = TAKEN = ("air_arrival_s", "peak_overpressure_pa")

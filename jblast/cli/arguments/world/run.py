@@ -28,7 +28,7 @@ from jblast.world import (
     readings_of,
     tracks_of,
 )
-from jblast.world.field_of_view import out_of_view
+from jblast.world.perceived import out_of_view
 
 BLASTS, PERCEIVED, READINGS = "blasts.csv", "perceived.csv", "observations.csv"
 FLIGHT, RUN, SOUND, CAMERA = "flight.csv", "run.json", "sound", "camera"

@@ -162,7 +162,7 @@ def run(asked: argparse.Namespace) -> int:
 
 def _flights(asked: argparse.Namespace, uncertain: "UncertainScene") -> Answer:
     """Fly holding a place; return the document, the text, and who writes files."""
-    from jblast.autopilot.simulator.from_scene import PLACE
+    from jblast.autopilot.lockstep import PLACE
     from jblast.cli.arguments.flights.asked import (
         flight_options,
         named_in,
@@ -202,7 +202,7 @@ def _mission(asked: argparse.Namespace, uncertain: "UncertainScene") -> Answer:
     from jblast.cli.arguments.flights.logs import write_logs
     from jblast.cli.arguments.flights.mission_files import write_mission
     from jblast.cli.arguments.paths import refuse_existing, save_text
-    from jblast.missions.plan.read import check_form, plan_text
+    from jblast.missions.plan import check_form, plan_text
     from jblast.report.missions import mission_answer, mission_text
     from jblast.study.missions.fly import MISSION_STEP_S, TOLERANCE_M, fly_mission
     from jblast.study.missions.logged import mission_record

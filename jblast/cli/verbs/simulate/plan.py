@@ -67,8 +67,8 @@ def add_arguments(verb: argparse.ArgumentParser) -> None:
 def run(asked: argparse.Namespace) -> int:
     """Write the plan and return the exit code."""
     from jblast.cli.arguments.paths import refuse_existing, save_text
-    from jblast.missions.patterns import grid_plan, orbit_plan
-    from jblast.missions.plan.read import plan_text
+    from jblast.missions.mission import grid_plan, orbit_plan
+    from jblast.missions.plan import plan_text
     from jblast.scene import Place
 
     refuse_existing(asked.out, force=asked.force)

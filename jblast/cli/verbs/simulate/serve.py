@@ -96,7 +96,7 @@ def run(asked: argparse.Namespace) -> int:
         return _over_mavlink(asked)
     import os
 
-    from jblast.world.remote.wire import grpc
+    from jblast.world.remote.messages import grpc
 
     # whom it drops the server says itself, and more plainly
     os.environ.setdefault("GRPC_VERBOSITY", "NONE")
@@ -139,7 +139,7 @@ def run(asked: argparse.Namespace) -> int:
 
 def _over_mavlink(asked: argparse.Namespace) -> int:
     """Let an autopilot fly, or a ground station watch; return the exit code."""
-    from jblast.autopilot.mavlink.wire import dialect
+    from jblast.autopilot.mavlink import dialect
 
     dialect()  # who has not installed it need not wait for JAX
     from jblast.cli.jax_start import start_jax

@@ -7,8 +7,8 @@ import time
 
 import pytest
 
-from jblast.autopilot.mavlink import wire
-from jblast.autopilot.mavlink.wire import Receiver, Sender
+from jblast.autopilot import mavlink as wire
+from jblast.autopilot.mavlink import Receiver, Sender
 
 SCENE = """
 [charge]

@@ -1,4 +1,13 @@
-"""What a preset says, and how a scene file takes it.
+"""Ways to compute a world other than by jblast's own physics.
+
+What Parab's thesis prints, and what its plugins compute, as presets.
+
+Printed: Parab (2024), eqs. 3.1 to 3.5, algorithm 4, section 4.2.1. Coded: facts read
+from charlotte-visionlab/gazebo_blast3d, `e6dd04c` and its state of July 2025, which are
+GPL: nothing of them is copied. Laws "thesis_..." stand in `waves/laws/thesis.py`, loads
+in `vehicle/loads/thesis`.
+
+What a preset says, and how a scene file takes it.
 
 A preset decides how blasts act. What it says of air, ground and laws a scene may leave
 out or say likewise; another value is a contradiction, and refused. Which blasts there
@@ -6,22 +15,31 @@ are, and who perceives them, is the scene's: of these a preset fills in what the
 is silent on.
 """
 
+import os
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import jax.numpy as jnp
 
-from jblast.errors import InputError, shown
-from jblast.scene import Scene
+from jblast.errors import InputError, nearest, shown
+from jblast.scene import Scene, UncertainScene, WorldSpec, read_world
+from jblast.scene.reader.scene import document_of, world_from_document
 
+SOUND = (
+    "peak_overpressure_pa",
+    "positive_duration_s",
+    "positive_impulse_pa_s",
+)
+AIR = {"sound_speed_m_s": 340.0, "absorption": False}
+"""Called the speed of sound in dry air at 20 C; Stokes' absorption is in the laws."""
+TICKS = {"probability": 0.15, "tick_s": 0.5, "gap_s": 0.5}
+"""The plugin's: algorithm 4 has no numbers."""
 PRESSURE_SENSES = ("pressure", "anemometer", "imu", "vehicle")
 """Kinds of those whom a blast's pressure reaches rather than its sound."""
-
 OCCURRENCES = ("count", "rate_hz", "probability")
 TOGETHER = (("region_m", "about"), (*OCCURRENCES, "tick_s"))
 """Keys of [world] that say one thing: who says one of them says it all."""
-
 LoadLaw = Literal["thesis-as-printed", "thesis-as-coded"]
 
 
@@ -63,6 +81,88 @@ class Preset:
             air=replace(scene.air, sound_speed=speed),
             law=tuple(laws.items()),
         )
+
+
+def preset_named(name: str | None) -> Preset | None:
+    """Return a preset by its name; None by None.
+
+    Raises:
+        InputError: There is none of that name.
+    """
+    if name is None:
+        return None
+    if name not in PRESETS:
+        raise InputError(
+            f"preset: expected one of {', '.join(PRESETS)}, got {shown(name)}"
+            f"{nearest(name, PRESETS)}"
+        )
+    return PRESETS[name]
+
+
+def read_world_by(
+    path: str | os.PathLike[str], preset: Preset | None
+) -> tuple[UncertainScene, WorldSpec]:
+    """Read a scene file of random blasts, a preset taken in.
+
+    Args:
+        path: A TOML file; by a preset it may leave out [world].
+        preset: By which blasts act; None: as the scene says.
+
+    Raises:
+        InputError: As in `read_world` and `with_preset`.
+
+    Example:
+        `read_world_by("world.toml", PRESETS["thesis-as-coded"])`
+    """
+    if preset is None:
+        return read_world(path)
+    return world_from_document(
+        with_preset(document_of(path), preset, str(path)), str(path)
+    )
+
+
+def _laws(sound: str) -> dict[str, object]:
+    arrivals = dict.fromkeys(("air_arrival_s", "ground_arrival_s"), "wu_hao")
+    return {**arrivals, **dict.fromkeys(SOUND, sound), "scatter": False}
+
+
+PRINTED = Preset(
+    name="thesis-as-printed",
+    source="Parab's thesis, eqs. 3.1 to 3.5 and section 4.2.1",
+    physics={
+        "air": AIR,
+        "ground": {"p_speed_m_s": 6000.0, "path": "head"},
+        "law": _laws("thesis_as_printed"),
+    },
+    world={
+        **TICKS,
+        "region_m": {"ring": [10.0, 20.0]},
+        "about": "world",
+        "mass_kg": {"uniform": [5.0, 15.0]},
+        "time_s": {"uniform": [1.0, 20.0]},
+    },
+    load="thesis-as-printed",
+)
+CODED = Preset(
+    name="thesis-as-coded",
+    source="gazebo_blast3d of July 2025, as read",
+    physics={
+        "air": AIR,
+        "ground": {"p_speed_m_s": 6000.0, "path": "thesis"},
+        "law": _laws("thesis_as_coded"),
+    },
+    world={
+        **TICKS,
+        "region_m": {"box": [[10.0, 10.0, 10.0], [20.0, 20.0, 20.0]]},
+        "about": "vehicle",
+        "mass_kg": {"uniform": [10.0, 11.0]},
+        "time_s": {"uniform": [1.0, 20.0]},
+    },
+    load="thesis-as-coded",
+    pressure_speed_m_s=300.0,
+    frame_differences=True,
+)
+PRESETS = {preset.name: preset for preset in (PRINTED, CODED)}
 
 
 def with_preset(

@@ -14,11 +14,16 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int, PyTree
 
-from jblast.autopilot.mavlink.wire import Message, Receiver, Sender
-from jblast.autopilot.simulator.geodesy import Origin
-from jblast.autopilot.simulator.readings import STATE, state_heard, state_reported
-from jblast.autopilot.simulator.rotors import ARMED, LOCKSTEP
-from jblast.autopilot.simulator.stepping import PERIOD_S
+from jblast.autopilot.lockstep import (
+    ARMED,
+    LOCKSTEP,
+    PERIOD_S,
+    STATE,
+    Origin,
+    state_heard,
+    state_reported,
+)
+from jblast.autopilot.mavlink import Message, Receiver, Sender
 from jblast.vehicle import Controller, State, Vehicle
 
 

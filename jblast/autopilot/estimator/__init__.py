@@ -1,1 +1,0 @@
-"""What a vehicle knows of its own state: a filter of what its instruments say."""

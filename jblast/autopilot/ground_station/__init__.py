@@ -1,1 +1,0 @@
-"""A vehicle as a ground station knows one: telemetry, missions, commands."""

@@ -1,0 +1,753 @@
+"""A simulator as PX4 knows one: sensors out, rotor controls in, in lockstep.
+
+A flight in lockstep with an autopilot: it is told, it answers, the vehicle moves.
+
+As PX4's simulator interface has it. Until the first controls come, samples go out by
+the wall clock, so that the autopilot can start; from then on each turn waits for the
+answer to its own HIL_SENSOR. The vehicle stands as if held, and the clock of the blasts
+with it, until the autopilot has armed: so a flight does not hang on how long that took.
+
+An autopilot's motors, and the rotors that they turn.
+
+PX4 numbers those of a quadrotor X: ahead right, behind left (both counter-clockwise),
+ahead left, behind right (clockwise). A control is a share of the greatest speed, 0 to
+1: thrust goes with its square, which PX4 is told by THR_MDL_FAC = 1.
+
+One turn of a vehicle that somebody else flies: told, then moved by what is asked.
+
+The equations, pulses and steps are those of `vehicle.simulate`: a flight by the same
+rotor speeds is the same flight.
+
+What a simulator tells an autopilot, as the numbers of its messages.
+
+Units, axes and bits are those of MAVLink's HIL messages as PX4 reads them
+(PX4-Autopilot, SimulatorMavlink.cpp and .hpp, commits 000f5fd and 002cb24): fields that
+are whole numbers are rounded to them, those in single precision lose their digits as
+they are packed. Temperature comes with the barometer.
+
+An autopilot's axes: north, east, down, and a body's ahead, right, down; and ours.
+
+Ours are east, north, up, and a body's ahead, left, up; quaternions are scalar last here
+and first there.
+
+Latitudes and longitudes of level places, and back, within a compiled program.
+
+The same as `missions.frame.level` and `geodetic`: straight axes about the origin, but
+heights counted above its own, over ground that is level.
+"""
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from functools import partial
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, Int, PRNGKeyArray
+
+from jblast.autopilot.logs import FlightRecord
+from jblast.autopilot.mavlink import Link, LinkLost, Message, Sender
+from jblast.constants import STANDARD_GRAVITY
+from jblast.errors import InputError
+from jblast.observations.places.frame import Frame
+from jblast.scene import Imu, Place, Scene, VehicleSpec
+from jblast.scene.pose import quaternion_product
+from jblast.sensors.carried.barometer import height_of
+from jblast.sensors.carried.magnetometer import Magnetometer, dipole_field
+from jblast.sensors.carried.suite import Held, Sample, Suite
+from jblast.vehicle import (
+    BlastLoad,
+    State,
+    StepGust,
+    Vehicle,
+    blast_load,
+    start_of,
+    vehicle_of,
+)
+from jblast.vehicle.dynamics.components import four, joined
+from jblast.vehicle.rollout.flight import Flight
+from jblast.vehicle.rollout.step import Now, OneStep
+from jblast.vehicle.rollout.timetable import INWARD, Ticks
+from jblast.waves.propagation.ambient import ambient
+
+SYSTEM, COMPONENT = 1, 51
+"""Whom the simulator speaks for; MAV_COMP_ID_MISSIONPLANNER's neighbour, as others."""
+PERIOD_US = 4000
+FIRST_S = 1.0
+"""How long the first answer is waited for: who is ready misses no turn."""
+FIX_3D, SATELLITES = 3, 12
+STATE_LENGTH = 17
+"""Numbers of a state."""
+CORNERS = ((1, -1), (-1, 1), (1, 1), (-1, -1))
+"""Signs of ahead and left of PX4's motors 1 to 4."""
+MOTOR_WORDS = "1 ahead right, 2 behind left, 3 ahead left, 4 behind right"
+ARMED, LOCKSTEP = 128, 1
+"""Bits of the mode, and of the flags, of HIL_ACTUATOR_CONTROLS."""
+PLACE = Place(47.397742, 8.545594, 0.0)
+"""Where the origin lies if the scene does not say: PX4's default home, at sea level."""
+PERIOD_S = 0.004
+"""Of a turn: PX4's simulators send 250 samples a second."""
+INERTIAL, FIELD, AIR = 0b111111, 0b111000000, 0b1101000000000
+"""Bits of `fields_updated`: accelerometer and gyroscope, magnetometer, barometer with
+its temperature."""
+SENSOR = (
+    *("xacc", "yacc", "zacc", "xgyro", "ygyro", "zgyro", "xmag", "ymag", "zmag"),
+    *("abs_pressure", "pressure_alt", "temperature", "fields_updated"),
+)
+FIX = ("lat", "lon", "alt", "eph", "epv", "vel", "vn", "ve", "vd", "cog")
+STATE = (
+    *("q0", "q1", "q2", "q3", "rollspeed", "pitchspeed", "yawspeed", "lat", "lon"),
+    *("alt", "vx", "vy", "vz", "ind_airspeed", "true_airspeed", "xacc", "yacc", "zacc"),
+)
+MOST_16 = 32_767.0
+TURN = np.array([1.0, 1.0, 0.0, 0.0]) / np.sqrt(2)
+"""North-east-down to east-north-up (x, y, z, w): half a turn about their middle."""
+FLIP = np.array([1.0, 0.0, 0.0, 0.0])
+"""Ahead-right-down to ahead-left-up: half a turn about x."""
+RADIUS_M, FLATTENING = 6_378_137.0, 1 / 298.257223563
+"""WGS84."""
+SQUARE = FLATTENING * (2 - FLATTENING)
+"""Of the eccentricity."""
+
+
+class Row(NamedTuple):
+    """One turn of a flight.
+
+    Attributes:
+        time_s: On the clock of the blasts.
+        state: Position, velocity, quaternion, body rate, rotor speed, one after
+            another.
+        asked_rad_s: What the autopilot asked of the rotors.
+    """
+
+    time_s: float
+    state: Float[np.ndarray, "17"]
+    asked_rad_s: Float[np.ndarray, "4"]
+
+
+@dataclass
+class Lockstep:
+    """How a flight went, while it goes and afterwards.
+
+    Attributes:
+        turns: That were told, and answered.
+        flown: Of these, since the autopilot armed.
+        late: Answers that came for an earlier turn, and were passed over.
+        ended: Why it ended.
+        rows: Of the flight.
+    """
+
+    turns: int = 0
+    flown: int = 0
+    late: int = 0
+    ended: str = ""
+    rows: list[Row] = field(default_factory=list)
+
+    @property
+    def seconds(self) -> float:
+        """How long the vehicle has flown [s]."""
+        return self.flown * PERIOD_S
+
+
+class Rotors(NamedTuple):
+    """Which motor turns which rotor.
+
+    Attributes:
+        of_motor: The rotor of each motor.
+        fastest_rad_s: The greatest speed.
+    """
+
+    of_motor: Int[np.ndarray, "4"]
+    fastest_rad_s: float
+
+    def speeds(self, controls: Float[np.ndarray, "4"]) -> Float[np.ndarray, "4"]:
+        """Return the rotors' speeds by the motors' controls; NaN is a motor at rest."""
+        turned = np.zeros(4)
+        turned[self.of_motor] = np.clip(np.nan_to_num(controls), 0.0, 1.0)
+        return turned * self.fastest_rad_s
+
+
+def lockstep_record(flight: Lockstep, rotors: Rotors, place: Place) -> FlightRecord:
+    """Return the rows of a flight.
+
+    Args:
+        flight: The flight.
+        rotors: Of the vehicle.
+        place: Where the scene's origin lies.
+    """
+    rows = np.array([row.state for row in flight.rows])
+    asked = np.array([row.asked_rad_s for row in flight.rows])
+    return FlightRecord(
+        time_s=np.array([row.time_s for row in flight.rows]),
+        position_m=rows[:, :3],
+        velocity_m_s=rows[:, 3:6],
+        quaternion=rows[:, 6:10],
+        body_rate_rad_s=rows[:, 10:13],
+        controls=rows[:, 13:] / rotors.fastest_rad_s,
+        armed=np.asarray(asked.any(axis=1)),
+        item=np.zeros(len(rows), int),
+        frame=Frame(*place),
+    )
+
+
+class Carried(NamedTuple):
+    """What is carried from turn to turn.
+
+    Attributes:
+        now: The vehicle and what acts on it.
+        before: Its state a turn ago.
+        held: What its instruments keep.
+    """
+
+    now: Now
+    before: State
+    held: Held
+
+
+class Programs(NamedTuple):
+    """The turns of one vehicle, compiled; both return what is carried and told next.
+
+    Attributes:
+        first: Takes nothing.
+        after: Takes what is carried, the turn, the world's turn, whether the vehicle
+            moves, and its rotor speeds.
+    """
+
+    first: Callable[[], tuple[Carried, Array]]
+    after: Callable[..., tuple[Carried, Array]]
+
+
+def fly_lockstep(
+    made: Programs,
+    link: Link,
+    rotors: Rotors,
+    *,
+    flight: Lockstep,
+    seconds: float | None = None,
+    patience_s: float = 60.0,
+    each: Callable[[], object] = lambda: None,
+) -> Lockstep:
+    """Fly until the autopilot hangs up, does not answer, or the time is over.
+
+    Args:
+        made: The programs of the vehicle's turns.
+        link: To an autopilot that is there.
+        rotors: Which of the autopilot's motors turns which.
+        flight: Of nothing so far; it is filled as the flight goes on.
+        seconds: Of flight; None: no end.
+        patience_s: How long an answer may take.
+        each: Is called at the beginning of each turn.
+
+    Returns:
+        The flight; whatever ended it, its rows until then are there.
+    """
+    sender, still = Sender(SYSTEM, COMPONENT), np.zeros(4)
+    carried, reported = made.first()
+    numbers, heard = np.asarray(reported), False
+    try:
+        while seconds is None or flight.seconds < seconds - 0.5 * PERIOD_S:
+            each()
+            stamp = (flight.turns + 1) * PERIOD_US
+            link.send(*_frames(sender, numbers, stamp))
+            wait = patience_s if heard else PERIOD_S if flight.turns else FIRST_S
+            answer = _answer(link, flight, stamp, wait)
+            if answer is None and heard:
+                flight.ended = f"no answer came within {patience_s:g} s"
+                break
+            goes, speeds = flight.flown > 0, still
+            if answer is not None:
+                heard = True
+                armed = bool(answer.values["mode"] & ARMED)
+                goes = goes or armed
+                controls = np.array(answer.values["controls"][:4])
+                speeds = rotors.speeds(controls) if armed else still
+            if goes:
+                flight.rows.append(Row(flight.seconds, numbers[-STATE_LENGTH:], speeds))
+            carried, reported = made.after(
+                carried, flight.turns, flight.flown, goes, speeds
+            )
+            numbers = np.asarray(reported)
+            flight.turns += 1
+            flight.flown += goes
+        else:
+            flight.ended = "the time is over"
+    except (LinkLost, InputError) as end:
+        flight.ended = str(end)
+    except KeyboardInterrupt:
+        flight.ended = "interrupted"
+    flight.rows.append(Row(flight.seconds, numbers[-STATE_LENGTH:], still))
+    return flight
+
+
+def _answer(link: Link, flight: Lockstep, stamp: int, wait_s: float) -> Message | None:
+    """Return the controls that answer a turn; None where none come in time.
+
+    Raises:
+        LinkLost: The autopilot has gone.
+        InputError: It does not go in lockstep, or answers what was not asked.
+    """
+    until = time.monotonic() + wait_s
+    while (left := until - time.monotonic()) > 0:
+        message = link.receive(left)
+        if message is None:
+            return None
+        if message.name != "HIL_ACTUATOR_CONTROLS":
+            continue
+        said = message.values
+        if not said["flags"] & LOCKSTEP:
+            raise InputError(
+                "expected an autopilot in lockstep, bit 0 of the flags of "
+                f"HIL_ACTUATOR_CONTROLS, got flags {said['flags']}: PX4 is to be built "
+                "with lockstep, as its SITL is by default"
+            )
+        if said["time_usec"] > stamp:
+            raise InputError(
+                f"expected controls for {stamp} us at most, the time that was told, got"
+                f" some for {said['time_usec']} us: messages out of order"
+            )
+        if said["time_usec"] < stamp:
+            flight.late += 1
+            continue
+        return message
+    return None
+
+
+def _frames(
+    sender: Sender, numbers: Float[np.ndarray, " number"], stamp: int
+) -> list[bytes]:
+    """Return the messages of a turn; the sensors' comes last, as it is waited for."""
+    sensor, rest = numbers[: len(SENSOR)], numbers[len(SENSOR) :]
+    fix, rest = rest[: len(FIX)], rest[len(FIX) :]
+    state, has_fix = rest[: len(STATE)], rest[len(STATE)]
+    said = {name: int(x) for name, x in zip(STATE[7:], state[7:], strict=True)}
+    speeds = dict(zip(STATE[4:7], state[4:7].tolist(), strict=True))
+    frames = []
+    if has_fix:
+        whole = {name: int(x) for name, x in zip(FIX, fix, strict=True)}
+        frames.append(
+            sender.pack(
+                "HIL_GPS",
+                time_usec=stamp,
+                fix_type=FIX_3D,
+                satellites_visible=SATELLITES,
+                **whole,
+            )
+        )
+    frames.append(
+        sender.pack(
+            "HIL_STATE_QUATERNION",
+            time_usec=stamp,
+            attitude_quaternion=state[:4].tolist(),
+            **speeds,
+            **said,
+        )
+    )
+    values: dict[str, float | int] = dict(zip(SENSOR, sensor.tolist(), strict=True))
+    values["fields_updated"] = int(values["fields_updated"])
+    return [*frames, sender.pack("HIL_SENSOR", time_usec=stamp, **values)]
+
+
+def rotors_of(vehicle: Vehicle) -> Rotors:
+    """Return which motor turns which rotor.
+
+    Raises:
+        InputError: The rotors do not stand as those of an X.
+    """
+    signs = np.sign(np.asarray(vehicle.rotor_position_m))[:, :2].astype(int)
+    places = [(int(x), int(y)) for x, y in signs]
+    if sorted(places) != sorted(CORNERS):
+        raise InputError(
+            f"vehicle {vehicle.name!r}: expected rotors at the corners of an X, as "
+            "PX4's generic quadrotor has them, got others"
+        )
+    order = np.array([places.index(corner) for corner in CORNERS])
+    return Rotors(order, float(vehicle.rotor_speed_max_rad_s))
+
+
+def suite_of(scene: Scene, place: Place | None, load: object, rate: float) -> Suite:
+    """Return the instruments of a scene's vehicle.
+
+    Args:
+        scene: Its air, and its wind.
+        place: Where its origin lies; None: at `PLACE`.
+        load: Of the blasts, whose overpressure the barometer feels; one that is not
+            of jblast's own laws has none.
+        rate: Of their turns [Hz].
+    """
+    where = PLACE if place is None else place
+    temperature, pressure = ambient(scene.air)
+    return Suite(
+        Magnetometer(dipole_field(where.lat_deg, where.lon_deg)),
+        imu=Imu(rate=rate, bits=None),
+        ground_pressure_pa=pressure,
+        ground_temperature_k=temperature,
+        wind_m_s=wind_of(scene),
+        blasts=load if isinstance(load, BlastLoad) else None,
+    )
+
+
+def wind_of(scene: Scene) -> Float[Array, "3"]:
+    """Return the velocity of a scene's air: east, north, up [m/s]."""
+    air = scene.air
+    return jnp.stack([air.wind_east, air.wind_north, 0 * air.wind_east])
+
+
+class Origin(NamedTuple):
+    """Where east-north-up has its origin.
+
+    Attributes:
+        centred_m: The same from the Earth's centre.
+        axes: Rows: east, north, up from the Earth's centre.
+        height_m: Above the ellipsoid.
+    """
+
+    centred_m: Float[np.ndarray, "3"]
+    axes: Float[np.ndarray, "3 3"]
+    height_m: float
+
+
+class Turns(eqx.Module):
+    """The turns of one vehicle.
+
+    Attributes:
+        flight: The vehicle, its start, wind and loads; without a controller.
+        suite: Its instruments.
+        origin: Where the scene lies.
+        key: Of the instruments' draws.
+    """
+
+    flight: Flight
+    suite: Suite
+    origin: Origin
+    key: PRNGKeyArray
+
+    def start(self) -> Carried:
+        """Return what there is before the first turn."""
+        state = self.flight.state
+        return Carried(self._step().start(), state, self.suite.start(self.key, state))
+
+    def reported(
+        self, carried: Carried, turn: Int[Array, ""], world_turn: Int[Array, ""]
+    ) -> tuple[Carried, Float[Array, " number"]]:
+        """Return what is carried on from a turn, and what is told at it.
+
+        Args:
+            carried: From the turn before.
+            turn: Counted since the instruments were switched on.
+            world_turn: Counted since the clock of the blasts goes.
+
+        Returns:
+            The numbers of `Readings`, then the state: position, velocity, quaternion,
+            body rate, rotor speeds.
+        """
+        state = joined(carried.now.motion)
+        period = jnp.asarray(PERIOD_S, float)
+        time_s = jnp.asarray(world_turn, float) * period
+        sample, held = self.suite(
+            self.key, turn, carried.held, carried.before, state, time_s, period
+        )
+        reported = readings_of(
+            self.origin,
+            sample,
+            state,
+            self.suite.wind_m_s,
+            self.suite.ground_temperature_k,
+            self.suite.gps.noise(),
+        )
+        numbers = jnp.concatenate(
+            [*map(jnp.ravel, reported), *map(jnp.ravel, _of(state))]
+        )
+        return Carried(carried.now, state, held), numbers
+
+    def moved(
+        self,
+        carried: Carried,
+        world_turn: Int[Array, ""],
+        speeds_rad_s: Float[Array, "4"],
+    ) -> Carried:
+        """Return what there is after a turn.
+
+        Args:
+            carried: As `reported` left it.
+            world_turn: Counted since the clock of the blasts goes.
+            speeds_rad_s: Asked of the rotors.
+        """
+        start = jnp.asarray(world_turn, float) * PERIOD_S
+        inward = jnp.maximum(
+            INWARD * PERIOD_S, 2 * np.finfo(float).eps * (start + PERIOD_S)
+        )
+        stages = start + jnp.stack([inward, 0.5 * PERIOD_S, PERIOD_S - inward])
+        none = jnp.zeros((3,), jnp.int32)
+        length = jnp.asarray(PERIOD_S, float)
+        tick = Ticks(stages, start, length, none, jnp.asarray(True))
+        now = carried.now._replace(command=four(speeds_rad_s))
+        return carried._replace(now=self._step().advance_pushed(now, tick))
+
+    def _step(self) -> OneStep:
+        period = jnp.asarray(PERIOD_S, float)
+        return OneStep(self.flight, period, "rk4", False, None)
+
+
+def turns_of(
+    scene: Scene, spec: VehicleSpec, place: Place | None, seed: int, source: str = ""
+) -> Turns:
+    """Return the turns of a scene's vehicle, rotors at rest where it stands.
+
+    Args:
+        scene: What is there, without a number that is not known.
+        spec: The vehicle.
+        place: Where the origin lies; None: at `PLACE`.
+        seed: Of the instruments' draws.
+        source: The scene's file, for messages.
+
+    Raises:
+        InputError: The vehicle starts below ground.
+    """
+    if float(spec.position[2]) < 0:
+        raise InputError(
+            f"{source or 'scene'}: [vehicle] position_m: expected a vehicle that is "
+            f"not below ground, got up {float(spec.position[2]):g} m"
+        )
+    vehicle, load = vehicle_of(spec), blast_load(scene)
+    start = start_of(spec)
+    if float(spec.position[2]) == 0:
+        start = replace(start, rotor_speed_rad_s=0 * start.rotor_speed_rad_s)
+    wind = wind_of(scene)
+    flight = Flight(
+        vehicle, start, None, None, StepGust(wind, 0 * wind[0]), (load,), jnp.zeros(())
+    )
+    suite = suite_of(scene, place, load, 1 / PERIOD_S)
+    where = PLACE if place is None else place
+    return Turns(flight, suite, origin_at(where), jax.random.key(seed))
+
+
+def programs(turns: Turns) -> Programs:
+    """Compile the turns of a vehicle, before anybody waits.
+
+    Arrays are the programs' arguments: another scene of the same shape takes no other.
+    """
+    arrays, rest = eqx.partition(turns, eqx.is_array)
+
+    def first(arrays: Turns) -> tuple[Carried, Array]:
+        own = eqx.combine(arrays, rest)
+        return own.reported(own.start(), jnp.asarray(0), jnp.asarray(0))
+
+    def after(
+        arrays: Turns, carried: Carried, turn: Any, world: Any, goes: Any, speeds: Any
+    ) -> tuple[Carried, Array]:
+        own = eqx.combine(arrays, rest)
+        moved = own.moved(carried, world, speeds)
+        carried = jax.tree.map(lambda a, b: jnp.where(goes, a, b), moved, carried)
+        return own.reported(carried, turn + 1, world + jnp.asarray(goes, int))
+
+    begin, goes_on = jax.jit(first), jax.jit(after)
+    carried, _ = begin(arrays)
+    goes_on(arrays, carried, 0, 0, False, np.zeros(4))
+    return Programs(partial(begin, arrays), partial(goes_on, arrays))
+
+
+def _of(state: State) -> tuple[Array, ...]:
+    return (
+        *(state.position_m, state.velocity_m_s, state.quaternion),
+        *(state.body_rate_rad_s, state.rotor_speed_rad_s),
+    )
+
+
+class Readings(NamedTuple):
+    """Numbers of three messages, in the order of `SENSOR`, `FIX` and `STATE`.
+
+    Attributes:
+        sensor: Of HIL_SENSOR.
+        fix: Of HIL_GPS.
+        state: Of HIL_STATE_QUATERNION.
+        has_fix: Whether a fix comes at this turn: 1 or 0.
+    """
+
+    sensor: Float[Array, "13"]
+    fix: Float[Array, "10"]
+    state: Float[Array, "18"]
+    has_fix: Float[Array, ""]
+
+
+def readings_of(
+    origin: Origin,
+    sample: Sample,
+    now: State,
+    air_velocity_m_s: Float[Array, "3"],
+    temperature_k: Float[Array, ""],
+    noise_m: Float[Array, "6"],
+) -> Readings:
+    """Return what is told of a sample and of the vehicle's true state.
+
+    Args:
+        origin: Where the scene lies.
+        sample: Of the instruments.
+        now: The vehicle.
+        air_velocity_m_s: Of the wind, east, north, up.
+        temperature_k: Of the air.
+        noise_m: One standard deviation of the numbers of a fix.
+    """
+    updated = INERTIAL + jnp.where(sample.has_field, FIELD, 0)
+    updated = updated + jnp.where(sample.has_pressure, AIR, 0)
+    standard = height_of(sample.pressure_pa, *map(jnp.asarray, (101_325.0, 288.15)))
+    force, rate = body(sample.force_m_s2), body(sample.rate_rad_s)
+    sensor = [
+        *(*force, *rate, *body(sample.field_gauss)),
+        *(sample.pressure_pa / 100, standard, temperature_k - 273.15, updated),
+    ]
+    moves = world(sample.fix.velocity_m_s)
+    course = jnp.degrees(jnp.arctan2(moves[1], moves[0])) % 360
+    fix = [
+        *_geodetic_whole(origin, sample.fix.position_m),
+        *_whole(noise_m[jnp.array([0, 2])] * 100),
+        jnp.round(100 * jnp.linalg.norm(moves[:2])),
+        *_whole(100 * moves),
+        jnp.round(100 * course) % 36_000,
+    ]
+    return Readings(
+        jnp.stack([jnp.asarray(x, float) for x in sensor]),
+        jnp.stack([jnp.asarray(x, float) for x in fix]),
+        state_reported(origin, now, force, air_velocity_m_s),
+        sample.has_fix.astype(float),
+    )
+
+
+def state_reported(
+    origin: Origin,
+    now: State,
+    force_m_s2: Float[Array, "3"],
+    air_velocity_m_s: Float[Array, "3"],
+) -> Float[Array, "18"]:
+    """Return the numbers of HIL_STATE_QUATERNION.
+
+    Args:
+        origin: Where the scene lies.
+        now: The vehicle.
+        force_m_s2: Specific force, the autopilot's body axes.
+        air_velocity_m_s: Of the wind.
+    """
+    through = jnp.linalg.norm(now.velocity_m_s - air_velocity_m_s)
+    speed = jnp.round(100 * through)
+    single = [*attitude_out(now.quaternion), *body(now.body_rate_rad_s)]
+    return jnp.stack(
+        [
+            *(jnp.asarray(x, jnp.float32).astype(float) for x in single),
+            *_geodetic_whole(origin, now.position_m),
+            *_whole(100 * world(now.velocity_m_s)),
+            *(speed, speed),
+            *_whole(1000 / STANDARD_GRAVITY * force_m_s2),
+        ]
+    )
+
+
+def state_heard(
+    origin: Origin, reported: Float[Array, "18"], rotor_speed_rad_s: Float[Array, "4"]
+) -> State:
+    """Return the state that the numbers of HIL_STATE_QUATERNION tell.
+
+    Args:
+        origin: Where the scene lies.
+        reported: The numbers.
+        rotor_speed_rad_s: Which they do not tell.
+    """
+    lat_lon_alt = reported[7:10] * jnp.array([1e-7, 1e-7, 1e-3])
+    return State(
+        level_of(origin, lat_lon_alt),
+        world(reported[10:13] / 100),
+        attitude_in(reported[:4]),
+        body(reported[4:7]),
+        rotor_speed_rad_s,
+    )
+
+
+def _geodetic_whole(origin: Origin, place_m: Float[Array, "3"]) -> list[Array]:
+    """Return latitude and longitude [1e-7 degree], height [mm]."""
+    return [*jnp.round(geodetic_of(origin, place_m) * jnp.array([1e7, 1e7, 1e3]))]
+
+
+def _whole(numbers: Float[Array, " n"]) -> list[Array]:
+    return [*jnp.clip(jnp.round(numbers), -MOST_16, MOST_16)]
+
+
+def world(vector: Float[Array, "3"]) -> Float[Array, "3"]:
+    """Return a vector of one world in the other's axes; both ways."""
+    return jnp.stack([vector[1], vector[0], -vector[2]])
+
+
+def body(vector: Float[Array, "3"]) -> Float[Array, "3"]:
+    """Return a vector of one body in the other's axes; both ways."""
+    return jnp.stack([vector[0], -vector[1], -vector[2]])
+
+
+def attitude_out(quaternion: Float[Array, "4"]) -> Float[Array, "4"]:
+    """Return a body's attitude (x, y, z, w) as (w, x, y, z) of an autopilot, w >= 0."""
+    turned = quaternion_product(
+        quaternion_product(jnp.asarray(TURN), quaternion), jnp.asarray(FLIP)
+    )
+    turned = jnp.where(turned[3] < 0, -turned, turned)
+    return jnp.roll(turned, 1)
+
+
+def attitude_in(quaternion: Float[Array, "4"]) -> Float[Array, "4"]:
+    """Return an autopilot's attitude (w, x, y, z) as (x, y, z, w) of ours."""
+    ours = jnp.roll(quaternion, -1)
+    return quaternion_product(
+        quaternion_product(jnp.asarray(TURN), ours), jnp.asarray(FLIP)
+    )
+
+
+def origin_at(place: Place) -> Origin:
+    """Return the origin at a place."""
+    lat, lon = np.radians(place.lat_deg), np.radians(place.lon_deg)
+    sin, cos, sine, cosine = np.sin(lat), np.cos(lat), np.sin(lon), np.cos(lon)
+    axes = np.array(
+        [
+            [-sine, cosine, 0.0],
+            [-sin * cosine, -sin * sine, cos],
+            [cos * cosine, cos * sine, sin],
+        ]
+    )
+    normal = RADIUS_M / np.sqrt(1 - SQUARE * sin * sin)
+    stretch = np.array([1.0, 1.0, 1 - SQUARE])
+    return Origin((normal * stretch + place.alt_m) * axes[2], axes, float(place.alt_m))
+
+
+def geodetic_of(origin: Origin, place_m: Float[Array, "3"]) -> Float[Array, "3"]:
+    """Return latitude, longitude [degree] and height [m] of a level place."""
+    flat = jnp.asarray(place_m).at[2].set(0.0)
+    # down to the ground, which lies below the plane: twice, to a millimetre at 20 km
+    for _ in range(2):
+        flat = flat.at[2].add(origin.height_m - _geodetic(origin, flat)[2])
+    found = _geodetic(origin, flat)
+    return found.at[2].set(place_m[2] + origin.height_m)
+
+
+def level_of(origin: Origin, geodetic: Float[Array, "3"]) -> Float[Array, "3"]:
+    """Return the level place of a latitude, longitude [degree] and height [m]."""
+    lat, lon = jnp.radians(geodetic[0]), jnp.radians(geodetic[1])
+    out = jnp.stack(
+        [jnp.cos(lat) * jnp.cos(lon), jnp.cos(lat) * jnp.sin(lon), jnp.sin(lat)]
+    )
+    normal = RADIUS_M / jnp.sqrt(1 - SQUARE * out[2] * out[2])
+    stretch = jnp.array([1.0, 1.0, 1 - SQUARE])
+    centred = (normal * stretch + origin.height_m) * out
+    flat = jnp.asarray(origin.axes) @ (centred - origin.centred_m)
+    return flat.at[2].set(geodetic[2] - origin.height_m)
+
+
+def _geodetic(origin: Origin, enu_m: Float[Array, "3"]) -> Float[Array, "3"]:
+    """Bowring's latitude (1976), exact to 1e-11 rad near the ground."""
+    x, y, z = origin.centred_m + origin.axes.T @ enu_m
+    across = jnp.hypot(x, y)
+    short = 1 - FLATTENING
+    reduced = jnp.arctan2(z, short * across)
+    lat = jnp.arctan2(
+        z + SQUARE / (1 - SQUARE) * short * RADIUS_M * jnp.sin(reduced) ** 3,
+        across - SQUARE * RADIUS_M * jnp.cos(reduced) ** 3,
+    )
+    normal = RADIUS_M / jnp.sqrt(1 - SQUARE * jnp.sin(lat) ** 2)
+    height = across * jnp.cos(lat) + z * jnp.sin(lat) - RADIUS_M**2 / normal
+    return jnp.stack([jnp.degrees(lat), jnp.degrees(jnp.arctan2(y, x)), height])

@@ -1,1 +1,0 @@
-"""Flights as ground stations and autopilots keep them: .tlog and PX4's ULog."""

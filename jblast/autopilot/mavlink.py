@@ -1,0 +1,387 @@
+"""MAVLink 2 by pymavlink: frames, and links by TCP and UDP."""
+
+import functools
+import ipaddress
+import select
+import socket
+import struct
+import time
+from collections import deque
+from collections.abc import Callable, Iterator
+from types import ModuleType
+from typing import Any, NamedTuple
+
+from jblast.errors import InputError, argument, nearest, needed, shown
+
+MAGIC, MAGIC_1 = 0xFD, 0xFE
+"""First byte of a frame of version 2, and of version 1."""
+
+
+class LinkLost(Exception):
+    """The peer has gone; the message says how."""
+
+
+class Address(NamedTuple):
+    """Where to.
+
+    Attributes:
+        kind: "tcp" or "udp".
+        host: Of the loopback.
+        port: 0: any free one.
+    """
+
+    kind: str
+    host: str
+    port: int
+
+    def __str__(self) -> str:
+        host = f"[{self.host}]" if ":" in self.host else self.host
+        return f"{self.kind}:{host}:{self.port}"
+
+
+class Message(NamedTuple):
+    """A message that came.
+
+    Attributes:
+        name: As `common.xml` has it; "" of one that is not known there.
+        system: Who sent it.
+        component: Which part of whom.
+        values: By field.
+        frame: Its bytes, with its signature if it has one.
+    """
+
+    name: str
+    system: int
+    component: int
+    values: dict[str, Any]
+    frame: bytes
+
+
+class Link:
+    """Messages to and from one peer.
+
+    By TCP it listens and takes the first who comes; by UDP it sends to the address, and
+    what comes from there is the peer's; or, where it is to listen, whoever speaks first
+    is.
+
+    Attributes:
+        address: Where it listens, or sends to.
+        receiver: What came, and what was lost of it.
+        keep: Is given each frame that goes out or came in.
+
+    Args:
+        address: Where.
+        name: Of the argument, for messages.
+        listens: Whether a UDP peer speaks first.
+        keep: As above; may be set later.
+
+    Raises:
+        InputError: The port is taken.
+    """
+
+    def __init__(
+        self,
+        address: Address,
+        name: str,
+        *,
+        listens: bool = False,
+        keep: Callable[[bytes], object] = lambda frame: None,
+    ):
+        self.receiver, self.keep = Receiver(), keep
+        self._waiting: deque[Message] = deque()
+        self._peer: socket.socket | None = None
+        self._heard_from: object = None
+        family = socket.AF_INET6 if ":" in address.host else socket.AF_INET
+        kind = socket.SOCK_STREAM if address.kind == "tcp" else socket.SOCK_DGRAM
+        self._listens = listens or address.kind == "tcp"
+        self._socket = socket.socket(family, kind)
+        try:
+            if address.kind == "tcp":
+                self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            if self._listens:
+                self._socket.bind((address.host, address.port))
+                address = address._replace(port=self._socket.getsockname()[1])
+            else:
+                self._socket.connect((address.host, address.port))
+            if address.kind == "tcp":
+                self._socket.listen(1)
+            else:
+                self._peer = self._socket
+        except OSError as error:
+            self._socket.close()
+            raise InputError(
+                f"{argument(name)}: expected a free port of this machine, got {address}"
+                f", which is taken or cannot be listened on ({error.strerror})"
+            ) from None
+        self.address = address
+
+    @property
+    def connected(self) -> bool:
+        """Whether there is somebody to send to."""
+        return self._peer is not None and (
+            self.address.kind == "tcp"
+            or not self._listens
+            or self._heard_from is not None
+        )
+
+    def accept(self, timeout_s: float) -> bool:
+        """Wait for a peer by TCP; return whether one has come."""
+        if self._peer is None and self._ready(self._socket, timeout_s):
+            self._peer, _ = self._socket.accept()
+            self._peer.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        return self._peer is not None
+
+    def send(self, *frames: bytes) -> None:
+        """Send some frames.
+
+        Raises:
+            LinkLost: The peer has gone.
+        """
+        if self._peer is None:
+            raise LinkLost("nobody has connected")
+        for frame in frames:
+            self.keep(frame)
+        try:
+            if self.address.kind == "tcp":
+                self._peer.sendall(b"".join(frames))
+            else:
+                for frame in frames:
+                    if self._heard_from is None or not self._listens:
+                        self._socket.send(frame)
+                    else:
+                        self._socket.sendto(frame, self._heard_from)  # type: ignore[arg-type]
+        except ConnectionRefusedError:
+            if self.receiver.heard:
+                raise LinkLost("nobody listens there any more") from None
+        except OSError as error:
+            raise LinkLost(error.strerror or str(error)) from None
+
+    def receive(self, timeout_s: float) -> Message | None:
+        """Return the next message; None where none comes in time.
+
+        Raises:
+            LinkLost: The peer has gone.
+            InputError: It speaks MAVLink 1.
+        """
+        until = time.monotonic() + timeout_s
+        while not self._waiting:
+            left = until - time.monotonic()
+            if self._peer is None or not self._ready(self._peer, max(left, 0.0)):
+                return None
+            self._take()
+        return self._waiting.popleft()
+
+    def _take(self) -> None:
+        """Take in what has come."""
+        peer = self._peer
+        if peer is None:
+            return
+        try:
+            if self.address.kind == "tcp":
+                data = peer.recv(65536)
+                if not data:
+                    raise LinkLost("the connection was closed")
+            else:
+                data, who = peer.recvfrom(65536)
+                if self._heard_from is None:
+                    self._heard_from = who
+                if who != self._heard_from:
+                    return
+        except ConnectionRefusedError:
+            if self.receiver.heard:
+                raise LinkLost("nobody listens there any more") from None
+            return
+        except OSError as error:
+            raise LinkLost(error.strerror or str(error)) from None
+        for message in self.receiver.feed(data):
+            self.keep(message.frame)
+            self._waiting.append(message)
+
+    def close(self) -> None:
+        """Hang up."""
+        if self._peer is not None:
+            self._peer.close()
+        self._socket.close()
+
+    @staticmethod
+    def _ready(one: socket.socket, timeout_s: float) -> bool:
+        return bool(select.select([one], [], [], timeout_s)[0])
+
+
+@functools.cache
+def dialect() -> ModuleType:
+    """Import the messages of `common.xml` as MAVLink's own generator wrote them.
+
+    Raises:
+        InputError: pymavlink is not installed.
+    """
+    return needed(
+        "pymavlink.dialects.v20.common",
+        "mavlink",
+        "MAVLink",
+        "messages are packed and read",
+    )
+
+
+@functools.cache
+def _kinds() -> dict[str, Any]:
+    """Return the classes of messages, by name."""
+    return {kind.msgname: kind for kind in dialect().mavlink_map.values()}
+
+
+@functools.cache
+def _zeros(name: str) -> dict[str, Any]:
+    """Return the fields of a message, each of zeros."""
+    kind = _kinds()[name]
+    types = dict(zip(kind.fieldnames, kind.fieldtypes, strict=True))
+    counts = zip(kind.ordered_fieldnames, kind.array_lengths, strict=True)
+    return {
+        field: b"\0" if types[field] == "char" else [0] * count if count else 0
+        for field, count in counts
+    }
+
+
+class Sender:
+    """Packs messages, and counts them.
+
+    Args:
+        system: Who sends them.
+        component: Which part of whom.
+
+    Raises:
+        InputError: pymavlink is not installed.
+    """
+
+    def __init__(self, system: int, component: int):
+        self._coder = dialect().MAVLink(None, system, component)
+
+    def pack(self, name: str, **values: Any) -> bytes:
+        """Return a frame; fields that are not named are zero.
+
+        Raises:
+            InputError: There is no such message or field, or a number does not fit.
+        """
+        if name not in _kinds():
+            raise InputError(f"message {name!r}: not known{nearest(name, _kinds())}")
+        fields = _zeros(name)
+        for field in values.keys() - fields.keys():
+            raise InputError(f"{name} {field}: no such field{nearest(field, fields)}")
+        said = {
+            field: value.encode("ascii", "replace") if isinstance(value, str) else value
+            for field, value in values.items()
+        }
+        try:
+            frame = _kinds()[name](**fields | said).pack(self._coder)
+        except (struct.error, OverflowError, IndexError) as error:
+            raise InputError(
+                f"{name}: expected numbers that fit their fields, got {error}"
+            ) from None
+        self._coder.seq = (self._coder.seq + 1) % 256
+        return frame
+
+
+class Receiver:
+    """Takes messages out of bytes as they come.
+
+    Attributes:
+        damaged: How many frames had a wrong checksum.
+        lost: How many are missing by the senders' own count.
+
+    Raises:
+        InputError: pymavlink is not installed.
+    """
+
+    def __init__(self):
+        self._parser = dialect().MAVLink(None)
+        self._parser.robust_parsing = True  # bytes between frames are passed over
+        self._last: dict[tuple[int, int], int] = {}
+        self.damaged = self.lost = 0
+
+    @property
+    def heard(self) -> bool:
+        """Whether anybody has been heard."""
+        return bool(self._last)
+
+    def feed(self, data: bytes) -> Iterator[Message]:
+        """Yield the messages that are whole with some more bytes.
+
+        Raises:
+            InputError: They are of MAVLink 1.
+        """
+        came = self._parser.parse_char(data)
+        while came is not None:
+            kind, frame = came.get_type(), bytes(came.get_msgbuf())
+            known = not kind.startswith("UNKNOWN_")
+            if kind == "BAD_DATA" or (frame[0] == MAGIC_1 and not known):
+                self.damaged += frame[0] == MAGIC
+                self._look_again(frame)
+            elif frame[0] == MAGIC_1:
+                raise InputError(
+                    "expected messages of MAVLink 2, got one of MAVLink 1 (first byte "
+                    "0xFE); PX4 sends version 2 with MAV_PROTO_VER = 2"
+                )
+            else:
+                sequence, system, component = frame[4:7]
+                self._count((system, component), sequence)
+                names = came.get_fieldnames() if known else []
+                values = {field: getattr(came, field) for field in names}
+                yield Message(kind if known else "", system, component, values, frame)
+            came = self._parser.parse_char(b"")
+
+    def _look_again(self, damaged: bytes) -> None:
+        """Give back what may begin a frame in bytes that were none.
+
+        A frame that breaks off is taken to reach into the next, which would be lost.
+        """
+        begin = damaged.find(MAGIC, 1)
+        if begin > 0:
+            parser = self._parser
+            parser.buf = bytearray(damaged[begin:]) + parser.buf[parser.buf_index :]
+            parser.buf_index = 0
+
+    def _count(self, who: tuple[int, int], sequence: int) -> None:
+        if who in self._last:
+            self.lost += (sequence - self._last[who] - 1) % 256
+        self._last[who] = sequence
+
+
+def read_address(text: str, name: str, port: int) -> Address:
+    """Read an address; what is left out is this machine, and the usual port.
+
+    Args:
+        text: As it was given: "tcp", "tcp:HOST" or "tcp:HOST:PORT", and "udp" likewise.
+        name: Of the argument.
+        port: The usual one.
+
+    Raises:
+        InputError: It is none, or others than this machine could be reached by it:
+            MAVLink asks nobody who he is.
+    """
+    where = argument(name)
+    kind, _, rest = text.partition(":")
+    host, colon, said = rest.rpartition(":")
+    if not colon:
+        host, said = rest, str(port)
+    bare = host.removeprefix("[").removesuffix("]") or "127.0.0.1"
+    if kind not in ("tcp", "udp") or not (said.isascii() and said.isdigit()):
+        raise InputError(
+            f"{where}: expected tcp:HOST:PORT or udp:HOST:PORT, got {shown(text)}"
+        )
+    if int(said) > 65535:
+        raise InputError(f"{where}: expected a port of 0 to 65535, got {said}")
+    if not _is_loopback(bare):
+        raise InputError(
+            f"{where}: expected a loopback address, as {kind}:127.0.0.1:{port}: others "
+            f"could reach {shown(bare)}, and MAVLink has no token to show; a tunnel by "
+            "ssh takes it to another machine"
+        )
+    return Address(kind, "127.0.0.1" if bare == "localhost" else bare, int(said))
+
+
+def _is_loopback(host: str) -> bool:
+    if host == "localhost":
+        return True
+    try:
+        return ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return False

@@ -1,1 +1,0 @@
-"""A simulator as PX4 knows one: sensors out, rotors' controls in, in lockstep."""

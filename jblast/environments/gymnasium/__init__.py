@@ -1,1 +1,0 @@
-"""The classes that Gymnasium makes; its library is an extra."""

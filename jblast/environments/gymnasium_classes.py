@@ -1,0 +1,219 @@
+"""The classes that Gymnasium makes; its library is an extra."""
+
+from typing import Any
+
+import equinox as eqx
+import gymnasium
+import jax
+import jax.numpy as jnp
+import numpy as np
+from gymnasium.spaces import Box
+from gymnasium.vector import AutoresetMode, VectorEnv
+from gymnasium.vector.utils import batch_space
+
+from jblast.environments.build import environment_params
+from jblast.environments.core import actions_of, reset, step
+from jblast.environments.episode import EnvironmentParams
+from jblast.environments.lanes import reset_lanes, step_lanes
+from jblast.environments.tasks.mission import default_guidance
+from jblast.errors import InputError, shown
+
+_RESET, _STEP = eqx.filter_jit(reset), eqx.filter_jit(step)
+_RESET_LANES, _STEP_LANES = eqx.filter_jit(reset_lanes), eqx.filter_jit(step_lanes)
+
+
+class QuadrotorEnv(gymnasium.Env):
+    """One quadrotor in blasts: the first lane of a `QuadrotorBlast` of the same seed.
+
+    Args:
+        task: "Hover", "Rates", "Mission" or "Detect".
+        params: Of the environment, in place of all that follows.
+        options: As in `environment_params`.
+
+    Raises:
+        InputError: As in `environment_params`.
+    """
+
+    def __init__(
+        self,
+        task: str = "Hover",
+        params: EnvironmentParams | None = None,
+        **options: Any,
+    ):
+        self.params = params_of(task, params, options)
+        fps = round(1.0 / float(self.params.step_s))
+        self.metadata = {"render_modes": [], "render_fps": fps}
+        _, seen = jax.eval_shape(lambda: reset(jax.random.key(0), self.params))
+        self.action_space = action_space(self.params)
+        self.observation_space = observation_space(seen.shape[-1])
+        self._state = None
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[np.ndarray, dict[str, Any]]:
+        """Begin an episode.
+
+        Args:
+            seed: Of all draws; None: another one each time.
+            options: None is known.
+        """
+        super().reset(seed=seed)
+        if seed is None:
+            seed = int(self.np_random.integers(2**31))
+        key = jax.random.fold_in(jax.random.key(seed), 0)
+        self._state, seen = _RESET(key, self.params)
+        return np.asarray(seen, np.float32), {}
+
+    def step(self, action: Any) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
+        """Take a step.
+
+        Raises:
+            InputError: The action has another shape, or nothing was reset.
+        """
+        if self._state is None:
+            raise InputError("step: expected a reset before it, got none")
+        taken = checked_actions(action, self.action_space.shape or ())
+        found = _STEP(self._state, jnp.asarray(taken), self.params)
+        self._state = found.state
+        info = {name: value.item() for name, value in found.info.items()}
+        return (
+            np.asarray(found.observation, np.float32),
+            float(found.reward),
+            bool(found.terminated),
+            bool(found.truncated),
+            info,
+        )
+
+
+class QuadrotorBlast(VectorEnv):
+    """Lanes of quadrotors in blasts, stepped at once; `AutoresetMode.NEXT_STEP`.
+
+    What lane `n` does depends on seed, `n` and its actions, and not on how many there
+    are. An action that is no number ends its lane's episode: `infos["bad_action"]` says
+    which. `infos["peak_deviation_m"]` is the farthest so far of each episode.
+
+    Args:
+        num_envs: How many lanes.
+        task: "Hover", "Rates", "Mission" or "Detect".
+        params: Of the environment, in place of all that follows.
+        options: As in `environment_params`.
+
+    Raises:
+        InputError: There are no lanes, or as in `environment_params`.
+
+    Example:
+        `QuadrotorBlast(4096, task="Hover", command="velocity")`
+    """
+
+    def __init__(
+        self,
+        num_envs: int = 1,
+        task: str = "Hover",
+        params: EnvironmentParams | None = None,
+        **options: Any,
+    ):
+        whole = isinstance(num_envs, int | np.integer) and not isinstance(
+            num_envs, bool
+        )
+        if not (whole and num_envs > 0):
+            raise InputError(
+                f"num_envs: expected a whole number, 1 or more, got {shown(num_envs)}"
+            )
+        self.num_envs = int(num_envs)
+        self.params = params_of(task, params, options)
+        self.metadata = {
+            "autoreset_mode": AutoresetMode.NEXT_STEP,
+            "render_modes": [],
+            "render_fps": round(1.0 / float(self.params.step_s)),
+        }
+        lanes = jax.ShapeDtypeStruct((1,), jnp.int32)
+        _, seen = jax.eval_shape(
+            lambda lanes: reset_lanes(jax.random.key(0), lanes, self.params), lanes
+        )
+        self.single_action_space = action_space(self.params)
+        self.single_observation_space = observation_space(seen.shape[-1])
+        self.action_space = batch_space(self.single_action_space, self.num_envs)
+        self.observation_space = batch_space(
+            self.single_observation_space, self.num_envs
+        )
+        self._states = None
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[np.ndarray, dict[str, Any]]:
+        """Begin the first episodes of all lanes.
+
+        Args:
+            seed: Of all draws; None: another one each time.
+            options: None is known.
+        """
+        super().reset(seed=seed)
+        if seed is None:
+            seed = int(self.np_random.integers(2**31))
+        lanes = jnp.arange(self.num_envs)
+        self._states, seen = _RESET_LANES(jax.random.key(seed), lanes, self.params)
+        return np.asarray(seen, np.float32), {}
+
+    def step(
+        self, actions: Any
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]:
+        """Take a step of every lane.
+
+        Raises:
+            InputError: The actions have another shape, or nothing was reset.
+        """
+        if self._states is None:
+            raise InputError("step: expected a reset before it, got none")
+        taken = checked_actions(actions, self.action_space.shape or ())
+        found = _STEP_LANES(self._states, jnp.asarray(taken), self.params)
+        self._states = found.state
+        infos = {name: np.asarray(value) for name, value in found.info.items()}
+        return (
+            np.asarray(found.observation, np.float32),
+            np.asarray(found.reward, np.float64),
+            np.asarray(found.terminated),
+            np.asarray(found.truncated),
+            infos,
+        )
+
+
+def params_of(task: str, params: EnvironmentParams | None, options: dict) -> Any:
+    """Return the params that are given, or those of names and numbers.
+
+    Raises:
+        InputError: Both are given, or as in `environment_params`.
+    """
+    if params is not None:
+        if options:
+            raise InputError(
+                f"params: expected them alone, got {', '.join(options)} beside them"
+            )
+        return params
+    if task == "Mission" and "guidance" not in options:
+        options = {**options, "guidance": default_guidance()}
+    return environment_params(task, **options)
+
+
+def action_space(params: EnvironmentParams) -> Box:
+    """Return the actions of one lane."""
+    return Box(-1.0, 1.0, (actions_of(params),), np.float32)
+
+
+def observation_space(seen: int) -> Box:
+    """Return what one lane may show."""
+    return Box(-np.inf, np.inf, (seen,), np.float32)
+
+
+def checked_actions(actions: Any, shape: tuple[int, ...]) -> np.ndarray:
+    """Return actions as an array.
+
+    Raises:
+        InputError: They are no numbers, or of another shape.
+    """
+    try:
+        array = np.asarray(actions, np.float32)
+    except (TypeError, ValueError):
+        raise InputError(f"action: expected numbers, got {shown(actions)}") from None
+    if array.shape != shape:
+        raise InputError(f"action: expected the shape {shape}, got {array.shape}")
+    return array

@@ -1,0 +1,673 @@
+"""The file of a plan: QGroundControl's `.plan` and `QGC WPL 110`, read and written.
+
+QGC WPL 110: the older text form of a plan, twelve fields a line, between tabs.
+
+number, current, frame, command, p1, p2, p3, p4, latitude, longitude, height, continue.
+The first line is home where it is a waypoint by heights above the sea (frame 0), as
+QGroundControl and Mission Planner write it; a list without home begins with its first
+item.
+
+QGroundControl's .plan, version 1: JSON.
+
+What its loader demands is kept: fileType, version, groundStation, mission of version 2
+with plannedHomePosition, items and firmwareType; an item has exactly seven params.
+
+Commands that an item of a plan may give, as MAVLink numbers them (MAV_CMD).
+
+Numbers and meaning of parameters are those of MAVLink's common.xml, from memory; what
+a multicopter makes of them is PX4's, or ArduCopter's for turns, and stands with each.
+"""
+
+import json
+import math
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from jblast.errors import InputError, nearest, read_text, shown
+from jblast.files import write_text
+from jblast.parameter_table import PLACE_LIMITS
+from jblast.scene import Place
+
+EXPECTED = "a plan: QGroundControl's .plan, or QGC WPL 110"
+HEAD = "QGC WPL"
+VERSION = "110"
+FIELDS = (
+    *("number", "current", "frame", "command", "p1", "p2", "p3", "p4"),
+    *("latitude", "longitude", "height", "continue"),
+)
+ITEM_KEYS = ("type", "frame", "command", "params", "autoContinue", "doJumpId")
+PARTS = {
+    "geoFence": (("circles", "polygons"), "a fence"),
+    "rallyPoints": (("points",), "rally points"),
+}
+"""What a plan may have besides, the lists in it, and how it is called."""
+Parameters = tuple[
+    float | None,
+    float | None,
+    float | None,
+    float | None,
+    float | None,
+    float | None,
+    float | None,
+]
+WAYPOINT, LOITER, TURNS, LOITER_TIME = 16, 17, 18, 19
+RETURN, LAND, TAKEOFF, JUMP, SPEED = 20, 21, 22, 177, 178
+NOT_FLOWN = {
+    31: "loiter to altitude",
+    82: "spline waypoint",
+    84: "VTOL take-off",
+    85: "VTOL landing",
+    92: "guided enable",
+    93: "delay",
+    94: "payload place",
+    112: "delay",
+    113: "change altitude",
+    114: "delay until a distance",
+    115: "turn",
+    176: "set mode",
+    179: "set home",
+    183: "set servo",
+    189: "start of a landing",
+    195: "region of interest",
+    197: "no region of interest",
+    201: "region of interest",
+    203: "camera control",
+    205: "gimbal",
+    206: "camera trigger by distance",
+    211: "gripper",
+    530: "camera mode",
+    1000: "gimbal",
+    2000: "take pictures",
+    2001: "stop pictures",
+    2500: "start video",
+    2501: "stop video",
+    3000: "VTOL transition",
+}
+"""Some that are not, so that a message can name them."""
+GLOBAL, MISSION, RELATIVE = 0, 2, 3
+FRAMES = {GLOBAL: "above the sea", MISSION: "no place", RELATIVE: "above home"}
+"""Of an item's place (MAV_FRAME)."""
+FRAMES_NOT_FLOWN = {
+    1: "local north, east, down",
+    4: "local east, north, up",
+    5: "above the sea, by whole numbers",
+    6: "above home, by whole numbers",
+    10: "above the terrain",
+    11: "above the terrain, by whole numbers",
+}
+
+
+@dataclass(frozen=True)
+class Item:
+    """One item of a plan.
+
+    Attributes:
+        number: By which others, and messages, name it; a ground station shows it.
+        command: Of `commands.COMMANDS`.
+        frame: Of `commands.FRAMES`: what its height is counted from.
+        params: Seven: 1 to 4 by the command, latitude and longitude [degree], height
+            [m]; None where nothing is said.
+        auto_continue: Whether the next follows by itself.
+    """
+
+    number: int
+    command: int
+    frame: int
+    params: Parameters
+    auto_continue: bool = True
+
+    @property
+    def words(self) -> str:
+        """How messages and tables name it: number and command."""
+        return f"item {self.number}, {COMMANDS[self.command].name}"
+
+    @property
+    def place(self) -> tuple[float, float] | None:
+        """Latitude and longitude [degree]; None: where the vehicle is, or nowhere."""
+        lat, lon = self.params[4], self.params[5]
+        placed = COMMANDS[self.command].placed
+        if placed == "never" or lat is None or lon is None:
+            return None
+        if placed == "may" and lat == 0 and lon == 0:
+            return None
+        return lat, lon
+
+    def number_of(self, parameter: int, default: float = 0.0) -> float:
+        """Return parameter 1 to 7, or what stands for it where nothing is said."""
+        value = self.params[parameter - 1]
+        return default if value is None else value
+
+
+@dataclass(frozen=True)
+class Plan:
+    """A plan.
+
+    Attributes:
+        items: In their order.
+        home: Latitude, longitude, height above the sea; None: it does not say.
+        hover_speed_m_s: What a multicopter cruises with; None: it does not say.
+        firmware: Whose the plan is, 12 PX4, 3 ArduPilot, as MAVLink numbers them.
+        source: The file it was read from; "" for one made here.
+        not_flown: What it has besides that nobody here goes by, in words.
+        rest: Other parts of its file, as they were read, to be written back.
+    """
+
+    items: tuple[Item, ...]
+    home: Place | None = None
+    hover_speed_m_s: float | None = None
+    firmware: int = 12
+    source: str = ""
+    not_flown: tuple[str, ...] = ()
+    rest: dict[str, Any] = field(default_factory=dict, compare=False)
+
+    @property
+    def where(self) -> str:
+        """What messages call it."""
+        return self.source or "plan"
+
+
+def ground_control_text(plan: Plan) -> str:
+    """Return a plan as QGroundControl reads it.
+
+    Parts of the file it was read from that nothing here goes by are written as they
+    were.
+
+    Raises:
+        InputError: The plan does not say where home is.
+    """
+    if plan.home is None:
+        raise InputError(
+            f"{plan.where}: home: expected latitude, longitude and height, which a "
+            ".plan has to say, got nothing"
+        )
+    mission = dict(plan.rest.get("mission", {})) | {
+        "version": 2,
+        "firmwareType": plan.firmware,
+        "plannedHomePosition": list(plan.home),
+        "items": [_entry(item) for item in plan.items],
+    }
+    mission.setdefault("vehicleType", 2)
+    if plan.hover_speed_m_s is not None:
+        mission["hoverSpeed"] = plan.hover_speed_m_s
+        mission.setdefault("cruiseSpeed", plan.hover_speed_m_s)
+    document = {
+        "fileType": "Plan",
+        "version": 1,
+        "groundStation": "QGroundControl",
+        "geoFence": {"circles": [], "polygons": [], "version": 2},
+        "rallyPoints": {"points": [], "version": 2},
+    }
+    document |= {**plan.rest, "mission": mission}
+    return json.dumps(document, indent=4, allow_nan=False) + "\n"
+
+
+def waypoint_list_text(plan: Plan) -> str:
+    """Return a plan as a list of waypoints; numbers go up from 1, home is 0.
+
+    Raises:
+        InputError: The plan does not say where home is, whose line comes first.
+    """
+    if plan.home is None:
+        raise InputError(
+            f"{plan.where}: home: expected latitude, longitude and height for the "
+            "first line, got nothing"
+        )
+    lat, lon, alt = plan.home
+    first = (None, None, None, None, lat, lon, alt)
+    rows = [_line(Item(0, WAYPOINT, GLOBAL, first), current=True)]
+    rows += [_line(item, current=False) for item in plan.items]
+    return "\n".join([f"{HEAD} {VERSION}", *rows]) + "\n"
+
+
+WRITERS = {
+    ".plan": ground_control_text,
+    ".waypoints": waypoint_list_text,
+    ".txt": waypoint_list_text,
+}
+"""By what a name ends in."""
+
+
+def read_plan(path: str | os.PathLike[str]) -> Plan:
+    """Read a plan, whatever its name.
+
+    Args:
+        path: QGroundControl's .plan, version 1, or a list of waypoints, QGC WPL 110.
+
+    Raises:
+        InputError: It is neither, or as in `read_ground_control`.
+
+    Example:
+        `plan = read_plan("campus.plan")`
+    """
+    text = read_text(path, EXPECTED)
+    begin = text.lstrip()[:40]
+    if begin.startswith("{"):
+        return read_ground_control(text, str(path))
+    if begin.startswith(HEAD):
+        return read_waypoint_list(text.lstrip(), str(path))
+    got = shown(begin.partition("\n")[0]) if begin else "an empty file"
+    raise InputError(f"{path}: line 1: expected {EXPECTED}; got {got}")
+
+
+def plan_text(plan: Plan, path: str | os.PathLike[str]) -> str:
+    """Return a plan in the form that a file's name asks for.
+
+    Raises:
+        InputError: The name asks for none, or the plan lacks what its form has to say.
+    """
+    return WRITERS[check_form(path)](plan)
+
+
+def check_form(path: str | os.PathLike[str]) -> str:
+    """Return what a file's name ends in, one of `WRITERS`.
+
+    Raises:
+        InputError: It is none of them.
+    """
+    ending = Path(path).suffix.lower()
+    if ending not in WRITERS:
+        raise InputError(
+            f"{path}: expected a name that ends in {', '.join(WRITERS)}, got "
+            f"{ending or 'no ending'}"
+        )
+    return ending
+
+
+def write_plan(plan: Plan, path: str | os.PathLike[str]) -> None:
+    """Write a plan: .plan as QGroundControl's, .waypoints and .txt as QGC WPL 110.
+
+    Raises:
+        InputError: As in `plan_text`.
+    """
+    write_text(path, plan_text(plan, path))
+
+
+def read_waypoint_list(text: str, source: str) -> Plan:
+    """Read a list of waypoints.
+
+    Args:
+        text: The file.
+        source: Its name, for the messages.
+
+    Raises:
+        InputError: It is none, of another version, or an item cannot be flown.
+    """
+    lines = text.split("\n")
+    version = lines[0].strip().removeprefix(HEAD).strip()
+    if version != VERSION:
+        raise InputError(
+            f"{source}: line 1: expected {HEAD} {VERSION}, got {shown(lines[0])}"
+        )
+    items, home = [], None
+    for n, line in enumerate(lines[1:], start=2):
+        if not line.strip():
+            continue
+        at = f"{source}: line {n}"
+        fields = line.strip().split("\t")
+        if len(fields) == 1:  # from an editor that made blanks of tabs
+            fields = line.split()
+        if len(fields) != len(FIELDS):
+            raise InputError(
+                f"{at}: expected {len(FIELDS)} fields between tabs "
+                f"({', '.join(FIELDS)}), got {len(fields)}"
+            )
+        number, _, frame, command, goes_on = (
+            _whole(fields[i], f"{at}: {FIELDS[i]}") for i in (0, 1, 2, 3, 11)
+        )
+        params = [
+            _real(fields[i], f"{at}: {FIELDS[i]}") for i in range(4, len(FIELDS) - 1)
+        ]
+        item = checked_item(at, number, command, frame, params, goes_on != 0)
+        if not items and home is None and (command, frame) == (WAYPOINT, GLOBAL):
+            lat, lon, alt = (item.number_of(i) for i in (5, 6, 7))
+            home = Place(lat, lon, alt)
+            continue
+        items.append(item)
+    check_numbers(items, source)
+    return Plan(items=tuple(items), home=home, source=source)
+
+
+def _line(item: Item, *, current: bool) -> str:
+    # what is not said is 0 in this form: a yaw of nothing would be north, so nan
+    said = [
+        ("nan" if n == 3 else "0") if value is None else _written(value)
+        for n, value in enumerate(item.params)
+    ]
+    head = [item.number, int(current), item.frame, item.command]
+    return "\t".join([*map(str, head), *said, str(int(item.auto_continue))])
+
+
+def _written(value: float) -> str:
+    """Return the shortest text that is read back as the same number."""
+    return repr(int(value)) if value == int(value) else repr(value)
+
+
+def _whole(text: str, at: str) -> int:
+    value = _real(text, at)
+    if value is None or value != int(value):
+        raise InputError(f"{at}: expected a whole number, got {shown(text)}")
+    return int(value)
+
+
+def _real(text: str, at: str) -> float | None:
+    """Return a number; None for nan, which is nothing said."""
+    try:
+        value = float(text)
+    except ValueError:
+        raise InputError(f"{at}: expected a number, got {shown(text)}") from None
+    if math.isinf(value):
+        raise InputError(f"{at}: expected a finite number, got {shown(text)}")
+    return None if math.isnan(value) else value
+
+
+def read_ground_control(text: str, source: str) -> Plan:
+    """Read a .plan.
+
+    Args:
+        text: The file.
+        source: Its name, for the messages.
+
+    Raises:
+        InputError: It is none, of another version, or an item cannot be flown.
+    """
+    try:
+        document = json.loads(text)
+    except (ValueError, RecursionError) as error:
+        raise InputError(f"{source}: broken JSON: {error}") from None
+    if not isinstance(document, dict):
+        raise InputError(f"{source}: expected a plan, {{...}}, got {shown(document)}")
+    kind = document.get("fileType")
+    if kind != "Plan":
+        raise InputError(f'{source}: fileType: expected "Plan", got {shown(kind)}')
+    _version(document, 1, source, "")
+    mission = document.get("mission")
+    if not isinstance(mission, dict):
+        raise InputError(f"{source}: mission: expected a table, got {shown(mission)}")
+    _version(mission, 2, source, "mission ")
+    entries = mission.get("items")
+    if not isinstance(entries, list):
+        raise InputError(f"{source}: items: expected a list, got {shown(entries)}")
+    items = tuple(_item(entry, n, source) for n, entry in enumerate(entries, start=1))
+    check_numbers(items, source)
+    speed = mission.get("hoverSpeed")
+    if speed is not None and not _is_number(speed, above=0.0):
+        raise InputError(
+            f"{source}: hoverSpeed: expected a positive number [m/s], "
+            f"got {shown(speed)}"
+        )
+    firmware = mission.get("firmwareType", 12)
+    return Plan(
+        items=items,
+        home=_home(mission.get("plannedHomePosition"), source),
+        hover_speed_m_s=None if speed is None else float(speed),
+        firmware=firmware if type(firmware) is int else 12,
+        source=source,
+        not_flown=tuple(_not_flown(document)),
+        rest=document,
+    )
+
+
+def _item(entry: Any, place: int, source: str) -> Item:
+    """Return one item, the nth in the file."""
+    if not isinstance(entry, dict):
+        raise InputError(
+            f"{source}: item {place}: expected a table, got {shown(entry)}"
+        )
+    if entry.get("type") == "ComplexItem":
+        name = shown(entry.get("complexItemType"))
+        raise InputError(
+            f"{source}: item {place}: expected a SimpleItem, got the ComplexItem "
+            f"{name}; a plan that QGroundControl downloads from a vehicle has "
+            "waypoints in its place"
+        )
+    if entry.get("type") != "SimpleItem":
+        raise InputError(
+            f"{source}: item {place} type: expected SimpleItem, "
+            f"got {shown(entry.get('type'))}"
+        )
+    number = entry.get("doJumpId", place)
+    if type(number) is not int:
+        raise InputError(
+            f"{source}: item {place} doJumpId: expected a whole number, "
+            f"got {shown(number)}"
+        )
+    params = entry.get("params")
+    if not isinstance(params, list) or len(params) != 7:
+        close = nearest("params", set(entry) - set(ITEM_KEYS))
+        raise InputError(
+            f"{source}: item {number} params: expected a list of 7, "
+            f"got {shown(params)}{close}"
+        )
+    goes_on = entry.get("autoContinue", True)
+    if not isinstance(goes_on, bool):
+        raise InputError(
+            f"{source}: item {number} autoContinue: expected true or false, "
+            f"got {shown(goes_on)}"
+        )
+    return checked_item(
+        source, number, entry.get("command"), entry.get("frame"), params, goes_on
+    )
+
+
+def _entry(item: Item) -> dict[str, Any]:
+    return {
+        "autoContinue": item.auto_continue,
+        "command": item.command,
+        "doJumpId": item.number,
+        "frame": item.frame,
+        "params": list(item.params),
+        "type": "SimpleItem",
+    }
+
+
+def _version(table: dict[str, Any], known: int, source: str, of: str) -> None:
+    """Refuse another version than the one that is read."""
+    version = table.get("version")
+    if type(version) is not int or version != known:
+        raise InputError(
+            f"{source}: {of}version: expected {known}, got {shown(version)}"
+        )
+
+
+def _home(value: Any, source: str) -> Place:
+    """Return where home is."""
+    at = f"{source}: plannedHomePosition"
+    if not (
+        isinstance(value, list) and len(value) == 3 and all(map(_is_number, value))
+    ):
+        raise InputError(
+            f"{at}: expected [latitude, longitude, height], got {shown(value)}"
+        )
+    lat, lon, alt = map(float, value)
+    if not (abs(lat) <= 90.0 and abs(lon) <= 180.0):
+        raise InputError(
+            f"{at}: expected a latitude of -90 to 90 and a longitude of -180 to 180 "
+            f"degrees, got {lat:g}, {lon:g}"
+        )
+    if not PLACE_LIMITS["alt_m"].allows(alt):
+        words = PLACE_LIMITS["alt_m"].words()
+        raise InputError(f"{at}: expected a height {words} m, got {alt:g}")
+    return Place(lat, lon, alt)
+
+
+def _is_number(value: Any, above: float = float("-inf")) -> bool:
+    """Return whether this is a finite number of a common size."""
+    is_number = isinstance(value, (int, float)) and not isinstance(value, bool)
+    return is_number and abs(value) < 1e9 and value > above
+
+
+def _not_flown(document: dict[str, Any]) -> list[str]:
+    """Return what else the plan has, in words."""
+    found = []
+    for name, (lists, words) in PARTS.items():
+        part = document.get(name)
+        if isinstance(part, dict) and any(part.get(each) for each in lists):
+            found.append(f"{name}: {words}")
+    return found
+
+
+def checked_item(
+    where: str,
+    number: int,
+    command: Any,
+    frame: Any,
+    params: Sequence[Any],
+    auto_continue: bool = True,
+) -> Item:
+    """Return an item whose numbers can be used.
+
+    Args:
+        where: The file, and the line if it has lines, for the messages.
+        number: Of the item.
+        command: As it was read.
+        frame: Likewise.
+        params: Seven; None and NaN are not said.
+        auto_continue: Whether the next follows by itself.
+
+    Raises:
+        InputError: The command or its frame is not flown, the place or the height is
+            missing, or out of range, or a parameter asks for what nobody here does.
+    """
+    at = f"{where}: item {number}"
+    if type(command) is not int or command not in COMMANDS:
+        given = command_words(command) if type(command) is int else shown(command)
+        known = ", ".join(command_words(one) for one in COMMANDS)
+        raise InputError(f"{at} command: expected one of {known}; got {given}")
+    kind = COMMANDS[command]
+    at = f"{at}, {kind.name}"
+    if type(frame) is not int or frame not in FRAMES:
+        frames = ", ".join(f"{one} ({words})" for one, words in FRAMES.items())
+        other = FRAMES_NOT_FLOWN.get(frame) if type(frame) is int else None
+        got = shown(frame) + (f" ({other})" if other else "")
+        raise InputError(f"{at}, frame: expected one of {frames}; got {got}")
+    values = [_number(value, f"{at}, parameter {n}") for n, value in _counted(params)]
+    for n, value in _counted(values[:4]):
+        if value and n not in kind.used:
+            raise InputError(
+                f"{at}, parameter {n}: expected 0 or nothing, which is all that is "
+                f"flown of it, got {value:g}"
+            )
+    item = Item(number, command, frame, (*values,), auto_continue)  # type: ignore[arg-type]  seven, counted by the reader
+    if kind.placed != "never":
+        _check_place(item, at)
+    return item
+
+
+def check_numbers(items: Sequence[Item], where: str) -> None:
+    """Refuse two items of one number.
+
+    Raises:
+        InputError: There are.
+    """
+    seen: set[int] = set()
+    for item in items:
+        if item.number in seen:
+            raise InputError(
+                f"{where}: item {item.number}: expected a number of its own, got that "
+                "of another item"
+            )
+        seen.add(item.number)
+
+
+def _check_place(item: Item, at: str) -> None:
+    """Refuse a place that is none.
+
+    Raises:
+        InputError: Latitude, longitude or height are missing or out of range.
+    """
+    if item.frame == MISSION:
+        raise InputError(f"{at}, frame: expected one with a place, 0 or 3, got 2")
+    lat, lon, alt = item.params[4:]
+    needs = COMMANDS[item.command].placed == "always"
+    for name, value in (("latitude", lat), ("longitude", lon)):
+        if value is None and needs:
+            raise InputError(f"{at}, {name}: expected a number [degree], got nothing")
+    if lat is not None and not -90.0 <= lat <= 90.0:
+        swapped = ""
+        if lon is not None and abs(lon) <= 90.0 and abs(lat) <= 180.0:
+            swapped = "; are latitude and longitude swapped?"
+        raise InputError(
+            f"{at}, latitude: expected -90 to 90 degrees, got {lat:g}{swapped}"
+        )
+    if lon is not None and not -180.0 <= lon <= 180.0:
+        raise InputError(f"{at}, longitude: expected -180 to 180 degrees, got {lon:g}")
+    if alt is None:
+        if item.command == 21:  # lands at the ground, whatever is said
+            return
+        raise InputError(f"{at}, height: expected a number [m], got nothing")
+    if not PLACE_LIMITS["alt_m"].allows(alt):
+        words = PLACE_LIMITS["alt_m"].words()
+        raise InputError(f"{at}, height: expected a number {words} m, got {alt:g}")
+
+
+def _counted(values: Sequence[Any]) -> list[tuple[int, Any]]:
+    return list(enumerate(values, start=1))
+
+
+def _number(value: Any, at: str) -> float | None:
+    """Return a number; None where nothing is said, which NaN says too."""
+    if value is None:
+        return None
+    if isinstance(value, bool) or not isinstance(value, (int, float)):
+        advice = nearest(value, ("null",)) if isinstance(value, str) else ""
+        raise InputError(f"{at}: expected a number or null, got {shown(value)}{advice}")
+    try:
+        number = float(value)
+    except OverflowError:
+        number = math.inf
+    if math.isinf(number):
+        raise InputError(f"{at}: expected a finite number, got {shown(value)}")
+    return None if math.isnan(number) else number
+
+
+class Command(NamedTuple):
+    """A command that is flown.
+
+    Attributes:
+        number: Of MAV_CMD.
+        name: Its name there, without what all begin with.
+        placed: Whether it says a place: "always", "may" (0, 0 or nothing is where the
+            vehicle is), "never".
+        used: Which of its parameters 1 to 4 are flown; the others must be 0 or absent.
+    """
+
+    number: int
+    name: str
+    placed: str
+    used: tuple[int, ...]
+
+
+COMMANDS = {
+    command.number: command
+    for command in (
+        # hold [s], acceptance radius [m], -, yaw [degree, clockwise from north]
+        Command(WAYPOINT, "waypoint", "always", (1, 2, 4)),
+        # a multicopter loiters on the spot, whatever the radius
+        Command(LOITER, "loiter", "always", (3, 4)),
+        # turns, heading to leave by, radius [m] (positive: clockwise), where to leave:
+        # it leaves where it came in
+        Command(TURNS, "loiter for turns", "always", (1, 2, 3, 4)),
+        # time [s], the same three, without a meaning on the spot
+        Command(LOITER_TIME, "loiter for a time", "always", (1, 2, 3, 4)),
+        Command(RETURN, "return to launch", "never", ()),
+        # -, -, -, yaw
+        Command(LAND, "land", "may", (4,)),
+        # pitch, of those with wings, -, -, yaw
+        Command(TAKEOFF, "take-off", "may", (1, 4)),
+        # number of the item to go to, how many times
+        Command(JUMP, "jump", "never", (1, 2)),
+        # 0 or 1: over ground, 2: climb, 3: descent; [m/s], -1 no change; throttle
+        Command(SPEED, "change speed", "never", (1, 2, 3)),
+    )
+}
+
+
+def command_words(number: int) -> str:
+    """Return a command's number with its name, if it is known."""
+    if number in COMMANDS:
+        return f"{number} ({COMMANDS[number].name})"
+    name = NOT_FLOWN.get(number)
+    return f"{number} ({name})" if name else f"{number}"

@@ -1,1 +1,0 @@
-"""Ways to compute a world other than by jblast's own physics, as plain data."""
