@@ -186,9 +186,9 @@ def test_the_python_in_readme_runs(monkeypatch, capsys):
     monkeypatch.chdir(ROOT)
     block, _ = python_blocks(ROOT / "README.md")
     exec(block, {})
-    assert capsys.readouterr().out == "243 kg, 90 % interval 173 to 341 kg\n"
+    assert capsys.readouterr().out == "241 kg, 90 % interval 171 to 338 kg\n"
     caption = " ".join(text(ROOT / "README.md").split())
-    assert "243 kg, 90 % interval 173 to 341 kg" in caption
+    assert "241 kg, 90 % interval 171 to 338 kg" in caption
 
 
 def test_ten_thousand_scenes_of_readme_are_those_one_by_one(monkeypatch):
