@@ -242,7 +242,7 @@ BY_HAND = re.compile(
 """Ways to write a file."""
 THROUGH_FILES = re.compile(r"with (\(\s*)?replacing\(")
 ALLOWED = {
-    "autopilot/logs/tlog.py": "a log, which is added to as a flight goes on",
+    "autopilot/logs.py": "a log, which is added to as a flight goes on",
     "cli/main.py": "into os.devnull",
     "sensors/camera/bake/blender_program.py": "a log, which is added to",
     "sensors/camera/bake/blender/simulate.py": "within Blender, which has no jblast",

@@ -1,7 +1,10 @@
-"""Records and the pulses picked from them, drawn, and on a page."""
+"""Files of `jblast pick --report`: records and their pulses, drawn, and on a page."""
 
+import json
 from collections.abc import Sequence
-from typing import NamedTuple
+from functools import partial
+from pathlib import Path
+from typing import Any, NamedTuple
 
 import jax
 import numpy as np
@@ -10,10 +13,12 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 import jblast
+from jblast.files import write_text
 from jblast.inference.picks import NAMES, Pick, RecordPick
-from jblast.inference.records import Gathered
+from jblast.inference.records import Gathered, PickLog
 from jblast.kept_programs import kept
-from jblast.report.figure_files import picture_of
+from jblast.observations import write
+from jblast.report.figure_files import picture_of, write_drawn
 from jblast.report.figure_style import (
     BLUE,
     COLOURS,
@@ -30,6 +35,10 @@ from jblast.report.provenance import Provenance, provenance_lines
 from jblast.report.words import Unit, capitalised, quantity_words, unit_for
 from jblast.waves.waveform.pulse import Pulse, pulse_mean
 
+JSON, LOG, PAGE = "picks.json", "picks.csv", "report.html"
+PICTURE = "records_{}.png"
+MOST_PICTURES = 10
+"""Pictures, of some records each: more is no page to look at."""
 MOST = 24
 """Records of one picture."""
 COLUMNS = 2
@@ -42,6 +51,60 @@ BEFORE, AFTER = 0.6, 1.4
 """Drawn before the front, in positive phases; and after it, in lengths of the wave."""
 TITLES = {"decay": "Decay", "rise_time_s": "Rise time"}
 """Of what stands in no table of quantities."""
+
+
+def write_picks(
+    directory: Path,
+    found: Gathered,
+    log: PickLog,
+    document: dict[str, Any],
+    lines: Sequence[str],
+    made: Provenance,
+) -> list[str]:
+    """Write all there is, the answer first; return the names of the files.
+
+    A picture that cannot be drawn costs nothing but itself: a warning names it.
+
+    Args:
+        directory: Where to; made if it is not there.
+        found: Picks that keep their samples.
+        log: Their rows.
+        document: What `picks_document` made of them.
+        lines: What else is to be said.
+        made: What they were made of.
+
+    Raises:
+        OSError: It cannot be written.
+    """
+    directory.mkdir(parents=True, exist_ok=True)
+    stale = [directory / name for name in (JSON, LOG, PAGE)]
+    for path in (*stale, *directory.glob(PICTURE.format("*"))):
+        path.unlink(missing_ok=True)
+    text = json.dumps(document, indent=2, ensure_ascii=False, allow_nan=False)
+    write_text(directory / JSON, text + "\n")
+    written = [JSON]
+    if len(log.observations):
+        write(directory / LOG, log.observations)
+        written.append(LOG)
+    pictures = _pictures(directory, found, written)
+    page = picks_page(found, pictures, lines, made, log.observations.comments)
+    write_text(directory / PAGE, page)
+    return [*written, PAGE]
+
+
+def _pictures(directory: Path, found: Gathered, written: list[str]) -> list[Figure]:
+    """Draw records, so many a picture, and write them."""
+    names, pictures = found.named(), []
+    firsts = range(0, len(found.picks), MOST)[:MOST_PICTURES]
+    for number, first in enumerate(firsts, start=1):
+        part = slice(first, first + MOST)
+        name = PICTURE.format(number)
+        draw = partial(records_figure, names[part], found.picks[part])
+        figure = write_drawn(draw, directory / name)
+        if figure is not None:
+            pictures.append(figure)
+            written.append(name)
+    return pictures
 
 
 def records_figure(names: Sequence[str], picks: Sequence[RecordPick]) -> Figure:

@@ -1,20 +1,14 @@
 """What `jblast pick` read from records."""
 
-import json
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from datetime import UTC, timedelta
-from functools import partial
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from jblast.files import write_text
 from jblast.inference.picks import NAMES, NoteKind, Quality, RecordPick
 from jblast.inference.records import Gathered, LeftOut, PickLog, Reason, pick_estimate
 from jblast.json_values import plain
-from jblast.observations import write
-from jblast.report.provenance import Provenance
 from jblast.report.understood import understood_lines
 from jblast.report.words import (
     aligned,
@@ -25,12 +19,6 @@ from jblast.report.words import (
     unit_for,
 )
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-JSON, LOG, PAGE = "picks.json", "picks.csv", "report.html"
-PICTURE = "records_{}.png"
-MOST_PICTURES = 10
-"""Pictures, of some records each: more is no page to look at."""
 COLUMNS = {
     "air_arrival_s": "arrival",
     "peak_overpressure_pa": "peak",
@@ -86,65 +74,6 @@ RECORDS_CAPTION = (
     "what falls on one point. A recorder's high-pass is drawn where its corner was "
     "given, what rings or comes later is not."
 )
-
-
-def write_picks(
-    directory: Path,
-    found: Gathered,
-    log: PickLog,
-    document: dict[str, Any],
-    lines: Sequence[str],
-    made: Provenance,
-) -> list[str]:
-    """Write all there is, the answer first; return the names of the files.
-
-    A picture that cannot be drawn costs nothing but itself: a warning names it.
-
-    Args:
-        directory: Where to; made if it is not there.
-        found: Picks that keep their samples.
-        log: Their rows.
-        document: What `picks_document` made of them.
-        lines: What else is to be said.
-        made: What they were made of.
-
-    Raises:
-        OSError: It cannot be written.
-    """
-    directory.mkdir(parents=True, exist_ok=True)
-    stale = [directory / name for name in (JSON, LOG, PAGE)]
-    for path in (*stale, *directory.glob(PICTURE.format("*"))):
-        path.unlink(missing_ok=True)
-    text = json.dumps(document, indent=2, ensure_ascii=False, allow_nan=False)
-    write_text(directory / JSON, text + "\n")
-    written = [JSON]
-    if len(log.observations):
-        write(directory / LOG, log.observations)
-        written.append(LOG)
-    pictures = _pictures(directory, found, written)
-    from jblast.report.pick_figures import picks_page
-
-    page = picks_page(found, pictures, lines, made, log.observations.comments)
-    write_text(directory / PAGE, page)
-    return [*written, PAGE]
-
-
-def _pictures(directory: Path, found: Gathered, written: list[str]) -> "list[Figure]":
-    """Draw records, so many a picture, and write them."""
-    from jblast.report.figure_files import write_drawn
-    from jblast.report.pick_figures import MOST, records_figure
-
-    names, pictures = found.named(), []
-    firsts = range(0, len(found.picks), MOST)[:MOST_PICTURES]
-    for number, first in enumerate(firsts, start=1):
-        part = slice(first, first + MOST)
-        name = PICTURE.format(number)
-        draw = partial(records_figure, names[part], found.picks[part])
-        figure = write_drawn(draw, directory / name)
-        if figure is not None:
-            pictures.append(figure)
-            written.append(name)
-    return pictures
 
 
 def picks_text(found: Gathered, log: PickLog, left_out: tuple[str, ...] = ()) -> str:

@@ -11,8 +11,8 @@ import pytest
 from jblast.inference.picks import NoteKind
 from jblast.inference.records import Gathered, log_of
 from jblast.observations.records.pressure_record import PressureRecord
-from jblast.report.pick_figures import BINS, curves, records_figure
-from jblast.report.picks import NOTES, picks_document, picks_text, write_picks
+from jblast.report.pick_figures import BINS, curves, records_figure, write_picks
+from jblast.report.picks import NOTES, picks_document, picks_text
 from jblast.report.provenance import provenance_of
 from tests.inference.records.made import record_pick
 

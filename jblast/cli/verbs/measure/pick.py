@@ -66,7 +66,7 @@ def run(asked: argparse.Namespace) -> int:
     start_jax(quick=True)
     from jblast.cli.arguments.records import picked, refusal
     from jblast.observations import write
-    from jblast.report.picks import picks_document, picks_text, write_picks
+    from jblast.report.picks import picks_document, picks_text
     from jblast.report.provenance import provenance_of
 
     begin("picking")
@@ -82,6 +82,8 @@ def run(asked: argparse.Namespace) -> int:
             write(asked.out, log.observations)
     written: list[str] = []
     if asked.report:
+        from jblast.report.pick_figures import write_picks
+
         with writing(asked.report):
             lines = [str(error) for error in found.refused]
             folder = Path(asked.report)
