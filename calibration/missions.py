@@ -31,9 +31,9 @@ from jblast.missions import (
     MissionControl,
     Plan,
     grid_plan,
-    guidance as replay,
     mission_of,
     planned_seconds,
+    replay,
     write_plan,
 )
 from jblast.missions.mission import geodetic

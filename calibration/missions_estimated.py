@@ -33,7 +33,7 @@ from calibration.missions import (
 from jblast.autopilot.estimator import EstimatedControl
 from jblast.autopilot.lockstep import suite_of
 from jblast.cli.jax_start import start_jax
-from jblast.missions import MissionControl, guidance as replay, mission_of, write_plan
+from jblast.missions import MissionControl, mission_of, replay, write_plan
 from jblast.scene import Charge, Scene, UncertainScene, VehicleSpec
 from jblast.study.flights.instruments import followed_along
 from jblast.study.flights.records import Options

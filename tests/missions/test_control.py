@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jblast.missions import Mission, MissionControl, guidance as replay
+from jblast.missions import Mission, MissionControl, replay
 from jblast.missions.guidance import ENDED, FLYING
 from jblast.vehicle import (
     Each,

@@ -19,8 +19,8 @@ from jblast.missions import (
     GuidanceHistory,
     Mission,
     MissionControl,
-    guidance as replay,
     planned_seconds,
+    replay,
 )
 from jblast.missions.guidance import ENDED
 from jblast.progress import counted
