@@ -1,42 +1,22 @@
 r"""An error-state Kalman filter of a vehicle's own state, and control by it.
 
-What a vehicle believed along its flight, told again from the flight's rows.
+At each turn of the controller the instruments are sampled, the estimate is predicted
+and corrected, and the controller is given the estimate in place of the state. Rotor
+speeds are known; a switch tells whether the vehicle stands on the ground. The memory
+of a controller is not stored: where a row is stored at each of its turns, the estimate
+along a flight is computed again from the stored states.
 
-The memory of a controller is not stored; but it follows from the states at which it was
-asked, where a row is stored each time that it is.
-
-A controller that flies by what its vehicle's instruments say, not by the truth.
-
-At each turn the instruments are sampled, the estimate is carried on and corrected, and
-who flies is shown the estimate in place of the state. Its rotors' speeds it is not
-shown otherwise; that it stands on the ground a switch tells.
-
-An estimate corrected by a barometer, a magnetometer, and fixes that come late.
-
-Numbers are taken in one by one, as their errors are independent: no matrix is inverted.
-One that is more than `GATE` standard deviations off counts for no more than it would at
-that: so a blast's pressure on the barometer hardly moves the estimate, and one that was
-thrown off still finds back, as one that refuses what it does not expect may not.
-
-A fix tells of a time $d$ before. Then the error was, to the first order,
-
-$$\delta v_d = \delta v + d\,e, \qquad \delta p_d = \delta p - d\,\delta v -
-  d^2 e/2, \qquad e = [\bar a]_\times R\,\delta\theta + R\,\delta b_f$$
-
-with the mean specific force $\bar a$ since then, by the velocities that were estimated
-then and now; corrections since then have moved what is kept of it likewise.
-
-An estimate carried on over one sample of the inertial unit, and its error with it.
-
-With the sample's mean rate and specific force, each less what the instruments are off
-by, and the attitude in the middle of the sample, $R_m = R\exp(\omega\,\Delta t/2)$,
+**Prediction** over one sample of the inertial unit. With its mean rate and specific
+force, each less the estimated bias, and the attitude in the middle of the sample,
+$R_m = R\exp(\omega\,\Delta t/2)$,
 
 $$R' = R\exp(\omega\,\Delta t), \quad v' = v + (R_m f - g\hat z)\Delta t, \quad
-p' = p + (v + v')\Delta t/2$$
+p' = p + (v + v')\Delta t/2.$$
 
-are exact for what `carried.inertial` feels, but for the last. The error, attitude about
-the body's axes, goes on to the first order as (Sola 2017, Quaternion kinematics for the
-error-state Kalman filter, section 5.3, with the middle of the sample for its beginning)
+The first two are exact for what `carried.inertial` measures. The error, with attitude
+about the body's axes, is propagated to first order (Sola 2017, Quaternion kinematics
+for the error-state Kalman filter, section 5.3, with the middle of the sample in place
+of its beginning):
 
 $$\delta\theta' = \exp(-\omega\Delta t)\,\delta\theta -
   (\Delta t - [\omega]_\times\Delta t^2/2)\,\delta b_\omega$$
@@ -45,6 +25,20 @@ $$\delta v' = \delta v - R_m [f]_\times \Delta t\,(R_h^T\delta\theta -
 
 with $R_h = \exp(\omega\,\Delta t/2)$, and $\delta p' = \delta p + (\delta v +
 \delta v')\Delta t/2$.
+
+**Correction** by a barometer, a magnetometer, and position fixes that come late.
+Numbers have independent errors and are used one by one, so no matrix is inverted. The
+innovation of each is limited to `GATE` standard deviations: the pressure of a blast on
+the barometer hardly moves the estimate, and an estimate that is far off still recovers,
+which it might not if such numbers were rejected.
+
+A fix tells the place a time $d$ before. The error then was, to first order,
+
+$$\delta v_d = \delta v + d\,e, \qquad \delta p_d = \delta p - d\,\delta v -
+  d^2 e/2, \qquad e = [\bar a]_\times R\,\delta\theta + R\,\delta b_f$$
+
+with the mean specific force $\bar a$ since then, from the velocities estimated then and
+now. Corrections since then are applied to the stored state as well.
 """
 
 import math

@@ -1,21 +1,16 @@
 """A vehicle on a ground station's screen: telemetry and the mission protocol.
 
-A vehicle on a ground station's screen: it says where it is, and does as it is told.
+The vehicle stands until it is told to arm or to begin its mission. The flight is then
+computed whole and sent row by row at the pace of the wall clock.
 
-It stands until it is told to arm or to begin its mission; the flight is then computed
-whole, and told row by row by the wall clock.
+Numbers of telemetry are those of MAVLink's common.xml: MAV_TYPE_QUADROTOR,
+MAV_AUTOPILOT_PX4, and PX4's modes of the main mode AUTO (px4_custom_mode.h).
 
-What a vehicle tells a ground station of itself, as messages.
-
-Numbers are those of MAVLink's common.xml: MAV_TYPE_QUADROTOR, MAV_AUTOPILOT_PX4, and
-PX4's modes of the main mode AUTO (px4_custom_mode.h).
-
-The mission protocol of MAVLink, from the vehicle's side: up, down, away.
-
-mavlink.io/en/services/mission.html: who uploads says how many items there are, and is
-asked for them one after another; an item that was not asked for is passed over and the
-right one asked for again, as is one that does not come within `RETRY_S`, `RETRIES`
-times. A mission that cannot be flown is refused whole, and the one before is kept.
+The mission protocol is mavlink.io/en/services/mission.html, from the vehicle's side: a
+station that uploads says how many items there are, and is asked for one after another.
+An item out of turn is ignored and the right one requested again, as is one that does
+not come within `RETRY_S`, up to `RETRIES` times. A mission that cannot be flown is
+refused as a whole, and the one before is kept.
 """
 
 import math

@@ -1,39 +1,26 @@
 """A simulator as PX4 knows one: sensors out, rotor controls in, in lockstep.
 
-A flight in lockstep with an autopilot: it is told, it answers, the vehicle moves.
+Until the first controls come, samples are sent by the wall clock, so that the autopilot
+can start. From then on each turn waits for the answer to its own HIL_SENSOR. The
+vehicle is held in place, and the clock of the blasts stopped, until the autopilot has
+armed: the flight does not depend on how long that took.
 
-As PX4's simulator interface has it. Until the first controls come, samples go out by
-the wall clock, so that the autopilot can start; from then on each turn waits for the
-answer to its own HIL_SENSOR. The vehicle stands as if held, and the clock of the blasts
-with it, until the autopilot has armed: so a flight does not hang on how long that took.
+Equations, pulses and steps are those of `vehicle.simulate`: a flight by the same rotor
+speeds is the same flight. Units, axes and bits of messages are those of MAVLink's HIL
+messages as PX4 reads them (PX4-Autopilot, SimulatorMavlink.cpp and .hpp, commits
+000f5fd and 002cb24): integer fields are rounded, single-precision fields lose digits
+when they are packed. Temperature comes with the barometer.
 
-An autopilot's motors, and the rotors that they turn.
+PX4's axes are north, east, down, and ahead, right, down for the body, with the scalar
+of a quaternion first; ours are east, north, up, and ahead, left, up, with the scalar
+last. PX4 numbers the motors of a quadrotor X: ahead right, behind left (both
+counter-clockwise), ahead left, behind right (clockwise). A control is a share of the
+greatest speed, 0 to 1. Thrust goes with its square, which PX4 is told by THR_MDL_FAC =
+1.
 
-PX4 numbers those of a quadrotor X: ahead right, behind left (both counter-clockwise),
-ahead left, behind right (clockwise). A control is a share of the greatest speed, 0 to
-1: thrust goes with its square, which PX4 is told by THR_MDL_FAC = 1.
-
-One turn of a vehicle that somebody else flies: told, then moved by what is asked.
-
-The equations, pulses and steps are those of `vehicle.simulate`: a flight by the same
-rotor speeds is the same flight.
-
-What a simulator tells an autopilot, as the numbers of its messages.
-
-Units, axes and bits are those of MAVLink's HIL messages as PX4 reads them
-(PX4-Autopilot, SimulatorMavlink.cpp and .hpp, commits 000f5fd and 002cb24): fields that
-are whole numbers are rounded to them, those in single precision lose their digits as
-they are packed. Temperature comes with the barometer.
-
-An autopilot's axes: north, east, down, and a body's ahead, right, down; and ours.
-
-Ours are east, north, up, and a body's ahead, left, up; quaternions are scalar last here
-and first there.
-
-Latitudes and longitudes of level places, and back, within a compiled program.
-
-The same as `missions.frame.level` and `geodetic`: straight axes about the origin, but
-heights counted above its own, over ground that is level.
+Latitudes and longitudes are computed within compiled programs, as by
+`missions.mission.level` and `geodetic`, but with heights above the origin, over level
+ground.
 """
 
 import time

@@ -1,19 +1,13 @@
 """Logs of flights: MAVLink's `.tlog` and PX4's ULog.
 
-A flight as a ULog, its topics called and scaled as PX4 has them.
+A `.tlog` is a sequence of times and frames. A time is that of MAVLink's tools:
+microseconds in eight bytes, the highest byte first.
 
-Where the vehicle was stands in the topics of ground truth; where it took itself to be,
-in those of its estimate.
-
-ULog, in which PX4 keeps its flights: topics of rows, written as the format has it.
-
-docs.px4.io/main/en/dev_log/ulog_file_format.html, version 1: a header; definitions
-(the formats of topics, facts); then subscriptions and rows. Fields stand from the
-widest to the narrowest, so that none needs padding.
-
-A log of telemetry as ground stations keep it: a time, and a frame, one by one.
-
-The time is that of MAVLink's tools: microseconds, eight bytes, the highest first.
+A ULog (docs.px4.io/main/en/dev_log/ulog_file_format.html, version 1) has a header;
+definitions (the formats of topics, facts); then subscriptions and rows. Fields are
+ordered from the widest to the narrowest, so that none needs padding. Topics are named
+and scaled as in PX4: the true state is in the topics of ground truth, the estimated one
+in those of the estimate.
 """
 
 import struct

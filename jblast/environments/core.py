@@ -1,14 +1,10 @@
 """One lane of an environment: reset and step, pure functions for jit, vmap and grad.
 
-One lane: reset and step, pure functions for jit, vmap and grad.
+A step converts the action to a command, adds the load of blasts within the step, and
+moves the vehicle by the step of every flight (`vehicle/rollout`): there is one physics.
+A lane that did not end does not depend on the other lanes.
 
-A step asks the command of the action, takes in what the blasts give within it, and
-moves the vehicle on by the step of every flight (`vehicle/rollout`): there is one
-physics. A lane that did not end goes the same way whatever other lanes there are.
-
-What a lane's step changes: the action taken, the vehicle moved on, what it earned.
-
-All in numbers that stand alone: a batch of them is an array each, without other axes.
+The state consists of separate numbers: in a batch each is an array without other axes.
 """
 
 from functools import reduce

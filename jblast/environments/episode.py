@@ -1,8 +1,7 @@
 r"""What an episode of an environment draws, and the state of a lane in it.
 
-What an action asks the rotors for: the modes of command.
-
-Every action lies within -1 and 1; what is beyond counts as its bound.
+Actions lie within -1 and 1 and are clipped to these bounds. By the mode of command they
+mean:
 
 - `rotor_speeds` (4): from the least to the greatest speed of each rotor;
 - `thrust_rates` (4): collective thrust $T = m g (1 + a_0)$ and body rates
@@ -11,18 +10,16 @@ Every action lies within -1 and 1; what is beyond counts as its bound.
 - `velocity` (3): $a v_{max}$, east, north, up, followed by the position hold without
   its position;
 - `hold` (3): the place to hold moves by $a$ times a reach, about where the task has it:
-  no action is the SE(3) hold itself.
+  an action of zero is the SE(3) hold itself.
 
-Mass, inertia and allocation are those of the vehicle as it is known, without what an
-episode drew.
+Mass, inertia and allocation are the nominal ones, without what an episode drew.
 
-When the blasts of an episode may push its vehicle: cheap to ask, never too late.
-
-At the place where the episode starts, a front comes at $t_0$ and its wave lasts $D$. At
-a vehicle $d$ away from there it comes at $t_0 - d/c$ at the earliest and at $t_0 + 4.7
-d/c$ at the latest (`BlastLoad.quiet_until`), and lasts no longer than the longest of
-those at half, once and twice the start's distance from the charge, as long as $d$ is
-less than half of that distance. Farther off the answer is that it may push.
+Most steps are outside all blasts, and a bound of the times of a wave is cheaper than
+the load. Where the episode starts, a front comes at $t_0$ and its wave lasts $D$. At a
+distance $d$ from there it comes at $t_0 - d/c$ at the earliest and at $t_0 + 4.7 d/c$
+at the latest (`BlastLoad.quiet_until`), and lasts no longer than the longest wave at
+half, once and twice the start's distance from the charge, as long as $d$ is less than
+half of that distance. Farther away the bound says that the blast may act.
 """
 
 from dataclasses import replace

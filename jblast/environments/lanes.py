@@ -1,10 +1,8 @@
-"""Many lanes at once, each as if alone; one that ended begins anew.
+"""Many lanes at once, each as if alone; one that ended begins anew with the next step.
 
-Many lanes at once, each as if alone; one that ended begins again with the next step.
-
-Few lanes are in a blast, and few begin, in any step. Both cost more than the step
-itself, so both are computed for blocks of those lanes alone, as many as it takes; the
-rest pay nothing. What a lane gets is the same as by `step`.
+In any step few lanes are in a blast, and few begin. Both cost more than the step
+itself, so both are computed for blocks of those lanes alone, as many blocks as it
+takes. Each lane gets the same as by `step`.
 """
 
 from collections.abc import Callable

@@ -50,7 +50,7 @@ def choose(
 
     Returns:
         The method, the error it was measured to have, what it costs, and what else was
-        looked at: `report.choice.reason` says why it.
+        looked at: `report.reason_for` says why it.
 
     Raises:
         InputError: There is no such quantity, no sensor for it, no law or no place, the

@@ -1,21 +1,5 @@
 r"""Where a vehicle on a mission should be, and the controller that brings it there.
 
-What a mission's guidance did, told again from the rows of its flight.
-
-The controller's memory is not stored; but it follows from the states it was shown, and
-these are the rows (or their estimate) where a row is stored each time that it is asked.
-
-A controller that flies a mission: guidance says where to be, a position hold goes.
-
-The hold is told of a target that moves: its velocity and acceleration come in by the
-velocity that it is shown, $v - v_{sp} - a/k_d$, so that what it asks for is
-$-k_p e_x - k_d (v - v_{sp}) + a$ and its integral sees places alone. In $a$ is, beside
-the set point's acceleration, what its own rotors' drag at hover takes from the vehicle
-at that velocity in still air, $(k_d, k_d, k_z) \sum \Omega_i v_{sp} / m$: without it
-an Iris trails 0.2 m behind at 5 m/s for as long as its integral needs.
-
-Who tells the vehicle where to be: phases of a mission, and a set point on its legs.
-
 The phases come one after another: the rotors stand while the sensors are calibrated,
 idle once armed, fly the legs, and stand when the vehicle has landed. The set point
 moves along a leg at a speed that grows by $a$ at most and is never above
@@ -23,12 +7,22 @@ moves along a leg at a speed that grows by $a$ at most and is never above
 - the leg's own, and what can be braked for, $\sqrt{v_{end}^2 + 2 a l}$ with $l$ still
   to go;
 - that times $1 - (e - e_0)/(e_1 - e_0)$, within 0 and 1, where the vehicle is $e$ away
-  from it: thrown by a blast, it finds the set point waiting (as PX4 has it,
+  from it: the set point waits for a vehicle that a blast has moved away (as in PX4,
   PositionSmoothing; $e_1$ is its MPC_XY_ERR_MAX, from memory).
 
 At the end of a leg that waits, the set point stands until the vehicle has come within
-the acceptance radius and stayed as long as the item says. Landed is who is as low as
-the ground, and slow, for some time.
+the acceptance radius and stayed as long as the item says. The vehicle has landed when
+it has been slow and as low as the ground for some time.
+
+The position hold follows the set point. Its velocity and acceleration are added to the
+velocity that the hold is given, $v - v_{sp} - a/k_d$, so that the hold asks for
+$-k_p e_x - k_d (v - v_{sp}) + a$ and its integral depends on places alone. $a$ contains
+the set point's acceleration and the drag of the rotors at hover at that velocity in
+still air, $(k_d, k_d, k_z) \sum \Omega_i v_{sp} / m$: without it an Iris trails 0.2 m
+behind at 5 m/s for as long as its integral needs.
+
+The controller's memory is not stored. It is computed again from the states that it was
+given, which are the stored rows (or their estimates) where each turn is stored.
 """
 
 import dataclasses

@@ -1,18 +1,14 @@
 r"""A plan as what flies: its stops, and the legs between them.
 
-From stops to legs: straight lines, rounded where the set point passes.
-
 A corner by an angle $\theta$ that need not be stopped at is cut by an arc of radius $r$
 that touches both lines: it leaves them $r \tan(\theta/2)$ before the corner and comes
 as near as $r (1/\cos(\theta/2) - 1)$ to it, half the acceptance radius; neither takes
 more than half of a line. It is flown at $\sqrt{a r}$ at most. Speeds at the ends of
 legs are such that what follows can be braked for, $v^2 \le v_{next}^2 + 2 a l$.
 
-From latitudes to the scene's metres and back, over ground that is level.
-
-Horizontal places are those of `observations.places.frame`. Heights are kept as they
-are: up is height above the origin, the scene's ground is level, and what the Earth
-falls away below the plane (8 cm in a kilometre) is left out of both.
+Horizontal places are those of `observations.places.frame`. Heights are above the origin
+and are not changed by the conversion: the scene's ground is level, and the fall of the
+Earth's surface below the plane (8 cm in a kilometre) is neglected both ways.
 """
 
 import math

@@ -1,21 +1,17 @@
 """The file of a plan: QGroundControl's `.plan` and `QGC WPL 110`, read and written.
 
-QGC WPL 110: the older text form of a plan, twelve fields a line, between tabs.
+QGroundControl's `.plan`, version 1, is JSON. It has what its loader demands: fileType,
+version, groundStation, mission of version 2 with plannedHomePosition, items and
+firmwareType; an item has exactly seven params.
 
-number, current, frame, command, p1, p2, p3, p4, latitude, longitude, height, continue.
-The first line is home where it is a waypoint by heights above the sea (frame 0), as
-QGroundControl and Mission Planner write it; a list without home begins with its first
-item.
+QGC WPL 110 is the older text form, twelve fields a line between tabs: number, current,
+frame, command, p1, p2, p3, p4, latitude, longitude, height, continue. The first line is
+home where it is a waypoint with a height above the sea (frame 0), as QGroundControl and
+Mission Planner write it; a list without home begins with its first item.
 
-QGroundControl's .plan, version 1: JSON.
-
-What its loader demands is kept: fileType, version, groundStation, mission of version 2
-with plannedHomePosition, items and firmwareType; an item has exactly seven params.
-
-Commands that an item of a plan may give, as MAVLink numbers them (MAV_CMD).
-
-Numbers and meaning of parameters are those of MAVLink's common.xml, from memory; what
-a multicopter makes of them is PX4's, or ArduCopter's for turns, and stands with each.
+Numbers of commands (MAV_CMD) and the meaning of their parameters are those of MAVLink's
+common.xml, from memory. What a multicopter does with them is PX4's, or ArduCopter's for
+turns; each says which.
 """
 
 import json

@@ -1,20 +1,17 @@
 r"""A scene with its random blasts drawn: what every sensor's record follows from.
 
-Blasts drawn at random: the same for one seed on every machine, in any batch.
-
-Number $k$ of a world has a key of its own, `fold_in(key, k)` of the counter-based
-threefry, so a draw depends on nothing but seed and number: more blasts leave mass and
-place of the first ones as they are. Times by rate or tick stay as well, each being the
-last plus a wait. Of `count` blasts in a window of length $L$, no two closer than $g$,
-all times are equally likely just if
+Draws are the same for one seed on every machine and in any batch. Blast $k$ of a world
+has a key of its own, `fold_in(key, k)` of the counter-based threefry, so a draw depends
+on seed and number alone: more blasts leave mass and place of the first ones unchanged.
+Times by rate or tick stay as well, each being the last plus a wait. Of `count` blasts
+in a window of length $L$, no two closer than $g$, all times are equally likely if
 
 $$t_k = t_0 + u_k\,(L - (n - 1) g) + r_k g$$
 
 with $u_k$ independent and uniform and $r_k$ the rank of $u_k$ among the $n$: the order
-statistics on what the gaps leave of the window, the gaps put back. So without a gap
-times stay, too; with one they move together as more blasts crowd the window, which no
-scheme can avoid: the distribution of the first one's time depends on how many there
-are.
+statistics on the window without its gaps, the gaps put back. Without a gap times do not
+depend on the number of blasts; with one they do, as in any scheme: the distribution of
+the first time depends on how many there are.
 """
 
 import math

@@ -1,10 +1,8 @@
 """Records of the inertial units on a world's vehicle, and the jolts picked from them.
 
-The jolts of a world's blasts, picked from what the vehicle's IMU wrote.
-
-The truth says in which stretch a jolt is looked for, up to midway to the blasts before
-and after, and nothing else. What the vehicle knows of itself is taken from its flight:
-attitude and velocity where the stretch begins, and the speeds of its rotors.
+The true times say in which stretch a jolt is looked for, up to midway to the blasts
+before and after, and nothing else. The initial attitude and velocity of a stretch and
+the rotor speeds are those of the flight.
 """
 
 import zlib

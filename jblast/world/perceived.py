@@ -1,11 +1,9 @@
 """Who perceives what of which blast, and when.
 
-What the sensors of a world write down: a log of every blast, ready to be fitted.
-
-Blasts come one after another, so each reading is of one blast, and is told so in the
-column `shot`: a fit takes them apart by it. Whose blast a wave is, which a recorder of
-real ones would have to find out, is known here. Errors of two blasts have nothing in
-common: each has its own shared effects, as two shots on a range have.
+Blasts come one after another, so each reading belongs to one blast, which the column
+`shot` of the log names; a fit separates the blasts by it. In a real recording that
+would have to be found out. Errors of two blasts are independent: each has its own
+shared effects, as two shots on a range have.
 """
 
 from collections.abc import Collection, Mapping

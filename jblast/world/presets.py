@@ -1,18 +1,13 @@
 """Ways to compute a world other than by jblast's own physics.
 
-What Parab's thesis prints, and what its plugins compute, as presets.
-
-Printed: Parab (2024), eqs. 3.1 to 3.5, algorithm 4, section 4.2.1. Coded: facts read
-from charlotte-visionlab/gazebo_blast3d, `e6dd04c` and its state of July 2025, which are
-GPL: nothing of them is copied. Laws "thesis_..." stand in `waves/laws/thesis.py`, loads
-in `vehicle/loads/thesis`.
-
-What a preset says, and how a scene file takes it.
-
 A preset decides how blasts act. What it says of air, ground and laws a scene may leave
-out or say likewise; another value is a contradiction, and refused. Which blasts there
-are, and who perceives them, is the scene's: of these a preset fills in what the scene
-is silent on.
+out or repeat; another value is a contradiction and refused. The scene says which blasts
+there are and who perceives them; the preset fills in what it leaves out.
+
+The presets are the thesis as printed (Parab 2024, eqs. 3.1 to 3.5, algorithm 4, section
+4.2.1) and as coded: facts read from charlotte-visionlab/gazebo_blast3d, `e6dd04c` and
+its state of July 2025, which is under the GPL: nothing is copied. Laws "thesis_..." are
+in `waves/laws/thesis.py`, loads in `vehicle/loads/thesis`.
 """
 
 import os

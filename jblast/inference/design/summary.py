@@ -72,7 +72,7 @@ class BoundSummary:
     Attributes:
         at: The numbers taken for true.
         law: Name of the law that reads each quantity.
-        law_reason: What it was taken by: `report.choice.reason` words it.
+        law_reason: What it was taken by: `report.law_reason` words it.
         law_valid: Whether every row lies where its law holds.
         parameters: How far each open number may be off.
         free: Names of what is open.

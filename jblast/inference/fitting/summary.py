@@ -65,7 +65,7 @@ class Summary:
 
     Attributes:
         law: Name of the law that read each quantity.
-        law_reason: What it was taken by: `report.choice.reason` words it.
+        law_reason: What it was taken by: `report.law_reason` words it.
         law_valid: Whether every row lies where its law holds.
         law_valid_rows: How many do.
         estimates: What is known of every free number; one that is not identified has

@@ -86,9 +86,6 @@ class Climbed(NamedTuple):
     promised: float
 
 
-KnownAt = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
-
-
 def laplace(
     posterior: Posterior,
     z: Float[np.ndarray, " free"],
@@ -183,7 +180,7 @@ def half_width(posterior, z, axis, top) -> float:
 def climbed(
     posterior: Posterior,
     z: Float[np.ndarray, " free"],
-    known_at: KnownAt,
+    known_at: Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]],
     moved: Callable[[np.ndarray, np.ndarray], np.ndarray],
     *,
     rounds: int,

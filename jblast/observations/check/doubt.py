@@ -7,10 +7,10 @@ from dataclasses import dataclass, field
 class Doubt:
     """Something odd that stops no fit.
 
-    Doubts are typed where they are found and worded in `report.check.words`.
+    Doubts are typed where they are found and worded in `report.check`.
 
     Attributes:
-        kind: What is odd, a key of `report.check.words.SENTENCES`.
+        kind: What is odd, a key of `report.check.SENTENCES`.
         rows: Which rows of the log it is about, the one to look at first.
         numbers: What it was told by, in SI units, by name.
         names: Words it was told by: a sensor, a clock, a unit.

@@ -1,11 +1,9 @@
 """Messages between server and client, and what cannot be used of them.
 
-The messages of `blasts.proto`, made from its description as it was compiled.
-
-`blasts.binpb` is how protoc describes `blasts.proto` to programs (`python -m
-tests.tools.describe_messages` writes it anew, a test compares): data of protobuf's own
-stable format. Python code that protoc generates is tied to the release
-of protobuf that generated it, this is not, and grpcio-tools is not needed to run.
+Messages are made from `blasts.binpb`, protoc's description of `blasts.proto` (`python
+-m tests.tools.describe_messages` writes it anew, and a test compares): data in
+protobuf's own stable format. Python code that protoc generates works with one release
+of protobuf only; this does not, and grpcio-tools is not needed to run.
 """
 
 import functools

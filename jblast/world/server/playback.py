@@ -1,35 +1,25 @@
 """What comes to one entity, packet by packet, computed ahead of time.
 
-The load of blasts that were announced, on a vehicle wherever it is.
+One blast for one entity is computed at a time, by programs that are the same for all:
+of the load, of the arrivals, and of each sensor that samples. Where a moving entity
+meets a wave follows from its path or from its last report, continued in a straight
+line.
 
-Its numbers are those of the server's own, so a flight by it is the flight in one
-process. A C++ client, which has no laws, flies by the force profiles instead.
-
-What comes to one entity, packet by packet: what was staged, played back.
-
-A blast is told in the first packet that begins within the lead before it. To one who
-reports its motion it is told anew before a wave comes, by what it reported last: in
-one of the `AHEAD` packets before. Until then it could come nearer no faster than sound,
-so none comes unsaid. The wave that comes is that which was told last.
-
-What a blast is for an entity, computed once and ahead of time.
-
-One blast for one entity at a time, by programs that are the same for all: of the load,
-of the arrivals, of each sense that samples. Where who moves meets a wave follows from
-its path, or from what it reported last: straight on from there.
-
-What one blast does to the air at an entity, sampled: stretches, not silence.
+A blast is announced in the first packet that begins within the lead before it. An
+entity that reports its motion gets the announcement again before a wave comes, by its
+last report: in one of the `AHEAD` packets before. Until then it cannot approach faster
+than sound, so no wave comes unannounced, and the wave that comes is the one announced
+last.
 
 Samples are those of `sensors.microphone.record` and `sensors.pressure_gauge.record` for
-an instrument that adds nothing, at the same instants. Between the waves of a blast, and
-where less than `SILENCE_PA` is left of them, nothing is kept.
+an instrument without errors, at the same instants. Between the waves of a blast, and
+where they are below `SILENCE_PA`, nothing is kept.
 
-What one blast gives a vehicle over time, in the state that its front finds it in.
-
-Force and moment are means over each step, from the impulses of `vehicle.blast_load`.
-While the pulse passes the vehicle is taken to stay in the state it was met in: where,
-how fast, how it is turned. So the profile is open-loop; who flies by the load itself
-(`world.remote.blast_load`) has what the vehicle gains meanwhile, too.
+Force and moment of a force profile are means over each step, from the impulses of
+`vehicle.blast_load`. While the pulse passes, the vehicle is taken to stay in the state
+in which it was met. The announced load (`world.remote.blast_load`) contains the change
+of that state as well: a flight by it is the flight in one process. A C++ client, which
+has no laws, flies by the force profiles.
 """
 
 import math

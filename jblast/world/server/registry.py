@@ -1,9 +1,7 @@
 """Who takes part in a world, by name, and when packets are.
 
-When packets are: on the clock of the world, and for who waits for them.
-
 Packet k covers the time from k/rate to (k + 1)/rate of the world's clock. Rates are
-taken as they are written (`1/Fraction("0.1")` is ten), so no time drifts, and a sample
+used as they are written (`1/Fraction("0.1")` is ten), so no time drifts, and a sample
 belongs to one packet whatever the two rates.
 """
 
