@@ -62,7 +62,6 @@ from jblast.waves.propagation.ambient import ambient
 
 SYSTEM, COMPONENT = 1, 51
 """Whom the simulator speaks for; MAV_COMP_ID_MISSIONPLANNER's neighbour, as others."""
-PERIOD_US = 4000
 FIRST_S = 1.0
 """How long the first answer is waited for: who is ready misses no turn."""
 FIX_3D, SATELLITES = 3, 12
@@ -77,6 +76,7 @@ PLACE = Place(47.397742, 8.545594, 0.0)
 """Where the origin lies if the scene does not say: PX4's default home, at sea level."""
 PERIOD_S = 0.004
 """Of a turn: PX4's simulators send 250 samples a second."""
+PERIOD_US = round(1e6 * PERIOD_S)
 INERTIAL, FIELD, AIR = 0b111111, 0b111000000, 0b1101000000000
 """Bits of `fields_updated`: accelerometer and gyroscope, magnetometer, barometer with
 its temperature."""

@@ -116,8 +116,6 @@ def write_gains(tuned: TunedGains, directory: Path, scene: str) -> tuple[str, ..
     for name in (SCENE, JSON, FIGURE):
         (directory / name).unlink(missing_ok=True)
     write_text(directory / SCENE, scene_text(with_gains(document, tuned), [comment]))
-    pass
-
     names = [SCENE, JSON]
     if write_drawn(partial(gains_figure, tuned), directory / FIGURE) is not None:
         names.append(FIGURE)

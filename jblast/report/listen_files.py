@@ -4,7 +4,6 @@ import re
 from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib import colormaps
@@ -31,8 +30,6 @@ from jblast.scene import Sensor
 from jblast.sensors.listening.plan import Listening
 from jblast.sensors.listening.recorders import packets
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 JSON, TRUTH = "listen.json", "truth.csv"
 LONGEST_NAME = 80
 """Characters of a file's name that come from a sensor's."""
@@ -113,7 +110,7 @@ def waveform_figure(listening: Listening, records: Sequence[SensorRecord]) -> Fi
     return figure
 
 
-FIGURES: dict[str, Callable[[Listening, Sequence[SensorRecord]], "Figure"]] = {
+FIGURES: dict[str, Callable[[Listening, Sequence[SensorRecord]], Figure]] = {
     "waveforms.png": waveform_figure,
     "spectrograms.png": spectrogram_figure,
 }

@@ -131,8 +131,6 @@ def tune_figure(tuned: Tuned) -> Figure:
     evidence = tuned.problem.evidence
     if isinstance(evidence, SoundEvidence):
         return sound_figure(tuned, evidence)
-    pass
-
     if isinstance(evidence, FramesEvidence):
         return frames_figure(tuned, evidence)
     return events_figure(tuned, evidence)
@@ -285,8 +283,6 @@ def write_tuned(
     for name in (SCENE, JSON, FIGURE):
         (directory / name).unlink(missing_ok=True)
     write_text(directory / SCENE, text)
-    pass
-
     names = [SCENE, JSON]
     if write_drawn(partial(tune_figure, tuned), directory / FIGURE) is not None:
         names.append(FIGURE)
