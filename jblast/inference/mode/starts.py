@@ -140,4 +140,4 @@ def _spread_factors(count: int) -> Float[np.ndarray, " start"]:
     """
     number = np.arange(count)
     beyond = FARTHEST ** ((number * GOLDEN) % 1.0)
-    return np.choose(number % 4, (1.0, AMONG, AMONG, beyond))
+    return np.where(number % 4 == 0, 1.0, np.where(number % 4 == 3, beyond, AMONG))
