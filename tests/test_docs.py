@@ -19,7 +19,7 @@ import jblast
 from docs.generate import blocks, command_line, pages, scene_tables
 from docs.generate.links import in_repository, site_uri, targets, to_site
 from docs.generate.scene_schema import scene_schema
-from jblast.cli.verbs.table import VERBS
+from jblast.cli.parsers import VERBS
 from jblast.parameter_table import PARAMETERS
 from jblast.quantity_table import DERIVED_QUANTITIES, QUANTITIES
 from jblast.scene.reader.scene import scene_from_document, world_from_document

@@ -3,8 +3,7 @@
 import argparse
 from html import escape
 
-from jblast.cli.parsers import verb_parser
-from jblast.cli.verbs.table import GROUPS, VERBS
+from jblast.cli.parsers import GROUPS, VERBS, verb_parser
 
 
 def verbs() -> str:

@@ -67,6 +67,6 @@ def test_a_tracer_counts_files_functions_and_calls_between_files():
 
 
 def test_commands_are_verbs():
-    from jblast.cli.verbs.table import VERBS
+    from jblast.cli.parsers import VERBS
 
     assert set(WALKS) <= {verb.name for verb in VERBS}

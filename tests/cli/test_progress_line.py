@@ -212,7 +212,7 @@ def test_where_nobody_listens_telling_does_nothing():
 SLOW = """
 import sys
 from jblast.cli import main, progress_line
-from jblast.cli.verbs.measure import calc
+from jblast.cli.verbs import calc
 from jblast.progress import stages
 
 def run(asked):

@@ -1,22 +1,44 @@
-"""What `jblast render` is asked to film: every word checked before the first frame."""
+"""The film that `jblast render` requests, checked before the first frame.
+
+Camera, frame times, background (`--background`, `--ground`, `--sun`), pictures of an
+explosion (`--views`), and the path of a camera that is mounted on a vehicle: read from
+`--flight`, or flown through the blasts of the scene.
+"""
 
 import argparse
 import math
 from dataclasses import replace
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+from jaxtyping import Float
 
 from jblast.errors import InputError
+from jblast.scene import Camera
+from jblast.sensors.camera.files.backgrounds import (
+    MovingBackground,
+    background_frames,
+    background_image,
+    background_video,
+)
+from jblast.sensors.camera.files.frames import frame_files
 
 if TYPE_CHECKING:
-    from jblast.scene import Camera, Scene
+    from jblast.scene import Scene, UncertainScene
     from jblast.sensors.camera.film import Film
+    from jblast.sensors.camera.geometry.camera_path import CameraPath
     from jblast.sensors.camera.rendering.appearance import Appearance
+    from jblast.sensors.camera.rendering.billboards import Views
+    from jblast.sensors.camera.rendering.landscape import Landscape
     from jblast.sensors.camera.rendering.view_set import ViewSet
 
 TOO_MANY = 1_000_000
 """Frames: a quarter of an hour at 1 kHz; more are probably a slip of the pen."""
+Background = float | Float[np.ndarray, "..."] | MovingBackground
+SHIPPED_SET = "explosion"
+SKY = "sky"
+"""Word for `--background`: ground and sky."""
 
 
 def film_asked(asked: argparse.Namespace, most: int) -> "Film":
@@ -31,15 +53,7 @@ def film_asked(asked: argparse.Namespace, most: int) -> "Film":
     """
     import jax
 
-    from jblast.cli.arguments.background import background_named
-    from jblast.cli.arguments.flights.carried_camera import (
-        camera_path,
-        landscape_asked,
-        still_landscape,
-    )
-    from jblast.cli.arguments.views import views_named
     from jblast.scene import draw_scene, read_scene
-    from jblast.sensors.camera.files.backgrounds import MovingBackground
     from jblast.sensors.camera.files.depth import read_depth
     from jblast.sensors.camera.film import Film
 
@@ -221,3 +235,226 @@ def _way(vector: np.ndarray) -> str:
     bearing = math.degrees(math.atan2(east, north)) % 360
     above = math.degrees(math.atan2(up, math.hypot(east, north)))
     return f"{bearing:.0f} degrees from north, {above:.0f} degrees up"
+
+
+def background_named(
+    text: str, camera: Camera, times: Float[np.ndarray, " frame"]
+) -> Background:
+    """Return the background a word names.
+
+    Args:
+        text: A grey of linear light, 0 to 1; red, green and blue with commas between; a
+            PNG file; a directory of them, one for each frame; or a video, whose first
+            frame stands behind the first frame. PNG files are sRGB.
+        camera: Whose image size a file must have.
+        times: Of the frames there are to be [s].
+
+    Raises:
+        InputError: It is none of these, or there are too few pictures.
+    """
+    try:
+        numbers = [float(word) for word in text.split(",")]
+    except ValueError:
+        return _read(text, camera, times - times[0])
+    light = np.array(numbers)
+    if len(numbers) not in (1, 3) or not ((light >= 0) & (light <= 1)).all():
+        raise InputError(
+            f"--background: expected one or three numbers from 0 to 1, got {text!r}"
+        )
+    return numbers[0] if len(numbers) == 1 else light
+
+
+def _read(
+    text: str, camera: Camera, times: Float[np.ndarray, " frame"]
+) -> Float[np.ndarray, "..."] | MovingBackground:
+    """Return the image of a file, or pictures for times from the first frame on."""
+    path = Path(text)
+    if path.is_dir():
+        files = frame_files(path)
+        if len(files) < len(times):
+            raise InputError(
+                f"{path}: expected at least {len(times):,} frames, one for each that "
+                f"is to be rendered, got {len(files):,}"
+            )
+        return background_frames(files[: len(times)], times, camera)
+    if not path.is_file():
+        raise InputError(
+            "--background: expected a grey, R,G,B, a PNG file, a directory of them or "
+            f"a video, got {text!r}"
+        )
+    if path.suffix.lower() == ".png":
+        return background_image(path, camera)
+    background = background_video(path, camera)
+    # each frame is shown until the next one would be
+    lasts = background.times[-1] * len(background.times) / (len(background.times) - 1)
+    if times[-1] > lasts:
+        raise InputError(
+            f"{path}: expected a video as long as the film, {times[-1]:.6g} s, got one "
+            f"of {lasts:.6g} s"
+        )
+    return background
+
+
+def views_named(word: str, scene: "Scene", camera: "Camera") -> "ViewSet":
+    """Return the pictures that `--views` names.
+
+    Of an explosion set a camera that stands still has only those views read that it is
+    shown.
+
+    Args:
+        word: "explosion", which is the set that comes with jblast even where there is a
+            folder of this name (that is ./explosion); else a folder.
+        scene: Where the charges are.
+        camera: Who looks.
+
+    Raises:
+        InputError: They cannot be read, or all were taken from below the burst and the
+            camera looks on from above it; the message names the file.
+    """
+    from jblast.sensors.camera.files.explosion_set import (
+        explosion_views,
+        is_explosion_set,
+    )
+    from jblast.sensors.camera.files.views import read_views
+
+    shipped = word == SHIPPED_SET
+    if not shipped and not is_explosion_set(word):
+        return _from_a_side_of_the_camera(read_views(word), word, scene, camera)
+    folder = None if shipped else word
+    if camera.mount:
+        return explosion_views(folder)  # it goes where it is taken
+    eye = np.asarray(camera.position, float)
+    places = np.array([[float(x) for x in c.position_m] for c in scene.charges])
+    return explosion_views(folder, towards=eye - places)
+
+
+def _from_a_side_of_the_camera(
+    views: "Views", word: str, scene: "Scene", camera: "Camera"
+) -> "Views":
+    """Return the pictures, if one shows what a camera above the burst would see."""
+    from jblast.sensors.camera.files.view_index import INDEX
+
+    if camera.mount or (views.direction[:, 2] >= 0.0).any():
+        return views
+    height = float(np.asarray(camera.position)[2])
+    if any(height > float(charge.position_m[2]) for charge in scene.charges):
+        raise InputError(
+            f"{Path(word) / INDEX}: elevation_deg: expected views from above the "
+            f"burst, where the camera is, got {len(views.direction)} from below alone"
+        )
+    return views
+
+
+def folder_named(word: str | None) -> str | None:
+    """Return the folder of one's own that `--views` names; None where it names none."""
+    return None if word == SHIPPED_SET else word
+
+
+def camera_path(
+    asked: argparse.Namespace,
+    uncertain: "UncertainScene",
+    camera: "Camera",
+    times: np.ndarray,
+) -> "CameraPath | None":
+    """Return the path of what carries a camera; None if it stands still.
+
+    It is read from --flight, or the scene's vehicle flies through its blasts.
+
+    Raises:
+        InputError: It is told and not needed, cannot be read or flown, or ends before
+            the film does.
+    """
+    if not camera.mount:
+        if asked.flight is not None:
+            raise InputError(
+                f'--flight: expected a camera with mount = "vehicle" in {asked.scene}, '
+                "got one that stands still"
+            )
+        return None
+    end = float(times[-1]) + float(camera.exposure_s)
+    if asked.flight is None:
+        path, source = _flown(uncertain, end, asked.seed), asked.scene
+    else:
+        from jblast.sensors.camera.files.camera_path import read_camera_path
+
+        path, source = read_camera_path(asked.flight), asked.flight
+    first, last = float(path.time[0]), float(path.time[-1])
+    if not first <= times[0] <= end <= last:
+        raise InputError(
+            f"{source}: expected a flight as long as the film, {times[0]:g} to "
+            f"{end:g} s, got one from {first:g} to {last:g} s"
+        )
+    return path
+
+
+def _flown(uncertain: "UncertainScene", end: float, seed: int) -> "CameraPath":
+    """Fly the scene's vehicle, and return where it was."""
+    from jblast.sensors.camera.geometry.camera_path import CameraPath
+    from jblast.study.flights.draws import checked_scene, drawn_scenes
+    from jblast.study.flights.duration import flight_seconds
+    from jblast.study.flights.fly import fly
+    from jblast.study.flights.records import Options
+    from jblast.study.flights.statistics import trajectory_of
+
+    vehicle = checked_scene(uncertain, 1, False)
+    scene = drawn_scenes(uncertain, 1, seed)
+    usual = flight_seconds(scene, vehicle, uncertain.source, Options())
+    seconds = max(usual, math.ceil(10 * end) / 10)
+    flights = fly(uncertain, Options(seconds=seconds), seed=seed)
+    trajectory = trajectory_of(flights, next(iter(flights.holds)))
+    kept = np.isfinite(np.asarray(trajectory.position_m)).all(axis=-1)
+    return CameraPath(
+        trajectory.time_s[kept],
+        trajectory.position_m[kept],
+        trajectory.quaternion[kept],
+    )
+
+
+def landscape_asked(asked: argparse.Namespace, *, carried: bool) -> "Landscape | None":
+    """Return ground and sky, where they are asked for or a camera moves; else None.
+
+    Raises:
+        InputError: The ground is no image and scale, or another background is named.
+    """
+    from jblast.sensors.camera.rendering.landscape import landscape
+    from jblast.sensors.camera.rendering.sun import sun_at
+
+    sun = None if asked.sun is None else sun_at(*asked.sun)
+    sky = carried or asked.background == SKY or asked.ground is not None
+    if sun is not None and (asked.background not in (None, SKY) or not sky):
+        raise InputError(
+            f"--sun: expected --background {SKY} or --ground with it, got "
+            f"{'neither' if asked.background is None else repr(asked.background)}"
+        )
+    if asked.background not in (None, SKY):
+        if asked.ground is not None:
+            raise InputError(
+                f"--ground: expected no --background but {SKY} with it, got "
+                f"{asked.background!r}"
+            )
+        return None
+    if asked.ground is None:
+        return landscape(sun=sun) if sky else None
+    name, colon, scale = asked.ground.rpartition(":")
+    try:
+        metres = float(scale)
+    except ValueError:
+        metres = math.nan
+    if not (colon and name and 0.0 < metres < math.inf):
+        raise InputError(
+            "--ground: expected IMAGE.png:METRES_PER_PIXEL, as field.png:0.05, got "
+            f"{asked.ground!r}"
+        )
+    from jblast.sensors.camera.files.frames import read_colours
+
+    return landscape(read_colours(Path(name)), metres, sun=sun)
+
+
+def still_landscape(ground: "Landscape", camera: "Camera") -> np.ndarray:
+    """Return what a camera that stands still sees of ground and sky."""
+    import jax.numpy as jnp
+
+    from jblast.sensors.camera.geometry.pixel_rays import pixel_rays
+
+    light = ground.light(pixel_rays(camera), 1.0 / jnp.max(camera.focal))
+    return np.moveaxis(np.asarray(light), 0, -1)

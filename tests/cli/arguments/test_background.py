@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from jblast.cli.arguments.background import background_named
+from jblast.cli.arguments.film import background_named
 from jblast.errors import InputError
 from jblast.scene import Camera
 from jblast.sensors.camera.files.backgrounds import MovingBackground

@@ -60,7 +60,7 @@ def test_an_unknown_topic_lists_them(jblast):
 def test_help_names_every_topic():
     import argparse
 
-    from jblast.cli.verbs.check import chart
+    from jblast.cli.verbs import chart
     from jblast.verification.benchmark import BENCHMARKS
 
     verb = argparse.ArgumentParser()

@@ -3,7 +3,7 @@ import json
 
 import pytest
 
-from jblast.cli.verbs.check import stability
+from jblast.cli.verbs import stability
 from jblast.report.stability import stability_markdown, stability_text
 from jblast.verification.stability.areas import AREAS
 from jblast.verification.stability.failure import FailureMode, verified

@@ -1,1 +1,0 @@
-"""Vehicles over MAVLink, as commands ask for them."""

@@ -1,1 +1,0 @@
-"""What `jblast calc` takes: options, numbers with units, and the question they make."""

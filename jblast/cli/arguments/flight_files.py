@@ -1,0 +1,135 @@
+"""Output files of `jblast fly`, for position holds and for missions.
+
+Numbers (JSON, CSV, KML) are written before figures. A figure that cannot be drawn
+gives a warning, and the other files are still written.
+"""
+
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from jblast.cli.arguments.options import save_text, writing
+from jblast.report.figure_files import write_drawn
+from jblast.report.flight_figures import (
+    controllers_figure,
+    distribution_figure,
+    error_figure,
+    loads_figure,
+    path_figure,
+)
+from jblast.report.flights import flights_csv, trajectory_csv
+from jblast.report.mission_figures import (
+    error_figure as mission_error_figure,
+    map_figure,
+    mission_kml,
+)
+from jblast.study.flights.controllers import BOTH_HOLDS
+from jblast.study.flights.records import Flights
+from jblast.study.flights.statistics import hold_words, target_of, trajectory_of
+from jblast.study.missions.records import MissionFlight
+from jblast.vehicle import Trajectory, path_error
+
+JSON = "fly.json"
+ONE: dict[str, Callable[[Flights], Figure]] = {
+    "path.png": path_figure,
+    "loads.png": loads_figure,
+    "error.png": error_figure,
+}
+MANY = {"distribution.png": distribution_figure}
+CONTROLLERS = {"controllers.png": controllers_figure}
+"""Where others than both holds are flown many times."""
+TABLES = ("flight.csv", "flights.csv")
+ROW_S = 0.02
+"""Between two rows of the table, at least."""
+FLIGHT, MISSION_KML = TABLES[0], "mission.kml"
+MISSION_FIGURES: dict[str, Callable[[MissionFlight], Figure]] = {
+    "map.png": map_figure,
+    "mission.png": mission_error_figure,
+}
+
+
+def write_flights(flights: Flights, text: str, directory: Path) -> list[str]:
+    """Write flights into a directory; return the names of the files.
+
+    A figure that cannot be drawn costs nothing but itself: a warning names it.
+
+    Args:
+        flights: The flights.
+        text: Their JSON.
+        directory: Where to; made if it is not there.
+
+    Raises:
+        InputError: It cannot be written to.
+    """
+    several = flights.count > 1
+    with writing(directory):
+        directory.mkdir(parents=True, exist_ok=True)
+        # an earlier run's would mislead
+        for name in (JSON, *TABLES, *ONE, *MANY, *CONTROLLERS):
+            (directory / name).unlink(missing_ok=True)
+    table = flights_csv(flights) if several else flight_csv(flights)
+    written = [JSON, TABLES[several]]
+    for name, content in zip(written, (text, table), strict=True):
+        save_text(content, directory / name)
+    drawn = MANY if several else ONE
+    if several and set(flights.holds) != set(BOTH_HOLDS):
+        drawn = MANY | CONTROLLERS
+    for name, draw in drawn.items():
+        if write_drawn(partial(draw, flights), directory / name) is not None:
+            written.append(name)
+    return written
+
+
+def flight_csv(flights: Flights) -> str:
+    """Return the first hold's flight."""
+    name = next(iter(flights.holds))
+    trajectory = trajectory_of(flights, name)
+    error = np.asarray(path_error(trajectory, target_of(flights.vehicle)))
+    comment = (
+        f"{flights.vehicle.model}, position hold {hold_words(name)}, clock of the scene"
+    )
+    return trajectory_csv(trajectory, error, comment)
+
+
+def write_mission(flight: MissionFlight, text: str, directory: Path) -> list[str]:
+    """Write a mission into a directory; return the names of the files.
+
+    A figure that cannot be drawn costs nothing but itself: a warning names it.
+
+    Args:
+        flight: What was flown.
+        text: Its JSON.
+        directory: Where to; made if it is not there.
+
+    Raises:
+        InputError: It cannot be written to.
+    """
+    with writing(directory):
+        directory.mkdir(parents=True, exist_ok=True)
+        for name in (JSON, *TABLES, MISSION_KML, *ONE, *MANY, *MISSION_FIGURES):
+            (directory / name).unlink(missing_ok=True)  # an earlier run's
+    comment = f"{flight.vehicle.model}, mission, clock of the scene"
+    table = trajectory_csv(*_thinned(flight), comment)
+    whole = {JSON: text, FLIGHT: table, MISSION_KML: mission_kml(flight)}
+    for name, content in whole.items():
+        save_text(content, directory / name)
+    written = list(whole)
+    for name, draw in MISSION_FIGURES.items():
+        if write_drawn(partial(draw, flight), directory / name) is not None:
+            written.append(name)
+    return written
+
+
+def _thinned(flight: MissionFlight) -> tuple[Trajectory, np.ndarray]:
+    """Return rows some time apart, and their path errors."""
+    every = max(1, round(ROW_S / flight.options.step_s))
+    whole = flight.trajectory
+    parts = {
+        name: getattr(whole, name)[::every]
+        for name in whole.__dataclass_fields__
+        if name != "lost"
+    }
+    return Trajectory(**parts, lost=whole.lost), flight.path_error_m[::every]

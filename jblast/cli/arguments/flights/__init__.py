@@ -1,1 +1,0 @@
-"""Flights as commands ask for and write them."""

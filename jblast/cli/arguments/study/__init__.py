@@ -1,1 +1,0 @@
-"""What `jblast study` does beside running a study: it puts stores together."""

@@ -1,1 +1,0 @@
-"""What a tuning is asked of the command line."""

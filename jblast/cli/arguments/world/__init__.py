@@ -1,1 +1,0 @@
-"""Worlds as `jblast world` asks for and writes them."""

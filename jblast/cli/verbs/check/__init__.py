@@ -1,1 +1,0 @@
-"""A log before it is fitted; which method will do, and where each breaks."""

@@ -1,1 +1,0 @@
-"""What a blast was, and what could be told."""

@@ -1,1 +1,0 @@
-"""From what recorders wrote to a log; what the laws say; a scene to start from."""

@@ -1,1 +1,0 @@
-"""What would be recorded, filmed and flown through."""
