@@ -1,1 +1,1 @@
-"""The command `jblast`: one file a verb, each thin."""
+"""The command line `jblast`: one module a verb, each thin."""

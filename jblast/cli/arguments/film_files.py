@@ -1,7 +1,9 @@
 """Output files of a film: frames, video, events and contact sheet.
 
-`outputs_asked` checks the options, `cleared` prepares the directory, and `FilmWriter`
-writes block by block, so that a film of any length takes the memory of one block.
+`outputs_asked` checks the options and `cleared` prepares the directory. `FilmWriter`
+writes frames block by block, and keeps those of the contact sheet alone. Times of
+events are solved for where the light is a known function of time and the camera is
+ideal; otherwise the light between many instants is interpolated (`Stamps`).
 """
 
 import argparse
