@@ -22,7 +22,7 @@ import numpy as np
 from jblast.files import write_text
 from jblast.inference.sanity import doubts
 from jblast.observations import Observations, observed
-from jblast.observations.places.frame import Frame
+from jblast.observations.places import Frame
 from jblast.registry import law_for
 from jblast.scene import UncertainScene, default_scene, freed
 from jblast.sensors.calculator.forward import evaluate

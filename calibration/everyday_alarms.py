@@ -30,7 +30,7 @@ from jblast.detect import recorded_template
 from jblast.detect.pulse_bank import bank_of_pulses, search_bank
 from jblast.detect.search import Channel, Searched, search
 from jblast.observations.records.formats import open_record
-from jblast.observations.records.sound_file import resampled
+from jblast.observations.records.sound import resampled
 from jblast.progress import each
 
 HERE = Path(__file__).parent

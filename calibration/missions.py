@@ -38,7 +38,7 @@ from jblast.missions import (
 )
 from jblast.missions.mission import geodetic
 from jblast.missions.plan import MISSION, RELATIVE, RETURN, TAKEOFF, WAYPOINT
-from jblast.observations.places.frame import Frame
+from jblast.observations.places import Frame
 from jblast.report.figure_style import (
     COLOURS,
     INK,

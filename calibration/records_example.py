@@ -16,7 +16,7 @@ import numpy as np
 
 from jblast.cli.jax_start import start_jax
 from jblast.files import write_text
-from jblast.observations.places.frame import Frame
+from jblast.observations.places import Frame
 from jblast.report.listen import CLOCK
 from jblast.report.listen_files import provenance
 from jblast.report.words import comma_separated

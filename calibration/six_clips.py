@@ -27,7 +27,7 @@ from jblast.errors import InputError
 from jblast.inference import fit
 from jblast.inference.fitting.result import Fit
 from jblast.observations import Observations, read
-from jblast.observations.places.frame import Frame
+from jblast.observations.places import Frame
 from jblast.scene import Charge, Scene, Sensor, UncertainScene
 from jblast.sensors.simulate import simulate
 

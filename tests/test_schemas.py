@@ -35,7 +35,7 @@ from jblast.inference.identifiability.findings import (
 from jblast.inference.posterior.estimate import Estimate, Spread
 from jblast.inference.records import log_of
 from jblast.json_values import plain
-from jblast.observations.check.doubt import Doubt
+from jblast.observations.check import Doubt
 from jblast.report.check import check_answer
 from jblast.report.choice import choice_answer
 from jblast.report.design import bound_document

@@ -22,7 +22,7 @@ from jblast.inference.identifiability.findings import (
     OtherMode,
 )
 from jblast.inference.posterior.finding import Finding
-from jblast.observations.understood import Understood
+from jblast.observations.table import Understood
 from jblast.report.autopilot import LockstepAnswer, WatchedAnswer
 from jblast.report.calculator.answer import CalculatorAnswer, InverseAnswer
 from jblast.report.check import CheckAnswer

@@ -39,7 +39,7 @@ from jblast.autopilot.logs import FlightRecord
 from jblast.autopilot.mavlink import Link, LinkLost, Message, Sender
 from jblast.constants import STANDARD_GRAVITY
 from jblast.errors import InputError
-from jblast.observations.places.frame import Frame
+from jblast.observations.places import Frame
 from jblast.scene import Imu, Place, Scene, VehicleSpec
 from jblast.scene.pose import quaternion_product
 from jblast.sensors.carried.barometer import height_of

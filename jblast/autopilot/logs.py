@@ -22,7 +22,7 @@ from jaxtyping import Bool, Float, Int
 
 from jblast.errors import InputError
 from jblast.missions.mission import geodetic
-from jblast.observations.places.frame import Frame
+from jblast.observations.places import Frame
 
 ROW_S = 0.02
 """Between two rows, at least."""

@@ -12,8 +12,7 @@ import numpy as np
 from jaxtyping import Float
 
 from jblast.detect.sta_lta import ON
-from jblast.observations.records.pressure_record import PressureRecord
-from jblast.observations.records.recording import Recording
+from jblast.observations.records.recording import PressureRecord, Recording
 
 SHORT_BINS, LONG_BINS = 5, 500
 BIN_S, BIN_SAMPLES = 0.001, 4

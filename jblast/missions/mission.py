@@ -6,7 +6,7 @@ as near as $r (1/\cos(\theta/2) - 1)$ to it, half the acceptance radius; neither
 more than half of a line. It is flown at $\sqrt{a r}$ at most. Speeds at the ends of
 legs are such that what follows can be braked for, $v^2 \le v_{next}^2 + 2 a l$.
 
-Horizontal places are those of `observations.places.frame`. Heights are above the origin
+Horizontal places are those of `observations.places.Frame`. Heights are above the origin
 and are not changed by the conversion: the scene's ground is level, and the fall of the
 Earth's surface below the plane (8 cm in a kilometre) is neglected both ways.
 """
@@ -40,7 +40,7 @@ from jblast.missions.plan import (
     Parameters,
     Plan,
 )
-from jblast.observations.places.frame import Frame
+from jblast.observations.places import Frame
 from jblast.scene import Place
 
 MOST_LANES = 1000

@@ -1,9 +1,9 @@
-"""What was measured: tidy tables and their readers."""
+"""Logs of observations: one measurement a row, with readers, writers and checks."""
 
 from jblast.observations.grouping import some_rows as some_rows
+from jblast.observations.log_io import read as read, write as write
 from jblast.observations.placement import resolve_positions as resolve_positions
-from jblast.observations.read import read as read
-from jblast.observations.starter_scene import starter_scene as starter_scene
+from jblast.observations.scenes import starter_scene as starter_scene
 from jblast.observations.table import (
     CLOCK_TIMES as CLOCK_TIMES,
     QUANTITIES as QUANTITIES,
@@ -11,4 +11,3 @@ from jblast.observations.table import (
     Observations as Observations,
     observed as observed,
 )
-from jblast.observations.write import write as write

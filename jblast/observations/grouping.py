@@ -1,8 +1,15 @@
-"""Logs taken apart by shot, and recordings of one event put together."""
+"""Logs divided by shot, combined, and referred to another origin or epoch.
+
+Recordings of one event are combined into one log in which each file has its own clock
+and the clock of the first file is the common one. All files must then have positions in
+degrees or all in metres, and clock times as UTC or all in seconds. Positions are moved
+to another origin through geodetic coordinates, clock times to another epoch by whole
+microseconds.
+"""
 
 from collections.abc import Sequence
 from dataclasses import fields, replace
-from datetime import datetime
+from datetime import datetime, timedelta
 from pathlib import Path
 from typing import Any
 
@@ -10,10 +17,9 @@ import numpy as np
 from jaxtyping import Int
 
 from jblast.errors import InputError, argument, shown
-from jblast.observations.located import framed
-from jblast.observations.places.frame import Frame
+from jblast.observations.places import FARTHEST, Frame
 from jblast.observations.table import CLOCK_TIMES, Observations
-from jblast.observations.times.since import since
+from jblast.scene import UncertainScene
 
 OF_ALL = ("source", "comments", "frame", "epoch", "understood", "covariances")
 """Fields of a log that are of all its rows."""
@@ -156,3 +162,60 @@ def some_rows(observations: Observations, rows: Int[np.ndarray, " _"]) -> Observ
         elif column:
             picked[name] = tuple(column[row] for row in rows)
     return replace(observations, **picked)
+
+
+def framed(observations: Observations, frame: Frame) -> Observations:
+    """Return a log whose positions count from a frame's origin.
+
+    Of a log in metres they do already, as nobody said from where else.
+
+    Args:
+        observations: The log.
+        frame: Where east, north, up are zero.
+    """
+    if observations.frame is None or observations.frame == frame:
+        return replace(observations, frame=frame)
+    position = observations.position.copy()
+    known = ~np.isnan(position).any(axis=1)
+    there = observations.frame.to_geodetic(position[known])
+    position[known] = frame.to_enu(*there.T)
+    return replace(observations, position=position, frame=frame)
+
+
+def located(observations: Observations, uncertain: UncertainScene) -> Observations:
+    """Return a log whose positions count from the place of its scene, if that has one.
+
+    Raises:
+        InputError: The log is on another continent.
+    """
+    if uncertain.place is None:
+        return observations
+    there = framed(observations, Frame(*uncertain.place))
+    away = np.linalg.norm(there.position, axis=1)
+    for row in np.flatnonzero(away > FARTHEST):
+        raise InputError(
+            f"{observations.where(int(row))}: the sensor stands {away[row] / 1e3:.4g} "
+            f"km from [place] of {uncertain.source or 'the scene'}; expected both at "
+            f"one site, within {FARTHEST / 1e3:g} km"
+        )
+    return there
+
+
+def since(observations: Observations, epoch: datetime) -> Observations:
+    """Return a log of clock times whose clock times count from an epoch.
+
+    Args:
+        observations: The log; its own epoch is known.
+        epoch: UTC of clock time zero.
+    """
+    if observations.epoch is None or observations.epoch == epoch:
+        return observations
+    # in whole microseconds, as an epoch is one to the second or the microsecond
+    later = (observations.epoch - epoch) // timedelta(microseconds=1) / 1e6
+    timed = np.isin(observations.quantity, CLOCK_TIMES)
+    return replace(
+        observations,
+        value=np.where(timed, observations.value + later, observations.value),
+        time=observations.time + later,
+        epoch=epoch,
+    )

@@ -11,8 +11,8 @@ import numpy as np
 
 from jblast.errors import InputError
 from jblast.observations import CLOCK_TIMES, Observations
-from jblast.observations.check.doubt import Doubt
-from jblast.observations.default_scene import for_log
+from jblast.observations.check import Doubt
+from jblast.observations.scenes import for_log
 from jblast.report.words import (
     joined,
     parameter_words,

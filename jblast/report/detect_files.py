@@ -14,7 +14,7 @@ from jblast.detect.flash.search import Flash, FlashDetections
 from jblast.detect.search import Searched
 from jblast.files import write_text
 from jblast.observations import Observations, write
-from jblast.observations.records.sound_file import write_sound
+from jblast.observations.records.sound import write_sound
 from jblast.report.figure_files import write_figure
 from jblast.report.figure_style import (
     BLUE,

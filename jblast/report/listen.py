@@ -16,8 +16,7 @@ from jaxtyping import Bool, Float
 
 from jblast.files import replacing
 from jblast.json_values import plain
-from jblast.observations.records.sound_file import write_sound_stream
-from jblast.observations.records.sound_formats import Bits
+from jblast.observations.records.sound import Bits, write_sound_stream
 from jblast.report.words import (
     aligned,
     comma_separated,

@@ -12,7 +12,7 @@ from pathlib import Path
 import jax
 
 import jblast
-from jblast.observations.records.side_file import covariance_file
+from jblast.observations.covariances import covariance_file
 
 
 @dataclass(frozen=True)

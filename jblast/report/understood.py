@@ -5,8 +5,8 @@ from functools import singledispatch
 from pathlib import Path
 
 import jblast
-from jblast.observations import Observations, understood as of
-from jblast.observations.understood import Understood
+from jblast.observations import Observations, table as of
+from jblast.observations.table import Understood
 from jblast.report.words import joined
 
 NAMED = 5

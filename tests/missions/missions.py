@@ -4,7 +4,7 @@ import numpy as np
 
 from jblast.missions import Item, Plan, mission_of
 from jblast.missions.mission import geodetic
-from jblast.observations.places.frame import Frame
+from jblast.observations.places import Frame
 from jblast.scene import Place
 
 HOME = Place(35.3075, -80.7353, 200.0)

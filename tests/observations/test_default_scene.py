@@ -5,8 +5,8 @@ import pytest
 
 import jblast
 from jblast.errors import InputError
-from jblast.observations.default_scene import clocks_to_free, for_log
-from jblast.observations.located import located
+from jblast.observations.grouping import located
+from jblast.observations.scenes import clocks_to_free, for_log
 from jblast.scene import Place, Scene, UncertainScene, default_scene
 
 HEAD = "sensor,quantity,value,sigma,clock,lat_deg,lon_deg,alt_m\n"

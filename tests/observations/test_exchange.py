@@ -6,7 +6,7 @@ import pytest
 
 from jblast.errors import InputError
 from jblast.observations import Observations, read
-from jblast.observations.records.covariances import rows_with_covariance
+from jblast.observations.covariances import rows_with_covariance
 from tests.observations.records.test_covariances import picked
 from tests.observations.rows import HEADER, ROW
 from tests.observations.test_write import assert_equal

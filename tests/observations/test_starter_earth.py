@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from jblast.observations import read, resolve_positions, starter_scene
-from jblast.observations.default_scene import for_log
-from jblast.observations.located import located
+from jblast.observations.grouping import located
+from jblast.observations.scenes import for_log
 from jblast.scene import default_scene, read_scene
 
 HEAD = "sensor,quantity,value_utc,sigma,clock,lat_deg,lon_deg,alt_m\n"

@@ -2,8 +2,8 @@
 
 import pytest
 
-from jblast.observations import understood as of
-from jblast.observations.understood import Understood
+from jblast.observations import table as of
+from jblast.observations.table import Understood
 from jblast.report.understood import understood_lines, understood_words
 
 SAID = [

@@ -26,9 +26,8 @@ if TYPE_CHECKING:
     from jblast.inference.fitting.result import Fit
     from jblast.inference.records import Gathered, PickLog
     from jblast.observations import Observations
-    from jblast.observations.records.folders import RecordFiles
-    from jblast.observations.records.formats import Scaling
-    from jblast.observations.understood import Understood
+    from jblast.observations.records.formats import RecordFiles, Scaling
+    from jblast.observations.table import Understood
     from jblast.report.provenance import Provenance
     from jblast.scene import UncertainScene
 
@@ -243,7 +242,7 @@ def picked(
         InputError: Nothing can be read, or a record has no station.
     """
     from jblast.inference.records import gathered, log_of
-    from jblast.observations.records.folders import record_files
+    from jblast.observations.records.formats import record_files
     from jblast.observations.records.stations import read_stations
 
     read_as: list[Understood] = []

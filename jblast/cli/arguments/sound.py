@@ -18,7 +18,7 @@ from jblast.detect.search import (
     search_as_stream,
 )
 from jblast.errors import InputError
-from jblast.observations.records.sound_file import SoundRecord, read_sound, resampled
+from jblast.observations.records.sound import SoundRecord, read_sound, resampled
 from jblast.observations.records.stations import START, Station, read_stations
 from jblast.progress import each
 

@@ -35,8 +35,7 @@ from jblast.inference.records.log import untold
 from jblast.observations import Observations, observed, write
 from jblast.observations.grouping import stacked
 from jblast.observations.records.formats import Scaling, open_record
-from jblast.observations.records.pressure_record import PressureRecord
-from jblast.observations.records.recording import Recording
+from jblast.observations.records.recording import PressureRecord, Recording
 from jblast.report.flights import flights_answer
 from jblast.report.listen import listening_document
 from jblast.report.listen_files import provenance, write_tracks

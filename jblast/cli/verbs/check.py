@@ -57,7 +57,7 @@ def run(asked: argparse.Namespace) -> int:
     from jblast.inference.sanity import doubts
     from jblast.json_values import plain
     from jblast.observations import write
-    from jblast.observations.check.refusals import refusals, with_places
+    from jblast.observations.check import refusals, with_places
     from jblast.observations.table import SAMPLES
     from jblast.report.check import check_answer, check_text, setting_lines
     from jblast.report.understood import conversion_comments, understood_lines

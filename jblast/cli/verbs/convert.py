@@ -31,7 +31,7 @@ def add_arguments(verb: argparse.ArgumentParser) -> None:
 
 def run(asked: argparse.Namespace) -> int:
     """Write the log and return the exit code."""
-    from jblast.observations.write import log_text, write
+    from jblast.observations.log_io import log_text, write
     from jblast.report.understood import conversion_comments, conversion_text
 
     if asked.out:

@@ -37,15 +37,14 @@ from jblast.inference.posterior.parameters import parameters_of
 from jblast.inference.posterior.posterior import Posterior, posterior_of
 from jblast.inference.posterior.record_likelihood import SampledRecords
 from jblast.observations import Observations, resolve_positions
-from jblast.observations.default_scene import for_log
-from jblast.observations.grouping import some_rows
-from jblast.observations.located import located
-from jblast.observations.records.formats import Scaling
-from jblast.observations.table import SAMPLES
-from jblast.observations.times.clocks import (
+from jblast.observations.clocks import (
     refuse_unsolvable_clocks,
     untied_flashes,
 )
+from jblast.observations.grouping import located, some_rows
+from jblast.observations.records.formats import Scaling
+from jblast.observations.scenes import for_log
+from jblast.observations.table import SAMPLES
 from jblast.progress import stages
 from jblast.scene import UncertainScene, default_scene, freed
 from jblast.scene.uncertain import NO_SCENE
@@ -86,7 +85,7 @@ def fit(
             (`inference.records`).
         uncertain: The scene and what is not known of it; without one, a surface charge
             of unknown mass at the origin at time 0, in sea-level air; of a log in
-            degrees, or with dates, place and time are free (`default_scene.for_log`). A
+            degrees, or with dates, place and time are free (`scenes.for_log`). A
             fireball's growth time is free unless the scene says otherwise.
         noise: Distribution of the independent errors.
         posterior: How intervals are found: "weighted" (draws of a normal approximation,

@@ -47,7 +47,7 @@ from jblast.inference.posterior.estimate import Estimate
 from jblast.inference.posterior.finding import Finding
 from jblast.json_values import plain
 from jblast.observations import Observations
-from jblast.observations.understood import Understood
+from jblast.observations.table import Understood
 from jblast.scene import UncertainScene
 from jblast.sensors.law_choice import law_names
 

@@ -48,7 +48,7 @@ from jblast.inference.posterior.fisher_information import (
 )
 from jblast.inference.posterior.posterior import Posterior
 from jblast.observations import CLOCK_TIMES, Observations
-from jblast.observations.times.clocks import has_common_clock
+from jblast.observations.clocks import has_common_clock
 from jblast.parameter_table import CLOCK_OFFSET
 from jblast.progress import each
 

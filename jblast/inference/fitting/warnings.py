@@ -32,7 +32,7 @@ from jblast.inference.fitting.unidentified import resting_on, unlearned
 from jblast.inference.posterior.estimate import Estimate
 from jblast.inference.posterior.finding import Finding
 from jblast.observations import CLOCK_TIMES, Observations
-from jblast.observations.times.clocks import clocks_apart, has_common_clock
+from jblast.observations.clocks import clocks_apart, has_common_clock
 from jblast.parameter_table import CLOCK_OFFSET
 from jblast.registry import law_for
 from jblast.scene import Charge, UncertainScene

@@ -9,8 +9,8 @@ from jaxtyping import Float
 from jblast.errors import InputError, shown
 from jblast.inference.posterior.refused_logs import refuse_exact
 from jblast.observations import Observations, resolve_positions
-from jblast.observations.located import located
-from jblast.observations.times.clocks import refuse_unresolved
+from jblast.observations.clocks import refuse_unresolved
+from jblast.observations.grouping import located
 from jblast.registry import names_for
 from jblast.scene import Scene, UncertainScene
 from jblast.scene.uncertain import NO_SCENE

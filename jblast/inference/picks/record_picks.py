@@ -16,7 +16,7 @@ from jblast.inference.picks.onset import onset_of
 from jblast.inference.picks.pick import LEAST_SAMPLES
 from jblast.inference.picks.quality import NoteKind, Quality, notes_of, quality_of
 from jblast.inference.picks.result import IN_LOG, NAMES, Pick
-from jblast.observations.records.pressure_record import PressureRecord
+from jblast.observations.records.recording import PressureRecord
 
 LONGEST = 65536
 """Of a record of more samples the stretch about its largest one is picked."""

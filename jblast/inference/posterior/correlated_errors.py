@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Float
 
 from jblast.observations import Observations
-from jblast.observations.records.covariances import rows_with_covariance
+from jblast.observations.covariances import rows_with_covariance
 
 ROUNDING = 1e-12
 """An eigenvalue of correlations no further above the smallest loads nothing."""

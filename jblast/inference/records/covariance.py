@@ -5,8 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from jblast.inference.picks import RecordPick
-from jblast.observations.record_covariance import RecordCovariance
-from jblast.observations.table import OF_SAMPLES
+from jblast.observations.table import OF_SAMPLES, RecordCovariance
 from jblast.quantities import ADDITIVE
 
 TOLD = OF_SAMPLES

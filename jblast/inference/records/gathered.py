@@ -16,10 +16,8 @@ from jblast.errors import InputError
 from jblast.inference.picks import RecordPick, pick_records
 from jblast.inference.picks.pick import LEAST_SAMPLES
 from jblast.observations.records.formats import Scaling, open_record
-from jblast.observations.records.pressure_record import PressureRecord
-from jblast.observations.records.recording import Recording
-from jblast.observations.records.started import started
-from jblast.observations.records.stations import Station
+from jblast.observations.records.recording import PressureRecord, Recording
+from jblast.observations.records.stations import Station, started
 from jblast.progress import each
 
 BATCH = 2**22

@@ -20,8 +20,8 @@ from jblast.inference.picks import RecordPick
 from jblast.inference.records.covariance import TOLD, covariance_of, log_value
 from jblast.inference.records.gathered import Gathered
 from jblast.observations import Observations, observed
-from jblast.observations.record_covariance import RecordCovariance
 from jblast.observations.records.stations import Station
+from jblast.observations.table import RecordCovariance
 
 _, PEAK, DURATION, IMPULSE = TOLD
 

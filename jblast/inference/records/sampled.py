@@ -30,7 +30,7 @@ from jblast.inference.records.pulse_terms import (
 )
 from jblast.kept_programs import kept
 from jblast.observations import Observations
-from jblast.observations.records.pressure_record import PressureRecord
+from jblast.observations.records.recording import PressureRecord
 
 LONGEST = 65536
 """Of a longer record the stretch about its largest sample counts."""

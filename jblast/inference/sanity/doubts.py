@@ -21,11 +21,14 @@ from jblast.inference.sanity.slips import (
 from jblast.inference.sanity.speeds import slow_between, speeds_doubted
 from jblast.inference.sanity.supposed import supposed_blast
 from jblast.observations import Observations, some_rows
-from jblast.observations.check.clocks import clocks_doubted
-from jblast.observations.check.doubt import Doubt
-from jblast.observations.check.places import degrees_swapped, places_doubted
-from jblast.observations.check.sigmas import sigmas_doubted
-from jblast.observations.default_scene import for_log
+from jblast.observations.check import (
+    Doubt,
+    clocks_doubted,
+    degrees_swapped,
+    places_doubted,
+    sigmas_doubted,
+)
+from jblast.observations.scenes import for_log
 from jblast.scene import Charge, UncertainScene
 
 

@@ -8,7 +8,7 @@ from jaxtyping import Float
 from jblast.inference.sanity.readings import Readings
 from jblast.inference.sanity.scaled_laws import LARGEST, SMALLEST, WITH_MASS, ScaledLaws
 from jblast.observations import Observations
-from jblast.observations.check.doubt import Doubt
+from jblast.observations.check import Doubt
 from jblast.quantities import TIMED
 from jblast.waves.fireball import LARGEST_RADIUS
 

@@ -8,7 +8,7 @@ from jaxtyping import Bool, Float
 from jblast.inference.sanity.consensus import Agreement, at_place
 from jblast.inference.sanity.readings import Readings
 from jblast.inference.sanity.scaled_laws import ScaledLaws
-from jblast.observations.check.doubt import Doubt
+from jblast.observations.check import Doubt
 from jblast.quantity_table import QUANTITIES
 
 POUND_FORCE_PER_INCH2 = 6894.757

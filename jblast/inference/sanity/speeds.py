@@ -12,7 +12,7 @@ from jaxtyping import Float
 from jblast.constants import AIR_HEAT_CAPACITY_RATIO, DRY_AIR_GAS_CONSTANT
 from jblast.inference.sanity.readings import CLOCK_STEP, FAR, Readings
 from jblast.inference.sanity.scaled_laws import ScaledLaws
-from jblast.observations.check.doubt import Doubt
+from jblast.observations.check import Doubt
 
 COLDEST = 222.15
 """Severe cold [K]: -51 C, climatic category C3 of MIL-STD-810."""

@@ -1,1 +1,1 @@
-"""Samples that were recorded: files, rates, units, channels; no law is known here."""
+"""Records of samples: one module a file format, and the positions of recorders."""

@@ -1,27 +1,32 @@
-"""Where recorders stood: a table that sound files are given their places by."""
+"""Stations: positions, clocks and start times of recorders, from a table.
+
+A station is identified by the name of its channel: the stem of the file, or
+stem.channel. Its position is east, north, up [m] or latitude, longitude, altitude. The
+column `start_utc` gives the time of the first sample for files without a time stamp; it
+is refused for files that contain one, and must be the same for all channels of a file.
+"""
 
 import os
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import NamedTuple
 
 from jblast.errors import InputError, nearest, shown
-from jblast.observations.dialects.decimals import take_decimal_commas
-from jblast.observations.dialects.header import Header, column_of
-from jblast.observations.dialects.sources import table_of
-from jblast.observations.dialects.table import Table
-from jblast.observations.dialects.tidying import (
+from jblast.observations.clocks import EXAMPLE, SECOND, NotAnInstant, instant, moment
+from jblast.observations.dialects import (
+    Header,
     UnitOf,
+    column_of,
     drop_blanks,
     refuse_two_tables,
+    take_decimal_commas,
     take_units_row,
 )
-from jblast.observations.faults import Faults
-from jblast.observations.places.degrees import places_in_degrees
-from jblast.observations.places.frame import Frame
-from jblast.observations.rows.conversion import told_columns
-from jblast.observations.rows.fields import Fields
-from jblast.observations.times.instant import EXAMPLE, NotAnInstant, instant
-from jblast.observations.understood import Understood
+from jblast.observations.places import Frame, places_in_degrees
+from jblast.observations.records.recording import Recording
+from jblast.observations.rows import Fields, told_columns
+from jblast.observations.sources import Table, table_of
+from jblast.observations.table import Faults, Understood
 from jblast.units.spelling import spelt
 
 PLACE = ("east_m", "north_m", "up_m")
@@ -146,3 +151,32 @@ def _header(table: Table, units_row: Mapping[str, UnitOf]) -> Header:
     if missing:
         raise InputError(f"{where}: missing column {', '.join(missing)}")
     return header
+
+
+def started(recording: Recording, stations: Mapping[str, Station]) -> Recording:
+    """Return a recording whose first sample is at the time that its station tells.
+
+    Args:
+        recording: A file's.
+        stations: By name of channel.
+
+    Raises:
+        InputError: The file tells the time of day itself, or its channels are told to
+            begin at several times.
+    """
+    starts = {stations[name].start for name in recording.names if name in stations}
+    if starts <= {None}:
+        return recording
+    if recording.epoch is not None:
+        raise InputError(
+            f"{recording.source}: tells the time of day itself; expected nothing in "
+            f"column {START} of {shown(recording.names[0])}"
+        )
+    start = starts.pop()
+    if starts or start is None:
+        raise InputError(
+            f"{recording.source}: expected one {START} for all channels of a file, got "
+            "several"
+        )
+    whole = start // SECOND * SECOND  # an epoch holds microseconds, samples finer ones
+    return replace(recording, epoch=moment(whole), start_s=(start - whole) / SECOND)

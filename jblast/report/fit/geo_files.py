@@ -15,7 +15,7 @@ from jblast.files import write_text
 from jblast.inference.fitting.result import Fit
 from jblast.inference.fitting.summary import Summary
 from jblast.json_values import plain
-from jblast.observations.places.frame import Frame
+from jblast.observations.places import Frame
 from jblast.report.fit.place import ChargePlace, GroundMap, ground_map, residual_colour
 from jblast.report.fit.rows import Accepted, estimates_of, log_name
 from jblast.report.words import law_words, printed_number

@@ -22,7 +22,7 @@ from jblast.inference.fitting.place.on_earth import PlaceOnEarth, on_earth, utc
 from jblast.inference.fitting.place.shock_rings import ShockRing, shock_rings
 from jblast.inference.fitting.result import Fit
 from jblast.inference.posterior.estimate import Estimate
-from jblast.observations.places.frame import Frame
+from jblast.observations.places import Frame
 from jblast.report.fit.rows import Accepted, outlier_rows
 from jblast.report.words import law_words, printed_number
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 import jax.numpy as jnp
 
 from jblast.errors import InputError
-from jblast.observations.records.sound_file import read_sound
+from jblast.observations.records.sound import read_sound
 from jblast.scene import Ambient, UncertainScene
 
 

@@ -9,7 +9,7 @@ from jblast.autopilot.logs import Estimate, FlightRecord
 from jblast.missions import Mission, Plan, mission_of, read_plan
 from jblast.missions.guidance import ARMED, FLYING
 from jblast.missions.mission import geodetic
-from jblast.observations.places.frame import Frame
+from jblast.observations.places import Frame
 from jblast.scene import Place, UncertainScene, VehicleSpec
 from jblast.study.flights.fly import fly
 from jblast.study.flights.records import Flights, Options

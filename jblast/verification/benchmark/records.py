@@ -23,7 +23,7 @@ from jblast.inference.posterior.posterior import Posterior, posterior_of
 from jblast.inference.records.covariance import TOLD
 from jblast.inference.records.sampled import sampled_records
 from jblast.observations import Observations
-from jblast.observations.records.pressure_record import PressureRecord
+from jblast.observations.records.recording import PressureRecord
 from jblast.progress import in_words
 from jblast.verification.benchmark.chart import (
     Benchmark,

@@ -15,7 +15,7 @@ from jblast.inference.picks import RecordPick
 from jblast.inference.posterior.parameters import parameters_of
 from jblast.inference.records.covariance import TOLD, covariance_of, log_value
 from jblast.observations import Observations, observed
-from jblast.observations.records.pressure_record import PressureRecord
+from jblast.observations.records.recording import PressureRecord
 from jblast.scene import Charge, Scene, UncertainScene, freed, with_laws
 from jblast.sensors import Layout, record
 from jblast.waves.waveform.pulse import pulse_mean, pulse_of

@@ -3,7 +3,7 @@
 import numpy as np
 
 from jblast.autopilot.logs import FlightRecord
-from jblast.observations.places.frame import Frame
+from jblast.observations.places import Frame
 
 HOME = (47.0, 8.0, 500.0)
 

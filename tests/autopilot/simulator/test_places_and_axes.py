@@ -12,7 +12,7 @@ from jblast.autopilot.lockstep import geodetic_of, level_of, origin_at, rotors_o
 from jblast.autopilot.logs import euler, scalar_first
 from jblast.errors import InputError
 from jblast.missions.mission import geodetic
-from jblast.observations.places.frame import Frame
+from jblast.observations.places import Frame
 from jblast.scene import Place
 from jblast.vehicle import named
 

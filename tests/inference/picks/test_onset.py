@@ -7,7 +7,7 @@ import pytest
 
 from jblast.inference.picks import pick_records
 from jblast.inference.picks.onset import onset_of
-from jblast.observations.records.pressure_record import PressureRecord
+from jblast.observations.records.recording import PressureRecord
 
 PHONES = Path(__file__).parents[3] / "calibration" / "data" / "inl_phones"
 

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings, strategies as st
 
 from jblast.inference.picks import pick, pick_records
-from jblast.observations.records.pressure_record import PressureRecord
+from jblast.observations.records.recording import PressureRecord
 from tests.inference.picks.simulated import RATE, TIME, Truth, noisy, samples_of
 
 pytestmark = pytest.mark.slow  # a program to compile

@@ -16,7 +16,7 @@ from jblast.inference.posterior.fisher_information import whitened_rows
 from jblast.inference.posterior.likelihood import log_likelihood
 from jblast.inference.posterior.parameters import parameters_of
 from jblast.inference.posterior.posterior import posterior_of
-from jblast.observations.record_covariance import RecordCovariance
+from jblast.observations.table import RecordCovariance
 from jblast.scene import with_laws
 from jblast.sensors import layout_of
 from jblast.sensors.observe import Noise

@@ -13,8 +13,8 @@ from jblast.inference.fitting.fit import solve
 from jblast.inference.posterior.parameters import parameters_of
 from jblast.inference.posterior.posterior import Posterior, posterior_of
 from jblast.observations import Observations, read, resolve_positions
-from jblast.observations.default_scene import for_log
-from jblast.observations.located import located
+from jblast.observations.grouping import located
+from jblast.observations.scenes import for_log
 from jblast.scene import UncertainScene, default_scene, read_scene, with_laws
 from jblast.sensors import layout_of
 from jblast.sensors.observe import Noise

@@ -9,7 +9,7 @@ from scipy.signal import bilinear, lfilter
 from jblast.inference.picks import pick_records
 from jblast.inference.records.gathered import gathered
 from jblast.inference.records.log import untold
-from jblast.observations.records.pressure_record import PressureRecord
+from jblast.observations.records.recording import PressureRecord
 
 DATA = Path(__file__).parents[2] / "data"
 ARRIVAL, PEAK, DURATION, IMPULSE = 0.0200, 120e3, 6.00e-3, 250.6

@@ -7,7 +7,7 @@ from jblast.errors import InputError
 from jblast.inference.records import Gathered, log_of
 from jblast.inference.records.log import TOLD
 from jblast.observations import read, write
-from jblast.observations.records.pressure_record import PressureRecord
+from jblast.observations.records.recording import PressureRecord
 from jblast.observations.records.stations import Station
 from tests.inference.records.made import record_pick
 

@@ -10,7 +10,7 @@ from jblast.inference.sanity import doubts
 from jblast.inference.sanity.magnitudes import rising_peaks
 from jblast.inference.sanity.readings import Readings
 from jblast.observations import Observations, some_rows
-from jblast.observations.places.frame import Frame
+from jblast.observations.places import Frame
 from jblast.scene import default_scene, freed
 from tests.inference.sanity.made import (
     ARRIVAL,

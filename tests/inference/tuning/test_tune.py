@@ -15,7 +15,7 @@ from jblast.inference.tuning.result import NothingHeardError
 from jblast.inference.tuning.search.solve import parts_told
 from jblast.inference.tuning.tune_sight import paired, tune_events, tune_frames
 from jblast.inference.tuning.unknowns import Between
-from jblast.observations.records.sound_file import write_sound
+from jblast.observations.records.sound import write_sound
 from jblast.report.tune import list_text, tune_answer, tune_text
 from jblast.scene.reader.scene import scene_from_document
 from jblast.sensors.listening.plan import plan

@@ -7,10 +7,12 @@ import numpy as np
 import pytest
 
 from jblast.observations import read
-from jblast.observations.check.clocks import clocks_doubted
-from jblast.observations.check.places import places_doubted
-from jblast.observations.check.refusals import refusals
-from jblast.observations.check.sigmas import sigmas_doubted
+from jblast.observations.check import (
+    clocks_doubted,
+    places_doubted,
+    refusals,
+    sigmas_doubted,
+)
 from jblast.report.check import sentence
 from jblast.scene import Scene, Sensor, default_scene
 from tests.observations.rows import HEADER

@@ -7,7 +7,7 @@ import pytest
 
 from jblast.errors import InputError
 from jblast.observations import read
-from jblast.observations.understood import (
+from jblast.observations.table import (
     ColumnsIgnored,
     DecimalComma,
     Dialect,

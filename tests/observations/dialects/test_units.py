@@ -9,7 +9,7 @@ import pytest
 
 from jblast.errors import InputError
 from jblast.observations import read
-from jblast.observations.understood import Converted, LevelConverted
+from jblast.observations.table import Converted, LevelConverted
 
 PSI = 6894.757293168361
 HEAD = "sensor,quantity,value,sigma,range_m\n"

@@ -5,7 +5,7 @@ import pytest
 
 from jblast.errors import InputError
 from jblast.observations import read
-from jblast.observations.understood import MadeLong
+from jblast.observations.table import MadeLong
 
 WIDE = (
     "sensor,east_m,north_m,up_m,air_arrival_s,peak_overpressure_kpa,"

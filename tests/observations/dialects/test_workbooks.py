@@ -9,7 +9,7 @@ import pytest
 
 from jblast.errors import InputError
 from jblast.observations import read
-from jblast.observations.understood import Dialect
+from jblast.observations.table import Dialect
 
 FRAME = pd.DataFrame(
     {

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
 
-from jblast.observations.places.frame import Frame, mean_frame
+from jblast.observations.places import Frame, mean_frame
 
 # WGS84: semi-major axis and flattening, NIMA TR8350.2, table 3.1
 A, F = 6378137.0, 1 / 298.257223563

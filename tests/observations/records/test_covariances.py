@@ -5,10 +5,9 @@ import pytest
 
 from jblast.errors import InputError
 from jblast.observations import read, some_rows, write
+from jblast.observations.covariances import covariance_file, rows_with_covariance
 from jblast.observations.grouping import one_event
-from jblast.observations.record_covariance import RecordCovariance
-from jblast.observations.records.covariances import rows_with_covariance
-from jblast.observations.records.side_file import covariance_file
+from jblast.observations.table import RecordCovariance
 from tests.inference.logs import log
 
 QUANTITIES = ("peak_overpressure_pa", "positive_duration_s", "positive_impulse_pa_s")

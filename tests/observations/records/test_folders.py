@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from jblast.errors import InputError
-from jblast.observations.records.folders import record_files
+from jblast.observations.records.formats import record_files
 from tests.observations.records.formats.test_csv import text
 
 

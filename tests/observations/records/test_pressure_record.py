@@ -5,7 +5,7 @@ from datetime import UTC, datetime
 import numpy as np
 import pytest
 
-from jblast.observations.records.pressure_record import PressureRecord
+from jblast.observations.records.recording import PressureRecord
 
 
 def test_times_begin_where_the_record_does_and_step_by_the_rate():

@@ -5,7 +5,7 @@ import pytest
 import soundfile
 
 from jblast.errors import InputError
-from jblast.observations.records.sound_file import (
+from jblast.observations.records.sound import (
     read_sound,
     resampled,
     write_sound,

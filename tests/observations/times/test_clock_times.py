@@ -8,7 +8,7 @@ import pytest
 import jblast
 from jblast.errors import InputError
 from jblast.observations import write
-from jblast.observations.understood import ClockTimesTaken
+from jblast.observations.table import ClockTimesTaken
 
 HEAD = "sensor,quantity,value_utc,value,sigma,range_m\n"
 LOG = HEAD + (

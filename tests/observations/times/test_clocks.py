@@ -3,7 +3,7 @@ import pytest
 
 from jblast.errors import InputError
 from jblast.observations import read, resolve_positions
-from jblast.observations.times.clocks import refuse_unsolvable_clocks, untied_flashes
+from jblast.observations.clocks import refuse_unsolvable_clocks, untied_flashes
 from jblast.scene import Clock, Scene, Sensor, UncertainScene, freed
 
 HEADER = "sensor,quantity,value,sigma,east_m,north_m,up_m,clock\n"

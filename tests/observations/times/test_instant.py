@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given, settings, strategies as st
 
 from jblast.errors import InputError
-from jblast.observations.times.instant import (
+from jblast.observations.clocks import (
     NotAnInstant,
     day_named,
     instant,

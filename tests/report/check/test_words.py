@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 import jblast
-from jblast.observations.check.doubt import Doubt
-from jblast.observations.places.frame import Frame
+from jblast.observations.check import Doubt
+from jblast.observations.places import Frame
 from jblast.report.check import (
     SENTENCES,
     check_answer,

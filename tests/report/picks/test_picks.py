@@ -10,7 +10,7 @@ import pytest
 
 from jblast.inference.picks import NoteKind
 from jblast.inference.records import Gathered, log_of
-from jblast.observations.records.pressure_record import PressureRecord
+from jblast.observations.records.recording import PressureRecord
 from jblast.report.pick_figures import BINS, curves, records_figure, write_picks
 from jblast.report.picks import NOTES, picks_document, picks_text
 from jblast.report.provenance import provenance_of

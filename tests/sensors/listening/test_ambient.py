@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from jblast.errors import InputError
-from jblast.observations.records.sound_file import write_sound
+from jblast.observations.records.sound import write_sound
 from jblast.scene import Ambient, Scene, UncertainScene
 from jblast.sensors.listening.ambient import with_ambient
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from jblast.inference.picks.result import NAMES
-from jblast.observations.records.pressure_record import PressureRecord
+from jblast.observations.records.recording import PressureRecord
 from jblast.verification.cases.far_off_picks import Shares, is_far_off
 from jblast.verification.stability import records
 from jblast.verification.stability.areas import AREAS

@@ -17,8 +17,8 @@ from jblast.inference.fitting.suspects import explained_by, lies_far
 from jblast.inference.mode.laplace import marginals
 from jblast.inference.mode.row_subset import is_long
 from jblast.observations import Observations
-from jblast.observations.default_scene import PLACE, clocks_to_free
-from jblast.observations.times.clocks import clocks_apart
+from jblast.observations.clocks import clocks_apart
+from jblast.observations.scenes import PLACE, clocks_to_free
 from jblast.parameter_table import CLOCK_OFFSET
 from jblast.progress import each
 from jblast.quantities import ARRIVALS, CLOCK_TIMES

@@ -9,7 +9,7 @@ import numpy as np
 from jblast.inference.fitting.place.confidence_ellipse import charge_ellipse
 from jblast.inference.fitting.result import Fit
 from jblast.inference.posterior.estimate import Estimate
-from jblast.observations.times.instant import written
+from jblast.observations.clocks import written
 from jblast.parameter_table import CLOCK_OFFSET
 
 

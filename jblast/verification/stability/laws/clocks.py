@@ -7,7 +7,7 @@ import numpy as np
 
 from jblast.errors import InputError
 from jblast.observations import Observations, observed
-from jblast.observations.times.clocks import refuse_unresolved
+from jblast.observations.clocks import refuse_unresolved
 from jblast.verification.stability.failure import FailureMode, verified
 
 SIGMA = 1e-3

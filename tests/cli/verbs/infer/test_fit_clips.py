@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from jblast.observations import read
-from jblast.observations.default_scene import for_log
-from jblast.observations.places.frame import Frame
+from jblast.observations.places import Frame
+from jblast.observations.scenes import for_log
 from jblast.scene import default_scene
 
 CLIPS = Path(__file__).parents[4] / "calibration" / "data" / "six_clips.csv"

@@ -6,7 +6,7 @@ import pytest
 from jblast.constants import STANDARD_SOUND_SPEED
 from jblast.inference.fitting.doubts.flatness import EARTH_RADIUS, flat_ground
 from jblast.observations import Observations
-from jblast.observations.places.frame import Frame
+from jblast.observations.places import Frame
 
 
 def log(east, sigma):

@@ -9,7 +9,7 @@ from jblast.fidelity import TakenLaw
 from jblast.inference.fitting.goodness_of_fit import SuspectedOutlier
 from jblast.inference.fitting.result import Fit
 from jblast.observations import Observations
-from jblast.observations.places.frame import Frame
+from jblast.observations.places import Frame
 from jblast.scene import Air, Charge, Scene, Sensor
 from tests.report.made_up import PLAIN, estimate, fit_of
 

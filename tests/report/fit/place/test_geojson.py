@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from jblast.inference.fitting.place.shock_rings import LEVELS
-from jblast.observations.places.frame import Frame
+from jblast.observations.places import Frame
 from jblast.report.fit.geo_files import features, geojson, write_place
 from jblast.report.fit.place import ground_map
 from tests.report.fit.place.located import BEIRUT, arc, around, located, normal_draws

@@ -5,7 +5,7 @@ import pytest
 
 from jblast.errors import InputError
 from jblast.inference import fit
-from jblast.observations.times.clocks import refuse_unresolved
+from jblast.observations.clocks import refuse_unresolved
 from jblast.scene import Free, Scene, UncertainScene
 from jblast.verification.stability.laws.clocks import (
     arrival_at,

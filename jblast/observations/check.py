@@ -1,0 +1,387 @@
+"""Checks of a log that need no blast law.
+
+`refusals` lists everything for which a fit would refuse a log with its scene, one fault
+a row: it removes the faulty row and tries again. The other checks find what a fit would
+accept although it is probably a mistake: clock times that are seconds since 1970,
+clocks with a single reading, arrivals before the flash, sensors at two positions or
+with the readings of another one, exchanged latitude and longitude, and errors smaller
+than those of pressure standards or larger than their value.
+"""
+
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
+from datetime import UTC, datetime
+from itertools import combinations
+
+import numpy as np
+from jaxtyping import Bool
+
+from jblast.errors import InputError
+from jblast.observations.grouping import by_shot, located, some_rows
+from jblast.observations.placement import resolve_positions
+from jblast.observations.scenes import for_log
+from jblast.observations.table import Observations
+from jblast.quantities import (
+    ADDITIVE,
+    ARRIVALS,
+    BY_CAMERA,
+    CLOCK_TIMES,
+    PLACELESS,
+    components,
+)
+from jblast.quantity_table import QUANTITIES
+from jblast.registry import names_for
+from jblast.scene import UncertainScene
+from jblast.scene.uncertain import NO_SCENE
+
+MOST = 200
+"""Faults of one log that are told; past them the log is another one altogether."""
+ROWS = 400_000
+"""Rows that are looked through again for the next fault: fewer faults of a long log."""
+EARLY = 5.0
+"""An arrival this many sigmas before the flash is no error of reading."""
+FROM_2000, TO_2100 = 946_684_800.0, 4_102_444_800.0
+"""Seconds since 1970 at the first of January of these years."""
+COUNTED_IN = {
+    "seconds": 1.0,
+    "milliseconds": 1e3,
+    "microseconds": 1e6,
+    "nanoseconds": 1e9,
+}
+"""What computers count time since 1970 in, of a second."""
+SAME_PLACE = 1e-3
+"""Sensors this close stand at one place [m], as near as places are compared."""
+APART = 6.0
+"""Readings at one place this many sigmas apart are not of one wave."""
+FAR_OFF = 10.0
+"""A sensor this many times as far off as the others, by the median, is not of them."""
+FACTOR = 2.0
+"""Likewise without a sigma: a pressure this much larger could be a reflection's."""
+FINEST = 1e-6
+"""A relative sigma below this is none: it is of the primary standards of pressure
+(piston gauges state some 1e-6, as in the key comparisons of the BIPM)."""
+
+
+def refusals(observations: Observations, uncertain: UncertainScene) -> list[InputError]:
+    """Return why a fit would refuse a log beside a scene: a fault a row, in order.
+
+    A log of several shots is as many logs, unless the scene names its charges.
+    """
+    several = uncertain.scene.others
+    logs = [observations] if several else list(by_shot(observations).values())
+    found: dict[str, InputError] = {}
+    for log in logs:
+        for fault in [*_lawless(log), *_of_log(log, uncertain)]:
+            found.setdefault(str(fault), fault)
+    return list(found.values())
+
+
+def with_places(observations: Observations, uncertain: UncertainScene) -> Observations:
+    """Return a log about the scene's place, with the places that it gives sensors."""
+    with suppress(InputError):  # from another continent, which `refusals` tells
+        observations = located(observations, uncertain)
+    sensors = uncertain.scene.sensors
+    known = {sensor.name: np.asarray(sensor.position_m) for sensor in sensors}
+    position = observations.position.copy()
+    for row in np.flatnonzero(np.isnan(position).any(axis=1)):
+        position[row] = known.get(observations.sensor[row], position[row])
+    return replace(observations, position=position)
+
+
+def _lawless(log: Observations) -> list[InputError]:
+    """Return a fault for each quantity that no law gives yet."""
+    return [
+        InputError(
+            f"{log.where(log.quantity.index(quantity))}: no law gives {name}: not "
+            "supported yet"
+        )
+        for quantity in dict.fromkeys(log.quantity)
+        for name, _ in components(quantity)
+        if not names_for(name) and quantity != "overpressure_record"
+    ]
+
+
+def _of_log(log: Observations, uncertain: UncertainScene) -> list[InputError]:
+    """Take row after row out of the log that places and times are refused for."""
+    found: list[InputError] = []
+    most = min(MOST, 1 + ROWS // max(len(log), 1))
+    while len(log) and len(found) < most:
+        uncertain = for_log(uncertain, log)
+        try:
+            resolve_positions(
+                located(log, uncertain),
+                uncertain.scene,
+                uncertain.beliefs,
+                is_default=uncertain.source == NO_SCENE,
+            )
+        except InputError as fault:
+            row = _row_of(fault, log)
+            if row is None:  # of the whole log; less of it says nothing new
+                return found or [fault]
+            found.append(fault)
+            log = some_rows(log, np.delete(np.arange(len(log)), row))
+        else:
+            break
+    return found
+
+
+def _row_of(fault: InputError, log: Observations) -> int | None:
+    """Return which row a fault names: messages begin with its place."""
+    message = str(fault)
+    for row in range(len(log)):
+        where = log.where(row)
+        if message.startswith((f"{where}:", f"{where},")):
+            return row
+    return None
+
+
+@dataclass(frozen=True)
+class Doubt:
+    """Something odd that stops no fit.
+
+    Doubts are typed where they are found and worded in `report.check`.
+
+    Attributes:
+        kind: What is odd, a key of `report.check.SENTENCES`.
+        rows: Which rows of the log it is about, the one to look at first.
+        numbers: What it was told by, in SI units, by name.
+        names: Words it was told by: a sensor, a clock, a unit.
+    """
+
+    kind: str
+    rows: tuple[int, ...]
+    numbers: dict[str, float] = field(default_factory=dict)
+    names: tuple[str, ...] = ()
+
+
+def clocks_doubted(observations: Observations) -> list[Doubt]:
+    """Return what is odd about the clocks and the shots of a log."""
+    return [
+        *_since_1970(observations),
+        *_unheard(observations),
+        *_lonely(observations),
+        *_before_the_flash(observations),
+    ]
+
+
+def _since_1970(observations: Observations) -> list[Doubt]:
+    """Find clock times that are no time of a blast, but a date as computers count."""
+    if observations.epoch is not None:
+        return []
+    value = observations.value
+    timed = np.isin(observations.quantity, CLOCK_TIMES)
+    found = []
+    for unit, factor in COUNTED_IN.items():
+        since = value / factor
+        rows = np.flatnonzero(timed & (since > FROM_2000) & (since < TO_2100))
+        if rows.size:
+            when = datetime.fromtimestamp(float(since[rows[0]]), UTC)
+            names = unit, f"{when:%Y-%m-%dT%H:%M:%S}.{when.microsecond // 1000:03d}Z"
+            found.append(Doubt("since_1970", tuple(rows.tolist()), {}, names))
+    return found
+
+
+def _unheard(observations: Observations) -> list[Doubt]:
+    """Find shots of which nothing but light is told: no mass follows from that."""
+    rows: dict[str, list[int]] = {}
+    for row, shot in enumerate(observations.shot):
+        rows.setdefault(shot, []).append(row)
+    return [
+        Doubt("shot_unheard", tuple(its), {}, (shot,))
+        for shot, its in rows.items()
+        if all(QUANTITIES[observations.quantity[row]].kind == "flash" for row in its)
+    ]
+
+
+def _lonely(observations: Observations) -> list[Doubt]:
+    """Find clocks with one reading, which a free offset would answer alone."""
+    timed = np.isin(observations.quantity, CLOCK_TIMES)
+    rows: dict[str, list[int]] = {}
+    for row in np.flatnonzero(timed):
+        rows.setdefault(observations.clock[row], []).append(int(row))
+    return [
+        Doubt("clock_of_one_row", tuple(its), {}, (clock,))
+        for clock, its in rows.items()
+        if clock and len(its) == 1 and len(rows) > 1
+    ]
+
+
+def _before_the_flash(observations: Observations) -> list[Doubt]:
+    """Find waves that came before the light of their shot, by one clock."""
+    found = []
+    flash: dict[tuple[str, str], int] = {}
+    quantity, value = observations.quantity, observations.value
+    sigma = np.nan_to_num(observations.sigma)
+    by = [
+        (shot, clock or sensor)
+        for shot, clock, sensor in zip(
+            observations.shot, observations.clock, observations.sensor, strict=True
+        )
+    ]
+    for row, key in enumerate(by):
+        if quantity[row] == "flash_time_s":
+            flash.setdefault(key, row)
+    for row, key in enumerate(by):
+        if quantity[row] not in ARRIVALS or key not in flash:
+            continue
+        seen = flash[key]
+        allowed = EARLY * float(np.hypot(sigma[row], sigma[seen]))
+        if value[row] + allowed < value[seen]:
+            early = float(value[seen] - value[row])
+            found.append(Doubt("arrival_before_flash", (row, seen), {"early_s": early}))
+    return found
+
+
+def places_doubted(observations: Observations) -> list[Doubt]:
+    """Return what is odd about the places of a log's sensors."""
+    return [*_moved(observations), *_together(observations)]
+
+
+def degrees_swapped(observations: Observations) -> list[Doubt]:
+    """Return sensors far from all others that would be among them with axes swapped.
+
+    Of a log in degrees, whose frame says which they were.
+    """
+    frame = observations.frame
+    first: dict[str, list[int]] = {}
+    for row in np.flatnonzero(_placed(observations)):
+        first.setdefault(observations.sensor[row], []).append(int(row))
+    if frame is None or len(first) < 3:
+        return []
+    at = observations.position[[rows[0] for rows in first.values()]]
+    middle = np.median(at, axis=0)
+    apart = np.linalg.norm(at - middle, axis=1)
+    spread = float(np.median(apart))
+    found = []
+    for (sensor, rows), place, far in zip(first.items(), at, apart, strict=True):
+        if far < FAR_OFF * max(spread, 1.0):
+            continue
+        lat, lon, alt = frame.to_geodetic(place).tolist()
+        swapped = frame.to_enu(lon, lat, alt) if abs(lon) <= 90.0 else None
+        if swapped is None or np.linalg.norm(swapped - middle) > far / FAR_OFF:
+            continue
+        numbers = {"lat_deg": lat, "lon_deg": lon, "apart_m": float(far)}
+        found.append(Doubt("lat_lon_swapped", tuple(rows), numbers, (sensor,)))
+    return found
+
+
+def _moved(observations: Observations) -> list[Doubt]:
+    """Find sensors that the log puts at several places within one shot."""
+    found = []
+    placed = _placed(observations)
+    rows: dict[tuple[str, str], list[int]] = {}
+    for row in np.flatnonzero(placed):
+        key = observations.sensor[row], observations.shot[row]
+        rows.setdefault(key, []).append(int(row))
+    for (sensor, _), its in rows.items():
+        at = observations.position[its]
+        apart = np.linalg.norm(at - at[0], axis=1)
+        if (apart > SAME_PLACE).any():
+            other = int(np.argmax(apart))
+            found.append(
+                Doubt(
+                    "sensor_at_two_places",
+                    (its[other], its[0]),
+                    {"apart_m": float(apart[other])},
+                    (sensor,),
+                )
+            )
+    return found
+
+
+def _together(observations: Observations) -> list[Doubt]:
+    """Find sensors at one place that read alike to the digit, or differently."""
+    first: dict[tuple[str, str], int] = {}
+    ranged = ~np.isnan(observations.slant_range)
+    for row in np.flatnonzero(_placed(observations) | ranged):
+        key = observations.shot[row], observations.sensor[row]
+        first.setdefault(key, int(row))
+    by_cell: dict[tuple[object, ...], list[str]] = {}
+    for (shot, sensor), row in first.items():
+        placed = [*observations.position[row], observations.slant_range[row]]
+        cell = np.round(np.nan_to_num(placed, nan=-1.0) / SAME_PLACE).tolist()
+        by_cell.setdefault((shot, *cell), []).append(sensor)
+    found = []
+    for (shot, *_), sensors in by_cell.items():
+        for one, other in combinations(sensors[:10], 2):
+            doubts = _compared(observations, str(shot), one, other)
+            here = _placed(observations)[first[str(shot), one]]
+            # at one range two sensors may well read differently
+            found += [
+                doubt for doubt in doubts if here or doubt.kind == "sensor_copied"
+            ]
+    return found
+
+
+def _compared(
+    observations: Observations, shot: str, one: str, other: str
+) -> list[Doubt]:
+    """Compare what two sensors at one place read of one shot."""
+    own, its = (
+        {
+            quantity: row
+            for row, quantity in enumerate(observations.quantity)
+            if (observations.sensor[row], observations.shot[row]) == (name, shot)
+            and quantity not in (*PLACELESS, *BY_CAMERA)
+        }
+        for name in (one, other)
+    )
+    both = [q for q in own if q in its]
+    pairs = [(own[q], its[q]) for q in both]
+    if not pairs:
+        return []
+    if all(observations.value[i] == observations.value[j] for i, j in pairs):
+        rows = tuple(row for pair in pairs for row in reversed(pair))
+        return [Doubt("sensor_copied", rows, {}, (one, other))]
+    for i, j in pairs:
+        if _clocks_differ(observations, i, j):
+            continue
+        apart, allowed = _difference(observations, i, j)
+        if apart > allowed:
+            return [
+                Doubt(
+                    "two_sensors_at_one_place",
+                    (j, i),
+                    {
+                        "value": float(observations.value[j]),
+                        "other": float(observations.value[i]),
+                    },
+                    (other, one),
+                )
+            ]
+    return []
+
+
+def _difference(observations: Observations, i: int, j: int) -> tuple[float, float]:
+    """Return how far two readings are apart, and how far they may be."""
+    pair = [i, j]
+    value, scale = observations.value[pair], observations.error_scale()[pair]
+    error = APART * float(np.sqrt(np.nansum(scale**2)))
+    if observations.quantity[i] in CLOCK_TIMES:
+        return float(abs(value[1] - value[0])), max(error, 1e-3)
+    if (value <= 0).any():  # angles and differences
+        return float(abs(value[1] - value[0])), error or float("inf")
+    return float(abs(np.log(value[1] / value[0]))), max(error, float(np.log(FACTOR)))
+
+
+def _clocks_differ(observations: Observations, i: int, j: int) -> bool:
+    timed = observations.quantity[i] in CLOCK_TIMES
+    return timed and observations.clock[i] != observations.clock[j]
+
+
+def _placed(observations: Observations) -> Bool[np.ndarray, " row"]:
+    return np.asarray(~np.isnan(observations.position).any(axis=1))
+
+
+def sigmas_doubted(observations: Observations) -> list[Doubt]:
+    """Return rows whose sigma cannot be what was meant."""
+    value, sigma = observations.value, observations.sigma
+    in_ln = ~np.isin(observations.quantity, ADDITIVE)
+    stated = in_ln & ~np.isnan(sigma) & (value > 0)
+    share = np.full(len(value), np.nan)
+    share[stated] = sigma[stated] / value[stated]
+    found = []
+    for kind, odd in (("sigma_too_fine", share < FINEST), ("sigma_large", share > 1)):
+        for row in np.flatnonzero(odd):
+            found.append(Doubt(kind, (int(row),), {"share": float(share[row])}))
+    return found

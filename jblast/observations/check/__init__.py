@@ -1,1 +1,0 @@
-"""What is odd about a log, told without any physics."""

@@ -1,0 +1,515 @@
+"""Clocks of a log, and clock times in ISO 8601.
+
+All clocks are set by a common one: that of the rows without a clock where others name
+theirs, otherwise the first of the log. A log is refused where a clock is set twice or
+by nothing, where its clock times are fewer than its unknown offsets and origin times,
+and where floating-point numbers near its clock times are further apart than their
+sigma (128 s for seconds since 1970 in single precision).
+
+The column `value_utc` holds clock times in place of values. Instants are whole
+nanoseconds since 1970 in UTC (POSIX: leap seconds are not counted), and become seconds
+only after the whole second before the first of them is subtracted, so that no digit is
+lost. Leap seconds themselves, local times that occurred twice or never, and times on
+both sides of midnight without a date are refused.
+"""
+
+import re
+from collections.abc import Callable, Collection, MutableMapping, Sequence
+from datetime import UTC, date, datetime, timedelta, timezone, tzinfo
+from functools import lru_cache
+from typing import Any, NamedTuple, Protocol, runtime_checkable
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Bool
+
+from jblast.errors import InputError, argument, nearest, shown
+from jblast.observations.table import ClockTimesTaken, Observations
+from jblast.parameter_table import CLOCK_OFFSET
+from jblast.quantities import CLOCK_TIMES
+from jblast.quantity_table import QUANTITIES
+from jblast.scene import Free, Scene, UncertainScene
+
+VALUE_UTC = "value_utc"
+SECOND = 1_000_000_000
+"""Nanoseconds."""
+HALF_DAY = 12 * 3600 * SECOND
+YEARS = (1800, 2200)
+"""Between which a blast was recorded by a clock; further off a zone has no meaning."""
+_DAY = re.compile(r"(\d{4})-(\d{2})-(\d{2})[T ]\s*")
+_CLOCK = re.compile(r"(\d{1,2}):(\d{2})(?::(\d{2})(?:[.,](\d{1,9}))?)?\s*")
+_OFFSET = re.compile(r"([+-])(\d{2}):?(\d{2})?")
+EXAMPLE = "2020-08-04T15:08:18.310Z"
+
+
+def check_clocks(
+    observations: Observations, scene: Scene, beliefs: Collection[str]
+) -> None:
+    """Refuse clocks that the log does not have, that nothing sets, or set twice.
+
+    The first clock of the log is the common one, by which all others are set; or that
+    of the rows whose column `clock` is empty, where others name theirs.
+
+    Raises:
+        InputError: As said; the message names the clock.
+    """
+    source = observations.source or "observations"
+    named = list(dict.fromkeys(clock for clock in observations.clock if clock))
+    sensors = {sensor.name: sensor for sensor in scene.sensors}
+    for clock in scene.clocks:
+        known = list(dict.fromkeys(observations.clocks()))
+        if clock.name not in known:
+            raise InputError(
+                f"{CLOCK_OFFSET}.{clock.name}: {source} has no such clock"
+                f"{nearest(clock.name, known)}; expected one of {', '.join(known)}"
+            )
+    if (
+        named
+        and f"{CLOCK_OFFSET}.{named[0]}" in beliefs
+        and not has_common_clock(observations)
+    ):
+        others = " or ".join(f"{CLOCK_OFFSET}.{other}" for other in named[1:])
+        raise InputError(
+            f"{CLOCK_OFFSET}.{named[0]}: {shown(named[0])} is the first clock of "
+            f"{source}, by which the others are set; expected {others or 'no clock'}"
+        )
+    for row, (clock, sensor) in enumerate(
+        zip(observations.clock, observations.sensor, strict=True)
+    ):
+        own = sensors.get(sensor)
+        if not clock or clock == sensor or own is None:
+            continue
+        if float(own.clock_offset_s) != 0 or f"{CLOCK_OFFSET}.{sensor}" in beliefs:
+            raise InputError(
+                f"{observations.where(row)}, column clock: got {shown(clock)}, but the "
+                f"scene gives sensor {shown(sensor)} a clock_offset_s of its own; "
+                "expected one of the two"
+            )
+
+
+def has_common_clock(observations: Observations) -> bool:
+    """Return whether some clock times are on the common clock, others on named ones."""
+    timed = np.isin(observations.quantity, CLOCK_TIMES)
+    named = np.array([bool(clock) for clock in observations.clock])
+    return bool(named.any() and (timed & ~named).any())
+
+
+def clocks_apart(observations: Observations) -> list[str]:
+    """Return the clocks that a log names, but for the one by which others are set."""
+    named = list(dict.fromkeys(clock for clock in observations.clock if clock))
+    return named if has_common_clock(observations) else named[1:]
+
+
+def untied_flashes(
+    observations: Observations, known: Collection[str]
+) -> Bool[np.ndarray, " row"]:
+    """Return the rows of flashes on clocks that nothing ties to the others.
+
+    Such a clock is named in the column `clock`, reads flashes alone, and its offset is
+    neither given nor fitted: nothing relates its flash to the readings of the others.
+    The first clock is tied where offsets from it are given or fitted. Where no other
+    clock reads anything else, no row is returned.
+
+    Args:
+        observations: The log.
+        known: Clocks whose offset is given or fitted.
+    """
+    timed = np.isin(observations.quantity, CLOCK_TIMES)
+    flash = np.isin(observations.quantity, "flash_time_s")
+    clocks = np.array(observations.clocks(), object)
+    named = np.array([bool(clock) for clock in observations.clock])
+    tied = set(clocks[timed & ~flash]) | set(clocks[timed & ~named]) | set(known)
+    if set(observations.clock) & set(known) and not has_common_clock(observations):
+        tied.add(next((clock for clock in observations.clock if clock), ""))
+    untied = flash & ~np.isin(clocks, list(tied))
+    return untied if (timed & ~untied).any() else np.zeros(len(observations), bool)
+
+
+def refuse_unsolvable_clocks(
+    observations: Observations, uncertain: UncertainScene
+) -> None:
+    """Refuse unknown clocks that the clock times of a log cannot determine.
+
+    Each clock time determines one offset or origin time at most. Where there are no
+    more times than these, the times say nothing of the place; the other readings must
+    then determine all that is left.
+
+    Raises:
+        InputError: There are fewer times than unknown offsets and origin times, or as
+            many, and fewer other readings than other unknowns. The message names the
+            unknowns and what would help.
+    """
+    timed = np.isin(observations.quantity, CLOCK_TIMES)
+    read = set(np.array(observations.clocks(), object)[timed])
+    free = [name for name, of in uncertain.beliefs.items() if isinstance(of, Free)]
+    offsets = [n for n in free if n.startswith(f"{CLOCK_OFFSET}.")]
+    offsets = [n for n in offsets if n.partition(".")[2] in read]
+    origins = [n for n in free if n.partition(".")[0] == "origin_time_s"]
+    clocks, times = len(offsets) + len(origins), int(timed.sum())
+    others = len(free) - clocks
+    too_few = times == clocks and len(observations) - times < others
+    if not offsets or not (times < clocks or too_few):
+        return
+    left = f" and {others} other unknowns" if too_few else ""
+    raise InputError(
+        f"{observations.source or 'observations'}: {times} clock times and "
+        f"{len(observations) - times} other readings cannot determine {clocks} unknown "
+        f"clocks ({', '.join([*offsets, *origins])}){left}; expected recorders on a "
+        "common clock (one name in the column clock), a flash_time_s beside the "
+        "arrival on each clock, or known offsets ([[clock]] offset_s in the scene)"
+    )
+
+
+def refuse_unresolved(
+    observations: Observations, dtype: type[np.floating[Any]] | None = None
+) -> None:
+    """Refuse a clock time that the computation's numbers are too coarse for.
+
+    A time since 1970 in single precision has steps of 128 s: a fit would converge on
+    nonsense. Neighbouring numbers may be one sigma apart, which is a rounding error of
+    0.3 sigma.
+
+    Args:
+        observations: The log.
+        dtype: Of the computation; JAX's default.
+
+    Raises:
+        InputError: As said; the message names the first such row.
+    """
+    if dtype is None:
+        dtype = jnp.zeros(()).dtype.type
+    timed = np.isin(observations.quantity, CLOCK_TIMES)
+    value = np.where(timed, observations.value, 0.0)
+    spacing = np.spacing(np.abs(value).astype(dtype)).astype(float)
+    coarse = timed & (spacing > observations.sigma)  # no sigma, NaN: not compared
+    for row in np.flatnonzero(coarse):
+        raise InputError(
+            f"{observations.where(int(row))}: {observations.quantity[row]} = "
+            f"{value[row]:.10g} s with a sigma of {observations.sigma[row]:g} s: in "
+            f"{np.dtype(dtype).name} such times are {spacing[row]:.3g} s apart; "
+            "expected times counted from near the shot, or float64 (jax_enable_x64)"
+        )
+
+
+@runtime_checkable
+class Columns(Protocol):
+    """The columns of a table: `observations.rows.Rows` is one."""
+
+    @property
+    def texts(self) -> MutableMapping[str, list[str]]:
+        """Each column as it was written."""
+        ...
+
+    def refuse(
+        self,
+        bad: Bool[np.ndarray, " row"] | list[bool],
+        column: str,
+        expected: Callable[[int], str],
+    ) -> None:
+        """Tell bad rows, with what the column should hold."""
+        ...
+
+
+def take_clock_times(
+    rows: Columns, date: str | None = None, zone: str | None = None
+) -> datetime | None:
+    """Put seconds since an epoch into column `value` where `value_utc` holds a time.
+
+    The epoch is the whole second before the first of them. They are subtracted as
+    integers: float64 seconds since 1970 are 0.2 us apart.
+
+    Args:
+        rows: The table; its column `value` is changed.
+        date: The day, YYYY-MM-DD, of times of day without one, in their zone.
+        zone: The zone of times without one.
+
+    Returns:
+        The epoch, UTC; None if no row has a clock time.
+
+    Raises:
+        InputError: A time cannot be read, stands beside a value, is given for what is
+            no clock time, or beside clock times in seconds; unless faults are gathered.
+    """
+    day, place = date and day_named(date), zone and zone_named(zone)
+    texts = rows.texts.get(VALUE_UTC)
+    if texts is None or not any(texts):
+        return None
+    quantity = rows.texts["quantity"]
+    values = list(rows.texts.get("value") or [""] * len(texts))
+    dated = np.array([bool(text) for text in texts])
+    timed = np.isin(quantity, CLOCK_TIMES)
+    rows.refuse(
+        dated & [bool(value) for value in values],
+        VALUE_UTC,
+        lambda _: "either value or value_utc, got both",
+    )
+    # of an unknown quantity that is told, and no more is known
+    rows.refuse(
+        dated & ~timed & np.isin(quantity, tuple(QUANTITIES)),
+        VALUE_UTC,
+        lambda row: f"nothing, as {quantity[row]} is no time of a clock; use value",
+    )
+    rows.refuse(
+        timed & ~dated & [bool(value) for value in values],
+        "value",
+        lambda row: (
+            f"value_utc for {quantity[row]} as in the other rows, got "
+            f"{values[row]} s of an unknown start"
+        ),
+    )
+    rows.refuse(
+        dated & [bool(text) for text in rows.texts.get("time_s") or [""] * len(texts)],
+        "time_s",
+        lambda _: "nothing beside value_utc, as its start is unknown",
+    )
+    found: dict[int, int] = {}
+    why: dict[int, str] = {}
+    for row in map(int, np.flatnonzero(dated)):
+        try:
+            found[row] = instant(texts[row], day or None, place or None)
+        except NotAnInstant as reason:
+            why[row] = str(reason)
+    rows.refuse([row in why for row in range(len(texts))], VALUE_UTC, why.__getitem__)
+    for row in why:
+        values[row] = "0"  # that it has no time is told, and the row is left out
+    rows.texts["value"] = values
+    if not found:
+        return None
+    if day:
+        _refuse_over_midnight(rows, texts, found)
+    first = min(found.values()) // SECOND * SECOND
+    for row, when in found.items():
+        values[row] = repr((when - first) / SECOND)
+    rows.texts["value"] = values
+    return moment(first)
+
+
+def told_clock_times(
+    texts: Sequence[str], date: str | None, zone: str | None
+) -> list[ClockTimesTaken]:
+    """Return what was supplied to clock times, or converted; nothing of UTC with dates.
+
+    Args:
+        texts: Column `value_utc`, as written.
+        date: The day of those without one.
+        zone: The zone of those without one.
+    """
+    of = [said(text) for text in texts if text]
+    unzoned = sum(not one.zone for one in of)
+    utc = sum(one.zone.upper() in ("Z", "UTC") for one in of)
+    found = ClockTimesTaken(
+        date=date or "",
+        undated=sum(not one.date for one in of) if date else 0,
+        zone=zone or "",
+        unzoned=unzoned if zone else 0,
+        moved=len(of) - unzoned - utc,
+    )
+    return [found] if found.undated or found.unzoned or found.moved else []
+
+
+def _refuse_over_midnight(
+    rows: Columns, texts: Sequence[str], found: dict[int, int]
+) -> None:
+    """Refuse times of one day that lie at both its ends: midnight was between them."""
+    last = max(found.values())
+    early = [last - found.get(row, last) > HALF_DAY for row in range(len(texts))]
+    late = texts[max(found, key=found.__getitem__)]
+    rows.refuse(
+        [flag and "-" not in texts[row][:8] for row, flag in enumerate(early)],
+        VALUE_UTC,
+        lambda row: (
+            f"times within half a day, got {texts[row]} beside {late}: where midnight "
+            "was between them, write dates, as 2020-08-05T00:00:00.310Z"
+        ),
+    )
+
+
+class NotAnInstant(Exception):
+    """What was expected, in words that go on after "expected"."""
+
+
+def instant(text: str, day: date | None, zone: tzinfo | None) -> int:
+    """Return nanoseconds since 1970, UTC.
+
+    Args:
+        text: `2020-08-04T15:08:18.310Z`, or with an offset such as +03:00 in place of
+            the Z, or without date, or without zone; a decimal comma is one too.
+        day: The date of a text without one.
+        zone: The zone of a text without one.
+
+    Raises:
+        NotAnInstant: It cannot be read so; the message says why.
+    """
+    rest = text.strip()
+    if dated := _DAY.match(rest):
+        day, rest = _day(dated), rest[dated.end() :]
+    clock = _CLOCK.match(rest)
+    if not clock:
+        raise NotAnInstant(f"a time as {EXAMPLE} or 15:08:18.310, got {shown(text)}")
+    hour, minute, second = (int(clock[i] or 0) for i in (1, 2, 3))
+    if second == 60:
+        raise NotAnInstant(
+            "seconds below 60: a leap second has no number of its own in UTC as "
+            f"counted here; got {shown(text)}: move all times by a second, or give "
+            "them as value, in seconds from any one moment"
+        )
+    if hour > 23 or minute > 59 or second > 59:
+        raise NotAnInstant(f"a time of day from 00:00:00 to 23:59:59, got {text!r}")
+    own = rest[clock.end() :]
+    own_zone = _offset(own, text) if own else zone
+    if day is None:
+        raise NotAnInstant(
+            f"a date, as in {EXAMPLE}, or {argument('date')} YYYY-MM-DD for all"
+            + ("" if own_zone else f" (and {argument('zone')}, as +02:00)")
+            + f"; got {shown(text)}"
+        )
+    if own_zone is None:
+        raise NotAnInstant(
+            f"a zone, as in {EXAMPLE} or 15:08:18.310+03:00, or {argument('zone')} for "
+            f"all, as +02:00 or Asia/Beirut; got {shown(text)}"
+        )
+    nanoseconds = int((clock[4] or "").ljust(9, "0"))
+    if not YEARS[0] <= day.year <= YEARS[1]:
+        raise NotAnInstant(f"a year from {YEARS[0]} to {YEARS[1]}, got {shown(text)}")
+    seconds = _seconds(datetime(day.year, day.month, day.day, hour, minute), own_zone)
+    return (seconds + second) * SECOND + nanoseconds
+
+
+class Said(NamedTuple):
+    """What a text says of its instant, beside the time of the day.
+
+    Attributes:
+        date: Whether it names the day.
+        zone: What stands behind the time of day: "", "Z", "+03:00".
+    """
+
+    date: bool
+    zone: str
+
+
+def said(text: str) -> Said:
+    """Return what a time, as `instant` reads it, says of its day and zone."""
+    rest = text.strip()
+    dated = _DAY.match(rest)
+    rest = rest[dated.end() :] if dated else rest
+    clock = _CLOCK.match(rest)
+    return Said(dated is not None, rest[clock.end() :] if clock else "")
+
+
+def zone_named(name: str) -> tzinfo:
+    """Return a time zone: `UTC`, `Z`, `+02:00`, or a name of IANA's, `Europe/Paris`.
+
+    Raises:
+        InputError: There is no such zone.
+    """
+    if name.upper() in ("Z", "UTC"):
+        return UTC
+    if match := _OFFSET.fullmatch(name):
+        return _fixed(match, name)
+    from zoneinfo import ZoneInfo, available_timezones
+
+    try:
+        return ZoneInfo(name)
+    except (KeyError, OSError, ValueError):  # no zone; no name of a file
+        raise InputError(
+            f"{argument('zone')}: expected a zone as Asia/Beirut, +02:00 or UTC, got "
+            f"{shown(name)}{nearest(name, available_timezones())}"
+        ) from None
+
+
+def day_named(text: str) -> date:
+    """Return the day of YYYY-MM-DD.
+
+    Raises:
+        InputError: It is none.
+    """
+    try:
+        if len(text) == 10:
+            return datetime.strptime(text, "%Y-%m-%d").date()
+    except ValueError:
+        pass
+    raise InputError(
+        f"{argument('date')}: expected a day as 2020-08-04, got {shown(text)}"
+    )
+
+
+def moment(nanoseconds: int) -> datetime:
+    """Return an instant in UTC, to the microsecond below."""
+    seconds, rest = divmod(nanoseconds, SECOND)
+    since = timedelta(seconds=seconds, microseconds=rest // 1000)
+    return datetime(1970, 1, 1, tzinfo=UTC) + since
+
+
+def written(epoch: datetime, seconds: float) -> str:
+    """Return an instant as `instant` reads it, to the nanosecond.
+
+    Args:
+        epoch: UTC of time zero.
+        seconds: Since then.
+    """
+    since = epoch - datetime(1970, 1, 1, tzinfo=UTC)
+    whole = since // timedelta(microseconds=1) * 1000
+    nanoseconds = whole + round(seconds * SECOND)
+    text = moment(nanoseconds).strftime("%Y-%m-%dT%H:%M:%S")
+    return f"{text}.{nanoseconds % SECOND:09d}Z"
+
+
+def _day(match: re.Match[str]) -> date:
+    try:
+        return date(*map(int, match.groups()))
+    except ValueError:
+        raise NotAnInstant(f"a day of the calendar, got {match[0].strip()!r}") from None
+
+
+def _offset(text: str, whole: str) -> tzinfo:
+    """Return the zone that stands behind a time."""
+    if text in ("Z", "z", "UTC"):
+        return UTC
+    match = _OFFSET.fullmatch(text)
+    if not match:
+        raise NotAnInstant(f"Z or an offset as +03:00 behind it, got {shown(whole)}")
+    try:
+        return _fixed(match, text)
+    except InputError:
+        raise NotAnInstant(f"an offset within a day, got {shown(whole)}") from None
+
+
+def _fixed(match: re.Match[str], name: str) -> timezone:
+    hours, minutes = int(match[2]), int(match[3] or 0)
+    if hours > 23 or minutes > 59:
+        raise InputError(
+            f"{argument('zone')}: expected an offset within a day, got {shown(name)}"
+        )
+    ahead = timedelta(hours=hours, minutes=minutes)
+    return timezone(ahead if match[1] == "+" else -ahead)
+
+
+@lru_cache(maxsize=4096)
+def _seconds(local: datetime, zone: tzinfo) -> int:
+    """Return whole seconds since 1970 of a local time that happened once.
+
+    Offsets were no whole minutes everywhere: in Monrovia 44 min 30 s until 1972.
+
+    Raises:
+        NotAnInstant: Clocks were moved then: it never happened, or twice.
+    """
+    both = [local.replace(tzinfo=zone, fold=fold) for fold in (0, 1)]
+    happened = [
+        when
+        for when in both
+        if when.astimezone(UTC).astimezone(zone).replace(tzinfo=None) == local
+    ]
+    if not happened:
+        raise NotAnInstant(
+            f"a time that there was in {zone}, got {local:%Y-%m-%d %H:%M}: clocks "
+            "were put forward over it"
+        )
+    offsets = {when.utcoffset() for when in happened}
+    if len(offsets) > 1:
+        said = " or ".join(f"{when:%z}" for when in happened)
+        raise NotAnInstant(
+            f"a time that there was once in {zone}, got {local:%Y-%m-%d %H:%M}, which "
+            f"came twice as clocks were put back; say {said} behind it"
+        )
+    since = happened[0] - datetime(1970, 1, 1, tzinfo=UTC)
+    return since // timedelta(seconds=1)

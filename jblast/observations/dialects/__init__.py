@@ -1,1 +1,0 @@
-"""How logs of other programs are written: text of many kinds, spreadsheets, frames."""

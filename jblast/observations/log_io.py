@@ -1,0 +1,355 @@
+"""Input and output of logs: text, spreadsheets, Parquet, pandas and xarray.
+
+`read` turns any source into a table of text, identifies its columns, refuses records of
+samples and tables in which more than one reading is possible, and checks each row.
+`write` writes CSV in UTF-8 with the shortest digits that read back as the same number,
+so a log that is written and read again is the same log. Where the log has a frame or
+an epoch, positions are written as degrees and clock times as UTC. Covariances of errors
+are written to a side file (`covariances`), in a data frame to its `attrs`.
+"""
+
+import math
+import os
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+
+from jblast.errors import InputError
+from jblast.files import write_text
+from jblast.observations.clocks import written
+from jblast.observations.covariances import (
+    COVARIANCES,
+    covariance_rows,
+    plain_text,
+    quoted,
+    with_covariances,
+    write_covariances,
+)
+from jblast.observations.dialects import (
+    UnitOf,
+    drop_blanks,
+    made_long,
+    read_header,
+    refuse_two_tables,
+    refuse_wide,
+    take_decimal_commas,
+    take_units_row,
+)
+from jblast.observations.rows import AT_LEAST, Rows
+from jblast.observations.sources import (
+    LOWER_BOUND,
+    refuse_series,
+    source_name,
+    table_of,
+)
+from jblast.observations.table import (
+    CLOCK_TIMES,
+    COLUMNS,
+    DEGREES,
+    NEEDED,
+    NUMBERS,
+    POSITION,
+    SAMPLES,
+    Faults,
+    Observations,
+    no_rows,
+)
+from jblast.progress import stages
+from jblast.quantity_table import QUANTITIES
+from jblast.units.names import dimension_of
+
+STAGES = {"loading": 1.0, "taking lines apart": 4.0, "checking columns": 8.0}
+"""Of reading, and about how long each takes, in seconds a million rows."""
+
+
+def read(
+    source: Any,
+    *,
+    strict: bool = False,
+    wide: bool = False,
+    faults: list[InputError] | None = None,
+    date: str | None = None,
+    zone: str | None = None,
+) -> Observations:
+    """Read a log of observations: one measurement a row.
+
+    Columns are `sensor,quantity,value,sigma`, then either `east_m,north_m,up_m`,
+    `lat_deg,lon_deg,alt_m` or `range_m`, or neither where the scene says where the
+    sensor stands; `time_s`, `path`, `shot`, `clock` and `record` may follow. Their
+    order is free. Lines that begin with # are comments. An empty sigma leaves the law's
+    scatter alone. A value `>0.12` is a lower bound: what was measured is no less. A
+    clock time may stand in `value_utc`, as 2020-08-04T15:08:18.310Z, in place of
+    `value`. How the errors of one record go together is read from
+    `LOG.covariance.csv`, if that stands beside `LOG.csv`, or from the `attrs` of a data
+    frame.
+
+    Other dialects are recognised by what can be read one way only, never guessed:
+    units in the names of columns and quantities, separators, decimal commas, encodings,
+    spreadsheets, empty fields. What was converted, skipped or supplied is told in
+    `understood`.
+
+    Args:
+        source: A path (text, .xlsx, .ods, .parquet), an open file or buffer of text or
+            bytes, or a `pandas.DataFrame`.
+        strict: Whether to take UTF-8 text with commas, our own columns and units alone.
+        wide: Whether each quantity has a column of its own.
+        faults: Every fault is appended here, and reading goes on with the other rows
+            and columns; None: the first is raised.
+        date: The day, YYYY-MM-DD, of times in `value_utc` that have none.
+        zone: The zone of those that have none: +02:00, UTC, Asia/Beirut.
+
+    Returns:
+        The log: a row a measurement, in SI units. Where faults are gathered, of the
+        rows that have none; it may have no rows.
+
+    Raises:
+        InputError: The file is not as described; the message says where and how.
+
+    Example:
+        `observations = jblast.read("log.csv")`
+    """
+    found = Faults(faults)
+    try:
+        log = _read(source, found, strict=strict, wide=wide, date=date, zone=zone)
+        attached = getattr(source, "attrs", {}).get(COVARIANCES)
+        return with_covariances(log, found, attached)
+    except InputError as fault:
+        if faults is None:
+            raise
+        faults.append(fault)
+        return no_rows(source_name(source))
+
+
+def _read(
+    source: Any,
+    faults: Faults,
+    *,
+    strict: bool,
+    wide: bool,
+    date: str | None,
+    zone: str | None,
+) -> Observations:
+    begin = stages(STAGES)
+    begin("loading")
+    table = table_of(source, faults, strict=strict)
+    begin("taking lines apart")
+    where = table.at(table.header_line)
+    nothing = f"{where}: nothing after the header; expected one measurement a row"
+    units_row: dict[str, UnitOf] = {}
+    if not strict:
+        drop_blanks(table)
+        units_row = take_units_row(table)
+    if wide:
+        table = made_long(table, units_row)
+    else:
+        refuse_series(table)
+        if not strict:
+            refuse_wide(table, units_row)
+    header = read_header(table, faults, units_row, strict=strict)
+    if not len(table.lines):
+        raise InputError(nothing)
+    refuse_two_tables(table, [header.theirs.get(name, name) for name in table.header])
+    if not strict and not wide:
+        take_decimal_commas(table, NUMBERS)
+    begin("checking columns")
+    rows = Rows(table, header, faults, strict=strict, date=date, zone=zone)
+    if not rows.lines:
+        n, first = len(rows.skipped), rows.skipped[0]
+        raise InputError(
+            f"{table.at(first)}: expected a value in some row, got "
+            + (f"{n} rows without a value" if n > 1 else "a row without a value, alone")
+        )
+    return rows.observations()
+
+
+def write(
+    path: str | os.PathLike[str],
+    observations: Observations,
+    *,
+    comments: Sequence[str] = (),
+) -> None:
+    """Write observations as tidy CSV; columns nobody fills are left out.
+
+    Covariances go into the side file, `LOG.covariance.csv` beside `LOG.csv`; an old one
+    is taken away, so that what is read back is what was written. Files of samples are
+    named by their path from there.
+
+    Args:
+        path: The file, replaced if it exists.
+        observations: What to write.
+        comments: Provenance, written before what `observations.comments` holds.
+
+    Raises:
+        ValueError: There are no rows, or a name or comment would not read back: it has
+            line breaks, control characters or outer spaces.
+    """
+    observations = _with_samples_from(Path(path).parent, observations)
+    write_text(path, log_text(observations, comments))
+    write_covariances(path, observations)
+
+
+def log_text(observations: Observations, comments: Sequence[str] = ()) -> str:
+    """Return what `write` writes into the file, and raise as it does."""
+    if not len(observations):
+        raise ValueError("observations has no rows; an empty file would not read back")
+    lines = [
+        f"# {plain_text(line)}".rstrip() for line in (*comments, *observations.comments)
+    ]
+    columns = _columns(observations)
+    lines.append(",".join(columns))
+    lines.extend(",".join(row) for row in zip(*columns.values(), strict=True))
+    return "\n".join(lines) + "\n"
+
+
+def _with_samples_from(folder: Path, observations: Observations) -> Observations:
+    """Return a log whose files of samples are found from another folder."""
+    beside = Path(observations.source).parent
+    if SAMPLES not in observations.quantity or beside.resolve() == folder.resolve():
+        return observations
+    records = tuple(
+        Path(os.path.relpath(beside / name, folder)).as_posix()
+        if quantity == SAMPLES and not Path(name).is_absolute()
+        else name
+        for quantity, name in zip(
+            observations.quantity, observations.records(), strict=True
+        )
+    )
+    return replace(observations, record=records)
+
+
+def _columns(observations: Observations) -> dict[str, list[str]]:
+    """Return the text of every column that holds something."""
+    texts = {
+        name: [_digits(x) for x in column]
+        if isinstance(column, np.ndarray)
+        else [quoted(x) for x in column]
+        for name, column in typed_columns(observations).items()
+    }
+    bounds = observations.bounds()
+    texts["value"] = [
+        (AT_LEAST if is_bound else "") + text
+        for is_bound, text in zip(bounds, texts["value"], strict=True)
+    ]
+    return texts
+
+
+def typed_columns(
+    observations: Observations,
+) -> dict[str, Float[np.ndarray, " row"] | tuple[str, ...]]:
+    """Return every column that is needed or holds something, in the order of a file.
+
+    Positions and clock times are degrees and UTC where the log says where on the Earth
+    it counts from, and from when; a value is NaN beside a `value_utc`.
+    """
+    place, names = observations.position, POSITION
+    if observations.frame is not None:
+        place, names = observations.frame.to_geodetic(place), DEGREES
+    columns = {
+        "sensor": observations.sensor,
+        "quantity": observations.quantity,
+        "value": observations.value,
+        "sigma": observations.sigma,
+        **dict(zip(names, place.T, strict=True)),
+        "range_m": observations.slant_range,
+        "time_s": observations.time,
+        "path": observations.path,
+        "shot": observations.shot,
+        "clock": observations.clock,
+        "record": observations.records(),
+    }
+    if observations.epoch is not None:
+        timed_rows = np.isin(observations.quantity, CLOCK_TIMES)
+        columns["value_utc"] = tuple(
+            written(observations.epoch, value) if timed else ""
+            for timed, value in zip(
+                timed_rows, observations.value.tolist(), strict=True
+            )
+        )
+        columns["value"] = np.where(timed_rows, np.nan, observations.value)
+    return {c: columns[c] for c in COLUMNS if c in NEEDED or _holds(columns.get(c, ()))}
+
+
+def _holds(column: Float[np.ndarray, " row"] | tuple[str, ...]) -> bool:
+    """Return whether a column holds anything."""
+    if isinstance(column, np.ndarray):
+        return not np.isnan(column).all()
+    return any(column)
+
+
+def _digits(number: float) -> str:
+    return "" if math.isnan(number) else repr(float(number))
+
+
+def from_pandas(frame: Any, **asked: Any) -> Observations:
+    """Return the log that a data frame holds; `asked` as `read` takes it."""
+    return read(frame, **asked)
+
+
+def to_pandas(observations: Observations) -> Any:
+    """Return a log as a data frame: columns as in a file, units in their names."""
+    import pandas
+
+    columns: dict[str, Any] = dict(typed_columns(observations))
+    if observations.bounds().any():
+        columns[LOWER_BOUND] = observations.bounds()
+    frame = pandas.DataFrame({name: list(held) for name, held in columns.items()})
+    frame.attrs = {
+        "source": observations.source,
+        "comments": list(observations.comments),
+        "units": {name: _unit(name) for name in columns if name in NUMBERS[2:]},
+    }
+    if observations.covariances:
+        frame.attrs[COVARIANCES] = covariance_rows(observations)
+    return frame
+
+
+def to_xarray(observations: Observations) -> Any:
+    """Return a log as a data set, a variable for each quantity, units as attributes."""
+    import xarray
+
+    quantity = np.array(observations.quantity)
+    variables: dict[str, Any] = {}
+    for name in dict.fromkeys(observations.quantity):
+        if name not in QUANTITIES:  # samples, which stand in files of their own
+            continue
+        one, here = QUANTITIES[name], quantity == name
+        variables[name] = (
+            "row",
+            np.where(here, observations.value, np.nan),
+            {"units": one.unit, "long_name": one.meaning},
+        )
+        variables[f"sigma_{name}"] = (
+            "row",
+            np.where(here, observations.sigma, np.nan),
+            {"units": one.unit, "long_name": f"standard deviation of {one.words}"},
+        )
+    numbers = dict(zip(POSITION, observations.position.T, strict=True))
+    numbers |= {"range_m": observations.slant_range, "time_s": observations.time}
+    coordinates: dict[str, Any] = {
+        name: ("row", held, {"units": _unit(name)}) for name, held in numbers.items()
+    }
+    names = ("sensor", "quantity", "path", "shot", "clock")
+    coordinates |= {name: ("row", list(getattr(observations, name))) for name in names}
+    coordinates["record"] = ("row", list(observations.records()))
+    coordinates[LOWER_BOUND] = ("row", observations.bounds())
+    attributes = {
+        "source": observations.source,
+        "comments": "\n".join(observations.comments),
+    }
+    if observations.frame is not None:
+        frame = observations.frame
+        attributes["origin"] = f"{frame.lat_deg!r} {frame.lon_deg!r} {frame.alt_m!r}"
+    if observations.epoch is not None:
+        attributes["epoch"] = observations.epoch.isoformat()
+    return xarray.Dataset(variables, coordinates, attributes)
+
+
+def _unit(column: str) -> str:
+    """Return the unit of a column, as an attribute has it."""
+    if column.endswith("_deg"):
+        return "degree"
+    return "s" if dimension_of(column) == "time" else "m"

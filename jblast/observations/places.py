@@ -1,0 +1,277 @@
+"""Latitude, longitude and altitude as east, north and up in a local frame.
+
+The frame touches the WGS84 ellipsoid at its origin, the mean of the sensors' positions
+in space, and its axes are straight. Distances between positions are exact at any range;
+ground at the height of the origin lies $d^2/2R$ below the plane at a distance $d$.
+Heights are counted from one datum (`alt_m`) or from level ground (`up_m`), never both.
+Positions more than 1,000 km from the others are refused: a sign or the order of
+latitude and longitude is wrong. The transformations are those of pymap3d.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Protocol, runtime_checkable
+
+import numpy as np
+from jaxtyping import ArrayLike, Bool, Float
+
+from jblast.parameter_table import PLACE_LIMITS
+
+METRES = ("east_m", "north_m")
+DEGREES = ("lat_deg", "lon_deg")
+HEIGHTS = ("alt_m", "up_m")
+"""Above the one datum of all heights, and above the ground there."""
+FARTHEST = 1e6
+"""No place of a log is further from the frame's origin [m]: a sign, or an order, is
+wrong then."""
+
+
+@runtime_checkable
+class Columns(Protocol):
+    """The columns of a table: `observations.rows.Rows` is one."""
+
+    @property
+    def texts(self) -> Mapping[str, Sequence[str]]:
+        """Each column as it was written."""
+        ...
+
+    def number(self, column: str) -> Float[np.ndarray, " row"]:
+        """Return a column of numbers, NaN where it has none."""
+        ...
+
+    def refuse(
+        self,
+        bad: Bool[np.ndarray, " row"],
+        column: str,
+        expected: Callable[[int], str],
+    ) -> None:
+        """Tell bad rows, with what the column should hold."""
+        ...
+
+
+@dataclass(frozen=True)
+class Frame:
+    """East, north, up about a place, in the plane that touches the ellipsoid there.
+
+    The axes are straight: ground of the origin's height lies $d^2 / 2R$ below the plane
+    at a distance $d$. Distances between places are those through the air, exact at any
+    range (`flatness` says what is lost by taking the ground as flat).
+
+    Attributes:
+        lat_deg: Geodetic latitude of the origin, WGS84 [degree].
+        lon_deg: Its longitude, east positive [degree].
+        alt_m: Its height above the ellipsoid, or above the one datum that all heights
+            are counted from [m].
+
+    Example:
+        `Frame(33.9, 35.5, 10.0).to_enu(33.91, 35.5, 12.0)`
+    """
+
+    lat_deg: float
+    lon_deg: float
+    alt_m: float = 0.0
+
+    def to_enu(
+        self,
+        lat_deg: Float[ArrayLike, "*place"],
+        lon_deg: Float[ArrayLike, "*place"],
+        alt_m: Float[ArrayLike, "*place"],
+    ) -> Float[np.ndarray, "*place 3"]:
+        """Return east, north, up of places [m].
+
+        Args:
+            lat_deg: Geodetic latitudes [degree].
+            lon_deg: Longitudes, of any turn [degree].
+            alt_m: Heights by the datum of the origin's [m].
+        """
+        from pymap3d import geodetic2enu  # 0.2 s, and few logs are in degrees
+
+        lat, lon, alt = np.broadcast_arrays(
+            *(np.asarray(x, float) for x in (lat_deg, lon_deg, alt_m))
+        )
+        enu = geodetic2enu(lat, lon, alt, self.lat_deg, self.lon_deg, self.alt_m)
+        return np.stack([np.asarray(axis, float) for axis in enu], axis=-1)
+
+    def to_geodetic(
+        self, enu_m: Float[ArrayLike, "*place 3"]
+    ) -> Float[np.ndarray, "*place 3"]:
+        """Return latitude, longitude (-180 to 180) [degree] and height of places [m].
+
+        Args:
+            enu_m: East, north, up [m].
+        """
+        from pymap3d import enu2geodetic
+
+        east, north, up = np.moveaxis(np.asarray(enu_m, float), -1, 0)
+        lat, lon, alt = enu2geodetic(
+            east, north, up, self.lat_deg, self.lon_deg, self.alt_m
+        )
+        lon = (np.asarray(lon, float) + 180.0) % 360.0 - 180.0
+        return np.stack([np.asarray(lat, float), lon, np.asarray(alt, float)], axis=-1)
+
+
+def places_of(rows: Columns) -> tuple[Float[np.ndarray, "row 3"], Frame | None]:
+    """Return east, north, up of rows [m], and what frame of, if they are in degrees.
+
+    Raises:
+        InputError: As `places_in_degrees`.
+    """
+    on_earth = places_in_degrees(rows)
+    if on_earth is not None:
+        return on_earth
+    return np.stack([rows.number(name) for name in (*METRES, "up_m")], axis=1), None
+
+
+def places_in_degrees(
+    rows: Columns,
+) -> tuple[Float[np.ndarray, "row 3"], Frame] | None:
+    """Return east, north, up of rows about the middle of their places, and that frame.
+
+    Heights are `alt_m`, above the ellipsoid or any one datum, or `up_m`, above the
+    ground, which is then taken as level; or there are none, and all stood on it.
+
+    Args:
+        rows: The table.
+
+    Returns:
+        Positions [m], NaN where a row has no place; None if no row is in degrees.
+
+    Raises:
+        InputError: A row has half a place, or one that is none, or the rows mix
+            latitudes with metres, or heights above the sea with those above the ground;
+            unless faults are gathered.
+    """
+    given = {name: _given(rows, name) for name in (*METRES, *DEGREES, *HEIGHTS)}
+    degrees = given["lat_deg"] | given["lon_deg"]
+    if not degrees.any():
+        return None
+    _refuse_mixed(rows, given)
+    lat, lon, alt = (_within(rows, name) for name in PLACE_LIMITS)
+    for name in DEGREES:
+        rows.refuse(
+            degrees & ~given[name], name, lambda _: "lat_deg and lon_deg, got nothing"
+        )
+    height = np.where(given["up_m"], rows.number("up_m"), alt)
+    height = np.where(given["up_m"] | given["alt_m"], height, 0.0)
+    sound = np.isfinite(lat) & np.isfinite(lon) & np.isfinite(height)
+    if not sound.any():
+        return np.full((len(degrees), 3), np.nan), Frame(0.0, 0.0)
+    places = np.stack([lat, lon, height], axis=-1)
+    distinct = np.unique(places[sound], axis=0)
+    frame = mean_frame(*distinct.T)
+    if given["up_m"].any():  # ground of one level, of which nobody said how high
+        frame = Frame(frame.lat_deg, frame.lon_deg)
+    position = np.full(places.shape, np.nan)
+    position[sound] = frame.to_enu(*places[sound].T)
+    _refuse_far(rows, position)
+    return position, frame
+
+
+def _given(rows: Columns, column: str) -> Bool[np.ndarray, " row"]:
+    """Return where a column holds something."""
+    texts = rows.texts.get(column)
+    if texts is None:
+        return np.zeros(len(next(iter(rows.texts.values()))), bool)
+    return np.array([bool(text) for text in texts], bool)
+
+
+def _refuse_mixed(rows: Columns, given: Mapping[str, np.ndarray]) -> None:
+    """Refuse metres beside degrees, and two kinds of height."""
+    metres = given["east_m"] | given["north_m"]
+    degrees = given["lat_deg"] | given["lon_deg"]
+    rows.refuse(
+        metres,
+        "east_m" if given["east_m"].any() else "north_m",
+        lambda row: (
+            "all places as lat_deg, lon_deg or all as east_m, north_m; got metres "
+            + (
+                "beside degrees in one row"
+                if degrees[row]
+                else "here, degrees in others"
+            )
+        ),
+    )
+    rows.refuse(
+        given["alt_m"] & given["up_m"],
+        "up_m",
+        lambda _: (
+            "alt_m, the height above the ellipsoid, or up_m, that above the ground; "
+            "got both"
+        ),
+    )
+    for name, other in (HEIGHTS, HEIGHTS[::-1]):
+        if given[name][np.argmax(degrees)]:
+            rows.refuse(
+                degrees & ~given[name] & given[other],
+                other,
+                lambda _, name=name: (
+                    f"{name} as in the rows before, got another height"
+                ),
+            )
+            rows.refuse(
+                degrees & ~given[name] & ~given[other],
+                name,
+                lambda _: "a height as in the rows before, got nothing",
+            )
+            return
+    rows.refuse(
+        degrees & (given["alt_m"] | given["up_m"]),
+        "alt_m" if given["alt_m"].any() else "up_m",
+        lambda _: "no height, as in the rows before, or one in each row of degrees",
+    )
+
+
+def _within(rows: Columns, column: str) -> Float[np.ndarray, " row"]:
+    """Return a column, NaN where it is out of what a place on Earth may have."""
+    least, most = PLACE_LIMITS[column].at_least, PLACE_LIMITS[column].at_most
+    numbers = rows.number(column)
+    swapped = "; are lat_deg and lon_deg swapped?" if column == "lat_deg" else ""
+    bad = (numbers < least) | (numbers > most)
+    rows.refuse(
+        bad,
+        column,
+        lambda row: (
+            f"a number between {least:g} and {most:g}, got "
+            f"{rows.texts[column][row]}{swapped}"
+        ),
+    )
+    return np.where(bad, np.nan, numbers)
+
+
+def _refuse_far(rows: Columns, position: Float[np.ndarray, "row 3"]) -> None:
+    """Refuse a place on another continent than most."""
+    middle = np.nanmedian(position, axis=0)
+    away = np.linalg.norm(position - middle, axis=1)
+    rows.refuse(
+        away > FARTHEST,
+        "lat_deg",
+        lambda row: (
+            f"a place within {FARTHEST / 1e3:g} km of the other sensors, got one "
+            f"{away[row] / 1e3:.4g} km away; is a sign missing, or are lat_deg and "
+            "lon_deg swapped?"
+        ),
+    )
+
+
+def mean_frame(
+    lat_deg: Float[ArrayLike, " place"],
+    lon_deg: Float[ArrayLike, " place"],
+    alt_m: Float[ArrayLike, " place"],
+) -> Frame:
+    """Return the frame about the middle of places, up = 0 at the mean of their heights.
+
+    The middle is that of the points in space, so that neither the pole nor the line
+    where dates change is a special place.
+
+    Args:
+        lat_deg: Geodetic latitudes [degree].
+        lon_deg: Longitudes [degree].
+        alt_m: Heights [m].
+    """
+    from pymap3d import ecef2geodetic, geodetic2ecef
+
+    level = np.zeros(np.shape(lat_deg))
+    points = geodetic2ecef(np.asarray(lat_deg, float), np.asarray(lon_deg), level)
+    x, y, z = (float(np.mean(axis)) for axis in points)
+    lat, lon, _ = ecef2geodetic(x, y, z)
+    return Frame(float(lat), float(lon), float(np.mean(alt_m)))

@@ -1,1 +1,0 @@
-"""Places on the Earth: latitudes and longitudes as east, north, up, and back."""

@@ -1,0 +1,183 @@
+"""MATLAB's .mat: variables whose names hold units, by SciPy, or h5py from version 7.3.
+
+`time_ms` and `pressure_kpa`, or a number `rate_hz` (`fs`) in place of the times; in the
+file, or in structs, each with its own times.
+"""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from jblast.errors import InputError, shown
+from jblast.observations.records.recording import (
+    RATES,
+    Piece,
+    Recording,
+    SampleClock,
+    Scaling,
+    even_clock,
+    left_out,
+    pressure_factor,
+    recordings_of,
+    refuse_two_units,
+    time_factor,
+    volts_factor,
+    word_and_unit,
+)
+
+Arrays = Mapping[str, np.ndarray]
+
+
+def open_matlab(path: Path, scaling: Scaling) -> tuple[Recording, ...]:
+    """Return the variables of pressure or volts of a .mat file.
+
+    Raises:
+        InputError: It is none, or its variables are no time and pressure.
+    """
+    pieces: list[Piece] = []
+    others: list[str] = []
+    held = _arrays(path)
+    for struct, arrays in held.items():
+        units = {name: word_and_unit(name)[1] for name in arrays}
+        pressures = [
+            name
+            for name, unit in units.items()
+            if pressure_factor(unit) is not None or volts_factor(unit) is not None
+        ]
+        others += [f"{struct}{name}" for name in arrays if name not in pressures]
+        if not pressures:
+            continue
+        refuse_two_units([(n, units[n]) for n in pressures], f"{path}: variables")
+        clock, length, used = _clock(path, struct, arrays, units)
+        others.remove(f"{struct}{used}")
+        pieces += [
+            _piece(path, f"{struct}{name}", units[name], arrays[name], clock, length)
+            for name in pressures
+        ]
+    if not pieces:
+        got = ", ".join(others)
+        raise InputError(
+            f"{path}: expected a variable of pressure, as pressure_kpa, or of volts, "
+            f"got {shown(got) if got else 'no numbers'}"
+        )
+    return recordings_of(path, pieces, scaling, left_out(others))
+
+
+def _arrays(path: Path) -> dict[str, dict[str, np.ndarray]]:
+    """Return numbers by name: those of the file under "", of a struct under `name.`."""
+    from scipy.io import loadmat
+    from scipy.io.matlab import MatReadError
+
+    try:
+        held = loadmat(path)
+    except NotImplementedError:  # version 7.3 is HDF5
+        return _arrays_of_hdf5(path)
+    except (MatReadError, ValueError, OSError) as error:
+        if _is_hdf5(path):  # without the first lines that MATLAB writes
+            return _arrays_of_hdf5(path)
+        raise InputError(
+            f"{path}: expected a .mat file, which SciPy cannot make of it ({error})"
+        ) from None
+    found: dict[str, dict[str, np.ndarray]] = {"": {}}
+    for name, array in held.items():
+        if not isinstance(array, np.ndarray):
+            continue
+        if np.issubdtype(array.dtype, np.number):
+            found[""][name] = array
+        for row, struct in enumerate(array.ravel() if array.dtype.names else ()):
+            one = name if array.size == 1 else f"{name}({row + 1})"
+            found[f"{one}."] = {
+                field: struct[field]
+                for field in array.dtype.names or ()
+                if np.issubdtype(struct[field].dtype, np.number)
+            }
+    return found
+
+
+def _is_hdf5(path: Path) -> bool:
+    """Return whether h5py can open a file."""
+    import h5py
+
+    return bool(h5py.is_hdf5(path))
+
+
+def _arrays_of_hdf5(path: Path) -> dict[str, dict[str, np.ndarray]]:
+    import h5py
+
+    def numbers(held: Any) -> dict[str, np.ndarray]:
+        return {
+            name: np.asarray(one).T  # MATLAB counts columns first
+            for name, one in held.items()
+            if isinstance(one, h5py.Dataset) and np.issubdtype(one.dtype, np.number)
+        }
+
+    try:
+        with h5py.File(path) as file:
+            structs = [
+                (f"{name}.", numbers(held))
+                for name, held in file.items()
+                if isinstance(held, h5py.Group)
+            ]
+            return {"": numbers(file), **dict(structs)}
+    except OSError as error:
+        raise InputError(
+            f"{path}: expected a .mat file, which h5py cannot make of it ({error})"
+        ) from None
+
+
+def _clock(
+    path: Path, struct: str, arrays: Arrays, units: Mapping[str, str]
+) -> tuple[SampleClock, int | None, str]:
+    """Return the clock, how many samples it has, and the variable that tells it."""
+    times = [name for name, unit in units.items() if time_factor(unit) is not None]
+    if len(times) == 1:
+        (name,) = times
+        seconds = float(time_factor(units[name]) or 1.0) * arrays[name].ravel()
+        clock = even_clock(
+            np.asarray(seconds, np.float64),
+            lambda row: f"{path}: variable {struct}{name}, row {row + 1}",
+        )
+        return SampleClock(*clock), seconds.size, name
+    rates = [name for name in arrays if name.lower() in RATES]
+    if times or len(rates) != 1:
+        got = ", ".join(f"{struct}{name}" for name in times or arrays)
+        raise InputError(
+            f"{path}: expected one variable of time, as time_ms, or rate_hz, "
+            f"got {shown(got)}"
+        )
+    rate = arrays[rates[0]].ravel().astype(float)
+    if rate.size != 1 or not (np.isfinite(rate[0]) and rate[0] > 0):
+        raise InputError(
+            f"{path}: variable {struct}{rates[0]}: expected one positive number, "
+            f"got {shown(rate.tolist())}"
+        )
+    return SampleClock(0.0, float(rate[0])), None, rates[0]
+
+
+def _piece(
+    path: Path,
+    name: str,
+    unit: str,
+    array: np.ndarray,
+    clock: SampleClock,
+    length: int | None,
+) -> Piece:
+    """Return a variable's samples, along the axis that is as long as the times."""
+    array = np.atleast_2d(array)
+    length = length or max(array.shape)
+    if array.ndim != 2 or length not in array.shape:
+        raise InputError(
+            f"{path}: variable {name}: expected {length} samples a channel, as the "
+            f"times are, got the shape {array.shape}"
+        )
+    samples = array if array.shape[1] == length else array.T
+    return Piece(
+        label=f"variable {name}",
+        unit=unit,
+        channels=len(samples),
+        length=samples.shape[1],
+        read=lambda start, stop: samples[:, start:stop],
+        clock=clock,
+    )

@@ -1,0 +1,100 @@
+"""miniSEED and SAC: traces with the time of day they began at, by ObsPy."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from jblast.errors import InputError, needed
+from jblast.observations.records.recording import (
+    Piece,
+    Recording,
+    SampleClock,
+    Scaling,
+    epoch_and_start,
+    recordings_of,
+)
+
+IDEP = {6: "ground displacement", 7: "ground velocity", 8: "ground acceleration"}
+"""What SAC's header calls other than pressure (IDISP, IVEL, IACC)."""
+IDEP_VOLTS = 50
+"""SAC's header for a velocity in volts (IVOLTS), which is what volts are called."""
+SINGLE = 2.0**-23
+"""Relative spacing of floats of 32 bits."""
+
+
+def open_seismic(path: Path, scaling: Scaling) -> tuple[Recording, ...]:
+    """Return the traces of a file of miniSEED or SAC.
+
+    They hold counts, of a size that stands in another file: pascals a count are the
+    user's to say.
+
+    Raises:
+        InputError: ObsPy makes nothing of it; a trace has gaps or overlaps, or holds
+            the motion of the ground; or volts of a sensitivity that nobody said.
+    """
+    obspy = needed("obspy", "seismic", path, "miniSEED or SAC is read")
+    try:
+        # unasked, ObsPy rounds SAC's step to a microsecond: 1.4 % at 44.1 kHz
+        traces = list(obspy.read(str(path), round_sampling_interval=False))
+    except Exception as error:  # of many kinds, by the parser that gave up
+        raise InputError(
+            f"{path}: expected miniSEED or SAC, which ObsPy cannot make of it "
+            f"({str(error) or type(error).__name__})"
+        ) from None
+    _check_whole(path, traces)
+    notes = tuple(
+        f"trace {trace.id}: its header's factor of {trace.stats.calib:g} is not applied"
+        for trace in traces
+        if trace.stats.calib not in (0.0, 1.0)
+    )
+    return recordings_of(
+        path, [_piece(path, trace) for trace in traces], scaling, notes
+    )
+
+
+def _piece(path: Path, trace: Any) -> Piece:
+    label = f"trace {trace.id}"
+    samples = np.asarray(trace.data)[None]
+    epoch, start_s = epoch_and_start(int(trace.stats.starttime.ns))
+    return Piece(
+        label=label,
+        unit=_unit(path, label, trace.stats),
+        channels=1,
+        length=samples.shape[1],
+        read=lambda start, stop: samples[:, start:stop],
+        clock=SampleClock(start_s, _rate(trace.stats.sampling_rate), epoch),
+    )
+
+
+def _rate(rate_hz: float) -> float:
+    """Return a rate with as few digits as SAC's step, of 32 bits, tells."""
+    roundings = (float(f"{rate_hz:.{digits}g}") for digits in range(1, 17))
+    return next(r for r in roundings if abs(r / rate_hz - 1.0) < SINGLE)
+
+
+def _unit(path: Path, label: str, stats: Any) -> str:
+    """Return the unit that a header tells: SAC's may, miniSEED's cannot."""
+    kind = int(stats["sac"].get("idep", 5)) if "sac" in stats else 5
+    if kind in IDEP:
+        raise InputError(
+            f"{path}: {label}: expected pressure, got {IDEP[kind]} (idep {kind})"
+        )
+    return "V" if kind == IDEP_VOLTS else ""
+
+
+def _check_whole(path: Path, traces: list[Any]) -> None:
+    """Refuse what holds nothing, or one channel in several pieces."""
+    if not any(len(trace.data) for trace in traces):
+        raise InputError(f"{path}: expected samples, got none")
+    before: dict[str, Any] = {}
+    for trace in sorted(traces, key=lambda trace: trace.stats.starttime.ns):
+        last = before.get(trace.id)
+        if last is not None:
+            apart = trace.stats.starttime - last.stats.endtime - last.stats.delta
+            what = "a gap" if apart > 0 else "an overlap"
+            raise InputError(
+                f"{path}: trace {trace.id}: expected one piece, got {what} of "
+                f"{abs(apart):.6g} s after {last.stats.endtime}; cut the record there"
+            )
+        before[trace.id] = trace

@@ -1,0 +1,130 @@
+"""TDMS, as LabVIEW writes it: channels in groups, units and steps as properties."""
+
+import logging
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+
+from jblast.errors import InputError, needed, shown
+from jblast.observations.records.recording import (
+    Piece,
+    Recording,
+    SampleClock,
+    Scaling,
+    epoch_and_start,
+    even_clock,
+    holds_pressure,
+    left_out,
+    recordings_of,
+    time_factor,
+)
+
+UNIT, STEP = "unit_string", "wf_increment"
+OFFSET, START = "wf_start_offset", "wf_start_time"
+"""Properties of a wave form, as LabVIEW calls them."""
+Properties = dict[str, Any]
+
+
+def open_tdms(path: Path, scaling: Scaling) -> tuple[Recording, ...]:
+    """Return the channels of pressure or volts of a TDMS file, read stretch by stretch.
+
+    Their clock is that of the wave form's properties, or else a channel of time in the
+    same group.
+
+    Raises:
+        InputError: npTDMS makes nothing of it; no channel holds pressure; one has no
+            clock; or volts of a sensitivity that nobody said.
+    """
+    nptdms = needed("nptdms", "tdms", path, "TDMS is read")
+    try:
+        nptdms.log.log_manager.set_level(logging.ERROR)  # a cut file is told below
+        with nptdms.TdmsFile.open(path) as file:
+            if file.file_status.incomplete_final_segment:
+                raise InputError(
+                    f"{path}: is cut short: its last segment holds less than it says"
+                )
+            found = [
+                (channel.group_name, channel.name, dict(channel.properties))
+                for group in file.groups()
+                for channel in group.channels()
+                if len(channel)
+            ]
+            wanted = [one for one in found if _is_pressure(one[2])]
+            if not found:
+                raise InputError(f"{path}: expected TDMS with channels, got none")
+            if not wanted:
+                raise InputError(
+                    f"{path}: expected a channel of pressure or volts, got "
+                    f"{shown(', '.join(_labelled(*one) for one in found))}"
+                )
+            pieces = [_piece(nptdms, path, file, *one) for one in wanted]
+    except InputError:
+        raise
+    except Exception as error:  # npTDMS has no error of its own
+        raise InputError(
+            f"{path}: expected TDMS, which npTDMS cannot make of it ({error})"
+        ) from None
+    others = [
+        _labelled(*one) for one in found if one not in wanted and not _seconds(one[2])
+    ]
+    return recordings_of(path, pieces, scaling, left_out(others))
+
+
+def _piece(
+    nptdms: Any, path: Path, file: Any, group: str, name: str, properties: Properties
+) -> Piece:
+    def read(start: int, stop: int) -> Float[np.ndarray, "1 sample"]:
+        with nptdms.TdmsFile.open(path) as opened:
+            return opened[group][name][start:stop][None]
+
+    return Piece(
+        label=f"channel {group}/{name}",
+        unit=str(properties.get(UNIT, "")),
+        channels=1,
+        length=len(file[group][name]),
+        read=read,
+        clock=_clock(path, file, group, name, properties),
+    )
+
+
+def _is_pressure(properties: Properties) -> bool:
+    return holds_pressure(str(properties.get(UNIT, "")))
+
+
+def _seconds(properties: Properties) -> float | None:
+    """Return the factor to seconds of a channel of time; None: it is of none."""
+    unit = str(properties.get(UNIT, ""))
+    return time_factor(unit) if unit else None
+
+
+def _labelled(group: str, name: str, properties: Properties) -> str:
+    unit = properties.get(UNIT, "")
+    return f"{group}/{name}" + (f" ({unit})" if unit else "")
+
+
+def _clock(
+    path: Path, file: Any, group: str, name: str, properties: Properties
+) -> SampleClock:
+    """Return where a channel starts [s], its rate [Hz], and its epoch."""
+    step = properties.get(STEP)
+    if step:
+        offset, began = float(properties.get(OFFSET, 0.0)), properties.get(START)
+        if began is None:
+            return SampleClock(offset, 1.0 / float(step))
+        nanoseconds = int(np.datetime64(began, "ns").astype(np.int64))
+        epoch, start = epoch_and_start(nanoseconds)
+        return SampleClock(start + offset, 1.0 / float(step), epoch)
+    for other in file[group].channels():
+        seconds = _seconds(dict(other.properties))
+        if seconds is not None and len(other) == len(file[group][name]):
+            times = seconds * np.asarray(other[:], np.float64)
+            label = f"{path}: channel {group}/{other.name}"
+            return SampleClock(
+                *even_clock(times, lambda row, at=label: f"{at}, row {row + 1}")
+            )
+    raise InputError(
+        f"{path}: channel {group}/{name}: expected its step as {STEP}, or a channel of "
+        "time beside it, got neither"
+    )

@@ -1,0 +1,377 @@
+"""Scenes for a log: the default scene, and a starter scene to edit.
+
+The default scene has a charge at the origin at time zero. In a log with degrees or
+dates these mean nothing, so the position, the origin time and the offsets of clocks
+that recorded a flash and an arrival are free there, and the air is the standard
+atmosphere at the height of the sensors.
+
+The starter scene is a commented TOML file with what the log contains: sensors, their
+errors, clocks and the origin. It frees the position of the charge only if the geometry
+can determine it: at least three sensors that are not in a line and four rows, or a
+bearing, a flash and an arrival. A log can still leave a free parameter unidentified;
+that is decided by the fit.
+"""
+
+import json
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from jblast.observations.clocks import clocks_apart, has_common_clock
+from jblast.observations.grouping import some_rows
+from jblast.observations.table import CLOCK_TIMES, OF_SAMPLES, SAMPLES, Observations
+from jblast.parameter_table import ALTITUDES, CLOCK_OFFSET
+from jblast.quantities import ADDITIVE, BY_CAMERA, PLACELESS, TIMED, made_with
+from jblast.scene import UncertainScene, freed, with_values
+from jblast.scene.reader.records import share_text
+from jblast.scene.uncertain import NO_SCENE
+from jblast.waves.propagation.atmosphere import standard_atmosphere
+
+PLACE = ("charge_east_m", "charge_north_m")
+APART = 5.0
+"""Flashes so many standard deviations apart were read off clocks that disagree."""
+_SEEN_AND_HEARD = {"flash_time_s", "air_arrival_s", "bearing_rad"}
+_OF_GROUND = set(made_with("ground_arrival_s"))
+_CAMERA = """\
+# [camera]  # that saw fireball_radius_px: it is needed, and the log does not tell it
+# position_m = [EAST, NORTH, UP]
+# look_at_m = [0.0, 0.0, 0.0]
+# width = 1280
+# height = 720
+# focal_px = 1000.0
+"""
+_GROUND = """\
+[ground]
+p_speed_m_s = 5660.0  # granite; "free" or a prior if it was not measured
+# path = "thesis"  # to a raised sensor: along the ground, then up as the air shock
+"""
+_LAW = """\
+# [law]
+# air_arrival_s = "kingery_bulmash"  # one line a quantity; "auto" chooses
+# scatter = true  # false: the laws are exact
+"""
+
+
+def for_log(uncertain: UncertainScene, observations: Observations) -> UncertainScene:
+    """Free in the default scene what a log in degrees, or with dates, cannot fix.
+
+    A charge at the origin means nothing where the origin is the middle of the sensors,
+    nor does time zero where that is the second of the first reading. The place is free
+    then, the origin time, and clocks that the log tells apart (`clocks_to_free`); the
+    air is the standard atmosphere's at the height of the sensors.
+
+    Args:
+        uncertain: What was given; only the default scene is changed.
+        observations: The log.
+    """
+    on_earth = observations.frame is not None
+    if uncertain.source != NO_SCENE or not (on_earth or observations.epoch):
+        return uncertain
+    names = []
+    ranged = not np.isnan(observations.slant_range).all()
+    if on_earth and not ranged and "charge_range_m" not in uncertain.beliefs:
+        names += PLACE
+    if set(CLOCK_TIMES) & set(observations.quantity):
+        names.append("origin_time_s")
+    names += [f"{CLOCK_OFFSET}.{name}" for name in clocks_to_free(observations)]
+    uncertain = freed(uncertain, [n for n in names if n not in uncertain.beliefs])
+    frame = observations.frame
+    if frame is None or not frame.alt_m or not ALTITUDES.allows(frame.alt_m):
+        return uncertain
+    temperature, pressure = standard_atmosphere(frame.alt_m)
+    air = {"air_temperature_k": temperature, "air_pressure_pa": pressure}
+    known = {
+        name: value for name, value in air.items() if name not in uncertain.beliefs
+    }
+    return replace(uncertain, scene=with_values(uncertain.scene, known))
+
+
+def clocks_to_free(observations: Observations) -> list[str]:
+    """Return the clocks whose offsets a log tells, and that are not said to agree.
+
+    A clock that read a flash and a bang is set by their difference. Recorders that the
+    column `clock` names apart are taken to be apart; without that column, sensors share
+    the time unless they read the flash at different times.
+
+    Args:
+        observations: The log. The clock of its first row is the common one, or that of
+            the rows whose `clock` is empty beside others.
+    """
+    timed = np.isin(observations.quantity, CLOCK_TIMES)
+    read: dict[str, set[str]] = {}
+    for row in np.flatnonzero(timed):
+        clock = observations.clocks()[row]
+        read.setdefault(clock, set()).add(observations.quantity[row])
+    tied = [clock for clock, quantities in read.items() if len(quantities) > 1]
+    if not any(observations.clock):
+        return tied[1:] if _flashes_disagree(observations) else []
+    apart = clocks_apart(observations)
+    return [clock for clock in tied if clock in apart]
+
+
+def _flashes_disagree(observations: Observations) -> bool:
+    """Return whether sensors saw the flash at different times: light takes none."""
+    rows = np.isin(observations.quantity, "flash_time_s")
+    if rows.sum() < 2:
+        return False
+    value, sigma = observations.value[rows], np.nan_to_num(observations.sigma[rows])
+    first, last = np.argmin(value), np.argmax(value)
+    return bool(
+        value[last] - value[first] > APART * np.hypot(sigma[first], sigma[last])
+    )
+
+
+def starter_scene(observations: Observations) -> str:
+    """Return a commented scene file for a log.
+
+    The mass is free. The place is free too if at least three sensors that do not stand
+    in a line, and four rows, can tell it, or a bearing, a flash and an arrival; the
+    origin time then if three rows are clock readings, and always if a flash was seen.
+    In a log in degrees, or with dates, place and time are always free: its origin, and
+    its time zero, mean nothing. Clocks that a flash and a bang set are free.
+
+    Args:
+        observations: The log.
+    """
+    recorders = {
+        name
+        for name, quantity in zip(
+            observations.sensor, observations.quantity, strict=True
+        )
+        if quantity == SAMPLES
+    }
+    observations = _readings(observations)
+    rows: dict[str, list[int]] = {}
+    for row, name in enumerate(observations.sensor):
+        rows.setdefault(name, []).append(row)
+    logs = [_Log(name, observations, np.array(rows[name])) for name in rows]
+    shots = list(dict.fromkeys(observations.shot))
+    parts = [
+        _head(observations),
+        *(_charge(observations, logs, shot) for shot in shots),
+        air_table(observations),
+        *([_CAMERA] if set(BY_CAMERA) & set(observations.quantity) else []),
+        *([_GROUND] if set(observations.quantity) & _OF_GROUND else []),
+        *(_sensor(log, sampled=log.name in recorders) for log in logs),
+        *clock_tables(observations),
+        *place_tables(observations),
+        _LAW,
+    ]
+    return "\n".join(parts)
+
+
+class _Log:
+    """What one sensor wrote down.
+
+    Attributes:
+        name: The sensor.
+        sigmas: Median sigma by quantity, as `records` wants it; NaN if there is none.
+        places: The positions the log gives it, each once.
+        ranges: The slant ranges the log gives it, each once.
+        needs_distance: Whether any of its rows depends on where it stands.
+        times: When it took what has a time, by its clock [s].
+    """
+
+    def __init__(self, name: str, observations: Observations, rows: np.ndarray):
+        self.name = name
+        quantity = np.array([observations.quantity[row] for row in rows])
+        value, sigma = observations.value[rows], observations.sigma[rows]
+        with np.errstate(over="ignore"):  # what overflows counts as not given
+            relative = sigma / np.where(np.isin(quantity, ADDITIVE), 1.0, value)
+        given = np.isfinite(relative)
+        self.sigmas = {
+            q: float(np.median(relative[given & (quantity == q)]))
+            if np.any(given & (quantity == q))
+            else math.nan
+            for q in dict.fromkeys(quantity.tolist())
+        }
+        places = [tuple(place) for place in observations.position[rows].tolist()]
+        self.places = [p for p in dict.fromkeys(places) if not any(map(math.isnan, p))]
+        ranges = dict.fromkeys(observations.slant_range[rows].tolist())
+        self.ranges = [r for r in ranges if not math.isnan(r)]
+        self.needs_distance = bool(np.any(~np.isin(quantity, PLACELESS)))
+        timed = np.isin(quantity, TIMED)
+        self.times = np.unique(observations.time[rows][timed]).tolist()
+
+
+def _head(observations: Observations) -> str:
+    source = Path(observations.source).name if observations.source else ""
+    made_for = f" for {json.dumps(source)}" if source else ""
+    return f"""\
+# A starter scene{made_for}: say here what you know.
+# SI units, metres east, north, up. A number may be fixed (15.0), "free", or a prior:
+# {{ lognormal = [median, factor] }}, {{ normal = [mean, sd] }},
+# {{ uniform = [lo, hi] }}, {{ loguniform = [lo, hi] }}.
+schema = 1
+"""
+
+
+def _charge(observations: Observations, logs: list[_Log], shot: str) -> str:
+    logs = [log for log in logs if log.needs_distance]
+    lines = ["[charge]"]
+    if len(set(observations.shot)) > 1:
+        lines = ["[[charge]]", f"name = {toml_text(shot)}  # as the log's shot"]
+    quantities = [
+        quantity
+        for quantity, of in zip(observations.quantity, observations.shot, strict=True)
+        if of == shot
+    ]
+    lines.append('mass_kg = "free"  # of the explosive; or a value, or a prior')
+    lines.append('explosive = "TNT"  # or "C4", "ANFO", ...; or tnt_factor = 1.1')
+    places = {place for log in logs for place in log.places}
+    ranges = {slant_range for log in logs for slant_range in log.ranges}
+    seen = places and not ranges and set(quantities) >= _SEEN_AND_HEARD
+    free = len(quantities) >= 4 and not ranges and _in_no_line(places)
+    on_earth = bool(places) and observations.frame is not None and not ranges
+    if free or seen or on_earth:
+        lines.append('position_m = ["free", "free", 0.0]  # or where it was')
+    elif len(logs) == 1 and len(ranges) == 1:
+        lines.append(f"range_m = {ranges.pop()!r}  # as the log says")
+    elif len(logs) == 1 and not ranges and not places:
+        lines.append('range_m = "free"  # slant range to the one sensor')
+    else:
+        lines.append("position_m = [0.0, 0.0, 0.0]  # the log cannot tell it")
+        lines.append('# position_m = ["free", "free", 0.0]  # or a prior of each')
+    clocks = sum(quantity in CLOCK_TIMES for quantity in quantities)
+    dated = bool(clocks) and (on_earth or observations.epoch is not None)
+    if (free and clocks >= 3) or "flash_time_s" in quantities or dated:
+        since = ""
+        if observations.epoch is not None:
+            since = f", in seconds since {observations.epoch:%Y-%m-%dT%H:%M:%SZ}"
+        lines.append(f'time_s = "free"  # on the clock of the sensors{since}')
+    else:
+        lines.append('time_s = 0.0  # on the clock of the sensors; or "free"')
+    lines.append(
+        '# burst = "surface"  # or "free-air"; if not said, the height decides'
+    )
+    return "\n".join(lines) + "\n"
+
+
+def _in_no_line(places: set[tuple[float, ...]]) -> bool:
+    """Return whether at least three places span a plane, seen from above."""
+    if len(places) < 3:
+        return False
+    plan = np.array(sorted(places))[:, :2]
+    spread = np.linalg.svd(plan - plan.mean(axis=0), compute_uv=False)
+    return bool(spread[1] > 1e-3 * spread[0])
+
+
+def _readings(observations: Observations) -> Observations:
+    """Return a log with what is read off records of samples in place of these."""
+    sampled = np.isin(observations.quantity, SAMPLES)
+    if not sampled.any():
+        return observations
+    rows = np.repeat(
+        np.arange(len(observations)), np.where(sampled, len(OF_SAMPLES), 1)
+    )
+    quantities = [
+        name
+        for quantity in observations.quantity
+        for name in (OF_SAMPLES if quantity == SAMPLES else (quantity,))
+    ]
+    return replace(some_rows(observations, rows), quantity=tuple(quantities))
+
+
+def _sensor(log: _Log, *, sampled: bool) -> str:
+    lines = ["[[sensor]]", f"name = {toml_text(log.name)}"]
+    if len(log.places) == 1:
+        lines.append(f"position_m = [{', '.join(map(repr, log.places[0]))}]")
+    elif log.places:
+        lines.append("# it moves, so its places are left to the log")
+    elif log.needs_distance and not log.ranges:
+        lines.append("# position_m = [EAST, NORTH, UP]  # the log does not say")
+    records = [
+        f"{q} = {f'{s:.3g}' if q in ADDITIVE else share_text(s)}"
+        for q, s in log.sigmas.items()
+        if s > 0
+    ]
+    if records:
+        listed = ", ".join(records)
+        lines.append(
+            f"records = {{ {listed} }}  # sigma: s for times, rad for directions, else "
+            "relative"
+        )
+        if log.times and set(TIMED) & {q for q, s in log.sigmas.items() if s > 0}:
+            lines.append(f"times_s = {log.times}  # of radii, by its clock")
+    if sampled:
+        lines.append("# it recorded samples, from which its errors are told, too")
+    read_off = OF_SAMPLES if sampled else ()
+    silent = [q for q, s in log.sigmas.items() if not s > 0 and q not in read_off]
+    if silent:
+        lines.append(f"# the log gives no sigma for {', '.join(silent)}")
+    return "\n".join(lines) + "\n"
+
+
+def place_tables(observations: Observations) -> list[str]:
+    """Return the table [place]: as the log has it, or to be filled in."""
+    frame = observations.frame
+    if frame is not None:
+        return [
+            "[place]  # where east, north, up are zero: the middle of the sensors\n"
+            f"lat_deg = {frame.lat_deg!r}\nlon_deg = {frame.lon_deg!r}\n"
+            f"alt_m = {frame.alt_m!r}\n"
+        ]
+    return [
+        "# [place]  # of the origin, where the answer is wanted in degrees\n"
+        "# lat_deg = LATITUDE\n# lon_deg = LONGITUDE\n# alt_m = 0.0\n"
+    ]
+
+
+def air_table(observations: Observations) -> str:
+    """Return the table [air], of the height of the sensors if the log tells it."""
+    frame = observations.frame
+    lines = ["temperature_k = 288.15", "pressure_pa = 101325.0"]
+    other = "# altitude_m = 1500  # instead of the temperature and pressure above"
+    if frame is not None and frame.alt_m and ALTITUDES.allows(frame.alt_m):
+        lines = [f"# {line}" for line in lines]
+        other = f"altitude_m = {frame.alt_m!r}  # instead of the two above"
+    return "\n".join(
+        [
+            "[air]",
+            *lines,
+            "relative_humidity = 0.5",
+            other,
+            '# sound_speed_m_s = "free"  # only where it was measured, or is to be '
+            "fitted",
+            "wind_m_s = [0.0, 0.0]  # towards east, north; each may be free",
+            "# wind_m_s = [{ normal = [0, 5] }, { normal = [0, 5] }]  # if not known",
+            "",
+        ]
+    )
+
+
+def clock_tables(observations: Observations) -> list[str]:
+    """Return a table [[clock]] for each clock but that by which the others are set.
+
+    Those that the log sets (`clocks_to_free`) are free, the others are commented out.
+    """
+    timed = np.flatnonzero(np.isin(observations.quantity, CLOCK_TIMES))
+    clocks = observations.clocks()
+    names = list(dict.fromkeys(clocks[row] for row in timed))
+    named = [clock for clock in dict.fromkeys(observations.clock) if clock]
+    set_by, whose = "", "the common clock"
+    if has_common_clock(observations):
+        names = [name for name in names if name in named]
+    elif names:
+        set_by = named[0] if named else names[0]
+        whose = toml_text(set_by)  # a name may hold anything
+        names = [name for name in names if name != set_by]
+    free = clocks_to_free(observations)
+    tables = []
+    for name in names:
+        mark = "" if name in free else "# "
+        why = "set by its flash and bang" if name in free else "if it does not agree"
+        tables.append(
+            f"{mark}[[clock]]  # {why}\n"
+            f"{mark}name = {toml_text(name)}\n"
+            f'{mark}offset_s = "free"  # its time minus that of {whose}; or a number, '
+            "or { normal = [0, 2] }\n"
+        )
+    return tables
+
+
+def toml_text(text: str) -> str:
+    """Return text as a TOML string: JSON's escapes, and one that JSON leaves out."""
+    return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")

@@ -1,0 +1,705 @@
+"""Tables as text, from a path, a buffer or a data frame.
+
+Text is UTF-8, or UTF-16 with a byte order mark. The separator is the one of comma,
+semicolon and tab that splits the header into most known names, unless the first line
+states it (`sep=;`, as Excel writes). Spreadsheets are read by pandas (openpyxl, odfpy),
+Parquet by pyarrow. Cells become the text that a CSV file would contain, with all digits
+of a number, so that all sources are checked by the same rules.
+
+A source contains one table: a workbook with several sheets, a sheet with several
+headers and two tables side by side are refused with their positions. So are records of
+samples, which are recognised by a growing column of times and no column of a log, and
+files of more than 1 GB.
+"""
+
+import csv
+import datetime
+import io
+import math
+import os
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import PurePath
+from typing import Any
+
+import numpy as np
+
+from jblast.errors import InputError, decoded, read_bytes, shown
+from jblast.observations.table import (
+    COLUMNS,
+    FRAME,
+    NEEDED,
+    PARQUET,
+    TEXTS,
+    WORKBOOKS,
+    Dialect,
+    Faults,
+    Understood,
+    row_word,
+)
+from jblast.progress import counted
+from jblast.quantity_table import QUANTITIES
+from jblast.units import our_name, unit_spelt
+from jblast.units.spelling import spelt, words_of
+
+EXPECTED = "a CSV file of observations"
+MOST_BYTES = 1_000_000_000
+"""A log of this size has some twenty million rows, takes ten times that in memory."""
+MARKS = {b"\xff\xfe": "UTF-16 (little-endian)", b"\xfe\xff": "UTF-16 (big-endian)"}
+RECORDINGS = (
+    *(".wav", ".flac", ".mseed", ".miniseed", ".sac", ".tdms"),
+    *(".h5", ".hdf5", ".nc", ".mat"),
+)
+"""Endings of files that hold samples."""
+SEPARATORS = {",": "", ";": "semicolon", "\t": "tab"}
+"""Between fields, and what they are called; the comma is ours."""
+MANY = 50_000
+"""Lines between two reports of how far it is."""
+WITHIN = f"a header {','.join(NEEDED)} and one measurement a row"
+"""What a log holds."""
+TOLD = re.compile(r"sep=(.)$", re.IGNORECASE)
+"""First line by which Excel tells itself the separator."""
+LOWER_BOUND = "lower_bound"
+"""Column of a data frame that says whether a value is one: numbers have no sign > ."""
+PACKAGES = {"openpyxl": "openpyxl", "odf": "odfpy"}
+FORMATS = {"openpyxl": "Excel workbook", "odf": "OpenDocument spreadsheet"}
+EXACT = 2.0**53
+"""Whole numbers below are exact in double precision."""
+LEAST_NAMES = 3
+"""Names that we know in a row make a header of it: no measurement has as many words."""
+MOST_SHOWN = 4
+LOG_COLUMNS = ("sensor", "quantity", "value", "value_utc")
+MOST_LOOKED_AT = 1000
+FEWEST = 3
+
+
+def source_name(source: Any) -> str:
+    """Return what a source is called in messages."""
+    if isinstance(source, (str, os.PathLike)):
+        return str(source)
+    if _is_frame(source):
+        return FRAME
+    name = getattr(source, "name", None)
+    return name if isinstance(name, str) and name else "buffer"
+
+
+@dataclass
+class Table:
+    """A header, and columns of fields.
+
+    Attributes:
+        source: The file, or what else it came from.
+        header: Names of columns as written, outer blanks off.
+        columns: Fields by column and row as written, outer blanks off.
+        lines: Where each row stood.
+        header_line: Where the header stood.
+        comments: What stood behind the # of comments.
+        understood: How it was written.
+        blank_before: Lines of rows that come after an empty one.
+    """
+
+    source: str
+    header: list[str]
+    columns: list[list[str]]
+    lines: Sequence[int]
+    header_line: int
+    comments: tuple[str, ...] = ()
+    understood: tuple[Understood, ...] = ()
+    blank_before: frozenset[int] = field(default_factory=frozenset)
+
+    def at(self, line: int) -> str:
+        """Name the source and a line of it."""
+        return f"{self.source}: {row_word(self.source)} {line}"
+
+    def drop_rows(self, dropped: set[int]) -> None:
+        """Take rows out, by number from zero."""
+        if dropped:
+            kept = [row for row in range(len(self.lines)) if row not in dropped]
+            self.columns = [[column[row] for row in kept] for column in self.columns]
+            self.lines = [self.lines[row] for row in kept]
+
+    def drop_columns(self, dropped: set[int]) -> None:
+        """Take columns out, by number from zero."""
+        kept = [index for index in range(len(self.header)) if index not in dropped]
+        self.header = [self.header[index] for index in kept]
+        self.columns = [self.columns[index] for index in kept]
+
+
+def table_of(
+    source: Any,
+    faults: Faults,
+    *,
+    strict: bool,
+    expected: str = EXPECTED,
+    within: str = WITHIN,
+) -> Table:
+    """Return what a source holds as a table.
+
+    Args:
+        source: A path, what has `read`, or a `pandas.DataFrame`.
+        faults: Takes what the rest can be read without.
+        strict: Whether to take UTF-8 text with commas alone.
+        expected: What the file should be.
+        within: What it should hold.
+
+    Raises:
+        InputError: It cannot be read, is no table, or too large.
+    """
+    name = source_name(source)
+    if _is_frame(source):
+        return frame_table(source)
+    data = _data(source, name, expected)
+    suffix = PurePath(name).suffix.lower()
+    if isinstance(source, (str, os.PathLike)) and not strict:
+        _refuse_ending(name, suffix)
+    elif isinstance(data, bytes) and not strict:  # a buffer need not have a name
+        suffix = suffix if suffix in (*WORKBOOKS, *PARQUET) else _looks_like(data)
+        name = name if PurePath(name).suffix.lower() == suffix else f"{name}{suffix}"
+    if isinstance(data, bytes) and not strict:
+        if suffix in WORKBOOKS:
+            return workbook_table(data, name)
+        if suffix in PARQUET:
+            return parquet_table(data, name)
+    encoding = ""
+    if isinstance(data, bytes):
+        encoding = "" if strict else MARKS.get(data[:2], "")
+        data = decoded(data, name, expected, utf16=not strict)
+    return text_table(
+        data, name, faults, strict=strict, encoding=encoding, within=within
+    )
+
+
+def _data(source: Any, name: str, expected: str) -> bytes | str:
+    """Return what a path or a buffer holds."""
+    if isinstance(source, (str, os.PathLike)):
+        try:
+            size = os.path.getsize(source)
+        except (OSError, ValueError):
+            size = 0  # what is wrong is told where it is opened
+        if size > MOST_BYTES:
+            raise InputError(
+                f"{name}: expected a log of {MOST_BYTES / 1e9:g} GB at most, some "
+                f"twenty million rows, got {size / 1e9:.3g} GB; take it apart, or are "
+                "these samples of a recording? Pick their arrivals (jblast pick)"
+            )
+        return read_bytes(source, expected)
+    if not callable(getattr(source, "read", None)):
+        wrap = "; io.BytesIO makes a buffer of it" if isinstance(source, bytes) else ""
+        raise InputError(
+            f"expected a path, an open file or buffer, or a data frame, got "
+            f"{type(source).__name__}{wrap}"
+        )
+    data = source.read()
+    if isinstance(data, str):  # as a text file opened with newline="" still holds them
+        return data.removeprefix("\ufeff").replace("\r\n", "\n").replace("\r", "\n")
+    return bytes(data)
+
+
+def _refuse_ending(name: str, suffix: str) -> None:
+    """Refuse files whose names say that they are no table of ours."""
+    if suffix in (*TEXTS, *WORKBOOKS, *PARQUET):
+        return
+    if suffix in RECORDINGS:
+        raise InputError(
+            f"{name}: is a recording, not a log; pick its arrival and peak first "
+            "(jblast pick)"
+        )
+    known = ", ".join((*TEXTS[1:], *WORKBOOKS, *PARQUET))
+    raise InputError(f"{name}: expected a log in one of {known}, got {suffix}")
+
+
+def _looks_like(data: bytes) -> str:
+    """Return the ending of the format that bytes begin like; "" of text."""
+    if data.startswith(b"PAR1"):
+        return ".parquet"
+    if data.startswith(b"PK\x03\x04"):
+        return ".ods" if b"opendocument.spreadsheet" in data[:200] else ".xlsx"
+    return ""
+
+
+def _is_frame(source: Any) -> bool:
+    """Return whether a source is a data frame, without importing pandas to ask."""
+    kind = type(source)
+    return kind.__module__.partition(".")[0] == "pandas" and hasattr(source, "columns")
+
+
+def text_table(
+    text: str,
+    source: str,
+    faults: Faults,
+    *,
+    strict: bool,
+    encoding: str = "",
+    within: str = WITHIN,
+) -> Table:
+    r"""Take text apart.
+
+    Args:
+        text: Lines that end in `\n`.
+        source: Where it comes from.
+        faults: Takes lines that are too short or too long.
+        strict: Whether the comma is the only separator.
+        encoding: Of the text, if not UTF-8.
+        within: What is expected in it.
+
+    Raises:
+        InputError: There is no header or no row below, or a quote is not closed.
+    """
+    comments, lines, numbers, named = [], [], [], ""
+    for number, line in enumerate(text.split("\n"), start=1):
+        stripped = line.strip()
+        if stripped.startswith("#"):
+            comments.append(stripped[1:].strip())
+        elif stripped:
+            lines.append(line)
+            numbers.append(number)
+    if lines and not strict and (match := TOLD.match(lines[0].strip(" "))):
+        named = match[1]
+        del lines[0], numbers[0]
+    if not lines:
+        raise InputError(f"{source}: line 1: the file is empty; expected {within}")
+    separator = named or ("," if strict else separator_of(lines[0]))
+    if separator not in lines[0]:
+        _refuse_other_separator(f"{source}: line {numbers[0]}", lines[0])
+    records = _records(source, lines, numbers, separator, faults)
+    header = [name.strip() for name in records[0]]
+    if len(header) == 1 and not strict:
+        raise InputError(
+            f"{source}: line {numbers[0]}: expected columns separated by commas, "
+            f"semicolons or tabs, got one column {shown(header[0])}"
+        )
+    columns = [[field.strip() for field in column] for column in zip(*records[1:])]  # noqa: B905 (checked widths)
+    found = Dialect(separator=SEPARATORS.get(separator, separator), encoding=encoding)
+    return Table(
+        source=source,
+        header=header,
+        columns=columns or [[] for _ in header],
+        lines=numbers[1:],
+        header_line=numbers[0],
+        comments=tuple(comments),
+        understood=() if found == Dialect() else (found,),
+    )
+
+
+def separator_of(header: str) -> str:
+    """Return what stands between the names of a header: as most of them are known.
+
+    Of names that nobody knows what makes most of them; the comma where none does more.
+    """
+
+    def known(separator: str) -> int:
+        try:
+            (names,) = csv.reader([header], delimiter=separator, skipinitialspace=True)
+        except (csv.Error, ValueError):
+            return 0
+        return sum(
+            spelt(name) in COLUMNS or our_name(name) is not None
+            for name in names
+            if len(names) > 1
+        )
+
+    return max(SEPARATORS, key=lambda mark: (known(mark), header.count(mark)))
+
+
+def _records(
+    source: str,
+    lines: Sequence[str],
+    numbers: list[int],
+    separator: str,
+    faults: Faults,
+) -> list[list[str]]:
+    """Split lines into fields; each line is one record, as wide as the header."""
+    reader = csv.reader(lines, delimiter=separator, skipinitialspace=True, strict=True)
+    records: list[list[str]] = []
+    through = counted(len(lines), "lines")
+    try:
+        for record in reader:
+            records.append(record)
+            if reader.line_num != len(records):
+                break
+            if not len(records) % MANY:
+                through(len(records))
+    except csv.Error as error:
+        between = SEPARATORS.get(separator) or "comma"
+        raise InputError(
+            f"{source}: line {numbers[len(records)]}: expected {between}-separated "
+            f"fields, got a stray or unclosed quote ({error})"
+        ) from None
+    if reader.line_num != len(records):
+        raise InputError(
+            f"{source}: line {numbers[len(records) - 1]}: expected one measurement a "
+            "line, got a quote that is not closed on it"
+        )
+    width = len(records[0])
+    uneven = [row for row, record in enumerate(records) if len(record) != width]
+    for row in uneven:
+        got = len(records[row])
+        faults.tell(
+            InputError(
+                f"{source}: line {numbers[row]}: expected {width} fields as in the "
+                f"header, got {got}"
+                + ("; is a decimal comma among them?" if got > width else "")
+            )
+        )
+    for row in reversed(uneven):
+        del records[row], numbers[row]
+    return records
+
+
+def _refuse_other_separator(where: str, header: str) -> None:
+    """Refuse a header of one name that holds another separator."""
+    for separator, name in ((";", "semicolons"), ("\t", "tabs")):
+        if separator in header:
+            raise InputError(
+                f"{where}: expected columns separated by commas, got {name}; save the "
+                "file with commas (and decimal points)"
+            )
+
+
+def workbook_table(data: bytes, source: str) -> Table:
+    """Return the one table of a workbook.
+
+    Raises:
+        InputError: It cannot be read, or holds several sheets or tables.
+    """
+    import pandas
+
+    engine: Any = WORKBOOKS[PurePath(source).suffix.lower()]
+    try:
+        sheets = pandas.read_excel(
+            io.BytesIO(data),
+            sheet_name=None,
+            header=None,
+            dtype=object,
+            na_filter=False,
+            engine=engine,
+        )
+    except ImportError:
+        raise InputError(_absent(source, PACKAGES[engine], "spreadsheet")) from None
+    except Exception as error:  # what a damaged archive raises is anybody's guess
+        raise InputError(
+            f"{source}: expected an {FORMATS[engine]}, got what cannot be read as one "
+            f"({type(error).__name__}: {error})"
+        ) from None
+    filled = {str(k): sheet for k, sheet in sheets.items() if len(sheet)}
+    if len(filled) != 1:
+        names = ", ".join(map(shown, filled)) or "none that holds anything"
+        raise InputError(
+            f"{source}: expected one sheet with one table, got {names}; keep one sheet"
+        )
+    ((name, sheet),) = filled.items()
+    found = Dialect(format=FORMATS[engine], sheet=name)
+    rows = sheet.to_numpy(object).tolist()
+    refuse_several_headers(source, rows)
+    table = table_of_cells(source, rows, 1, (found,))
+    _refuse_side_by_side(table)
+    return table
+
+
+def parquet_table(data: bytes, source: str) -> Table:
+    """Return the table of a Parquet file.
+
+    Raises:
+        InputError: It cannot be read.
+    """
+    import pandas
+
+    try:
+        frame = pandas.read_parquet(io.BytesIO(data), engine="pyarrow")
+    except ImportError:
+        raise InputError(_absent(source, "pyarrow", "parquet")) from None
+    except Exception as error:  # as of a damaged archive
+        raise InputError(
+            f"{source}: expected a Parquet file, got what cannot be read as one "
+            f"({type(error).__name__}: {error})"
+        ) from None
+    return frame_table(frame, source, "Parquet")
+
+
+def frame_table(frame: Any, source: str = FRAME, format: str = FRAME) -> Table:
+    """Return a data frame as a table; levels of its index that have names are columns.
+
+    Args:
+        frame: A `pandas.DataFrame`.
+        source: Where it comes from.
+        format: What it was.
+
+    Raises:
+        InputError: Its columns have several levels, or it has no row.
+    """
+    if frame.columns.nlevels > 1:
+        raise InputError(
+            f"{source}: expected columns of one level, got {frame.columns.nlevels}"
+        )
+    comments = tuple(frame.attrs.get("comments", ()))
+    if any(name is not None for name in frame.index.names):
+        frame = frame.reset_index()
+    if LOWER_BOUND in frame.columns:
+        bound = frame[LOWER_BOUND].astype(bool)
+        value = frame["value"].astype(object)
+        value = value.where(~bound, ">" + frame["value"].map(cell_text))
+        frame = frame.drop(columns=LOWER_BOUND).assign(value=value)
+    header = [str(name) for name in frame.columns]
+    rows = [header, *frame.astype(object).to_numpy(object).tolist()]
+    found = (Dialect(format=format),) if format != FRAME else ()
+    table = table_of_cells(source, rows, 0, found)
+    table.comments = (*comments, *table.comments)
+    return table
+
+
+def _refuse_side_by_side(table: Table) -> None:
+    """Refuse named columns on both sides of an empty one."""
+    empty = [
+        not name and not any(column)
+        for name, column in zip(table.header, table.columns, strict=True)
+    ]
+    named = [index for index, name in enumerate(table.header) if name]
+    gaps = [i for i, e in enumerate(empty) if e and named and i < named[-1]]
+    gaps = [i for i in gaps if i > named[0]]
+    if gaps:
+        before = max(i for i in named if i < gaps[0])
+        after = min(i for i in named if i > gaps[0])
+        raise InputError(
+            f"{table.at(table.header_line)}: expected one table, got an empty column "
+            f"between {shown(table.header[before])} and {shown(table.header[after])}: "
+            "two tables side by side? Keep one, or close the gap"
+        )
+
+
+def _absent(source: str, package: str, extra: str) -> str:
+    """Say which extra reads a format."""
+    return (
+        f"{source}: reading it needs {package}, which is not installed: "
+        f"pip install 'jblast[{extra}]'"
+    )
+
+
+def cell_text(value: Any) -> str:
+    """Return a cell as text: numbers to the last digit, whole ones without a point.
+
+    What was never filled in is empty; a date is ISO 8601, whoever made one of it.
+    """
+    if isinstance(value, str):  # a line break within a cell is a blank
+        return value.strip() if value.isprintable() else " ".join(value.split())
+    if value is None:
+        return ""
+    if isinstance(value, (bool, np.bool_)):
+        return str(bool(value))
+    if isinstance(value, (int, np.integer)):
+        return str(int(value))
+    if isinstance(value, (float, np.floating)):
+        return _number_text(value)
+    if isinstance(value, (datetime.date, datetime.time)):
+        return "" if value != value else value.isoformat()  # NaT is unlike itself
+    text = str(value).strip()
+    return "" if text in ("NaT", "<NA>") else text
+
+
+def _number_text(value: float | np.floating[Any]) -> str:
+    number = float(value)
+    if math.isnan(number):
+        return ""
+    if isinstance(value, np.floating) and value.dtype.itemsize < 8:
+        return repr(float(str(value)))  # 0.1 in single precision is meant as 0.1
+    if number.is_integer() and abs(number) < EXACT:
+        return str(int(number))
+    return repr(number)
+
+
+def table_of_cells(
+    source: str,
+    rows: Sequence[Sequence[Any]],
+    first_line: int,
+    understood: tuple[Understood, ...],
+) -> Table:
+    """Return rows of cells as a table: comments, a header, what stands below.
+
+    Args:
+        source: Where they come from.
+        rows: Cells by row and column.
+        first_line: What the first row is called.
+        understood: How they were written.
+
+    Raises:
+        InputError: There is no row, or two tables stand there.
+    """
+    comments: list[str] = []
+    texts: list[list[str]] = []
+    lines: list[int] = []
+    after_blank: set[int] = set()
+    blank = False
+    for line, cells in enumerate(rows, start=first_line):
+        row = [cell_text(cell) for cell in cells]
+        filled = [text for text in row if text]
+        if not filled:
+            blank = True
+            continue
+        if filled[0].startswith("#") and len(filled) == 1:
+            comments.append(filled[0][1:].strip())
+            continue
+        if blank and texts:
+            after_blank.add(line)
+        blank = False
+        texts.append(row)
+        lines.append(line)
+    if not texts:
+        raise InputError(
+            f"{source}: is empty; expected a header and one measurement a row"
+        )
+    return Table(
+        source=source,
+        header=texts[0],
+        columns=[list(column) for column in zip(*texts[1:], strict=True)]
+        or [[] for _ in texts[0]],
+        lines=lines[1:],
+        header_line=lines[0],
+        comments=tuple(comments),
+        understood=understood,
+        blank_before=frozenset(after_blank),
+    )
+
+
+@dataclass(frozen=True)
+class HeaderCells:
+    """A header in a sheet.
+
+    Attributes:
+        row: Where it stands, from 1.
+        column: Where it begins, from 0.
+        names: Its cells, up to the next empty one.
+    """
+
+    row: int
+    column: int
+    names: tuple[str, ...]
+
+    def __str__(self) -> str:
+        last = self.column + len(self.names) - 1
+        first = ", ".join(map(shown, self.names[:MOST_SHOWN]))
+        more = ", ..." if len(self.names) > MOST_SHOWN else ""
+        place = f"{_letters(self.column)}{self.row}:{_letters(last)}{self.row}"
+        return f"{place} ({first}{more})"
+
+
+def refuse_several_headers(source: str, rows: Sequence[Sequence[Any]]) -> None:
+    """Refuse a sheet in which two headers of a log stand, and one with a title.
+
+    Args:
+        source: What the sheet comes from.
+        rows: Its cells.
+
+    Raises:
+        InputError: There are two tables, wherever they stand, or there is something
+            above the header.
+    """
+    found = headers_within(rows)
+    if len(found) > 1:
+        places = " and ".join(str(one) for one in found[:2])
+        more = f" and {len(found) - 2} more" if len(found) > 2 else ""
+        count = "two" if len(found) == 2 else str(len(found))
+        raise InputError(
+            f"{source}: row {found[1].row}: expected one table, got {count}: headers "
+            f"stand in {places}{more}; keep one table a file"
+        )
+    for number, row in enumerate(rows[: found[0].row - 1] if found else (), start=1):
+        filled = [cell for cell in row if isinstance(cell, str) and cell.strip()]
+        if filled and not filled[0].lstrip().startswith("#"):
+            raise InputError(
+                f"{source}: row {number}: expected the header, got {shown(filled[0])}, "
+                f"and the header in {found[0]}; begin what stands above it with #, or "
+                "take it out"
+            )
+
+
+def headers_within(rows: Sequence[Sequence[Any]]) -> list[HeaderCells]:
+    """Return the headers of a sheet: cells in a row that are names of our columns.
+
+    Args:
+        rows: Its cells.
+    """
+    found = []
+    for number, row in enumerate(rows, start=1):
+        if sum(isinstance(cell, str) and bool(cell) for cell in row) < LEAST_NAMES:
+            continue
+        for column, names in _runs(row):
+            if sum(map(_is_ours, names)) >= LEAST_NAMES:
+                found.append(HeaderCells(number, column, names))
+    return found
+
+
+def _runs(row: Sequence[Any]) -> list[tuple[int, tuple[str, ...]]]:
+    """Return words that stand side by side, none twice, and where each row begins."""
+    runs: list[tuple[int, tuple[str, ...]]] = []
+    begin, names = 0, []
+    for column, cell in enumerate((*row, None)):
+        word = cell.strip() if isinstance(cell, str) else ""
+        if not word or spelt(word) in map(spelt, names):
+            if names:
+                runs.append((begin, tuple(names)))
+            names = []
+        if word:
+            begin = begin if names else column
+            names.append(word)
+    return runs
+
+
+def _is_ours(word: str) -> bool:
+    """Return whether a word names a column or a quantity."""
+    ours = our_name(word)
+    name = spelt(word) if ours is None else ours.name
+    return name in COLUMNS or name in QUANTITIES
+
+
+def _letters(column: int) -> str:
+    """Return what a column is called in a sheet."""
+    letters, left = "", column + 1
+    while left:
+        left, digit = divmod(left - 1, 26)
+        letters = chr(ord("A") + digit) + letters
+    return letters
+
+
+def refuse_series(table: Table) -> None:
+    """Refuse samples: a column of times that grows, and no word of a log.
+
+    Raises:
+        InputError: It is one.
+    """
+    keys = [spelt(name) for name in table.header]
+    if any(name in keys for name in LOG_COLUMNS) or len(keys) < 2:
+        return
+    timed = [i for i, name in enumerate(table.header) if _is_time(name)]
+    headless = all(_is_number(name) for name in table.header)
+    if not timed and not headless:
+        return
+    try:
+        texts = table.columns[timed[0] if timed else 0][:MOST_LOOKED_AT]
+        times = np.array([float(text.replace(",", ".")) for text in texts])
+    except ValueError:
+        return
+    if len(times) >= FEWEST and np.all(times[1:] > times[:-1]):
+        raise InputError(
+            f"{table.at(table.header_line)}: got {', '.join(table.header[:4])} over "
+            f"{len(table.lines):,} growing times: a record of samples, not a log of "
+            "measurements; pick its arrival and peak first (jblast pick)"
+        )
+
+
+def _is_time(name: str) -> bool:
+    """Return whether a column's name says time, with or without a unit."""
+    words = [word.lower() for word in words_of(name)]
+    if not words or words[0] not in ("time", "t", "zeit"):
+        return False
+    rest = words[1:]
+    return not rest or any(
+        unit.dimension == "time" for unit in unit_spelt("_".join(rest))
+    )
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text.replace(",", "."))
+    except ValueError:
+        return False
+    return True

@@ -1,1 +1,0 @@
-"""Times of day and dates as seconds from an epoch."""
