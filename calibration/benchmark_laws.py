@@ -19,7 +19,7 @@ from jax.sharding import NamedSharding, PartitionSpec
 from jaxtyping import Array
 
 from jblast import waves
-from jblast.waves.laws.swisdak.table import swisdak_curve
+from jblast.waves.laws.swisdak import swisdak_curve
 
 POINTS = 1 << 22
 REPEATS = 7

@@ -32,8 +32,8 @@ from jblast.waves.euler import (
     start_sod,
     start_sphere,
 )
-from jblast.waves.euler.initial.shock_tube import SOD_LEFT, SOD_RIGHT
-from jblast.waves.laws.sedov_taylor.alpha import sedov_alpha
+from jblast.waves.euler.initial import SOD_LEFT, SOD_RIGHT
+from jblast.waves.laws.sedov_taylor import sedov_alpha
 
 WAVE_TIME, SOD_TIME = 1.5, 0.2
 STEP = 0.05

@@ -72,7 +72,7 @@ from jblast.waves import (
     swisdak_pressure,
     weak_shock_iso_pressure,
 )
-from jblast.waves.shock.far_scatter import EXPONENT, FarScatter
+from jblast.waves.shock import FAR_SCATTER_EXPONENT, FarScatter
 
 FILE = Path(__file__).parent / "data" / "acoustic_ford2021.csv"
 OUTPUT = Path(jblast.waves.__path__[0]) / "data" / "far_scatter.json"
@@ -89,7 +89,7 @@ FAR = 300.0
 NEAR_SD = 0.10
 """Declared scatter of a shot, and of a record, near the charge [ln]."""
 
-EXPONENTS = (2.0, EXPONENT, 8.0)
+EXPONENTS = (2.0, FAR_SCATTER_EXPONENT, 8.0)
 QUANTITIES = ("peak_overpressure_pa", "positive_impulse_pa_s", "positive_duration_s")
 BINS = ((20, 40), (40, 100), (100, 200), (200, 300), (300, 450), (450, 1000))
 
@@ -256,7 +256,7 @@ def _objective():
 def fit(
     quantity: str,
     *,
-    exponent: float = EXPONENT,
+    exponent: float = FAR_SCATTER_EXPONENT,
     loss: bool = False,
     keep: np.ndarray | None = None,
 ) -> FarFit:
@@ -453,7 +453,7 @@ def _fits() -> list[str]:
         for exponent in EXPONENTS:
             for loss in (False, True):
                 one = fit(quantity, exponent=exponent, loss=loss)
-                kept = exponent == EXPONENT and not loss
+                kept = exponent == FAR_SCATTER_EXPONENT and not loss
                 lines.append(
                     f"  {quantity:24s}{exponent:3.0f} {one.log_likelihood:7.2f} "
                     f"{one.far.shared:6.3f} {one.far.record:6.3f} {one.far.knee:6.1f} "

@@ -31,10 +31,8 @@ from jblast.fidelity.reference import END, FORD_START, KINGERY_BULMASH_END, REFE
 from jblast.registry import call, law_for, total_scatter
 from jblast.scene.charge import Burst
 from jblast.scene.explosives import tnt_factor
-from jblast.waves.laws.kingery_bulmash.table import kingery_bulmash_curve
-from jblast.waves.shock.far_scatter import FAR_END
-from jblast.waves.shock.rankine_hugoniot import shock_mach_number
-from jblast.waves.shock.weak_shock_tail import weak_shock_tail
+from jblast.waves.laws.kingery_bulmash import kingery_bulmash_curve
+from jblast.waves.shock import FAR_END, shock_mach_number, weak_shock_tail
 
 EDGES = (0.0, 0.3, 1.0, 3.0, 10.0, 20.0, 40.0, 100.0, 200.0, FAR_END, 1000.0)
 """Of the spans [m/kg^(1/3)]; the first begins where the reference does."""

@@ -5,7 +5,7 @@
 Data: calibration/data/acoustic_ford2021.csv (its provenance stands there). No random
 numbers. Writes jblast/waves/data/ford_2021.json.
 
-A record is the curve of `jblast/waves/laws/ford_2021/curve.py` plus what its site, its
+A record is the curve of `jblast/waves/laws/ford_2021.py` plus what its site, its
 shot and its path add, plus an error of its own, Student-t with 4 degrees of freedom. A
 path is the same in all shots of a site. The effects are Gaussian and integrated out
 (`random_effects.py`). Forms are compared by AIC at the maximum likelihood, printed
@@ -46,7 +46,7 @@ from calibration.ford_records import QUANTITIES, Records, read_records
 from calibration.likelihood_maximum import print_forms
 from jblast.cli.jax_start import start_jax
 from jblast.files import write_text
-from jblast.waves.laws.ford_2021.curve import FordCurve
+from jblast.waves.laws.ford_2021 import FordCurve
 
 OUTPUT = Path(jblast.waves.__path__[0]) / "data" / "ford_2021.json"
 

@@ -1,4 +1,4 @@
-"""Fit the curve of `waves/laws/ford_2021/curve.py` and its scatter to recordings."""
+"""Fit the curve of `waves/laws/ford_2021.py` and its scatter to recordings."""
 
 from typing import NamedTuple
 
@@ -7,7 +7,7 @@ import numpy as np
 from calibration.ford_likelihood import COEFFICIENTS, NAMES, SCATTERS, Form, objective
 from calibration.ford_records import read_records
 from calibration.likelihood_maximum import likelihood_maximum
-from jblast.waves.laws.ford_2021.curve import FordCurve
+from jblast.waves.laws.ford_2021 import FordCurve
 
 STARTS = {
     "positive_impulse_pa_s": (

@@ -2,7 +2,7 @@
 
 The model stands in `ford_2021.py`, how effects are integrated out in
 `random_effects.py`. A bend b5 ln^2(Z/100) may be added to the curve of
-`jblast/waves/laws/ford_2021/curve.py`, to be compared; the package has none.
+`jblast/waves/laws/ford_2021.py`, to be compared; the package has none.
 """
 
 import itertools
@@ -15,7 +15,7 @@ import numpy as np
 
 from calibration.ford_records import read_records
 from calibration.random_effects import Marginal, marginal
-from jblast.waves.laws.ford_2021.curve import log_curve, log_scaled_place
+from jblast.waves.laws.ford_2021 import log_curve, log_scaled_place
 from jblast.waves.scaling import sachs_impulse_factor, sachs_time_factor
 
 COEFFICIENTS = ("b1", "b2", "b3", "b4", "b5")

@@ -15,13 +15,13 @@ import jax
 from scipy.optimize import root_scalar
 
 from jblast.scene.explosives import EXPLOSIVES
-from jblast.waves.laws.kingery_bulmash.laws import (
+from jblast.waves.laws.kingery_bulmash import (
     kingery_bulmash_arrival_time,
     kingery_bulmash_duration,
     kingery_bulmash_impulse,
     kingery_bulmash_pressure,
 )
-from jblast.waves.waveform.friedlander import (
+from jblast.waves.waveform import (
     friedlander_decay,
     friedlander_impulse,
     modified_friedlander_pressure,

@@ -22,8 +22,8 @@ from calibration.gauge_200g import (
     tnt_mass,
 )
 from jblast.scene.explosives import EXPLOSIVES
-from jblast.waves.laws.kingery_bulmash.laws import kingery_bulmash_shock_speed
-from jblast.waves.laws.kinney_graham.laws import kinney_graham_duration
+from jblast.waves.laws.kingery_bulmash import kingery_bulmash_shock_speed
+from jblast.waves.laws.kinney_graham import kinney_graham_duration
 from jblast.waves.scaling import scaled_distance
 
 THIN_AIR = 85e3

@@ -21,8 +21,11 @@ from calibration.gauge_200g import (
 )
 from jblast.cli.jax_start import start_jax
 from jblast.report.figure_style import BLUE, INK, VERMILLION, new_figure, quiet, titled
-from jblast.waves.waveform.blast_pressure import blast_pressure, blast_pulse
-from jblast.waves.waveform.friedlander import modified_friedlander_pressure
+from jblast.waves.waveform import (
+    blast_pressure,
+    blast_pulse,
+    modified_friedlander_pressure,
+)
 
 OUTPUT = Path(__file__).parent / "results" / "gauge_200g.png"
 LAST = 8e-3

@@ -12,13 +12,13 @@ import numpy as np
 from scipy.stats import rankdata
 
 from calibration.ford_records import QUANTITIES, Records, read_records
-from jblast.waves.laws.ford_2021.curve import log_scaled_place
-from jblast.waves.laws.ford_2021.laws import (
+from jblast.waves.laws.ford_2021 import (
     ford_2021,
     ford_2021_duration,
     ford_2021_impulse,
+    log_scaled_place,
 )
-from jblast.waves.laws.kingery_bulmash.laws import (
+from jblast.waves.laws.kingery_bulmash import (
     kingery_bulmash_duration,
     kingery_bulmash_impulse,
 )

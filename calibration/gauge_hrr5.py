@@ -19,7 +19,7 @@ from scipy.stats import f as f_distribution
 from calibration.geodesic import geodesic
 from jblast.constants import STANDARD_SOUND_SPEED
 from jblast.waves.laws.acoustic import acoustic_arrival_time
-from jblast.waves.propagation.atmosphere import effective_sound_speed
+from jblast.waves.propagation import effective_sound_speed
 
 DATA = Path(__file__).parent / "data"
 SOURCE = (33.5377, -106.333961)

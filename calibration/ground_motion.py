@@ -7,7 +7,7 @@ values are metres and metres a second is INFERRED, with medium confidence). No r
 numbers. Writes jblast/waves/data/ground_motion.json and
 calibration/results/ground_motion.png.
 
-A record is the curve of `jblast/waves/laws/ground_motion/curve.py` plus what its site,
+A record is the curve of `jblast/waves/laws/ground_motion.py` plus what its site,
 its shot and its path add, plus an error of its own, all Gaussian in ln. A path is the
 same in all shots of a site. Forms are compared by AIC at the maximum likelihood.
 Scatters are then those of the restricted likelihood, times a prior on the site and the
@@ -61,7 +61,7 @@ from calibration.ground_motion_fit import (
 from calibration.likelihood_maximum import print_forms
 from jblast.cli.jax_start import start_jax
 from jblast.files import write_text
-from jblast.waves.laws.ground_motion.curve import (
+from jblast.waves.laws.ground_motion import (
     GroundMotionCurve,
     log_curve,
     log_scaled_place,

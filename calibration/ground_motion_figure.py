@@ -9,7 +9,7 @@ import numpy as np
 from calibration.ground_motion_fit import read_records
 from jblast.report.figure_files import write_figure
 from jblast.report.figure_style import COLOURS, INK, MARKERS, new_figure, quiet, titled
-from jblast.waves.laws.ground_motion.curve import GroundMotionCurve, log_curve
+from jblast.waves.laws.ground_motion import GroundMotionCurve, log_curve
 
 AXES = {
     "ground_displacement_m": (

@@ -1,4 +1,4 @@
-"""Fit the curve of `waves/laws/ground_motion/curve.py` and its scatter to recordings.
+"""Fit the curve of `waves/laws/ground_motion.py` and its scatter to recordings.
 
 How effects are integrated out stands in `random_effects.py`.
 """
@@ -16,7 +16,7 @@ import numpy as np
 
 from calibration.likelihood_maximum import likelihood_maximum
 from calibration.random_effects import Marginal, marginal
-from jblast.waves.laws.ground_motion.curve import (
+from jblast.waves.laws.ground_motion import (
     GroundMotionCurve,
     log_curve,
     log_gradient,

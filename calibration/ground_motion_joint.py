@@ -39,7 +39,7 @@ from calibration.mass_posterior import (
     summarised,
 )
 from jblast.cli.jax_start import start_jax
-from jblast.waves.laws.ground_motion.curve import GroundMotionCurve
+from jblast.waves.laws.ground_motion import GroundMotionCurve
 
 Compared = tuple[Judged, MassEstimate]
 """A shot, whose `exact` is of the acoustic records, and its joint estimate."""

@@ -14,8 +14,8 @@ up to 10 % at Z = 40 on the surface, 6 % in free air.
 import jax
 import jax.numpy as jnp
 
-from jblast.waves.laws.kingery_bulmash.table import kingery_bulmash_curve
-from jblast.waves.shock.weak_shock_tail import weak_shock_tail
+from jblast.waves.laws.kingery_bulmash import kingery_bulmash_curve
+from jblast.waves.shock import weak_shock_tail
 
 SCALED_DISTANCES = (20.0, 25.0, 30.0, 35.0, 40.0, 400.0)
 

@@ -15,7 +15,7 @@ from jblast.report.words import split_name
 from jblast.scene import Air, Charge, Scene
 from jblast.scene.charge import Burst
 from jblast.sensors.calculator.question import scene_path, with_rows
-from jblast.waves.laws.weak_shock.iso import HUMIDITY
+from jblast.waves.laws.weak_shock import HUMIDITY
 from jblast.waves.paths import Path
 
 MASS = 15.0

@@ -61,7 +61,7 @@ from calibration.mass_by_fit import weigh
 from calibration.mass_posterior import estimate
 from jblast.cli.jax_start import start_jax
 from jblast.registry import Law, register
-from jblast.waves.laws.ford_2021.laws import Ford2021, ford_2021_laws
+from jblast.waves.laws.ford_2021 import Ford2021, ford_2021_laws
 
 PROCESSES = 2
 """Each keeps its laws under names of their own, since compiled code knows a law by

@@ -25,8 +25,8 @@ from calibration.point_source_references import END, hancock, law_over, sound_fr
 from jblast.cli.jax_start import start_jax
 from jblast.files import write_text
 from jblast.waves.euler import Decay, decay_at, extrapolated, point_source_march
-from jblast.waves.euler.march import March
-from jblast.waves.laws.point_source.front import (
+from jblast.waves.euler.run import March
+from jblast.waves.laws.point_source import (
     log_overpressure_ratio,
     point_source_tail,
 )

@@ -22,8 +22,8 @@ from jblast.waves.euler import (
     point_source_march,
     primitives,
 )
-from jblast.waves.euler.march import March
-from jblast.waves.laws.point_source.front import log_overpressure_ratio
+from jblast.waves.euler.run import March
+from jblast.waves.laws.point_source import log_overpressure_ratio
 
 PROFILES = (0.3, 1.0, 3.0, 10.0)
 """Radii of the shock whose profiles are drawn, lambda."""

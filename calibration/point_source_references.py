@@ -7,10 +7,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from jblast.waves.curves.arrival import log_sound_fraction
+from jblast.waves.curves import log_sound_fraction
 from jblast.waves.euler import Decay
-from jblast.waves.laws.point_source.arrival import point_source_arrival
-from jblast.waves.laws.point_source.front import log_overpressure_ratio
+from jblast.waves.laws.point_source import log_overpressure_ratio, point_source_arrival
 
 END = 100.0
 r"""$\lambda$ to which the solver runs."""

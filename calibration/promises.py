@@ -35,7 +35,7 @@ from jblast.fidelity.reference import REFERENCES, reference_value
 from jblast.fidelity.solver import METHOD as SOLVER
 from jblast.scene.charge import Burst
 from jblast.waves.paths import Path
-from jblast.waves.propagation.atmosphere import (
+from jblast.waves.propagation import (
     air_density,
     sound_speed_in_air,
     standard_atmosphere,

@@ -10,23 +10,26 @@ import jax
 import jax.numpy as jnp
 
 from jblast.constants import GRANITE_P_SPEED, STANDARD_PRESSURE
-from jblast.waves.laws.kingery_bulmash.laws import (
+from jblast.waves.laws.kingery_bulmash import (
     kingery_bulmash_arrival_time,
     kingery_bulmash_duration,
     kingery_bulmash_impulse,
     kingery_bulmash_pressure,
     kingery_bulmash_reflected_impulse,
 )
-from jblast.waves.laws.shock_kinematics.laws import (
+from jblast.waves.laws.shock_kinematics import (
     shock_kinematics_arrival_time,
     shock_kinematics_shock_speed,
 )
 from jblast.waves.laws.wu_hao import wu_hao_air_arrival_time, wu_hao_ground_arrival_time
-from jblast.waves.propagation.absorption import DECIBELS_PER_NEPER, stokes_absorption
-from jblast.waves.propagation.atmosphere import sound_speed_in_air
-from jblast.waves.propagation.spreading import spherical_spreading_loss
-from jblast.waves.propagation.transmission_loss import transmission_loss
-from jblast.waves.waveform.friedlander import friedlander_decay, friedlander_impulse
+from jblast.waves.propagation import (
+    DECIBELS_PER_NEPER,
+    sound_speed_in_air,
+    spherical_spreading_loss,
+    stokes_absorption,
+    transmission_loss,
+)
+from jblast.waves.waveform import friedlander_decay, friedlander_impulse
 
 HEADINGS = ("item", "as printed", "as coded", "as corrected")
 

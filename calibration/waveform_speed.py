@@ -24,8 +24,8 @@ from jblast.scene import Charge, Scene
 from jblast.sensors import even_overpressure
 from jblast.sensors.arrivals.laws import DEFAULT_RECORD_LAWS
 from jblast.sensors.arrivals.waves_at import waves_at
-from jblast.waves.propagation.absorption_filter import absorb
-from jblast.waves.waveform.pulse_samples import pulse_samples
+from jblast.waves.propagation import absorb
+from jblast.waves.pulse import pulse_samples
 
 MICROPHONES, SAMPLES, RATE = 1000, 48_000, 48e3
 REPEATS = 7

@@ -58,7 +58,7 @@ from jblast.vehicle.dynamics.components import four, joined
 from jblast.vehicle.rollout.flight import Flight
 from jblast.vehicle.rollout.step import Now, OneStep
 from jblast.vehicle.rollout.timetable import INWARD, Ticks
-from jblast.waves.propagation.ambient import ambient
+from jblast.waves.propagation import ambient
 
 SYSTEM, COMPONENT = 1, 51
 """Whom the simulator speaks for; MAV_COMP_ID_MISSIONPLANNER's neighbour, as others."""

@@ -6,11 +6,9 @@ from jaxtyping import Array, ArrayLike, Float
 
 from jblast.kept_programs import kept
 from jblast.types import as_float_arrays
-from jblast.waves.laws.shock_kinematics.positive_phase import shock_kinematics_impulse
-from jblast.waves.waveform.blast_pressure import blast_pulse
-from jblast.waves.waveform.pulse import Pulse, pulse_of
-from jblast.waves.waveform.pulse_samples import pulse_samples
-from jblast.waves.waveform.rise_time import weak_shock_rise_time
+from jblast.waves.laws.shock_kinematics import shock_kinematics_impulse
+from jblast.waves.pulse import Pulse, pulse_of, pulse_samples
+from jblast.waves.waveform import blast_pulse, weak_shock_rise_time
 
 
 @kept

@@ -21,7 +21,7 @@ from jblast.detect.pulse_fit import PulseFit, PulseTest
 from jblast.detect.search import BEFORE_S, LEAST_QUIET, LENGTHS, Channel, Searched
 from jblast.detect.templates import blast_templates
 from jblast.detect.whitening import NoiseSpectrum, noise_spectrum
-from jblast.waves.waveform.blast_pressure import blast_pulse
+from jblast.waves.waveform import blast_pulse
 
 STEP = 2**0.5
 """From one duration of the bank to the next. Half a step away, in white noise, 0.93 of

@@ -24,7 +24,7 @@ from jblast.quantities import TIMES
 from jblast.registry import names_for
 from jblast.scene import Scene, Sensor, UncertainScene
 from jblast.scene.charge import BURSTS, Burst
-from jblast.waves.burst_and_height import burst_notes, scaled_height
+from jblast.waves.height_of_burst import burst_notes, scaled_height
 from jblast.waves.paths import Path
 
 SHARE_OF_SIGMA = 1.0 / 3.0

@@ -11,7 +11,7 @@ from jblast.registry import call, law_for, names_for
 from jblast.scene.charge import Burst
 from jblast.waves.paths import Path
 from jblast.waves.scaling import scaled_distance
-from jblast.waves.shock.far_scatter import FAR_END
+from jblast.waves.shock import FAR_END
 
 Numbers = Float[Array | np.ndarray, " place"]
 Marks = Bool[Array | np.ndarray, " place"]

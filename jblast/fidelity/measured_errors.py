@@ -26,8 +26,7 @@ from jblast.fidelity.reference import (
 from jblast.registry import call, law_for, names_for
 from jblast.scene import Air, Scene
 from jblast.scene.charge import Burst
-from jblast.waves.path_between import path_between
-from jblast.waves.paths import Path
+from jblast.waves.paths import Path, path_between
 
 PER_OCTAVE = 17
 _OCTAVES = np.arange(-164, 79) / PER_OCTAVE

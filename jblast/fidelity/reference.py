@@ -20,7 +20,7 @@ import jblast.waves as _waves  # noqa: F401  laws enter the registry as they are
 from jblast.registry import call, law_for
 from jblast.waves.paths import Path
 from jblast.waves.scaling import scaled_distance
-from jblast.waves.shock.far_scatter import FAR_END
+from jblast.waves.shock import FAR_END
 
 KINGERY_BULMASH_END = 40.0
 """Where the tables of Kingery and Bulmash end [m/kg^(1/3)]."""

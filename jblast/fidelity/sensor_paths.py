@@ -20,8 +20,7 @@ from jblast.scene import (
     with_values,
 )
 from jblast.scene.priors import Free
-from jblast.waves.path_between import path_between
-from jblast.waves.paths import Path
+from jblast.waves.paths import Path, path_between
 
 SCORES = tuple(NormalDist().inv_cdf(p) for p in (0.05, 0.95))
 """Of the ends of a prior's 90 % interval."""

@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from jblast.fidelity.timing import seconds
-from jblast.waves.laws.point_source.laws import LENGTH
+from jblast.waves.laws.point_source import LENGTH
 
 if TYPE_CHECKING:  # a choice knows what a run costs, and needs none
     from jblast.waves.euler import Decay

@@ -27,7 +27,7 @@ from jblast.quantities import ADDITIVE, BY_CAMERA, PLACELESS, TIMED, made_with
 from jblast.scene import UncertainScene, freed, with_values
 from jblast.scene.reader.records import share_text
 from jblast.scene.uncertain import NO_SCENE
-from jblast.waves.propagation.atmosphere import standard_atmosphere
+from jblast.waves.propagation import standard_atmosphere
 
 PLACE = ("charge_east_m", "charge_north_m")
 APART = 5.0

@@ -33,7 +33,7 @@ from jblast.report.pages import page
 from jblast.report.picks import RECORDS_ALT, RECORDS_CAPTION, estimate_words, note_words
 from jblast.report.provenance import Provenance, provenance_lines
 from jblast.report.words import Unit, capitalised, quantity_words, unit_for
-from jblast.waves.waveform.pulse import Pulse, pulse_mean
+from jblast.waves.pulse import Pulse, pulse_mean
 
 JSON, LOG, PAGE = "picks.json", "picks.csv", "report.html"
 PICTURE = "records_{}.png"

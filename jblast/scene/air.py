@@ -1,4 +1,4 @@
-"""The air: what was measured of it. What follows from that is in `waves.atmosphere`."""
+"""Measured properties of the air; `waves.propagation` derives the others from them."""
 
 import equinox as eqx
 from jaxtyping import Array, Float

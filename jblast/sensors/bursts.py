@@ -12,7 +12,7 @@ from jaxtyping import Bool
 from jblast.scene import Charge, Scene
 from jblast.sensors.layout import Layout
 from jblast.sensors.record import path_to
-from jblast.waves.burst_and_height import burst_notes, scaled_height
+from jblast.waves.height_of_burst import burst_notes, scaled_height
 
 
 def settled(scene: Scene, layout: Layout) -> tuple[Scene, Layout]:

@@ -22,7 +22,7 @@ from jblast.scene import Charge, Scene
 from jblast.scene.charge import BURSTS, Burst
 from jblast.types import as_float_array, as_float_arrays
 from jblast.waves.paths import Path
-from jblast.waves.propagation.ambient import ambient, sound_speed_of
+from jblast.waves.propagation import ambient, sound_speed_of
 from jblast.waves.scaling import scaled_distance
 
 

@@ -24,8 +24,7 @@ from jblast.sensors.jolt import with_jolts
 from jblast.sensors.layout import Layout
 from jblast.sensors.path_scatter import embedded
 from jblast.sensors.shapes import check_laws, check_layout, check_scene
-from jblast.waves.path_between import path_between
-from jblast.waves.paths import Path
+from jblast.waves.paths import Path, path_between
 
 FAR = " far away"
 """Marks the effect that the far rows of a shot share (`registry.Law.far_scatter`)."""

@@ -11,55 +11,51 @@ from jblast.waves.laws.fireball_radius import (
     fireball_law_radius as fireball_law_radius,
     fireball_law_radius_in_image as fireball_law_radius_in_image,
 )
-from jblast.waves.laws.ford_2021.laws import (
+from jblast.waves.laws.ford_2021 import (
     ford_2021_duration as ford_2021_duration,
     ford_2021_impulse as ford_2021_impulse,
 )
-from jblast.waves.laws.ground_factor import ground_factor as ground_factor
-from jblast.waves.laws.ground_motion.laws import (
+from jblast.waves.laws.ground_motion import (
     ground_motion_displacement as ground_motion_displacement,
     ground_motion_velocity as ground_motion_velocity,
 )
 from jblast.waves.laws.henrych import henrych_pressure as henrych_pressure
-from jblast.waves.laws.kingery_bulmash.blast_wind import (
-    kingery_bulmash_blast_wind as kingery_bulmash_blast_wind,
-    kingery_bulmash_dynamic_pressure as kingery_bulmash_dynamic_pressure,
-)
-from jblast.waves.laws.kingery_bulmash.laws import (
+from jblast.waves.laws.kingery_bulmash import (
+    ground_factor as ground_factor,
     kingery_bulmash_arrival_time as kingery_bulmash_arrival_time,
+    kingery_bulmash_blast_wind as kingery_bulmash_blast_wind,
     kingery_bulmash_duration as kingery_bulmash_duration,
+    kingery_bulmash_dynamic_pressure as kingery_bulmash_dynamic_pressure,
     kingery_bulmash_impulse as kingery_bulmash_impulse,
     kingery_bulmash_pressure as kingery_bulmash_pressure,
     kingery_bulmash_reflected_impulse as kingery_bulmash_reflected_impulse,
     kingery_bulmash_reflected_pressure as kingery_bulmash_reflected_pressure,
     kingery_bulmash_shock_speed as kingery_bulmash_shock_speed,
 )
-from jblast.waves.laws.kinney_graham.laws import (
+from jblast.waves.laws.kinney_graham import (
     kinney_graham_arrival_time as kinney_graham_arrival_time,
     kinney_graham_duration as kinney_graham_duration,
     kinney_graham_impulse as kinney_graham_impulse,
+    kinney_graham_nuclear_duration as kinney_graham_nuclear_duration,
+    kinney_graham_nuclear_pressure as kinney_graham_nuclear_pressure,
     kinney_graham_pressure as kinney_graham_pressure,
     kinney_graham_shock_speed as kinney_graham_shock_speed,
 )
-from jblast.waves.laws.kinney_graham.nuclear import (
-    kinney_graham_nuclear_duration as kinney_graham_nuclear_duration,
-    kinney_graham_nuclear_pressure as kinney_graham_nuclear_pressure,
-)
 from jblast.waves.laws.light import light_arrival_time as light_arrival_time
 from jblast.waves.laws.line_of_sight import bearing as bearing, elevation as elevation
-from jblast.waves.laws.negative_phase.rigby import (
+from jblast.waves.laws.negative_phase_rigby import (
     rigby_negative_duration as rigby_negative_duration,
     rigby_reflected_negative_impulse as rigby_reflected_negative_impulse,
     rigby_reflected_negative_pressure as rigby_reflected_negative_pressure,
 )
-from jblast.waves.laws.negative_phase.ufc import (
+from jblast.waves.laws.negative_phase_ufc import (
     ufc_negative_duration as ufc_negative_duration,
     ufc_negative_impulse as ufc_negative_impulse,
     ufc_negative_pressure as ufc_negative_pressure,
     ufc_reflected_negative_impulse as ufc_reflected_negative_impulse,
     ufc_reflected_negative_pressure as ufc_reflected_negative_pressure,
 )
-from jblast.waves.laws.point_source.laws import (
+from jblast.waves.laws.point_source import (
     point_source_arrival_time as point_source_arrival_time,
     point_source_pressure as point_source_pressure,
     point_source_shock_speed as point_source_shock_speed,
@@ -68,22 +64,20 @@ from jblast.waves.laws.sadovsky import (
     sadovsky_duration as sadovsky_duration,
     sadovsky_pressure as sadovsky_pressure,
 )
-from jblast.waves.laws.sedov_taylor.alpha import sedov_alpha as sedov_alpha
-from jblast.waves.laws.sedov_taylor.laws import (
+from jblast.waves.laws.sedov_taylor import (
+    sedov_alpha as sedov_alpha,
     sedov_taylor_energy as sedov_taylor_energy,
     sedov_taylor_shock_pressure as sedov_taylor_shock_pressure,
     sedov_taylor_shock_radius as sedov_taylor_shock_radius,
 )
-from jblast.waves.laws.shock_kinematics.laws import (
+from jblast.waves.laws.shock_kinematics import (
     shock_kinematics_arrival_time as shock_kinematics_arrival_time,
+    shock_kinematics_duration as shock_kinematics_duration,
+    shock_kinematics_impulse as shock_kinematics_impulse,
     shock_kinematics_pressure as shock_kinematics_pressure,
     shock_kinematics_shock_speed as shock_kinematics_shock_speed,
 )
-from jblast.waves.laws.shock_kinematics.positive_phase import (
-    shock_kinematics_duration as shock_kinematics_duration,
-    shock_kinematics_impulse as shock_kinematics_impulse,
-)
-from jblast.waves.laws.swisdak.laws import (
+from jblast.waves.laws.swisdak import (
     swisdak_arrival_time as swisdak_arrival_time,
     swisdak_duration as swisdak_duration,
     swisdak_impulse as swisdak_impulse,
@@ -93,10 +87,8 @@ from jblast.waves.laws.swisdak.laws import (
     swisdak_shock_speed as swisdak_shock_speed,
 )
 from jblast.waves.laws.thesis import thesis_sound_pressure as thesis_sound_pressure
-from jblast.waves.laws.weak_shock.iso import (
+from jblast.waves.laws.weak_shock import (
     weak_shock_iso_pressure as weak_shock_iso_pressure,
-)
-from jblast.waves.laws.weak_shock.pressure import (
     weak_shock_pressure as weak_shock_pressure,
 )
 from jblast.waves.laws.wu_hao import (
@@ -109,25 +101,26 @@ from jblast.waves.paths import (
     Path as Path,
     slant_range as slant_range,
 )
-from jblast.waves.propagation.absorption import (
+from jblast.waves.propagation import (
     DECIBELS_PER_NEPER as DECIBELS_PER_NEPER,
-    iso_9613_absorption as iso_9613_absorption,
-    iso_9613_valid as iso_9613_valid,
-    stokes_absorption as stokes_absorption,
-    stokes_kirchhoff_absorption as stokes_kirchhoff_absorption,
-)
-from jblast.waves.propagation.atmosphere import (
     air_density as air_density,
     effective_sound_speed as effective_sound_speed,
-    sound_speed_in_air as sound_speed_in_air,
-    standard_atmosphere as standard_atmosphere,
-)
-from jblast.waves.propagation.spreading import (
     hemispherical_spreading_loss as hemispherical_spreading_loss,
+    iso_9613_absorption as iso_9613_absorption,
+    iso_9613_valid as iso_9613_valid,
+    sound_speed_in_air as sound_speed_in_air,
     spherical_spreading_loss as spherical_spreading_loss,
-)
-from jblast.waves.propagation.transmission_loss import (
+    standard_atmosphere as standard_atmosphere,
+    stokes_absorption as stokes_absorption,
+    stokes_kirchhoff_absorption as stokes_kirchhoff_absorption,
     transmission_loss as transmission_loss,
+)
+from jblast.waves.pulse import (
+    Pulse as Pulse,
+    pulse_mean as pulse_mean,
+    pulse_of as pulse_of,
+    pulse_pressure as pulse_pressure,
+    pulse_samples as pulse_samples,
 )
 from jblast.waves.scaling import (
     sachs_distance_factor as sachs_distance_factor,
@@ -136,45 +129,28 @@ from jblast.waves.scaling import (
     sachs_time_factor as sachs_time_factor,
     scaled_distance as scaled_distance,
 )
-from jblast.waves.shock.oblique_reflection import (
-    oblique_reflected_pressure as oblique_reflected_pressure,
-    oblique_reflected_pressure_arl as oblique_reflected_pressure_arl,
-)
-from jblast.waves.shock.rankine_hugoniot import (
+from jblast.waves.shock import (
     blast_wind as blast_wind,
     dynamic_pressure as dynamic_pressure,
     normally_reflected_pressure as normally_reflected_pressure,
+    oblique_reflected_pressure as oblique_reflected_pressure,
+    oblique_reflected_pressure_arl as oblique_reflected_pressure_arl,
     shock_density_ratio as shock_density_ratio,
     shock_mach_number as shock_mach_number,
     shock_overpressure as shock_overpressure,
     shock_temperature_ratio as shock_temperature_ratio,
 )
-from jblast.waves.waveform.blast_pressure import (
+from jblast.waves.waveform import (
     BlastPulse as BlastPulse,
     blast_pressure as blast_pressure,
     blast_pulse as blast_pulse,
-)
-from jblast.waves.waveform.finite_rise import (
     finite_rise_pressure as finite_rise_pressure,
-)
-from jblast.waves.waveform.friedlander import (
     friedlander_decay as friedlander_decay,
     friedlander_impulse as friedlander_impulse,
     friedlander_pressure as friedlander_pressure,
     friedlander_spectrum as friedlander_spectrum,
     modified_friedlander_pressure as modified_friedlander_pressure,
-)
-from jblast.waves.waveform.negative_phase import (
     negative_phase_pressure as negative_phase_pressure,
-)
-from jblast.waves.waveform.pulse import (
-    Pulse as Pulse,
-    pulse_mean as pulse_mean,
-    pulse_of as pulse_of,
-    pulse_pressure as pulse_pressure,
-)
-from jblast.waves.waveform.pulse_samples import pulse_samples as pulse_samples
-from jblast.waves.waveform.rise_time import (
     weak_shock_rise_time as weak_shock_rise_time,
 )
 

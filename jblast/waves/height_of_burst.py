@@ -1,4 +1,4 @@
-r"""Whether a charge above the ground bursts as in free air, at a place.
+r"""Choice of the curve set, surface or free-air, by the height of burst.
 
 The free-air curves hold until the reflection from the ground arrives. It comes from the
 image of the charge below the ground, at a distance of
@@ -7,19 +7,24 @@ $$R' = \sqrt{R^2 + 4 h h_s}$$
 
 for a charge $h$ and a sensor $h_s$ above the ground. Where it arrives after the
 positive phase has ended, peak, impulse and duration are those of free air: what UFC
-3-340-02 calls a free-air burst (from memory) reaches a place before any reflection
+3-340-02 calls a free-air burst (from memory) reaches a position before any reflection
 does. Both times are those of the free-air curves. The reflection runs through air that
-the incident wave has warmed and pushed, and so comes a little sooner than reckoned. A
-sensor on the ground meets both at once.
+the incident wave has warmed and pushed, and so arrives slightly earlier than computed.
+A sensor on the ground meets both simultaneously. `burst_notes` words which curves were
+used and where they contradict the height.
 """
 
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, ArrayLike, Bool, Float
 
 from jblast.constants import STANDARD_PRESSURE, STANDARD_SOUND_SPEED
+from jblast.scene import Charge, Scene
 from jblast.types import as_float_arrays
-from jblast.waves.laws.kingery_bulmash.laws import kingery_bulmash_duration
-from jblast.waves.laws.shock_kinematics.laws import shock_kinematics_arrival_time
+from jblast.waves.laws.kingery_bulmash import kingery_bulmash_duration
+from jblast.waves.laws.shock_kinematics import shock_kinematics_arrival_time
+from jblast.waves.propagation import ambient
+from jblast.waves.scaling import sachs_distance_factor
 
 
 def image_range(
@@ -67,3 +72,72 @@ def bursts_in_free_air(
     delay = shock_kinematics_arrival_time(far, *air)
     delay = delay - shock_kinematics_arrival_time(r, *air)
     return good & (delay >= kingery_bulmash_duration(r, *air))
+
+
+def burst_notes(
+    charge: Charge,
+    heights: tuple[float, float],
+    free: Bool[np.ndarray, " place"],
+    what: str,
+) -> list[str]:
+    """Say by which curves a charge above the ground was taken, and what they miss.
+
+    Args:
+        charge: With its curve set, None where that differs from place to place.
+        heights: The least and the largest height of burst [m/kg^(1/3)].
+        free: Where the reflection comes after the positive phase.
+        what: What the places are called.
+    """
+    low, high = heights
+    height = f"{low:.2g}" if low == high else f"{low:.2g} to {high:.2g}"
+    which = f"the charge {charge.name}" if charge.name else "the charge"
+    at = f"at {free.sum()} of {free.size} {what}s"
+    at = f"at every {what}" if free.all() else at
+    late = "the reflection from the ground comes after the positive phase"
+    stood = f"{which} stood {height} m/kg^(1/3) above the ground"
+    against = f'burst = "{charge.burst}" contradicts the height: '
+    asked = "as asked for"
+    if charge.by_height:  # settled elsewhere, and not as the height here would have it
+        against, asked = "", "chosen before the height was known"
+    if not free.size:
+        return []
+    if high <= 0.0:
+        if charge.burst == "free-air" and charge.range_m is None:
+            return [
+                f"{against}{which} stood on the ground or in it; the free-air curves "
+                f"were used, {asked}"
+            ]
+        return []
+    if charge.burst == "surface" and (free.all() if charge.by_height else free.any()):
+        return [
+            f"{against}{stood}, and {at} {late}; the surface curves, of up to twice "
+            f"the impulse, were used, {asked}"
+        ]
+    if charge.burst == "free-air" and not free.all():
+        early = f"at {(~free).sum()} of {free.size} {what}s"
+        return [
+            f"{against}{stood}, and {early} the reflection from the ground comes "
+            "within the positive phase, of which the free-air curves know nothing; "
+            f"they were used, {asked}"
+        ]
+    if free.all():
+        return [f"{stood}; {at} {late}: the free-air curves were used"]
+    between = (
+        f"{stood}, neither on it nor so high that {late}: between the limits of the "
+        "curves"
+    )
+    if free.any() and charge.burst is not None:
+        return [f"{between}; {at} it does; the {charge.burst} curves were used for all"]
+    if free.any():
+        return [
+            f"{between}; {at} it does, and the free-air curves were used, at the "
+            "others neither set holds, and the surface curves were"
+        ]
+    return [f"{between}, of which the surface ones were used"]
+
+
+def scaled_height(scene: Scene, charge: Charge) -> Float[Array, ""]:
+    """Return the height of burst [m/kg^(1/3)]."""
+    _, pressure = ambient(scene.air)
+    mass = charge.tnt_mass("peak_overpressure_pa")
+    return charge.up / sachs_distance_factor(mass, pressure)

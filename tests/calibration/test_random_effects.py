@@ -12,7 +12,7 @@ from calibration.ford_2021 import ADOPTED
 from calibration.ford_fit import fit
 from calibration.ford_records import QUANTITIES
 from calibration.random_effects import log_student_t, marginal
-from jblast.waves.laws.ford_2021.laws import ford_2021
+from jblast.waves.laws.ford_2021 import ford_2021
 
 SHOT = np.array([0, 0, 0, 1, 1, 2, 2, 2])
 PATH = np.array([0, 1, 1, 0, 2, 1, 2, 2])

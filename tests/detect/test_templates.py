@@ -4,7 +4,7 @@ import pytest
 from jblast.detect import blast_template, recorded_template
 from jblast.errors import InputError
 from jblast.verification.cases.detectors import RATE
-from jblast.waves.waveform.blast_pressure import blast_pulse
+from jblast.waves.waveform import blast_pulse
 
 
 def test_a_template_by_law_has_the_impulse_and_the_duration_of_the_law():

@@ -10,9 +10,9 @@ from jblast.scene import Air, Charge, Scene, Sensor
 from jblast.sensors.bursts import height_notes, settled
 from jblast.sensors.layout import planned_layout
 from jblast.sensors.record import record
-from jblast.waves.burst_and_height import burst_notes
-from jblast.waves.laws.kingery_bulmash.laws import kingery_bulmash_impulse
-from jblast.waves.path_between import path_between
+from jblast.waves.height_of_burst import burst_notes
+from jblast.waves.laws.kingery_bulmash import kingery_bulmash_impulse
+from jblast.waves.paths import path_between
 
 LAW = {"positive_impulse_pa_s": "kingery_bulmash"}
 QUANTITY = "positive_impulse_pa_s"

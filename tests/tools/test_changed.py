@@ -6,7 +6,7 @@ def of(*files: str) -> set[str]:
 
 
 def test_a_module_asks_for_the_asked_for_its_room():
-    assert of("jblast/waves/euler/mesh.py", "jblast/cli/verbs/fit.py") == {
+    assert of("jblast/waves/euler/state.py", "jblast/cli/verbs/fit.py") == {
         "tests/waves",
         "tests/cli",
     }

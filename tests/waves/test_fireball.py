@@ -17,7 +17,7 @@ from jblast.waves.fireball import (
     fireball_rise,
     smoke_drift_time,
 )
-from jblast.waves.laws.kingery_bulmash.laws import kingery_bulmash_arrival_time
+from jblast.waves.laws.kingery_bulmash import kingery_bulmash_arrival_time
 from tests.tools.slopes import check_slopes
 
 masses = st.floats(1e-3, 1e6)

@@ -7,7 +7,7 @@ import pytest
 from jblast.errors import InputError
 from jblast.scene import Sensor
 from jblast.sensors import Track
-from jblast.waves.propagation.ambient import sound_speed_of
+from jblast.waves.propagation import sound_speed_of
 from jblast.world import arrivals_of, perceived, readings_of
 from jblast.world.perceived import waves_of
 from tests.world.worlds import VEHICLE, drawn

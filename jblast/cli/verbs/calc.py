@@ -391,7 +391,7 @@ def _scene(asked: argparse.Namespace) -> "Scene":
 
 def _check_vapour(air: "Air") -> None:
     """Refuse steam: the sound speed of humid air means nothing for it."""
-    from jblast.waves.propagation.atmosphere import water_vapour_fraction
+    from jblast.waves.propagation import water_vapour_fraction
 
     kelvin, pascal, humidity = (
         x.item() for x in (air.temperature, air.pressure, air.relative_humidity)

@@ -39,7 +39,7 @@ from jblast.scene import Charge, UncertainScene
 from jblast.scene.uncertain import NO_SCENE
 from jblast.sensors.bursts import height_notes
 from jblast.sensors.layout import components
-from jblast.waves.burst_and_height import scaled_height
+from jblast.waves.height_of_burst import scaled_height
 
 FAR = 4.0
 """A shared effect larger than this many standard deviations is told of."""

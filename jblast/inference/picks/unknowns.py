@@ -15,8 +15,8 @@ for sure is unknown by its logarithm:
 
 Between Z = 2 and 300 the laws (shock kinematics on the ground) have the decay $b$ from
 0.4 to 2.9, $P^-/P$ from 0.12 to 0.49 and $t^-/t_d$ from 1.8 to 4.5; below $b = -1$ a
-pulse would rise behind its front. A weak shock rises in 0.2 us to
-0.2 ms (`rise_time.py`), and instruments add about a sample. The standard deviations are
+pulse would rise behind its front. A weak shock rises in 0.2 us to 0.2 ms
+(`waves/waveform.py`), and instruments add about a sample. The standard deviations are
 twice what these ranges ask for: what a record tells goes before what laws say. Many a
 record has no negative phase at all, which the logarithm of one would make impossible:
 the search would shorten the positive phase to make room for one. So the suction is
@@ -34,8 +34,8 @@ import numpy as np
 from jax import lax
 from jaxtyping import Array, Float
 
-from jblast.waves.waveform.friedlander_integrals import impulse_fraction
-from jblast.waves.waveform.pulse import Pulse
+from jblast.waves.pulse import Pulse
+from jblast.waves.waveform import impulse_fraction
 
 NAMES = (
     "arrival",

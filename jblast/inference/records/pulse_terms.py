@@ -15,8 +15,8 @@ from jblast.inference.picks.fit.model import misfit
 from jblast.inference.picks.ready.bins import bins_about_front
 from jblast.inference.picks.ready.case import Case
 from jblast.inference.picks.unknowns import natural_of
-from jblast.waves.waveform.friedlander_integrals import decay_of_fraction
-from jblast.waves.waveform.pulse import LEVEL
+from jblast.waves.pulse import LEVEL
+from jblast.waves.waveform import decay_of_fraction
 
 ASKED = 4
 """Of a pick's unknowns the first; the last of them, the decay, is by the impulse."""

@@ -19,8 +19,7 @@ from jblast.sensors.microphone.ambient import share_at_height
 from jblast.sensors.microphone.sound import WIND_SLOPE
 from jblast.sensors.signal.blocks import BLOCK
 from jblast.sensors.signal.noise import coloured_noise
-from jblast.waves.propagation.ambient import ambient as ambient_of
-from jblast.waves.propagation.atmosphere import air_density
+from jblast.waves.propagation import air_density, ambient as ambient_of
 
 
 def noise_spectrum(scene: Scene, sensor: Sensor) -> Float[Array, " frequency"]:

@@ -20,9 +20,9 @@ from jblast.sensors.calculator.question import (
     scene_path,
 )
 from jblast.sensors.calculator.recommended import Recommended
-from jblast.waves.burst_and_height import burst_notes
-from jblast.waves.laws.ground_factor import ground_factor
-from jblast.waves.propagation.ambient import ambient
+from jblast.waves.height_of_burst import burst_notes
+from jblast.waves.laws.kingery_bulmash import ground_factor
+from jblast.waves.propagation import ambient
 from jblast.waves.scaling import sachs_distance_factor, scaled_distance
 
 Numbers = float | tuple[float, ...]

@@ -49,7 +49,7 @@ from jblast.report.words import (
     quantity_words,
     unit_for,
 )
-from jblast.waves.propagation.ambient import sound_speed_of
+from jblast.waves.propagation import sound_speed_of
 
 LEFT, RIGHT, ABOVE, BELOW, LINE = 0.95, 0.15, 0.4, 0.8, 0.15
 """What stands about a panel: numbers, names, the key and a line of it [inch]."""

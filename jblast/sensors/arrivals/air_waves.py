@@ -3,7 +3,7 @@ r"""The waves in air at a place: direct, and by way of the ground.
 Arrival, peak, duration and impulse are those of `sensors.record` for the same scene and
 laws. The rest is not a law's to choose: the suction is that of `waves.blast_pulse`,
 where a law says less pressure than `shock_kinematics` as much less; the rise time that
-of a weak shock (`rise_time.py`).
+of a weak shock (`waves/waveform.py`).
 
 The reflection comes from the image of the charge below a flat ground, for charges that
 are taken by the free-air curves alone (those of a surface burst hold the ground
@@ -25,11 +25,10 @@ from jblast.scene import Scene
 from jblast.sensors.arrivals.laws import AIR_QUANTITIES
 from jblast.sensors.arrivals.way import Heard, Way, as_seen, is_there, rows_of_place
 from jblast.sensors.record import path_to, record
-from jblast.waves.laws.shock_kinematics.laws import shock_kinematics_pressure
+from jblast.waves.laws.shock_kinematics import shock_kinematics_pressure
 from jblast.waves.paths import Path
-from jblast.waves.waveform.blast_pressure import suction_of
-from jblast.waves.waveform.pulse import pulse_of
-from jblast.waves.waveform.rise_time import weak_shock_rise_time
+from jblast.waves.pulse import pulse_of
+from jblast.waves.waveform import suction_of, weak_shock_rise_time
 
 
 def air_wave(

@@ -15,9 +15,8 @@ from jblast.scene import Air, Scene
 from jblast.sensors.arrivals.laws import DEFAULT_GROUND_LAWS
 from jblast.sensors.layout import Layout
 from jblast.sensors.record import record
-from jblast.waves.propagation.ambient import ambient, sound_speed_of
-from jblast.waves.propagation.atmosphere import air_density
-from jblast.waves.waveform.ground_pulse import GroundPulse, ground_pulse_of
+from jblast.waves.propagation import air_density, ambient, sound_speed_of
+from jblast.waves.pulse import GroundPulse, ground_pulse_of
 
 
 def ground_waves(

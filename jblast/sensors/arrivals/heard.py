@@ -16,8 +16,8 @@ from jblast.sensors.arrivals.track import Track
 from jblast.sensors.arrivals.waves_at import waves_at
 from jblast.sensors.arrivals.way import Heard, alone, low_charges_settled
 from jblast.types import as_float_array
-from jblast.waves.propagation.ambient import sound_speed_of
-from jblast.waves.waveform.pulse import Pulse
+from jblast.waves.propagation import sound_speed_of
+from jblast.waves.pulse import Pulse
 
 Standpoint = Float[ArrayLike, "3"] | Sequence[float] | Track
 """East, north, up [m], or where that is over time."""

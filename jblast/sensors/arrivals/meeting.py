@@ -23,7 +23,7 @@ from jblast.scene import Scene
 from jblast.sensors.arrivals.track import Track
 from jblast.sensors.arrivals.waves_at import wave_at
 from jblast.sensors.arrivals.way import Heard, Way, arrival_time, ways
-from jblast.waves.waveform.ground_pulse import GroundPulse
+from jblast.waves.pulse import GroundPulse
 
 STEPS = 30
 r"""Of the iteration $t \leftarrow a(\mathbf x(t))$: its error falls each time by

@@ -19,12 +19,13 @@ from jblast.sensors.arrivals.recorded_sound import RecordedSound
 from jblast.sensors.arrivals.track import Track
 from jblast.sensors.arrivals.way import Heard, low_charges_settled
 from jblast.types import as_float_array
-from jblast.waves.waveform.ground_pulse import (
+from jblast.waves.pulse import (
     GroundPulse,
+    Pulse,
     ground_pulse_velocity_mean,
+    pulse_mean,
+    pulse_samples,
 )
-from jblast.waves.waveform.pulse import Pulse, pulse_mean
-from jblast.waves.waveform.pulse_samples import pulse_samples
 
 AnyPulse = TypeVar("AnyPulse", bound=Pulse | GroundPulse)
 

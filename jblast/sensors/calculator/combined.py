@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from jblast.quantities import components
-from jblast.waves.waveform.friedlander import friedlander_decay
+from jblast.waves.waveform import friedlander_decay
 
 
 @dataclass(frozen=True)

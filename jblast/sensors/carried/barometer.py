@@ -21,7 +21,7 @@ from jblast.vehicle import BlastLoad
 from jblast.vehicle.loads.blast.alike import over_alike
 from jblast.vehicle.loads.blast.passage import Blast
 from jblast.vehicle.loads.blast.wave import overpressure
-from jblast.waves.propagation.atmosphere import HYDROSTATIC_GRADIENT, LAPSE_RATE
+from jblast.waves.propagation import HYDROSTATIC_GRADIENT, LAPSE_RATE
 
 EXPONENT = HYDROSTATIC_GRADIENT / LAPSE_RATE
 LEAST_PA, MOST_PA = 1_000.0, 120_000.0

@@ -41,10 +41,9 @@ from jblast.sensors.signal.blocks import (
     sample_count,
 )
 from jblast.sensors.signal.chain import chain_block
-from jblast.waves.propagation.ambient import ambient, sound_speed_of
-from jblast.waves.propagation.atmosphere import air_density
-from jblast.waves.shock.rankine_hugoniot import plane_wave_wind
-from jblast.waves.waveform.pulse import Pulse, pulse_mean
+from jblast.waves.propagation import air_density, ambient, sound_speed_of
+from jblast.waves.pulse import Pulse, pulse_mean
+from jblast.waves.shock import plane_wave_wind
 
 
 class Gust(NamedTuple):

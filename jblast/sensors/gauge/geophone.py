@@ -32,7 +32,7 @@ from jblast.sensors.signal.blocks import (
     sample_count,
 )
 from jblast.sensors.signal.chain import chain_block
-from jblast.waves.waveform.ground_pulse import (
+from jblast.waves.pulse import (
     GroundPulse,
     ground_pulse_velocity_mean,
 )

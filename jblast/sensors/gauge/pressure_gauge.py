@@ -37,8 +37,8 @@ from jblast.sensors.signal.blocks import (
 )
 from jblast.sensors.signal.chain import chain_block
 from jblast.types import as_float_array
-from jblast.waves.propagation.ambient import ambient
-from jblast.waves.waveform.pulse import Pulse, pulse_mean
+from jblast.waves.propagation import ambient
+from jblast.waves.pulse import Pulse, pulse_mean
 
 
 class PressureGauge(NamedTuple):

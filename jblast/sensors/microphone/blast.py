@@ -25,10 +25,8 @@ from jblast.sensors.arrivals.recorded_sound import RecordedSound
 from jblast.sensors.arrivals.track import Track
 from jblast.sensors.arrivals.way import Heard
 from jblast.sensors.signal.blocks import BLOCK
-from jblast.waves.propagation.absorption_filter import TAIL_S, absorption_transfer
-from jblast.waves.propagation.ambient import ambient
-from jblast.waves.waveform.ground_pulse import GroundPulse
-from jblast.waves.waveform.pulse import Pulse
+from jblast.waves.propagation import TAIL_S, absorption_transfer, ambient
+from jblast.waves.pulse import GroundPulse, Pulse
 
 
 class WavePaths(NamedTuple):

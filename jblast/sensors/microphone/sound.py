@@ -41,8 +41,7 @@ from jblast.sensors.signal.noise import (
     noise_block,
     noise_start,
 )
-from jblast.waves.propagation.ambient import ambient as ambient_of
-from jblast.waves.propagation.atmosphere import air_density
+from jblast.waves.propagation import air_density, ambient as ambient_of
 
 WIND_SLOPE = -5.0 / 3.0 * DB_OF_OCTAVE
 """Of the noise of wind [dB/octave]: Kolmogorov's inertial range."""

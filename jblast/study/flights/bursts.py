@@ -10,7 +10,7 @@ from jaxtyping import Array
 
 from jblast.scene import Charge, Scene, VehicleSpec
 from jblast.vehicle.loads.blast.from_scene import free_air_at
-from jblast.waves.burst_and_height import burst_notes, scaled_height
+from jblast.waves.height_of_burst import burst_notes, scaled_height
 
 
 def with_bursts_at_start(

@@ -43,9 +43,11 @@ from jblast.study.outcome.family import (
     register_family,
     yes_no,
 )
-from jblast.waves.propagation.absorption_filter import absorption_transfer
-from jblast.waves.propagation.ambient import ambient as ambient_of
-from jblast.waves.propagation.atmosphere import air_density
+from jblast.waves.propagation import (
+    absorption_transfer,
+    air_density,
+    ambient as ambient_of,
+)
 
 RATE_HZ, SECONDS, BEFORE_S = 2000.0, 1.0, 0.02
 FALSE_ALARMS_PER_HOUR = 1.0

@@ -9,7 +9,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from jblast.vehicle.quadrotor.numbers import floats
-from jblast.waves.waveform.friedlander import modified_friedlander_pressure
+from jblast.waves.waveform import modified_friedlander_pressure
 
 
 class StepGust(eqx.Module):

@@ -6,12 +6,12 @@ from typing import NamedTuple
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from jblast.waves.waveform.friedlander import (
+from jblast.waves.waveform import (
     friedlander_decay,
     friedlander_pressure,
     modified_friedlander_pressure,
+    negative_phase_pressure,
 )
-from jblast.waves.waveform.negative_phase import negative_phase_pressure
 
 
 class PulseParameters(NamedTuple):

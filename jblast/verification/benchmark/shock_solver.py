@@ -14,9 +14,8 @@ from jblast.verification.benchmark.chart import (
     BenchmarkPoint,
     register_benchmark,
 )
-from jblast.waves.curves.arrival import log_sound_fraction
-from jblast.waves.laws.point_source.arrival import point_source_arrival
-from jblast.waves.laws.point_source.front import log_overpressure_ratio
+from jblast.waves.curves import log_sound_fraction
+from jblast.waves.laws.point_source import log_overpressure_ratio, point_source_arrival
 
 CELLS = (50, 100, 200, 400)
 SPANS = ((0.1, 1.0), (1.0, 10.0), (10.0, 100.0))

@@ -18,7 +18,7 @@ from jblast.observations import Observations, observed
 from jblast.observations.records.recording import PressureRecord
 from jblast.scene import Charge, Scene, UncertainScene, freed, with_laws
 from jblast.sensors import Layout, record
-from jblast.waves.waveform.pulse import pulse_mean, pulse_of
+from jblast.waves.pulse import pulse_mean, pulse_of
 
 MASS = 15.0
 RANGES = (8.0, 11.0, 15.0, 20.0, 28.0, 40.0)

@@ -15,8 +15,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from jblast.waves.euler.gas import IdealGas
-from jblast.waves.euler.state import Primitives
+from jblast.waves.euler.state import IdealGas, Primitives
 
 NEWTON_STEPS = 30
 """Concave and rising, so Newton from below arrives; from ln p it does so for any."""

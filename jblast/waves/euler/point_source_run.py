@@ -10,12 +10,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
-from jblast.waves.curves.hermite import hermite_curve
-from jblast.waves.euler.gas import IdealGas
-from jblast.waves.euler.initial.sedov import START_FRACTION, start_sedov
-from jblast.waves.euler.march import March, march
-from jblast.waves.euler.run import COURANT
-from jblast.waves.euler.state import Ambient
+from jblast.waves.curves import hermite_curve
+from jblast.waves.euler.initial import START_FRACTION, start_sedov
+from jblast.waves.euler.run import COURANT, March, march
+from jblast.waves.euler.state import Ambient, IdealGas
 
 STRIDE = 10
 """Steps between records: 2 % of the radius with 100 cells, less later and with more."""

@@ -1,1 +1,1 @@
-"""Published laws, one source a file or folder."""
+"""Published laws, one source a file."""

@@ -29,8 +29,7 @@ from jaxtyping import Array, ArrayLike, Bool, Float
 from jblast.constants import STANDARD_PRESSURE
 from jblast.registry import Law, declared_scatter, register
 from jblast.waves.arguments import checked
-from jblast.waves.curves.log_polynomial import LogCurve
-from jblast.waves.curves.reciprocal_polynomial import ReciprocalPolynomial
+from jblast.waves.curves import LogCurve, ReciprocalPolynomial
 from jblast.waves.scaling import (
     log_scaled_distance,
     sachs_pressure_factor,

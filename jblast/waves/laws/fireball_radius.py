@@ -19,7 +19,7 @@ from jblast.waves.fireball import (
     fireball_growth_time,
     fireball_radius,
 )
-from jblast.waves.laws.sedov_taylor.laws import EARLIEST_TIME
+from jblast.waves.laws.sedov_taylor import EARLIEST_TIME
 
 NEAREST = 0.9
 """Radius over distance of the nearest camera: past it the outline is a continuation.

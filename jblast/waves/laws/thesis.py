@@ -18,12 +18,12 @@ from jaxtyping import Array, ArrayLike, Bool, Float
 from jblast.registry import Law, declared_scatter, reserve
 from jblast.types import as_float_array, as_float_arrays
 from jblast.waves.arguments import checked
-from jblast.waves.laws.kingery_bulmash.laws import (
+from jblast.waves.laws.kingery_bulmash import (
     kingery_bulmash_duration,
     kingery_bulmash_pressure,
 )
 from jblast.waves.laws.wu_hao import wu_hao_air_valid
-from jblast.waves.propagation.absorption import stokes_absorption
+from jblast.waves.propagation import stokes_absorption
 
 MASS, RANGE = 15.0, 10.0
 """Of the charge and the distance that the file is taken for, declared [kg], [m]."""

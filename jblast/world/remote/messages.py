@@ -18,7 +18,7 @@ from jblast.errors import InputError, needed, shown
 from jblast.parameter_table import PARAMETERS
 from jblast.scene import Charge, Scene
 from jblast.scene.explosives import EXPLOSIVES
-from jblast.waves.propagation.ambient import ambient, sound_speed_of
+from jblast.waves.propagation import ambient, sound_speed_of
 from jblast.world.perceived import Perceived
 from jblast.world.server import (
     AirPulse,

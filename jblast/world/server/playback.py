@@ -45,9 +45,8 @@ from jblast.types import as_float_array
 from jblast.vehicle import BlastLoad, State, Vehicle, blast_load, named, rotor_speeds
 from jblast.vehicle.loads.blast.from_scene import images_of
 from jblast.vehicle.loads.blast.passage import Blast, crossing_time
-from jblast.waves.propagation.absorption_filter import TAIL_S
-from jblast.waves.propagation.ambient import sound_speed_of
-from jblast.waves.waveform.ground_pulse import GroundPulse
+from jblast.waves.propagation import TAIL_S, sound_speed_of
+from jblast.waves.pulse import GroundPulse
 from jblast.world.drawn import DrawnWorld
 from jblast.world.perceived import Perceived, arrivals_of
 from jblast.world.server.registry import (
@@ -78,7 +77,7 @@ MOST_STEPS = 2**14
 
 
 class AirPulse(NamedTuple):
-    """The air shock at an entity, as `waves.waveform.pulse.Pulse` has it, in floats.
+    """The air shock at an entity, as `waves.pulse.Pulse` has it, in floats.
 
     Attributes:
         arrival_s: When pressure first departs from the still air's [s].

@@ -9,7 +9,7 @@ from jblast.inference.picks.fit.means import mean_columns, mean_slopes, means_ov
 from jblast.inference.picks.fit.pole import ringing
 from jblast.inference.picks.ready.bins import bins_about_front
 from jblast.inference.picks.unknowns import NEGATIVES, RISES, Form
-from jblast.waves.waveform.pulse import Pulse
+from jblast.waves.pulse import Pulse
 
 BINS = bins_about_front(512)
 STEP = 1e-5

@@ -8,7 +8,7 @@ from scipy.signal import lfilter
 from jblast.inference.picks.fit.pole import pole_of, ringing
 from jblast.inference.picks.ready.bins import bins_about_front
 from jblast.inference.picks.ready.noise import Noise, whitened_means
-from jblast.waves.waveform.pulse import Pulse
+from jblast.waves.pulse import Pulse
 
 SAMPLES = 1024
 TAPS = (1.0, -0.6, 0.1, 0.0, 0.0)

@@ -9,7 +9,7 @@ from jblast.scene import Air, Charge, Ground, Scene
 from jblast.sensors.arrivals.ground_wave import ground_waves, pressure_of_velocity
 from jblast.sensors.arrivals.laws import ground_laws
 from jblast.waves import ground_motion_velocity, wu_hao_ground_arrival_time
-from jblast.waves.waveform.ground_pulse import ground_pulse_velocity
+from jblast.waves.pulse import ground_pulse_velocity
 
 PLACE = jnp.array([300.0, 400.0, 2.0])
 

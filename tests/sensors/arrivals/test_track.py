@@ -8,7 +8,7 @@ import pytest
 from jblast.errors import InputError
 from jblast.scene import Air, Charge, Scene
 from jblast.sensors import Track, heard, overpressure
-from jblast.waves.waveform.pulse import pulse_mean
+from jblast.waves.pulse import pulse_mean
 
 SOUND, START, SPEED = 340.0, 100.0, 34.0
 SCENE = Scene(

@@ -21,7 +21,7 @@ from jblast.waves import (
     wu_hao_air_arrival_time,
     wu_hao_ground_arrival_time,
 )
-from jblast.waves.waveform.friedlander import friedlander_impulse
+from jblast.waves.waveform import friedlander_impulse
 from tests.sensors.calculator.scenes import scene_with
 
 RANGES, MASSES = np.array([2.0, 20.0, 2000.0]), np.array([15.0, 15.0, 40.0])

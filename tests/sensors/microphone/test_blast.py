@@ -14,7 +14,7 @@ from jblast.scene import Air, Charge, Instrument, Scene, Sensor
 from jblast.sensors import RecordedSound, Track, microphone
 from jblast.sensors.arrivals.laws import DEFAULT_GROUND_LAWS
 from jblast.sensors.microphone import WavePaths
-from jblast.waves.propagation.absorption_filter import absorb
+from jblast.waves.propagation import absorb
 
 RATE, KEY = 20_000.0, jax.random.key(3)
 SCENE = Scene(Charge(mass_kg=15.0))

@@ -13,7 +13,7 @@ from jblast.study.engine.launch import Launcher
 from jblast.study.engine.mesh import mesh_of
 from jblast.study.sampling import work as work_module
 from jblast.waves import wu_hao_air_arrival_time
-from jblast.waves.propagation.ambient import sound_speed_of
+from jblast.waves.propagation import sound_speed_of
 from tests.study.example import STUDY, study_in
 
 

@@ -24,8 +24,8 @@ from jblast.verification.benchmark.waveforms import (
     reference_uncertainty,
     waveform_points,
 )
-from jblast.waves.laws.point_source.front import log_overpressure_ratio
-from jblast.waves.waveform.friedlander import friedlander_impulse
+from jblast.waves.laws.point_source import log_overpressure_ratio
+from jblast.waves.waveform import friedlander_impulse
 
 PLACE = 2.0
 CELLS = 40

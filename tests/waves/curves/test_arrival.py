@@ -5,8 +5,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jblast.waves.curves.arrival import (
-    LAST,
+from jblast.waves.curves import (
+    HEAD_START_END,
     Tail,
     chebyshev_arrival,
     head_start,
@@ -86,10 +86,10 @@ def test_the_head_start_of_a_weak_shock_is_a_straight_line_in_its_coordinate():
         log_length=math.log(length),
     )
     lead = head_start(weak, math.log(1e4), 1.0)
-    q = np.sqrt(np.log(np.array([1e4, LAST, 1e9]) / length))
+    q = np.sqrt(np.log(np.array([1e4, HEAD_START_END, 1e9]) / length))
     # its slope is 6/7 A, less 3e-6 of it at the start
     np.testing.assert_allclose(
-        lead(jnp.log(jnp.array([1e4, LAST, 1e9]))),
+        lead(jnp.log(jnp.array([1e4, HEAD_START_END, 1e9]))),
         1.0 + 6 / 7 * amplitude * (q - q[0]),
         rtol=1e-6,
     )

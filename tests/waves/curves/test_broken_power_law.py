@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jblast.waves.curves.broken_power_law import Break, BrokenPowerLaw
+from jblast.waves.curves import Break, BrokenPowerLaw
 
 BREAKS = (Break(2.0, 3.0, -0.5), Break(30.0, 2.0, 0.25))
 PLAIN = BrokenPowerLaw(7.0, -1.0, BREAKS)

@@ -2,7 +2,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jblast.waves.curves.chebyshev import chebyshev_sum
+from jblast.waves.curves import chebyshev_sum
 
 
 def test_the_sum_is_that_of_numpy():

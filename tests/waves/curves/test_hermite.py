@@ -3,7 +3,7 @@ import numpy as np
 import pytest
 from scipy.interpolate import CubicHermiteSpline
 
-from jblast.waves.curves.hermite import hermite_curve
+from jblast.waves.curves import hermite_curve
 from tests.tools.slopes import with_slopes
 
 NODES = np.array([-1.0, 0.2, 0.5, 3.0])

@@ -2,7 +2,7 @@ import jax.numpy as jnp
 import numpy as np
 from scipy.interpolate import CubicSpline, make_interp_spline
 
-from jblast.waves.curves.log_spline import clamped_log_spline, natural_log_spline
+from jblast.waves.curves import clamped_log_spline, natural_log_spline
 from tests.tools.slopes import with_slopes
 
 Z = np.array([0.1, 0.3, 0.5, 2.0, 3.0, 20.0])

@@ -2,7 +2,7 @@ from importlib.resources import files
 
 import pytest
 
-from jblast.waves.curves.printed_table import data_rows
+from jblast.waves.curves import data_rows
 
 NAMES = sorted(
     file.name.removesuffix(".csv")

@@ -5,8 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jblast.waves.curves.log_polynomial import LogCurve
-from jblast.waves.curves.reciprocal_polynomial import ReciprocalPolynomial
+from jblast.waves.curves import LogCurve, ReciprocalPolynomial
 
 SEGMENT = ReciprocalPolynomial(1.0, 10.0, (-0.5, 2.0, 0.0, 8.0))
 

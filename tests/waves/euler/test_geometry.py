@@ -2,7 +2,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jblast.waves.euler.geometry import area, swept_radius, volume_between
+from jblast.waves.euler.state import area, swept_radius, volume_between
 
 
 @pytest.mark.parametrize("geometry", ["planar", "spherical"])

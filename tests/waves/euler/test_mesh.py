@@ -3,7 +3,7 @@ import jax.numpy as jnp
 import numpy as np
 from hypothesis import given, settings, strategies as st
 
-from jblast.waves.euler.mesh import GradedMesh
+from jblast.waves.euler.state import GradedMesh
 
 
 def mesh(label=0.0, core=0):

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from jblast.waves.euler import decay_at, extrapolated, point_source_march
-from jblast.waves.laws.point_source.front import log_overpressure_ratio
+from jblast.waves.laws.point_source import log_overpressure_ratio
 
 FILE = Path(__file__).parents[3] / "calibration/data/point_source_s1x4.csv"
 LINES = [line for line in FILE.read_text().splitlines() if line[:1] != "#"]

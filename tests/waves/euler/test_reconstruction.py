@@ -3,7 +3,7 @@ import numpy as np
 from hypothesis import given, settings, strategies as st
 
 from jblast.waves.euler import Primitives
-from jblast.waves.euler.reconstruction import reconstruct
+from jblast.waves.euler.step import reconstruct
 
 positive = st.lists(st.floats(1e-6, 1e6), min_size=12, max_size=12)
 

@@ -3,7 +3,7 @@ import numpy as np
 import pytest
 
 from jblast.waves.euler import IdealGas, Primitives, star_state
-from jblast.waves.euler.riemann import face_flux
+from jblast.waves.euler.step import face_flux
 
 GAS = IdealGas()
 

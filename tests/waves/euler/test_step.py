@@ -24,8 +24,8 @@ from jblast.waves.euler import (
     start_sphere,
     start_tube,
 )
-from jblast.waves.euler.initial.shock_tube import SOD_LEFT, SOD_RIGHT
-from jblast.waves.laws.sedov_taylor.alpha import sedov_alpha
+from jblast.waves.euler.initial import SOD_LEFT, SOD_RIGHT
+from jblast.waves.laws.sedov_taylor import sedov_alpha
 
 AIR = Ambient(jnp.ones(()), jnp.ones(()), IdealGas())
 

@@ -8,7 +8,7 @@ from scipy.optimize import brentq
 
 from jblast.registry import law_for
 from jblast.waves.laws.brode import FARTHEST, JOIN, brode_pressure, brode_valid
-from jblast.waves.laws.kingery_bulmash.laws import kingery_bulmash_pressure
+from jblast.waves.laws.kingery_bulmash import kingery_bulmash_pressure
 
 HALF_BLEND = math.sqrt(1.05)
 

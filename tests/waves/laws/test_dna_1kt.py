@@ -13,8 +13,8 @@ from jblast.waves.laws.dna_1kt import (
     dna_1kt_pressure,
     dna_1kt_valid,
 )
-from jblast.waves.laws.kingery_bulmash.laws import kingery_bulmash_pressure
-from jblast.waves.laws.shock_kinematics.laws import shock_kinematics_pressure
+from jblast.waves.laws.kingery_bulmash import kingery_bulmash_pressure
+from jblast.waves.laws.shock_kinematics import shock_kinematics_pressure
 from tests.tools.slopes import check_slopes
 
 ONE_KILOTON = 0.5e6

@@ -3,8 +3,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jblast.waves.laws.ground_factor import ground_factor
-from jblast.waves.laws.kingery_bulmash.laws import kingery_bulmash_pressure
+from jblast.waves.laws.kingery_bulmash import ground_factor, kingery_bulmash_pressure
 
 
 @pytest.mark.parametrize(

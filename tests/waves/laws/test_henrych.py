@@ -7,7 +7,7 @@ import pytest
 
 from jblast.registry import law_for
 from jblast.waves.laws.henrych import henrych_pressure, henrych_valid
-from jblast.waves.laws.kingery_bulmash.laws import kingery_bulmash_pressure
+from jblast.waves.laws.kingery_bulmash import kingery_bulmash_pressure
 
 HALF_BLEND = math.sqrt(1.05)
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from jblast.registry import law_for
-from jblast.waves.laws.kingery_bulmash.laws import kingery_bulmash_pressure
+from jblast.waves.laws.kingery_bulmash import kingery_bulmash_pressure
 from jblast.waves.laws.sadovsky import (
     sadovsky_duration,
     sadovsky_duration_valid,

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from jblast.registry import call, law_for
-from jblast.waves.laws.kingery_bulmash.laws import kingery_bulmash_arrival_time
+from jblast.waves.laws.kingery_bulmash import kingery_bulmash_arrival_time
 from jblast.waves.laws.wu_hao import (
     dual_path_ground_arrival_time,
     wu_hao_air_arrival_time,

@@ -3,15 +3,16 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jblast.waves.propagation.absorption import (
+from jblast.waves.propagation import (
     DECIBELS_PER_NEPER,
     ISO_DECIBELS_PER_NEPER,
+    air_density,
     iso_9613_absorption,
     iso_9613_valid,
+    sound_speed_in_air,
     stokes_absorption,
     stokes_kirchhoff_absorption,
 )
-from jblast.waves.propagation.atmosphere import air_density, sound_speed_in_air
 from tests.tools.slopes import check_slopes
 
 # Frequency [Hz], temperature [K], pressure [Pa], relative humidity, and what the PyPI

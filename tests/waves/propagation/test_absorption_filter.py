@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from jblast.waves import stokes_absorption
-from jblast.waves.propagation.absorption_filter import (
+from jblast.waves.propagation import (
     absorb,
     absorb_by_stokes,
     absorption_transfer,

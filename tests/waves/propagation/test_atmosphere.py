@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from jblast.constants import STANDARD_PRESSURE, STANDARD_SOUND_SPEED
-from jblast.waves.propagation.atmosphere import (
+from jblast.waves.propagation import (
     air_density,
     saturation_pressure,
     sound_speed_in_air,

@@ -3,7 +3,7 @@ import numpy as np
 import pytest
 
 from jblast.waves.laws.acoustic import acoustic_arrival_time
-from jblast.waves.propagation.atmosphere import effective_sound_speed
+from jblast.waves.propagation import effective_sound_speed
 
 
 def _exact_travel_time(way, wind, sound_speed):

@@ -2,8 +2,8 @@ import jax
 import numpy as np
 import pytest
 
-from jblast.waves.laws.kingery_bulmash.laws import kingery_bulmash_pressure
-from jblast.waves.propagation.spreading import (
+from jblast.waves.laws.kingery_bulmash import kingery_bulmash_pressure
+from jblast.waves.propagation import (
     hemispherical_spreading_loss,
     spherical_spreading_loss,
 )

@@ -3,8 +3,11 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jblast.waves.propagation.absorption import DECIBELS_PER_NEPER, stokes_absorption
-from jblast.waves.propagation.transmission_loss import transmission_loss
+from jblast.waves.propagation import (
+    DECIBELS_PER_NEPER,
+    stokes_absorption,
+    transmission_loss,
+)
 from tests.tools.slopes import check_slopes
 
 AIR = (293.15, 101325.0, 0.7)

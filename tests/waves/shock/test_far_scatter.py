@@ -11,7 +11,7 @@ from jblast.scene.charge import Burst
 from jblast.sensors import planned_layout, record
 from jblast.sensors.observe import loadings
 from jblast.waves.paths import Path
-from jblast.waves.shock.far_scatter import FAR_END, FarScatter, measured_far_scatter
+from jblast.waves.shock import FAR_END, FarScatter, measured_far_scatter
 
 PEAK = "peak_overpressure_pa"
 FAR_QUANTITIES = (PEAK, "positive_impulse_pa_s", "positive_duration_s")

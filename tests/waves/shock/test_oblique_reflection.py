@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jblast.waves.shock.oblique_reflection import (
+from jblast.waves.shock import (
     oblique_reflected_pressure,
     oblique_reflected_pressure_arl,
 )

@@ -3,11 +3,11 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jblast.waves.laws.kingery_bulmash.laws import (
+from jblast.waves.laws.kingery_bulmash import (
     kingery_bulmash_pressure,
     kingery_bulmash_reflected_pressure,
 )
-from jblast.waves.shock.rankine_hugoniot import (
+from jblast.waves.shock import (
     blast_wind,
     dynamic_pressure,
     normally_reflected_pressure,

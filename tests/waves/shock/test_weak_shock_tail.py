@@ -3,7 +3,7 @@ import jax.numpy as jnp
 import pytest
 
 from jblast.errors import InputError
-from jblast.waves.shock.weak_shock_tail import tail_from
+from jblast.waves.shock import tail_from
 
 
 def test_the_tail_leaves_with_the_value_and_slope_it_was_given():

@@ -5,12 +5,10 @@ import pytest
 from scipy.integrate import quad
 
 from jblast.constants import STANDARD_PRESSURE
-from jblast.waves.laws.ground_factor import ground_factor
-from jblast.waves.laws.kingery_bulmash import laws as kb
-from jblast.waves.laws.negative_phase import ufc as ufc
-from jblast.waves.laws.shock_kinematics.laws import shock_kinematics_arrival_time
-from jblast.waves.waveform.blast_pressure import blast_pressure, blast_pulse
-from jblast.waves.waveform.friedlander import friedlander_impulse
+from jblast.waves.laws import kingery_bulmash as kb, negative_phase_ufc as ufc
+from jblast.waves.laws.kingery_bulmash import ground_factor
+from jblast.waves.laws.shock_kinematics import shock_kinematics_arrival_time
+from jblast.waves.waveform import blast_pressure, blast_pulse, friedlander_impulse
 
 BURSTS = ("surface", "free-air")
 both_bursts = pytest.mark.parametrize("burst", BURSTS)

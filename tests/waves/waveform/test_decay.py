@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given, settings, strategies as st
 from jax.test_util import check_grads
 
-from jblast.waves.laws.kingery_bulmash import laws as kb
-from jblast.waves.waveform.friedlander import (
+from jblast.waves.laws import kingery_bulmash as kb
+from jblast.waves.waveform import (
     friedlander_decay,
     friedlander_impulse,
 )

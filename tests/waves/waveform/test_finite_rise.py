@@ -7,8 +7,11 @@ import pytest
 from scipy.integrate import quad
 from scipy.special import gammainc
 
-from jblast.waves.waveform.finite_rise import RISE_OVER_LAG, finite_rise_pressure
-from jblast.waves.waveform.friedlander import modified_friedlander_pressure
+from jblast.waves.waveform import (
+    RISE_OVER_LAG,
+    finite_rise_pressure,
+    modified_friedlander_pressure,
+)
 
 PEAK, DURATION = 2e5, 4e-3
 

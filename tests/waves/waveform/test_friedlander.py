@@ -9,7 +9,7 @@ import pytest
 from jax.test_util import check_grads
 from scipy.integrate import quad
 
-from jblast.waves.waveform.friedlander import (
+from jblast.waves.waveform import (
     friedlander_impulse,
     friedlander_pressure,
     friedlander_spectrum,

@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jblast.waves.waveform.friedlander_integrals import (
+from jblast.waves.waveform import (
     decay_of_fraction,
     impulse_fraction,
     late_fraction,

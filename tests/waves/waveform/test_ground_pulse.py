@@ -2,7 +2,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jblast.waves.waveform.ground_pulse import (
+from jblast.waves.pulse import (
     ground_pulse_displacement,
     ground_pulse_of,
     ground_pulse_velocity,

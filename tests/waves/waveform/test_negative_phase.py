@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from jblast.waves.waveform.negative_phase import negative_phase_pressure
+from jblast.waves.waveform import negative_phase_pressure
 from tests.tools.slopes import check_slopes
 
 DURATION, LOWEST, LENGTH = 4e-3, 2.5e4, 1.1e-2

@@ -7,10 +7,12 @@ import pytest
 from jaxtyping import ArrayLike
 from scipy.integrate import quad
 
-from jblast.waves.waveform.friedlander import modified_friedlander_pressure
-from jblast.waves.waveform.negative_phase import negative_phase_pressure
-from jblast.waves.waveform.pulse import LEVEL, pulse_mean, pulse_of, pulse_pressure
-from jblast.waves.waveform.rise_time import weak_shock_rise_time
+from jblast.waves.pulse import LEVEL, pulse_mean, pulse_of, pulse_pressure
+from jblast.waves.waveform import (
+    modified_friedlander_pressure,
+    negative_phase_pressure,
+    weak_shock_rise_time,
+)
 
 ARRIVAL, PEAK, DURATION, SUCTION, SUCTION_IMPULSE = 0.2, 4e3, 6e-3, 1.5e3, 12.0
 SHARES = (0.05, 0.2, 0.45, 0.5, 0.6, LEVEL, 0.75, 0.95)

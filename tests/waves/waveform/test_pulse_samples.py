@@ -5,8 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jblast.waves.waveform.pulse import pulse_mean, pulse_of
-from jblast.waves.waveform.pulse_samples import pulse_samples
+from jblast.waves.pulse import pulse_mean, pulse_of, pulse_samples
 
 RATE, COUNT = 48e3, 2000
 PEAK, DURATION = 3e3, 8e-3

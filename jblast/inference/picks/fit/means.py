@@ -22,7 +22,7 @@ $H(s) = \int_0^s (1-\sigma)\,e^{-b\sigma}\,\mathrm{d}\sigma$.
 The slope of a mean is a difference of what the slope of the antiderivative is at the
 two ends of a bin, and bins meet: so all seven slopes take one exponential an end. The
 means themselves of the most frequent forms are not such differences, which lose digits
-(`waves/waveform/pulse.py`); a slope has them to spare.
+(`waves/pulse.py`); a slope has them to spare.
 """
 
 import jax
@@ -45,8 +45,8 @@ from jblast.inference.picks.unknowns import (
     concavity,
     exponential_peak,
 )
-from jblast.waves.waveform.friedlander_integrals import impulse_fraction
-from jblast.waves.waveform.pulse import Pulse, pulse_mean
+from jblast.waves.pulse import Pulse, pulse_mean
+from jblast.waves.waveform import impulse_fraction
 
 DEEPEST = 0.25
 """Share of the negative phase at which a triangle is deepest (UFC 3-340-02, 2-8)."""

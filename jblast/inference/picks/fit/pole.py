@@ -28,7 +28,7 @@ from jaxtyping import Array, Complex, Float
 
 from jblast.inference.picks.fit.ring_waves import Terms, sums_over, waves_over
 from jblast.inference.picks.ready.bins import Bins
-from jblast.waves.waveform.pulse import Pulse
+from jblast.waves.pulse import Pulse
 
 SMALL = 0.1
 """A rise of fewer radians of the pole is by the series; from there on the closed form

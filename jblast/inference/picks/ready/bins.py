@@ -3,7 +3,7 @@
 What a pulse does a time $x$ behind its front takes about $x$ to be done, so means over
 a share of $x$ keep nearly all that single samples tell, and a record of thousands of
 samples becomes two hundred numbers. Nothing is approximated by that: the model's means
-over a bin are exact (`waves/waveform/pulse.py`).
+over a bin are exact (`waves/pulse.py`).
 
 The bins are the same for all records, counted in samples from the one where the front
 was seen; sample $i$ covers $i - 1/2$ to $i + 1/2$.

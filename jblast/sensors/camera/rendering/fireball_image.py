@@ -40,7 +40,7 @@ from jblast.sensors.camera.image.grey_composite import luminance
 from jblast.sensors.camera.rendering.appearance import Appearance
 from jblast.types import as_float_array
 from jblast.waves.fireball import fireball
-from jblast.waves.propagation.ambient import ambient
+from jblast.waves.propagation import ambient
 
 Glow = tuple[Float[Array, "3"], Float[Array, "3"]]
 """Light of the limb and of the middle of a fireball [cd/m2]."""

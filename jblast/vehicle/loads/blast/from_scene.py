@@ -13,8 +13,8 @@ from jblast.scene import Charge, Scene
 from jblast.scene.charge import Burst
 from jblast.vehicle.loads.blast.load import BlastLoad
 from jblast.vehicle.loads.blast.passage import Blast
-from jblast.waves.path_between import path_between
-from jblast.waves.propagation.ambient import ambient, sound_speed_of
+from jblast.waves.paths import path_between
+from jblast.waves.propagation import ambient, sound_speed_of
 
 
 def blast_load(

@@ -1,6 +1,6 @@
 r"""A blast wave at a place: its overpressure, and the wind that blows with it.
 
-Overpressure: Friedlander's pulse, then the cubic suction of `negative_phase.py`.
+Overpressure: Friedlander's pulse, then the cubic suction of `waves/waveform.py`.
 Arrival, peak, duration, decay and suction are those of `waves.waveform.blast_pulse`,
 from which a gauge's record follows too (`waves.blast_pressure`); the two differ in one
 thing, how long the suction lasts, for the reason below.
@@ -43,11 +43,10 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from jblast.constants import STANDARD_PRESSURE, STANDARD_SOUND_SPEED
-from jblast.waves.curves.hermite import HermiteCurve
-from jblast.waves.curves.log_spline import natural_log_spline
+from jblast.waves.curves import HermiteCurve, natural_log_spline
 from jblast.waves.scaling import log_scaled_distance, sachs_time_factor
-from jblast.waves.shock.rankine_hugoniot import plane_wave_wind
-from jblast.waves.waveform.blast_pressure import blast_pulse
+from jblast.waves.shock import plane_wave_wind
+from jblast.waves.waveform import blast_pulse
 
 FIRST, LAST = 0.07, 1000.0
 """Scaled distances that the curves span [m/kg^(1/3)]."""

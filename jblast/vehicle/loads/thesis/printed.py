@@ -32,7 +32,7 @@ from jblast.vehicle.dynamics.state import State
 from jblast.vehicle.loads.thesis.blasts import Blasts, blasts_of
 from jblast.vehicle.quadrotor.body import required_body
 from jblast.vehicle.quadrotor.parameters import Vehicle
-from jblast.waves.laws.kingery_bulmash.laws import (
+from jblast.waves.laws.kingery_bulmash import (
     kingery_bulmash_duration,
     kingery_bulmash_pressure,
 )

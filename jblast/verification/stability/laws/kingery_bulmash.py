@@ -10,8 +10,8 @@ from jblast.scene.charge import Burst
 from jblast.verification.stability.failure import FailureMode, verified
 from jblast.verification.stability.threshold import switching_point
 from jblast.waves import shock_kinematics_pressure
-from jblast.waves.curves.log_polynomial import BLEND_WIDTH, LogCurve, Segment
-from jblast.waves.laws.kingery_bulmash.table import kingery_bulmash_curve
+from jblast.waves.curves import BLEND_WIDTH, LogCurve, Segment
+from jblast.waves.laws.kingery_bulmash import kingery_bulmash_curve
 
 CURVES = {
     "peak_overpressure_pa": "incident_pressure",

@@ -20,9 +20,9 @@ from jblast.waves import (
     transmission_loss,
     wu_hao_air_arrival_time,
 )
-from jblast.waves.laws.kinney_graham.laws import kinney_graham_duration_valid
+from jblast.waves.laws.kinney_graham import kinney_graham_duration_valid
 from jblast.waves.laws.wu_hao import wu_hao_air_valid
-from jblast.waves.propagation.absorption import DECIBELS_PER_NEPER
+from jblast.waves.propagation import DECIBELS_PER_NEPER
 
 MASS = 15.0
 """Charge of the examples [kg]: the thesis' own."""

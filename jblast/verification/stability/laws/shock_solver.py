@@ -27,7 +27,7 @@ from jblast.waves.euler import (
     start_sod,
     start_tube,
 )
-from jblast.waves.euler.initial.shock_tube import SOD_LEFT, SOD_RIGHT
+from jblast.waves.euler.initial import SOD_LEFT, SOD_RIGHT
 from jblast.waves.euler.run import COURANT
 from jblast.waves.euler.step import step
 

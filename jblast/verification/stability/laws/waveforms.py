@@ -19,7 +19,7 @@ from jblast.waves import (
     kingery_bulmash_pressure,
     modified_friedlander_pressure,
 )
-from jblast.waves.waveform.blast_pressure import blast_pressure
+from jblast.waves.waveform import blast_pressure
 
 LOST = 1e-3
 """An impulse off by more than this has lost its digits [-]."""

@@ -9,7 +9,7 @@ from jblast.sensors.camera.rendering.appearance import Appearance
 from jblast.sensors.camera.rendering.fireball_image import cloud, glow
 from jblast.sensors.camera.rendering.glow_table import glow_table
 from jblast.waves.fireball import fireball_duration
-from jblast.waves.propagation.ambient import ambient
+from jblast.waves.propagation import ambient
 
 LOOK = Appearance(rim=0.8)
 

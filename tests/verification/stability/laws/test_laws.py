@@ -34,7 +34,7 @@ from jblast.waves import (
     transmission_loss,
     wu_hao_air_arrival_time,
 )
-from jblast.waves.laws.kingery_bulmash.table import kingery_bulmash_curve
+from jblast.waves.laws.kingery_bulmash import kingery_bulmash_curve
 
 SOUND = 340.29
 

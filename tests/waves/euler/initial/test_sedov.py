@@ -5,10 +5,10 @@ import pytest
 
 from jblast.errors import InputError
 from jblast.waves.euler import Ambient, IdealGas, start_sedov
-from jblast.waves.euler.initial.sedov import sedov_cells
-from jblast.waves.euler.shock_fitting import fitted_front
+from jblast.waves.euler.initial import sedov_cells
 from jblast.waves.euler.state import primitives
-from jblast.waves.laws.sedov_taylor.alpha import sedov_alpha
+from jblast.waves.euler.step import fitted_front
+from jblast.waves.laws.sedov_taylor import sedov_alpha
 
 AIR = Ambient(jnp.ones(()), jnp.ones(()), IdealGas())
 

@@ -9,14 +9,16 @@ import numpy as np
 import pytest
 
 from jblast.registry import call, law_for
-from jblast.waves.laws.ford_2021.curve import FordCurve, log_curve, log_gradient
-from jblast.waves.laws.ford_2021.laws import (
+from jblast.waves.laws.ford_2021 import (
     Ford2021,
+    FordCurve,
     ford_2021,
     ford_2021_duration,
     ford_2021_impulse,
     ford_2021_laws,
     ford_2021_valid,
+    log_curve,
+    log_gradient,
 )
 from jblast.waves.paths import Path
 

@@ -12,8 +12,7 @@ from jblast.scene import Charge, Scene, Sensor, with_values
 from jblast.sensors import planned_layout, record, resolve_laws
 from jblast.sensors.law_choice import law_names
 from jblast.waves import ground_motion_displacement, ground_motion_velocity
-from jblast.waves.laws.ground_motion.curve import log_curve, log_gradient
-from jblast.waves.laws.ground_motion.laws import ground_motion_curve
+from jblast.waves.laws.ground_motion import ground_motion_curve, log_curve, log_gradient
 
 DATA = Path(jblast.__path__[0]).parent / "calibration/data/seismic_ford2021.csv"
 RECORDED = {

@@ -1,6 +1,6 @@
 """The curves that the tests of Kingery and Bulmash go through."""
 
-from jblast.waves.laws.kingery_bulmash import laws as kb
+from jblast.waves.laws import kingery_bulmash as kb
 
 LAWS = {
     "incident_pressure": kb.kingery_bulmash_pressure,

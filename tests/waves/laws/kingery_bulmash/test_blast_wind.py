@@ -2,16 +2,14 @@ import numpy as np
 import pytest
 
 from jblast.registry import law_for
-from jblast.waves.laws.kingery_bulmash.blast_wind import (
+from jblast.waves.laws.kingery_bulmash import (
     kingery_bulmash_blast_wind,
     kingery_bulmash_dynamic_pressure,
-)
-from jblast.waves.laws.kingery_bulmash.laws import (
     kingery_bulmash_pressure,
     kingery_bulmash_reflected_pressure,
     kingery_bulmash_shock_speed,
 )
-from jblast.waves.laws.shock_kinematics.laws import shock_kinematics_shock_speed
+from jblast.waves.laws.shock_kinematics import shock_kinematics_shock_speed
 
 AMBIENT, SOUND = 9e4, 330.0
 both_bursts = pytest.mark.parametrize("burst", ["surface", "free-air"])

@@ -11,8 +11,8 @@ from hypothesis import given, settings, strategies as st
 
 from jblast.constants import STANDARD_PRESSURE, STANDARD_SOUND_SPEED
 from jblast.registry import law_for
-from jblast.waves.laws.kingery_bulmash import laws as kb
-from jblast.waves.laws.kingery_bulmash.table import kingery_bulmash_curve
+from jblast.waves.laws import kingery_bulmash as kb
+from jblast.waves.laws.kingery_bulmash import kingery_bulmash_curve
 from tests.tools.slopes import with_slopes
 from tests.waves.laws.kingery_bulmash.curves import LAWS
 

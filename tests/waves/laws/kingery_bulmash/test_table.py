@@ -10,9 +10,9 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jblast.waves.curves.log_polynomial import BLEND_WIDTH, smooth_step
-from jblast.waves.laws.kingery_bulmash import laws as kb
-from jblast.waves.laws.kingery_bulmash.table import kingery_bulmash_curve
+from jblast.waves.curves import BLEND_WIDTH, smooth_step
+from jblast.waves.laws import kingery_bulmash as kb
+from jblast.waves.laws.kingery_bulmash import kingery_bulmash_curve
 from tests.waves.laws.kingery_bulmash.curves import LAWS
 
 TRANSCRIBED_AGAIN = Path(__file__).parents[3] / "data"

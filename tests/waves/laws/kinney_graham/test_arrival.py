@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from jblast.waves.curves.arrival import log_sound_fraction
-from jblast.waves.laws.kinney_graham.arrival import (
+from jblast.waves.curves import log_sound_fraction
+from jblast.waves.laws.kinney_graham import (
     CHARGE_RADIUS,
-    FIRST,
+    FIRST_ARRIVAL,
     kinney_graham_arrival,
+    kinney_graham_mach_number,
 )
-from jblast.waves.laws.kinney_graham.curves import kinney_graham_mach_number
 
 
 def log_arrival(log_z):
@@ -58,12 +58,12 @@ def test_the_two_series_meet():
 
 def test_before_the_first_distance_it_is_a_power_law_that_meets_the_integral():
     slope = jax.vmap(jax.grad(log_arrival))
-    slopes = slope(jnp.log(jnp.array([1e-3, 0.01, 0.0599, FIRST, 0.0601])))
-    expected = FIRST * slowness(FIRST) / integral(FIRST) - 1
+    slopes = slope(jnp.log(jnp.array([1e-3, 0.01, 0.0599, FIRST_ARRIVAL, 0.0601])))
+    expected = FIRST_ARRIVAL * slowness(FIRST_ARRIVAL) / integral(FIRST_ARRIVAL) - 1
     np.testing.assert_allclose(slopes[:4], expected, rtol=1e-9)
     # 0.0001 farther; the second derivative there is about -60
     assert float(slopes[4]) == pytest.approx(expected, abs=0.15)
-    log_z = jnp.log(jnp.array([0.01, FIRST]))
+    log_z = jnp.log(jnp.array([0.01, FIRST_ARRIVAL]))
     values = log_arrival(log_z)
     np.testing.assert_allclose(
         values[1] - values[0], expected * (log_z[1] - log_z[0]), rtol=1e-9

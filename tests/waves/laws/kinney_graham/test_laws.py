@@ -10,8 +10,8 @@ from jax.test_util import check_grads
 
 from jblast.constants import STANDARD_PRESSURE, STANDARD_SOUND_SPEED
 from jblast.registry import law_for
-from jblast.waves.laws.kinney_graham import laws as kg
-from jblast.waves.laws.shock_kinematics.laws import (
+from jblast.waves.laws import kinney_graham as kg
+from jblast.waves.laws.shock_kinematics import (
     shock_kinematics_arrival_time,
     shock_kinematics_pressure,
 )

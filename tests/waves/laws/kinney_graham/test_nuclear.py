@@ -8,8 +8,8 @@ import pytest
 from jblast.constants import STANDARD_PRESSURE, STANDARD_SOUND_SPEED
 from jblast.registry import law_for
 from jblast.waves.laws.dna_1kt import dna_1kt_pressure
-from jblast.waves.laws.kingery_bulmash.laws import kingery_bulmash_duration
-from jblast.waves.laws.kinney_graham.nuclear import (
+from jblast.waves.laws.kingery_bulmash import kingery_bulmash_duration
+from jblast.waves.laws.kinney_graham import (
     kinney_graham_nuclear_duration,
     kinney_graham_nuclear_pressure,
     kinney_graham_nuclear_valid,

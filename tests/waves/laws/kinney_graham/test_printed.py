@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 
 from jblast.constants import STANDARD_PRESSURE
-from jblast.waves.laws.kingery_bulmash.laws import (
+from jblast.waves.laws import kinney_graham as kg
+from jblast.waves.laws.kingery_bulmash import (
     kingery_bulmash_arrival_time,
     kingery_bulmash_duration,
     kingery_bulmash_impulse,
     kingery_bulmash_pressure,
 )
-from jblast.waves.laws.kinney_graham import laws as kg
 
 
 def printed_ratio(z):

@@ -8,8 +8,8 @@ import pytest
 
 from jblast.constants import STANDARD_PRESSURE, STANDARD_SOUND_SPEED
 from jblast.registry import law_for
-from jblast.waves.curves.log_polynomial import BLEND_WIDTH
-from jblast.waves.laws.negative_phase import rigby as rigby, ufc as ufc
+from jblast.waves.curves import BLEND_WIDTH
+from jblast.waves.laws import negative_phase_rigby as rigby, negative_phase_ufc as ufc
 from tests.tools.slopes import with_slopes
 
 LAWS = {

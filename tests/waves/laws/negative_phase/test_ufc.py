@@ -9,7 +9,7 @@ import pytest
 
 from jblast.constants import STANDARD_PRESSURE, STANDARD_SOUND_SPEED
 from jblast.registry import law_for
-from jblast.waves.laws.negative_phase import ufc as ufc
+from jblast.waves.laws import negative_phase_ufc as ufc
 from tests.tools.slopes import with_slopes
 
 TRANSCRIBED_AGAIN = Path(__file__).parents[3] / "data"

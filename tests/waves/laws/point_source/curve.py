@@ -4,11 +4,11 @@ import jax
 import jax.numpy as jnp
 
 from jblast.constants import STANDARD_PRESSURE
-from jblast.waves.curves.arrival import log_sound_fraction
-from jblast.waves.laws.point_source.arrival import point_source_arrival
-from jblast.waves.laws.point_source.front import log_overpressure_ratio
-from jblast.waves.laws.point_source.laws import (
+from jblast.waves.curves import log_sound_fraction
+from jblast.waves.laws.point_source import (
     LENGTH,
+    log_overpressure_ratio,
+    point_source_arrival,
     point_source_pressure,
 )
 

@@ -15,23 +15,20 @@ from jblast.constants import (
     TNT_SPECIFIC_ENERGY,
 )
 from jblast.registry import law_for
-from jblast.waves.laws.kingery_bulmash.laws import kingery_bulmash_pressure
-from jblast.waves.laws.point_source.front import (
+from jblast.waves.laws.kingery_bulmash import kingery_bulmash_pressure
+from jblast.waves.laws.point_source import (
     ENDS,
+    LENGTH,
     SEDOV_ALPHA,
     log_overpressure_ratio,
+    point_source_arrival_time,
     point_source_curve,
     point_source_mach_number,
-)
-from jblast.waves.laws.point_source.laws import (
-    LENGTH,
-    point_source_arrival_time,
     point_source_pressure,
     point_source_shock_speed,
     point_source_valid,
 )
-from jblast.waves.laws.sedov_taylor.alpha import sedov_alpha
-from jblast.waves.laws.sedov_taylor.laws import sedov_taylor_shock_pressure
+from jblast.waves.laws.sedov_taylor import sedov_alpha, sedov_taylor_shock_pressure
 from tests.waves.laws.point_source.curve import (
     log_arrival,
     log_slope,

@@ -7,9 +7,9 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jblast.waves.curves.printed_table import data_rows
+from jblast.waves.curves import data_rows
 from jblast.waves.euler import decay_at, extrapolated, point_source_march
-from jblast.waves.laws.point_source.front import (
+from jblast.waves.laws.point_source import (
     ENDS,
     log_overpressure_ratio,
     point_source_curve,

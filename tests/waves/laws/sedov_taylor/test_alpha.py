@@ -3,7 +3,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from jblast.waves.laws.sedov_taylor.alpha import sedov_alpha
+from jblast.waves.laws.sedov_taylor import sedov_alpha
 
 GAMMAS = np.array([1.1, 1.2, 1.3, 1.4, 1.5, 5 / 3, 1.8])
 

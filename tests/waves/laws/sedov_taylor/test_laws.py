@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from jblast.constants import TNT_SPECIFIC_ENERGY
-from jblast.waves.laws.sedov_taylor.alpha import sedov_alpha
-from jblast.waves.laws.sedov_taylor.laws import (
+from jblast.waves.laws.sedov_taylor import (
     EARLIEST_TIME,
+    sedov_alpha,
     sedov_taylor_energy,
     sedov_taylor_shock_pressure,
     sedov_taylor_shock_radius,

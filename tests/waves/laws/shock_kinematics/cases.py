@@ -5,7 +5,7 @@ from functools import cache
 import jax.numpy as jnp
 import pytest
 
-from jblast.waves.laws.shock_kinematics.laws import (
+from jblast.waves.laws.shock_kinematics import (
     shock_kinematics_arrival_time,
     shock_kinematics_pressure,
     shock_kinematics_shock_speed,

@@ -10,9 +10,10 @@ import pytest
 from scipy.integrate import quad
 
 from jblast.constants import STANDARD_PRESSURE, STANDARD_SOUND_SPEED
-from jblast.waves.laws.kingery_bulmash.laws import kingery_bulmash_arrival_time
-from jblast.waves.laws.shock_kinematics.front import JOIN, front_tail
-from jblast.waves.laws.shock_kinematics.laws import (
+from jblast.waves.laws.kingery_bulmash import kingery_bulmash_arrival_time
+from jblast.waves.laws.shock_kinematics import (
+    JOIN,
+    front_tail,
     shock_kinematics_arrival_time,
     shock_kinematics_shock_speed,
 )

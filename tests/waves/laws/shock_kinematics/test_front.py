@@ -8,17 +8,18 @@ import pytest
 
 from jblast.constants import STANDARD_PRESSURE, STANDARD_SOUND_SPEED
 from jblast.errors import InputError
-from jblast.waves.laws.kingery_bulmash.laws import (
+from jblast.waves.laws.kingery_bulmash import (
+    kingery_bulmash_curve,
     kingery_bulmash_pressure,
     kingery_bulmash_shock_speed,
 )
-from jblast.waves.laws.kingery_bulmash.table import kingery_bulmash_curve
-from jblast.waves.laws.shock_kinematics.front import JOIN, front_tail
-from jblast.waves.laws.shock_kinematics.laws import (
+from jblast.waves.laws.shock_kinematics import (
+    JOIN,
+    front_tail,
     shock_kinematics_pressure,
     shock_kinematics_shock_speed,
 )
-from jblast.waves.shock.weak_shock_tail import weak_shock_tail
+from jblast.waves.shock import weak_shock_tail
 from tests.waves.laws.shock_kinematics.cases import FIRST, both_bursts, log_law
 
 

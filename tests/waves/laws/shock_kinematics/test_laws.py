@@ -11,8 +11,7 @@ from hypothesis import given, settings, strategies as st
 
 from jblast.constants import STANDARD_PRESSURE, STANDARD_SOUND_SPEED
 from jblast.registry import law_for
-from jblast.waves.laws.shock_kinematics.front import JOIN
-from jblast.waves.laws.shock_kinematics.laws import shock_kinematics_valid
+from jblast.waves.laws.shock_kinematics import JOIN, shock_kinematics_valid
 from tests.waves.laws.shock_kinematics.cases import (
     BURSTS,
     FIRST,

@@ -1,13 +1,13 @@
 import numpy as np
 import pytest
 
-from jblast.waves.laws.kingery_bulmash import laws as kb
-from jblast.waves.laws.shock_kinematics.front import front_tail
-from jblast.waves.laws.shock_kinematics.laws import shock_kinematics_pressure
-from jblast.waves.laws.shock_kinematics.positive_phase import (
+from jblast.waves.laws import kingery_bulmash as kb
+from jblast.waves.laws.shock_kinematics import (
     END_OF_TABLE,
+    front_tail,
     shock_kinematics_duration,
     shock_kinematics_impulse,
+    shock_kinematics_pressure,
 )
 
 MASS, AMBIENT, SPEED = 15.0, 9e4, 332.0

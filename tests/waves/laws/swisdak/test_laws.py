@@ -12,11 +12,10 @@ import pytest
 
 from jblast.constants import STANDARD_PRESSURE, STANDARD_SOUND_SPEED
 from jblast.registry import law_for
-from jblast.waves.curves.log_polynomial import BLEND_WIDTH
-from jblast.waves.laws.kingery_bulmash import laws as kb
-from jblast.waves.laws.shock_kinematics.laws import shock_kinematics_pressure
-from jblast.waves.laws.swisdak import laws as swisdak
-from jblast.waves.laws.swisdak.table import swisdak_curve, swisdak_joins
+from jblast.waves.curves import BLEND_WIDTH
+from jblast.waves.laws import kingery_bulmash as kb, swisdak
+from jblast.waves.laws.shock_kinematics import shock_kinematics_pressure
+from jblast.waves.laws.swisdak import swisdak_curve, swisdak_joins
 from tests.tools.slopes import with_slopes
 
 TRANSCRIBED_AGAIN = Path(__file__).parents[3] / "data"

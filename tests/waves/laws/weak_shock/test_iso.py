@@ -8,14 +8,13 @@ import pytest
 from jblast.registry import call, law_for
 from jblast.scene import Air, Charge, Scene
 from jblast.sensors.calculator.question import scene_path, with_rows
-from jblast.waves.laws.kingery_bulmash.laws import kingery_bulmash_duration
-from jblast.waves.laws.shock_kinematics.front import front_tail
-from jblast.waves.laws.shock_kinematics.laws import shock_kinematics_pressure
-from jblast.waves.laws.weak_shock.iso import (
+from jblast.waves.laws.kingery_bulmash import kingery_bulmash_duration
+from jblast.waves.laws.shock_kinematics import front_tail, shock_kinematics_pressure
+from jblast.waves.laws.weak_shock import (
     weak_shock_iso_pressure,
     weak_shock_iso_valid,
 )
-from jblast.waves.propagation.absorption import iso_9613_absorption
+from jblast.waves.propagation import iso_9613_absorption
 
 both_bursts = pytest.mark.parametrize("burst", ["surface", "free-air"])
 COLD = {"ambient_pressure": 8e4, "sound_speed": 330.0}

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from jblast.registry import law_for
-from jblast.waves.laws.kingery_bulmash.table import kingery_bulmash_curve
-from jblast.waves.laws.shock_kinematics.laws import shock_kinematics_pressure
-from jblast.waves.laws.weak_shock.pressure import weak_shock_pressure, weak_shock_valid
+from jblast.waves.laws.kingery_bulmash import kingery_bulmash_curve
+from jblast.waves.laws.shock_kinematics import shock_kinematics_pressure
+from jblast.waves.laws.weak_shock import weak_shock_pressure, weak_shock_valid
 
 BURSTS = ("surface", "free-air")
 both_bursts = pytest.mark.parametrize("burst", BURSTS)

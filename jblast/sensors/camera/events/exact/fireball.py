@@ -27,7 +27,7 @@ from jblast.sensors.camera.rendering.glow_table import GlowTable, glow_table
 from jblast.sensors.camera.rendering.render import check_stands
 from jblast.sensors.camera.rendering.sphere_factor import sphere_factor
 from jblast.types import as_float_array
-from jblast.waves.propagation.ambient import ambient
+from jblast.waves.propagation import ambient
 
 
 def render_events(

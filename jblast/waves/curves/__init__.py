@@ -1,1 +1,0 @@
-"""Fitted and tabulated curves over scaled distance, with slopes and tails."""

@@ -1,1 +1,0 @@
-"""Ford et al. (2021): chemical explosions near the ground, buried or raised."""

@@ -1,1 +1,0 @@
-"""The phase below ambient pressure: Rigby et al., UFC 3-340-02."""

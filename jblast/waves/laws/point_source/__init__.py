@@ -1,1 +1,0 @@
-"""The point source: front, pressure and arrival from Euler runs."""

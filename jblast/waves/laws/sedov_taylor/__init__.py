@@ -1,1 +1,0 @@
-"""Sedov and Taylor: the strong point explosion, and its constant."""

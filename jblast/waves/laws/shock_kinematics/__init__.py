@@ -1,1 +1,0 @@
-"""What a front's speed tells: arrival and pressure of one Mach number."""

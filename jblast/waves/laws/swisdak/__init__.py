@@ -1,1 +1,0 @@
-"""Swisdak (1994): simplified Kingery air blast, hemispherical."""

@@ -1,1 +1,0 @@
-"""What the way does to a wave: air, wind, spreading, absorption."""

@@ -1,1 +1,0 @@
-"""Jump conditions across a shock, its reflection, and its decay far away."""

@@ -1,1 +1,0 @@
-"""Pressure against time at a place: Friedlander, finite rise, negative phase."""
