@@ -22,7 +22,7 @@ def main(vehicles: int) -> str:
     """Fly them, and return what is kept."""
     start_jax(all_cores=True)
     from jblast.scene import Charge, Scene, UncertainScene, VehicleSpec
-    from jblast.scene.priors import Normal
+    from jblast.scene.uncertain import Normal
     from jblast.study.flights.fly import fly
     from jblast.study.flights.records import Options
 

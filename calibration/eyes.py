@@ -24,7 +24,7 @@ from jblast.report.figure_style import (
     titled,
 )
 from jblast.scene import Camera, Charge, Scene
-from jblast.scene.pose import look_at
+from jblast.scene.camera import look_at
 from jblast.sensors.camera import Events, render, render_events
 from jblast.sensors.camera.files.png import srgb_bytes
 

@@ -29,8 +29,7 @@ from jblast.fidelity.candidates import ON_THE_GROUND
 from jblast.fidelity.measured_errors import BURSTS, standard_path
 from jblast.fidelity.reference import END, FORD_START, KINGERY_BULMASH_END, REFERENCES
 from jblast.registry import call, law_for, total_scatter
-from jblast.scene.charge import Burst
-from jblast.scene.explosives import tnt_factor
+from jblast.scene.charge import Burst, tnt_factor
 from jblast.waves.laws.kingery_bulmash import kingery_bulmash_curve
 from jblast.waves.shock import FAR_END, shock_mach_number, weak_shock_tail
 

@@ -27,7 +27,7 @@ from jblast.report.figure_style import (
     titled,
 )
 from jblast.scene import Camera, Charge, Scene
-from jblast.scene.pose import look_at
+from jblast.scene.camera import look_at
 from jblast.sensors.camera import Appearance, Events, landscape, render_events
 from jblast.sensors.camera.geometry.pixel_rays import pixel_rays
 from jblast.sensors.camera.geometry.surfaces import Surfaces

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import jax
 from scipy.optimize import root_scalar
 
-from jblast.scene.explosives import EXPLOSIVES
+from jblast.scene.charge import EXPLOSIVES
 from jblast.waves.laws.kingery_bulmash import (
     kingery_bulmash_arrival_time,
     kingery_bulmash_duration,

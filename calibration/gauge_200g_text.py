@@ -21,7 +21,7 @@ from calibration.gauge_200g import (
     table,
     tnt_mass,
 )
-from jblast.scene.explosives import EXPLOSIVES
+from jblast.scene.charge import EXPLOSIVES
 from jblast.waves.laws.kingery_bulmash import kingery_bulmash_shock_speed
 from jblast.waves.laws.kinney_graham import kinney_graham_duration
 from jblast.waves.scaling import scaled_distance

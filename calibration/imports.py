@@ -8,7 +8,7 @@ import jblast
 
 PACKAGE = Path(jblast.__file__).parent
 ROOMS = (
-    *("units", "scene", "waves", "fidelity", "vehicle", "observations", "sensors"),
+    *("scene", "waves", "fidelity", "vehicle", "observations", "sensors"),
     *(
         "detect",
         "world",

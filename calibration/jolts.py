@@ -20,13 +20,7 @@ from jblast.sensors import planned_layout, record
 from jblast.sensors.imu.errors import read
 from jblast.sensors.imu.motion import Felt, felt
 from jblast.sensors.imu.pick import JoltPick, pick_jolt
-from jblast.vehicle import (
-    blast_load,
-    hold_of,
-    simulate,
-    start_of,
-    vehicle_of,
-)
+from jblast.vehicle import blast_load, hold_of, simulate, start_of, vehicle_of
 
 QUANTITIES: tuple[str, ...] = (
     "jolt_velocity_m_s",

@@ -18,7 +18,7 @@ from calibration.laws_curves import drawn_laws, panels
 from calibration.laws_figure import law_figure
 from jblast.cli.jax_start import start_jax
 from jblast.files import write_text
-from jblast.quantity_table import DERIVED_QUANTITIES, QUANTITIES
+from jblast.quantities import DERIVED_QUANTITIES, QUANTITIES
 from jblast.registry import LAWS, Law
 from jblast.report.calculator.figures import NOT_DRAWN
 from jblast.report.words import capitalised, quantity_words
@@ -56,7 +56,7 @@ def laws_text() -> str:
         if laws:
             parts.append(_section(quantity, one.meaning, laws))
     unknown = {quantity for quantity, _ in LAWS} - set(order)
-    assert not unknown, f"quantity_table.py does not know {unknown}"
+    assert not unknown, f"quantities.py has no {unknown}"
     return "\n".join(parts)
 
 

@@ -22,16 +22,9 @@ from jblast.scene import (
     VehicleSpec,
     WorldSpec,
 )
-from jblast.scene.random.spec import ByCount
+from jblast.scene.random_blasts import ByCount
 from jblast.sensors import microphone
-from jblast.vehicle import (
-    Each,
-    blast_load,
-    hold_of,
-    simulate,
-    start_of,
-    vehicle_of,
-)
+from jblast.vehicle import Each, blast_load, hold_of, simulate, start_of, vehicle_of
 from jblast.world import blast_sequence, world_key
 
 SECONDS, STEP_S, LONG_STEP_S = 1.0, 1e-3, 4e-3

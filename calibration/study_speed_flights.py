@@ -13,14 +13,7 @@ from calibration.study_clock import best, platform, programs_of
 from jblast.scene import Charge, Scene
 from jblast.study.flights.duration import BATCH_ROWS
 from jblast.study.sampling.work import Work
-from jblast.vehicle import (
-    Each,
-    PositionHold,
-    blast_load,
-    named,
-    named_gains,
-    simulate,
-)
+from jblast.vehicle import Each, PositionHold, blast_load, named, named_gains, simulate
 
 FLOWN = {"cpu": 1 << 7, "gpu": 1 << 16}
 STEP_S = 1e-3

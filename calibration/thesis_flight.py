@@ -11,7 +11,7 @@ from matplotlib.figure import SubFigure
 
 from jblast.report.figure_style import BLUE, GRID, MUTED, VERMILLION, titled
 from jblast.scene import Camera, Charge, Scene, look_at
-from jblast.scene.pose import quaternion_product
+from jblast.scene.camera import quaternion_product
 from jblast.sensors.camera import (
     CameraPath,
     ExplosionViews,

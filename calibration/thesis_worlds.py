@@ -51,7 +51,7 @@ from jblast.study.flights.encounter import LOADS, LoadLaw
 from jblast.study.flights.fly import fly
 from jblast.study.flights.records import Flown, Options
 from jblast.vehicle import CustomProfile, start_of, vehicle_of
-from jblast.vehicle.loads.thesis.coded import coded_angular_impulse
+from jblast.vehicle.loads.thesis import coded_angular_impulse
 from jblast.world import PRESETS
 
 WAYS: tuple[LoadLaw, ...] = ("thesis-as-printed", "thesis-as-coded", "laws")

@@ -29,7 +29,7 @@ from jblast.inference.posterior.parameters import Parameters, parameters_of
 from jblast.observations import Observations
 from jblast.observations.grouping import some_rows
 from jblast.scene import UncertainScene, WorldSpec
-from jblast.scene.parameters import value_of
+from jblast.scene.uncertain import value_of
 from jblast.sensors import layout_of, resolve_laws
 from jblast.sensors.bursts import settled
 from jblast.sensors.law_choice import law_names

@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from jblast.inference.posterior.parameters import Parameters
-from jblast.scene.priors import Belief
+from jblast.scene.uncertain import Belief
 
 RECORDS = {
     "flash_time_s": 1e-3,

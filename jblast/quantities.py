@@ -1,45 +1,340 @@
-"""Groups of quantities: clock times, directions, what errs in its own unit."""
+"""Every quantity that a sensor may record or a law gives, described once.
 
-from jblast.quantity import CLOCK_KINDS, TIME_KINDS
-from jblast.quantity_table import QUANTITIES
+A row has the name, the SI unit, the meaning and the kind of a quantity. The groups
+below the table (clock times, directions, quantities with errors in their own unit)
+follow from the kinds. The tables are pure data and are read without JAX.
+"""
+
+import math
+from dataclasses import dataclass
+from typing import Literal
+
+Kind = Literal[
+    "flash",
+    "arrival",
+    "time difference",
+    "pressure",
+    "impulse",
+    "duration",
+    "shock radius",
+    "fireball radius",
+    "direction",
+    "speed",
+    "displacement",
+    "shape",
+]
+CLOCK_KINDS = ("flash", "arrival")
+TIME_KINDS = (*CLOCK_KINDS, "time difference")
+PULSE_KINDS = ("impulse", "duration")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Quantity:
+    """Something that can be measured, or calculated.
+
+    Attributes:
+        name: As in observation files, scene files and answers; it ends in the unit.
+        unit: SI unit, "1" if there is none.
+        words: What a sentence calls it.
+        meaning: What it is.
+        kind: Of which kind it is; flashes and arrivals are readings of a clock.
+        largest: It lies within this either way, in its unit.
+        circular: Whether it is the same after a full circle.
+        placeless: Whether it is the same wherever its sensor stands.
+        by_camera: Whether the scene's camera sees it.
+        by_vehicle: Whether it is what happens to the scene's vehicle.
+        default_sigma: Error of one more datum of it where no sensor says, in seconds or
+            relative; None where none is proposed.
+        parts: Quantities with a law, and their signs, whose sum it is.
+    """
+
+    name: str
+    unit: str
+    words: str
+    meaning: str
+    kind: Kind
+    largest: float = math.inf
+    circular: bool = False
+    placeless: bool = False
+    by_camera: bool = False
+    by_vehicle: bool = False
+    default_sigma: float | None = None
+    parts: tuple[tuple[str, float], ...] = ()
+
+    def with_article(self) -> str:
+        """Return what one of it is called: "an air arrival"."""
+        return f"{'an' if self.words[0] in 'aeiou' else 'a'} {self.words}"
+
+    @property
+    def tnt_factor(self) -> Literal["pressure", "impulse", "energy"]:
+        """Which of an explosive's factors in TNT holds for it.
+
+        Times go with them: an arrival follows the speed of the shock, so its pressure;
+        a duration is the length of what the impulse sums.
+        """
+        if self.kind in PULSE_KINDS:
+            return "impulse"
+        return "energy" if self.kind == "shock radius" else "pressure"
+
+    @property
+    def feels_wind(self) -> bool:
+        """Whether it changes with the speed of sound, and so with the wind."""
+        return self.kind in (*TIME_KINDS, *PULSE_KINDS)
+
+
+_RECORDED = (
+    Quantity(
+        name="flash_time_s",
+        unit="s",
+        words="flash time",
+        meaning="light of the explosion seen, clock time",
+        kind="flash",
+        default_sigma=1e-3,
+    ),
+    Quantity(
+        name="air_arrival_s",
+        unit="s",
+        words="air arrival",
+        meaning="air shock or sound arrives, clock time",
+        kind="arrival",
+        default_sigma=1e-3,
+    ),
+    Quantity(
+        name="ground_arrival_s",
+        unit="s",
+        words="ground arrival",
+        meaning="ground wave arrives, clock time",
+        kind="arrival",
+        default_sigma=1e-3,
+    ),
+    Quantity(
+        name="arrival_difference_s",
+        unit="s",
+        words="air minus ground arrival",
+        meaning="air minus ground arrival at one sensor",
+        kind="time difference",
+        parts=(("air_arrival_s", 1.0), ("ground_arrival_s", -1.0)),
+    ),
+    Quantity(
+        name="peak_overpressure_pa",
+        unit="Pa",
+        words="peak overpressure",
+        meaning="incident peak overpressure",
+        kind="pressure",
+        default_sigma=0.05,
+    ),
+    Quantity(
+        name="positive_impulse_pa_s",
+        unit="Pa s",
+        words="positive impulse",
+        meaning="incident impulse of the positive phase",
+        kind="impulse",
+        default_sigma=0.05,
+    ),
+    Quantity(
+        name="positive_duration_s",
+        unit="s",
+        words="positive duration",
+        meaning="duration of the positive phase",
+        kind="duration",
+    ),
+    Quantity(
+        name="reflected_pressure_pa",
+        unit="Pa",
+        words="reflected pressure",
+        meaning="normally reflected peak overpressure",
+        kind="pressure",
+    ),
+    Quantity(
+        name="reflected_impulse_pa_s",
+        unit="Pa s",
+        words="reflected impulse",
+        meaning="normally reflected impulse",
+        kind="impulse",
+    ),
+    Quantity(
+        name="shock_radius_m",
+        unit="m",
+        words="shock radius",
+        meaning="radius of the shock front at time_s",
+        kind="shock radius",
+        placeless=True,
+    ),
+    Quantity(
+        name="fireball_radius_m",
+        unit="m",
+        words="fireball radius",
+        meaning="radius of the fireball at time_s",
+        kind="fireball radius",
+        placeless=True,
+    ),
+    Quantity(
+        name="fireball_radius_px",
+        unit="px",
+        words="fireball radius in the image",
+        meaning="the same in pixels of the scene's camera",
+        kind="fireball radius",
+        by_camera=True,
+    ),
+    Quantity(
+        name="bearing_rad",
+        unit="rad",
+        words="bearing of the charge",
+        meaning="direction of the charge, clockwise from north",
+        kind="direction",
+        largest=2 * math.pi,
+        circular=True,
+    ),
+    Quantity(
+        name="elevation_rad",
+        unit="rad",
+        words="elevation of the charge",
+        meaning="direction of the charge, above the horizon",
+        kind="direction",
+        largest=math.pi / 2,
+    ),
+    Quantity(
+        name="ground_peak_velocity_m_s",
+        unit="m/s",
+        words="peak ground velocity",
+        meaning="peak particle velocity of the ground",
+        kind="speed",
+    ),
+    Quantity(
+        name="ground_displacement_m",
+        unit="m",
+        words="peak ground displacement",
+        meaning="peak displacement of the ground",
+        kind="displacement",
+    ),
+    Quantity(
+        name="jolt_velocity_m_s",
+        unit="m/s",
+        words="jolt",
+        meaning="change of velocity that the blast gives the scene's vehicle",
+        kind="speed",
+        by_vehicle=True,
+    ),
+    Quantity(
+        name="jolt_bearing_rad",
+        unit="rad",
+        words="bearing of the jolt",
+        meaning="direction in which the vehicle is thrown, clockwise from north",
+        kind="direction",
+        largest=2 * math.pi,
+        circular=True,
+        by_vehicle=True,
+    ),
+    Quantity(
+        name="jolt_elevation_rad",
+        unit="rad",
+        words="elevation of the jolt",
+        meaning="direction in which the vehicle is thrown, above the horizon",
+        kind="direction",
+        largest=math.pi / 2,
+        by_vehicle=True,
+    ),
+)
+_DERIVED = (
+    Quantity(
+        name="shock_speed_m_s",
+        unit="m/s",
+        words="shock speed",
+        meaning="speed of the shock front",
+        kind="speed",
+    ),
+    Quantity(
+        name="blast_wind_m_s",
+        unit="m/s",
+        words="blast wind",
+        meaning="speed of the air behind the front",
+        kind="speed",
+    ),
+    Quantity(
+        name="dynamic_pressure_pa",
+        unit="Pa",
+        words="dynamic pressure",
+        meaning="dynamic pressure of the blast wind behind the front",
+        kind="pressure",
+    ),
+    Quantity(
+        name="friedlander_decay",
+        unit="1",
+        words="Friedlander decay b",
+        meaning="decay of the Friedlander pulse of a law's other numbers",
+        kind="shape",
+    ),
+    Quantity(
+        name="negative_pressure_pa",
+        unit="Pa",
+        words="negative-phase pressure",
+        meaning="incident peak underpressure of the negative phase",
+        kind="pressure",
+    ),
+    Quantity(
+        name="negative_impulse_pa_s",
+        unit="Pa s",
+        words="negative-phase impulse",
+        meaning="incident impulse of the negative phase",
+        kind="impulse",
+    ),
+    Quantity(
+        name="negative_duration_s",
+        unit="s",
+        words="negative-phase duration",
+        meaning="duration of the negative phase",
+        kind="duration",
+    ),
+    Quantity(
+        name="reflected_negative_pressure_pa",
+        unit="Pa",
+        words="reflected negative-phase pressure",
+        meaning="normally reflected peak underpressure",
+        kind="pressure",
+    ),
+    Quantity(
+        name="reflected_negative_impulse_pa_s",
+        unit="Pa s",
+        words="reflected negative-phase impulse",
+        meaning="normally reflected impulse, negative phase",
+        kind="impulse",
+    ),
+)
+QUANTITIES: dict[str, Quantity] = {row.name: row for row in _RECORDED}
+"""Every quantity that a row of a log may hold, by name."""
+DERIVED_QUANTITIES: dict[str, Quantity] = {row.name: row for row in _DERIVED}
+"""What laws give and no row of a log holds."""
+
+
+def quantity_named(name: str) -> Quantity | None:
+    """Return what the tables say of a quantity; None of one they do not know."""
+    return QUANTITIES.get(name) or DERIVED_QUANTITIES.get(name)
+
 
 _ROWS = tuple(QUANTITIES.values())
-
 CLOCK_TIMES = tuple(q.name for q in _ROWS if q.kind in CLOCK_KINDS)
 """Quantities that are readings of a clock."""
-
 ARRIVALS = tuple(q.name for q in _ROWS if q.kind == "arrival")
 """Clock times at which a wave comes."""
-
 TIMES = tuple(q.name for q in _ROWS if q.kind in TIME_KINDS)
 """Quantities in seconds whose laws' scatter is a share of the travel time."""
-
 FIREBALL_RADII = tuple(q.name for q in _ROWS if q.kind == "fireball radius")
-
 TIMED = (*(q.name for q in _ROWS if q.kind == "shock radius"), *FIREBALL_RADII)
 """Quantities taken at a time: their rows have a `time_s`."""
-
 PLACELESS = tuple(q.name for q in _ROWS if q.placeless)
 """Quantities that are the same wherever their sensor stands."""
-
 BY_CAMERA = tuple(q.name for q in _ROWS if q.by_camera)
 """Quantities read off images of the scene's camera."""
-
 BY_VEHICLE = tuple(q.name for q in _ROWS if q.by_vehicle)
 """What happens to the scene's vehicle: which it is, and its place, decide."""
-
 DIRECTIONS = {q.name: q.largest for q in _ROWS if q.kind == "direction"}
 """Angles seen from a sensor's position, and the largest value either way [rad]."""
-
 CIRCULAR = tuple(q.name for q in _ROWS if q.circular)
 """Quantities that are the same after a full circle."""
-
 ADDITIVE = (*TIMES, *DIRECTIONS)
 """Quantities that err in their own unit; all others err in ln, so are positive."""
-
 FEEL_WIND = tuple(q.name for q in _ROWS if q.feels_wind)
 """Quantities that change with the wind."""
-
 ADDABLE = {q.name: q.default_sigma for q in _ROWS if q.default_sigma is not None}
 """Quantities that one more datum may be of, and its error: seconds, or relative."""
 

@@ -3,7 +3,7 @@ import math
 import numpy as np
 import pytest
 
-from jblast.bounds import UNBOUNDED, Bounds
+from jblast.parameters import UNBOUNDED, Bounds
 
 
 @pytest.mark.parametrize(

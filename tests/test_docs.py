@@ -20,10 +20,10 @@ from docs.generate import blocks, command_line, pages, scene_tables
 from docs.generate.links import in_repository, site_uri, targets, to_site
 from docs.generate.scene_schema import scene_schema
 from jblast.cli.parsers import VERBS
-from jblast.parameter_table import PARAMETERS
-from jblast.quantity_table import DERIVED_QUANTITIES, QUANTITIES
+from jblast.parameters import PARAMETERS
+from jblast.quantities import DERIVED_QUANTITIES, QUANTITIES
 from jblast.scene.reader.scene import scene_from_document, world_from_document
-from jblast.scene.reader.schema import KEYS
+from jblast.scene.reader.tables import KEYS
 from tests.test_import_order import ORDER, WITHIN
 
 ROOT = Path(__file__).parents[1]

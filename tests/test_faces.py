@@ -1,7 +1,7 @@
 """The faces of rooms: what `from jblast.ROOM import NAME` finds, and nothing else.
 
-A face is a docstring and lines like `from jblast.scene.air import Air as Air`: they are
-the list of its names. Two do more, and say so below.
+A face is a docstring and lines like `from jblast.scene.scene import Air as Air`: they
+are the list of its names. Two do more, and say so below.
 """
 
 import ast
@@ -25,7 +25,7 @@ LAZY = {
 """Faces that import a name when it is asked for, and the table it is looked up in."""
 DOES = {
     "jblast.waves": "registry.mark_packaged()",
-    "jblast.vehicle.warp.kernels": "wp.config.log_level = wp.LOG_ERROR",
+    "jblast.vehicle.warp": "wp.config.log_level = wp.LOG_ERROR",
 }
 """The one statement of faces that do something."""
 SOURCES = {

@@ -19,13 +19,12 @@ SOURCES = sorted(PACKAGE.rglob("*.py"))
 
 # Each may import what stands above it, and its own.
 ORDER = [
-    ("types", "constants", "bounds", "registry", "errors", "progress"),
+    ("types", "constants", "registry", "errors", "progress"),
     ("files", "json_values"),
-    ("parameter", "parameter_table", "quantity", "quantity_table", "quantities"),
+    ("parameters", "quantities"),
     ("units",),
-    ("program_words",),
     ("kept_programs",),
-    *((room,) for room in ROOMS if room != "units"),
+    *((room,) for room in ROOMS),
 ]
 LEVEL = {name: level for level, names in enumerate(ORDER) for name in names}
 
@@ -33,7 +32,10 @@ LEVEL = {name: level for level, names in enumerate(ORDER) for name in names}
 # must.
 WITHIN = {
     "waves": ("curves", "propagation", "shock", "laws", "waveform", "pulse"),
-    "vehicle": ("quadrotor", "dynamics", "control", "loads", "rollout", "warp"),
+    "vehicle": (
+        *("quadrotor", "state", "dynamics", "control", "loads", "rollout"),
+        "warp",
+    ),
     "sensors.camera": (
         *("image", "geometry", "sampling", "rendering", "events", "files"),
         "bake",
@@ -148,9 +150,9 @@ def test_every_folder_and_module_has_its_place_in_the_list():
     [
         ("jblast.waves.laws.wu_hao", "from jblast.inference import fit"),
         ("jblast.waves.laws.wu_hao", "def late():\n    import jblast.sensors.record"),
-        ("jblast.scene.air", "from jblast import waves"),
-        ("jblast.scene.air", "from ..waves import wu_hao"),
-        ("jblast.registry", "from jblast.scene.air import Air"),
+        ("jblast.scene.scene", "from jblast import waves"),
+        ("jblast.scene.scene", "from ..waves import wu_hao"),
+        ("jblast.registry", "from jblast.scene.scene import Air"),
         ("jblast", "from jblast.cli import main"),
     ],
 )

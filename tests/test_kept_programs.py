@@ -14,8 +14,7 @@ import pytest
 
 import jblast.waves  # noqa: F401  registers the laws
 from jblast import kept_programs
-from jblast.kept_programs import keep_in, kept
-from jblast.program_words import Unkept, spelled
+from jblast.kept_programs import Unkept, keep_in, kept, spelled
 from jblast.registry import LAWS, register
 
 TRACED = Counter()

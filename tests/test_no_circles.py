@@ -84,7 +84,7 @@ def test_a_circle_is_found():
 @pytest.mark.parametrize(
     ("source", "found"),
     [
-        ("from jblast.scene.air import Air", "jblast.scene.air"),
+        ("from jblast.scene.scene import Air", "jblast.scene.scene"),
         ("from jblast.scene import Scene", "jblast.scene.__init__"),
         ("from jblast import errors", "jblast.errors"),
         ("from .errors import shown", "jblast.errors"),

@@ -5,7 +5,7 @@ import sys
 
 import pytest
 
-from jblast.parameter_table import (
+from jblast.parameters import (
     CHARGE_POSITION,
     CLOCK,
     CLOCK_OFFSET,
@@ -15,9 +15,8 @@ from jblast.parameter_table import (
 )
 from jblast.report.words import LADDERS, parameter_words, split_name
 from jblast.scene import Scene, parameter_named, value_of
-from jblast.scene.parameters import names_in
-from jblast.scene.reader.priors import LISTS
-from jblast.scene.reader.schema import IMU_KEYS, INSTRUMENT_KEYS, KEYS
+from jblast.scene.reader.tables import IMU_KEYS, INSTRUMENT_KEYS, KEYS, LISTS
+from jblast.scene.uncertain import names_in
 
 ALL = (*PARAMETERS.values(), CLOCK)
 every_parameter = pytest.mark.parametrize("one", ALL, ids=lambda one: one.name)
@@ -112,5 +111,5 @@ def test_a_position_is_east_north_up():
 
 
 def test_the_table_needs_no_jax():
-    code = "import sys, jblast.parameter_table; sys.exit('jax' in sys.modules)"
+    code = "import sys, jblast.parameters; sys.exit('jax' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code]).returncode == 0

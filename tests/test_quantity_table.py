@@ -15,20 +15,22 @@ from jblast.quantities import (
     BY_VEHICLE,
     CIRCULAR,
     CLOCK_TIMES,
+    DERIVED_QUANTITIES,
     DIRECTIONS,
     FEEL_WIND,
     FIREBALL_RADII,
     PLACELESS,
+    QUANTITIES,
     TIMED,
     TIMES,
     components,
     made_with,
+    quantity_named,
 )
-from jblast.quantity_table import DERIVED_QUANTITIES, QUANTITIES, quantity_named
 from jblast.registry import LAWS
 from jblast.report.words import LADDERS, quantity_words, split_name
-from jblast.scene.explosives import EXPLOSIVES, tnt_factor
-from jblast.scene.reader.schema import KEYS
+from jblast.scene.charge import EXPLOSIVES, tnt_factor
+from jblast.scene.reader.tables import KEYS
 from jblast.sensors.calculator.combined import COMBINATIONS
 
 ALL = [*QUANTITIES.values(), *DERIVED_QUANTITIES.values()]

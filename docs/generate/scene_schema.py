@@ -6,27 +6,25 @@ another, whether names are unique, whether a law of that name exists.
 
 from typing import Any
 
-from jblast.bounds import Bounds
-from jblast.parameter_table import CLOCK, PARAMETERS, PLACE_LIMITS
-from jblast.quantities import ADDITIVE
-from jblast.quantity_table import QUANTITIES
+from jblast.parameters import CLOCK, PARAMETERS, PLACE_LIMITS, Bounds
+from jblast.quantities import ADDITIVE, QUANTITIES
 from jblast.scene.camera import MOUNTS
 from jblast.scene.charge import BURSTS
-from jblast.scene.instrument import FEWEST_BITS, MOST_BITS
-from jblast.scene.random.numbers import WORLD_NUMBERS
-from jblast.scene.random.spec import ABOUT
-from jblast.scene.reader.ambient import STEEPEST
-from jblast.scene.reader.priors import LISTS, PRIORS
-from jblast.scene.reader.schema import (
+from jblast.scene.random_blasts import ABOUT, WORLD_NUMBERS
+from jblast.scene.reader.random_blasts import MOST_BLASTS
+from jblast.scene.reader.scene import STEEPEST
+from jblast.scene.reader.tables import (
     GROUND_PATHS,
     IMU_KEYS,
     INSTRUMENT_KEYS,
     KEYS,
+    LISTS,
+    PRIORS,
     SATURATIONS,
     SENSOR_KINDS,
     VEHICLE_MODELS,
 )
-from jblast.scene.reader.world import MOST_BLASTS
+from jblast.scene.sensor import FEWEST_BITS, MOST_BITS
 
 NUMBER = {"type": "number"}
 POSITIVE = {"type": "number", "exclusiveMinimum": 0}

@@ -1,19 +1,16 @@
 """Tables of the log and of the scene file, from those that their readers go by."""
 
-from jblast.bounds import UNBOUNDED
 from jblast.observations.table import COLUMNS, NEEDED
-from jblast.parameter_table import PARAMETERS
-from jblast.quantities import ADDITIVE, TIMED
-from jblast.quantity_table import DERIVED_QUANTITIES, QUANTITIES
+from jblast.parameters import PARAMETERS, UNBOUNDED
+from jblast.quantities import ADDITIVE, DERIVED_QUANTITIES, QUANTITIES, TIMED
 from jblast.scene.camera import MOUNTS
-from jblast.scene.explosives import EXPLOSIVES
-from jblast.scene.random.numbers import WORLD_NUMBERS
-from jblast.scene.random.spec import ABOUT
-from jblast.scene.reader.priors import LISTS
-from jblast.scene.reader.schema import (
+from jblast.scene.charge import EXPLOSIVES
+from jblast.scene.random_blasts import ABOUT, WORLD_NUMBERS
+from jblast.scene.reader.tables import (
     GROUND_PATHS,
     KEYS,
     LATER,
+    LISTS,
     SATURATIONS,
     SENSOR_KINDS,
     VEHICLE_MODELS,

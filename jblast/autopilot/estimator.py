@@ -51,7 +51,7 @@ from jaxtyping import Array, Bool, Float, Integer, PRNGKeyArray, PyTree
 
 from jblast.constants import FLIGHT_GRAVITY
 from jblast.scene import Imu, quaternion_matrix
-from jblast.scene.pose import quaternion_product
+from jblast.scene.camera import quaternion_product
 from jblast.sensors.carried.barometer import height_of
 from jblast.sensors.carried.inertial import Biases
 from jblast.sensors.carried.suite import CALIBRATED, Held, Sample, Suite

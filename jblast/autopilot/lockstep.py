@@ -41,7 +41,7 @@ from jblast.constants import STANDARD_GRAVITY
 from jblast.errors import InputError
 from jblast.observations.places import Frame
 from jblast.scene import Imu, Place, Scene, VehicleSpec
-from jblast.scene.pose import quaternion_product
+from jblast.scene.camera import quaternion_product
 from jblast.sensors.carried.barometer import height_of
 from jblast.sensors.carried.magnetometer import Magnetometer, dipole_field
 from jblast.sensors.carried.suite import Held, Sample, Suite
@@ -54,10 +54,8 @@ from jblast.vehicle import (
     start_of,
     vehicle_of,
 )
-from jblast.vehicle.dynamics.components import four, joined
-from jblast.vehicle.rollout.flight import Flight
-from jblast.vehicle.rollout.step import Now, OneStep
-from jblast.vehicle.rollout.timetable import INWARD, Ticks
+from jblast.vehicle.rollout import INWARD, Flight, Now, OneStep, Ticks
+from jblast.vehicle.state import four, joined
 from jblast.waves.propagation import ambient
 
 SYSTEM, COMPONENT = 1, 51

@@ -14,7 +14,7 @@ from jblast.environments.tasks.table import TASKS
 from jblast.errors import InputError, nearest
 from jblast.missions import Guidance
 from jblast.scene import Air, ByCount, Uniform, WorldSpec
-from jblast.scene.priors import Prior
+from jblast.scene.uncertain import Prior
 from jblast.vehicle import (
     PositionHold,
     allocation,
@@ -22,7 +22,7 @@ from jblast.vehicle import (
     named_gains,
     step_limit,
 )
-from jblast.vehicle.quadrotor.numbers import in_precision
+from jblast.vehicle.quadrotor import in_precision
 
 STEP_S = 0.01
 MOST_DELAY = 10

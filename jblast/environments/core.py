@@ -32,10 +32,10 @@ from jblast.environments.episode import (
 )
 from jblast.environments.tasks.table import TASKS
 from jblast.environments.tasks.task import Seen, distance
-from jblast.vehicle.dynamics.components import Vector, turned_back
-from jblast.vehicle.dynamics.equations import Wrench
+from jblast.vehicle.dynamics import Wrench
 from jblast.vehicle.loads.load import pulse_wrench
-from jblast.vehicle.rollout.step import Now
+from jblast.vehicle.rollout import Now
+from jblast.vehicle.state import Vector, turned_back
 from jblast.world import Blasts
 
 

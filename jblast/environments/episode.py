@@ -34,12 +34,15 @@ from jblast.constants import FLIGHT_GRAVITY
 from jblast.missions import Guidance
 from jblast.missions.guidance import SetPoint, as_if_at_rest
 from jblast.scene import Air, Charge, Ring, Scene, Uniform, WorldSpec
-from jblast.scene.priors import Prior, draw
-from jblast.scene.random.spec import ByCount
+from jblast.scene.random_blasts import ByCount
+from jblast.scene.uncertain import Prior, draw
 from jblast.types import as_float_array
 from jblast.vehicle import BlastLoad, Controller, Gains, Vehicle, blast_load
 from jblast.vehicle.control.allocation import speeds_within
-from jblast.vehicle.dynamics.components import (
+from jblast.vehicle.loads.blast_wave import crossing_time
+from jblast.vehicle.quadrotor import required_body
+from jblast.vehicle.rollout import INWARD, Flight, Now, OneStep, Ticks
+from jblast.vehicle.state import (
     Four,
     Number,
     Vector,
@@ -51,11 +54,6 @@ from jblast.vehicle.dynamics.components import (
     three,
     times,
 )
-from jblast.vehicle.loads.blast.passage import crossing_time
-from jblast.vehicle.quadrotor.body import required_body
-from jblast.vehicle.rollout.flight import Flight
-from jblast.vehicle.rollout.step import Now, OneStep
-from jblast.vehicle.rollout.timetable import INWARD, Ticks
 from jblast.world import Blasts, blast_sequence
 
 COMMANDS = {"rotor_speeds": 4, "thrust_rates": 4, "velocity": 3, "hold": 3}

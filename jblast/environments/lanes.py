@@ -24,8 +24,8 @@ from jblast.environments.core import (
 )
 from jblast.environments.episode import EnvironmentParams, EnvironmentState
 from jblast.errors import InputError
-from jblast.vehicle.dynamics.equations import Wrench
-from jblast.vehicle.rollout.batching import CHUNK_BYTES, over_devices
+from jblast.vehicle.dynamics import Wrench
+from jblast.vehicle.rollout import CHUNK_BYTES, over_devices
 
 T = TypeVar("T")
 CHUNK = 1024

@@ -9,8 +9,7 @@ import numpy as np
 from jaxtyping import Array
 
 from jblast.errors import InputError, nearest
-from jblast.quantities import components
-from jblast.quantity_table import DERIVED_QUANTITIES, QUANTITIES
+from jblast.quantities import DERIVED_QUANTITIES, QUANTITIES, components
 from jblast.scene import (
     Charge,
     Scene,
@@ -19,7 +18,7 @@ from jblast.scene import (
     parameter_named,
     with_values,
 )
-from jblast.scene.priors import Free
+from jblast.scene.uncertain import Free
 from jblast.waves.paths import Path, path_between
 
 SCORES = tuple(NormalDist().inv_cdf(p) for p in (0.05, 0.95))

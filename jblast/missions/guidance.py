@@ -39,7 +39,7 @@ from jblast.missions.legs import Legs, point_on
 from jblast.types import as_float_array
 from jblast.vehicle import Controller, Gains, PositionHold, State, Vehicle
 from jblast.vehicle.control.position_hold import Readied
-from jblast.vehicle.dynamics.components import three
+from jblast.vehicle.state import three
 
 IDLE_SHARE = 0.2
 """Of the speed at which the rotors carry the weight; declared."""

@@ -24,7 +24,7 @@ from typing import Any, NamedTuple
 
 from jblast.errors import InputError, nearest, read_text, shown
 from jblast.files import write_text
-from jblast.parameter_table import PLACE_LIMITS
+from jblast.parameters import PLACE_LIMITS
 from jblast.scene import Place
 
 EXPECTED = "a plan: QGroundControl's .plan, or QGC WPL 110"

@@ -27,9 +27,9 @@ from jblast.quantities import (
     BY_CAMERA,
     CLOCK_TIMES,
     PLACELESS,
+    QUANTITIES,
     components,
 )
-from jblast.quantity_table import QUANTITIES
 from jblast.registry import names_for
 from jblast.scene import UncertainScene
 from jblast.scene.uncertain import NO_SCENE

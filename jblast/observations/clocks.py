@@ -25,9 +25,8 @@ from jaxtyping import Bool
 
 from jblast.errors import InputError, argument, nearest, shown
 from jblast.observations.table import ClockTimesTaken, Observations
-from jblast.parameter_table import CLOCK_OFFSET
-from jblast.quantities import CLOCK_TIMES
-from jblast.quantity_table import QUANTITIES
+from jblast.parameters import CLOCK_OFFSET
+from jblast.quantities import CLOCK_TIMES, QUANTITIES
 from jblast.scene import Free, Scene, UncertainScene
 
 VALUE_UTC = "value_utc"

@@ -21,8 +21,7 @@ from jaxtyping import Int
 from jblast.errors import InputError, nearest, read_text, shown
 from jblast.files import write_text
 from jblast.observations.table import Faults, Observations, RecordCovariance
-from jblast.quantities import ADDITIVE
-from jblast.quantity_table import QUANTITIES
+from jblast.quantities import ADDITIVE, QUANTITIES
 
 AGREES = 0.01
 """A sigma of the log is that of its covariance to this share: a log may be rounded."""

@@ -38,8 +38,7 @@ from jblast.observations.table import (
     Renamed,
     UnitsRow,
 )
-from jblast.quantities import ADDITIVE, TIMED
-from jblast.quantity_table import QUANTITIES
+from jblast.quantities import ADDITIVE, QUANTITIES, TIMED
 from jblast.units import (
     LEVEL,
     LN_PER_DB,
@@ -47,10 +46,10 @@ from jblast.units import (
     OurName,
     our_name,
     products,
+    spelt,
     unit_spelt,
     what_to_write,
 )
-from jblast.units.spelling import spelt
 
 VALUES = ("value", "value_utc")
 """Columns one of which holds what was measured."""

@@ -59,8 +59,8 @@ from jblast.observations.table import (
     no_rows,
 )
 from jblast.progress import stages
-from jblast.quantity_table import QUANTITIES
-from jblast.units.names import dimension_of
+from jblast.quantities import QUANTITIES
+from jblast.units import dimension_of
 
 STAGES = {"loading": 1.0, "taking lines apart": 4.0, "checking columns": 8.0}
 """Of reading, and about how long each takes, in seconds a million rows."""

@@ -17,7 +17,7 @@ from jaxtyping import ArrayLike, Bool, Float, Int
 from jblast.errors import InputError, argument, shown
 from jblast.observations.clocks import check_clocks, clocks_apart
 from jblast.observations.table import SAMPLES, Observations
-from jblast.parameter_table import CHARGE_POSITION, CLOCK_OFFSET, PARAMETERS
+from jblast.parameters import CHARGE_POSITION, CLOCK_OFFSET, PARAMETERS
 from jblast.quantities import (
     ARRIVALS,
     BY_CAMERA,

@@ -15,7 +15,7 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 from jaxtyping import ArrayLike, Bool, Float
 
-from jblast.parameter_table import PLACE_LIMITS
+from jblast.parameters import PLACE_LIMITS
 
 METRES = ("east_m", "north_m")
 DEGREES = ("lat_deg", "lon_deg")

@@ -42,20 +42,19 @@ from jblast.observations.table import (
     Understood,
     row_word,
 )
-from jblast.quantities import ADDITIVE, CLOCK_TIMES, DIRECTIONS, TIMED
-from jblast.quantity_table import QUANTITIES
+from jblast.quantities import ADDITIVE, CLOCK_TIMES, DIRECTIONS, QUANTITIES, TIMED
 from jblast.units import (
     LEVEL,
     LN_PER_DB,
     SHARE,
     OurName,
+    dimension_of,
     our_name,
     overpressure,
     products,
     si_ratio,
     what_to_write,
 )
-from jblast.units.names import dimension_of
 
 AT_LEAST = ">"
 """Before a value: what was measured is no less."""

@@ -22,10 +22,10 @@ import numpy as np
 from jblast.observations.clocks import clocks_apart, has_common_clock
 from jblast.observations.grouping import some_rows
 from jblast.observations.table import CLOCK_TIMES, OF_SAMPLES, SAMPLES, Observations
-from jblast.parameter_table import ALTITUDES, CLOCK_OFFSET
+from jblast.parameters import ALTITUDES, CLOCK_OFFSET
 from jblast.quantities import ADDITIVE, BY_CAMERA, PLACELESS, TIMED, made_with
 from jblast.scene import UncertainScene, freed, with_values
-from jblast.scene.reader.records import share_text
+from jblast.scene.reader.sensors import share_text
 from jblast.scene.uncertain import NO_SCENE
 from jblast.waves.propagation import standard_atmosphere
 

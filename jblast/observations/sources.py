@@ -39,9 +39,8 @@ from jblast.observations.table import (
     row_word,
 )
 from jblast.progress import counted
-from jblast.quantity_table import QUANTITIES
-from jblast.units import our_name, unit_spelt
-from jblast.units.spelling import spelt, words_of
+from jblast.quantities import QUANTITIES
+from jblast.units import our_name, spelt, unit_spelt, words_of
 
 EXPECTED = "a CSV file of observations"
 MOST_BYTES = 1_000_000_000

@@ -19,8 +19,12 @@ from jaxtyping import Bool, Float
 
 from jblast.errors import InputError, shown
 from jblast.observations.places import Frame
-from jblast.quantities import ADDITIVE, CLOCK_TIMES as CLOCK_TIMES, TIMES as TIMES
-from jblast.quantity_table import QUANTITIES as QUANTITIES
+from jblast.quantities import (
+    ADDITIVE,
+    CLOCK_TIMES as CLOCK_TIMES,
+    QUANTITIES as QUANTITIES,
+    TIMES as TIMES,
+)
 
 NEEDED = ("sensor", "quantity", "value", "sigma")
 POSITION = ("east_m", "north_m", "up_m")

@@ -18,7 +18,7 @@ from scipy.spatial.transform import Rotation
 
 from jblast.autopilot.estimator import Thrown
 from jblast.json_values import plain
-from jblast.quantity_table import QUANTITIES
+from jblast.quantities import QUANTITIES
 from jblast.report.words import (
     WIDTH,
     aligned,
@@ -42,7 +42,7 @@ from jblast.study.flights.statistics import (
     warnings_of,
 )
 from jblast.vehicle import Trajectory
-from jblast.vehicle.thresholds import THRESHOLDS
+from jblast.vehicle.metrics import THRESHOLDS
 
 WORLD, BODY, ROTORS = ("east", "north", "up"), "xyz", "1234"
 COLUMNS = {

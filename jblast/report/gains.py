@@ -11,7 +11,7 @@ from jblast.json_values import plain
 from jblast.report.words import WIDTH, aligned
 from jblast.study.gains.records import Tried, TunedGains, known_peaks
 from jblast.vehicle import STEP_S, Gains, vehicle_of
-from jblast.vehicle.control.margins import LOOPS
+from jblast.vehicle.control.stability import LOOPS
 
 WORDS = {
     "kp_pos": "position [1/s2]",

@@ -30,7 +30,7 @@ from jblast.report.words import (
 )
 from jblast.study.missions.outcome import WATCHED_S
 from jblast.study.missions.records import Disturbance, MissionFlight
-from jblast.vehicle.thresholds import THRESHOLDS
+from jblast.vehicle.metrics import THRESHOLDS
 
 
 def mission_text(flight: MissionFlight) -> str:

@@ -12,8 +12,7 @@ from jblast.inference.tuning.result import POOR, Tuned
 from jblast.inference.tuning.tunables import TUNABLES
 from jblast.inference.tuning.unknowns import names_known, tuned_value
 from jblast.json_values import plain
-from jblast.parameter import Key
-from jblast.parameter_table import CLOCK, CLOCK_OFFSET, PARAMETERS
+from jblast.parameters import CLOCK, CLOCK_OFFSET, PARAMETERS, Key
 from jblast.report.words import aligned, hanging, joined, parameter_words, rounded
 from jblast.scene import parameter_named
 

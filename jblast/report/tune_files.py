@@ -18,7 +18,7 @@ from jblast.files import write_text
 from jblast.inference.tuning.result import Tuned
 from jblast.inference.tuning.sight import EventsEvidence, FramesEvidence, camera_of
 from jblast.inference.tuning.sound import SoundEvidence
-from jblast.parameter_table import CLOCK_OFFSET
+from jblast.parameters import CLOCK_OFFSET
 from jblast.report.figure_files import write_drawn
 from jblast.report.figure_style import (
     BLUE,
@@ -30,7 +30,7 @@ from jblast.report.figure_style import (
     titled,
 )
 from jblast.report.tune import as_json, key_of, tune_answer
-from jblast.scene.reader.priors import LISTS
+from jblast.scene.reader.tables import LISTS
 
 GREY = "#b0b0b0"
 SHOWN = 4

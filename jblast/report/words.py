@@ -8,8 +8,8 @@ from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
-from jblast.parameter_table import described
-from jblast.quantity_table import quantity_named
+from jblast.parameters import described
+from jblast.quantities import quantity_named
 from jblast.units import si_factor
 
 GAP = 2

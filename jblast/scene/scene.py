@@ -1,17 +1,153 @@
-"""The scene: one argument of the whole physics."""
+"""The scene: charge, air, ground, sensors, camera, vehicle, in one argument.
+
+Air and ground are uniform. What follows from the state of the air (sound speed,
+density, absorption) is computed in `waves`.
+"""
+
+import math
+from typing import Literal
 
 import equinox as eqx
+import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from jblast.parameter_table import PARAMETERS
-from jblast.scene.air import Air
-from jblast.scene.ambient import Ambient
+from jblast.parameters import PARAMETERS
 from jblast.scene.camera import Camera
 from jblast.scene.charge import Charge
-from jblast.scene.ground import Ground
 from jblast.scene.sensor import Clock, Sensor
-from jblast.scene.vehicle import VehicleSpec
 from jblast.types import as_float_array, as_optional_float_array
+
+GroundPath = Literal["head", "thesis"]
+HEIGHT_M = 30.0
+"""Scale of the ambient sound's fall with height above ground, where not said [m]."""
+
+
+class Air(eqx.Module):
+    """Air, the same everywhere.
+
+    Attributes:
+        temperature: Temperature [K].
+        pressure: Ambient pressure [Pa].
+        relative_humidity: Fraction, 0 to 1.
+        altitude: Height above sea level [m]; where given, temperature and pressure
+            are those of the standard atmosphere there and the two above unused.
+        sound_speed: Measured or fitted sound speed [m/s]; None derives it from
+            temperature and humidity.
+        wind_east: Speed of the air towards east [m/s].
+        wind_north: Towards north [m/s].
+        absorption: Whether it absorbs sound within the range of a pressure law, too,
+            whose peaks hold what it absorbed where they were measured.
+        absorption_scale: Nepers a metre of this air over those of ISO 9613-1 [-].
+    """
+
+    temperature: Float[Array, ""] = eqx.field(
+        converter=as_float_array, default=PARAMETERS["air_temperature_k"].default
+    )
+    pressure: Float[Array, ""] = eqx.field(
+        converter=as_float_array, default=PARAMETERS["air_pressure_pa"].default
+    )
+    relative_humidity: Float[Array, ""] = eqx.field(
+        converter=as_float_array, default=PARAMETERS["air_relative_humidity"].default
+    )
+    altitude: Float[Array, ""] | None = eqx.field(
+        converter=as_optional_float_array, default=None
+    )
+    sound_speed: Float[Array, ""] | None = eqx.field(
+        converter=as_optional_float_array, default=None
+    )
+    wind_east: Float[Array, ""] = eqx.field(converter=as_float_array, default=0.0)
+    wind_north: Float[Array, ""] = eqx.field(converter=as_float_array, default=0.0)
+    absorption: bool = eqx.field(static=True, default=False)
+    absorption_scale: Float[Array, ""] = eqx.field(
+        converter=as_float_array, default=1.0
+    )
+
+
+class Ambient(eqx.Module):
+    """What is heard where nothing explodes: a recording in a loop, or coloured noise.
+
+    Attributes:
+        level: Noise on the ground, rms over its band [Pa].
+        slope: How its spectrum rises with frequency [dB/octave]: 0 is white, -3 pink.
+        height: Its amplitude falls by e over this height above ground [m].
+        file: Recording to loop instead of noise; "" if there is none.
+        full_scale: What a sample of 1 in that recording stands for [Pa].
+        loop: Samples of the recording [Pa], once somebody has read the file.
+        loop_rate: Their samples a second [Hz].
+    """
+
+    level: Float[Array, ""] = eqx.field(converter=as_float_array, default=0.0)
+    slope: Float[Array, ""] = eqx.field(converter=as_float_array, default=0.0)
+    height: Float[Array, ""] = eqx.field(converter=as_float_array, default=HEIGHT_M)
+    file: str = eqx.field(static=True, default="")
+    full_scale: Float[Array, ""] = eqx.field(converter=as_float_array, default=1.0)
+    loop: Float[Array, " sample"] | None = eqx.field(
+        converter=as_optional_float_array, default=None
+    )
+    loop_rate: float = eqx.field(static=True, converter=float, default=math.nan)
+
+    def __check_init__(self):
+        if self.loop is None:
+            return
+        if self.loop.ndim != 1 or self.loop.size < 2:
+            raise ValueError(
+                f"loop must be a row of two samples or more, got {self.loop.shape}"
+            )
+        if not 0 < self.loop_rate < math.inf:
+            raise ValueError(
+                f"loop_rate must be positive and finite, got {self.loop_rate:g} Hz"
+            )
+
+
+class Ground(eqx.Module):
+    """Uniform rock.
+
+    Attributes:
+        p_speed: P-wave speed $c_s$ [m/s].
+        path: How its wave gets to a sensor above it: "head" (along the surface alone)
+            or "thesis" (then up at the mean speed of the air shock).
+    """
+
+    p_speed: Float[Array, ""] = eqx.field(
+        converter=as_float_array, default=PARAMETERS["ground_p_speed_m_s"].default
+    )
+    path: GroundPath = eqx.field(static=True, default="head")
+
+
+class VehicleSpec(eqx.Module):
+    """A vehicle that holds its place, or flies a mission.
+
+    What its model is made of `vehicle` knows.
+
+    Attributes:
+        model: A name of `reader.tables.VEHICLE_MODELS`.
+        position: Of the start: east, north, up [m].
+        target: The place to hold: east, north, up [m]; None: that of the start.
+        velocity: At the start: east, north, up [m/s].
+        yaw: Heading at the start and held, from east to north [rad].
+        integral: Whether the hold has integral action; None: the scene does not say.
+        gains: Of the hold, by the names kp_pos, kd_pos, ki_pos (3), kp_att, kd_att,
+            integral_limit and motor_lead; what is left out is the model's own.
+        mission: File of the plan that it flies; None: it holds its place.
+        placed: Whether `position` is known; else a mission starts at its plan's home.
+    """
+
+    model: str = eqx.field(static=True)
+    position: Float[Array, "3"] = eqx.field(converter=as_float_array)
+    target: Float[Array, "3"] | None = None
+    velocity: Float[Array, "3"] = eqx.field(
+        converter=as_float_array, default_factory=lambda: jnp.zeros(3)
+    )
+    yaw: Float[Array, ""] = eqx.field(converter=as_float_array, default=0.0)
+    integral: bool | None = eqx.field(static=True, default=None)
+    gains: dict[str, Float[Array, "..."]] = eqx.field(default_factory=dict)
+    mission: str | None = eqx.field(static=True, default=None)
+    placed: bool = eqx.field(static=True, default=True)
+
+    @property
+    def held(self) -> Float[Array, "3"]:
+        """The place that it holds: east, north, up [m]."""
+        return self.position if self.target is None else self.target
 
 
 class Scene(eqx.Module):

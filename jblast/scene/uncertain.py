@@ -1,23 +1,29 @@
-"""A scene together with what is not known of it."""
+"""A scene with beliefs about its uncertain numbers: free, or with a prior.
 
+Numbers are read from a scene and replaced in it by name (`jblast.parameters`). Each
+belief has its own coordinate $z$ for the fit. Every prior here is a standard normal in
+its $z$, so the log-determinant of the transform is already included. A free number is
+flat in its $z$, which is its logarithm where it is positive.
+"""
+
+from abc import abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import NamedTuple
+from operator import attrgetter
+from types import SimpleNamespace
+from typing import Any, NamedTuple, Protocol, runtime_checkable
 
+import equinox as eqx
 import jax
-from jaxtyping import PRNGKeyArray
+import jax.numpy as jnp
+from jax.scipy.special import ndtr, ndtri
+from jaxtyping import Array, ArrayLike, Float, PRNGKeyArray
 
 from jblast.errors import InputError, argument, nearest
-from jblast.parameter_table import CLOCK_OFFSET, PARAMETERS
-from jblast.scene.parameters import (
-    names_in,
-    parameter_named,
-    value_of,
-    with_values,
-)
-from jblast.scene.priors import Belief, Free, draw
+from jblast.parameters import CLOCK, CLOCK_OFFSET, PARAMETERS, Parameter
 from jblast.scene.scene import Scene
 from jblast.scene.sensor import Clock
+from jblast.types import as_float_array
 
 NO_SCENE = "the default scene"
 """Source of the scene that is taken where none is given."""
@@ -36,6 +42,26 @@ class Place(NamedTuple):
     lat_deg: float
     lon_deg: float
     alt_m: float = 0.0
+
+
+@runtime_checkable
+class Belief(Protocol):
+    """What `Free`, `Normal`, `LogNormal`, `Uniform` and `LogUniform` have in common."""
+
+    @abstractmethod
+    def constrain(self, z: Float[ArrayLike, "..."]) -> Float[Array, "..."]:
+        """Return the number at a fitted coordinate."""
+        ...
+
+    @abstractmethod
+    def unconstrain(self, value: Float[ArrayLike, "..."]) -> Float[Array, "..."]:
+        """Return the fitted coordinate of a number."""
+        ...
+
+    @abstractmethod
+    def log_density(self, z: Float[ArrayLike, "..."]) -> Float[Array, "..."]:
+        """Return ln of the prior density per unit of $z$, log-determinant included."""
+        ...
 
 
 @dataclass(frozen=True)
@@ -149,3 +175,185 @@ def with_laws(uncertain: UncertainScene, laws: Mapping[str, str]) -> UncertainSc
     law = dict(uncertain.scene.law) | dict(laws)
     scene = replace(uncertain.scene, law=tuple(law.items()))
     return replace(uncertain, scene=scene)
+
+
+def parameter_named(name: str) -> Parameter:
+    """Return what a number is: `charge_mass_kg`, or of one of several, `....NAME`.
+
+    Raises:
+        KeyError: No number has that name.
+    """
+    base = name.partition(".")[0]
+    return CLOCK if base == CLOCK_OFFSET else PARAMETERS[base]
+
+
+def place_of(name: str) -> Parameter:
+    """Return `parameter_named` of it: the name that `jblast.scene` promised first."""
+    return parameter_named(name)
+
+
+def names_in(scene: Scene) -> tuple[str, ...]:
+    """Return the names of all numbers of a scene."""
+    labels = [scene.label(charge) for charge in scene.charges]
+    names = [
+        base + label
+        for base, parameter in PARAMETERS.items()
+        for label in (labels if parameter.of_charge else [""])
+    ]
+    return (*names, *(f"{CLOCK_OFFSET}.{clock}" for clock in scene.clock_offsets()))
+
+
+def with_values(scene: Scene, values: Mapping[str, ArrayLike]) -> Scene:
+    """Return the scene with some of its numbers replaced."""
+    names = list(values)
+    return eqx.tree_at(
+        lambda s: [leaf_of(s, name) for name in names],
+        scene,
+        [as_float_array(values[name]) for name in names],
+        is_leaf=lambda leaf: leaf is None,
+    )
+
+
+def value_of(scene: Scene, name: str) -> Float[Array, ""] | None:
+    """Return one of a scene's numbers; None where the scene leaves it derived."""
+    return leaf_of(scene, name)
+
+
+def leaf_of(scene: Scene, name: str) -> Any:
+    """Return what holds one of a scene's numbers, be it a batch or no number yet."""
+    base, _, label = name.partition(".")
+    if base == CLOCK_OFFSET:
+        return _clock_offset(scene, label)
+    holder: Any = scene
+    if label:
+        named = next(charge for charge in scene.charges if charge.name == label)
+        holder = SimpleNamespace(charge=named)
+    one = PARAMETERS[base]
+    leaf, index = attrgetter(one.attribute)(holder), one.key.index
+    return leaf if index is None or not isinstance(leaf, tuple) else leaf[index]
+
+
+def _clock_offset(scene: Scene, name: str) -> Any:
+    for clock in _each(scene.clocks):
+        if clock.name == name:
+            return clock.offset_s
+    for sensor in _each(scene.sensors):
+        if sensor.name == name:
+            return sensor.clock_offset_s
+    raise KeyError(name)
+
+
+def _each(nodes: Any) -> tuple[Any, ...]:
+    """Return a tuple of nodes; an empty one is a wrapped leaf within `eqx.tree_at`."""
+    return nodes if isinstance(nodes, tuple) else ()
+
+
+class Free(eqx.Module):
+    """Nothing is believed: flat in ln of a positive number, flat otherwise.
+
+    Attributes:
+        positive: Whether the number is positive.
+    """
+
+    positive: bool = eqx.field(static=True)
+
+    def constrain(self, z):
+        """Return the number at a fitted coordinate."""
+        return jnp.exp(z) if self.positive else jnp.asarray(z)
+
+    def unconstrain(self, value):
+        """Return the fitted coordinate of a number."""
+        return jnp.log(value) if self.positive else jnp.asarray(value)
+
+    def log_density(self, z):
+        """Return zero: the density is improper."""
+        return jnp.zeros_like(z)
+
+
+class Normal(eqx.Module):
+    """Normal about `mean` with standard deviation `sd`."""
+
+    mean: Float[Array, ""] = eqx.field(converter=as_float_array)
+    sd: Float[Array, ""] = eqx.field(converter=as_float_array)
+
+    def constrain(self, z):
+        """Return the number at a fitted coordinate."""
+        return self.mean + self.sd * z
+
+    def unconstrain(self, value):
+        """Return the fitted coordinate of a number."""
+        return (value - self.mean) / self.sd
+
+    def log_density(self, z):
+        """Return ln of the prior density per unit of $z$."""
+        return _standard_normal(z)
+
+
+class LogNormal(eqx.Module):
+    """Normal in ln about `median`, with standard deviation ln `factor`."""
+
+    median: Float[Array, ""] = eqx.field(converter=as_float_array)
+    factor: Float[Array, ""] = eqx.field(converter=as_float_array)
+
+    def constrain(self, z):
+        """Return the number at a fitted coordinate."""
+        # not a power: XLA has none in vector instructions
+        return self.median * jnp.exp(z * jnp.log(self.factor))
+
+    def unconstrain(self, value):
+        """Return the fitted coordinate of a number."""
+        return jnp.log(value / self.median) / jnp.log(self.factor)
+
+    def log_density(self, z):
+        """Return ln of the prior density per unit of $z$."""
+        return _standard_normal(z)
+
+
+class Uniform(eqx.Module):
+    """Uniform from `lo` to `hi`, fitted as the normal score of its quantile."""
+
+    lo: Float[Array, ""] = eqx.field(converter=as_float_array)
+    hi: Float[Array, ""] = eqx.field(converter=as_float_array)
+
+    def constrain(self, z):
+        """Return the number at a fitted coordinate."""
+        return self.lo + (self.hi - self.lo) * ndtr(jnp.asarray(z))
+
+    def unconstrain(self, value):
+        """Return the fitted coordinate of a number."""
+        return ndtri((value - self.lo) / (self.hi - self.lo))
+
+    def log_density(self, z):
+        """Return ln of the prior density per unit of $z$."""
+        return _standard_normal(z)
+
+
+class LogUniform(eqx.Module):
+    """Uniform in ln from `lo` to `hi`, fitted as the normal score of its quantile."""
+
+    lo: Float[Array, ""] = eqx.field(converter=as_float_array)
+    hi: Float[Array, ""] = eqx.field(converter=as_float_array)
+
+    def constrain(self, z):
+        """Return the number at a fitted coordinate."""
+        return self.lo * (self.hi / self.lo) ** ndtr(jnp.asarray(z))
+
+    def unconstrain(self, value):
+        """Return the fitted coordinate of a number."""
+        return ndtri(jnp.log(value / self.lo) / jnp.log(self.hi / self.lo))
+
+    def log_density(self, z):
+        """Return ln of the prior density per unit of $z$."""
+        return _standard_normal(z)
+
+
+Prior = Normal | LogNormal | Uniform | LogUniform
+
+
+def _standard_normal(z):
+    return -0.5 * jnp.square(z) - 0.5 * jnp.log(2 * jnp.pi)
+
+
+def draw(key: PRNGKeyArray, prior: Prior) -> Float[Array, ""]:
+    """Draw one number from a prior."""
+    return prior.constrain(jax.random.normal(key))

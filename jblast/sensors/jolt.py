@@ -1,7 +1,7 @@
 r"""The jolt that a blast gives the scene's vehicle, and its laws.
 
 $\Delta v = \tfrac1m \int F\,dt$ over the whole wave, of the load that flights go
-through (`vehicle.loads.blast.jolt`), on a vehicle that hovers at the sensor's place, in
+through (`vehicle.loads.blast`), on a vehicle that hovers at the sensor's place, in
 the scene's wind tilted against it, with the heading of the scene's. Of a range alone it
 is as from a charge level with the vehicle.
 """
@@ -81,9 +81,9 @@ def _jolt(
     """Return the jolt of a vehicle at a place, as seen from the charge."""
     # who fits no jolt imports no vehicle
     from jblast.vehicle import named
-    from jblast.vehicle.control.hover import hover_in_wind
-    from jblast.vehicle.loads.blast.jolt import jolt_velocity
-    from jblast.vehicle.loads.blast.passage import Blast, Surroundings
+    from jblast.vehicle.control.allocation import hover_in_wind
+    from jblast.vehicle.loads.blast import jolt_velocity
+    from jblast.vehicle.loads.blast_wave import Blast, Surroundings
 
     blast = Blast(
         position_m=jnp.zeros(3),
@@ -158,7 +158,7 @@ def jolt_valid(
     burst: Burst,
 ) -> Bool[Array, "..."]:
     """Return True where all laws of the load hold."""
-    from jblast.vehicle.loads.blast.wave import RANGE
+    from jblast.vehicle.loads.blast_wave import RANGE
 
     z = scaled_distance(slant_range, charge_mass, ambient_pressure)
     first, last = RANGE[burst]

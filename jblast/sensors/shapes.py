@@ -7,7 +7,7 @@ import numpy as np
 
 from jblast.errors import InputError
 from jblast.scene import Scene, parameter_named
-from jblast.scene.parameters import leaf_of, names_in
+from jblast.scene.uncertain import leaf_of, names_in
 from jblast.sensors.layout import Layout
 
 VMAP = "; of a batch jax.vmap gives each scene in turn"

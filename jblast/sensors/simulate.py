@@ -11,7 +11,7 @@ from jaxtyping import Float, PRNGKeyArray
 from jblast.observations import Observations, observed
 from jblast.quantities import ADDITIVE, BY_CAMERA
 from jblast.scene import Scene, UncertainScene, draw_scene
-from jblast.scene.parameters import value_of
+from jblast.scene.uncertain import value_of
 from jblast.sensors.bursts import height_notes, settled
 from jblast.sensors.law_choice import law_names, resolve_laws
 from jblast.sensors.layout import Layout, planned_layout

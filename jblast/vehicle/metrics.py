@@ -1,25 +1,31 @@
-r"""What a blast did to a flight, from its stored rows.
+r"""Effects of a blast on a flight, from stored rows, and thresholds of damage.
 
-The path error of a row is the distance from the target, $e(t) = |x(t) - x_0|$: of a
-position hold the place it holds, otherwise any path told row by row. With $t_0$ the
+The path error of a row is the distance from the target, $e(t) = |x(t) - x_0|$: for a
+position controller its set point, otherwise any path given row by row. With $t_0$ the
 time of the blast (its arrival at the vehicle) and a tolerance $\epsilon$:
 
 - before, after: the root mean square of $e$ over the rows before $t_0$, and from it on;
-- peak deviation: the greatest $e$ from $t_0$ on, and when after $t_0$;
+- peak deviation: the largest $e$ from $t_0$ on, and its time after $t_0$;
 - recovery time: from $t_0$ to the moment from which $e$ stays within $\epsilon$ to the
-  end of the flight; between two rows on the straight line of $e$. 0 where it never
-  leaves; infinite where it is outside at the end;
+  end of the flight, linear in $e$ between two rows. 0 where it never leaves; infinite
+  where it is outside at the end;
 - settled: whether it is within the tolerance, and slower than a speed, over the whole
-  last stretch of the flight of some length;
+  last interval of the flight of a given length;
 - crashed: whether it came down to the ground from above it, diverged, or turned over
   (body z below the horizon); one that starts on the ground flies once it is higher than
   the tolerance;
-- flies on: not crashed; what the blast broke is not in it.
+- flies on: not crashed; damage by the blast is not included.
 
-A vehicle that diverged has rows of NaN: its peak is of the rows there are, and it never
-recovers. Where there are no rows to speak of, a number is NaN. A recovery is not known
-finer than the rows are, nor past the end: a wave that comes later is not in it.
+A vehicle that diverged has rows of NaN: its peak is that of the finite rows, and it
+never recovers. Where no rows contribute, a number is NaN. A recovery is not resolved
+finer than the rows are, and a wave that arrives after the end is not included.
+
+No source was found that measured the blast that a Crazyflie, a Hummingbird or an Iris
+withstands. The thresholds of damage are therefore declared, each with its origin; None
+means unknown. Below all of them a vehicle may be damaged; past one it need not be.
 """
+
+from typing import NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -27,7 +33,7 @@ from jaxtyping import Array, ArrayLike, Bool, Float
 
 from jblast.kept_programs import kept
 from jblast.types import as_float_array
-from jblast.vehicle.dynamics.state import Trajectory
+from jblast.vehicle.state import Trajectory
 
 
 class FlightMetrics(eqx.Module):
@@ -169,3 +175,52 @@ def _crashed(
     free = jnp.where(height[..., :1] > 0, 0.0, tolerance)
     flew = jnp.cumsum(height > free, axis=-1) > 0
     return crashed | jnp.any((height <= 0) & flew, axis=-1)
+
+
+class Threshold(NamedTuple):
+    """A number that an exposure is held against.
+
+    Attributes:
+        value: In the unit of the exposure; None: unknown.
+        source: Where it is taken from, or that there is nothing.
+    """
+
+    value: float | None
+    source: str
+
+
+PARKED = Threshold(
+    55e3,
+    "declared: parked aircraft are past repair at 8 psi (DoD 6055.9-STD, C2.3, from "
+    "memory); nothing is published of this vehicle",
+)
+FIRE = Threshold(0.0, "declared: any time in some 2000 K")
+THRESHOLDS = {
+    "crazyflie": {
+        "peak_overpressure_pa": PARKED,
+        "peak_acceleration_m_s2": Threshold(
+            24 * 9.81,
+            "declared: range of its accelerometer, 24 g (BMI088, Crazyflie 2.1), past "
+            "which it knows its attitude no more; nothing is published of its frame",
+        ),
+        "fireball_time_s": FIRE,
+    },
+    "hummingbird": {
+        "peak_overpressure_pa": PARKED,
+        "peak_acceleration_m_s2": Threshold(
+            None, "unknown: nothing is published of frame or accelerometer"
+        ),
+        "fireball_time_s": FIRE,
+    },
+    "iris": {
+        "peak_overpressure_pa": PARKED,
+        "peak_acceleration_m_s2": Threshold(
+            16 * 9.81,
+            "declared: range of its accelerometer, 16 g (MPU-6000, Pixhawk, from "
+            "memory), past which it knows its attitude no more; nothing is published "
+            "of its frame",
+        ),
+        "fireball_time_s": FIRE,
+    },
+}
+"""Of the vehicles with a name, by the exposure's."""

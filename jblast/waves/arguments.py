@@ -21,7 +21,7 @@ import numpy as np
 from jax.core import Tracer
 from jaxtyping import Float
 
-from jblast.bounds import POSITIVE, UNBOUNDED, Bounds
+from jblast.parameters import POSITIVE, UNBOUNDED, Bounds
 
 NOT_NEGATIVE = Bounds(at_least=0.0)
 QUADRANT = Bounds(at_least=0.0, at_most=math.pi / 2)

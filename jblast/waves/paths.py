@@ -17,7 +17,7 @@ from jaxtyping import Array, Bool, Float
 
 from jblast.scene import Charge, Scene
 from jblast.scene.charge import BURSTS, Burst
-from jblast.scene.ground import GroundPath
+from jblast.scene.scene import GroundPath
 from jblast.types import as_float_array
 from jblast.waves.height_of_burst import bursts_in_free_air
 from jblast.waves.propagation import (

@@ -45,7 +45,7 @@ from jblast.constants import (
     STANDARD_PRESSURE,
     STANDARD_TEMPERATURE,
 )
-from jblast.scene.air import Air
+from jblast.scene.scene import Air
 from jblast.types import as_float_array, as_float_arrays
 from jblast.waves.arguments import checked
 

@@ -26,7 +26,7 @@ import numpy as np
 from jaxtyping import Array, Float, Key, PRNGKeyArray
 
 from jblast.errors import InputError, shown
-from jblast.parameter_table import CHARGE_POSITION
+from jblast.parameters import CHARGE_POSITION
 from jblast.scene import (
     Charge,
     Free,
@@ -36,8 +36,7 @@ from jblast.scene import (
     quaternion_matrix,
     read_scene_or_world,
 )
-from jblast.scene.priors import Belief, Prior, Uniform, draw
-from jblast.scene.random.spec import (
+from jblast.scene.random_blasts import (
     Box,
     ByCount,
     ByRate,
@@ -46,7 +45,8 @@ from jblast.scene.random.spec import (
     Ring,
     WorldSpec,
 )
-from jblast.scene.reader.world import MOST_BLASTS, check_fits
+from jblast.scene.reader.random_blasts import MOST_BLASTS, check_fits
+from jblast.scene.uncertain import Belief, Prior, Uniform, draw
 from jblast.sensors import Track, record_laws
 from jblast.vehicle import Trajectory
 from jblast.world.presets import Preset

@@ -21,7 +21,7 @@ from jblast.sensors.imu.errors import read
 from jblast.sensors.imu.motion import Felt, felt
 from jblast.sensors.imu.pick import JoltPick, base_of, pick_jolt
 from jblast.vehicle import State, Trajectory, vehicle_of
-from jblast.vehicle.quadrotor.body import required_body
+from jblast.vehicle.quadrotor import required_body
 from jblast.world.drawn import DrawnWorld
 from jblast.world.perceived import Arrivals, stretch_about
 

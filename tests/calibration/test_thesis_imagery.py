@@ -6,7 +6,7 @@ import pytest
 
 from calibration.thesis_flight import ROLL, flight
 from calibration.thesis_imagery import NUMBERS
-from jblast.scene.pose import quaternion_matrix
+from jblast.scene.camera import quaternion_matrix
 from jblast.sensors.camera.sampling.lattices import fibonacci_lattice
 from jblast.sensors.camera.sampling.packing import packing_distance
 

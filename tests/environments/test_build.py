@@ -9,7 +9,7 @@ from jblast.environments import Randomisation, environment_params
 from jblast.environments.tasks.mission import default_guidance
 from jblast.errors import InputError
 from jblast.scene import Normal, Uniform, WorldSpec
-from jblast.scene.random.spec import ByCount, ByRate
+from jblast.scene.random_blasts import ByCount, ByRate
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,7 @@ import pytest
 from jblast.environments import reset_lanes, step_lanes
 from jblast.environments.lanes import in_chunks
 from jblast.errors import InputError
-from jblast.vehicle.rollout.batching import CHUNK_BYTES
+from jblast.vehicle.rollout import CHUNK_BYTES
 from tests.environments.lanes_of_one_blast import (
     PARAMS,
     RESET,

@@ -14,7 +14,7 @@ from jblast.missions import Guidance, MissionControl, Progress
 from jblast.missions.guidance import FLYING
 from jblast.scene import Charge, Scene
 from jblast.vehicle import PositionHold, blast_load, named_gains, simulate
-from jblast.vehicle.dynamics.components import joined
+from jblast.vehicle.state import joined
 from tests.environments.lanes_of_one_blast import PARAMS, RESET, STEP, params_of
 
 ROUNDING = 1e-10

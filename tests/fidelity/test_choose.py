@@ -12,8 +12,7 @@ from jblast.fidelity.measured_errors import standard_path
 from jblast.fidelity.reference import END, FARTHEST
 from jblast.report.choice import reason_for
 from jblast.scene import Charge, Scene, Sensor, UncertainScene, freed
-from jblast.scene.parameters import with_values
-from jblast.scene.priors import LogNormal
+from jblast.scene.uncertain import LogNormal, with_values
 from jblast.sensors import planned_layout, resolve_laws
 
 ARRIVAL, PRESSURE = "air_arrival_s", "peak_overpressure_pa"

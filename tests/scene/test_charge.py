@@ -9,7 +9,7 @@ from jax.core import Tracer
 
 from jblast.errors import InputError
 from jblast.scene import Charge, Clock, Scene, Sensor, with_values
-from jblast.scene.reader.schema import KEYS
+from jblast.scene.reader.tables import KEYS
 
 
 def test_the_first_number_is_the_mass():

@@ -6,7 +6,7 @@ import scipy.stats
 from hypothesis import given, settings, strategies as st
 
 from jblast.scene import Free, LogNormal, LogUniform, Normal, Uniform
-from jblast.scene.priors import draw
+from jblast.scene.uncertain import draw
 
 CASES = {
     "normal": (Normal(340.0, 2.5), scipy.stats.norm(340.0, 2.5)),

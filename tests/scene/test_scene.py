@@ -4,7 +4,7 @@ import jax.numpy as jnp
 import pytest
 
 from jblast.scene import PARAMETERS, Scene, with_values
-from jblast.scene.parameters import value_of
+from jblast.scene.uncertain import value_of
 
 DERIVED = ("charge_range_m", "air_altitude_m", "air_sound_speed_m_s")
 

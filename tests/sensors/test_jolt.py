@@ -12,10 +12,15 @@ from jblast.errors import InputError
 from jblast.scene import Air, Charge, Scene, Sensor, VehicleSpec
 from jblast.sensors import planned_layout, record
 from jblast.vehicle import State, blast_load, named, start_of
-from jblast.vehicle.loads.blast.jolt import jolt_velocity
-from jblast.vehicle.loads.blast.passage import Blast, Surroundings
-from jblast.vehicle.loads.blast.wave import density_ratio, overpressure, wind_speed
-from jblast.vehicle.quadrotor.body import required_body
+from jblast.vehicle.loads.blast import jolt_velocity
+from jblast.vehicle.loads.blast_wave import (
+    Blast,
+    Surroundings,
+    density_ratio,
+    overpressure,
+    wind_speed,
+)
+from jblast.vehicle.quadrotor import required_body
 
 QUANTITIES = ("jolt_velocity_m_s", "jolt_bearing_rad", "jolt_elevation_rad")
 LAWS: dict[str, str] = {quantity: "blast_load" for quantity in QUANTITIES}
@@ -85,7 +90,7 @@ def test_a_known_pulse_of_drag_alone_is_its_integral():
         force = 0.5 * np.asarray(density) * 1.05 * 0.020 * wind * np.abs(wind)
         total += force.mean() * (last - first)
     got = jolt_velocity(blast, air, vehicle, state)
-    # eight nodes a phase leave 1e-3 of the drag at most (quadrature.py)
+    # eight nodes a phase leave 1e-3 of the drag at most (vehicle/loads/blast_wave.py)
     assert float(got[0]) == pytest.approx(total / 1e6, rel=1e-3)
     np.testing.assert_allclose(got[1:], 0.0, atol=1e-20)
 

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from jblast.errors import InputError
-from jblast.units import LN_PER_DB, overpressure, si_factor
-from jblast.units.vocabulary import SI, SUFFIXES
+from jblast.units import LN_PER_DB, SI, SUFFIXES, overpressure, si_factor
 
 
 @pytest.mark.parametrize(

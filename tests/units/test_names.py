@@ -6,11 +6,8 @@ import sys
 import pytest
 
 from jblast.observations.table import COLUMNS
-from jblast.quantity_table import QUANTITIES
-from jblast.units import our_name, what_to_write
-from jblast.units.names import dimension_of
-from jblast.units.vocabulary import SUFFIXES
-from jblast.units.words import CALLED
+from jblast.quantities import QUANTITIES
+from jblast.units import CALLED, SUFFIXES, dimension_of, our_name, what_to_write
 
 PSI = 4.4482216152605 / 0.0254**2  # a pound's weight on a square inch, both exact
 MEANT = [

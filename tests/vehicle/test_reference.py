@@ -4,14 +4,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jblast.vehicle import (
-    FriedlanderGust,
-    NWaveGust,
-    State,
-    StepGust,
-    named,
-    simulate,
-)
+from jblast.vehicle import FriedlanderGust, NWaveGust, State, StepGust, named, simulate
 from tests.vehicle.flights import at_hover, by_scipy, hover_speed, tumbling
 
 HELD = 2e-3

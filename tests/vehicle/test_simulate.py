@@ -16,9 +16,9 @@ from jblast.vehicle import (
     StepGust,
     named,
     named_gains,
+    rollout as batching,
     simulate,
 )
-from jblast.vehicle.rollout import batching
 from tests.vehicle.flights import at_hover, hover_speed, tumbling
 
 VEHICLE = named("crazyflie")

@@ -17,7 +17,7 @@ from jblast.cli.arguments.numbers import positive
 from jblast.cli.arguments.options import in_options, path, writing
 from jblast.errors import InputError
 from jblast.files import write_text
-from jblast.parameter_table import CLOCK_OFFSET
+from jblast.parameters import CLOCK_OFFSET
 from jblast.progress import each
 
 if TYPE_CHECKING:

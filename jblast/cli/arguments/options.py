@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING
 from jblast.cli.arguments.numbers import positive
 from jblast.errors import InputError, nearest
 from jblast.files import write_text
-from jblast.parameter_table import PARAMETERS
-from jblast.quantity_table import QUANTITIES
+from jblast.parameters import PARAMETERS
+from jblast.quantities import QUANTITIES
 from jblast.registry import LAWS, names, names_for
 
 if TYPE_CHECKING:
@@ -233,7 +233,7 @@ def _for_all(name: str) -> dict[str, str]:
 
 def _waits(name: str) -> bool:
     """Return whether a law is of the contract and not built yet."""
-    from jblast.scene.reader.schema import LAW_NAMES_LATER
+    from jblast.scene.reader.tables import LAW_NAMES_LATER
 
     return name in LAW_NAMES_LATER and name not in names()
 

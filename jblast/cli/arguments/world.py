@@ -43,7 +43,7 @@ from jblast.report.provenance import provenance_of
 from jblast.report.words import comma_separated, commented
 from jblast.report.world import WorldRun, blasts_csv, perceived_csv, preset_words
 from jblast.scene import Sensor, UncertainScene
-from jblast.scene.reader.schema import INSTRUMENT_KINDS
+from jblast.scene.reader.tables import INSTRUMENT_KINDS
 from jblast.sensors import Track
 from jblast.sensors.camera import landscape
 from jblast.sensors.camera.film import Film

@@ -24,8 +24,8 @@ from jblast.cli.arguments.numbers import (
 )
 from jblast.cli.arguments.options import check_figure, path, save_figure
 from jblast.errors import InputError, nearest, shown
-from jblast.parameter_table import PARAMETERS
-from jblast.quantity_table import QUANTITIES
+from jblast.parameters import PARAMETERS
+from jblast.quantities import QUANTITIES
 
 if TYPE_CHECKING:  # --help needs none of them
     from jblast.scene import Air, Scene
@@ -356,8 +356,7 @@ def _check_rows(question: "Question", measured: Sequence[str]) -> None:
 
 def _scene(asked: argparse.Namespace) -> "Scene":
     from jblast.scene import Air, Charge, Ground, Scene
-    from jblast.scene.charge import BURSTS
-    from jblast.scene.explosives import explosive_named
+    from jblast.scene.charge import BURSTS, explosive_named
 
     burst = asked.burst
     if burst is not None and burst not in BURSTS:

@@ -38,8 +38,8 @@ from jblast.environments.tasks.task import (
     at_rest,
     at_target,
 )
-from jblast.vehicle.dynamics.components import StateComponents
-from jblast.vehicle.loads.blast.wave import overpressure
+from jblast.vehicle.loads.blast_wave import overpressure
+from jblast.vehicle.state import StateComponents
 from jblast.world import Blasts
 
 IN_TIME_S, FALSE_ALARM = 0.5, 0.1

@@ -20,7 +20,7 @@ from jblast.environments.tasks.task import (
     error_from,
     length,
 )
-from jblast.vehicle.dynamics.components import StateComponents
+from jblast.vehicle.state import StateComponents
 
 TURNING = 0.02
 """What a body rate of 1 rad/s costs a step; declared."""

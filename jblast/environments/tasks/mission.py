@@ -21,7 +21,7 @@ from jblast.environments.tasks.task import (
 from jblast.missions import Guidance, Limits, Progress, grid_plan, mission_of
 from jblast.missions.guidance import ENDED, FLYING
 from jblast.scene import Place
-from jblast.vehicle.dynamics.components import StateComponents, joined
+from jblast.vehicle.state import StateComponents, joined
 
 
 def _guidance(params: EnvironmentParams) -> Guidance:

@@ -12,7 +12,7 @@ from jaxtyping import Array, PRNGKeyArray, PyTree
 
 from jblast.environments.episode import Action, Aim, EnvironmentParams, EnvironmentState
 from jblast.environments.tasks.task import Judged, Seen, Task, at_rest, at_target
-from jblast.vehicle.dynamics.components import StateComponents, Vector, three
+from jblast.vehicle.state import StateComponents, Vector, three
 
 
 def _start(

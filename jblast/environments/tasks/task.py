@@ -10,7 +10,7 @@ from jblast.constants import FLIGHT_GRAVITY
 from jblast.environments.episode import Action, Aim, EnvironmentParams, EnvironmentState
 from jblast.missions.guidance import SetPoint
 from jblast.vehicle import State
-from jblast.vehicle.dynamics.components import (
+from jblast.vehicle.state import (
     Number,
     StateComponents,
     Vector,

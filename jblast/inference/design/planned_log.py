@@ -17,7 +17,7 @@ from jblast.inference.posterior.fireball_growth import GROWTH, as_seen, own_grow
 from jblast.inference.posterior.parameters import parameters_of
 from jblast.inference.posterior.posterior import Posterior, posterior_of
 from jblast.observations import Observations, resolve_positions
-from jblast.parameter_table import CHARGE_POSITION, CLOCK_OFFSET
+from jblast.parameters import CHARGE_POSITION, CLOCK_OFFSET
 from jblast.quantities import TIMED
 from jblast.scene import (
     Free,
@@ -26,8 +26,7 @@ from jblast.scene import (
     parameter_named,
     with_values,
 )
-from jblast.scene.parameters import names_in, value_of
-from jblast.scene.priors import Belief
+from jblast.scene.uncertain import Belief, names_in, value_of
 from jblast.sensors import layout_of, planned_layout, resolve_laws
 from jblast.sensors.bursts import settled
 from jblast.sensors.law_choice import law_names

@@ -24,7 +24,7 @@ from jblast.inference.mode.starts import typical_step
 from jblast.inference.posterior.finding import Finding
 from jblast.inference.posterior.fisher_information import information_of_rows
 from jblast.inference.posterior.posterior import Misfit, Posterior
-from jblast.parameter_table import PARAMETERS
+from jblast.parameters import PARAMETERS
 from jblast.quantities import made_with
 
 WIND = PARAMETERS["wind_east_m_s"].spread.amount

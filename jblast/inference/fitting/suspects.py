@@ -49,7 +49,7 @@ from jblast.inference.posterior.fisher_information import (
 from jblast.inference.posterior.posterior import Posterior
 from jblast.observations import CLOCK_TIMES, Observations
 from jblast.observations.clocks import has_common_clock
-from jblast.parameter_table import CLOCK_OFFSET
+from jblast.parameters import CLOCK_OFFSET
 from jblast.progress import each
 
 UNHEARD = 1e6

@@ -41,7 +41,7 @@ from jblast.inference.mode.laplace import marginals
 from jblast.inference.mode.range_profile import DETERMINED, RangeProfile
 from jblast.inference.posterior.estimate import Estimate
 from jblast.inference.posterior.finding import Finding
-from jblast.parameter_table import CHARGE_POSITION
+from jblast.parameters import CHARGE_POSITION
 
 Method = Literal["weighted", "laplace", "emcee", "auto"]
 DRAWS = 8000

@@ -33,7 +33,7 @@ from jblast.inference.posterior.estimate import Estimate
 from jblast.inference.posterior.finding import Finding
 from jblast.observations import CLOCK_TIMES, Observations
 from jblast.observations.clocks import clocks_apart, has_common_clock
-from jblast.parameter_table import CLOCK_OFFSET
+from jblast.parameters import CLOCK_OFFSET
 from jblast.registry import law_for
 from jblast.scene import Charge, UncertainScene
 from jblast.scene.uncertain import NO_SCENE

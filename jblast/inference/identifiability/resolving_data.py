@@ -15,7 +15,7 @@ from jblast.inference.posterior.fireball_growth import GROWTH
 from jblast.inference.posterior.posterior import Posterior
 from jblast.kept_programs import kept
 from jblast.observations import CLOCK_TIMES, TIMES
-from jblast.parameter_table import CLOCK_OFFSET
+from jblast.parameters import CLOCK_OFFSET
 from jblast.quantities import ADDABLE, BY_CAMERA
 from jblast.scene import Scene
 from jblast.sensors import Layout, record, resolve_laws

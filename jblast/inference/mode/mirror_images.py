@@ -16,7 +16,7 @@ from jblast.inference.mode.search import Optima
 from jblast.inference.mode.starts import typical_step
 from jblast.inference.posterior.fisher_information import information
 from jblast.inference.posterior.posterior import Posterior
-from jblast.parameter_table import CHARGE_POSITION
+from jblast.parameters import CHARGE_POSITION
 from jblast.scene import Free
 
 FLAT = 0.03

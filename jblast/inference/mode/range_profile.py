@@ -28,7 +28,7 @@ from jblast.inference.mode.search import HOPELESS, Optima
 from jblast.inference.mode.starts import layout_size, typical_step
 from jblast.inference.posterior.fisher_information import information
 from jblast.inference.posterior.posterior import Posterior
-from jblast.parameter_table import CHARGE_POSITION
+from jblast.parameters import CHARGE_POSITION
 from jblast.scene import Free
 
 STEP = math.log(1.5)

@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Int
 
 from jblast.inference.posterior.posterior import Posterior
-from jblast.parameter_table import CLOCK_OFFSET
+from jblast.parameters import CLOCK_OFFSET
 from jblast.scene import Free
 from jblast.sensors import Layout
 from jblast.sensors.shared_effects import path_effects

@@ -12,10 +12,9 @@ from jblast.inference.mode.starts_along_sight import places_along_sight, sight_l
 from jblast.inference.mode.starts_by_clock import with_times_met
 from jblast.inference.posterior.posterior import Posterior
 from jblast.kept_programs import kept
-from jblast.parameter_table import CHARGE_POSITION
+from jblast.parameters import CHARGE_POSITION
 from jblast.scene import Free, parameter_named
-from jblast.scene.parameters import value_of
-from jblast.scene.priors import Belief
+from jblast.scene.uncertain import Belief, value_of
 
 FARTHEST = 100.0
 """A charge is searched as far from an array as this many times its width."""

@@ -8,7 +8,7 @@ from jaxtyping import Array, Float
 
 from jblast.constants import STANDARD_SOUND_SPEED
 from jblast.inference.posterior.posterior import Posterior
-from jblast.parameter_table import CHARGE_POSITION
+from jblast.parameters import CHARGE_POSITION
 from jblast.quantities import CLOCK_TIMES, DIRECTIONS
 from jblast.scene import Free
 

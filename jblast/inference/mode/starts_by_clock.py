@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from jblast.inference.posterior.posterior import Posterior
-from jblast.parameter_table import CLOCK_OFFSET
+from jblast.parameters import CLOCK_OFFSET
 from jblast.quantities import CLOCK_TIMES, FIREBALL_RADII
 from jblast.scene import Free
 

@@ -1,6 +1,6 @@
 """What is fitted: the uncertain numbers of a scene as one vector of coordinates.
 
-Each number has its own coordinate $z$ (see `scene.priors`): its logarithm where it is
+Each number has its own coordinate $z$ (`scene.uncertain`): its logarithm where it is
 free and positive, itself where it is free, a normal score where it has a prior.
 """
 
@@ -13,7 +13,7 @@ from jaxtyping import Array, Float
 
 from jblast.kept_programs import kept
 from jblast.scene import Free, Scene, UncertainScene, parameter_named, with_values
-from jblast.scene.priors import Belief
+from jblast.scene.uncertain import Belief
 
 
 class Parameters(eqx.Module):

@@ -29,7 +29,7 @@ from jblast.inference.posterior.refused_logs import refuse_exact, refuse_vast
 from jblast.kept_programs import kept
 from jblast.observations import Observations
 from jblast.observations.clocks import refuse_unresolved
-from jblast.parameter_table import CHARGE_POSITION
+from jblast.parameters import CHARGE_POSITION
 from jblast.sensors import Layout, record
 from jblast.sensors.observe import ErrorModel, Noise, error_model, paths_of
 from jblast.sensors.path_scatter import DENSE, KERNELS, TYPICAL, kernel_weights

@@ -8,7 +8,7 @@ from jaxtyping import Bool, Float, Int
 
 from jblast.inference.sanity.scaled_laws import LAWS, ScaledLaws
 from jblast.observations import Observations
-from jblast.parameter_table import CLOCK_OFFSET
+from jblast.parameters import CLOCK_OFFSET
 from jblast.scene import Scene
 
 SIGMAS = 5.0

@@ -9,7 +9,7 @@ from jblast.inference.sanity.consensus import Agreement, at_place
 from jblast.inference.sanity.readings import Readings
 from jblast.inference.sanity.scaled_laws import ScaledLaws
 from jblast.observations.check import Doubt
-from jblast.quantity_table import QUANTITIES
+from jblast.quantities import QUANTITIES
 
 POUND_FORCE_PER_INCH2 = 6894.757
 """A psi in pascals: NIST SP 811 (2008), appendix B."""

@@ -13,7 +13,7 @@ from jblast.inference.sanity.consensus import Agreement, anywhere, at_place
 from jblast.inference.sanity.readings import Readings
 from jblast.inference.sanity.scaled_laws import ScaledLaws
 from jblast.observations.check import Doubt
-from jblast.parameter_table import CHARGE_POSITION
+from jblast.parameters import CHARGE_POSITION
 from jblast.scene import Charge, UncertainScene
 from jblast.scene.uncertain import NO_SCENE
 

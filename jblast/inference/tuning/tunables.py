@@ -7,7 +7,7 @@ under the names that they have there.
 import math
 from dataclasses import dataclass
 
-from jblast.parameter import Key
+from jblast.parameters import Key
 
 
 @dataclass(frozen=True, kw_only=True)

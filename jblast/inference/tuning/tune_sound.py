@@ -20,7 +20,7 @@ from jblast.inference.tuning.unknowns import (
     unknowns_of,
     with_tuned,
 )
-from jblast.parameter_table import CLOCK_OFFSET
+from jblast.parameters import CLOCK_OFFSET
 from jblast.scene import Instrument, Scene, UncertainScene
 from jblast.sensors.arrivals.way import low_charges_settled
 from jblast.sensors.listening.truth import Truth, truth_of

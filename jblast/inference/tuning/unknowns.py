@@ -13,7 +13,7 @@ from jaxtyping import Array, Float
 
 from jblast.errors import InputError, argument, nearest
 from jblast.inference.tuning.tunables import TUNABLES, Tunable
-from jblast.parameter_table import CLOCK_OFFSET
+from jblast.parameters import CLOCK_OFFSET
 from jblast.scene import (
     Ambient,
     Free,
@@ -24,8 +24,7 @@ from jblast.scene import (
     parameter_named,
     value_of,
 )
-from jblast.scene.parameters import names_in, with_values
-from jblast.scene.priors import Belief
+from jblast.scene.uncertain import Belief, names_in, with_values
 
 TIME_STEP = 1e-3
 """A large change of a time [s]: sound goes a third of a metre."""

@@ -27,7 +27,7 @@ from jblast.observations.records.recording import Recording
 from jblast.observations.rows import Fields, told_columns
 from jblast.observations.sources import Table, table_of
 from jblast.observations.table import Faults, Understood
-from jblast.units.spelling import spelt
+from jblast.units import spelt
 
 PLACE = ("east_m", "north_m", "up_m")
 DEGREES = ("lat_deg", "lon_deg", "alt_m")

@@ -14,8 +14,8 @@ from jblast.inference.identifiability.findings import Cure, OtherMode, Resolving
 from jblast.inference.importance import findings as importance
 from jblast.inference.mcmc import findings as mcmc
 from jblast.inference.posterior.finding import Finding
-from jblast.parameter_table import CHARGE_POSITION, CLOCK_OFFSET
-from jblast.quantity_table import QUANTITIES
+from jblast.parameters import CHARGE_POSITION, CLOCK_OFFSET
+from jblast.quantities import QUANTITIES
 from jblast.report.words import finite, joined, parameter_words, printed_number
 
 MARGINAL = 0.01

@@ -23,7 +23,7 @@ from jblast.inference.fitting.summary import Summary
 from jblast.inference.fitting.unidentified import requested
 from jblast.inference.importance.findings import RangeFollowed
 from jblast.inference.posterior.estimate import Estimate
-from jblast.parameter_table import CHARGE_POSITION, PARAMETERS, described
+from jblast.parameters import CHARGE_POSITION, PARAMETERS, described
 from jblast.registry import LAWS, Law, law_for
 from jblast.report.choice import law_reasons
 from jblast.report.estimates import printed_estimate
@@ -73,7 +73,7 @@ from jblast.report.words import (
     split_name,
 )
 from jblast.scene import EXPLOSIVES, Charge
-from jblast.scene.parameters import value_of
+from jblast.scene.uncertain import value_of
 
 NUMBERS = ("value", "sd", "log_sd", "q05", "q50", "q95", "identified")
 OF_LOG = ("converged", "identifiable", "law_valid", "chi2", "dof", "n_observations")

@@ -1,37 +1,56 @@
-"""The reader of scene files: TOML to a scene and what is believed of its numbers."""
+"""The reader of scene files: TOML to a scene and beliefs about its numbers.
+
+Every table of the file but those of sensors, clocks and random blasts is read here:
+charges (one, or several with names), air, ground, position on the Earth, ambient sound,
+camera and vehicle.
+"""
 
 import math
 import os
 import tomllib
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
+import numpy as np
+from jaxtyping import Float
+
 from jblast.errors import InputError, read_text, shown
-from jblast.quantity_table import QUANTITIES
-from jblast.scene.air import Air
-from jblast.scene.ground import Ground
-from jblast.scene.parameters import with_values
-from jblast.scene.random.spec import WorldSpec
-from jblast.scene.reader.ambient import read_ambient
-from jblast.scene.reader.camera import read_camera
-from jblast.scene.reader.charges import read_charges
-from jblast.scene.reader.clocks import read_clocks
-from jblast.scene.reader.place import read_place
-from jblast.scene.reader.priors import fixed_number, read_numbers
-from jblast.scene.reader.schema import GROUND_PATHS, LAW_NAMES_LATER
-from jblast.scene.reader.sensors import read_sensors
+from jblast.parameters import PLACE_LIMITS
+from jblast.quantities import QUANTITIES
+from jblast.scene.camera import FORWARD, FRAMES_HZ, MOUNTS, Camera, look_at
+from jblast.scene.charge import BURSTS, Charge, explosive_named
+from jblast.scene.random_blasts import WorldSpec
+from jblast.scene.reader.random_blasts import read_random_blasts
+from jblast.scene.reader.sensors import read_clocks, read_sensors
 from jblast.scene.reader.tables import (
+    GROUND_PATHS,
+    LAW_NAMES_LATER,
+    LISTS,
+    VEHICLE_MODELS,
+    Uncertain,
     choice,
+    finite,
+    fixed_list,
+    fixed_number,
     known_keys,
     name_of,
     not_yet,
+    read_numbers,
     table,
+    tables,
     true_or_false,
 )
-from jblast.scene.reader.vehicle import read_vehicle
-from jblast.scene.reader.world import read_random_blasts
-from jblast.scene.scene import Scene
-from jblast.scene.uncertain import UncertainScene
+from jblast.scene.scene import Air, Ambient, Ground, Scene, VehicleSpec
+from jblast.scene.uncertain import Place, UncertainScene, with_values
+from jblast.types import as_float_array
+
+STEEPEST = 12.0
+"""Slope beyond which a spectrum is one frequency and no colour [dB/octave]."""
+LARGEST_IMAGE = 65_535
+"""Pixels along a side: files of events keep x and y in 16 bits."""
+ALONG_AXES = ("kp_pos", "kd_pos", "ki_pos")
+ALONE = ("kp_att", "kd_att", "integral_limit", "motor_lead")
 
 
 def read_scene(path: str | os.PathLike[str]) -> UncertainScene:
@@ -210,3 +229,421 @@ def _law(law: dict[str, Any], where: str) -> tuple[tuple[tuple[str, str], ...], 
         names.append((key, name))
     scatter = true_or_false(law.get("scatter", True), f"{where} scatter")
     return tuple(pair for pair in names if pair[1] != "auto"), scatter
+
+
+def read_charges(
+    document: dict[str, Any], source: str, n_sensors: int
+) -> tuple[tuple[Charge, ...], dict[str, Uncertain]]:
+    """Read the charges of a scene file, and every number that the file says of them.
+
+    Raises:
+        InputError: As in `read_scene`.
+    """
+    entries = _entries(document, source)
+    several = len(entries) > 1
+    charges: list[Charge] = []
+    numbers: dict[str, Uncertain] = {}
+    for index, entry in enumerate(entries, start=1):
+        where = f"{source}: [charge]"
+        if several:
+            if "name" not in entry:
+                raise InputError(
+                    f"{source}: [[charge]] name: expected a name for charge {index} of "
+                    f"{len(entries)}, got nothing"
+                )
+            where = f"{source}: [[charge]] {shown(entry['name'])}"
+        charge = _charge(entry, where, n_sensors)
+        if several and charge.name in [other.name for other in charges]:
+            raise InputError(
+                f"{where} name: expected each name once, got {shown(charge.name)} twice"
+            )
+        charges.append(charge)
+        of_this = read_numbers({"mass_kg": "free"} | entry, "charge", where)
+        label = f".{charge.name}" if several else ""
+        numbers |= {f"{name}{label}": number for name, number in of_this.items()}
+    return tuple(charges), numbers
+
+
+def _entries(document: dict[str, Any], source: str) -> list[dict[str, Any]]:
+    """Return the charges as written: [charge], [[charge]], or nothing for one."""
+    if not isinstance(document.get("charge"), list):
+        return [table(document, "charge", source)]
+    entries = tables(document, "charge", source)
+    if not entries:
+        raise InputError(f"{source}: [[charge]]: expected a charge, got an empty list")
+    return entries
+
+
+def _charge(entry: dict[str, Any], where: str, n_sensors: int) -> Charge:
+    """Read what of a charge is no number, and check what may not stand together."""
+    name = name_of(entry["name"], f"{where} name") if "name" in entry else ""
+    if "burst" in entry:
+        choice(entry["burst"], BURSTS, f"{where} burst")
+    explosive = entry.get("explosive", "TNT")
+    if not isinstance(explosive, str):
+        raise InputError(
+            f"{where} explosive: expected a name in quotes, got {shown(explosive)}"
+        )
+    explosive = explosive_named(explosive, f"{where} explosive")
+    if "tnt_factor" in entry and explosive != "TNT":
+        raise InputError(
+            f"{where} tnt_factor: expected either tnt_factor or an explosive, got both"
+        )
+    if entry.get("time_s") == math.inf:
+        raise InputError(
+            f"{where} time_s: expected a finite number, got inf: leave a charge that "
+            "never happens out of the file; only a scene made in Python can have one"
+        )
+    if "range_m" in entry and "position_m" in entry:
+        raise InputError(
+            f"{where} range_m: expected either range_m or position_m, got both"
+        )
+    if "range_m" in entry and n_sensors > 1:
+        raise InputError(
+            f"{where} range_m: expected one sensor, to which it is the distance, "
+            f"got {n_sensors}"
+        )
+    return Charge(name=name, explosive=explosive, burst=entry.get("burst"))
+
+
+def read_place(document: dict[str, Any], source: str) -> Place | None:
+    """Read the table [place] of a scene file; None where there is none.
+
+    Raises:
+        InputError: As in `read_scene`.
+    """
+    if "place" not in document:
+        return None
+    entry, where = table(document, "place", source), f"{source}: [place]"
+    for key in ("lat_deg", "lon_deg"):
+        if key not in entry:
+            raise InputError(f"{where} {key}: expected a number, got nothing")
+    numbers = {key: fixed_number(entry[key], f"{where} {key}") for key in entry}
+    for key, number in numbers.items():
+        if not PLACE_LIMITS[key].allows(number):
+            swapped = "; are lat_deg and lon_deg swapped?" if key == "lat_deg" else ""
+            expected = f"a number that is {PLACE_LIMITS[key].words()}"
+            raise InputError(
+                f"{where} {key}: expected {expected}, got {shown(number)}{swapped}"
+            )
+    return Place(**numbers)
+
+
+def read_ambient(document: dict[str, Any], source: str) -> Ambient | None:
+    """Read the ambient sound of a scene file; None where it has none.
+
+    A recording is named here, by its place beside the scene file, and read elsewhere.
+
+    Raises:
+        InputError: As in `read_scene`.
+    """
+    if "ambient" not in document:
+        return None
+    where = f"{source}: [ambient]"
+    entry = table(document, "ambient", source)
+    given = [key for key in ("file", "level_pa") if key in entry]
+    if len(given) != 1:
+        raise InputError(
+            f"{where} level_pa: expected either level_pa or file, "
+            f"got {'both' if given else 'neither'}"
+        )
+    if "file" in entry and "slope_db_octave" in entry:
+        raise InputError(
+            f"{where} slope_db_octave: expected either a file or noise of a slope, "
+            "got both"
+        )
+    if "level_pa" in entry and "full_scale_pa" in entry:
+        raise InputError(
+            f"{where} full_scale_pa: expected a file, whose samples it scales, "
+            "got level_pa"
+        )
+    numbers = {
+        name: fixed_number(entry[key], f"{where} {key}")
+        for name, key in (
+            ("level", "level_pa"),
+            ("slope", "slope_db_octave"),
+            ("height", "height_m"),
+            ("full_scale", "full_scale_pa"),
+        )
+        if key in entry
+    }
+    if numbers.get("level", 0.0) < 0:
+        raise InputError(
+            f"{where} level_pa: expected a number that is not negative, "
+            f"got {shown(entry['level_pa'])}"
+        )
+    for name, key in (("height", "height_m"), ("full_scale", "full_scale_pa")):
+        if numbers.get(name, 1.0) <= 0:
+            raise InputError(
+                f"{where} {key}: expected a number that is positive, "
+                f"got {shown(entry[key])}"
+            )
+    if abs(numbers.get("slope", 0.0)) > STEEPEST:
+        raise InputError(
+            f"{where} slope_db_octave: expected {-STEEPEST:g} to {STEEPEST:g}, "
+            f"got {shown(entry['slope_db_octave'])}"
+        )
+    file = ""
+    if "file" in entry:
+        file = str(Path(source).parent / name_of(entry["file"], f"{where} file"))
+    return Ambient(file=file, **numbers)
+
+
+def read_camera(document: dict[str, Any], source: str) -> Camera | None:
+    """Read the camera of a scene file; None where it has none.
+
+    Place, direction, size and focal length have no default; on a vehicle the place is
+    its own and the direction forward. The principal point is the middle of the image if
+    nothing else is said.
+
+    Raises:
+        InputError: As in `read_scene`.
+    """
+    if "camera" not in document:
+        return None
+    where = f"{source}: [camera]"
+    _refuse_old_order(document["camera"], where)
+    entry = table(document, "camera", source)
+    mount = _mount(entry, document, where)
+    place = "offset_m" if mount else "position_m"
+    position = (
+        np.zeros(3) if mount and place not in entry else _list(entry, place, where)
+    )
+    width, height = (_pixels(entry, key, where) for key in ("width", "height"))
+    optional: dict[str, Any] = {}
+    if "distortion" in entry:
+        optional["distortion"] = _list(entry, "distortion", where)
+    if "frames_hz" in entry:
+        optional["frames_hz"] = _positive(entry["frames_hz"], f"{where} frames_hz")
+    if "exposure_s" in entry:
+        interval = 1 / optional.get("frames_hz", FRAMES_HZ)
+        optional["exposure_s"] = _exposure(entry["exposure_s"], interval, where)
+    if (key := "daylight_lux") in entry:
+        optional["daylight"] = _positive(entry[key], f"{where} {key}")
+    if "threshold" in entry:
+        optional["threshold"] = _pair(entry, "threshold", where)
+    return Camera(
+        position=position,
+        quaternion=np.array(FORWARD)
+        if mount and "quaternion_xyzw" not in entry
+        else _quaternion(entry, position, where),
+        focal=_pair(entry, "focal_px", where),
+        center=_list(entry, "center_px", where)
+        if "center_px" in entry
+        else np.array([(width - 1) / 2, (height - 1) / 2]),
+        width=width,
+        height=height,
+        mount=mount,
+        **optional,
+    )
+
+
+def _mount(entry: dict[str, Any], document: dict[str, Any], where: str) -> str:
+    """Return what carries the camera; "" where nothing does."""
+    if "mount" not in entry:
+        if "offset_m" in entry:
+            raise InputError(
+                f'{where} offset_m: expected mount = "vehicle" with it, or position_m '
+                "in its place, got no mount"
+            )
+        return ""
+    mount = choice(entry["mount"], MOUNTS, f"{where} mount")
+    for key, instead in (
+        ("position_m", "offset_m, in the axes of the vehicle's body"),
+        ("look_at_m", "quaternion_xyzw, camera to body, or neither to look forward"),
+    ):
+        if key in entry:
+            raise InputError(
+                f"{where} {key}: expected {instead}, for a camera on a vehicle, got "
+                f"{shown(entry[key])}"
+            )
+    if "vehicle" not in document:
+        raise InputError(
+            f'{where} mount: expected a [vehicle] that carries it, got "{mount}" and '
+            "no such table"
+        )
+    return mount
+
+
+def _quaternion(entry: dict[str, Any], position: Float[np.ndarray, "3"], where: str):
+    """Return camera to world as a unit quaternion, from whichever is given."""
+    given = [key for key in ("look_at_m", "quaternion_xyzw") if key in entry]
+    if len(given) != 1:
+        raise InputError(
+            f"{where} look_at_m: expected either look_at_m or quaternion_xyzw, "
+            f"got {'both' if given else 'neither'}"
+        )
+    numbers = _list(entry, given[0], where)
+    if given == ["look_at_m"]:
+        if np.array_equal(numbers, position):
+            raise InputError(
+                f"{where} look_at_m: expected a place other than position_m, "
+                f"got {shown(entry['look_at_m'])}"
+            )
+        return look_at(position, numbers)
+    if not numbers.any():
+        raise InputError(
+            f"{where} quaternion_xyzw: expected {LISTS['quaternion_xyzw']} that is not "
+            f"zero, got {shown(entry['quaternion_xyzw'])}"
+        )
+    scaled = (
+        numbers / np.abs(numbers).max()
+    )  # whose squares neither over- nor underflow
+    return scaled / np.linalg.norm(scaled)
+
+
+def _refuse_old_order(entry: Any, where: str) -> None:
+    """Refuse the key that had the scalar first, with what to write in its place."""
+    if not isinstance(entry, dict) or "quaternion" not in entry:
+        return
+    old, new = entry["quaternion"], LISTS["quaternion_xyzw"]
+    if isinstance(old, list) and len(old) == 4:
+        new = str([*old[1:], old[0]])
+    raise InputError(
+        f"{where} quaternion: expected quaternion_xyzw, scalar last, in its place, got "
+        f"{shown(old)}, which was read scalar first: write quaternion_xyzw = {new}"
+    )
+
+
+def _list(entry: dict[str, Any], key: str, where: str) -> Float[np.ndarray, " number"]:
+    if key not in entry:
+        raise InputError(f"{where} {key}: expected {LISTS[key]}, got nothing")
+    return fixed_list(entry[key], f"{where} {key}", LISTS[key])
+
+
+def _pair(entry: dict[str, Any], key: str, where: str) -> Float[np.ndarray, "2"]:
+    """Return two positive numbers; one stands for both."""
+    value, where = entry.get(key), f"{where} {key}"
+    if value is None:
+        raise InputError(f"{where}: expected a number or {LISTS[key]}, got nothing")
+    if not isinstance(value, list):
+        return np.full(2, _positive(value, where))
+    pair = fixed_list(value, where, LISTS[key])
+    for index, number in enumerate(pair.tolist()):
+        _positive(number, f"{where}[{index}]")
+    return pair
+
+
+def _positive(value: Any, where: str) -> float:
+    number = finite(value, where, "a positive number")
+    if number <= 0:
+        raise InputError(f"{where}: expected a positive number, got {shown(value)}")
+    return number
+
+
+def _exposure(value: Any, interval: float, where: str) -> float:
+    """Return the exposure: no frame begins before the last has ended."""
+    exposure = finite(value, f"{where} exposure_s")
+    if not 0 <= exposure <= interval:
+        raise InputError(
+            f"{where} exposure_s: expected between 0 and {interval:g}, the time from "
+            f"frame to frame, got {shown(value)}"
+        )
+    return exposure
+
+
+def _pixels(entry: dict[str, Any], key: str, where: str) -> int:
+    value = entry.get(key)
+    if type(value) is not int or not 1 <= value <= LARGEST_IMAGE:  # True is an int too
+        raise InputError(
+            f"{where} {key}: expected a whole number of pixels, 1 to {LARGEST_IMAGE}, "
+            f"got {shown(value) if key in entry else 'nothing'}"
+        )
+    return value
+
+
+def read_vehicle(document: dict[str, Any], source: str) -> VehicleSpec | None:
+    """Read the vehicle of a scene file; None where it has none.
+
+    Model and place have no default; but a mission begins at its plan's home. Its
+    numbers are fixed: what is uncertain of where it stands to a blast is told of the
+    charge.
+
+    Raises:
+        InputError: As in `read_scene`.
+    """
+    if "vehicle" not in document:
+        return None
+    entry = table(document, "vehicle", source)
+    where = f"{source}: [vehicle]"
+    for key, what in (
+        ("model", f"one of {', '.join(VEHICLE_MODELS)}"),
+        ("position_m", LISTS["position_m"]),
+    ):
+        if key not in entry and not (key == "position_m" and "mission" in entry):
+            raise InputError(f"{where} {key}: expected {what}, got nothing")
+    places = {
+        name: fixed_list(entry[key], f"{where} {key}", LISTS[key])
+        for name, key in (("position", "position_m"), ("velocity", "velocity_m_s"))
+        if key in entry
+    }
+    control = _control(entry.get("control", {}), f"{where} control")
+    if "mission" in entry:
+        for key, given in (
+            ("velocity_m_s", "velocity" in places),
+            ("control target_m", "target" in control),
+        ):
+            if given:
+                raise InputError(
+                    f"{where} {key}: expected none beside a mission, which begins at "
+                    "rest and says where to go, got one"
+                )
+        name = name_of(entry["mission"], f"{where} mission")
+        control["mission"] = str(Path(source).parent / name)
+        control["placed"] = "position" in places
+        places.setdefault("position", np.zeros(3))
+    return VehicleSpec(
+        model=choice(entry["model"], VEHICLE_MODELS, f"{where} model"),
+        **places,
+        **control,
+    )
+
+
+def _control(entry: Any, where: str) -> dict[str, Any]:
+    """Return what the table of the hold says."""
+    if not isinstance(entry, dict):
+        raise InputError(
+            f"{where}: expected a table such as {{ integral = true }}, "
+            f"got {shown(entry)}"
+        )
+    known_keys(entry, "control", where)
+    said: dict[str, Any] = {"gains": _gains(entry, where)}
+    if "integral" in entry:
+        said["integral"] = true_or_false(entry["integral"], f"{where} integral")
+    if "target_m" in entry:
+        target = fixed_list(entry["target_m"], f"{where} target_m", LISTS["target_m"])
+        said["target"] = as_float_array(target)
+    if "yaw_rad" in entry:
+        said["yaw"] = fixed_number(entry["yaw_rad"], f"{where} yaw_rad")
+    return said
+
+
+def _gains(entry: dict[str, Any], where: str) -> dict[str, Any]:
+    """Return the gains, none of them negative."""
+    gains: dict[str, Any] = {}
+    for key in (*ALONG_AXES, *ALONE):
+        if key not in entry:
+            continue
+        at = f"{where} {key}"
+        along = key in ALONG_AXES
+        numbers = np.asarray(
+            fixed_list(entry[key], at, LISTS[key])
+            if along
+            else fixed_number(entry[key], at)
+        )
+        if (numbers < 0).any():
+            expected = "numbers that are" if along else "a number that is"
+            raise InputError(
+                f"{at}: expected {expected} not negative, got {shown(entry[key])}"
+            )
+        if key == "motor_lead" and numbers < 1:
+            raise InputError(
+                f"{at}: expected a factor of 1 and more, got {shown(entry[key])}"
+            )
+        if key == "ki_pos" and not numbers.any():
+            raise InputError(
+                f"{at}: expected one above zero, got {shown(entry[key])}; without "
+                "integral action is integral = false"
+            )
+        gains[key] = as_float_array(numbers)
+    return gains

@@ -1,23 +1,72 @@
-"""The reader of a scene's sensors."""
+"""The reader of a scene's sensors: positions, records with their errors, instruments.
 
-from collections.abc import Sequence
+An error that is a share of the value carries a % sign. Clocks of recorders, named in
+the column `clock` of a log, are read here, too.
+"""
+
+import re
+from collections.abc import Collection, Sequence
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
-from jblast.errors import InputError, shown
-from jblast.parameter_table import CLOCK, CLOCK_OFFSET
-from jblast.quantities import BY_CAMERA, TIMED, components
+from jblast.errors import InputError, nearest, shown
+from jblast.parameters import CLOCK, CLOCK_OFFSET
+from jblast.quantities import (
+    ADDITIVE,
+    BY_CAMERA,
+    DIRECTIONS,
+    QUANTITIES,
+    TIMED,
+    components,
+)
 from jblast.scene.camera import MOUNTS
-from jblast.scene.reader.instrument import read_imu, read_instrument
-from jblast.scene.reader.priors import LISTS, Uncertain, finite, fixed_list, read_number
-from jblast.scene.reader.records import read_records
-from jblast.scene.reader.schema import SENSOR_KINDS
-from jblast.scene.reader.tables import choice, name_of, not_yet, tables
-from jblast.scene.sensor import Sensor
+from jblast.scene.reader.tables import (
+    IMU_KEYS,
+    INSTRUMENT_KEYS,
+    INSTRUMENT_KINDS,
+    LISTS,
+    SATURATIONS,
+    SENSOR_KINDS,
+    VELOCITY_KINDS,
+    Uncertain,
+    choice,
+    finite,
+    fixed_list,
+    fixed_number,
+    in_other_unit,
+    name_of,
+    not_yet,
+    number_list,
+    read_number,
+    tables,
+)
+from jblast.scene.sensor import (
+    FEWEST_BITS,
+    MOST_BITS,
+    RATE_HZ,
+    Clock,
+    Imu,
+    Instrument,
+    Sensor,
+)
 
 QUATERNION = "quaternion_xyzw"
+MOST_HZ = 1e5
+FIELDS = {
+    "full_scale_m_s2": "accelerometer_range",
+    "full_scale_rad_s": "gyroscope_range",
+    "noise_m_s2_sqrt_hz": "accelerometer_noise",
+    "noise_rad_s_sqrt_hz": "gyroscope_noise",
+    "bias_m_s2": "accelerometer_bias",
+    "bias_rad_s": "gyroscope_bias",
+    "bias_walk_m_s2_sqrt_s": "accelerometer_walk",
+    "bias_walk_rad_s_sqrt_s": "gyroscope_walk",
+}
+"""Keys of the file, and what `Imu` calls them."""
+SHARE = re.compile(r"\s*(\d+\.?\d*(?:e[+-]?\d+)?|\.\d+(?:e[+-]?\d+)?)\s*%\s*", re.I)
+"""A sigma as a share of the value: "5%"."""
 
 
 def read_sensors(
@@ -165,3 +214,277 @@ def _refuse_unmountable(
         apart = len(components(quantity)) > 1 or quantity in (*TIMED, *BY_CAMERA)
         if apart or of_ground:
             raise not_yet(f"{where} records {quantity}", "a sensor in motion")
+
+
+def read_instrument(
+    entry: dict[str, Any], kind: str, position: np.ndarray, where: str
+) -> Instrument | None:
+    """Read the instrument of a sensor; None where the file says nothing of one.
+
+    Args:
+        entry: The sensor's keys and values.
+        kind: Kind of the sensor, "" if unsaid.
+        position: East, north, up [m].
+        where: File, table and sensor, for the messages.
+
+    Raises:
+        InputError: As in `read_scene`.
+    """
+    if kind == "microphone" and position[2] < 0:
+        raise InputError(
+            f"{where} position_m[2]: expected a microphone on the ground or above it, "
+            f"got {position[2]:g} m"
+        )
+    given = [key for key in INSTRUMENT_KEYS if key in entry]
+    if not given:
+        return None
+    if kind == "imu":  # has a reader of its own
+        return None
+    if kind and kind not in INSTRUMENT_KINDS:
+        raise InputError(
+            f"{where} {given[0]}: expected a sensor that writes samples "
+            f"({', '.join(INSTRUMENT_KINDS)}), got kind {shown(kind)}"
+        )
+    unit = "m_s" if kind in VELOCITY_KINDS else "pa"
+    other = "pa" if unit == "m_s" else "m_s"
+    for key in (f"full_scale_{other}", f"noise_{other}"):
+        if key in entry:
+            raise InputError(
+                f"{where} {key}: expected {key.removesuffix(other)}{unit}, the unit "
+                f"that a sensor of kind {shown(kind)} measures in, got {key}"
+            )
+    rate = RATE_HZ
+    if "rate_hz" in entry:
+        rate = _positive(entry["rate_hz"], f"{where} rate_hz")
+    full_scale, noise = None, None
+    if (key := f"full_scale_{unit}") in entry:
+        full_scale = _positive(entry[key], f"{where} {key}")
+    if (key := f"noise_{unit}") in entry:
+        noise = fixed_number(entry[key], f"{where} {key}")
+        if noise < 0:
+            raise InputError(
+                f"{where} {key}: expected a number that is not negative, "
+                f"got {shown(entry[key])}"
+            )
+    bits = _bits(entry.get("bits", "float"), f"{where} bits")
+    if bits is not None and full_scale is None:
+        raise InputError(
+            f"{where} bits: expected full_scale_{unit} with bits, the range that they "
+            f"divide, got {bits} bits alone"
+        )
+    if "saturation" in entry:
+        choice(entry["saturation"], SATURATIONS, f"{where} saturation")
+    corners = entry.get("filter_hz", ["none", "none"])
+    high_pass, low_pass = _corners(corners, rate, f"{where} filter_hz")
+    return Instrument(
+        rate=rate,
+        full_scale=full_scale,
+        noise=noise,
+        bits=bits,
+        high_pass=high_pass,
+        low_pass=low_pass,
+        saturation=entry.get("saturation", "clip"),
+    )
+
+
+def read_imu(entry: dict[str, Any], kind: str, mount: str, where: str) -> Imu | None:
+    """Read the IMU of a sensor; None where the file says nothing of its samples.
+
+    Args:
+        entry: The sensor's keys and values.
+        kind: Kind of the sensor, "" if unsaid.
+        mount: What carries it, "" if nothing.
+        where: File, table and sensor, for the messages.
+
+    Raises:
+        InputError: As in `read_scene`.
+    """
+    own = [key for key in IMU_KEYS if key in entry]
+    if kind != "imu":
+        for key in own:
+            if key not in INSTRUMENT_KEYS:
+                raise InputError(
+                    f'{where} {key}: expected kind = "imu" with it, got '
+                    f"{shown(kind) if kind else 'no kind'}"
+                )
+        return None
+    for key in INSTRUMENT_KEYS:
+        if key in entry and key not in IMU_KEYS:
+            raise InputError(
+                f"{where} {key}: expected one of {', '.join(IMU_KEYS)}, which an imu "
+                f"has, got {key}"
+            )
+    if not own:
+        return None
+    if not mount:
+        raise InputError(
+            f'{where} {own[0]}: expected mount = "vehicle", which moves it, with the '
+            "samples of an imu; got no mount"
+        )
+    found: dict[str, Any] = {}
+    for key, field in FIELDS.items():
+        if key in entry:
+            found[field] = _number(entry[key], key.startswith("full"), f"{where} {key}")
+    if "rate_hz" in entry:
+        found["rate"] = _number(entry["rate_hz"], True, f"{where} rate_hz")
+        if found["rate"] > MOST_HZ:
+            raise InputError(
+                f"{where} rate_hz: expected at most {MOST_HZ:g} of an imu, got "
+                f"{shown(entry['rate_hz'])}"
+            )
+    if "bits" in entry:
+        found["bits"] = _bits(entry["bits"], f"{where} bits")
+    return Imu(**found)
+
+
+def _number(value: Any, positive: bool, where: str) -> float:
+    number = fixed_number(value, where)
+    if number < 0 or (positive and number == 0):
+        expected = "is positive" if positive else "is not negative"
+        raise InputError(
+            f"{where}: expected a number that {expected}, got {shown(value)}"
+        )
+    return number
+
+
+def _positive(value: Any, where: str) -> float:
+    number = fixed_number(value, where)
+    if number <= 0:
+        raise InputError(
+            f"{where}: expected a number that is positive, got {shown(value)}"
+        )
+    return number
+
+
+def _bits(value: Any, where: str) -> int | None:
+    if value == "float":
+        return None
+    if type(value) is not int or not FEWEST_BITS <= value <= MOST_BITS:
+        raise InputError(
+            f"{where}: expected a whole number, {FEWEST_BITS} to {MOST_BITS}, or "
+            f'"float", got {shown(value)}'
+        )
+    return value
+
+
+def _corners(value: Any, rate: float, where: str) -> tuple[float | None, float | None]:
+    """Return the corners of high- and low-pass; None for one that there is not."""
+    high_pass, low_pass = (
+        None if corner == "none" else _positive(corner, f"{where}[{index}]")
+        for index, corner in enumerate(number_list(value, where, LISTS["filter_hz"]))
+    )
+    for index, corner in enumerate((high_pass, low_pass)):
+        if corner is not None and corner >= rate / 2:
+            raise InputError(
+                f"{where}[{index}]: expected a corner below {rate / 2:g}, half of "
+                f"rate_hz, got {shown(value[index])}"
+            )
+    if high_pass is not None and low_pass is not None and high_pass >= low_pass:
+        raise InputError(
+            f"{where}: expected the high-pass corner below the low-pass one, as in "
+            f"[20, 20000], got {shown(value)}"
+        )
+    return high_pass, low_pass
+
+
+def read_records(records: Any, where: str) -> tuple[tuple[str, float], ...]:
+    """Read what a sensor records, and the sigma of each.
+
+    A sigma is a plain number in seconds for times and in radians for directions; of all
+    else it is a share of the value, "5%". A plain number there could be a share or an
+    error in the unit of the quantity, as it is in a log, so it is refused.
+
+    Args:
+        records: What stands in the file.
+        where: File, table and key, for the messages.
+
+    Returns:
+        Quantity and sigma; seconds, radians, or relative.
+
+    Raises:
+        InputError: It is no table, a quantity is unknown, or a sigma is not as said.
+    """
+    if not isinstance(records, dict):
+        raise InputError(
+            f"{where}: expected {{ QUANTITY = sigma }}, got {shown(records)}"
+        )
+    pairs = []
+    for quantity, sigma in records.items():
+        if quantity not in QUANTITIES:
+            other = in_other_unit(quantity, QUANTITIES)
+            raise InputError(
+                f"{where}: unknown quantity {shown(quantity)}"
+                f"{other or nearest(quantity, QUANTITIES)}; "
+                f"expected one of {', '.join(QUANTITIES)}"
+            )
+        read = _additive if quantity in ADDITIVE else _share
+        pairs.append((quantity, read(sigma, quantity, f"{where} {quantity}")))
+    return tuple(pairs)
+
+
+def share_text(share: float) -> str:
+    """Write a share of the value as a scene file has it: 0.05 is "5%"."""
+    return f'"{100 * share:.3g}%"'
+
+
+def _additive(sigma: Any, quantity: str, where: str) -> float:
+    unit = "radians" if quantity in DIRECTIONS else "seconds"
+    expected = f"a positive sigma in {unit}"
+    number = finite(sigma, where, f"{expected}, without a sign")
+    if number <= 0:
+        raise InputError(f"{where}: expected {expected}, got {shown(sigma)}")
+    return number
+
+
+def _share(sigma: Any, quantity: str, where: str) -> float:
+    expected = 'a positive share of the value with its % sign, as "5%"'
+    share_match = SHARE.fullmatch(sigma) if isinstance(sigma, str) else None
+    if share_match is not None and (share := float(share_match.group(1)) / 100) > 0:
+        return finite(share, where, expected)
+    advice = ""
+    if isinstance(sigma, int | float) and not isinstance(sigma, bool) and sigma > 0:
+        unit = QUANTITIES[quantity].unit
+        advice = (
+            f"; if this is a share, multiply by 100 and write {share_text(sigma)}, "
+            f"if it is in {unit}, divide by the value first"
+        )
+    raise InputError(f"{where}: expected {expected}, got {shown(sigma)}{advice}")
+
+
+def read_clocks(
+    document: dict[str, Any], source: str, sensors: Collection[str]
+) -> tuple[tuple[Clock, ...], dict[str, Uncertain]]:
+    """Read the tables [[clock]] of a scene file, and their offsets.
+
+    Args:
+        document: The tables of the file.
+        source: Its name, for the messages.
+        sensors: Names of sensors that have an offset of their own.
+
+    Raises:
+        InputError: As in `read_scene`.
+    """
+    clocks: dict[str, Clock] = {}
+    offsets: dict[str, Uncertain] = {}
+    for index, entry in enumerate(tables(document, "clock", source), start=1):
+        where = f"{source}: [[clock]]"
+        if "name" not in entry:
+            raise InputError(
+                f"{where} name: expected a name for clock {index}, got nothing"
+            )
+        name = name_of(entry["name"], f"{where} name")
+        if name in clocks:
+            raise InputError(
+                f"{where} name: expected each name once, got {shown(name)} twice"
+            )
+        where = f"{where} {shown(name)}"
+        if name in sensors:
+            raise InputError(
+                f"{where}: the [[sensor]] of that name has a clock_offset_s; expected "
+                "one of the two"
+            )
+        clocks[name] = Clock(name)
+        if "offset_s" in entry:
+            offset = read_number(entry["offset_s"], CLOCK, f"{where} offset_s")
+            offsets[f"{CLOCK_OFFSET}.{name}"] = offset
+    return tuple(clocks.values()), offsets

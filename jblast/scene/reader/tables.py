@@ -1,11 +1,340 @@
-"""Tables of a scene file: their shape, and that every key in them is one we know."""
+"""Keys, tables and numbers of a scene file.
 
-from collections.abc import Sequence
+One table lists every key a scene file may have (`KEYS`). A number of a file is fixed,
+free, or has a prior (`PRIORS`). A key accepts one unit only, so that the value read is
+the value written; a key in another unit is refused with the conversion factor. Logs, in
+contrast, are written by instruments and are converted.
+"""
+
+import math
+from collections.abc import Collection, Sequence
 from typing import Any
 
+import numpy as np
+from jaxtyping import Float
+
 from jblast.errors import InputError, nearest, shown
-from jblast.scene.reader.foreign_keys import in_other_unit
-from jblast.scene.reader.schema import KEYS, LATER
+from jblast.parameters import PARAMETERS, Parameter
+from jblast.quantities import QUANTITIES
+from jblast.scene.uncertain import Free, LogNormal, LogUniform, Normal, Prior, Uniform
+
+Uncertain = tuple[float, Prior | Free | None]
+"""Where a fit of a number starts, and what is believed of it; None: it is fixed."""
+PRIORS = {
+    "lognormal": "[median, factor]",
+    "normal": "[mean, sd]",
+    "uniform": "[lo, hi]",
+    "loguniform": "[lo, hi]",
+}
+"""Kinds of prior, and the two numbers each is written with."""
+LISTS = {
+    "position_m": "[east, north, up]",
+    "wind_m_s": "[east, north]",
+    "look_at_m": "[east, north, up]",
+    "offset_m": "[forward, left, up]",
+    "quaternion_xyzw": "[x, y, z, w]",
+    "focal_px": "[x, y]",
+    "center_px": "[x, y]",
+    "distortion": "[k1, k2, p1, p2, k3]",
+    "threshold": "[brighter, darker]",
+    "filter_hz": "[high-pass, low-pass]",
+    "velocity_m_s": "[east, north, up]",
+    "target_m": "[east, north, up]",
+    "kp_pos": "[east, north, up]",
+    "kd_pos": "[east, north, up]",
+    "ki_pos": "[east, north, up]",
+    "box": "[[east, north, up], [east, north, up]]",
+    "ring": "[inner, outer]",
+}
+"""Keys that hold a list of numbers, and how it is written."""
+CLEAR_OF_ZERO = 3.0
+"""A normal prior of a positive number keeps this many sds clear of zero."""
+INSTRUMENT_KEYS = (
+    "rate_hz",
+    "full_scale_pa",
+    "full_scale_m_s",
+    "noise_pa",
+    "noise_m_s",
+    "bits",
+    "filter_hz",
+    "saturation",
+)
+"""Keys of a sensor that say what its instrument does."""
+IMU_KEYS = (
+    "rate_hz",
+    "full_scale_m_s2",
+    "full_scale_rad_s",
+    "noise_m_s2_sqrt_hz",
+    "noise_rad_s_sqrt_hz",
+    "bias_m_s2",
+    "bias_rad_s",
+    "bias_walk_m_s2_sqrt_s",
+    "bias_walk_rad_s_sqrt_s",
+    "bits",
+)
+"""Those of an imu."""
+KEYS: dict[str, tuple[str, ...]] = {
+    "": (
+        "schema",
+        "charge",
+        "air",
+        "ground",
+        "sensor",
+        "clock",
+        "place",
+        "ambient",
+        "camera",
+        "vehicle",
+        "world",
+        "law",
+    ),
+    "charge": (
+        "name",
+        "mass_kg",
+        "explosive",
+        "tnt_factor",
+        "position_m",
+        "range_m",
+        "time_s",
+        "burst",
+    ),
+    "air": (
+        "temperature_k",
+        "pressure_pa",
+        "relative_humidity",
+        "altitude_m",
+        "sound_speed_m_s",
+        "wind_m_s",
+        "absorption",
+        "absorption_scale",
+    ),
+    "ground": ("p_speed_m_s", "path"),
+    "sensor": (
+        "name",
+        "kind",
+        "position_m",
+        "clock_offset_s",
+        "records",
+        "times_s",
+        "mount",
+        "offset_m",
+        "quaternion_xyzw",
+        *dict.fromkeys((*INSTRUMENT_KEYS, *IMU_KEYS)),
+    ),
+    "clock": ("name", "offset_s"),
+    "place": ("lat_deg", "lon_deg", "alt_m"),
+    "ambient": ("file", "full_scale_pa", "level_pa", "slope_db_octave", "height_m"),
+    "camera": (
+        "position_m",
+        "look_at_m",
+        "quaternion_xyzw",
+        "mount",
+        "offset_m",
+        "width",
+        "height",
+        "focal_px",
+        "center_px",
+        "distortion",
+        "frames_hz",
+        "exposure_s",
+        "threshold",
+        "daylight_lux",
+    ),
+    "vehicle": ("model", "position_m", "velocity_m_s", "control", "mission"),
+    "world": (
+        "count",
+        "rate_hz",
+        "probability",
+        "tick_s",
+        "region_m",
+        "about",
+        "mass_kg",
+        "time_s",
+        "gap_s",
+    ),
+    "region": ("box", "ring", "about"),
+    "control": (
+        "integral",
+        "target_m",
+        "yaw_rad",
+        "kp_pos",
+        "kd_pos",
+        "ki_pos",
+        "kp_att",
+        "kd_att",
+        "integral_limit",
+        "motor_lead",
+    ),
+    "law": (*QUANTITIES, "scatter", "sedov_gamma", "fireball_growth_s"),
+}
+"""Keys by table; "" is the file itself, "control" stands in [vehicle], "region" in
+[world]."""
+LATER: dict[str, tuple[str, ...]] = {}
+"""Keys of the contract that nothing uses yet."""
+SENSOR_KINDS = ("pressure", "microphone", "anemometer", "geophone", "flash", "imu")
+INSTRUMENT_KINDS = ("pressure", "microphone", "anemometer", "geophone")
+"""Sensors that write samples, one after another."""
+VELOCITY_KINDS = ("anemometer", "geophone")
+"""Those that measure m/s; the others measure Pa."""
+SATURATIONS = ("clip", "compress")
+VEHICLE_MODELS = ("crazyflie", "hummingbird", "iris")
+GROUND_PATHS = ("head", "thesis")
+LAW_NAMES_LATER = ("euler", "emulator")
+"""Laws of the contract that nobody built yet; the others are in the registry."""
+CELSIUS = "add 273.15"
+FAHRENHEIT = "subtract 32, multiply by 5/9 and add 273.15"
+TEMPERATURES = {
+    "c": CELSIUS, "celsius": CELSIUS, "degc": CELSIUS, "deg_c": CELSIUS,
+    "f": FAHRENHEIT, "fahrenheit": FAHRENHEIT, "degf": FAHRENHEIT, "deg_f": FAHRENHEIT,
+}  # fmt: skip
+"""Endings of temperatures, and what makes kelvins of them: no factor does."""
+PER_CENT = ("percent", "pct")
+LONGEST = 3
+"""Words of the longest ending: km_per_h."""
+
+
+def finite(value: Any, where: str, expected: str = "a finite number") -> float:
+    """Return a TOML value as a float.
+
+    Raises:
+        InputError: It is no number, or infinite, or not a number.
+    """
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise InputError(f"{where}: expected {expected}, got {shown(value)}")
+    try:
+        number = float(value)
+    except OverflowError:
+        number = math.inf
+    if not math.isfinite(number):
+        raise InputError(f"{where}: expected {expected}, got {shown(value)}")
+    return number
+
+
+def fixed_number(value: Any, where: str) -> float:
+    """Return a number that may not be free yet.
+
+    Raises:
+        InputError: It is no finite number.
+    """
+    if value == "free" or isinstance(value, dict):
+        raise not_yet(where, "a number that is free or has a prior")
+    return finite(value, where)
+
+
+def fixed_list(value: Any, where: str, form: str) -> Float[np.ndarray, " number"]:
+    """Return a list of numbers that may not be free yet.
+
+    Raises:
+        InputError: It is no list of the form, or one of its numbers is not finite.
+    """
+    numbers = number_list(value, where, form)
+    if any(number == "free" or isinstance(number, dict) for number in numbers):
+        raise not_yet(where, "a number that is free or has a prior")
+    return np.array(
+        [finite(number, f"{where}[{index}]") for index, number in enumerate(numbers)]
+    )
+
+
+def read_numbers(entry: dict[str, Any], table: str, where: str) -> dict[str, Uncertain]:
+    """Read every number that stands in a table of the file, by parameter name.
+
+    Raises:
+        InputError: As in `read_number`.
+    """
+    numbers = {}
+    for parameter in PARAMETERS.values():
+        key = parameter.key
+        if key.table != table or key.name not in entry:
+            continue
+        value, at = entry[key.name], f"{where} {key.name}"
+        if key.index is not None:
+            value = number_list(value, at, LISTS[key.name])[key.index]
+            at += f"[{key.index}]"
+        numbers[parameter.name] = read_number(value, parameter, at)
+    return numbers
+
+
+def read_number(value: Any, parameter: Parameter, where: str) -> Uncertain:
+    """Return where a fit of a number starts, and what is believed of it.
+
+    Args:
+        value: What stands in the file.
+        parameter: What the number is.
+        where: File, table and key, for the messages.
+
+    Returns:
+        The value, with None where it is fixed; the prior's median and the prior; or a
+        default and `Free`.
+
+    Raises:
+        InputError: It is none of the three, or out of bounds.
+    """
+    if value == "free":
+        return parameter.default, Free(parameter.positive)
+    if isinstance(value, dict):
+        return _prior(value, parameter, where)
+    expected = 'a number, "free" or a prior such as { normal = [mean, sd] }'
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise InputError(f"{where}: expected {expected}, got {shown(value)}")
+    fixed = finite(value, where)
+    _check(fixed, parameter, where, "a number")
+    return fixed, None
+
+
+def _prior(value: dict[str, Any], parameter: Parameter, where: str) -> Uncertain:
+    """Return the median of a prior and the prior."""
+    kinds = list(value)
+    for kind in kinds:
+        if kind not in PRIORS:
+            raise InputError(
+                f"{where}: unknown prior {shown(kind)}{nearest(kind, PRIORS)}; "
+                f"expected one of {', '.join(PRIORS)}"
+            )
+    if len(kinds) != 1:
+        raise InputError(
+            f"{where}: expected one of {', '.join(PRIORS)}, "
+            f"got {' and '.join(kinds) or 'an empty table'}"
+        )
+    kind, form = kinds[0], PRIORS[kinds[0]]
+    pair = value[kind]
+    if not isinstance(pair, list) or len(pair) != 2:
+        raise InputError(f"{where}: expected {kind} = {form}, got {shown(pair)}")
+    expected = f"two finite numbers in {kind} = {form}"
+    a, b = (finite(item, where, expected) for item in pair)
+    if kind == "normal":
+        _check(a, parameter, where, "a mean")
+        _require(b > 0, where, f"a positive sd in normal = {form}", pair)
+        _require(
+            not parameter.positive or a >= CLEAR_OF_ZERO * b,
+            where,
+            f"a mean at least {CLEAR_OF_ZERO:g} sd above zero in normal = {form}; "
+            "lognormal suits a positive number",
+            pair,
+        )
+        return a, Normal(a, b)
+    if kind == "lognormal":
+        _require(a > 0, where, f"a positive median in lognormal = {form}", pair)
+        _require(b > 1, where, f"a factor above 1 in lognormal = {form}", pair)
+        _check(a, parameter, where, "a median")
+        return a, LogNormal(a, b)
+    _require(a < b, where, f"lo < hi in {kind} = {form}", pair)
+    if kind == "loguniform":
+        _require(a > 0, where, f"a positive lo in loguniform = {form}", pair)
+    for end in (a, b):
+        _check(end, parameter, where, "an end")
+    if kind == "uniform":
+        return 0.5 * a + 0.5 * b, Uniform(a, b)
+    return math.sqrt(a) * math.sqrt(b), LogUniform(a, b)
+
+
+def _check(value: float, parameter: Parameter, where: str, what: str) -> None:
+    bounds = parameter.bounds
+    _require(bounds.allows(value), where, f"{what} that is {bounds.words()}", value)
+
+
+def _require(condition: bool, where: str, expected: str, got: Any) -> None:
+    if not condition:
+        raise InputError(f"{where}: expected {expected}, got {shown(got)}")
 
 
 def not_yet(where: str, what: str) -> InputError:
@@ -94,3 +423,35 @@ def number_list(value: Any, where: str, expected: str) -> list[Any]:
 def shown_key(key: str) -> str:
     """Return a key as it is written, or quoted where it would break a message."""
     return key if key.isidentifier() and len(key) <= 60 else shown(key)
+
+
+def in_other_unit(key: str, known: Collection[str]) -> str:
+    """Return "; ours is mass_kg: multiply by ..." for a key in a unit we know.
+
+    Args:
+        key: A key that its table does not have.
+        known: Those it has.
+
+    Returns:
+        What to write in its place; "" where its unit is none, or no key of ours has the
+        same words before it.
+    """
+    from jblast.units import SI, si_factor, unit_spelt  # of a refusal alone
+
+    words = key.split("_")
+    for length in range(min(LONGEST, len(words) - 1), 0, -1):
+        stem, suffix = "_".join(words[:-length]).lower(), "_".join(words[-length:])
+        if suffix.lower() in TEMPERATURES and f"{stem}_k" in known:
+            return f"; ours is {stem}_k: {TEMPERATURES[suffix.lower()]}"
+        if suffix.lower() in PER_CENT and stem in known:
+            return f"; ours is {stem}, a share: multiply by 0.01"
+        meant = unit_spelt(suffix)
+        either = [unit for unit in meant if f"{stem}_{SI.get(unit.dimension)}" in known]
+        if len(meant) > 1 and either:
+            names = " or ".join(unit.pint for unit in either)
+            ours = f"{stem}_{SI[either[0].dimension]}"
+            return f"; ours is {ours}, and {suffix!r} may be {names}"
+        if either:
+            ours = f"{stem}_{SI[either[0].dimension]}"
+            return f"; ours is {ours}: multiply by {si_factor(suffix):.9g}"
+    return ""

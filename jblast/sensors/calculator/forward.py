@@ -11,7 +11,7 @@ from jaxtyping import Array, ArrayLike, Bool, Float
 import jblast.waves as _waves  # noqa: F401  laws enter the registry as they are imported
 from jblast.errors import InputError
 from jblast.kept_programs import kept
-from jblast.quantity_table import DERIVED_QUANTITIES, QUANTITIES
+from jblast.quantities import DERIVED_QUANTITIES, QUANTITIES
 from jblast.registry import LAWS, Law, call
 from jblast.scene import Scene
 from jblast.scene.charge import Burst

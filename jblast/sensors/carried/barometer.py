@@ -18,9 +18,8 @@ from jaxtyping import Array, Bool, Float
 
 from jblast.types import as_float_array
 from jblast.vehicle import BlastLoad
-from jblast.vehicle.loads.blast.alike import over_alike
-from jblast.vehicle.loads.blast.passage import Blast
-from jblast.vehicle.loads.blast.wave import overpressure
+from jblast.vehicle.loads.blast import over_alike
+from jblast.vehicle.loads.blast_wave import Blast, overpressure
 from jblast.waves.propagation import HYDROSTATIC_GRADIENT, LAPSE_RATE
 
 EXPONENT = HYDROSTATIC_GRADIENT / LAPSE_RATE

@@ -15,7 +15,7 @@ from jaxtyping import Array, Float, PRNGKeyArray
 
 from jblast.constants import FLIGHT_GRAVITY
 from jblast.scene import Imu, quaternion_matrix
-from jblast.scene.pose import quaternion_product
+from jblast.scene.camera import quaternion_product
 from jblast.sensors.imu.motion import rotation_between, rotation_quaternion
 from jblast.vehicle import State
 

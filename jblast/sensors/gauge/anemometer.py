@@ -1,6 +1,6 @@
 r"""What an anemometer records: the scene's wind, and that of every blast that passes.
 
-Behind a front the air follows as `vehicle/loads/blast/wave.py` has it: with $x = p/P_0$
+Behind a front the air follows as `vehicle.loads.blast_wave` has it: with $x = p/P_0$
 of the moment, away from the charge (or its image below the ground),
 
 $$u = \frac{5 c_0}{7}\frac{x}{\sqrt{1 + 6x/7}} + \frac{1}{\rho_0 R} \int_0^t p\,dt$$

@@ -7,11 +7,11 @@ from jaxtyping import Array, Float
 from jblast.constants import FLIGHT_GRAVITY
 from jblast.kept_programs import kept
 from jblast.scene import quaternion_matrix
-from jblast.scene.pose import quaternion_product
+from jblast.scene.camera import quaternion_product
 from jblast.sensors.imu.motion import Felt, rotation_quaternion
 from jblast.vehicle import State, Vehicle
-from jblast.vehicle.dynamics.components import components
-from jblast.vehicle.dynamics.equations import air_wrench
+from jblast.vehicle.dynamics import air_wrench
+from jblast.vehicle.state import components
 
 
 @kept

@@ -20,7 +20,7 @@ from jaxtyping import Array, Float
 
 from jblast.constants import FLIGHT_GRAVITY
 from jblast.scene import quaternion_matrix
-from jblast.scene.pose import quaternion_product
+from jblast.scene.camera import quaternion_product
 from jblast.vehicle import Trajectory
 
 

@@ -14,8 +14,8 @@ from jaxtyping import PRNGKeyArray
 
 from jblast.errors import InputError, argument
 from jblast.scene import Instrument, Scene, Sensor, UncertainScene, draw_scene
-from jblast.scene.parameters import value_of
-from jblast.scene.reader.schema import INSTRUMENT_KINDS
+from jblast.scene.reader.tables import INSTRUMENT_KINDS
+from jblast.scene.uncertain import value_of
 from jblast.sensors.arrivals.track import Track
 from jblast.sensors.listening.truth import Truth, truth_of
 

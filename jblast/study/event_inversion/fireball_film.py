@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 
 from jblast.scene import Camera, Charge, Scene
-from jblast.scene.pose import look_at
+from jblast.scene.camera import look_at
 from jblast.sensors.camera.events.ideal import ideal_events
 from jblast.sensors.camera.events.log_intensity import log_intensity
 from jblast.sensors.camera.image.grey_composite import luminance

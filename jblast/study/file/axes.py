@@ -15,10 +15,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from jblast.errors import InputError, nearest, shown
-from jblast.parameter_table import CLOCK_OFFSET, PARAMETERS
-from jblast.scene.parameters import parameter_named
-from jblast.scene.priors import LogUniform, Prior, Uniform
-from jblast.scene.reader.priors import finite
+from jblast.parameters import CLOCK_OFFSET, PARAMETERS
+from jblast.scene.reader.tables import finite
+from jblast.scene.uncertain import LogUniform, Prior, Uniform, parameter_named
 from jblast.study.file.study import Axis
 
 MOST_VALUES = 100_000

@@ -3,7 +3,7 @@
 from typing import Any
 
 from jblast.errors import InputError, nearest, shown
-from jblast.scene.reader.priors import finite
+from jblast.scene.reader.tables import finite
 from jblast.study.file.study import DESIGNS, MOST_SAMPLES, Design, Keep
 
 MOST_UNTIL_KNOWN = 100_000_000

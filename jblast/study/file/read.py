@@ -12,8 +12,8 @@ from typing import Any
 
 from jblast.errors import InputError, nearest, read_text, shown
 from jblast.scene import UncertainScene
-from jblast.scene.priors import Free
 from jblast.scene.reader.scene import scene_from_document
+from jblast.scene.uncertain import Free
 from jblast.study.file.axes import Drawn, put, read_axes
 from jblast.study.file.fields import (
     design_of,

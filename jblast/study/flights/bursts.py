@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Array
 
 from jblast.scene import Charge, Scene, VehicleSpec
-from jblast.vehicle.loads.blast.from_scene import free_air_at
+from jblast.vehicle.from_scene import free_air_at
 from jblast.waves.height_of_burst import burst_notes, scaled_height
 
 

@@ -7,7 +7,7 @@ from jaxtyping import Float
 
 from jblast.errors import InputError
 from jblast.scene import Scene, UncertainScene, VehicleSpec, draw_scene, parameter_named
-from jblast.scene.parameters import leaf_of
+from jblast.scene.uncertain import leaf_of
 
 MOST_VEHICLES = 10_000_000
 

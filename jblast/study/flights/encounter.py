@@ -20,9 +20,9 @@ from jblast.vehicle import (
     printed_load,
     vehicle_of,
 )
-from jblast.vehicle.loads.blast.alike import over_alike
-from jblast.vehicle.loads.blast.passage import Blast
-from jblast.vehicle.loads.impulse_table.table import custom_profile
+from jblast.vehicle.loads.blast import over_alike
+from jblast.vehicle.loads.blast_wave import Blast
+from jblast.vehicle.loads.impulse_table import custom_profile
 from jblast.waves.paths import slant_range
 from jblast.waves.scaling import scaled_distance
 

@@ -12,7 +12,7 @@ from jblast.scene import Charge, Scene
 from jblast.sensors.camera.rendering.fireball_image import cloud
 from jblast.study.flights.encounter import Encounter, FlightLoad
 from jblast.vehicle import CustomProfile, State, Vehicle
-from jblast.vehicle.loads.blast.alike import over_alike
+from jblast.vehicle.loads.blast import over_alike
 from jblast.waves.fireball import fireball_duration
 
 WINDOW_S = 5e-5

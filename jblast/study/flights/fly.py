@@ -44,7 +44,7 @@ from jblast.vehicle import (
     start_of,
     vehicle_of,
 )
-from jblast.vehicle.quadrotor.numbers import in_precision
+from jblast.vehicle.quadrotor import in_precision
 
 GROUND_UP_M = 0.0
 CHUNK = {"cpu": 2048, "gpu": 16_384}

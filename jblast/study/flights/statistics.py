@@ -8,7 +8,7 @@ from jblast.scene import VehicleSpec
 from jblast.study.flights.exposure import Exposure
 from jblast.study.flights.records import Flights, Flown
 from jblast.vehicle import Trajectory
-from jblast.vehicle.thresholds import THRESHOLDS
+from jblast.vehicle.metrics import THRESHOLDS
 
 METRICS = (
     "error_before_m",

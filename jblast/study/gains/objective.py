@@ -9,7 +9,7 @@ from jaxtyping import Array, Bool, Float
 from jblast.study.flights.fly import GROUND_UP_M
 from jblast.study.gains.flights import DrawnFlights, flown_with, smooth_peaks
 from jblast.vehicle import Gains, flight_metrics
-from jblast.vehicle.control.margins import hold_margins
+from jblast.vehicle.control.stability import hold_margins
 
 FACTORS = 9
 POWER, TAIL = 24.0, 8.0

@@ -7,8 +7,8 @@ from jaxtyping import Float
 
 from jblast.scene import VehicleSpec
 from jblast.study.gains.flights import Outcomes
-from jblast.vehicle.control.gains import Gains
-from jblast.vehicle.control.margins import Margins
+from jblast.vehicle.control.position_hold import Gains
+from jblast.vehicle.control.stability import Margins
 
 
 @dataclass(frozen=True)
@@ -41,7 +41,7 @@ class Tried:
 
     Attributes:
         gains: The gains.
-        margins: Of each loop of `control.margins.LOOPS`.
+        margins: Of each loop of `control.stability.LOOPS`.
         outcomes: Of the unseen blasts.
     """
 

@@ -1,6 +1,6 @@
 r"""Gains of the hold by gradient through a scene's blasts, within stability margins.
 
-Eight numbers are looked for, nine if the motors may be led (`motor_lead.py`): by what
+Eight numbers are looked for, nine if the motors may be led (`allocation.led`): by what
 factor, in ln, position, velocity and integral gain sideways and upwards, and those of
 attitude and body rate, differ from the scene's. What is made least is half the mean
 over drawn blasts of ln of the peak deviation, half ln of their 8-norm, for the
@@ -46,7 +46,7 @@ from jblast.study.gains.objective import (
 from jblast.study.gains.records import Tried, TunedGains, Wish
 from jblast.study.gains.tuning_flights import FLOWN, TuningFlights, tuning_flights
 from jblast.vehicle import STEP_S, Gains, hold_of, vehicle_of
-from jblast.vehicle.control.margins import hold_margins, is_stable
+from jblast.vehicle.control.stability import hold_margins, is_stable
 
 MOST_STEPS, LARGEST = 60, np.log(30.0)
 """Of the search, and of a factor in ln."""

@@ -35,14 +35,7 @@ from jblast.study.flights.instruments import (
 )
 from jblast.study.flights.records import Options
 from jblast.study.missions.outcome import crash_of
-from jblast.vehicle import (
-    StepGust,
-    Trajectory,
-    hold_of,
-    simulate,
-    start_of,
-    vehicle_of,
-)
+from jblast.vehicle import StepGust, Trajectory, hold_of, simulate, start_of, vehicle_of
 
 SHARE, EACH_S, LEAST_S, UNIT_S = 0.05, 10.0, 10.0, 20.0
 """Of time beyond what was planned: a share of it, for each blast, in any case; all of

@@ -27,8 +27,8 @@ import numpy as np
 
 from jblast.errors import InputError
 from jblast.scene import Scene, Sensor
-from jblast.scene.parameters import with_values
-from jblast.scene.reader.priors import finite
+from jblast.scene.reader.tables import finite
+from jblast.scene.uncertain import with_values
 from jblast.sensors import even_overpressure, heard, record_laws
 from jblast.sensors.microphone.ambient import share_at_height
 from jblast.sensors.microphone.sound import WIND_SLOPE

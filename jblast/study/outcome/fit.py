@@ -22,8 +22,7 @@ from jblast.errors import InputError, nearest
 from jblast.inference.many.fit_many import fit_many
 from jblast.inference.many.many_fits import ManyFits
 from jblast.scene import UncertainScene, freed, parameter_named
-from jblast.scene.parameters import names_in, value_of, with_values
-from jblast.scene.priors import Prior
+from jblast.scene.uncertain import Prior, names_in, value_of, with_values
 from jblast.sensors import planned_layout, record, resolve_laws
 from jblast.sensors.bursts import settled
 from jblast.sensors.law_choice import law_names

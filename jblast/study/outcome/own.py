@@ -12,7 +12,7 @@ import jax
 import jax.numpy as jnp
 
 from jblast.errors import InputError, shown
-from jblast.scene.parameters import with_values
+from jblast.scene.uncertain import with_values
 from jblast.study.outcome.family import (
     Answers,
     Family,

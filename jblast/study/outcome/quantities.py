@@ -13,11 +13,10 @@ import jax.numpy as jnp
 import numpy as np
 
 from jblast.errors import InputError
-from jblast.quantities import BY_CAMERA, BY_VEHICLE, PLACELESS, TIMED
-from jblast.quantity_table import QUANTITIES
+from jblast.quantities import BY_CAMERA, BY_VEHICLE, PLACELESS, QUANTITIES, TIMED
 from jblast.scene import Scene, UncertainScene
-from jblast.scene.parameters import with_values
-from jblast.scene.reader.priors import finite
+from jblast.scene.reader.tables import finite
+from jblast.scene.uncertain import with_values
 from jblast.sensors import Layout, planned_layout, record, resolve_laws
 from jblast.sensors.bursts import settled
 from jblast.sensors.law_choice import law_names

@@ -16,8 +16,8 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from jblast.scene import Scene, VehicleSpec
-from jblast.scene.parameters import with_values
-from jblast.scene.reader.priors import finite
+from jblast.scene.reader.tables import finite
+from jblast.scene.uncertain import with_values
 from jblast.study.flights.bursts import with_bursts_at_start
 from jblast.study.flights.draws import checked_scene
 from jblast.study.flights.duration import flight_seconds
@@ -33,7 +33,7 @@ from jblast.study.outcome.family import (
     register_family,
     yes_no,
 )
-from jblast.vehicle.thresholds import THRESHOLDS
+from jblast.vehicle.metrics import THRESHOLDS
 
 STEP_S = 1e-3
 OPTIONS = {

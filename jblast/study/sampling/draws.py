@@ -12,9 +12,9 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int, Key, PRNGKeyArray, UInt32
 
-from jblast.bounds import UNBOUNDED
+from jblast.parameters import UNBOUNDED
 from jblast.scene import UncertainScene, parameter_named
-from jblast.scene.priors import Prior
+from jblast.scene.uncertain import Prior
 from jblast.study.file.study import Axis
 from jblast.study.sampling.threefry import folded, normals
 

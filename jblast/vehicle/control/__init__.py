@@ -1,1 +1,1 @@
-"""What holds a vehicle in its place: gains, thrust, allocation to rotors."""
+"""Controllers of a vehicle: gains, pull, moment, allocation to rotors, stability."""

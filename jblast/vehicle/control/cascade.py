@@ -1,19 +1,30 @@
-r"""Cascaded control as PX4 has it: place, velocity, attitude, body rates.
+r"""Cascaded control as in PX4: position, velocity, attitude, body rates.
 
-- velocity wanted $v_{sp} = k_p (r_{sp} - r)$, cut to what is allowed;
+- velocity set point $v_{sp} = k_p (r_{sp} - r)$, within its limits;
 - pull $F/m = k_v (v_{sp} - v) + \int k_i (v_{sp} - v) dt - k_a \dot v + g z$, within
-  the limits of `pull.py`, with $\dot v$ from the turns before, low-passed at 5 Hz; an
-  axis that is cut gathers no more of the same;
-- the attitude error of Brescianini, Hehn and D'Andrea (2013), by `tilt_first.py`;
-- body rates wanted $\omega_{sp} = k_q e_q$, cut to what is allowed;
+  the limits of `position_hold`, with $\dot v$ from the turns before, low-passed at 5
+  Hz; the integral of an axis that is cut does not grow further in that direction;
+- attitude error $e_q$, below;
+- body rates $\omega_{sp} = k_q e_q$, within their limits;
 - $M = J (k_\omega (\omega_{sp} - \omega) + \int k_j (\omega_{sp} - \omega) dt) +
-  \omega \times J \omega$, and rotor speeds by `allocation.py`.
+  \omega \times J \omega$, and rotor speeds by `allocation`.
 
-PX4-Autopilot's default parameters: multicopter_position_control_gain_params.c (commit
-900e472), mc_att_control_params.c (03e7435), mc_rate_control_params.c (00ba1d7). Those
-of body rates are in shares of the greatest moment there, which is another for every
-airframe: here $k_\omega$ is that of the vehicle's SE(3) hold, and the integral keeps
-PX4's ratio to it. The derivative of body rates, for sensors that lag, is left out.
+The attitude error rights a vehicle before it turns it: Brescianini, Hehn and D'Andrea
+(2013), "Nonlinear quadrocopter attitude control", section 3, as in PX4
+(AttitudeControl.cpp, commit 129a2ae). The shortest turn takes body z to the pull, by an
+angle $\alpha$ about $n$ in the body's own plane; a turn about z follows by the share
+$w$ of the angle $\psi$ that is left to the heading,
+
+$$ e_q = 2 \left( n \sin\tfrac{\alpha}{2} \cos\tfrac{w \psi}{2} + \ldots, \;
+\tfrac1w \cos\tfrac{\alpha}{2} \sin\tfrac{w \psi}{2} \right), $$
+
+twice the vector of the quaternion of both turns, its z divided by $w$.
+
+Gains are the defaults of PX4-Autopilot: multicopter_position_control_gain_params.c
+(commit 900e472), mc_att_control_params.c (03e7435), mc_rate_control_params.c (00ba1d7).
+There, those of body rates are shares of the largest moment, which differs between
+airframes: here $k_\omega$ is that of the vehicle's SE(3) controller, and the integral
+keeps PX4's ratio to it. The derivative of body rates, for sensors that lag, is omitted.
 """
 
 import math
@@ -24,11 +35,16 @@ from jaxtyping import Array, Float
 
 from jblast.constants import FLIGHT_GRAVITY
 from jblast.vehicle.control.allocation import allocation, speeds_within
-from jblast.vehicle.control.position_hold import Controller, Readied
-from jblast.vehicle.control.pull import THRUST_FLOOR, limited_pull
-from jblast.vehicle.control.tilt_first import attitude_error
-from jblast.vehicle.dynamics.components import (
+from jblast.vehicle.control.position_hold import (
+    THRUST_FLOOR,
+    Controller,
+    Readied,
+    limited_pull,
+)
+from jblast.vehicle.quadrotor import Vehicle, floats
+from jblast.vehicle.state import (
     Four,
+    State,
     Vector,
     add,
     cross,
@@ -38,10 +54,8 @@ from jblast.vehicle.dynamics.components import (
     rows,
     three,
     times,
+    turned_back,
 )
-from jblast.vehicle.dynamics.state import State
-from jblast.vehicle.quadrotor.numbers import floats
-from jblast.vehicle.quadrotor.parameters import Vehicle
 
 POSITION = (0.95, 0.95, 1.0)  # MPC_XY_P, MPC_Z_P
 VELOCITY = (1.8, 1.8, 4.0)  # MPC_XY_VEL_P_ACC, MPC_Z_VEL_P_ACC
@@ -54,6 +68,10 @@ RATE_INTEGRAL_MOST = (2.0, 2.0, 1.5)  # MC_RR_INT_LIM / MC_ROLLRATE_P
 SPEED_MOST, CLIMB_MOST, DESCENT_MOST = 12.0, 3.0, 1.5  # MPC_XY_VEL_MAX, MPC_Z_VEL_MAX_*
 LOW_PASS = 2 * math.pi * 5.0  # MPC_VELD_LP
 GATHERED_MOST = FLIGHT_GRAVITY  # PX4's, of the integral of velocity
+YAW_WEIGHT = 0.4
+"""MC_YAW_WEIGHT of PX4."""
+OPPOSITE = 1e-9
+"""Of one plus the angle's cosine: below, every turn is as short; it is about x."""
 
 
 class Gathered(eqx.Module):
@@ -190,3 +208,41 @@ def _pull(
     more = jnp.where(stays, 0.0, loops.velocity_integral * period_s * missed)
     sums = jnp.clip(memory.pull_m_s2 + more, -GATHERED_MOST, GATHERED_MOST)
     return pull, sums, gained
+
+
+def attitude_error(quaternion: Four, pull: Vector, yaw_rad: Float[Array, ""]) -> Vector:
+    """Return the error about body x, y and z [rad, for small ones].
+
+    Args:
+        quaternion: Body to world.
+        pull: Where z should point to, world; of any length but zero.
+        yaw_rad: Where x should point to, from east to north.
+    """
+    seen = turned_back(quaternion, pull)
+    length = jnp.sqrt(dot(seen, seen))
+    x, y, z = (part / length for part in seen)
+    plus = 1 + z
+    opposite = plus < OPPOSITE
+    half = jnp.sqrt(jnp.where(opposite, OPPOSITE, plus) / 2)
+    # z cross the pull, (-y, x, 0), has the length sin(alpha)
+    n_x = jnp.where(opposite, 1.0, -y / (2 * half))
+    n_y = jnp.where(opposite, 0.0, x / (2 * half))
+    half = jnp.where(opposite, 0.0, half)
+    east, north = jnp.cos(yaw_rad), jnp.sin(yaw_rad)
+    heading = turned_back(quaternion, (east, north, jnp.zeros_like(east)))
+    turned = turned_back((n_x, n_y, jnp.zeros_like(n_x), half), heading)
+    # what of the heading lies in the plane that is square to the pull
+    angle = jnp.arctan2(*_in_front(turned[1], turned[0]))
+    turn = YAW_WEIGHT * angle / 2
+    c, s = jnp.cos(turn), jnp.sin(turn)
+    return (
+        2 * (n_x * c + n_y * s),
+        2 * (n_y * c - n_x * s),
+        2 * half * s / YAW_WEIGHT,
+    )
+
+
+def _in_front(y: Array, x: Array) -> tuple[Array, Array]:
+    """Return both, or (0, 1) where neither is anything: that angle has no slope."""
+    none = (y == 0) & (x == 0)
+    return jnp.where(none, 0.0, y), jnp.where(none, 1.0, x)

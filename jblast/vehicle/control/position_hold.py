@@ -1,38 +1,65 @@
-r"""Position hold by geometric control on SE(3), within what a vehicle can do.
+r"""Position control on SE(3), within the limits of a vehicle, and with an observer.
 
 Lee, Leok and McClamroch (2010), with a target at rest:
 
-- pull $F/m = -k_p e_x - k_d e_v - k_i \int e_x\,dt + g z$, within the limits of
-  `pull.py`; thrust $F \cdot R z$, at least its floor;
+- pull $F/m = -k_p e_x - k_d e_v - k_i \int e_x\,dt + g z$, within the limits below;
+  thrust $F \cdot R z$, at least its floor;
 - $b_3 = F/|F|$, $b_2 = b_3 \times c/|b_3 \times c|$ with the heading
   $c = (\cos\psi, \sin\psi, 0)$, or 45 degrees from the vehicle's towards it,
   $b_1 = b_2 \times b_3$, $R_d = (b_1, b_2, b_3)$;
 - $e_R = \frac12 (R_d^T R - R^T R_d)^\vee$;
 - $M = J(-k_R e_R - k_\omega \omega) + \omega \times J\omega$;
-- rotor speeds from thrust and moment by `allocation.py`: within their limits, roll and
-  pitch before the thrust and that before yaw; by a lead (`motor_lead.py`) if the gains
-  have one.
+- rotor speeds from thrust and moment by `allocation`: within their limits, roll and
+  pitch before the thrust and that before yaw; with a lead if the gains have one.
 
-No limit is reached near hover. Without them the law by itself asks for less than no
-thrust as soon as it climbs faster than $g/k_d$, 1.1 m/s: its rotors stand, and it can
-neither right itself nor brake. Without the integral a steady wind leaves an offset for
-ever; each axis of it is held within its limit.
+The pull $F/m$ is the commanded force of the rotors per kilogram, $g$ upwards at rest.
+Its limits are those of PX4 (PX4-Autopilot, PositionControl.cpp, commit 02c4e03;
+defaults of its parameters, commit 1e9f3a0, in brackets):
+
+- above the target, the commanded descent is at most 1.5 m/s [MPC_Z_VEL_MAX_DN];
+- upwards it is at least 0.24 g [MPC_THR_MIN 0.12 of the full thrust, of which a vehicle
+  that hovers has MPC_THR_HOVER 0.5], because rotors at rest make no moment; at most it
+  is the pull of all rotors at their highest speed;
+- its tilt is at most 45 degrees [MPC_TILTMAX_AIR]: a larger horizontal part is cut;
+- the integral of an axis that is cut does not grow further in that direction.
+
+No limit is reached near hover. Without them the law requires less than zero thrust when
+it climbs faster than $g/k_d$, 1.1 m/s: the rotors stop, and the vehicle can neither
+right itself nor brake. Without the integral a steady wind leaves a permanent offset;
+each axis of the integral is kept within its limit.
+
+`ObservedHold` has a disturbance observer in place of the integral. The force besides
+that of the rotors follows from the motion: with the velocity $v$ of two turns a period
+$T$ apart and the pull of the rotors $u = \sum k \Omega^2 / m \; R z - g z$ as they
+turn,
+
+$$ \hat d \leftarrow \hat d + (1 - e^{-L T}) \left(\frac{v - v_{before}}{T} - u - \hat
+d\right), $$
+
+a first-order observer (Chen, Ballance, Gawthrop and O'Reilly 2000, eq. 9, with a gain
+that does not depend on the state; here exact for a force that is constant over a turn).
+The controller adds $-\hat d$ to its command, within its `integral_limit`. A blast that
+changes the velocity within a turn by $\Delta v$ makes $\hat d = L \Delta v$, whose
+integral over time is $\Delta v$: the observer brakes by just what the blast gave.
 """
 
 import abc
+import dataclasses
+import math
+from collections.abc import Mapping
 from typing import Any, Protocol, runtime_checkable
 
 import equinox as eqx
 import jax.numpy as jnp
-from jaxtyping import Array, Float, PyTree
+from jaxtyping import Array, Bool, Float, PyTree
 
 from jblast.constants import FLIGHT_GRAVITY
-from jblast.vehicle.control.allocation import allocation, speeds_within
-from jblast.vehicle.control.gains import Gains
-from jblast.vehicle.control.motor_lead import led
-from jblast.vehicle.control.pull import THRUST_FLOOR, pull_within
-from jblast.vehicle.dynamics.components import (
+from jblast.errors import InputError, nearest
+from jblast.vehicle.control.allocation import allocation, led, speeds_within
+from jblast.vehicle.quadrotor import Vehicle, floats, number, numbers
+from jblast.vehicle.state import (
     MatrixRows,
+    State,
     Vector,
     add,
     cross,
@@ -42,10 +69,34 @@ from jblast.vehicle.dynamics.components import (
     rows,
     three,
     times,
+    turned,
 )
-from jblast.vehicle.dynamics.state import State
-from jblast.vehicle.quadrotor.numbers import floats
-from jblast.vehicle.quadrotor.parameters import Vehicle
+
+# RotorPy 3.0.0's. Declared are those of the Iris' attitude, 12 rad/s and a damping of
+# 0.8 before the motors' lag, for PX4's own loops do not translate, and all of the
+# integral: a quarter of k_p, which takes an offset out in some 4 s.
+NAMED = {
+    name: {
+        "kp_pos": [6.5, 6.5, 15.0],
+        "kd_pos": [4.0, 4.0, 9.0],
+        "ki_pos": [1.6, 1.6, 3.75],
+        "kp_att": attitude,
+        "kd_att": rate,
+    }
+    for name, attitude, rate in (
+        ("crazyflie", 310.0, 57.0),
+        ("hummingbird", 544.0, 46.64),
+        ("iris", 150.0, 20.0),
+    )
+}
+OBSERVER_RATE = 4.0
+"""Of named vehicles [1/s]: as quick as their holds brake sideways; declared."""
+Flag = Bool[Array, ""]
+DESCENT_M_S = 1.5
+THRUST_FLOOR = 0.24
+"""Least thrust, of the weight."""
+TILT_SLOPE = math.tan(math.radians(45.0))
+"""Most pull across, of the pull upwards."""
 
 
 @runtime_checkable
@@ -105,6 +156,38 @@ class Readied(eqx.Module):
     ) -> tuple[Float[Array, "4"], Any]:
         """Return rotor speeds to ask for [rad/s], and its memory afterwards."""
         return self.ready(vehicle)(time_s, state, vehicle, memory, period_s)
+
+
+class Gains(eqx.Module):
+    """Gains of an SE(3) position hold.
+
+    Attributes:
+        position: $k_p$ of the position, east, north, up [1/s2].
+        velocity: $k_d$ of the position [1/s].
+        attitude: $k_p$ of the attitude [1/s2].
+        body_rate: $k_d$ of the attitude [1/s].
+        integral: $k_i$ of the position [1/s3]; zero: no integral action.
+        integral_limit: Most the integral may ask for, along each axis [m/s2].
+        motor_lead: By what factor the motors' lag is shortened (`allocation.led`) [-],
+            1 and more; None: it is not.
+    """
+
+    position: Float[Array, "3"] = eqx.field(converter=floats)
+    velocity: Float[Array, "3"] = eqx.field(converter=floats)
+    attitude: Float[Array, ""] = eqx.field(converter=floats)
+    body_rate: Float[Array, ""] = eqx.field(converter=floats)
+    integral: Float[Array, "3"] = eqx.field(
+        converter=floats, default_factory=lambda: jnp.zeros(3)
+    )
+    integral_limit: Float[Array, ""] = eqx.field(converter=floats, default=5.0)
+    motor_lead: Float[Array, ""] | None = eqx.field(
+        converter=lambda x: None if x is None else floats(x), default=None
+    )
+
+    @property
+    def lead(self) -> Float[Array, ""] | float:
+        """The motors' lead; 1 where there is none [-]."""
+        return 1.0 if self.motor_lead is None else self.motor_lead
 
 
 class PositionHold(Readied):
@@ -216,3 +299,194 @@ def _unit(v: Vector) -> Vector:
     """Vector of length 1; zero has no direction and gives NaN."""
     scale = 1 / jnp.sqrt(dot(v, v))
     return v[0] * scale, v[1] * scale, v[2] * scale
+
+
+def named_gains(name: str, *, integral: bool = False) -> Gains:
+    """Return the gains of a vehicle with a name.
+
+    Args:
+        name: "crazyflie", "hummingbird" or "iris".
+        integral: Whether the hold has integral action.
+
+    Raises:
+        InputError: There are none of that name.
+    """
+    if name not in NAMED:
+        raise InputError(
+            f"gains of {name!r}: expected {', '.join(NAMED)}{nearest(str(name), NAMED)}"
+        )
+    gains = NAMED[name]
+    dropped = () if integral else ("ki_pos",)
+    return gains_from_parameters({k: v for k, v in gains.items() if k not in dropped})
+
+
+def gains_from_parameters(parameters: Mapping[str, Any]) -> Gains:
+    """Read gains by RotorPy's names: kp_pos, kd_pos, kp_att, kd_att.
+
+    `ki_pos` (3), `integral_limit` and `motor_lead` may be left out; what else is there
+    is a vehicle's and not looked at.
+
+    Args:
+        parameters: Numbers by name.
+
+    Raises:
+        InputError: One is missing, no number, or negative, or the lead is below 1.
+    """
+    lead = None
+    if "motor_lead" in parameters:
+        lead = number(parameters, "motor_lead", least=1.0)
+    three = (3,)
+    return Gains(
+        position=numbers(parameters.get("kp_pos"), "kp_pos", three, least=0.0),
+        velocity=numbers(parameters.get("kd_pos"), "kd_pos", three, least=0.0),
+        attitude=number(parameters, "kp_att", least=0.0),
+        body_rate=number(parameters, "kd_att", least=0.0),
+        integral=numbers(
+            parameters.get("ki_pos", [0.0, 0.0, 0.0]), "ki_pos", three, least=0.0
+        ),
+        integral_limit=number(parameters, "integral_limit", least=0.0, default=5.0),
+        motor_lead=lead,
+    )
+
+
+class Seen(eqx.Module):
+    """What the observer remembers.
+
+    Attributes:
+        push_m_s2: Estimate of what pushes, world.
+        velocity_m_s: At the turn before.
+        begun: 1 from the first turn on, 0 before.
+    """
+
+    push_m_s2: Float[Array, "3"]
+    velocity_m_s: Float[Array, "3"]
+    begun: Float[Array, ""]
+
+
+class ObservedHold(Readied):
+    """Holds a place, and takes back what pushes.
+
+    Attributes:
+        hold: Where, and how hard; its integral gains are not used.
+        observer_rate: $L$ [1/s].
+    """
+
+    hold: PositionHold
+    observer_rate: Float[Array, ""] = eqx.field(converter=floats, default=OBSERVER_RATE)
+
+    @property
+    def gains(self) -> Gains:
+        """Of the hold: by them the step is checked."""
+        return self.hold.gains
+
+    @property
+    def target_m(self) -> Float[Array, "3"]:
+        """Of the hold."""
+        return self.hold.target_m
+
+    def start(self) -> Seen:
+        """Return what it remembers at the start: nothing."""
+        none = jnp.zeros_like(self.hold.target_m)
+        return Seen(none, none, jnp.zeros_like(none[0]))
+
+    def ready(self, vehicle: Vehicle) -> Controller:
+        """Return the same with its allocation inverted, once for a flight."""
+        hold = self.hold
+        without = dataclasses.replace(hold.gains, integral=0 * hold.gains.integral)
+        hold = dataclasses.replace(hold, gains=without)
+        return _Ready(self, hold.ready(vehicle))
+
+
+class _Ready(eqx.Module):
+    """An observed hold that need not invert its allocation at every turn."""
+
+    whole: ObservedHold
+    hold: Controller
+
+    def start(self) -> Seen:
+        return self.whole.start()
+
+    def __call__(
+        self,
+        time_s: Float[Array, ""],
+        state: State,
+        vehicle: Vehicle,
+        memory: Seen,
+        period_s: Float[Array, ""],
+    ) -> tuple[Float[Array, "4"], Seen]:
+        gained = (state.velocity_m_s - memory.velocity_m_s) / period_s
+        rest = gained - pull_of_rotors(state, vehicle) - memory.push_m_s2
+        share = -jnp.expm1(-self.whole.observer_rate * period_s) * memory.begun
+        push = memory.push_m_s2 + share * rest
+        speeds, _ = self.hold(time_s, state, vehicle, -push, period_s)
+        return speeds, Seen(push, state.velocity_m_s, jnp.ones_like(memory.begun))
+
+
+def pull_of_rotors(state: State, vehicle: Vehicle) -> Float[Array, "3"]:
+    """Return the acceleration that rotors in still air and the weight give [m/s2]."""
+    speed = state.rotor_speed_rad_s
+    thrust = vehicle.thrust_coefficient * jnp.sum(speed * speed) / vehicle.mass_kg
+    zero = jnp.zeros_like(thrust)
+    up = jnp.stack(turned(four(state.quaternion), (zero, zero, thrust)))
+    return up.at[2].add(-FLIGHT_GRAVITY)
+
+
+def pull_within(
+    vehicle: Vehicle,
+    gains: Gains,
+    away: Vector,
+    velocity: Vector,
+    memory: Float[Array, "3"],
+    period_s: Float[Array, ""],
+) -> tuple[Vector, Vector]:
+    """Return the pull to ask for [m/s2], and the integral afterwards [m/s2].
+
+    Args:
+        vehicle: The vehicle.
+        gains: Of the hold.
+        away: From the target to the vehicle [m].
+        velocity: World [m/s].
+        memory: The integral so far.
+        period_s: Since the turn before.
+    """
+    k_p, k_d, k_i = map(three, (gains.position, gains.velocity, gains.integral))
+    limit = gains.integral_limit
+    gained = [-k * period_s * x for k, x in zip(k_i, away, strict=True)]
+    sums = [
+        jnp.clip(total + gain, -limit, limit)
+        for total, gain in zip(memory, gained, strict=True)
+    ]
+    back, dive = -k_p[2] * away[2], -k_d[2] * DESCENT_M_S
+    east, north = (sums[n] - k_p[n] * away[n] - k_d[n] * velocity[n] for n in (0, 1))
+    up = sums[2] + jnp.maximum(back, dive) - k_d[2] * velocity[2] + FLIGHT_GRAVITY
+    pull, leans, low, high = limited_pull(vehicle, (east, north, up))
+    low = (back < dive) | low
+    winds = (
+        leans & (gained[0] * east > 0),
+        leans & (gained[1] * north > 0),
+        (low & (gained[2] < 0)) | (high & (gained[2] > 0)),
+    )
+    first, second, third = (
+        jnp.where(stays, before, after)
+        for stays, before, after in zip(winds, memory, sums, strict=True)
+    )
+    return pull, (first, second, third)
+
+
+def limited_pull(vehicle: Vehicle, asked: Vector) -> tuple[Vector, Flag, Flag, Flag]:
+    """Return a pull within limits, and whether it was cut across, below and above.
+
+    Args:
+        vehicle: The vehicle.
+        asked: East, north, up [m/s2], weight included.
+    """
+    east, north, up = asked
+    speed = vehicle.rotor_speed_max_rad_s
+    most = 4 * vehicle.thrust_coefficient * speed * speed / vehicle.mass_kg
+    floor = THRUST_FLOOR * FLIGHT_GRAVITY
+    held = jnp.minimum(jnp.maximum(up, floor), most)
+    across = TILT_SLOPE * held
+    square = east * east + north * north
+    leans = square > across * across
+    share = jnp.where(leans, across / jnp.sqrt(jnp.where(leans, square, 1)), 1)
+    return (share * east, share * north, held), leans, up < floor, up > most

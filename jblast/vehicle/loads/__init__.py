@@ -1,1 +1,1 @@
-"""What pushes a vehicle besides its rotors."""
+"""Loads on a vehicle: blasts, pulses, gusts."""

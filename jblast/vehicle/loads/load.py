@@ -1,28 +1,34 @@
-"""Loads on a vehicle beside air and weight, and the step's share of a short pulse.
+"""Loads on a vehicle besides air and weight, short pulses, and gusts.
 
-A load is a function of time and state. A pulse tells its impulse between two times
-instead: what falls into a step acts there as a constant force, so that the impulse is
-whole whatever the step, even where the pulse is shorter.
+A load is a function of time and state. A pulse gives its impulse between two times: the
+part within a step acts there as a constant force, so that the impulse is complete
+whatever the step, even where the pulse is shorter.
+
+Gusts are winds that fill the whole air simultaneously: a step, an N-wave, a Friedlander
+pulse. Each has its limit from inside at its beginning and is zero before it. A gust
+with an infinite beginning never blows.
 """
 
 from collections.abc import Sequence
 from typing import Any, Protocol, runtime_checkable
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from jblast.vehicle.dynamics.components import (
+from jblast.vehicle.dynamics import Wrench
+from jblast.vehicle.quadrotor import Vehicle, floats
+from jblast.vehicle.state import (
     Number,
+    State,
     StateComponents,
     Vector,
     add,
     joined,
     three,
 )
-from jblast.vehicle.dynamics.equations import Wrench
-from jblast.vehicle.dynamics.state import State
-from jblast.vehicle.quadrotor.parameters import Vehicle
+from jblast.waves.waveform import modified_friedlander_pressure
 
 
 @runtime_checkable
@@ -146,3 +152,68 @@ def _plus(
         return x * scale, y * scale, z * scale
 
     return add(total[0], scaled(given[0])), add(total[1], scaled(given[1]))
+
+
+class StepGust(eqx.Module):
+    """Still air, then a steady wind.
+
+    Attributes:
+        velocity_m_s: East, north, up [m/s].
+        start_s: When it sets in [s].
+    """
+
+    velocity_m_s: Float[Array, "3"] = eqx.field(converter=floats)
+    start_s: Float[Array, ""] = eqx.field(converter=floats)
+
+    def __call__(
+        self, time_s: Float[Array, ""], position_m: Float[Array, "3"]
+    ) -> Float[Array, "3"]:
+        """Velocity of the air [m/s]."""
+        return jnp.where(time_s >= self.start_s, self.velocity_m_s, 0)
+
+
+class NWaveGust(eqx.Module):
+    """A wind that falls straight from a peak to its opposite: zero in the mean.
+
+    Attributes:
+        velocity_m_s: At the peak: east, north, up [m/s].
+        start_s: When it sets in [s].
+        duration_s: How long it lasts [s].
+    """
+
+    velocity_m_s: Float[Array, "3"] = eqx.field(converter=floats)
+    start_s: Float[Array, ""] = eqx.field(converter=floats)
+    duration_s: Float[Array, ""] = eqx.field(converter=floats)
+
+    def __call__(
+        self, time_s: Float[Array, ""], position_m: Float[Array, "3"]
+    ) -> Float[Array, "3"]:
+        """Velocity of the air [m/s]."""
+        begun = time_s >= self.start_s
+        phase = jnp.where(begun, time_s - self.start_s, 0) / self.duration_s
+        return self.velocity_m_s * jnp.where(begun & (phase <= 1), 1 - 2 * phase, 0)
+
+
+class FriedlanderGust(eqx.Module):
+    """A blast wind with the shape of Friedlander's pulse, tail and all.
+
+    Attributes:
+        velocity_m_s: At the peak: east, north, up [m/s].
+        start_s: When it sets in [s].
+        duration_s: Of its positive phase [s].
+        decay: $b$ [-], positive.
+    """
+
+    velocity_m_s: Float[Array, "3"] = eqx.field(converter=floats)
+    start_s: Float[Array, ""] = eqx.field(converter=floats)
+    duration_s: Float[Array, ""] = eqx.field(converter=floats)
+    decay: Float[Array, ""] = eqx.field(converter=floats, default=1.0)
+
+    def __call__(
+        self, time_s: Float[Array, ""], position_m: Float[Array, "3"]
+    ) -> Float[Array, "3"]:
+        """Velocity of the air [m/s]."""
+        since = jnp.where(time_s >= self.start_s, time_s - self.start_s, -1)
+        one = jnp.ones_like(since)
+        shape = modified_friedlander_pressure(since, one, self.duration_s, self.decay)
+        return self.velocity_m_s * shape

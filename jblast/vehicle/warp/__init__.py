@@ -1,1 +1,6 @@
-"""The same flight in Warp: whole rollouts in registers."""
+"""Flights as Warp kernels: a whole rollout in registers. Imported only for a kernel."""
+
+import warp as wp
+
+wp.config.log_level = wp.LOG_ERROR
+"""It greets on stdout, where an answer may stand, and warns where there is no GPU."""

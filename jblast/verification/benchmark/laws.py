@@ -22,7 +22,7 @@ from jblast.fidelity.measured_errors import (
 from jblast.fidelity.reference import REFERENCES
 from jblast.fidelity.timing import seconds
 from jblast.progress import in_words
-from jblast.quantity_table import QUANTITIES
+from jblast.quantities import QUANTITIES
 from jblast.registry import call, law_for
 from jblast.scene.charge import Burst
 from jblast.verification.benchmark.chart import (

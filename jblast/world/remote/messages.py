@@ -15,9 +15,9 @@ from typing import Any
 import numpy as np
 
 from jblast.errors import InputError, needed, shown
-from jblast.parameter_table import PARAMETERS
+from jblast.parameters import PARAMETERS
 from jblast.scene import Charge, Scene
-from jblast.scene.explosives import EXPLOSIVES
+from jblast.scene.charge import EXPLOSIVES
 from jblast.waves.propagation import ambient, sound_speed_of
 from jblast.world.perceived import Perceived
 from jblast.world.server import (

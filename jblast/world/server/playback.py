@@ -43,8 +43,8 @@ from jblast.sensors import Heard, Track, heard, microphone, pressure_gauge, reco
 from jblast.sensors.signal.blocks import BLOCK
 from jblast.types import as_float_array
 from jblast.vehicle import BlastLoad, State, Vehicle, blast_load, named, rotor_speeds
-from jblast.vehicle.loads.blast.from_scene import images_of
-from jblast.vehicle.loads.blast.passage import Blast, crossing_time
+from jblast.vehicle.from_scene import images_of
+from jblast.vehicle.loads.blast_wave import Blast, crossing_time
 from jblast.waves.propagation import TAIL_S, sound_speed_of
 from jblast.waves.pulse import GroundPulse
 from jblast.world.drawn import DrawnWorld

@@ -6,7 +6,7 @@ import pytest
 from calibration import gauge_200g
 from calibration.gauge_200g_text import text_200g
 from calibration.gauge_figure import figure
-from jblast.scene.explosives import EXPLOSIVES
+from jblast.scene.charge import EXPLOSIVES
 from jblast.waves.laws.kinney_graham import kinney_graham_duration
 from jblast.waves.waveform import (
     friedlander_impulse,

@@ -9,7 +9,7 @@ import pytest
 
 from jblast.constants import STANDARD_SOUND_SPEED
 from jblast.inference.mode.starts import layout_size, start_sd, starts, typical_step
-from jblast.parameter_table import PARAMETERS
+from jblast.parameters import PARAMETERS
 from jblast.scene import LogNormal
 from tests.catalogue import AROUND, BOTH, TRUTH
 from tests.inference.shots import shot

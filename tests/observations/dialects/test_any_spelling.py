@@ -10,8 +10,7 @@ from hypothesis import given, settings, strategies as st
 
 from jblast.errors import InputError
 from jblast.observations import read
-from jblast.units import our_name, overpressure, si_factor
-from jblast.units.vocabulary import LENGTHS, PRESSURES, TIMES
+from jblast.units import LENGTHS, PRESSURES, TIMES, our_name, overpressure, si_factor
 
 PLAIN = settings(deadline=None, max_examples=60)
 NUMBERS = st.floats(1e-6, 1e9, allow_nan=False).map(lambda x: float(f"{x:.12g}"))

@@ -9,7 +9,7 @@ from jblast.inference.tuning.tunables import TUNABLES
 from jblast.report.tune import key_words
 from jblast.report.tune_files import moved, scene_text, tuned_document
 from jblast.scene.reader.scene import scene_from_document
-from jblast.scene.reader.schema import KEYS
+from jblast.scene.reader.tables import KEYS
 
 SCENES = [
     path

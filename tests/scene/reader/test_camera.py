@@ -5,7 +5,7 @@ import pytest
 
 from jblast.errors import InputError
 from jblast.scene import Camera, look_at
-from jblast.scene.reader.camera import read_camera
+from jblast.scene.reader.scene import read_camera
 
 PLACED = {
     "position_m": "[0, -50, 2]",

@@ -9,9 +9,9 @@ from scipy.spatial.transform import Rotation
 
 from jblast.errors import InputError
 from jblast.scene import Camera, look_at, matrix_quaternion, quaternion_matrix
-from jblast.scene.reader.camera import read_camera
+from jblast.scene.reader.scene import read_camera
 from jblast.sensors.camera.geometry.projection import to_camera
-from jblast.vehicle.dynamics.components import four, rotation, three, times
+from jblast.vehicle.state import four, rotation, three, times
 
 QUARTER = np.array([0.0, 0.0, np.sqrt(0.5), np.sqrt(0.5)])
 """A quarter turn to the left about up: from east to north, from north to west."""

@@ -6,9 +6,9 @@ from hypothesis import given, settings, strategies as st
 
 from jblast.errors import InputError
 from jblast.scene import UncertainScene, WorldSpec
-from jblast.scene.parameters import value_of
 from jblast.scene.reader.scene import scene_from_document, world_from_document
-from jblast.scene.reader.schema import KEYS, LATER
+from jblast.scene.reader.tables import KEYS, LATER
+from jblast.scene.uncertain import value_of
 from tests.scene.reader.alone import ALONE
 
 NUMBER = st.one_of(

@@ -3,9 +3,8 @@
 import pytest
 from hypothesis import given, strategies as st
 
-from jblast.quantities import ADDITIVE
-from jblast.quantity_table import QUANTITIES
-from jblast.scene.reader.records import read_records, share_text
+from jblast.quantities import ADDITIVE, QUANTITIES
+from jblast.scene.reader.sensors import read_records, share_text
 
 
 @pytest.mark.parametrize("text", ["5%", " 5 % ", "5.0%", "0.5e1%", "5.%"])

@@ -12,7 +12,7 @@ from jblast.scene import (
     Uniform,
     draw_scene,
 )
-from jblast.scene.parameters import value_of, with_values
+from jblast.scene.uncertain import value_of, with_values
 from tests.scene.reader.alone import ALONE
 
 FULL = """

@@ -3,12 +3,11 @@ import tomllib
 import pytest
 
 from jblast.errors import InputError
-from jblast.scene.reader.scene import scene_from_document
-from jblast.scene.reader.schema import KEYS, VEHICLE_MODELS
-from jblast.scene.reader.vehicle import read_vehicle
+from jblast.scene.reader.scene import read_vehicle, scene_from_document
+from jblast.scene.reader.tables import KEYS, VEHICLE_MODELS
 from jblast.vehicle import hold_of
-from jblast.vehicle.control.gains import NAMED
-from jblast.vehicle.quadrotor.models import PARAMETERS
+from jblast.vehicle.control.position_hold import NAMED
+from jblast.vehicle.quadrotor import PARAMETERS
 
 PLACED = {"model": '"iris"', "position_m": "[10, -5, 2]"}
 

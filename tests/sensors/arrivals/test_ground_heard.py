@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from jblast.scene import Air, Charge, Ground, Scene
-from jblast.scene.ground import GroundPath
+from jblast.scene.scene import GroundPath
 from jblast.sensors import Layout, Track, heard, overpressure, record
 from jblast.sensors.arrivals.laws import DEFAULT_GROUND_LAWS
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from jblast.registry import law_for
-from jblast.scene.explosives import tnt_factor
+from jblast.scene.charge import tnt_factor
 from jblast.sensors.calculator.forward import (
     calculate,
     calculated_laws,

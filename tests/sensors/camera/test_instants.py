@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from jblast.scene import Camera, Charge, Scene
-from jblast.scene.pose import look_at
+from jblast.scene.camera import look_at
 from jblast.sensors.camera.events.exact.fireball import render_events
 from jblast.sensors.camera.events.noise import NoiseModel
 from jblast.sensors.camera.events.noisy import noisy_stream

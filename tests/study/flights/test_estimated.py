@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from jblast.scene import Charge, Scene, UncertainScene, VehicleSpec
-from jblast.scene.priors import Normal
+from jblast.scene.uncertain import Normal
 from jblast.study.flights.fly import fly
 from jblast.study.flights.records import Options
 

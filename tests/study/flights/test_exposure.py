@@ -9,8 +9,8 @@ from jblast.scene import Charge, Scene
 from jblast.study.flights.encounter import Profile, encounter_at, load_of
 from jblast.study.flights.exposure import Exposure, exposed
 from jblast.vehicle import State, blast_load, named
-from jblast.vehicle.quadrotor.models import PARAMETERS
-from jblast.vehicle.thresholds import THRESHOLDS
+from jblast.vehicle.metrics import THRESHOLDS
+from jblast.vehicle.quadrotor import PARAMETERS
 
 CRAZYFLIE = named("crazyflie")
 TIME = np.linspace(0.0, 1.0, 1001)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from jblast.scene import UncertainScene, read_scene
-from jblast.scene.parameters import with_values
+from jblast.scene.uncertain import with_values
 from jblast.study import run
 from jblast.study.engine.mesh import mesh_of
 from jblast.study.flights.fly import fly

@@ -6,9 +6,9 @@ import pytest
 
 from jblast.constants import FLIGHT_GRAVITY
 from jblast.vehicle import named
-from jblast.vehicle.control.hover import hover_in_wind
-from jblast.vehicle.dynamics.components import components, three, turned
-from jblast.vehicle.dynamics.equations import air_wrench
+from jblast.vehicle.control.allocation import hover_in_wind
+from jblast.vehicle.dynamics import air_wrench
+from jblast.vehicle.state import components, three, turned
 
 PLACE = jnp.array([1.0, 2.0, 3.0])
 

@@ -16,7 +16,7 @@ from jblast.vehicle import (
     rotor_speeds,
     simulate,
 )
-from jblast.vehicle.control.margins import LOOPS, hold_margins, is_stable
+from jblast.vehicle.control.stability import LOOPS, hold_margins, is_stable
 from tests.vehicle.flights import at_hover
 
 NAMES = ("crazyflie", "hummingbird", "iris")

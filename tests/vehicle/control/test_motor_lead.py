@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 
 from jblast.vehicle import PositionHold, StepGust, named, named_gains, simulate
-from jblast.vehicle.control.margins import hold_margins
-from jblast.vehicle.control.motor_lead import led
-from jblast.vehicle.control.step_limit import chains, growth
+from jblast.vehicle.control.allocation import led
+from jblast.vehicle.control.stability import chains, growth, hold_margins
 from tests.vehicle.flights import at_hover
 
 LEAD = 3.0

@@ -13,7 +13,7 @@ from jblast.vehicle import (
     named_gains,
     simulate,
 )
-from jblast.vehicle.control.observed_hold import OBSERVER_RATE, pull_of_rotors
+from jblast.vehicle.control.position_hold import OBSERVER_RATE, pull_of_rotors
 from tests.vehicle.flights import at_hover
 
 IRIS = named("iris")

@@ -16,7 +16,7 @@ from jblast.vehicle import (
     simulate,
     step_limit,
 )
-from jblast.vehicle.control import step_limit as limit_of_steps
+from jblast.vehicle.control import stability as limit_of_steps
 from tests.vehicle.flights import GRAVITY, at_hover, hover_speed
 
 NAMES = ["crazyflie", "hummingbird", "iris"]

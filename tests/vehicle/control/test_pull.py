@@ -7,8 +7,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from jblast.vehicle import PositionHold, named, named_gains, rotor_speeds
-from jblast.vehicle.control.pull import pull_within
-from jblast.vehicle.dynamics.components import three
+from jblast.vehicle.control.position_hold import pull_within
+from jblast.vehicle.state import three
 from tests.vehicle.flights import at_hover
 
 IRIS = named("iris")

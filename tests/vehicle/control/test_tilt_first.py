@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from jblast.vehicle.control.tilt_first import YAW_WEIGHT, attitude_error
+from jblast.vehicle.control.cascade import YAW_WEIGHT, attitude_error
 
 FLAT = 1e-7
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from jblast.vehicle import StepGust, from_parameters, named, simulate
-from jblast.vehicle.quadrotor.models import PARAMETERS
+from jblast.vehicle.quadrotor import PARAMETERS
 from tests.vehicle.flights import GRAVITY, at_hover, hover_speed, tumbling
 
 STILL = np.zeros(4)

@@ -3,7 +3,7 @@
 import jax.numpy as jnp
 import numpy as np
 
-from jblast.vehicle.quadrotor.numbers import in_precision
+from jblast.vehicle.quadrotor import in_precision
 
 
 def test_numbers_of_any_origin_fly_by_one_program():

@@ -10,7 +10,7 @@ from jblast.vehicle import (
     named,
     named_gains,
 )
-from jblast.vehicle.quadrotor.models import PARAMETERS
+from jblast.vehicle.quadrotor import PARAMETERS
 from tests.vehicle.flights import at_hover
 
 CRAZYFLIE = PARAMETERS["crazyflie"]

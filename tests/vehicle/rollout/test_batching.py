@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jblast.vehicle.rollout.batching import over_lanes
+from jblast.vehicle.rollout import over_lanes
 
 
 @pytest.mark.parametrize("count", [1, 4, 5, 7, 8])

@@ -6,9 +6,7 @@ from typing import Any
 import jax.numpy as jnp
 import pytest
 
-from jblast.vehicle.rollout.scan import fly
-from jblast.vehicle.rollout.step import Now, OneStep
-from jblast.vehicle.rollout.timetable import Ticks
+from jblast.vehicle.rollout import Now, OneStep, Ticks, fly
 
 few = sys.modules[fly.__module__]._few
 

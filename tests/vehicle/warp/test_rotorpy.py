@@ -10,14 +10,7 @@ import numpy as np
 import pytest
 
 from calibration.rotorpy_flights import DURATION, EVERY, FLIGHTS, HELD, HOVER, commands
-from jblast.vehicle import (
-    FriedlanderGust,
-    NWaveGust,
-    State,
-    StepGust,
-    named,
-    simulate,
-)
+from jblast.vehicle import FriedlanderGust, NWaveGust, State, StepGust, named, simulate
 
 TABLE = Path(__file__).parents[3] / "calibration/data/rotorpy_flights.csv"
 GUSTS = {

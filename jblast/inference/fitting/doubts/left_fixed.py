@@ -19,7 +19,7 @@ from jblast.inference.mode.row_subset import is_long
 from jblast.observations import Observations
 from jblast.observations.clocks import clocks_apart
 from jblast.observations.scenes import PLACE, clocks_to_free
-from jblast.parameter_table import CLOCK_OFFSET
+from jblast.parameters import CLOCK_OFFSET
 from jblast.progress import each
 from jblast.quantities import ARRIVALS, CLOCK_TIMES
 from jblast.scene import UncertainScene

@@ -10,7 +10,7 @@ from jblast.inference.fitting.place.confidence_ellipse import charge_ellipse
 from jblast.inference.fitting.result import Fit
 from jblast.inference.posterior.estimate import Estimate
 from jblast.observations.clocks import written
-from jblast.parameter_table import CLOCK_OFFSET
+from jblast.parameters import CLOCK_OFFSET
 
 
 @dataclass(frozen=True)

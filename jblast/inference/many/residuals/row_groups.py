@@ -8,7 +8,7 @@ import numpy as np
 
 from jblast.inference.many.residuals.fold import Cell
 from jblast.inference.posterior.parameters import Parameters
-from jblast.parameter_table import CLOCK_OFFSET
+from jblast.parameters import CLOCK_OFFSET
 from jblast.sensors import Layout
 from jblast.sensors.record import record
 

@@ -16,7 +16,7 @@ from jaxtyping import Array, Float
 
 from jblast.inference.many.residuals.rows import LaneRows
 from jblast.scene import Scene, with_values
-from jblast.scene.parameters import value_of
+from jblast.scene.uncertain import value_of
 from jblast.sensors import Layout
 from jblast.sensors.record import record
 

@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Float
 
 from jblast.errors import InputError, nearest, read_text, shown
-from jblast.scene.reader.priors import finite, fixed_list
+from jblast.scene.reader.tables import finite, fixed_list
 from jblast.sensors.camera.rendering.billboards import upright
 
 INDEX = "views.toml"

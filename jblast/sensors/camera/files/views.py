@@ -31,7 +31,7 @@ import numpy as np
 from jaxtyping import Float
 
 from jblast.errors import InputError, shown
-from jblast.scene.reader.priors import fixed_list
+from jblast.scene.reader.tables import fixed_list
 from jblast.sensors.camera.files.frames import frame_files, read_pictures
 from jblast.sensors.camera.files.view_index import (
     direction_of,

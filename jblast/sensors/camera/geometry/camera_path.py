@@ -6,8 +6,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from jblast.scene.camera import Camera
-from jblast.scene.pose import quaternion_matrix, quaternion_product
+from jblast.scene.camera import Camera, quaternion_matrix, quaternion_product
 from jblast.sensors.camera.geometry.pixel_rays import Rays, pixel_rays
 
 

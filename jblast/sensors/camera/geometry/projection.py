@@ -4,8 +4,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike, Bool, Float
 
-from jblast.scene.camera import Camera
-from jblast.scene.pose import quaternion_matrix
+from jblast.scene.camera import Camera, quaternion_matrix
 from jblast.sensors.camera.geometry.distortion import distort, unfolded
 from jblast.types import as_float_array
 

@@ -6,8 +6,7 @@ from jax.core import Tracer
 from jaxtyping import Array, ArrayLike, Float
 
 from jblast.errors import InputError, shown
-from jblast.scene.camera import Camera
-from jblast.scene.pose import quaternion_matrix
+from jblast.scene.camera import Camera, quaternion_matrix
 from jblast.sensors.camera.geometry.distortion import (
     distort,
     distortion_jacobian,

@@ -10,8 +10,8 @@ from jaxtyping import Bool, Float
 
 from jblast.errors import InputError
 from jblast.vehicle import named, simulate
-from jblast.vehicle.dynamics.components import unit
-from jblast.vehicle.rollout.timetable import timetable
+from jblast.vehicle.rollout import timetable
+from jblast.vehicle.state import unit
 from jblast.verification.stability.failure import FailureMode, verified
 from jblast.verification.stability.flights.blasts import charge_failures, near_failure
 from jblast.verification.stability.flights.hold_limits import (

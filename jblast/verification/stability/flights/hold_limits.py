@@ -25,7 +25,7 @@ from jblast.vehicle import (
     simulate,
     step_limit,
 )
-from jblast.vehicle.quadrotor.models import PARAMETERS
+from jblast.vehicle.quadrotor import PARAMETERS
 from jblast.verification.stability.failure import FailureMode, verified
 
 NAMES = tuple(PARAMETERS)

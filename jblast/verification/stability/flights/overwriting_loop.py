@@ -4,7 +4,7 @@ from typing import no_type_check
 
 import warp as wp
 
-import jblast.vehicle.warp.kernels  # noqa: F401 - which keeps Warp quiet
+import jblast.vehicle.warp  # noqa: F401 - which keeps Warp quiet
 
 STEP = 0.02
 

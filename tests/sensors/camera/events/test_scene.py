@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from jblast.scene import Camera, Charge, Scene
-from jblast.scene.pose import look_at
+from jblast.scene.camera import look_at
 from jblast.sensors.camera import (
     LUMINANCE,
     NoiseModel,

@@ -4,8 +4,7 @@ import jax.numpy as jnp
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from jblast.scene.camera import FORWARD
-from jblast.scene.pose import quaternion_matrix, quaternion_product
+from jblast.scene.camera import FORWARD, quaternion_matrix, quaternion_product
 from jblast.sensors.camera.geometry.camera_path import (
     CameraPath,
     camera_rays,

@@ -10,8 +10,7 @@ import pytest
 
 from jblast.errors import InputError
 from jblast.scene import Charge, Scene
-from jblast.scene.camera import FORWARD
-from jblast.scene.pose import quaternion_product
+from jblast.scene.camera import FORWARD, quaternion_product
 from jblast.sensors.camera.events.stream import stream_events
 from jblast.sensors.camera.film import Film
 from jblast.sensors.camera.geometry.camera_path import CameraPath, carried_camera

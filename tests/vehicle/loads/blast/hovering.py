@@ -9,13 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jblast.scene import Charge, Scene
-from jblast.vehicle import (
-    BlastLoad,
-    State,
-    blast_load,
-    named,
-    simulate,
-)
+from jblast.vehicle import BlastLoad, State, blast_load, named, simulate
 
 CRAZYFLIE = named("crazyflie")
 

@@ -3,7 +3,7 @@
 import jax.numpy as jnp
 import numpy as np
 
-from jblast.vehicle.loads.blast.alike import over_alike
+from jblast.vehicle.loads.blast import over_alike
 
 
 def test_answers_come_in_the_order_of_values_whatever_their_kind():

@@ -9,12 +9,8 @@ import numpy as np
 import pytest
 
 from jblast.scene import Air, Scene
-from jblast.vehicle import (
-    blast_load,
-    simulate,
-)
-from jblast.vehicle.loads.blast.passage import blast_passage
-from jblast.vehicle.loads.blast.wave import wind_speed
+from jblast.vehicle import blast_load, simulate
+from jblast.vehicle.loads.blast_wave import blast_passage, wind_speed
 from tests.vehicle.loads.blast.hovering import CRAZYFLIE, held, hovering, plain, scene
 
 

@@ -9,8 +9,8 @@ import pytest
 from jblast.scene import Charge, Scene
 from jblast.sensors.carried.barometer import blast_overpressure
 from jblast.vehicle import blast_load
-from jblast.vehicle.loads.blast.wave import arrival_time, wave_at, wind_speed
-from jblast.vehicle.quadrotor.body import required_body
+from jblast.vehicle.loads.blast_wave import arrival_time, wave_at, wind_speed
+from jblast.vehicle.quadrotor import required_body
 from jblast.waves.height_of_burst import image_range
 from tests.vehicle.loads.blast.hovering import CRAZYFLIE, held, hovering, impulse
 

@@ -8,14 +8,8 @@ import pytest
 
 from jblast.errors import InputError
 from jblast.scene import Charge, Scene
-from jblast.vehicle import (
-    Each,
-    Pulse,
-    blast_load,
-    named,
-    simulate,
-)
-from jblast.vehicle.loads.blast.wave import density_ratio, overpressure, wind_speed
+from jblast.vehicle import Each, Pulse, blast_load, named, simulate
+from jblast.vehicle.loads.blast_wave import density_ratio, overpressure, wind_speed
 from tests.vehicle.loads.blast.hovering import (
     CRAZYFLIE,
     gained,

@@ -9,7 +9,7 @@ import pytest
 
 from jblast.scene import Charge, Scene
 from jblast.vehicle import BlastLoad, CustomProfile, Each, blast_load, named, simulate
-from jblast.vehicle.loads.impulse_table.table import custom_profile
+from jblast.vehicle.loads.impulse_table import custom_profile
 from tests.vehicle.flights import at_hover
 
 CRAFT = named("hummingbird")

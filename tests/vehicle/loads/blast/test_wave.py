@@ -9,7 +9,7 @@ import pytest
 from jax.test_util import check_grads
 
 from jblast.constants import STANDARD_PRESSURE
-from jblast.vehicle.loads.blast.wave import (
+from jblast.vehicle.loads.blast_wave import (
     FIRST,
     LAST,
     RANGE,

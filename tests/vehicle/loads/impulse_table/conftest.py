@@ -2,7 +2,7 @@
 
 import pytest
 
-from jblast.vehicle.loads.impulse_table.file import read_custom_profile
+from jblast.vehicle.loads.impulse_table import read_custom_profile
 from tests.vehicle.loads.impulse_table.rows import ROWS, written
 
 

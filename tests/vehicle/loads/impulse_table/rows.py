@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
-from jblast.vehicle.loads.impulse_table.file import COLUMNS
+from jblast.vehicle.loads.impulse_table import COLUMNS
 
 # delay, distance, polar and azimuthal angle: seen towards (-1, -1, -1) and along x
 ASIDE = float(np.degrees(np.arccos(-1 / np.sqrt(3))))

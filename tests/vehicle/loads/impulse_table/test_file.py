@@ -4,8 +4,11 @@ import numpy as np
 import pytest
 
 from jblast.errors import InputError
-from jblast.vehicle.loads.impulse_table.file import COLUMNS, read_custom_profile
-from jblast.vehicle.loads.impulse_table.table import custom_profile
+from jblast.vehicle.loads.impulse_table import (
+    COLUMNS,
+    custom_profile,
+    read_custom_profile,
+)
 from tests.vehicle.loads.impulse_table.rows import ASIDE, ROWS, written
 
 # the thesis's own sample, custom_blast_impulses.csv beside its code

@@ -10,8 +10,7 @@ import pytest
 
 from jblast.errors import InputError
 from jblast.vehicle import Pulse, State, named, simulate
-from jblast.vehicle.loads.impulse_table.file import read_custom_profile
-from jblast.vehicle.loads.impulse_table.table import custom_profile
+from jblast.vehicle.loads.impulse_table import custom_profile, read_custom_profile
 from tests.vehicle.loads.impulse_table.rows import ROWS, written
 
 CRAZYFLIE = named("crazyflie")

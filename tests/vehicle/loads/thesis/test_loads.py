@@ -8,10 +8,11 @@ import pytest
 
 from jblast.scene import Charge, Scene
 from jblast.vehicle import State, coded_load, named, printed_load
-from jblast.vehicle.loads.thesis.coded import coded_angular_impulse, coded_impulse
-from jblast.vehicle.loads.thesis.printed import (
+from jblast.vehicle.loads.thesis import (
     DISTANCES_M,
     MOMENTS_N_M_S,
+    coded_angular_impulse,
+    coded_impulse,
     printed_angular_impulse,
     printed_impulse,
 )

@@ -1,0 +1,388 @@
+"""Every number of a scene that may be fixed, free or uncertain, described once.
+
+A row has the name, the SI unit, the place in a scene file, the default and the bounds
+of a number, and how far apart the starts of a search for it lie. The table is pure data
+and is read without JAX: by the reader of scene files, by `--help`, by fits for their
+starting points, and by reports for names. A number of one of several charges is named
+`NAME.CHARGE`; the offset of a sensor's or recorder's clock is `clock_offset_s.CLOCK`.
+"""
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal, NamedTuple, overload
+
+from jblast.constants import (
+    AIR_HEAT_CAPACITY_RATIO,
+    GRANITE_P_SPEED,
+    STANDARD_PRESSURE,
+    STANDARD_SOUND_SPEED,
+    STANDARD_TEMPERATURE,
+)
+
+CHARGE_POSITION = ("charge_east_m", "charge_north_m", "charge_up_m")
+CLOCK_OFFSET = "clock_offset_s"
+"""`clock_offset_s.NAME` is the offset of a sensor's, or of a recorder's, clock."""
+if TYPE_CHECKING:  # options of the command line are bounded too, and wait for no NumPy
+    import numpy as np
+
+
+@dataclass(frozen=True)
+class Bounds:
+    """Where a number may lie. A bound that is not there refuses nothing, not even NaN.
+
+    Attributes:
+        above: It is larger than this.
+        at_least: It is at least this.
+        at_most: It is at most this.
+    """
+
+    above: float = -math.inf
+    at_least: float = -math.inf
+    at_most: float = math.inf
+
+    @overload
+    def allows(self, value: float) -> bool: ...
+
+    @overload
+    def allows(self, value: "np.ndarray") -> "np.ndarray": ...
+
+    def allows(self, value):
+        """Return whether a number lies within the bounds; of an array, where."""
+        return (
+            ((value > self.above) | (self.above == -math.inf))
+            & ((value >= self.at_least) | (self.at_least == -math.inf))
+            & ((value <= self.at_most) | (self.at_most == math.inf))
+        )
+
+    def words(self) -> str:
+        """Return the bounds in words: what a number that keeps them is."""
+        if math.isfinite(self.at_most):
+            return f"between {self.at_least:g} and {self.at_most:g}"
+        if self.above == 0:
+            return "positive"
+        if math.isfinite(self.above):
+            return f"above {self.above:g}"
+        return "not negative" if self.at_least == 0 else f"at least {self.at_least:g}"
+
+
+# Air temperatures are those of Earth's troposphere, with room to spare; the standard
+# atmosphere's lowest layer ends at 11 km. No wind on the ground reaches 100 m/s.
+TEMPERATURES = Bounds(at_least=150.0, at_most=400.0)
+ALTITUDES = Bounds(at_least=-500.0, at_most=11_000.0)
+WINDS = Bounds(at_least=-100.0, at_most=100.0)
+PLACE_LIMITS = {
+    "lat_deg": Bounds(at_least=-90.0, at_most=90.0),
+    "lon_deg": Bounds(at_least=-180.0, at_most=360.0),
+    "alt_m": Bounds(at_least=-1e3, at_most=1e5),
+}
+"""What latitudes, longitudes (-180 to 180, or 0 to 360) and heights may be."""
+
+
+@dataclass(frozen=True)
+class Key:
+    """Where a number stands in a scene file.
+
+    Attributes:
+        table: The table, or tables.
+        name: Of the key.
+        index: Its place in the key's list, None where it stands alone.
+    """
+
+    table: str
+    name: str
+    index: int | None = None
+
+
+POSITIVE = Bounds(above=0.0)
+
+
+class Spread(NamedTuple):
+    """How far searches for a free number begin from where it is expected.
+
+    Attributes:
+        amount: One standard deviation.
+        of: What the amount is counted in: "factor" multiplies the number; "unit" is the
+            number's own; "layout" is how far the sensors stand from one another, or
+            from the charge; "travel" is the time sound takes over that.
+    """
+
+    amount: float
+    of: Literal["factor", "unit", "layout", "travel"]
+
+
+UNBOUNDED = Bounds()
+
+
+@dataclass(frozen=True, kw_only=True)
+class Parameter:
+    """A number of a scene.
+
+    Attributes:
+        name: As in answers and on the command line; it ends in the unit.
+        unit: SI unit, "1" if there is none.
+        words: What a sentence calls it.
+        attribute: Where it lives in a scene of one charge; of a tuple there, the place
+            in it is the key's.
+        key: Where it stands in a scene file.
+        spread: Of the starts of a search for it.
+        default: Where a fit starts if nothing else is said.
+        bounds: Where it may lie.
+        takes_the_place_of: Numbers that are not used where it is given.
+        decides: Whether it decides which method suffices for a scene.
+        opening: How a sentence about it begins; "" leaves it to the words.
+    """
+
+    name: str
+    unit: str
+    words: str
+    attribute: str
+    key: Key
+    spread: Spread
+    default: float = 0.0
+    bounds: Bounds = UNBOUNDED
+    takes_the_place_of: tuple[str, ...] = ()
+    decides: bool = False
+    opening: str = ""
+
+    @property
+    def of_charge(self) -> bool:
+        """Whether each charge has its own."""
+        return self.key.table == "charge"
+
+    @property
+    def positive(self) -> bool:
+        """Whether it is fitted in ln: what is positive is looked for by factors."""
+        return self.spread.of == "factor"
+
+
+_ROWS = (
+    Parameter(
+        name="charge_mass_kg",
+        unit="kg",
+        words="charge mass",
+        attribute="charge.mass_kg",
+        key=Key("charge", "mass_kg"),
+        spread=Spread(100.0, "factor"),
+        default=1.0,
+        bounds=POSITIVE,
+        decides=True,
+        opening="The charge was {} of TNT",
+    ),
+    Parameter(
+        name="tnt_factor",
+        unit="1",
+        words="TNT factor",
+        attribute="charge.tnt_factor",
+        key=Key("charge", "tnt_factor"),
+        spread=Spread(1.5, "factor"),
+        default=1.0,
+        bounds=POSITIVE,
+        decides=True,
+    ),
+    Parameter(
+        name="charge_east_m",
+        unit="m",
+        words="charge east",
+        attribute="charge.position_m",
+        key=Key("charge", "position_m", 0),
+        spread=Spread(1.0, "layout"),
+        decides=True,
+        opening="It stood at east {}",
+    ),
+    Parameter(
+        name="charge_north_m",
+        unit="m",
+        words="charge north",
+        attribute="charge.position_m",
+        key=Key("charge", "position_m", 1),
+        spread=Spread(1.0, "layout"),
+        decides=True,
+        opening="It stood at north {}",
+    ),
+    Parameter(
+        name="charge_up_m",
+        unit="m",
+        words="charge up",
+        attribute="charge.position_m",
+        key=Key("charge", "position_m", 2),
+        spread=Spread(0.1, "layout"),
+        decides=True,
+        opening="It stood at height {}",
+    ),
+    Parameter(
+        name="charge_range_m",
+        unit="m",
+        words="range of the charge",
+        attribute="charge.range_m",
+        key=Key("charge", "range_m"),
+        spread=Spread(10.0, "factor"),
+        default=100.0,
+        bounds=POSITIVE,
+        takes_the_place_of=("charge_east_m", "charge_north_m"),
+        decides=True,
+        opening="It stood {} from the sensor",
+    ),
+    Parameter(
+        name="origin_time_s",
+        unit="s",
+        words="origin time",
+        attribute="charge.time_s",
+        key=Key("charge", "time_s"),
+        spread=Spread(1.0, "travel"),
+        opening="It exploded at {} on the sensors' clock",
+    ),
+    Parameter(
+        name="air_temperature_k",
+        unit="K",
+        words="air temperature",
+        attribute="air.temperature",
+        key=Key("air", "temperature_k"),
+        spread=Spread(1.05, "factor"),
+        default=STANDARD_TEMPERATURE,
+        bounds=TEMPERATURES,
+    ),
+    Parameter(
+        name="air_pressure_pa",
+        unit="Pa",
+        words="air pressure",
+        attribute="air.pressure",
+        key=Key("air", "pressure_pa"),
+        spread=Spread(1.1, "factor"),
+        default=STANDARD_PRESSURE,
+        bounds=POSITIVE,
+        decides=True,
+    ),
+    Parameter(
+        name="air_relative_humidity",
+        unit="1",
+        words="relative humidity",
+        attribute="air.relative_humidity",
+        key=Key("air", "relative_humidity"),
+        spread=Spread(1.5, "factor"),
+        default=0.5,
+        bounds=Bounds(at_least=0.0, at_most=1.0),
+    ),
+    Parameter(
+        name="air_altitude_m",
+        unit="m",
+        words="altitude",
+        attribute="air.altitude",
+        key=Key("air", "altitude_m"),
+        spread=Spread(1000.0, "unit"),
+        bounds=ALTITUDES,
+        takes_the_place_of=("air_temperature_k", "air_pressure_pa"),
+        decides=True,
+    ),
+    Parameter(
+        name="air_sound_speed_m_s",
+        unit="m/s",
+        words="air sound speed",
+        attribute="air.sound_speed",
+        key=Key("air", "sound_speed_m_s"),
+        spread=Spread(1.05, "factor"),
+        default=STANDARD_SOUND_SPEED,
+        bounds=POSITIVE,
+        opening="The speed of sound in the air was {}",
+    ),
+    Parameter(
+        name="wind_east_m_s",
+        unit="m/s",
+        words="wind to the east",
+        attribute="air.wind_east",
+        key=Key("air", "wind_m_s", 0),
+        spread=Spread(5.0, "unit"),
+        bounds=WINDS,
+    ),
+    Parameter(
+        name="wind_north_m_s",
+        unit="m/s",
+        words="wind to the north",
+        attribute="air.wind_north",
+        key=Key("air", "wind_m_s", 1),
+        spread=Spread(5.0, "unit"),
+        bounds=WINDS,
+    ),
+    Parameter(
+        name="ground_p_speed_m_s",
+        unit="m/s",
+        words="ground P-wave speed",
+        attribute="ground.p_speed",
+        key=Key("ground", "p_speed_m_s"),
+        spread=Spread(1.5, "factor"),
+        default=GRANITE_P_SPEED,
+        bounds=POSITIVE,
+        opening="The P-wave speed of the ground was {}",
+    ),
+    Parameter(
+        name="sedov_gamma",
+        unit="1",
+        words="ratio of specific heats",
+        attribute="sedov_gamma",
+        key=Key("law", "sedov_gamma"),
+        spread=Spread(1.05, "factor"),
+        default=AIR_HEAT_CAPACITY_RATIO,
+        bounds=Bounds(above=1.0),
+    ),
+    Parameter(
+        name="fireball_growth_s",
+        unit="s",
+        words="growth time of the fireball",
+        attribute="fireball_growth",
+        key=Key("law", "fireball_growth_s"),
+        spread=Spread(10.0, "factor"),
+        default=2.5e-3,  # that of the fireball of 15 kg
+        bounds=POSITIVE,
+    ),
+)
+PARAMETERS: dict[str, Parameter] = {row.name: row for row in _ROWS}
+"""Every number of a scene of one charge but those of clocks, by name."""
+CLOCK = Parameter(
+    name=CLOCK_OFFSET,
+    unit="s",
+    words="clock offset",
+    attribute="clock_offset_s",
+    key=Key("sensor", "clock_offset_s"),
+    spread=Spread(1.0, "travel"),
+)
+"""The offset of a clock, of which a scene may have many."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class DerivedNumber:
+    """What follows from the numbers of a scene; fields as in `Parameter`."""
+
+    name: str
+    unit: str
+    words: str
+    opening: str = ""
+
+
+DERIVED_NUMBERS: dict[str, DerivedNumber] = {
+    row.name: row
+    for row in (
+        DerivedNumber(
+            name="charge_tnt_mass_kg",
+            unit="kg",
+            words="TNT mass of the charge",
+            opening="The charge was worth {} of TNT",
+        ),
+        DerivedNumber(
+            name="charge_tnt_mass_by_impulse_kg", unit="kg", words="TNT mass by impulse"
+        ),
+        DerivedNumber(
+            name="charge_energy_j",
+            unit="J",
+            words="energy",
+            opening="Its energy was {}",
+        ),
+    )
+}
+"""What an answer adds to a fitted mass."""
+
+
+def described(name: str) -> Parameter | DerivedNumber | None:
+    """Return what the tables say of a number by any of its names; None of no such."""
+    base = name.partition(".")[0]
+    if base == CLOCK_OFFSET:
+        return CLOCK
+    return PARAMETERS.get(base) or DERIVED_NUMBERS.get(base)

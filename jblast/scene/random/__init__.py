@@ -1,1 +1,0 @@
-"""Random blasts: what a scene may say of them."""

@@ -1,0 +1,164 @@
+"""Random blasts of a scene: number, position, mass and time, fixed or with a prior."""
+
+import math
+from typing import Literal, NamedTuple
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, ArrayLike, Float
+
+from jblast.parameters import POSITIVE, Bounds, Key, Parameter, Spread
+from jblast.scene.uncertain import Prior, Uniform
+from jblast.types import as_float_array
+
+About = Literal["world", "vehicle"]
+ABOUT: tuple[About, ...] = ("world", "vehicle")
+"""What a region is about: the origin, or the place that the vehicle holds."""
+COUNT = 5
+"""Blasts where nobody says how many."""
+Number = Float[Array, ""] | Prior
+"""A number of a world: fixed, or with the distribution that it is drawn from."""
+WORLD_NUMBERS: dict[str, Parameter] = {
+    row.key.name: row
+    for row in (
+        Parameter(
+            name="world_mass_kg",
+            unit="kg",
+            words="mass of a random charge",
+            attribute="mass",
+            key=Key("world", "mass_kg"),
+            spread=Spread(2.0, "factor"),
+            default=10.0,
+            bounds=POSITIVE,
+        ),
+        Parameter(
+            name="world_time_s",
+            unit="s",
+            words="time of a random blast",
+            attribute="time",
+            key=Key("world", "time_s"),
+            spread=Spread(10.0, "unit"),
+            default=10.0,
+            bounds=Bounds(at_least=0.0),
+        ),
+        Parameter(
+            name="world_gap_s",
+            unit="s",
+            words="least time between random blasts",
+            attribute="gap",
+            key=Key("world", "gap_s"),
+            spread=Spread(1.0, "unit"),
+            default=0.5,
+            bounds=Bounds(at_least=0.0),
+        ),
+        Parameter(
+            name="world_rate_hz",
+            unit="1/s",
+            words="rate of random blasts",
+            attribute="rate",
+            key=Key("world", "rate_hz"),
+            spread=Spread(2.0, "factor"),
+            default=0.25,
+            bounds=POSITIVE,
+        ),
+    )
+}
+"""Numbers of a world of random blasts by their key in [world]: fixed, or a prior."""
+
+
+def _number(value: ArrayLike | Prior) -> Number:
+    return value if isinstance(value, Prior) else as_float_array(value)
+
+
+class Box(eqx.Module):
+    """Places are uniform between two corners.
+
+    Attributes:
+        low: Least east, north, up [m].
+        high: Greatest [m]; up may be the same.
+    """
+
+    low: Float[Array, "3"] = eqx.field(converter=as_float_array)
+    high: Float[Array, "3"] = eqx.field(converter=as_float_array)
+
+
+class Ring(eqx.Module):
+    """Places on the ground, uniform over the area of a ring.
+
+    Attributes:
+        inner: Least horizontal distance [m].
+        outer: Greatest [m].
+    """
+
+    inner: Float[Array, ""] = eqx.field(converter=as_float_array)
+    outer: Float[Array, ""] = eqx.field(converter=as_float_array)
+
+
+class ByCount(eqx.Module):
+    """So many blasts, their times uniform given the gaps.
+
+    Attributes:
+        count: How many.
+    """
+
+    count: int = eqx.field(static=True)
+
+
+class ByRate(eqx.Module):
+    """Waiting times beyond the gap are exponential.
+
+    Attributes:
+        rate: Of the exponential: 1 over its mean [1/s].
+    """
+
+    rate: Number = eqx.field(converter=_number)
+
+
+class ByTick(NamedTuple):
+    """At every tick a blast goes off or does not, as in the thesis (algorithm 4).
+
+    Attributes:
+        probability: That one does, at a tick at least the gap after the last [-].
+        tick: Time from tick to tick [s].
+    """
+
+    probability: float
+    tick: float
+
+
+class WorldSpec(eqx.Module):
+    """Random blasts. What draws them is `jblast.world`.
+
+    Attributes:
+        occurrence: How many there are, and how their times come about.
+        region: Where they go off.
+        about: What the region is about.
+        mass: Of each charge [kg].
+        time: On the common clock [s]: of each blast; for `ByRate` and `ByTick` a
+            `Uniform` from when to when there are any.
+        gap: Least time between two [s]; one number a world.
+    """
+
+    occurrence: ByCount | ByRate | ByTick = ByCount(COUNT)
+    region: Box | Ring = eqx.field(
+        default_factory=lambda: Box(
+            jnp.array([-50.0, -50.0, 0.0]), jnp.array([50.0, 50.0, 0.0])
+        )
+    )
+    about: About = eqx.field(static=True, default="world")
+    mass: Number = eqx.field(
+        converter=_number, default_factory=lambda: Uniform(5.0, 15.0)
+    )
+    time: Number = eqx.field(
+        converter=_number, default_factory=lambda: Uniform(1.0, 20.0)
+    )
+    gap: Number = eqx.field(converter=_number, default=WORLD_NUMBERS["gap_s"].default)
+
+    @property
+    def window(self) -> tuple[float, float]:
+        """From when to when there are blasts [s]; of any other prior, all times."""
+        if isinstance(self.time, Uniform):
+            return float(self.time.lo), float(self.time.hi)
+        if isinstance(self.time, Array):
+            return float(self.time), float(self.time)
+        return -math.inf, math.inf

@@ -1,0 +1,490 @@
+r"""Units at the end of names, and the conversion of values to SI.
+
+A name of a column or quantity from another tool ("Peak Overpressure (kPa)") is split
+into words and a unit, and matched with our names. `CALLED` lists foreign words with one
+meaning; these are converted. `NEAR` lists words with several meanings (an impulse may
+be reflected, a radius may be that of a fireball); these are refused, and the message
+names our quantity. Unit endings are matched in lower case, because column names are
+typed by hand, except MPa and mPa, which only case distinguishes. Factors of units that
+are not SI come from pint, in fractions.
+
+A product of a factor and a number as written is rounded once. 12.4 ms is 0.0124 s, but
+in floating point 12.4 and 0.001 are rounded before they are multiplied, and the product
+is 0.012400000000000001. Decimal arithmetic on the text loses nothing before the last
+step.
+
+Peak levels in decibels are not converted by a factor:
+
+$$L = 20 \log_{10}(p / p_0), \qquad p_0 = 20\,\mathrm{\mu Pa}$$
+
+so $\ln p = \ln p_0 + L \ln 10 / 20$. The logarithm of the pressure is linear in the
+level, and a symmetric error of $\sigma$ dB is exactly, at any size, an error of $\sigma
+\ln 10 / 20$ in $\ln p$. Errors of pressures count in the same way in a fit (in ln, as
+sigma/value), so the sigma of the pressure is $p\,\sigma \ln 10 / 20$: 1 dB is 11.5 %.
+In pascals the error is asymmetric (6 dB up is +100 %, 6 dB down -50 %), so it is never
+converted to a symmetric error in pascals.
+
+References:
+    IEC 61672-1:2013, 3.2 (reference 20 µPa) and 3.3 (peak sound pressure level, of the
+    largest magnitude of the pressure; here without frequency weighting, Z).
+"""
+
+import math
+import re
+from collections.abc import Sequence
+from decimal import Context, Decimal
+from fractions import Fraction
+from functools import cache
+from itertools import product
+from math import nan
+from typing import Any, NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+
+from jblast.errors import InputError, nearest, shown
+from jblast.quantities import QUANTITIES
+
+ANY = ("value", "sigma")
+"""Columns that take the unit of whatever was measured."""
+MOST = 12
+"""Units that a message names."""
+_DIGITS = Context(prec=40)
+"""Twice those of a float and more, so that a product is rounded but once."""
+REFERENCE_PA = 20e-6
+"""Pressure of a level of 0 dB [Pa]."""
+LN_PER_DB = math.log(10.0) / 20.0
+"""What a decibel is in the logarithm of a pressure."""
+SIGNS = {"µ": "u", "μ": "u", "°": " deg ", "%": " percent ", "/": " per ", "′": "'"}
+REFERENCE = re.compile(r"(?<=db)[^a-z0-9]*re[^a-z0-9]*20[^a-z0-9]*upa", re.IGNORECASE)
+"""The one reference of our levels: "dB re 20 uPa" is dB."""
+LONGEST = 3
+"""Words of the longest ending: m_per_s."""
+CALLED: dict[str, dict[str, str]] = {
+    "pressure": {
+        "overpressure": "peak_overpressure_pa",
+        "incident_overpressure": "peak_overpressure_pa",
+        "side_on_overpressure": "peak_overpressure_pa",
+        "peak_incident_overpressure": "peak_overpressure_pa",
+        "peak_side_on_overpressure": "peak_overpressure_pa",
+        "reflected_overpressure": "reflected_pressure_pa",
+        "peak_reflected_pressure": "reflected_pressure_pa",
+        "peak_reflected_overpressure": "reflected_pressure_pa",
+    },
+    "impulse": {
+        "incident_impulse": "positive_impulse_pa_s",
+        "side_on_impulse": "positive_impulse_pa_s",
+        "positive_phase_impulse": "positive_impulse_pa_s",
+    },
+    "time": {
+        "arrival": "air_arrival_s",
+        "arrival_time": "air_arrival_s",
+        "time_of_arrival": "air_arrival_s",
+        "toa": "air_arrival_s",
+        "positive_phase_duration": "positive_duration_s",
+        "flash": "flash_time_s",
+    },
+    "length": {"slant_range": "range_m", "shock_front_radius": "shock_radius_m"},
+    "speed": {
+        "peak_ground_velocity": "ground_peak_velocity_m_s",
+        "pgv": "ground_peak_velocity_m_s",
+    },
+    "level": {
+        "peak_level": "peak_overpressure_pa",
+        "peak_spl": "peak_overpressure_pa",
+        "peak_sound_pressure_level": "peak_overpressure_pa",
+    },
+}
+NEAR: dict[str, tuple[tuple[str, str], ...]] = {
+    "pressure": (("refl", "reflected_pressure_pa"), ("", "peak_overpressure_pa")),
+    "impulse": (("refl", "reflected_impulse_pa_s"), ("", "positive_impulse_pa_s")),
+    "time": (
+        ("duration", "positive_duration_s"),
+        ("diff", "arrival_difference_s"),
+        ("flash", "flash_time_s"),
+        ("ground", "ground_arrival_s"),
+        ("seismic", "ground_arrival_s"),
+        ("arriv", "air_arrival_s"),
+        ("toa", "air_arrival_s"),
+        ("time", "time_s"),
+    ),
+    "length": (
+        ("fireball", "fireball_radius_m"),
+        ("radius", "shock_radius_m"),
+        ("displ", "ground_displacement_m"),
+        ("range", "range_m"),
+        ("dist", "range_m"),
+        ("slant", "range_m"),
+        ("east", "east_m"),
+        ("north", "north_m"),
+        ("alt", "alt_m"),
+        ("height", "up_m"),
+        ("up", "up_m"),
+    ),
+    "speed": (("", "ground_peak_velocity_m_s"),),
+    "angle": (
+        ("bearing", "bearing_rad"),
+        ("azimuth", "bearing_rad"),
+        ("elev", "elevation_rad"),
+        ("lat", "lat_deg"),
+        ("lon", "lon_deg"),
+    ),
+    "level": (("", "peak_level_db"),),
+}
+"""By dimension: what a foreign name contains, and which of ours may be meant."""
+COLUMNS: dict[str, tuple[str, ...]] = {
+    "length": ("east_m", "north_m", "up_m", "range_m", "alt_m"),
+    "time": ("time_s",),
+}
+"""Our columns that have a unit, by dimension; latitudes have no other."""
+PRESSURES = {
+    "pa": "Pa", "upa": "uPa", "hpa": "hPa", "kpa": "kPa", "gpa": "GPa",
+    "bar": "bar", "mbar": "mbar", "atm": "atm", "torr": "torr", "mmhg": "mmHg",
+    "inhg": "inHg", "psi": "psi", "ksi": "ksi", "psf": "lbf/ft**2",
+    # gauge readings are above ambient, which is what an overpressure is
+    "psig": "psi", "kpag": "kPa", "barg": "bar",
+}  # fmt: skip
+TIMES = {
+    "s": "s", "sec": "s", "ms": "ms", "msec": "ms", "us": "us", "usec": "us",
+    "ns": "ns", "min": "min", "h": "hour", "hr": "hour",
+}  # fmt: skip
+LENGTHS = {
+    "m": "m", "km": "km", "cm": "cm", "mm": "mm", "um": "um", "nm": "nm",
+    "ft": "ft", "in": "inch", "yd": "yard", "mi": "mile", "nmi": "nautical_mile",
+}  # fmt: skip
+WRITTEN_OUT = {
+    "second": "s", "secs": "s", "millisecond": "ms", "msecs": "ms", "microsecond": "us",
+    "nanosecond": "ns", "minute": "min", "mins": "min", "hour": "h", "hrs": "h",
+    "metre": "m", "meter": "m", "kilometre": "km", "kilometer": "km",
+    "centimetre": "cm", "centimeter": "cm", "millimetre": "mm", "millimeter": "mm",
+    "foot": "ft", "feet": "ft", "inch": "in", "inches": "in", "yard": "yd",
+    "mile": "mi", "pascal": "pa", "hectopascal": "hpa", "kilopascal": "kpa",
+    "megapascal": "MPa", "millipascal": "mPa", "millibar": "mbar", "bars": "bar",
+    "degree": "deg", "radian": "rad", "milliradian": "mrad", "decibel": "db",
+    "kilogram": "kg", "gram": "g", "tonne": "t", "pound": "lb", "lbs": "lb",
+    "ounce": "oz", "knot": "kn", "pixel": "px",
+}  # fmt: skip
+"""Units by their full names, in the singular, and shortened otherwise."""
+ABSOLUTE = ("psia", "kpaa", "bara", "mbara")
+"""Endings of readings from vacuum, which are no overpressures."""
+WEIGHTED = ("dba", "db_a", "dbb", "db_b", "dbc", "db_c", "laeq", "leq")
+"""Endings of levels that are none of the unweighted peak."""
+MILLI_OR_MEGA = {"mpa": ("MPa", "mPa")}
+"""Endings that mean two units unless their case is right."""
+SHARE, LEVEL = "share", "level"
+"""Dimensions that have no unit of ours: per cent, and levels, which are logarithms."""
+SUFFIXES: dict[str, dict[str, str]] = {
+    "pressure": PRESSURES | {"MPa": "MPa", "mPa": "mPa"},
+    "impulse": {
+        f"{p}_{t}": f"({of}) * {during}"
+        for (p, of), (t, during) in product(
+            (PRESSURES | {"MPa": "MPa", "mPa": "mPa"}).items(), TIMES.items()
+        )
+    },
+    "time": TIMES,
+    "length": LENGTHS,
+    "speed": {
+        f"{length}{per}{time}": f"{of} / {during}"
+        for (length, of), (time, during), per in product(
+            LENGTHS.items(), TIMES.items(), ("_", "_per_")
+        )
+    }
+    | {"mph": "mile / hour", "kmh": "km / hour", "kn": "knot"},
+    "angle": {"rad": "rad", "mrad": "mrad", "deg": "degree"},
+    "mass": {"kg": "kg", "g": "g", "mg": "mg", "t": "tonne", "lb": "lb", "oz": "oz"},
+    "image": {"px": "px"},
+    SHARE: {"percent": "percent"},
+    LEVEL: {"db": "dB"},
+}  # fmt: skip
+"""Endings by dimension, and what each is to pint; levels are no factors (`levels`)."""
+SI = {
+    "pressure": "pa", "impulse": "pa_s", "time": "s", "length": "m", "speed": "m_s",
+    "angle": "rad", "mass": "kg", "image": "px",
+}  # fmt: skip
+"""The ending of ours, by dimension."""
+DIMENSIONS = tuple(SUFFIXES)
+
+
+class OurName(NamedTuple):
+    """What a foreign name is to us.
+
+    Attributes:
+        name: Our column or quantity; `value` and `sigma` are columns of any dimension.
+        factor: What values are multiplied by to be ours; NaN of a level in dB.
+        dimension: Of the unit, a key of `units.SUFFIXES`.
+        unit: As our names would end in it: "psi_ms".
+    """
+
+    name: str
+    factor: float
+    dimension: str
+    unit: str
+
+
+def our_name(foreign: str) -> OurName | None:
+    """Return our column or quantity that a name means, and its unit.
+
+    Blanks, case, brackets and signs do not count: "Peak Overpressure (kPa)" is
+    `peak_overpressure_kpa`. A name that could mean more than one thing means none.
+
+    Args:
+        foreign: A name that ends in a unit.
+    """
+    for word, unit in _taken_apart(foreign):
+        name = _names(unit.dimension).get(word)
+        if name is not None:
+            level = unit.dimension == LEVEL
+            factor = float("nan") if level else si_factor(unit.suffix)
+            return OurName(name, factor, unit.dimension, unit.suffix)
+    return None
+
+
+def dimension_of(name: str) -> str | None:
+    """Return the dimension of one of our columns or quantities; None of names."""
+    for dimension, suffix in SI.items():
+        if name in _names(dimension).values() and name.endswith(f"_{suffix}"):
+            return dimension
+    return None
+
+
+def what_to_write(foreign: str) -> str:
+    """Return "; ..." with what to write in place of a name that means nothing to us.
+
+    Names a unit that case must tell apart, the nearest unit, or ours with the factor.
+    """
+    words, whole = words_of(foreign), spelt(foreign)
+    if weighted := _level_of_another_kind(whole):
+        return weighted
+    for length in range(min(LONGEST, len(words) - 1), 0, -1):
+        word = "_".join(words[:-length]).lower()
+        meant = unit_spelt("_".join(words[-length:]))
+        if len(meant) > 1:
+            either = [f"{word}_{unit.suffix}" for unit in meant]
+            return (
+                "; its unit may be MPa or mPa, which case tells apart: write "
+                f"{' or '.join(either)}"
+            )
+        ours = any(word in _names(of) for of in SUFFIXES)
+        if meant and not ours and (near := _near(word, meant[0])):
+            return near
+    if words and words[-1].lower() in ABSOLUTE:
+        return "; it is absolute: subtract the ambient pressure, and write gauge units"
+    for dimension, suffixes in SUFFIXES.items():
+        for word, ours in _names(dimension).items():
+            if whole == word and ours not in ANY:
+                some = ", ".join(list(suffixes)[:6])
+                return f"; it has no unit: expected {ours}, or another ending ({some})"
+            if whole.startswith(f"{word}_"):
+                return _no_unit(whole.removeprefix(f"{word}_"), ours, dimension)
+    return ""
+
+
+def _level_of_another_kind(whole: str) -> str:
+    """Say of a level that is weighted, or re another pressure, what is expected."""
+    expected = "expected peak_level_db, of the unweighted peak, re 20 uPa"
+    if whole.endswith(tuple(f"_{ending}" for ending in WEIGHTED)):
+        return f"; it is a weighted or an equivalent level, not a peak: {expected}"
+    return f"; it is re another pressure: {expected}" if "_db_re_" in whole else ""
+
+
+def _no_unit(ending: str, ours: str, dimension: str) -> str:
+    """Say that an ending is no unit of one of ours, and which is near, or would be."""
+    if ours in ANY:
+        known = [suffix for of in SUFFIXES.values() for suffix in of]
+        return f"; {ending!r} is no unit{nearest(ending, known)}"
+    suffixes = SUFFIXES[dimension]
+    some = f"; expected one of {', '.join(list(suffixes)[:MOST])}"
+    return f"; {ending!r} is no unit of {dimension}{nearest(ending, suffixes) or some}"
+
+
+class Unit(NamedTuple):
+    """A unit that a name ends in.
+
+    Attributes:
+        dimension: Of which it is, a key of `SUFFIXES`.
+        suffix: As it ends our names: "kpa_ms".
+        pint: As pint calls it.
+    """
+
+    dimension: str
+    suffix: str
+    pint: str
+
+
+def _near(word: str, unit: Unit) -> str:
+    """Say which of ours a word beside a unit may mean."""
+    for contained, ours in NEAR.get(unit.dimension, ()):
+        if contained in word:
+            if unit.dimension == LEVEL:
+                return f"; ours is {ours}, of the unweighted peak, re 20 uPa"
+            if not ours.endswith(SI[unit.dimension]):
+                return f"; did you mean {ours}?"
+            factor = si_factor(unit.suffix)
+            stem = ours.removesuffix(f"_{SI[unit.dimension]}")
+            times = f" (times {factor:.9g})"
+            return f"; if {ours} is meant, write {stem}_{unit.suffix}{times}"
+    return ""
+
+
+def _taken_apart(foreign: str) -> list[tuple[str, Unit]]:
+    """Return a name as word and unit, in every way that it can be, longest unit first.
+
+    Of an ending that case must tell apart there is none.
+    """
+    words = words_of(foreign)
+    found = []
+    for length in range(min(LONGEST, len(words) - 1), 0, -1):
+        meant = unit_spelt("_".join(words[-length:]))
+        if len(meant) > 1:
+            return []
+        found += [("_".join(words[:-length]).lower(), unit) for unit in meant]
+    return found
+
+
+@cache
+def _names(dimension: str) -> dict[str, str]:
+    """Return what names of a dimension mean, by the words before the unit."""
+    names = {name: name for name in ANY}
+    suffix = SI.get(dimension)
+    if suffix is not None:
+        ours = (*QUANTITIES, *COLUMNS.get(dimension, ()))
+        known = [
+            name
+            for name in ours
+            if name.endswith(f"_{suffix}") and _dimension(name) == dimension
+        ]
+        names |= {name.removesuffix(f"_{suffix}"): name for name in known}
+    return names | CALLED.get(dimension, {})
+
+
+def _dimension(name: str) -> str:
+    """Return the dimension whose ending one of our names has, the longest first."""
+    endings = sorted(SI.items(), key=lambda item: -len(item[1]))
+    return next(of for of, suffix in endings if name.endswith(f"_{suffix}"))
+
+
+def si_factor(suffix: str) -> float:
+    """Return what values in a unit are multiplied by to be SI, as `si_ratio` does."""
+    return float(si_ratio(suffix))
+
+
+def si_ratio(suffix: str) -> Fraction:
+    """Return what values in a unit are multiplied by to be SI, to the last digit.
+
+    Args:
+        suffix: An ending of a name: "psi_ms", "kPa", "percent".
+
+    Raises:
+        InputError: It is no unit we know, one of several that case alone tells apart,
+            or a level, which no factor converts.
+    """
+    found = {(unit.dimension, unit.pint) for unit in unit_spelt(suffix)}
+    if len(found) != 1:
+        known = [ending for endings in SUFFIXES.values() for ending in endings]
+        either = " or ".join(sorted(pint for _, pint in found))
+        raise InputError(
+            f"unit {shown(suffix)}: "
+            + (f"expected {either}, which case tells apart" if either else "")
+            + ("" if either else f"expected a known unit{nearest(suffix, known)}")
+        )
+    ((dimension, pint),) = found
+    if dimension == LEVEL:
+        raise InputError(f"unit {shown(suffix)}: a level has no factor")
+    return _ratio(dimension, pint)
+
+
+@cache
+def _ratio(dimension: str, unit: str) -> Fraction:
+    if dimension == SHARE:
+        return Fraction(1, 100)
+    ours = SUFFIXES[dimension][SI[dimension]]
+    if unit == ours:
+        return Fraction(1)
+    return Fraction(_registry().Quantity(Fraction(1), unit).to(ours).magnitude)
+
+
+@cache
+def _registry():
+    import pint
+
+    # in fractions a foot is 0.3048 m; in floats it is 0.30479999999999996 m
+    exact: Any = Fraction  # which pint's types do not name, though its manual does
+    return pint.UnitRegistry(non_int_type=exact)
+
+
+def products(
+    ratio: Fraction, texts: Sequence[str], *others: Sequence[str]
+) -> Float[np.ndarray, " row"]:
+    """Return written numbers times a ratio, each the float nearest to the product.
+
+    Args:
+        ratio: What they are multiplied by.
+        texts: The numbers, by row; what is none gives NaN.
+        *others: More numbers to multiply by, by row.
+    """
+    denominator = Decimal(ratio.denominator)
+    factor = _DIGITS.divide(Decimal(ratio.numerator), denominator)
+    return np.array([_product(factor, row) for row in zip(texts, *others, strict=True)])
+
+
+def _product(factor: Decimal, texts: tuple[str, ...]) -> float:
+    try:
+        for text in texts:
+            factor = _DIGITS.multiply(factor, Decimal(text))
+        return float(factor)
+    except (ArithmeticError, ValueError):  # no number, or no finite one
+        return nan
+
+
+def overpressure(level_db: Float[np.ndarray, "..."]) -> Float[np.ndarray, "..."]:
+    """Return the pressure of a peak level.
+
+    Args:
+        level_db: Peak level [dB re 20 µPa], of the waveform without weighting.
+
+    Returns:
+        Peak overpressure [Pa].
+    """
+    return REFERENCE_PA * 10.0 ** (level_db / 20.0)
+
+
+def words_of(name: str) -> list[str]:
+    """Return the words of a name, their case kept: "Peak (kPa·ms)", Peak kPa ms."""
+    for sign, spelt in SIGNS.items():
+        name = name.replace(sign, spelt)
+    name = REFERENCE.sub(" ", name)
+    return [word for word in re.split(r"[^A-Za-z0-9]+", name) if word]
+
+
+def spelt(name: str) -> str:
+    """Return a name as ours are written: lower case, words between low lines."""
+    return "_".join(words_of(name)).lower()
+
+
+def unit_spelt(suffix: str) -> tuple[Unit, ...]:
+    """Return the units an ending may mean: none, one, or several that case tells apart.
+
+    Args:
+        suffix: "kPa", "psi-ms", "mm/s", "m_s", "feet", "degrees".
+    """
+    words = words_of(suffix)
+    if not words:
+        return ()
+    lower = [_short(word.lower()) for word in words]
+    readings = [lower]
+    if lower[0] in MILLI_OR_MEGA:
+        both = MILLI_OR_MEGA[lower[0]]
+        kept = (words[0],) if words[0] in both else both
+        readings = [[first, *lower[1:]] for first in kept]
+    return tuple(
+        Unit(dimension, "_".join(reading), suffixes["_".join(reading)])
+        for reading in readings
+        for dimension, suffixes in SUFFIXES.items()
+        if "_".join(reading) in suffixes
+    )
+
+
+def _short(word: str) -> str:
+    """Return a unit's short name where a word is its full one, else the word."""
+    singular = word.removesuffix("s")
+    return WRITTEN_OUT.get(word) or WRITTEN_OUT.get(singular) or word

@@ -1,1 +1,0 @@
-"""State, equations of motion, and the integrators that step them."""

@@ -1,0 +1,386 @@
+r"""Impulses of blasts calculated elsewhere, one case a row, as a pulse on a vehicle.
+
+A case contains the delay of the wave after the detonation, the distance of the charge,
+its direction as seen from the vehicle, and the effect of the wave: impulses along body
+axes and angular impulses about them. The file is a CSV in the format of the custom
+profiles of Parab's thesis.
+
+The thesis does not define its axes. Declared here: axial, side and normal are body x, y
+and z; the polar angle is from body z, the azimuth from x towards y. With these, the
+charge of the sample lies at (-5, -5, -5) m and (-10, -10, -10) m and pushes away from
+there.
+
+Between distances $J R^2$, $M R^2$ and delay/$R$ are linear in $\ln R$, and constant
+beyond them: an inverse square and a steady speed. Between directions the cases are
+weighted by the inverse fourth power of the angle to each (Shepard 1968). No case gives
+the duration of the wave: its impulse is applied as a constant force.
+
+**Moments.** The sample's angular impulses are 100.0 m times its impulses across body x:
+they are about a point 100 m behind the vehicle, and as moments about the vehicle 1e4
+times too large. With `moment_point_m` they are taken about the vehicle,
+$M - r \times J$ with $r$ from that point to the centre of mass: (100, 0, 0) m leaves
+(-1.8, 2.4, -0.5) mN m s of the first case. A profile whose moments have lever arms far
+beyond the vehicle's size is refused without `moment_point_m`.
+"""
+
+import csv
+import math
+import os
+from collections.abc import Sequence
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float
+
+from jblast.errors import InputError, argument, read_text, shown
+from jblast.types import as_float_array
+from jblast.vehicle.quadrotor import Vehicle
+from jblast.vehicle.state import (
+    State,
+    four,
+    rotation,
+    three,
+    times,
+    times_transposed,
+    unit,
+)
+
+SOLE_DIRECTION_RAD = 0.1
+"""How far from its direction a case speaks where there is but one."""
+COLUMNS = (
+    "Time Delay (s)",
+    "Distance (m)",
+    "View Polar Angle (Deg.)",
+    "View Azimuthal Angle (Deg.)",
+    "FA (N*s)",
+    "FS (N*s)",
+    "FN (N*s)",
+    "Ml (N*m*s)",
+    "Mm (N*m*s)",
+    "Mn (N*m*s)",
+)
+"""In any order; others (the sample has Case Number) are not read."""
+LIMITS = {0: (0.0, math.inf), 1: (0.0, math.inf), 2: (0.0, 180.0), 3: (-360.0, 360.0)}
+"""Of the columns that have any; the delay and the distance lie above theirs."""
+SIZES = 3.0
+"""A wave's impulse acts on the vehicle itself: its lever about the centre of mass is no
+longer than so many distances from there to the farthest rotor."""
+
+
+class CustomProfile(eqx.Module):
+    """A pulse by interpolation between cases.
+
+    Attributes:
+        direction: Towards the charge, body axes, of length 1.
+        log_distance: Ln of distance [m], ascending for each direction.
+        push: $J R^2$, body axes [N s m2].
+        turn: $M R^2$, body axes [N m s m2].
+        slowness: Delay over distance [s/m].
+        reach: Ln of the least and greatest distance of each direction.
+        spacing_rad: How far a case's direction speaks for others.
+        charge_m: Where the charge is: east, north, up.
+        time_s: Of its detonation; infinite: it never happens.
+        duration_s: Over which the impulse is given.
+    """
+
+    direction: Float[Array, "way 3"]
+    log_distance: Float[Array, "way case"]
+    push: Float[Array, "way case 3"]
+    turn: Float[Array, "way case 3"]
+    slowness: Float[Array, "way case"]
+    reach: Float[Array, "way 2"]
+    spacing_rad: Float[Array, ""]
+    charge_m: Float[Array, "3"] = eqx.field(converter=as_float_array)
+    time_s: Float[Array, ""] = eqx.field(converter=as_float_array)
+    duration_s: Float[Array, ""] = eqx.field(converter=as_float_array)
+
+    def impulse_at(
+        self, position_m: Float[Array, "3"], quaternion: Float[Array, "4"]
+    ) -> tuple[Float[Array, "3"], Float[Array, "3"], Float[Array, ""]]:
+        """Return impulse and angular impulse, body axes, and the delay [s]."""
+        distance, weight, _ = self._seen(position_m, quaternion)
+        log_distance = jnp.log(distance)
+
+        def at(table: Float[Array, "way case"]) -> Float[Array, ""]:
+            each = jax.vmap(jnp.interp, (None, 0, 0))(
+                log_distance, self.log_distance, table
+            )
+            return jnp.sum(weight * each)
+
+        along = jax.vmap(at, 2)
+        square = jnp.square(distance)
+        return (
+            along(self.push) / square,
+            along(self.turn) / square,
+            at(self.slowness) * distance,
+        )
+
+    def impulse(
+        self,
+        start_s: Float[Array, ""],
+        end_s: Float[Array, ""],
+        state: State,
+        vehicle: Vehicle,
+    ) -> tuple[Float[Array, "3"], Float[Array, "3"]]:
+        """Return what falls between two times.
+
+        Returns:
+            Impulse, world [N s], and angular impulse, body [N m s].
+        """
+        push, turn, delay = self.impulse_at(state.position_m, state.quaternion)
+        attitude = rotation(unit(four(state.quaternion)))
+        world = jnp.stack(times(attitude, three(push)))
+        step = end_s - start_s
+        never = jnp.isposinf(self.time_s)
+        time_s = jnp.where(never, end_s, self.time_s)
+        first = (start_s - time_s - delay) / self.duration_s
+
+        def share(place: Float[Array, "3"]) -> Float[Array, ""]:
+            later = self.impulse_at(place, state.quaternion)[2]
+            last = (end_s - time_s - later) / self.duration_s
+            return jnp.clip(last, 0, 1) - jnp.clip(first, 0, 1)
+
+        ahead = state.position_m + state.velocity_m_s * step
+        # pushed away it sees less of the pulse: what is left the next step gives
+        pushed = share(ahead) * world * step / (2 * vehicle.mass_kg)
+        given = jnp.where(never, 0.0, share(ahead + pushed))
+        return world * given, turn * given
+
+    def in_range(
+        self, position_m: Float[Array, "3"], quaternion: Float[Array, "4"]
+    ) -> Bool[Array, ""]:
+        """Return whether cases are near: the nearest in direction, and its distances.
+
+        A case speaks for directions as far from its own as the cases' are apart.
+        """
+        distance, _, apart = self._seen(position_m, quaternion)
+        nearest = jnp.argmin(apart)
+        low, high = self.reach[nearest]
+        log_distance = jnp.log(distance)
+        slack = 1e-6  # for roundings of a place, single precision's too
+        inside = (log_distance >= low - slack) & (log_distance <= high + slack)
+        return inside & (apart[nearest] <= self.spacing_rad)
+
+    def _seen(
+        self, position_m: Float[Array, "3"], quaternion: Float[Array, "4"]
+    ) -> tuple[Float[Array, ""], Float[Array, " way"], Float[Array, " way"]]:
+        """Return the charge's distance, the cases' weights, angles from them [rad]."""
+        toward = self.charge_m - position_m
+        square = jnp.sum(jnp.square(toward))
+        distance = jnp.sqrt(jnp.maximum(square, 1e-6))
+        attitude = rotation(unit(four(quaternion)))
+        seen = jnp.stack(times_transposed(attitude, three(toward / distance)))
+        # 2 sin(angle/2): its square has a slope everywhere, the angle has none at zero
+        chord = jnp.sum(jnp.square(self.direction - seen[None]), axis=1)
+        near = 1 / jnp.square(chord + 1e-9)
+        apart = 2 * jnp.arcsin(jnp.clip(jnp.sqrt(chord) / 2, 0, 1))
+        return distance, near / jnp.sum(near), apart
+
+
+def custom_profile(
+    cases: Float[np.ndarray, "case 10"],
+    charge_m: Sequence[float] | Float[Array, "3"],
+    *,
+    time_s: float = 0.0,
+    duration_s: float = 1e-3,
+    moment_point_m: Sequence[float] | None = None,
+    vehicle: Vehicle | None = None,
+) -> CustomProfile:
+    """Return the pulse of cases.
+
+    Args:
+        cases: As `read_custom_profile` returns them: delay [s], distance [m], polar and
+            azimuthal angle [rad], impulses x, y, z [N s], angular impulses [N m s].
+        charge_m: Where the charge is: east, north, up [m].
+        time_s: When it detonates [s].
+        duration_s: Over which the impulse is given [s]; the thesis's is 1 ms.
+        moment_point_m: From the point about which the moments are told to the
+            vehicle's centre of mass, body axes [m]; None: they are about that.
+        vehicle: On which they act. Where no point is told their levers are held against
+            its size; None: they are not.
+
+    Raises:
+        InputError: The duration is not positive, or a point has not three numbers.
+    """
+    if not duration_s > 0:
+        raise InputError(f"duration_s: expected a positive time [s], got {duration_s}")
+    if moment_point_m is None and vehicle is not None:
+        check_levers(cases, vehicle)
+    arm = np.zeros(3) if moment_point_m is None else np.asarray(moment_point_m, float)
+    for name, value in (("moment_point_m", arm), ("charge_m", jnp.asarray(charge_m))):
+        if value.shape != (3,):
+            raise InputError(f"{name}: expected 3 numbers [m], got {value.shape}")
+    delay, distance, polar, azimuth = cases[:, :4].T
+    push = cases[:, 4:7]
+    turn = cases[:, 7:] - np.cross(arm, push)
+    toward = np.stack(
+        [
+            np.sin(polar) * np.cos(azimuth),
+            np.sin(polar) * np.sin(azimuth),
+            np.cos(polar),
+        ],
+        axis=1,
+    )
+    # directions to a billionth: those of a file are told in degrees
+    _, first, way = np.unique(
+        np.round(toward, 9), axis=0, return_index=True, return_inverse=True
+    )
+    order = [
+        np.flatnonzero(way.ravel() == n)[np.argsort(distance[way.ravel() == n])]
+        for n in range(len(first))
+    ]
+    most = max(map(len, order))
+
+    def table(column: np.ndarray) -> Float[Array, "..."]:
+        """Put a column into rows of one direction each, the last case held."""
+        filled = [column[np.pad(o, (0, most - len(o)), mode="edge")] for o in order]
+        return as_float_array(np.stack(filled))
+
+    square = np.square(distance)[:, None]
+    logs = np.array(table(np.log(distance)))
+    held = np.array([np.maximum(np.arange(most) - len(o) + 1, 0) for o in order])
+    reach = np.stack([logs.min(axis=1), logs.max(axis=1)], axis=1)
+    return CustomProfile(
+        direction=as_float_array(toward[first]),
+        log_distance=as_float_array(logs + held),
+        push=table(push * square),
+        turn=table(turn * square),
+        slowness=table(delay / distance),
+        reach=as_float_array(reach),
+        spacing_rad=as_float_array(_spacing(toward[first])),
+        charge_m=charge_m if isinstance(charge_m, jax.Array) else np.array(charge_m),
+        time_s=time_s,
+        duration_s=duration_s,
+    )
+
+
+def _spacing(toward: np.ndarray) -> float:
+    """Return how far directions are from their nearest neighbours at most [rad]."""
+    if len(toward) == 1:
+        return SOLE_DIRECTION_RAD
+    angle = np.arccos(np.clip(toward @ toward.T, -1, 1))
+    np.fill_diagonal(angle, np.inf)
+    return float(angle.min(axis=1).max())
+
+
+def read_custom_profile(path: str | os.PathLike[str]) -> Float[np.ndarray, "case 10"]:
+    """Read the cases of a custom profile.
+
+    Returns:
+        Columns: delay [s], distance [m], polar and azimuthal angle [rad], impulses
+        along body x, y, z [N s], angular impulses about them [N m s].
+
+    Raises:
+        InputError: The file is empty, a column is missing, or a field is no finite
+            number within its range; the message names file, line and column.
+    """
+    lines = read_text(path, "a CSV file of blast impulses").split("\n")
+    numbered = [(n, line) for n, line in enumerate(lines, 1) if line.strip()]
+    if not numbered:
+        raise InputError(
+            f"{path}: line 1: the file is empty; expected a header {','.join(COLUMNS)} "
+            "and a case a row"
+        )
+    number, top = numbered[0]
+    header = [_plain(name) for name in _fields(top)]
+    missing = [name for name in COLUMNS if _plain(name) not in header]
+    if missing:
+        raise InputError(
+            f"{path}: line {number}: missing column {', '.join(missing)}; got "
+            f"{', '.join(_fields(top))}"
+        )
+    if len(numbered) == 1:
+        raise InputError(
+            f"{path}: line {number}: nothing after the header; expected a case a row"
+        )
+    place = [header.index(_plain(name)) for name in COLUMNS]
+    cases = []
+    for number, line in numbered[1:]:
+        fields = _fields(line)
+        if len(fields) != len(header):
+            raise InputError(
+                f"{path}: line {number}: expected {len(header)} fields as in the "
+                f"header, got {len(fields)}"
+            )
+        texts = [fields[n] for n in place]
+        cases.append([_number(f"{path}: line {number}", n, texts) for n in range(10)])
+    found = np.array(cases)
+    _refuse_twice(path, found, [number for number, _ in numbered[1:]])
+    found[:, 2:4] = np.radians(found[:, 2:4])
+    return found
+
+
+def _fields(line: str) -> list[str]:
+    return [field.strip() for field in next(csv.reader([line], skipinitialspace=True))]
+
+
+def _plain(name: str) -> str:
+    return "".join(name.lower().split())
+
+
+def _number(where: str, column: int, texts: list[str]) -> float:
+    """Return a field's number."""
+    text = texts[column]
+    low, high = LIMITS.get(column, (-math.inf, math.inf))
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    above = value > low if column < 2 else value >= low
+    if not (math.isfinite(value) and above and value <= high) or "_" in text:
+        what = "a finite number"
+        if column < 2:
+            what = "a positive number"
+        elif math.isfinite(high):
+            what = f"a number from {low:g} to {high:g}"
+        raise InputError(
+            f"{where}, column {COLUMNS[column]}: expected {what}, got "
+            f"{shown(text) if text else 'nothing'}"
+        )
+    return value
+
+
+def _refuse_twice(
+    path: str | os.PathLike[str], cases: np.ndarray, lines: list[int]
+) -> None:
+    """Refuse two cases of one place: nothing says which holds."""
+    first: dict[tuple[float, ...], int] = {}
+    for case, line in zip(cases, lines, strict=True):
+        at = tuple(case[1:4])
+        if first.setdefault(at, line) != line:
+            raise InputError(
+                f"{path}: line {line}: expected a new distance or direction, got those "
+                f"of line {first[at]}"
+            )
+
+
+def check_levers(cases: Float[np.ndarray, "case 10"], vehicle: Vehicle) -> None:
+    """Refuse moments that cannot be about a vehicle's centre of mass.
+
+    Args:
+        cases: As `read_custom_profile` returns them.
+        vehicle: On which they act.
+
+    Raises:
+        InputError: A case's moment is its impulse times a lever longer than `SIZES`
+            times the vehicle's.
+    """
+    arms = np.linalg.norm(np.asarray(vehicle.rotor_position_m, float), axis=-1)
+    size = float(arms.max())
+    push, turn = (np.linalg.norm(cases[:, a:b], axis=1) for a, b in ((4, 7), (7, 10)))
+    far = turn > SIZES * size * push
+    if not far.any():
+        return
+    with np.errstate(divide="ignore"):
+        levers = np.where(far, turn / push, 0.0)
+    worst = int(np.argmax(levers))
+    raise InputError(
+        f"profile: case {worst + 1} of {len(cases)} has a moment of {turn[worst]:.3g} "
+        f"N m s with an impulse of {push[worst]:.3g} N s, a lever of "
+        f"{levers[worst]:.3g} m; expected at most {SIZES * size:.2g} m, {SIZES:g} "
+        "times from the vehicle's centre to its rotors. Moments about another point "
+        f"need {argument('moment_point_m')}: from that point to the "
+        "centre of mass, body axes; 0,0,0 where they are about that after all"
+    )

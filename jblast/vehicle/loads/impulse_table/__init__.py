@@ -1,1 +1,0 @@
-"""Loads from a table of one's own: an impulse profile, its file, its lever."""

@@ -1,1 +1,0 @@
-"""The vehicle itself: parameters, named models, geometry, inertia."""

@@ -1,1 +1,0 @@
-"""Flights: one step, a scan of steps, a batch of scans."""

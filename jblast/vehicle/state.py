@@ -1,0 +1,265 @@
+"""The state of a vehicle: as arrays, along a flight, and as single components.
+
+Flights are computed with one array for each component. Under `vmap` every component is
+an array over the vehicles, which XLA turns into vector instructions; rows of three
+would leave most of each register empty.
+"""
+
+from typing import NamedTuple
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jax.core import Tracer
+from jaxtyping import Array, Bool, Float
+
+from jblast.errors import InputError
+from jblast.vehicle.quadrotor import floats
+
+LENGTHS = {
+    "position_m": 3,
+    "velocity_m_s": 3,
+    "quaternion": 4,
+    "body_rate_rad_s": 3,
+    "rotor_speed_rad_s": 4,
+}
+"""Numbers in each part of a state."""
+Number = Float[Array, ""]
+Vector = tuple[Number, Number, Number]
+Four = tuple[Number, Number, Number, Number]
+MatrixRows = tuple[Vector, Vector, Vector]
+
+
+class State(eqx.Module):
+    """State of a vehicle, or of a batch: the same leading axes in every array.
+
+    Attributes:
+        position_m: East, north, up, (..., 3) [m].
+        velocity_m_s: East, north, up, (..., 3) [m/s].
+        quaternion: Body to world, (..., 4): (x, y, z, w), scalar last, of any length
+            but zero.
+        body_rate_rad_s: About the body's axes, (..., 3) [rad/s].
+        rotor_speed_rad_s: (..., 4) [rad/s].
+
+    Raises:
+        InputError: A shape is wrong, a number is not finite, a quaternion is zero. The
+            values are not looked at inside jit or grad.
+    """
+
+    # Shapes are held by __check_init__, which has a message for them.
+    position_m: Float[Array, "..."] = eqx.field(converter=floats)
+    velocity_m_s: Float[Array, "..."] = eqx.field(converter=floats)
+    quaternion: Float[Array, "..."] = eqx.field(converter=floats)
+    body_rate_rad_s: Float[Array, "..."] = eqx.field(converter=floats)
+    rotor_speed_rad_s: Float[Array, "..."] = eqx.field(converter=floats)
+
+    def __check_init__(self):
+        batch = self.position_m.shape[:-1]
+        for name, length in LENGTHS.items():
+            value = getattr(self, name)
+            if value.shape != (*batch, length):
+                raise InputError(
+                    f"{name}: expected the shape {(*batch, length)}, got {value.shape}"
+                )
+            if isinstance(value, Tracer):
+                continue
+            if not np.all(np.isfinite(value)):
+                raise InputError(f"{name}: expected finite numbers, got nan or inf")
+        if not isinstance(self.quaternion, Tracer):
+            _check_length(np.asarray(self.quaternion))
+
+
+def _check_length(quaternion: Float[np.ndarray, "... 4"]) -> None:
+    """Refuse a quaternion that cannot be scaled to length 1.
+
+    Raises:
+        InputError: The square of its length is zero, or infinite, in its precision.
+    """
+    with np.errstate(over="ignore", under="ignore"):
+        square = np.sum(np.square(quaternion), axis=-1)
+    held = (square > np.finfo(quaternion.dtype).tiny) & np.isfinite(square)
+    if not np.all(held):
+        wrong = np.asarray(quaternion, float)[~held][0]
+        size = np.abs(wrong).max()  # the square may be zero in float64 too
+        got = "zero"
+        if size > 0:
+            length = size * np.linalg.norm(wrong / size)
+            got = f"one of {length:.3g} in {quaternion.dtype}"
+        raise InputError(f"quaternion: expected one of length 1, got {got}")
+
+
+class Trajectory(eqx.Module):
+    """A flight, or a batch of them.
+
+    Attributes:
+        time_s: Of the stored rows; the first is the start.
+        position_m: East, north, up [m].
+        velocity_m_s: East, north, up [m/s].
+        quaternion: Body to world (x, y, z, w), scalar last, of length 1.
+        body_rate_rad_s: About the body's axes [rad/s].
+        rotor_speed_rad_s: Of the four rotors [rad/s].
+        force_n: All forces on the vehicle, its weight among them, that of the ground
+            not: mass times acceleration, east, north, up [N]. Where a load jumps at a
+            row, the force before the jump; at the first row after it.
+        moment_n_m: All moments about the centre of mass, body axes [N m].
+        lost: Whether a vehicle diverged; its rows are NaN from then on.
+    """
+
+    time_s: Float[Array, " time"]
+    position_m: Float[Array, "*batch time 3"]
+    velocity_m_s: Float[Array, "*batch time 3"]
+    quaternion: Float[Array, "*batch time 4"]
+    body_rate_rad_s: Float[Array, "*batch time 3"]
+    rotor_speed_rad_s: Float[Array, "*batch time 4"]
+    force_n: Float[Array, "*batch time 3"]
+    moment_n_m: Float[Array, "*batch time 3"]
+    lost: Bool[Array, "*batch"]
+
+    @property
+    def states(self) -> State:
+        """The states of its rows."""
+        return State(
+            self.position_m,
+            self.velocity_m_s,
+            self.quaternion,
+            self.body_rate_rad_s,
+            self.rotor_speed_rad_s,
+        )
+
+    def lost_places(self) -> list[tuple[int, ...]]:
+        """Return the indices of the vehicles that diverged, along the batch's axes."""
+        return [tuple(map(int, place)) for place in np.argwhere(np.asarray(self.lost))]
+
+    def lost_time_s(self) -> Float[Array, "*batch"]:
+        """Return the time of the first row of NaN [s]; infinite where there is none."""
+        gone = jnp.isnan(self.position_m[..., 0])
+        return jnp.min(jnp.where(gone, self.time_s, jnp.inf), axis=-1)
+
+
+class StateComponents(NamedTuple):
+    """The parts of a `State`, or their rates, or of a row of a trajectory."""
+
+    position: Vector
+    velocity: Vector
+    quaternion: Four
+    body_rate: Vector
+    rotor_speed: Four
+
+
+def three(array: Float[Array, "3"]) -> Vector:
+    """Return the components of a vector."""
+    x, y, z = array
+    return x, y, z
+
+
+def four(array: Float[Array, "4"]) -> Four:
+    """Return four components."""
+    a, b, c, d = array
+    return a, b, c, d
+
+
+def rows(matrix: Float[Array, "3 3"]) -> MatrixRows:
+    """Return the components of a matrix."""
+    # each at once: of a row that is cut from many vehicles' matrices XLA makes an array
+    x, y, z = ((matrix[i, 0], matrix[i, 1], matrix[i, 2]) for i in range(3))
+    return x, y, z
+
+
+def components(state: State) -> StateComponents:
+    """Take a state apart."""
+    return StateComponents(
+        three(state.position_m),
+        three(state.velocity_m_s),
+        four(state.quaternion),
+        three(state.body_rate_rad_s),
+        four(state.rotor_speed_rad_s),
+    )
+
+
+def joined(motion: StateComponents) -> State:
+    """Put a state together."""
+    return State(*(jnp.stack(part) for part in motion))
+
+
+def add(a: Vector, b: Vector) -> Vector:
+    """Sum of two vectors."""
+    return a[0] + b[0], a[1] + b[1], a[2] + b[2]
+
+
+def dot(a: Vector, b: Vector) -> Number:
+    """Scalar product."""
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+def cross(a: Vector, b: Vector) -> Vector:
+    """Vector product."""
+    return (
+        a[1] * b[2] - a[2] * b[1],
+        a[2] * b[0] - a[0] * b[2],
+        a[0] * b[1] - a[1] * b[0],
+    )
+
+
+def times(matrix: MatrixRows, v: Vector) -> Vector:
+    """Matrix times vector."""
+    return dot(matrix[0], v), dot(matrix[1], v), dot(matrix[2], v)
+
+
+def times_transposed(matrix: MatrixRows, v: Vector) -> Vector:
+    """Transposed matrix times vector."""
+    x, y, z = zip(*matrix, strict=True)
+    return dot(x, v), dot(y, v), dot(z, v)
+
+
+def rotation(q: Four) -> MatrixRows:
+    """Matrix, body to world, of a quaternion (x, y, z, w) of any length but zero."""
+    i, j, k, w = q
+    # Divided entry by entry: XLA keeps a quotient, and calculates products again for
+    # each number that needs them.
+    half = (i * i + j * j + k * k + w * w) / 2
+    return (
+        (1 - (j * j + k * k) / half, (i * j - k * w) / half, (i * k + j * w) / half),
+        ((i * j + k * w) / half, 1 - (i * i + k * k) / half, (j * k - i * w) / half),
+        ((i * k - j * w) / half, (j * k + i * w) / half, 1 - (i * i + j * j) / half),
+    )
+
+
+def turned(q: Four, v: Vector) -> Vector:
+    """Vector from body to world; the quaternion of any length but zero."""
+    return _turned(q, v, 2 * q[3])
+
+
+def turned_back(q: Four, v: Vector) -> Vector:
+    """Vector from world to body; the quaternion of any length but zero."""
+    return _turned(q, v, -2 * q[3])
+
+
+def _turned(q: Four, v: Vector, twice: Number) -> Vector:
+    i, j, k, w = q
+    square = i * i + j * j + k * k
+    along, (x, y, z) = 2 * (i * v[0] + j * v[1] + k * v[2]), cross((i, j, k), v)
+    keeps, whole = w * w - square, w * w + square
+    return (
+        (keeps * v[0] + along * i + twice * x) / whole,
+        (keeps * v[1] + along * j + twice * y) / whole,
+        (keeps * v[2] + along * k + twice * z) / whole,
+    )
+
+
+def turning(q: Four, w: Vector) -> Four:
+    r"""Rate of a quaternion, $\dot q = q \otimes (\omega, 0)/2$, scalar last."""
+    i, j, k, s = q
+    x, y, z = w
+    return (
+        (s * x + j * z - k * y) / 2,
+        (s * y + k * x - i * z) / 2,
+        (s * z + i * y - j * x) / 2,
+        -(i * x + j * y + k * z) / 2,
+    )
+
+
+def unit(q: Four) -> Four:
+    """Quaternion of length 1."""
+    i, j, k, w = q
+    scale = 1 / jnp.sqrt(i * i + j * j + k * k + w * w)
+    return i * scale, j * scale, k * scale, w * scale
