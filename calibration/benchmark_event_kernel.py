@@ -14,10 +14,13 @@ import jax.numpy as jnp
 import numpy as np
 
 from calibration.benchmark_events import Row, rates_table
-from jblast.sensors.camera.events.log_intensity import log_intensity
-from jblast.sensors.camera.events.pixel import count_events, first_reference
-from jblast.sensors.camera.events.warp.stream import EventKernel
-from jblast.sensors.camera.image.grey_composite import grey_composite
+from jblast.sensors.camera.events.ideal import (
+    count_events,
+    first_reference,
+    log_intensity,
+)
+from jblast.sensors.camera.events.warp_stream import EventKernel
+from jblast.sensors.camera.image import grey_composite
 
 SHAPE, FRAMES, FPS = (480, 640), 4096, 1000.0
 REPEATS = 10

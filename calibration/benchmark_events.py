@@ -14,12 +14,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jblast.sensors.camera.events.ideal import ideal_events
-from jblast.sensors.camera.events.log_intensity import grey_table, log_intensity
-from jblast.sensors.camera.events.noise import NoiseModel
-from jblast.sensors.camera.events.noisy import noisy_stream
+from jblast.sensors.camera.events.ideal import grey_table, ideal_events, log_intensity
+from jblast.sensors.camera.events.noise import NoiseModel, noisy_stream
 from jblast.sensors.camera.events.stream import stream_events
-from jblast.sensors.camera.image.grey_composite import grey_composite
+from jblast.sensors.camera.image import grey_composite
 from jblast.verification.benchmark.events import EFFECTS, USUAL
 
 HEIGHT, WIDTH, FRAMES, FPS = 260, 346, 512, 1000.0

@@ -44,7 +44,7 @@ from jblast.scene import Camera, Charge, Scene, look_at
 from jblast.sensors import microphone
 from jblast.sensors.camera.events.stream import stream_events
 from jblast.sensors.camera.film import Film
-from jblast.sensors.camera.image.grey_composite import luminance
+from jblast.sensors.camera.image import luminance
 from jblast.vehicle import blast_load, hold_of, simulate, start_of, vehicle_of
 
 FRAMES_HZ, REPEATS = 100.0, 15

@@ -25,7 +25,7 @@ from jblast.observations import Observations, observed
 from jblast.observations.places import Frame
 from jblast.registry import law_for
 from jblast.scene import UncertainScene, default_scene, freed
-from jblast.sensors.calculator.forward import evaluate
+from jblast.sensors.calculator import evaluate
 
 SEED, HONEST, SLIPPED = 20, 1000, 500
 TITLE = "How often an honest log is doubted, and a slip is named"

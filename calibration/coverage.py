@@ -21,8 +21,8 @@ from jblast.inference.posterior.fisher_information import information
 from jblast.inference.posterior.parameters import parameters_of
 from jblast.scene import Scene, UncertainScene, freed
 from jblast.sensors import observe, planned_layout
-from jblast.sensors.observe import Noise
 from jblast.sensors.record import to_error_scale
+from jblast.sensors.simulate import Noise
 from jblast.verification.cases.five_microphones import LAWS, TRUTH, scene_with
 
 LOGS = 400

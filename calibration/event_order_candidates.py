@@ -11,8 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from jblast.sensors.camera.events.stream import gathered
-from jblast.sensors.camera.events.strip import Found
+from jblast.sensors.camera.events.stream import Found, gathered
 
 cupy: Any = importlib.import_module("cupy")
 

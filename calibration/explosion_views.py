@@ -19,10 +19,10 @@ from PIL import Image
 from jblast.cli.jax_start import start_jax
 from jblast.constants import STANDARD_TEMPERATURE
 from jblast.sensors.camera import blackbody_light
+from jblast.sensors.camera.bake.baking import read_sheet
 from jblast.sensors.camera.bake.coding import Layers, frames_of_sheet
-from jblast.sensors.camera.bake.set_files import read_sheet
-from jblast.sensors.camera.files.png import srgb_bytes
-from jblast.sensors.camera.rendering.appearance import WHITE
+from jblast.sensors.camera.files.images import srgb_bytes
+from jblast.sensors.camera.fireball import WHITE
 from jblast.waves.fireball import DRAPER_POINT, HOTTEST
 
 SET = Path(__file__).parents[1] / "jblast/sensors/camera/explosion"

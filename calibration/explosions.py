@@ -21,9 +21,9 @@ from scipy.optimize import least_squares
 from jblast.report.words import aligned
 from jblast.scene import Camera, Charge, Scene, look_at
 from jblast.sensors.camera import ExplosionViews, explosion_views, render
-from jblast.sensors.camera.files.png import srgb_bytes
-from jblast.sensors.camera.image.tone import picture_gain
-from jblast.sensors.camera.rendering.appearance import Appearance
+from jblast.sensors.camera.files.images import srgb_bytes
+from jblast.sensors.camera.fireball import Appearance
+from jblast.sensors.camera.image import picture_gain
 from jblast.waves.fireball import fireball, fireball_duration, fireball_growth_time
 from jblast.waves.laws.fireball_radius import fireball_law_radius_in_image
 

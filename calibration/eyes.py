@@ -26,7 +26,7 @@ from jblast.report.figure_style import (
 from jblast.scene import Camera, Charge, Scene
 from jblast.scene.camera import look_at
 from jblast.sensors.camera import Events, render, render_events
-from jblast.sensors.camera.files.png import srgb_bytes
+from jblast.sensors.camera.files.images import srgb_bytes
 
 MASS, DISTANCES = 100.0, (60.0, 120.0, 240.0)
 """Kilograms of TNT on the ground, and metres from there to the camera."""

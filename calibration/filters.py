@@ -10,7 +10,7 @@ passes a thousandth, before (minus: after) the step; "half way" when it passes a
 "overshoot" by how much it passes 1; the corner is where 3 dB are lost. The seconds, the
 best of nine, are those of one second of 48 kHz through a band-pass of second order,
 20 Hz to 8 kHz, float32, on the cores of one machine: by chunks, as
-`sensors/signal/causal_filter.py` does it, and by a step a sample.
+`sensors/instrument.py` does it, and by a step a sample.
 """
 
 import os
@@ -25,14 +25,15 @@ from jax import lax
 from jblast.cli.jax_start import start_jax
 from jblast.report.figure_files import write_figure
 from jblast.report.figure_style import COLOURS, new_figure, quiet, titled
-from jblast.sensors.signal import causal_filter as filters
-from jblast.sensors.signal.causal_filter import (
+from jblast.sensors import instrument as filters
+from jblast.sensors.instrument import (
+    CUTOFF_HZ,
     CausalFilter,
     causal_filter,
     filter_block,
     filter_start,
+    moving_average,
 )
-from jblast.sensors.signal.moving_average import CUTOFF_HZ, moving_average
 
 RATE = 48e3
 FIGURE = Path(__file__).parent / "results" / "filters.png"

@@ -29,10 +29,9 @@ from jblast.report.figure_style import (
 from jblast.scene import Camera, Charge, Scene
 from jblast.scene.camera import look_at
 from jblast.sensors.camera import Appearance, Events, landscape, render_events
-from jblast.sensors.camera.geometry.pixel_rays import pixel_rays
-from jblast.sensors.camera.geometry.surfaces import Surfaces
-from jblast.sensors.camera.image.grey_composite import luminance
-from jblast.sensors.camera.rendering.flash import flash
+from jblast.sensors.camera.geometry import Surfaces, pixel_rays
+from jblast.sensors.camera.image import luminance
+from jblast.sensors.camera.surroundings import flash
 
 MASS, DISTANCES, UNTIL = 15.0, (20.0, 40.0, 80.0), 2e-3
 """Kilograms of TNT on the ground, metres to cameras, and seconds of events."""

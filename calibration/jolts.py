@@ -7,7 +7,7 @@ read by an IMU of 1 kHz, 5 cm ahead of the centre of mass. Its jolt is picked, o
 without errors and once with those of the default IMU, and held against
 `jolt_velocity_m_s` and its direction by `sensors.record`, which lets the wave come to a
 vehicle that hovers on, its rotors as they were. What is between is the share that
-`sensors.imu.pick.MODEL_SHARE` declares: turning, rotors, hold, and the flight's steps.
+`sensors.imu.MODEL_SHARE` declares: turning, rotors, hold, and the flight's steps.
 """
 
 import jax
@@ -17,9 +17,7 @@ import numpy as np
 from jblast.cli.jax_start import start_jax
 from jblast.scene import Charge, Imu, Scene, Sensor, VehicleSpec
 from jblast.sensors import planned_layout, record
-from jblast.sensors.imu.errors import read
-from jblast.sensors.imu.motion import Felt, felt
-from jblast.sensors.imu.pick import JoltPick, pick_jolt
+from jblast.sensors.imu import Felt, JoltPick, felt, pick_jolt, read
 from jblast.vehicle import blast_load, hold_of, simulate, start_of, vehicle_of
 
 QUANTITIES: tuple[str, ...] = (

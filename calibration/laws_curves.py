@@ -14,7 +14,7 @@ from jblast.report.calculator.figures import NOT_DRAWN
 from jblast.report.words import split_name
 from jblast.scene import Air, Charge, Scene
 from jblast.scene.charge import Burst
-from jblast.sensors.calculator.question import scene_path, with_rows
+from jblast.sensors.calculator import scene_path, with_rows
 from jblast.waves.laws.weak_shock import HUMIDITY
 from jblast.waves.paths import Path
 

@@ -3,7 +3,7 @@
     python -m calibration.packing > calibration/results/packing.txt
 
 Packing distance, the least angle between two directions [deg]. On the hemisphere: the
-lattices of `sensors/camera/sampling`; "found" is the best of a few searches from random
+lattices of `camera/bake/recipe.py`; "found" is the best of a few searches from random
 and from lattice starts (seed 0), so that the best known there is at least that; "bound"
 is what no packing exceeds, by areas. On the whole sphere, of which the thesis quotes
 "up to 8 %" (Hardin, Michaels and Saff 2016): the plain Fibonacci lattice and the best
@@ -24,18 +24,16 @@ from scipy.optimize import minimize
 
 from jblast.report.figure_files import write_figure
 from jblast.report.figure_style import COLOURS, INK, new_figure, quiet
-from jblast.sensors.camera.sampling.lattices import (
+from jblast.sensors.camera.bake.recipe import (
     GOLDEN_ANGLE,
-    fibonacci_lattice,
-    latitude_grid,
-    spiral_lattice,
-)
-from jblast.sensors.camera.sampling.packing import (
     best_offset,
+    fibonacci_lattice,
     hemisphere_bound,
+    latitude_grid,
     offset_lattice,
     packing_distance,
     sphere_bound,
+    spiral_lattice,
 )
 
 NUMBERS = (8, 12, 16, 24, 32, 48, 64, 96, 128, 256, 512)

@@ -21,8 +21,7 @@ from jblast.report.listen import CLOCK
 from jblast.report.listen_files import provenance
 from jblast.report.words import comma_separated
 from jblast.scene import read_scene
-from jblast.sensors.listening.plan import Listening, instrument_of, plan
-from jblast.sensors.listening.recorders import packets
+from jblast.sensors.listening import Listening, instrument_of, packets, plan
 
 DATA = Path(__file__).parent / "data"
 TRUTH, FOLDER = DATA / "records_example_truth.toml", DATA / "records_example"

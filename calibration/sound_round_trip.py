@@ -46,7 +46,7 @@ from jblast.scene import (
     draw_scene,
 )
 from jblast.sensors import microphone
-from jblast.sensors.observe import Noise
+from jblast.sensors.simulate import Noise
 
 SCENES, SEED = 200, 19
 RATE_HZ, SECONDS = 48_000.0, 1.5

@@ -22,7 +22,7 @@ from jblast.report.figure_style import (
     quiet,
     titled,
 )
-from jblast.sensors.camera.events.soft_counts import smooth_counts
+from jblast.sensors.camera.events.ideal import smooth_counts
 from jblast.study.event_inversion.fireball_film import (
     MASS,
     START,

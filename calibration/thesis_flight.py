@@ -21,7 +21,7 @@ from jblast.sensors.camera import (
     luminance,
     render_carried,
 )
-from jblast.sensors.camera.rendering.landscape import landscape
+from jblast.sensors.camera.surroundings import landscape
 
 MASS_KG, ROLL = 100.0, np.radians(12.0)
 WIDTH, HEIGHT, FOCAL = 240, 160, 260.0

@@ -43,8 +43,12 @@ from jblast.sensors.camera import (
     linear_to_srgb,
     render,
 )
-from jblast.sensors.camera.sampling.lattices import GOLDEN_ANGLE, fibonacci_lattice
-from jblast.sensors.camera.sampling.packing import offset_lattice, packing_distance
+from jblast.sensors.camera.bake.recipe import (
+    GOLDEN_ANGLE,
+    fibonacci_lattice,
+    offset_lattice,
+    packing_distance,
+)
 from jblast.waves.fireball import fireball, fireball_duration
 
 ORANGE = "#E69F00"

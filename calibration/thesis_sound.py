@@ -42,9 +42,8 @@ from jblast.report.figure_style import (
 from jblast.report.words import aligned
 from jblast.scene import Air, Ambient, Charge, Ground, Instrument, Scene, Sensor
 from jblast.sensors import heard, microphone, overpressure
-from jblast.sensors.arrivals.ground_wave import ground_waves
-from jblast.sensors.arrivals.laws import ground_laws
-from jblast.sensors.signal.moving_average import moving_average
+from jblast.sensors.instrument import moving_average
+from jblast.sensors.wave_paths import ground_laws, ground_waves
 
 MASS_KG, RANGE_M = 15.0, 20.0
 P_SPEED_M_S, SOUND_SPEED_M_S = 6000.0, 340.0

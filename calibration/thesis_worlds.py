@@ -40,13 +40,13 @@ from jblast.scene import (
     look_at,
 )
 from jblast.scene.reader.scene import scene_from_document
-from jblast.sensors.camera.events.exact.fireball import render_events
-from jblast.sensors.camera.events.frame_differences import (
+from jblast.sensors.camera.events.ideal import (
     frame_differences,
     grey_bytes,
 )
+from jblast.sensors.camera.events.scene import render_events
 from jblast.sensors.camera.film import Film
-from jblast.sensors.listening.truth import truth_of
+from jblast.sensors.listening import truth_of
 from jblast.study.flights.encounter import LOADS, LoadLaw
 from jblast.study.flights.fly import fly
 from jblast.study.flights.records import Flown, Options

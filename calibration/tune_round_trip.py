@@ -42,18 +42,22 @@ from jblast.report.tune_files import tuned_document  # noqa: E402
 from jblast.report.words import aligned  # noqa: E402
 from jblast.scene import Scene  # noqa: E402
 from jblast.scene.reader.scene import scene_from_document  # noqa: E402
-from jblast.sensors.camera.events.exact.fireball import render_events  # noqa: E402
-from jblast.sensors.camera.events.noise import NoiseModel  # noqa: E402
-from jblast.sensors.camera.events.noisy import noisy_stream  # noqa: E402
-from jblast.sensors.camera.files.png import srgb_bytes  # noqa: E402
-from jblast.sensors.camera.image.compositing import (  # noqa: E402
+from jblast.sensors.camera.events.noise import (  # noqa: E402
+    NoiseModel,
+    noisy_stream,
+)
+from jblast.sensors.camera.events.scene import render_events  # noqa: E402
+from jblast.sensors.camera.files.images import srgb_bytes  # noqa: E402
+from jblast.sensors.camera.image import (  # noqa: E402
     linear_to_srgb,
+    luminance,
     srgb_to_linear,
 )
-from jblast.sensors.camera.image.grey_composite import luminance  # noqa: E402
-from jblast.sensors.camera.rendering.render import render  # noqa: E402
-from jblast.sensors.listening.plan import plan  # noqa: E402
-from jblast.sensors.listening.recorders import packets  # noqa: E402
+from jblast.sensors.camera.rendering import render  # noqa: E402
+from jblast.sensors.listening import (  # noqa: E402
+    packets,
+    plan,
+)
 
 RESULTS = Path(__file__).parent / "results"
 KEPT = {

@@ -22,8 +22,7 @@ import numpy as np
 
 from jblast.scene import Charge, Scene
 from jblast.sensors import even_overpressure
-from jblast.sensors.arrivals.laws import DEFAULT_RECORD_LAWS
-from jblast.sensors.arrivals.waves_at import waves_at
+from jblast.sensors.wave_paths import DEFAULT_RECORD_LAWS, waves_at
 from jblast.waves.propagation import absorb
 from jblast.waves.pulse import pulse_samples
 

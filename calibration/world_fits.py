@@ -31,8 +31,7 @@ from jblast.observations.grouping import some_rows
 from jblast.scene import UncertainScene, WorldSpec
 from jblast.scene.uncertain import value_of
 from jblast.sensors import layout_of, resolve_laws
-from jblast.sensors.bursts import settled
-from jblast.sensors.law_choice import law_names
+from jblast.sensors.law_choice import law_names, settled
 from jblast.sensors.record import to_error_scale
 from jblast.world import arrivals_of, draw_world, readings_of
 

@@ -245,14 +245,14 @@ ALLOWED = {
     "autopilot/logs.py": "a log, which is added to as a flight goes on",
     "cli/main.py": "into os.devnull",
     "sensors/camera/bake/blender_program.py": "a log, which is added to",
-    "sensors/camera/bake/blender/simulate.py": "within Blender, which has no jblast",
+    "sensors/camera/bake/blender_simulate.py": "within Blender, which has no jblast",
     **dict.fromkeys(
         (
-            "sensors/camera/files/events/arrays.py",
-            "sensors/camera/files/events/evt3/write.py",
-            "sensors/camera/files/events/aedat4/write.py",
+            "sensors/camera/files/recorded_events.py",
+            "sensors/camera/files/evt3.py",
+            "sensors/camera/files/aedat4.py",
         ),
-        "what `files/events/write.py` replaces the file by",
+        "what `files/event_files.py` replaces the file by",
     ),
 }
 

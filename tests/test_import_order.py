@@ -37,8 +37,8 @@ WITHIN = {
         "warp",
     ),
     "sensors.camera": (
-        *("image", "geometry", "sampling", "rendering", "events", "files"),
-        "bake",
+        *("image", "geometry", "fireball", "billboards", "baked_explosion"),
+        *("surroundings", "rendering", "events", "files", "film", "bake"),
     ),
     "inference": (
         *("sanity", "posterior", "picks", "records", "mode", "identifiability"),

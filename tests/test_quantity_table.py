@@ -31,7 +31,7 @@ from jblast.registry import LAWS
 from jblast.report.words import LADDERS, quantity_words, split_name
 from jblast.scene.charge import EXPLOSIVES, tnt_factor
 from jblast.scene.reader.tables import KEYS
-from jblast.sensors.calculator.combined import COMBINATIONS
+from jblast.sensors.calculator import COMBINATIONS
 
 ALL = [*QUANTITIES.values(), *DERIVED_QUANTITIES.values()]
 

@@ -13,7 +13,7 @@ $R_m = R\exp(\omega\,\Delta t/2)$,
 $$R' = R\exp(\omega\,\Delta t), \quad v' = v + (R_m f - g\hat z)\Delta t, \quad
 p' = p + (v + v')\Delta t/2.$$
 
-The first two are exact for what `carried.inertial` measures. The error, with attitude
+The first two are exact for what `flight_sensors` measures. The error, with attitude
 about the body's axes, is propagated to first order (Sola 2017, Quaternion kinematics
 for the error-state Kalman filter, section 5.3, with the middle of the sample in place
 of its beginning):
@@ -52,10 +52,15 @@ from jaxtyping import Array, Bool, Float, Integer, PRNGKeyArray, PyTree
 from jblast.constants import FLIGHT_GRAVITY
 from jblast.scene import Imu, quaternion_matrix
 from jblast.scene.camera import quaternion_product
-from jblast.sensors.carried.barometer import height_of
-from jblast.sensors.carried.inertial import Biases
-from jblast.sensors.carried.suite import CALIBRATED, Held, Sample, Suite
-from jblast.sensors.imu.motion import rotation_between, rotation_quaternion
+from jblast.sensors.flight_sensors import (
+    CALIBRATED,
+    Biases,
+    Held,
+    Sample,
+    Suite,
+    height_of,
+)
+from jblast.sensors.imu import rotation_between, rotation_quaternion
 from jblast.types import as_float_array
 from jblast.vehicle import State, Trajectory, Vehicle
 

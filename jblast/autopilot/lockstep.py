@@ -42,9 +42,14 @@ from jblast.errors import InputError
 from jblast.observations.places import Frame
 from jblast.scene import Imu, Place, Scene, VehicleSpec
 from jblast.scene.camera import quaternion_product
-from jblast.sensors.carried.barometer import height_of
-from jblast.sensors.carried.magnetometer import Magnetometer, dipole_field
-from jblast.sensors.carried.suite import Held, Sample, Suite
+from jblast.sensors.flight_sensors import (
+    Held,
+    Magnetometer,
+    Sample,
+    Suite,
+    dipole_field,
+    height_of,
+)
 from jblast.vehicle import (
     BlastLoad,
     State,

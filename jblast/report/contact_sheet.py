@@ -9,7 +9,7 @@ from jaxtyping import Float
 
 from jblast.files import replacing
 from jblast.report.figure_style import INK
-from jblast.sensors.camera.files.png import srgb_bytes
+from jblast.sensors.camera.files.images import srgb_bytes
 
 COLUMNS = 4
 ROWS = 3

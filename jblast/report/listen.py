@@ -25,8 +25,8 @@ from jblast.report.words import (
     printed_number,
 )
 from jblast.scene import Sensor
-from jblast.sensors.listening.plan import Listening, instrument_of, samples_of
-from jblast.sensors.signal.quantise import clipping
+from jblast.sensors.instrument import clipping
+from jblast.sensors.listening import Listening, instrument_of, samples_of
 
 MOST_LINES = 20
 """Sensors that are told one by one; all of them stand in truth.csv."""

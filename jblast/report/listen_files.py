@@ -27,8 +27,7 @@ from jblast.report.figure_style import (
 from jblast.report.listen import CLOCK, Envelope, SensorRecord, truth_csv
 from jblast.report.words import Unit, split_name, unit_for
 from jblast.scene import Sensor
-from jblast.sensors.listening.plan import Listening
-from jblast.sensors.listening.recorders import packets
+from jblast.sensors.listening import Listening, packets
 
 JSON, TRUTH = "listen.json", "truth.csv"
 LONGEST_NAME = 80

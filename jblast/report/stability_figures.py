@@ -29,7 +29,7 @@ from jblast.report.stability import boundary_words
 from jblast.report.words import capitalised, quantity_words
 from jblast.scene import Charge, Scene
 from jblast.scene.charge import Burst
-from jblast.sensors.calculator.question import scene_path, with_rows
+from jblast.sensors.calculator import scene_path, with_rows
 from jblast.verification.stability.detectors import SNRS, rotor_misses
 from jblast.verification.stability.failure import FailureMode
 from jblast.verification.stability.flights.pulses import impulse_errors as pulse_errors

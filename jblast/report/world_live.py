@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 from jblast.errors import InputError
 from jblast.report.figure_style import BLUE, INK, MUTED, quiet, titled
 from jblast.report.world_page import RunFolder
-from jblast.sensors.signal.ring import Ring
+from jblast.sensors.samples import Ring
 
 PAUSE_S = 0.03
 """Between two drawings, at least: a screen is as fast."""

@@ -541,7 +541,7 @@ def _film(
 ) -> tuple[tuple[tuple[float, Path], ...], Float[np.ndarray, " event"]]:
     if camera is None:
         return (), np.zeros(0)
-    from jblast.sensors.camera.files.events.read import read_events
+    from jblast.sensors.camera.files.event_files import read_events
 
     with (directory / "frames.csv").open(encoding="utf-8", newline="") as file:
         rows = list(csv.DictReader(file))

@@ -1,7 +1,10 @@
-"""Which law answers for which quantity, where the user leaves it to us.
+"""The law of each quantity where none is specified, and the burst of each row.
 
-One law a quantity a log: `fidelity.choose_for` over the places of its rows, within a
-third of their smallest sigma.
+One law is used for each quantity of a log: `fidelity.choose_for` over the positions of
+its rows, within a third of their smallest sigma. Where the height of the charge decides
+between the curve sets of a surface burst and of free air, `settled` decides for each
+row. Laws and curve sets are chosen before a search, and once more at its answer. Within
+a search they do not change, so that it has derivatives.
 """
 
 from collections.abc import Mapping, Sequence
@@ -9,7 +12,7 @@ from dataclasses import replace
 
 import jax
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from jblast.errors import InputError, nearest
 from jblast.fidelity import TakenLaw, choose_for, tolerance_of
@@ -18,9 +21,9 @@ from jblast.kept_programs import kept
 from jblast.registry import is_law, names_for
 from jblast.scene import Charge, Scene
 from jblast.scene.charge import BURSTS, Burst
-from jblast.sensors.bursts import settled
 from jblast.sensors.layout import Layout
 from jblast.sensors.record import path_to
+from jblast.waves.height_of_burst import burst_notes, scaled_height
 
 
 def resolve_laws(
@@ -140,3 +143,58 @@ def _choose(
 def law_names(laws: Mapping[str, TakenLaw]) -> dict[str, str]:
     """Return the names alone."""
     return {quantity: law.name for quantity, law in laws.items()}
+
+
+def settled(scene: Scene, layout: Layout) -> tuple[Scene, Layout]:
+    """Return scene and layout with the curve sets that the heights leave.
+
+    A charge of which all rows have one set is given that; else the layout says it row
+    by row. What was settled before is decided anew.
+    """
+    charges, free = [], np.zeros(len(layout.quantity), bool)
+    for shot, charge in enumerate(scene.charges):
+        if charge.burst is None or charge.by_height:
+            here = np.array(layout.shot) == shot
+            free |= here & free_rows(scene, layout, charge)
+            kinds = set(free[here].tolist()) or {False}
+            burst = (
+                None if len(kinds) == 2 else "free-air" if True in kinds else "surface"
+            )
+            charge = replace(charge, burst=burst, by_height=True)
+        charges.append(charge)
+    mixed = any(charge.burst is None for charge in charges)
+    scene = replace(scene, charge=charges[0], others=tuple(charges[1:]))
+    return scene, replace(layout, free_air=tuple(free.tolist()) if mixed else ())
+
+
+def with_bursts(scene: Scene, other: Scene) -> Scene:
+    """Return a scene with the curve sets of another."""
+    charges = [
+        replace(charge, burst=like.burst, by_height=like.by_height)
+        for charge, like in zip(scene.charges, other.charges, strict=True)
+    ]
+    return replace(scene, charge=charges[0], others=tuple(charges[1:]))
+
+
+def free_rows(scene: Scene, layout: Layout, charge: Charge) -> Bool[np.ndarray, " row"]:
+    """Return at which rows the reflection comes after the positive phase."""
+    if not float(charge.up) > 0.0:
+        return np.zeros(len(layout.quantity), bool)
+    unsaid = replace(charge, burst=None, by_height=False)
+    path = path_to(scene, replace(layout, free_air=()), unsaid)
+    return np.asarray(path.free_air)
+
+
+def height_notes(scene: Scene, layout: Layout, shot: int) -> list[str]:
+    """Say by which curves a charge above the ground was taken, and what they miss.
+
+    Args:
+        scene: Its numbers settled; a burst that was not said is marked `by_height`.
+        layout: The rows.
+        shot: Which charge.
+    """
+    charge = scene.charges[shot]
+    here = np.array(layout.shot) == shot
+    free = free_rows(scene, layout, charge)[here]
+    height = float(scaled_height(scene, charge))
+    return burst_notes(charge, (height, height), free, "reading")

@@ -1,26 +1,37 @@
-"""Who records what, and where: the rows of a log before anything was measured."""
+"""Rows of a log before anything is recorded: sensor, charge and quantity of each.
+
+A layout comes from a log (`layout_of`) or from the sensors of a scene
+(`planned_layout`). The checks compare the shapes of its arrays and of the scene's
+with those of one scene and one log; a batch that is not mapped is rejected.
+
+Laws are called for some of the rows. A gather or a scatter goes row by row on a CPU, at
+several times the price of a law. Rows at even steps are therefore taken by a slice and
+put together end to end, which XLA fuses with the operations around them.
+"""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax import lax
 from jax.core import Tracer
 from jaxtyping import Array, Float, Int
 
 from jblast.errors import InputError
 from jblast.observations import Observations
 from jblast.observations.placement import camera_place
-from jblast.quantities import (
-    BY_CAMERA,
-    DIRECTIONS,
-    PLACELESS,
-    TIMED,
-    components as components,
-)
-from jblast.scene import Charge, Scene, Sensor
+from jblast.quantities import BY_CAMERA, DIRECTIONS, PLACELESS, TIMED, components
+from jblast.scene import Charge, Scene, Sensor, parameter_named
+from jblast.scene.uncertain import leaf_of, names_in
+
+VMAP = "; of a batch jax.vmap gives each scene in turn"
+LONG = 1000
+"""An array of more rows than these that is known beforehand is kept from XLA until the
+program runs: it would compute with it, slowly, while it compiles."""
 
 
 class Layout(eqx.Module):
@@ -200,3 +211,102 @@ def _position(scene: Scene, shot: int, sensor: Sensor, quantity: str) -> Array:
             "[east, north, up] in its [[sensor]], got nothing"
         )
     return sensor.position_m if is_placed else jnp.zeros(3)
+
+
+def check_scene(scene: Scene) -> None:
+    """Refuse a scene whose numbers are arrays of numbers: a batch that is not mapped.
+
+    Raises:
+        InputError: One is; the message names it, the shape expected and what came.
+    """
+    for name in names_in(scene):
+        value = leaf_of(scene, name)
+        if value is not None:
+            label = name.partition(".")[2]
+            of = f" of {label}" if label else ""
+            _check(f"scene.{parameter_named(name).attribute}{of}", value, (), VMAP)
+    for sensor in scene.sensors:
+        _check(f"sensor {sensor.name}: position_m", sensor.position_m, (3,), VMAP)
+
+
+def check_layout(layout: Layout) -> None:
+    """Refuse a layout whose columns are not of one length.
+
+    Raises:
+        InputError: One has another shape than the rows' quantities ask for.
+    """
+    n = len(layout.quantity)
+    _check("layout.position", layout.position, (n, 3), VMAP)
+    for name in ("slant_range", "time"):
+        _check(f"layout.{name}", getattr(layout, name), (n,), VMAP)
+    for name in ("group", "shot", "clock"):
+        length = len(getattr(layout, name))
+        if length != n:
+            raise InputError(f"layout.{name}: expected {n} entries, got {length}")
+
+
+def check_laws(laws: Mapping[str, str], layout: Layout) -> None:
+    """Refuse laws that leave a quantity of a layout without one.
+
+    Raises:
+        InputError: They do.
+    """
+    for quantity in layout.quantities():
+        if quantity not in laws:
+            raise InputError(
+                f"laws: expected a name for each of {', '.join(layout.quantities())}; "
+                f"got none for {quantity}"
+            )
+
+
+def _check(name: str, value: Any, expected: tuple[int, ...], hint: str = "") -> None:
+    shape = np.shape(value)
+    if shape != expected:
+        raise InputError(f"{name}: expected shape {expected}, got {shape}{hint}")
+
+
+def opaque_constant(rows: np.ndarray) -> np.ndarray | Array:
+    """Hide a long constant from XLA's constant folding (`LONG`)."""
+    return lax.optimization_barrier(jnp.asarray(rows)) if rows.size > LONG else rows
+
+
+def stride_of(rows: Int[np.ndarray, " some"]) -> int:
+    """Return by how much each row is further than the one before; 0: not evenly."""
+    if rows.size == 1:
+        return 1
+    steps = np.unique(np.diff(rows))
+    return int(steps[0]) if steps.size == 1 and steps[0] > 0 else 0
+
+
+def picked(x: Array, rows: Int[np.ndarray, " some"]) -> Array:
+    """Return some rows of an array."""
+    if step := stride_of(rows):
+        return x[int(rows[0]) : int(rows[-1]) + 1 : step]
+    return x[opaque_constant(rows)]
+
+
+def joined(parts: Sequence[tuple[Int[np.ndarray, " _"], Array]], count: int) -> Array:
+    """Return the sums of what parts give for each of so many rows, 0 where none does.
+
+    Args:
+        parts: Rows, each once, and what is there; of yes and no true where none gives
+            one, and true where all do that give one.
+        count: Of all rows.
+    """
+    yes = bool(parts) and parts[0][1].dtype == bool
+    dtype = bool if yes else jnp.zeros(()).dtype
+    parts = [(own, x.astype(dtype)) for own, x in parts]
+    rows = np.concatenate([own for own, _ in parts]) if parts else np.zeros(0, int)
+    if np.array_equal(np.sort(rows), np.arange(count)):
+        whole = jnp.concatenate([x for _, x in parts])
+        if np.array_equal(rows, np.arange(count)):
+            return whole
+        turns = [np.arange(n, count, len(parts)) for n in range(len(parts))]
+        if count % len(parts) == 0 and np.array_equal(rows, np.concatenate(turns)):
+            return jnp.stack([x for _, x in parts], axis=1).reshape(count)
+        return whole[opaque_constant(np.argsort(rows))]
+    whole = jnp.ones(count, bool) if yes else jnp.zeros(count)
+    for own, x in parts:
+        at = whole.at[opaque_constant(own)]
+        whole = at.min(x) if yes else at.add(x)
+    return whole

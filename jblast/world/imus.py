@@ -17,9 +17,7 @@ from jaxtyping import Array, Float
 from jblast.constants import STANDARD_SOUND_SPEED
 from jblast.observations import Observations, observed
 from jblast.scene import Imu, Sensor
-from jblast.sensors.imu.errors import read
-from jblast.sensors.imu.motion import Felt, felt
-from jblast.sensors.imu.pick import JoltPick, base_of, pick_jolt
+from jblast.sensors.imu import Felt, JoltPick, base_of, felt, pick_jolt, read
 from jblast.vehicle import State, Trajectory, vehicle_of
 from jblast.vehicle.quadrotor import required_body
 from jblast.world.drawn import DrawnWorld

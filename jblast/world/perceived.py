@@ -19,9 +19,9 @@ from jblast.observations import Observations
 from jblast.observations.grouping import stacked
 from jblast.scene import Scene, Sensor
 from jblast.sensors import Track, readings
-from jblast.sensors.camera.geometry.camera_path import CameraPath, carried_camera
-from jblast.sensors.camera.rendering.visibility import in_view
-from jblast.sensors.listening.truth import truth_of
+from jblast.sensors.camera.geometry import CameraPath, carried_camera
+from jblast.sensors.camera.rendering import in_view
+from jblast.sensors.listening import truth_of
 from jblast.vehicle import Trajectory
 from jblast.world.drawn import CAMERA, VEHICLE, DrawnWorld
 

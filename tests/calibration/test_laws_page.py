@@ -19,8 +19,7 @@ from jblast.constants import STANDARD_SOUND_SPEED
 from jblast.registry import LAWS, Law, declared_scatter
 from jblast.report.calculator.terminal import calculation_text
 from jblast.scene import Air, Scene
-from jblast.sensors.calculator.forward import calculate
-from jblast.sensors.calculator.question import Question
+from jblast.sensors.calculator import Question, calculate
 from jblast.waves import (
     kingery_bulmash_arrival_time,
     kingery_bulmash_pressure,

@@ -5,7 +5,7 @@ import math
 import pytest
 
 from calibration.packing import best_known, known_for
-from jblast.sensors.camera.sampling.packing import sphere_bound
+from jblast.sensors.camera.bake.recipe import sphere_bound
 
 KNOWN = best_known()
 

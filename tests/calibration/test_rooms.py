@@ -61,7 +61,7 @@ def test_a_tracer_counts_files_functions_and_calls_between_files():
     calculate(scene, [20.0], 15.0)
     sys.setprofile(before)
     found = tracer.counted()
-    assert any(file.endswith("calculator/forward.py") for file, _ in tracer.functions)
+    assert any(file.endswith("sensors/calculator.py") for file, _ in tracer.functions)
     assert 2 <= found["files"] <= found["functions"]
     assert found["in one folder"] <= found["arrows"] <= found["calls"]
 

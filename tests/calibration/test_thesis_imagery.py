@@ -7,8 +7,7 @@ import pytest
 from calibration.thesis_flight import ROLL, flight
 from calibration.thesis_imagery import NUMBERS
 from jblast.scene.camera import quaternion_matrix
-from jblast.sensors.camera.sampling.lattices import fibonacci_lattice
-from jblast.sensors.camera.sampling.packing import packing_distance
+from jblast.sensors.camera.bake.recipe import fibonacci_lattice, packing_distance
 
 ROOT = Path(__file__).parents[2]
 KEPT = ROOT / "calibration" / "results" / "thesis_imagery.txt"

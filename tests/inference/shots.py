@@ -16,8 +16,8 @@ from jblast.inference.posterior.fisher_information import information
 from jblast.inference.posterior.parameters import parameters_of
 from jblast.scene import Scene, Sensor, UncertainScene, freed, with_values
 from jblast.sensors import observe, planned_layout
-from jblast.sensors.observe import Noise
 from jblast.sensors.record import to_error_scale
+from jblast.sensors.simulate import Noise
 from tests.catalogue import AROUND, BOTH, TRUTH
 
 

@@ -7,7 +7,7 @@ import pytest
 
 from jblast.constants import STANDARD_SOUND_SPEED
 from jblast.scene import Air, Charge, Scene, Sensor
-from jblast.sensors.bursts import height_notes, settled
+from jblast.sensors.law_choice import height_notes, settled
 from jblast.sensors.layout import planned_layout
 from jblast.sensors.record import record
 from jblast.waves.height_of_burst import burst_notes

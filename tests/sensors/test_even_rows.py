@@ -2,7 +2,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jblast.sensors.even_rows import joined, picked, stride_of
+from jblast.sensors.layout import joined, picked, stride_of
 
 CASES = {
     "one behind the other": [[0, 1, 2], [3, 4, 5]],

@@ -7,7 +7,6 @@ import pytest
 
 from jblast import Charge, Scene
 from jblast.sensors import Layout
-from jblast.sensors.observe import error_model, observe
 from jblast.sensors.path_scatter import (
     DENSE,
     KERNELS,
@@ -17,6 +16,7 @@ from jblast.sensors.path_scatter import (
     split,
 )
 from jblast.sensors.record import record
+from jblast.sensors.simulate import error_model, observe
 
 LAWS = {"air_arrival_s": "kingery_bulmash"}
 

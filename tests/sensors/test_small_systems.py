@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from jax.test_util import check_grads
 
-from jblast.sensors.small_systems import cholesky_factor, solve_system
+from jblast.sensors.path_scatter import cholesky_factor, solve_system
 
 
 def systems(count, size, right=2):

@@ -7,7 +7,7 @@ from jblast.cli.parsers import parsed
 from jblast.errors import InputError
 from jblast.scene import Box, ByTick, UncertainScene, Uniform
 from jblast.scene.reader.scene import world_from_document
-from jblast.sensors.listening.plan import plan
+from jblast.sensors.listening import plan
 from jblast.world import PRESETS, arrivals_in, draw_world, readings_of, with_preset
 
 WORDS = ("world", "w.toml", "--out", "run")

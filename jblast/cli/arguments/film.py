@@ -16,22 +16,21 @@ from jaxtyping import Float
 
 from jblast.errors import InputError
 from jblast.scene import Camera
-from jblast.sensors.camera.files.backgrounds import (
+from jblast.sensors.camera.files.images import frame_files
+from jblast.sensors.camera.files.recordings import (
     MovingBackground,
     background_frames,
     background_image,
     background_video,
 )
-from jblast.sensors.camera.files.frames import frame_files
 
 if TYPE_CHECKING:
     from jblast.scene import Scene, UncertainScene
+    from jblast.sensors.camera.billboards import Views, ViewSet
     from jblast.sensors.camera.film import Film
-    from jblast.sensors.camera.geometry.camera_path import CameraPath
-    from jblast.sensors.camera.rendering.appearance import Appearance
-    from jblast.sensors.camera.rendering.billboards import Views
-    from jblast.sensors.camera.rendering.landscape import Landscape
-    from jblast.sensors.camera.rendering.view_set import ViewSet
+    from jblast.sensors.camera.fireball import Appearance
+    from jblast.sensors.camera.geometry import CameraPath
+    from jblast.sensors.camera.surroundings import Landscape
 
 TOO_MANY = 1_000_000
 """Frames: a quarter of an hour at 1 kHz; more are probably a slip of the pen."""
@@ -54,7 +53,7 @@ def film_asked(asked: argparse.Namespace, most: int) -> "Film":
     import jax
 
     from jblast.scene import draw_scene, read_scene
-    from jblast.sensors.camera.files.depth import read_depth
+    from jblast.sensors.camera.files.images import read_depth
     from jblast.sensors.camera.film import Film
 
     uncertain = read_scene(asked.scene)
@@ -125,7 +124,7 @@ def _daylight(asked: argparse.Namespace, camera: "Camera") -> float | None:
 
 def _gain(asked: argparse.Namespace, camera: "Camera") -> float:
     """Return the gain of pictures of ground and sky: less light is shown darker."""
-    from jblast.sensors.camera.image.tone import picture_gain
+    from jblast.sensors.camera.image import picture_gain
 
     daylight = _daylight(asked, camera)
     return 1.0 if daylight is None else picture_gain(daylight)
@@ -133,7 +132,7 @@ def _gain(asked: argparse.Namespace, camera: "Camera") -> float:
 
 def _appearance(asked: argparse.Namespace, camera: "Camera") -> "Appearance":
     """Return how bright day and fire are; the picture is exposed for the day."""
-    from jblast.sensors.camera.rendering.appearance import Appearance
+    from jblast.sensors.camera.fireball import Appearance
 
     flash = asked.flash == "on"
     daylight = _daylight(asked, camera)
@@ -187,8 +186,7 @@ def lifted(film: "Film") -> float | None:
 
     None where it stands on it, or there is no such set.
     """
-    from jblast.sensors.camera.rendering.baked.explosion_views import ExplosionViews
-    from jblast.sensors.camera.rendering.baked.plane import foot_height
+    from jblast.sensors.camera.baked_explosion import ExplosionViews, foot_height
 
     if not isinstance(film.views, ExplosionViews):
         return None
@@ -213,7 +211,7 @@ def _refuse_still(film: "Film", asked: argparse.Namespace) -> None:
 def _refuse_looking_away(film: "Film", source: str) -> None:
     """Refuse a camera that would never see the blast, before frames without it."""
     from jblast.scene import quaternion_matrix
-    from jblast.sensors.camera.rendering.visibility import in_view, off_axis
+    from jblast.sensors.camera.rendering import in_view, off_axis
 
     if in_view(film.scene, film.camera, film.views):
         return
@@ -311,11 +309,11 @@ def views_named(word: str, scene: "Scene", camera: "Camera") -> "ViewSet":
         InputError: They cannot be read, or all were taken from below the burst and the
             camera looks on from above it; the message names the file.
     """
-    from jblast.sensors.camera.files.explosion_set import (
+    from jblast.sensors.camera.files.views import (
         explosion_views,
         is_explosion_set,
+        read_views,
     )
-    from jblast.sensors.camera.files.views import read_views
 
     shipped = word == SHIPPED_SET
     if not shipped and not is_explosion_set(word):
@@ -332,7 +330,7 @@ def _from_a_side_of_the_camera(
     views: "Views", word: str, scene: "Scene", camera: "Camera"
 ) -> "Views":
     """Return the pictures, if one shows what a camera above the burst would see."""
-    from jblast.sensors.camera.files.view_index import INDEX
+    from jblast.sensors.camera.files.views import INDEX
 
     if camera.mount or (views.direction[:, 2] >= 0.0).any():
         return views
@@ -375,7 +373,7 @@ def camera_path(
     if asked.flight is None:
         path, source = _flown(uncertain, end, asked.seed), asked.scene
     else:
-        from jblast.sensors.camera.files.camera_path import read_camera_path
+        from jblast.sensors.camera.files.recordings import read_camera_path
 
         path, source = read_camera_path(asked.flight), asked.flight
     first, last = float(path.time[0]), float(path.time[-1])
@@ -389,7 +387,7 @@ def camera_path(
 
 def _flown(uncertain: "UncertainScene", end: float, seed: int) -> "CameraPath":
     """Fly the scene's vehicle, and return where it was."""
-    from jblast.sensors.camera.geometry.camera_path import CameraPath
+    from jblast.sensors.camera.geometry import CameraPath
     from jblast.study.flights.draws import checked_scene, drawn_scenes
     from jblast.study.flights.duration import flight_seconds
     from jblast.study.flights.fly import fly
@@ -416,8 +414,7 @@ def landscape_asked(asked: argparse.Namespace, *, carried: bool) -> "Landscape |
     Raises:
         InputError: The ground is no image and scale, or another background is named.
     """
-    from jblast.sensors.camera.rendering.landscape import landscape
-    from jblast.sensors.camera.rendering.sun import sun_at
+    from jblast.sensors.camera.surroundings import landscape, sun_at
 
     sun = None if asked.sun is None else sun_at(*asked.sun)
     sky = carried or asked.background == SKY or asked.ground is not None
@@ -445,7 +442,7 @@ def landscape_asked(asked: argparse.Namespace, *, carried: bool) -> "Landscape |
             "--ground: expected IMAGE.png:METRES_PER_PIXEL, as field.png:0.05, got "
             f"{asked.ground!r}"
         )
-    from jblast.sensors.camera.files.frames import read_colours
+    from jblast.sensors.camera.files.images import read_colours
 
     return landscape(read_colours(Path(name)), metres, sun=sun)
 
@@ -454,7 +451,7 @@ def still_landscape(ground: "Landscape", camera: "Camera") -> np.ndarray:
     """Return what a camera that stands still sees of ground and sky."""
     import jax.numpy as jnp
 
-    from jblast.sensors.camera.geometry.pixel_rays import pixel_rays
+    from jblast.sensors.camera.geometry import pixel_rays
 
     light = ground.light(pixel_rays(camera), 1.0 / jnp.max(camera.focal))
     return np.moveaxis(np.asarray(light), 0, -1)

@@ -25,25 +25,23 @@ from jblast.errors import InputError
 from jblast.progress import counted
 from jblast.report.contact_sheet import sheet_frames, time_label, write_contact_sheet
 from jblast.report.film import FilmFiles
-from jblast.sensors.camera.events.exact.fireball import render_events
-from jblast.sensors.camera.events.frame_differences import frame_differences, grey_bytes
-from jblast.sensors.camera.events.ideal import Events
-from jblast.sensors.camera.events.noise import NoiseModel
-from jblast.sensors.camera.events.noisy import noisy_stream
+from jblast.sensors.camera.events.ideal import Events, frame_differences, grey_bytes
+from jblast.sensors.camera.events.noise import NoiseModel, noisy_stream
+from jblast.sensors.camera.events.scene import render_events
 from jblast.sensors.camera.events.stream import stream_events
-from jblast.sensors.camera.files.backgrounds import MovingBackground
-from jblast.sensors.camera.files.events.write import Written, write_events
-from jblast.sensors.camera.files.png import srgb_bytes, write_values
-from jblast.sensors.camera.files.video.write import check_video, video_writer
-from jblast.sensors.camera.film import Film
-from jblast.sensors.camera.instants import (
+from jblast.sensors.camera.files.event_files import Written, write_events
+from jblast.sensors.camera.files.images import srgb_bytes, write_values
+from jblast.sensors.camera.files.recordings import MovingBackground
+from jblast.sensors.camera.files.video import check_video, video_writer
+from jblast.sensors.camera.film import (
     LIGHT_ERROR,
     STAMP_ERROR,
     Block,
+    Film,
     first_instants,
     subdivided,
 )
-from jblast.sensors.camera.rendering.landscape import Landscape
+from jblast.sensors.camera.surroundings import Landscape
 
 SHOWN_HZ = 30.0
 """Frames of a video a second, where the camera has more than screens show."""
@@ -166,7 +164,7 @@ class Stamps(NamedTuple):
 
     Attributes:
         error_s: Bound [s]; of all if they are solved for, else of 99 in 100, of a real
-            camera by trial (`instants.LIGHT_ERROR`).
+            camera by trial (`film.LIGHT_ERROR`).
         how: In two words.
     """
 

@@ -47,10 +47,9 @@ from jblast.scene.reader.tables import INSTRUMENT_KINDS
 from jblast.sensors import Track
 from jblast.sensors.camera import landscape
 from jblast.sensors.camera.film import Film
-from jblast.sensors.camera.geometry.camera_path import CameraPath
-from jblast.sensors.camera.image.behind import BACKGROUND
-from jblast.sensors.listening.ambient import with_ambient
-from jblast.sensors.listening.plan import plan
+from jblast.sensors.camera.geometry import CameraPath
+from jblast.sensors.camera.image import BACKGROUND
+from jblast.sensors.listening import plan, with_ambient
 from jblast.study.flights.encounter import Encounter
 from jblast.study.flights.fly import fly
 from jblast.study.flights.records import Flights, Options

@@ -29,9 +29,7 @@ from jblast.quantities import QUANTITIES
 
 if TYPE_CHECKING:  # --help needs none of them
     from jblast.scene import Air, Scene
-    from jblast.sensors.calculator.inverse import Roots
-    from jblast.sensors.calculator.question import Question
-    from jblast.sensors.calculator.recommended import Recommended
+    from jblast.sensors.calculator import Question, Recommended, Roots
 
 MEASURED = {
     "overpressure": ("peak_overpressure_pa", "incident peak overpressure"),
@@ -166,8 +164,7 @@ def _roots(
         roots_json,
         roots_text,
     )
-    from jblast.sensors.calculator.inverse import roots
-    from jblast.sensors.calculator.recommended import recommended_root
+    from jblast.sensors.calculator import recommended_root, roots
 
     found = {name: one for name, one in roots(question).items() if law in ("", name)}
     check_roots(question, found)
@@ -190,9 +187,13 @@ def _forward(
         calculation_text,
         value_line,
     )
-    from jblast.sensors.calculator.disagreement import disagreements
-    from jblast.sensors.calculator.forward import calculate, only, with_other_burst
-    from jblast.sensors.calculator.recommended import recommended_value
+    from jblast.sensors.calculator import (
+        calculate,
+        disagreements,
+        only,
+        recommended_value,
+        with_other_burst,
+    )
 
     rows = question.rows()
     answer = only(calculate(question.scene, *rows), quantity, law)
@@ -221,7 +222,7 @@ def question_of(asked: argparse.Namespace) -> "Question":
         InputError: A number is no number or out of bounds, options contradict each
             other or are too few, or a range lies inside the charge.
     """
-    from jblast.sensors.calculator.question import Question, with_burst
+    from jblast.sensors.calculator import Question, with_burst
 
     measured = [name for name in MEASURED if _given(asked, name) is not None]
     _check_options(asked, measured)
@@ -330,7 +331,7 @@ def _check_options(asked: argparse.Namespace, measured: Sequence[str]) -> None:
 
 def _check_rows(question: "Question", measured: Sequence[str]) -> None:
     """Refuse too many rows, and ranges inside the charge."""
-    from jblast.sensors.calculator.question import charge_radius
+    from jblast.sensors.calculator import charge_radius
 
     ranges, masses = question.slant_range, question.charge_mass
     if measured:
@@ -423,8 +424,7 @@ def wanted(asked: argparse.Namespace) -> tuple[str, str]:
     Raises:
         InputError: One is unknown, or they do not go together.
     """
-    from jblast.sensors.calculator.combined import COMBINATIONS
-    from jblast.sensors.calculator.forward import calculated_laws
+    from jblast.sensors.calculator import COMBINATIONS, calculated_laws
 
     measured = [
         name for name in MEASURED if getattr(asked, name.replace("-", "_")) is not None

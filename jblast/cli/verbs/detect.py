@@ -363,7 +363,7 @@ def _events(
 ) -> tuple[Any, ...]:
     """Return blocks of changes, and what they are."""
     from jblast.detect.flash.event_changes import STEP_S, event_changes
-    from jblast.sensors.camera.files.events.read import read_events
+    from jblast.sensors.camera.files.event_files import read_events
 
     if asked.fps is not None:
         raise InputError(f"--fps: expected it with frames or a video only, got {path}")

@@ -79,11 +79,10 @@ def run(asked: argparse.Namespace) -> int:
     import jax
 
     from jblast.report.film import EventsAnswer, as_json, dark_film, events_text
-    from jblast.sensors.camera.events.log_intensity import count_below, grey_table
-    from jblast.sensors.camera.events.noise import NoiseModel
-    from jblast.sensors.camera.events.noisy import noisy_stream
+    from jblast.sensors.camera.events.ideal import count_below, grey_table
+    from jblast.sensors.camera.events.noise import NoiseModel, noisy_stream
     from jblast.sensors.camera.events.stream import stream_events
-    from jblast.sensors.camera.files.events.write import check_suffix, write_events
+    from jblast.sensors.camera.files.event_files import check_suffix, write_events
     from jblast.sensors.camera.files.recordings import open_recording
 
     thresholds = asked.threshold

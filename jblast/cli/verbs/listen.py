@@ -79,8 +79,7 @@ def run(asked: argparse.Namespace) -> int:
         write_tracks,
     )
     from jblast.scene import read_scene
-    from jblast.sensors.listening.ambient import with_ambient
-    from jblast.sensors.listening.plan import plan
+    from jblast.sensors.listening import plan, with_ambient
 
     check_directory(asked.out, asked.force, "the recordings")
     scene, notes = with_ambient(read_scene(asked.scene), asked.ambient)

@@ -238,7 +238,7 @@ def _heard(
     uncertain: "UncertainScene", asked: argparse.Namespace, names: list[str]
 ) -> "Tuned":
     from jblast.inference.tuning import recorded_sound, tune_sound
-    from jblast.sensors.listening.ambient import with_ambient
+    from jblast.sensors.listening import with_ambient
 
     uncertain, _ = with_ambient(uncertain)
     sound = recorded_sound(
@@ -258,7 +258,7 @@ def _frames(
 
     from jblast.inference.tuning.tune_sight import STEPS, tune_frames
     from jblast.sensors.camera.files.recordings import open_recording
-    from jblast.sensors.camera.image.compositing import linear_to_srgb
+    from jblast.sensors.camera.image import linear_to_srgb
 
     hz = float(camera.frames_hz) if asked.fps is None else asked.fps
     film = open_recording(asked.recorded, hz, srgb=True)
@@ -279,7 +279,7 @@ def _events(
     import numpy as np
 
     from jblast.inference.tuning.tune_sight import paired, tune_events
-    from jblast.sensors.camera.files.events.read import read_events
+    from jblast.sensors.camera.files.event_files import read_events
 
     if asked.fps is not None:
         raise InputError(
@@ -300,8 +300,8 @@ def _events(
 def _background(asked: argparse.Namespace, camera: "Camera", times: "np.ndarray"):
     """Return light that stands still behind the blast."""
     from jblast.cli.arguments.film import background_named
-    from jblast.sensors.camera.files.backgrounds import MovingBackground
-    from jblast.sensors.camera.image.behind import BACKGROUND
+    from jblast.sensors.camera.files.recordings import MovingBackground
+    from jblast.sensors.camera.image import BACKGROUND
 
     if asked.background is None:
         return BACKGROUND

@@ -7,7 +7,7 @@ import numpy as np
 from jblast.detect.flash.growth import Growth
 from jblast.detect.flash.silhouette import Silhouette
 from jblast.scene import Camera
-from jblast.sensors.camera.geometry.unproject import unproject
+from jblast.sensors.camera.geometry import unproject
 
 
 class Direction(NamedTuple):

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 from jaxtyping import Float
 
-from jblast.sensors.camera.files.events.recorded import RecordedEvents
+from jblast.sensors.camera.files.recorded_events import RecordedEvents
 
 STEP_S = 1e-3
 """Events of so long are one change [s]."""

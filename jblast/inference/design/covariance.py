@@ -18,7 +18,7 @@ from jblast.inference.posterior.parameters import Parameters
 from jblast.inference.posterior.posterior import Posterior
 from jblast.kept_programs import kept
 from jblast.sensors import Layout
-from jblast.sensors.observe import Noise
+from jblast.sensors.simulate import Noise
 
 
 @kept

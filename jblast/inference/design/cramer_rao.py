@@ -42,8 +42,8 @@ from jblast.observations import Observations
 from jblast.progress import stages
 from jblast.scene import Free, UncertainScene
 from jblast.sensors.law_choice import law_names
-from jblast.sensors.observe import STUDENT_FREEDOM, Noise
-from jblast.sensors.shapes import check_scene
+from jblast.sensors.layout import check_scene
+from jblast.sensors.simulate import STUDENT_FREEDOM, Noise
 
 STAGES = {
     "what the layout tells": 2.0,

@@ -28,10 +28,8 @@ from jblast.scene import (
 )
 from jblast.scene.uncertain import Belief, names_in, value_of
 from jblast.sensors import layout_of, planned_layout, resolve_laws
-from jblast.sensors.bursts import settled
-from jblast.sensors.law_choice import law_names
-from jblast.sensors.observe import Noise
-from jblast.sensors.simulate import written
+from jblast.sensors.law_choice import law_names, settled
+from jblast.sensors.simulate import Noise, written
 
 
 class Centred(eqx.Module):

@@ -50,7 +50,7 @@ from jblast.scene import UncertainScene, default_scene, freed
 from jblast.scene.uncertain import NO_SCENE
 from jblast.sensors import layout_of
 from jblast.sensors.law_choice import law_names
-from jblast.sensors.observe import Noise
+from jblast.sensors.simulate import Noise
 
 DRAWS_IN_BANDS = 200
 STAGES = {

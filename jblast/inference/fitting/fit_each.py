@@ -10,7 +10,7 @@ from jblast.observations import Observations
 from jblast.observations.records.formats import Scaling
 from jblast.progress import each
 from jblast.scene import UncertainScene
-from jblast.sensors.observe import Noise
+from jblast.sensors.simulate import Noise
 
 
 def fit_each(

@@ -10,7 +10,7 @@ from scipy.special import betainc, gammaincc, ndtr, ndtri
 from jblast.inference.fitting.findings import SuspectedOutlier
 from jblast.inference.posterior.posterior import Posterior
 from jblast.observations import Observations
-from jblast.sensors.observe import STUDENT_FREEDOM, Noise
+from jblast.sensors.simulate import STUDENT_FREEDOM, Noise
 
 WILD = 0.05
 """Readings are suspected that so small a share of honest logs would hold."""

@@ -19,8 +19,7 @@ from jblast.observations.records.formats import Scaling
 from jblast.observations.table import SAMPLES
 from jblast.scene import Scene
 from jblast.sensors import Layout, resolve_laws
-from jblast.sensors.bursts import settled, with_bursts
-from jblast.sensors.law_choice import law_names
+from jblast.sensors.law_choice import law_names, settled, with_bursts
 
 
 class Solution(NamedTuple):

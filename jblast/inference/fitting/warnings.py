@@ -37,7 +37,7 @@ from jblast.parameters import CLOCK_OFFSET
 from jblast.registry import law_for
 from jblast.scene import Charge, UncertainScene
 from jblast.scene.uncertain import NO_SCENE
-from jblast.sensors.bursts import height_notes
+from jblast.sensors.law_choice import height_notes
 from jblast.sensors.layout import components
 from jblast.waves.height_of_burst import scaled_height
 

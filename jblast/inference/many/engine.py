@@ -35,8 +35,8 @@ from jblast.inference.posterior.parameters import parameters_of
 from jblast.inference.posterior.posterior import Posterior
 from jblast.scene import UncertainScene
 from jblast.sensors import Layout
-from jblast.sensors.bursts import settled
-from jblast.sensors.observe import Noise
+from jblast.sensors.law_choice import settled
+from jblast.sensors.simulate import Noise
 
 KEPT = 16
 """Layouts whose compiled programs are kept."""

@@ -9,7 +9,7 @@ from jblast.inference.many.lanes import COST_Z_MAX
 from jblast.inference.many.many_fits import ManyFits
 from jblast.scene import UncertainScene
 from jblast.sensors import Layout
-from jblast.sensors.observe import Noise
+from jblast.sensors.simulate import Noise
 
 
 def fit_many(

@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from jblast.inference.many.residuals.rows import LaneRows
-from jblast.sensors.observe import Noise
+from jblast.sensors.simulate import Noise
 
 LEAST = 16
 """Fewer lanes are filled up to so many."""

@@ -13,7 +13,7 @@ from jblast.inference.posterior.posterior import Posterior
 from jblast.parameters import CLOCK_OFFSET
 from jblast.scene import Free
 from jblast.sensors import Layout
-from jblast.sensors.shared_effects import path_effects
+from jblast.sensors.record import path_effects
 
 MOST_ROWS = 1000
 """A search goes through no more rows than these."""

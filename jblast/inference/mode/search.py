@@ -27,7 +27,7 @@ from jblast.inference.mode.starts import start_sd, starts
 from jblast.inference.posterior.fisher_information import information
 from jblast.inference.posterior.posterior import Posterior
 from jblast.kept_programs import kept
-from jblast.sensors.observe import STUDENT_FREEDOM
+from jblast.sensors.simulate import STUDENT_FREEDOM
 
 STARTS = 64
 FINALISTS = 8

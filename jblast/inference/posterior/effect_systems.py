@@ -18,8 +18,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from jblast.sensors.even_rows import picked
-from jblast.sensors.small_systems import solve_system
+from jblast.sensors.layout import picked
+from jblast.sensors.path_scatter import solve_system
 
 MOST_OF_A_BLOCK = 16
 """Groups of more effects are not eliminated one by one (see `blocks_of`)."""

@@ -12,7 +12,7 @@ import jax.numpy as jnp
 from jax.scipy.special import log_ndtr
 from jaxtyping import Array, Float
 
-from jblast.sensors.observe import STUDENT_FREEDOM, Noise
+from jblast.sensors.simulate import STUDENT_FREEDOM, Noise
 
 FAR = 10.0
 """Where the series of Mills' ratio takes over from `log_ndtr`."""

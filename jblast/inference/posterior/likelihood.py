@@ -38,7 +38,7 @@ from jblast.inference.posterior.error_density import (
     survival_information,
     survival_slopes,
 )
-from jblast.sensors.observe import STUDENT_FREEDOM, Noise
+from jblast.sensors.simulate import STUDENT_FREEDOM, Noise
 
 ROUNDS = 100
 """Steps of one search at most."""

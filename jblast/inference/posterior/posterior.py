@@ -31,9 +31,9 @@ from jblast.observations import Observations
 from jblast.observations.clocks import refuse_unresolved
 from jblast.parameters import CHARGE_POSITION
 from jblast.sensors import Layout, record
-from jblast.sensors.observe import ErrorModel, Noise, error_model, paths_of
 from jblast.sensors.path_scatter import DENSE, KERNELS, TYPICAL, kernel_weights
 from jblast.sensors.record import Recording, residuals_of, to_error_scale
+from jblast.sensors.simulate import ErrorModel, Noise, error_model, paths_of
 
 
 class Misfit(eqx.Module):

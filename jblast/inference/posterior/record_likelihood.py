@@ -35,7 +35,7 @@ from jblast.inference.posterior.record_effects import (
     settled,
     weightiest,
 )
-from jblast.sensors.observe import Noise
+from jblast.sensors.simulate import Noise
 
 Terms = Callable[[Float[Array, " asked"], Float[Array, " nuisance"], Any], Array]
 Trials = Callable[

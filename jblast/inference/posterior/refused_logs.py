@@ -10,7 +10,7 @@ from jblast.registry import law_for
 from jblast.scene import Scene
 from jblast.sensors import Layout
 from jblast.sensors.layout import components
-from jblast.sensors.shared_effects import count_effects
+from jblast.sensors.record import count_effects
 
 HELD = 30_000_000
 """Rows times shared effects, of which a few times as many numbers (0.24 GB each) are

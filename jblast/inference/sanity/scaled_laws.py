@@ -13,7 +13,7 @@ from jaxtyping import Float
 from jblast.constants import TNT_SPECIFIC_ENERGY
 from jblast.registry import law_for
 from jblast.scene import Scene
-from jblast.sensors.calculator.forward import evaluate
+from jblast.sensors.calculator import evaluate
 
 LAWS = {
     "air_arrival_s": "shock_kinematics",

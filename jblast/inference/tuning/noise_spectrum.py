@@ -6,7 +6,7 @@ filter's response and $q$ the smallest step that is written down,
 
 $$S(f) = |H|^2 \big(e^{-2h/H_a} S_a + S_w\big) + S_i + q^2/12$$
 
-each from the taps that `sensors.signal.noise` draws it by. White noise of rms
+each from the taps that `sensors.samples` draws it by. White noise of rms
 $\sigma$ has $S = \sigma^2$: the mean over frequency is the square of the rms.
 """
 
@@ -15,10 +15,8 @@ import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike, Float
 
 from jblast.scene import Instrument, Scene, Sensor
-from jblast.sensors.microphone.ambient import share_at_height
-from jblast.sensors.microphone.sound import WIND_SLOPE
-from jblast.sensors.signal.blocks import BLOCK
-from jblast.sensors.signal.noise import coloured_noise
+from jblast.sensors.microphone import WIND_SLOPE, share_at_height
+from jblast.sensors.samples import BLOCK, coloured_noise
 from jblast.waves.propagation import air_density, ambient as ambient_of
 
 

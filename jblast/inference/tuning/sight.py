@@ -1,7 +1,7 @@
 r"""What frames and events say of a scene.
 
 Frames: the grey value of each pixel as a file of 8 bits has it, sRGB, against that of
-`render`, with the tone curve of pictures (`image.tone`). Rounding leaves
+`render`, with the tone curve of pictures (`camera.image`). Rounding leaves
 $1/\sqrt{12}$ of a step.
 
 Events: an ideal pixel sends one where the logarithm of its light has changed by a
@@ -23,12 +23,10 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 
 from jblast.scene import Camera, Scene
-from jblast.sensors.camera.events.exact.fireball import pixel_light
-from jblast.sensors.camera.image.compositing import linear_to_srgb
-from jblast.sensors.camera.image.grey_composite import luminance
-from jblast.sensors.camera.image.tone import toned
-from jblast.sensors.camera.rendering.appearance import WHITE, Appearance
-from jblast.sensors.camera.rendering.render import render
+from jblast.sensors.camera.events.scene import pixel_light
+from jblast.sensors.camera.fireball import WHITE, Appearance
+from jblast.sensors.camera.image import linear_to_srgb, luminance, toned
+from jblast.sensors.camera.rendering import render
 
 STEPS = 255.0
 ROUNDING = 12.0**-0.5

@@ -35,8 +35,7 @@ from jblast.inference.tuning.limit_samples import filled, filling, padded_places
 from jblast.inference.tuning.noise_spectrum import noise_spectrum
 from jblast.inference.tuning.pieces import around_limit, bands_of, taper_of
 from jblast.scene import Scene
-from jblast.sensors import microphone
-from jblast.sensors.gauge import pressure_gauge
+from jblast.sensors import microphone, pressure_gauge
 
 DEEPEST = 1e-9
 """Where the noise is less than this part of the loudest, a record of any length holds

@@ -29,7 +29,7 @@ from jblast.inference.tuning.sight import (
 from jblast.inference.tuning.unknowns import Unknown, filled, unknowns_of
 from jblast.scene import Scene, UncertainScene
 from jblast.scene.uncertain import with_values
-from jblast.sensors.camera.image.behind import BACKGROUND
+from jblast.sensors.camera.image import BACKGROUND
 from jblast.waves.fireball import fireball_growth_time
 
 MOST_FRAMES, MOST_VALUES, MOST_EVENTS = 24, 200_000, 10_000

@@ -22,8 +22,8 @@ from jblast.inference.tuning.unknowns import (
 )
 from jblast.parameters import CLOCK_OFFSET
 from jblast.scene import Instrument, Scene, UncertainScene
-from jblast.sensors.arrivals.way import low_charges_settled
-from jblast.sensors.listening.truth import Truth, truth_of
+from jblast.sensors.listening import Truth, truth_of
+from jblast.sensors.wave_paths import low_charges_settled
 
 HEARD = 6.0
 """Standard deviations of noise from which on a blast that is looked for is heard."""

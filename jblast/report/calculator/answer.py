@@ -10,16 +10,17 @@ from jaxtyping import Array, ArrayLike, Float
 from jblast.json_values import ABSENT, AMONG, entries
 from jblast.kept_programs import kept
 from jblast.report.words import System, printed_number, quantity_words, unit_for
-from jblast.sensors.calculator.disagreement import Disagreement
-from jblast.sensors.calculator.forward import Calculated, Calculation
-from jblast.sensors.calculator.inverse import Roots
-from jblast.sensors.calculator.question import (
+from jblast.sensors.calculator import (
+    Calculated,
+    Calculation,
+    Disagreement,
     Question,
+    Recommended,
+    Roots,
     charge_radius,
     free_air_rows,
     scene_path,
 )
-from jblast.sensors.calculator.recommended import Recommended
 from jblast.waves.height_of_burst import burst_notes
 from jblast.waves.laws.kingery_bulmash import ground_factor
 from jblast.waves.propagation import ambient

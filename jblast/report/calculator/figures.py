@@ -29,9 +29,14 @@ from jblast.report.words import (
     quantity_words,
     unit_for,
 )
-from jblast.sensors.calculator.forward import Calculated, calculate, only
-from jblast.sensors.calculator.question import Question, charge_radius
-from jblast.sensors.calculator.recommended import Recommended
+from jblast.sensors.calculator import (
+    Calculated,
+    Question,
+    Recommended,
+    calculate,
+    charge_radius,
+    only,
+)
 
 POINTS = 512
 AROUND = 5.0

@@ -36,11 +36,14 @@ from jblast.report.words import (
     significant,
     unit_for,
 )
-from jblast.sensors.calculator.disagreement import Disagreement
-from jblast.sensors.calculator.forward import Calculated, Calculation
-from jblast.sensors.calculator.inverse import Roots
-from jblast.sensors.calculator.question import Question
-from jblast.sensors.calculator.recommended import Recommended
+from jblast.sensors.calculator import (
+    Calculated,
+    Calculation,
+    Disagreement,
+    Question,
+    Recommended,
+    Roots,
+)
 
 LINE = 60
 """How long the line is that other laws stand below."""

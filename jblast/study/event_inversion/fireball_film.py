@@ -9,11 +9,10 @@ from jaxtyping import Array, Float, Int
 
 from jblast.scene import Camera, Charge, Scene
 from jblast.scene.camera import look_at
-from jblast.sensors.camera.events.ideal import ideal_events
-from jblast.sensors.camera.events.log_intensity import log_intensity
-from jblast.sensors.camera.image.grey_composite import luminance
-from jblast.sensors.camera.rendering.appearance import Appearance
-from jblast.sensors.camera.rendering.render import render
+from jblast.sensors.camera.events.ideal import ideal_events, log_intensity
+from jblast.sensors.camera.fireball import Appearance
+from jblast.sensors.camera.image import luminance
+from jblast.sensors.camera.rendering import render
 from jblast.study.event_inversion.fit_events import event_counts
 
 MASS, START = 100.0, 0.12

@@ -15,8 +15,7 @@ import numpy as np
 import optimistix as optx
 from jaxtyping import Array, ArrayLike, Float, Int
 
-from jblast.sensors.camera.events.ideal import Events
-from jblast.sensors.camera.events.soft_counts import smooth_counts
+from jblast.sensors.camera.events.ideal import Events, smooth_counts
 
 STAGES = ((0.5, 40e-3), (0.2, 15e-3), (0.1, 5e-3), (0.1, 0.1e-3))
 """Temperature, and the time smoothed over [s], one stage after another."""

@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from jblast.scene import Charge, Scene
-from jblast.sensors.camera.rendering.fireball_image import cloud
+from jblast.sensors.camera.fireball import cloud
 from jblast.study.flights.encounter import Encounter, FlightLoad
 from jblast.vehicle import CustomProfile, State, Vehicle
 from jblast.vehicle.loads.blast import over_alike

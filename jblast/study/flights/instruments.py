@@ -19,7 +19,7 @@ from jblast.autopilot.lockstep import suite_of
 from jblast.errors import InputError
 from jblast.kept_programs import kept
 from jblast.scene import Place, Scene
-from jblast.sensors.carried.barometer import Barometer
+from jblast.sensors.flight_sensors import Barometer
 from jblast.study.flights.encounter import FlightLoad
 from jblast.vehicle import Controller, State, Trajectory
 

@@ -30,9 +30,8 @@ from jblast.scene import Scene, Sensor
 from jblast.scene.reader.tables import finite
 from jblast.scene.uncertain import with_values
 from jblast.sensors import even_overpressure, heard, record_laws
-from jblast.sensors.microphone.ambient import share_at_height
-from jblast.sensors.microphone.sound import WIND_SLOPE
-from jblast.sensors.signal.noise import power_spectrum
+from jblast.sensors.microphone import WIND_SLOPE, share_at_height
+from jblast.sensors.samples import power_spectrum
 from jblast.study.outcome.family import (
     Answers,
     Family,

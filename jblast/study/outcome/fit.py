@@ -24,10 +24,8 @@ from jblast.inference.many.many_fits import ManyFits
 from jblast.scene import UncertainScene, freed, parameter_named
 from jblast.scene.uncertain import Prior, names_in, value_of, with_values
 from jblast.sensors import planned_layout, record, resolve_laws
-from jblast.sensors.bursts import settled
-from jblast.sensors.law_choice import law_names
-from jblast.sensors.observe import STUDENT_FREEDOM, observe
-from jblast.sensors.student_errors import student_errors
+from jblast.sensors.law_choice import law_names, settled
+from jblast.sensors.simulate import STUDENT_FREEDOM, observe, student_errors
 from jblast.study.outcome.family import (
     Answers,
     Family,

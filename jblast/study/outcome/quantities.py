@@ -18,10 +18,8 @@ from jblast.scene import Scene, UncertainScene
 from jblast.scene.reader.tables import finite
 from jblast.scene.uncertain import with_values
 from jblast.sensors import Layout, planned_layout, record, resolve_laws
-from jblast.sensors.bursts import settled
-from jblast.sensors.law_choice import law_names
-from jblast.sensors.observe import STUDENT_FREEDOM, observe
-from jblast.sensors.student_errors import student_errors
+from jblast.sensors.law_choice import law_names, settled
+from jblast.sensors.simulate import STUDENT_FREEDOM, observe, student_errors
 from jblast.study.outcome.family import (
     Answers,
     Family,

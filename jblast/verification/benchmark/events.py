@@ -14,10 +14,9 @@ from jaxtyping import Float, Int
 
 from jblast.fidelity.timing import best_of
 from jblast.progress import in_words
-from jblast.sensors.camera.events.exact.crossing_times import frameless_events
+from jblast.sensors.camera.events.exact import frameless_events
 from jblast.sensors.camera.events.ideal import Events
-from jblast.sensors.camera.events.noise import IDEAL, NoiseModel
-from jblast.sensors.camera.events.noisy import noisy_stream
+from jblast.sensors.camera.events.noise import IDEAL, NoiseModel, noisy_stream
 from jblast.sensors.camera.events.stream import stream_events
 from jblast.verification.benchmark.chart import (
     Benchmark,

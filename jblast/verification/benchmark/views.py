@@ -17,7 +17,7 @@ from jaxtyping import Array, Float, Int
 
 from jblast.progress import in_words
 from jblast.sensors.camera import ExplosionViews, explosion_views
-from jblast.sensors.camera.image.likeness import psnr, ssim
+from jblast.sensors.camera.image import psnr, ssim
 from jblast.verification.benchmark.chart import (
     Benchmark,
     BenchmarkPoint,

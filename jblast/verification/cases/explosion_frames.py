@@ -21,7 +21,7 @@ from jblast.sensors.camera import (
     luminance,
     render,
 )
-from jblast.sensors.camera.rendering.appearance import Appearance
+from jblast.sensors.camera.fireball import Appearance
 from jblast.waves.fireball import fireball, fireball_duration
 
 LEFT_OUT = Path(__file__).parent / "explosion_left_out"

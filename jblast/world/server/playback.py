@@ -40,7 +40,7 @@ from jblast.errors import InputError
 from jblast.kept_programs import kept
 from jblast.scene import Charge, Instrument, Scene, Sensor, VehicleSpec
 from jblast.sensors import Heard, Track, heard, microphone, pressure_gauge, record_laws
-from jblast.sensors.signal.blocks import BLOCK
+from jblast.sensors.samples import BLOCK
 from jblast.types import as_float_array
 from jblast.vehicle import BlastLoad, State, Vehicle, blast_load, named, rotor_speeds
 from jblast.vehicle.from_scene import images_of

@@ -5,8 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jblast.autopilot.estimator import Alignment, Estimate, aligned
-from jblast.sensors.carried.magnetometer import Magnetometer
-from jblast.sensors.carried.suite import Suite
+from jblast.sensors.flight_sensors import Magnetometer, Suite
 from jblast.vehicle import State, Trajectory
 
 FIELD = jnp.array([0.01, 0.2, -0.43])

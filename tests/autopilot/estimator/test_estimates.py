@@ -17,8 +17,7 @@ from jblast.autopilot.estimator import (
     numbers_read,
     thrown,
 )
-from jblast.sensors.carried.gps import Fix
-from jblast.sensors.carried.suite import Sample
+from jblast.sensors.flight_sensors import Fix, Sample
 from jblast.vehicle import State
 from tests.autopilot.estimator.estimates import (
     FIELD,

@@ -19,7 +19,7 @@ from jblast.autopilot.estimator import (
     predicted,
     transition,
 )
-from jblast.sensors.carried.inertial import Biases
+from jblast.sensors.flight_sensors import Biases
 from jblast.vehicle import State
 from tests.autopilot.estimator.estimates import (
     FIELD,

@@ -6,8 +6,8 @@ import pytest
 from jblast.cli.arguments.film import background_named
 from jblast.errors import InputError
 from jblast.scene import Camera
-from jblast.sensors.camera.files.backgrounds import MovingBackground
-from jblast.sensors.camera.files.png import write_png
+from jblast.sensors.camera.files.images import write_png
+from jblast.sensors.camera.files.recordings import MovingBackground
 from tests.sensors.camera.files.video.made import flat, make_video
 
 EYE = Camera(

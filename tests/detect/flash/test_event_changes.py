@@ -3,7 +3,7 @@
 import numpy as np
 
 from jblast.detect.flash.event_changes import event_changes
-from jblast.sensors.camera.files.events.recorded import RecordedEvents
+from jblast.sensors.camera.files.recorded_events import RecordedEvents
 
 
 def test_each_event_counts_once_in_its_millisecond():

@@ -17,9 +17,8 @@ from jblast.inference.posterior.fisher_information import information
 from jblast.inference.posterior.parameters import parameters_of
 from jblast.scene import Air, Scene, UncertainScene, freed, with_values
 from jblast.sensors import layout_of, observe
-from jblast.sensors.observe import loadings
-from jblast.sensors.record import record
-from jblast.sensors.shared_effects import count_effects, path_effects
+from jblast.sensors.record import count_effects, path_effects, record
+from jblast.sensors.simulate import loadings
 from tests.inference.logs import log
 
 ARRIVAL = {"air_arrival_s": "kingery_bulmash"}
@@ -145,7 +144,7 @@ def test_what_is_kept_from_the_compiler_changes_no_reading(monkeypatch):
     before = posterior.misfit(z), information_of_layout(*args)
     jax.clear_caches()
     # `import jblast.sensors.record as ...` gives the function of that name
-    monkeypatch.setattr(sys.modules["jblast.sensors.even_rows"], "LONG", 0)
+    monkeypatch.setattr(sys.modules["jblast.sensors.layout"], "LONG", 0)
     after = posterior.misfit(z), information_of_layout(*args)
     # the same sums, perhaps in another order
     jax.tree.map(lambda a, b: np.testing.assert_allclose(a, b, 1e-12), before, after)

@@ -19,7 +19,7 @@ from jblast.inference.posterior.posterior import posterior_of
 from jblast.observations.table import RecordCovariance
 from jblast.scene import with_laws
 from jblast.sensors import layout_of
-from jblast.sensors.observe import Noise
+from jblast.sensors.simulate import Noise
 from tests.catalogue import MASS_FREE
 from tests.inference.logs import log
 

@@ -8,7 +8,7 @@ import numpy as np
 from jblast.observations import Observations
 from jblast.registry import law_for
 from jblast.scene import default_scene
-from jblast.sensors.calculator.forward import evaluate
+from jblast.sensors.calculator import evaluate
 
 MASS = 60.0
 PLACES = np.array(

@@ -8,8 +8,8 @@ import pytest
 from jblast.inference.tuning.noise_spectrum import noise_spectrum, passed_power
 from jblast.scene import Ambient, Charge, Instrument, Scene, Sensor
 from jblast.sensors import microphone
+from jblast.sensors.instrument import causal_filter, filter_gain
 from jblast.sensors.microphone import WavePaths
-from jblast.sensors.signal.causal_filter import causal_filter, filter_gain
 
 RATE = 8000.0
 

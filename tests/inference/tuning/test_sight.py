@@ -11,11 +11,10 @@ from jblast.inference.tuning.tune_sight import paired, tune_events, tune_frames
 from jblast.inference.tuning.unknowns import filled, unknowns_of
 from jblast.report.tune_files import tune_figure
 from jblast.scene.reader.scene import scene_from_document
-from jblast.sensors.camera.events.exact.fireball import render_events
-from jblast.sensors.camera.files.png import srgb_bytes
-from jblast.sensors.camera.image.compositing import linear_to_srgb, srgb_to_linear
-from jblast.sensors.camera.image.grey_composite import luminance
-from jblast.sensors.camera.rendering.render import render
+from jblast.sensors.camera.events.scene import render_events
+from jblast.sensors.camera.files.images import srgb_bytes
+from jblast.sensors.camera.image import linear_to_srgb, luminance, srgb_to_linear
+from jblast.sensors.camera.rendering import render
 
 TRUE = {
     "charge": {"mass_kg": 15.0, "position_m": [0.0, 0.0, 1.0]},

@@ -18,8 +18,7 @@ from jblast.inference.tuning.unknowns import Between
 from jblast.observations.records.sound import write_sound
 from jblast.report.tune import list_text, tune_answer, tune_text
 from jblast.scene.reader.scene import scene_from_document
-from jblast.sensors.listening.plan import plan
-from jblast.sensors.listening.recorders import packets
+from jblast.sensors.listening import packets, plan
 
 MIC = {"name": "mic", "kind": "microphone", "position_m": [400.0, 0.0, 1.5]}
 MIC |= {"rate_hz": 4000, "noise_pa": 0.002}

@@ -11,11 +11,13 @@ from docs.generate import answer_schemas
 from jblast.registry import LAWS
 from jblast.report.calculator.answer import calculator_answer, inverse_answer
 from jblast.scene import Charge, Scene
-from jblast.sensors.calculator.disagreement import Disagreement
-from jblast.sensors.calculator.forward import Calculated
-from jblast.sensors.calculator.inverse import Roots
-from jblast.sensors.calculator.question import Question
-from jblast.sensors.calculator.recommended import Recommended
+from jblast.sensors.calculator import (
+    Calculated,
+    Disagreement,
+    Question,
+    Recommended,
+    Roots,
+)
 from tests.report.made_up import chosen
 
 CHOICE = chosen("air_arrival_s", "kingery_bulmash")

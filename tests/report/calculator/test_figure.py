@@ -3,8 +3,7 @@ import pytest
 
 from jblast.report.calculator.figures import calculator_figure
 from jblast.scene import Scene
-from jblast.sensors.calculator.forward import calculate, calculated_laws
-from jblast.sensors.calculator.question import Question
+from jblast.sensors.calculator import Question, calculate, calculated_laws
 
 
 @pytest.fixture(scope="module")

@@ -5,7 +5,7 @@ import pytest
 from jblast.report import words as numbers
 from jblast.report.calculator.answer import header
 from jblast.scene import Scene
-from jblast.sensors.calculator.question import Question
+from jblast.sensors.calculator import Question
 
 
 def test_in_our_units_no_factor_of_others_is_asked_for(monkeypatch):

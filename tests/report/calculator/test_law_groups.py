@@ -11,7 +11,7 @@ from jblast.report.calculator.figures import (
     leader_colours,
     outside_entry,
 )
-from jblast.sensors.calculator.forward import Calculated
+from jblast.sensors.calculator import Calculated
 
 
 def said(value, valid: Any = True):

@@ -3,9 +3,7 @@ import pytest
 
 from jblast.report.calculator.figures import question_figure
 from jblast.scene import Charge, Scene
-from jblast.sensors.calculator.forward import calculate
-from jblast.sensors.calculator.question import Question
-from jblast.sensors.calculator.recommended import recommended_value
+from jblast.sensors.calculator import Question, calculate, recommended_value
 
 PRESSURE = "peak_overpressure_pa"
 

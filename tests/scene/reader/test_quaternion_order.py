@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from jblast.errors import InputError
 from jblast.scene import Camera, look_at, matrix_quaternion, quaternion_matrix
 from jblast.scene.reader.scene import read_camera
-from jblast.sensors.camera.geometry.projection import to_camera
+from jblast.sensors.camera.geometry import to_camera
 from jblast.vehicle.state import four, rotation, three, times
 
 QUARTER = np.array([0.0, 0.0, np.sqrt(0.5), np.sqrt(0.5)])

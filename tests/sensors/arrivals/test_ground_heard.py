@@ -7,7 +7,7 @@ import pytest
 from jblast.scene import Air, Charge, Ground, Scene
 from jblast.scene.scene import GroundPath
 from jblast.sensors import Layout, Track, heard, overpressure, record
-from jblast.sensors.arrivals.laws import DEFAULT_GROUND_LAWS
+from jblast.sensors.wave_paths import DEFAULT_GROUND_LAWS
 
 PLACE = np.array([60.0, 0.0, 8.0])
 DENSITY_TIMES_SPEED = 413.0  # of air at 20 C [kg/m2/s]

@@ -6,8 +6,7 @@ import pytest
 
 from jblast.errors import InputError
 from jblast.scene import Air, Charge, Ground, Scene
-from jblast.sensors.arrivals.ground_wave import ground_waves, pressure_of_velocity
-from jblast.sensors.arrivals.laws import ground_laws
+from jblast.sensors.wave_paths import ground_laws, ground_waves, pressure_of_velocity
 from jblast.waves import ground_motion_velocity, wu_hao_ground_arrival_time
 from jblast.waves.pulse import ground_pulse_velocity
 

@@ -7,7 +7,7 @@ import pytest
 from jblast.errors import InputError
 from jblast.scene import Charge, Scene
 from jblast.sensors import RecordedSound, heard, overpressure, record_laws
-from jblast.sensors.arrivals.laws import DEFAULT_RECORD_LAWS
+from jblast.sensors.wave_paths import DEFAULT_RECORD_LAWS
 
 SCENE = Scene(Charge(mass_kg=15.0))
 PLACE = [20.0, 0.0, 1.5]

@@ -8,14 +8,8 @@ import numpy as np
 import pytest
 
 from jblast.scene import Charge, Scene
-from jblast.sensors import (
-    Layout,
-    even_overpressure,
-    heard,
-    overpressure,
-    record,
-)
-from jblast.sensors.arrivals.laws import AIR_QUANTITIES, DEFAULT_RECORD_LAWS
+from jblast.sensors import Layout, even_overpressure, heard, overpressure, record
+from jblast.sensors.wave_paths import AIR_QUANTITIES, DEFAULT_RECORD_LAWS
 
 PLACE = jnp.array([18.0, 5.0, 1.5])
 ON_GROUND = Scene(Charge(mass_kg=15.0, time_s=0.7, burst="surface"))

@@ -4,9 +4,7 @@ import numpy as np
 import pytest
 
 from jblast.scene import Charge, Scene
-from jblast.sensors.calculator.disagreement import BEYOND, disagreements
-from jblast.sensors.calculator.forward import Calculated
-from jblast.sensors.calculator.question import Question
+from jblast.sensors.calculator import BEYOND, Calculated, Question, disagreements
 
 QUANTITY = "peak_overpressure_pa"
 

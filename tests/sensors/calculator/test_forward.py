@@ -5,12 +5,12 @@ import pytest
 
 from jblast.registry import law_for
 from jblast.scene.charge import tnt_factor
-from jblast.sensors.calculator.forward import (
+from jblast.sensors.calculator import (
     calculate,
     calculated_laws,
+    charge_radius,
     with_other_burst,
 )
-from jblast.sensors.calculator.question import charge_radius
 from jblast.waves import (
     kingery_bulmash_arrival_time,
     kingery_bulmash_duration,

@@ -7,9 +7,7 @@ from hypothesis import strategies as st
 
 from jblast.constants import STANDARD_PRESSURE, STANDARD_SOUND_SPEED
 from jblast.scene import Scene
-from jblast.sensors.calculator.forward import calculate
-from jblast.sensors.calculator.inverse import roots
-from jblast.sensors.calculator.question import Question, charge_radius
+from jblast.sensors.calculator import Question, calculate, charge_radius, roots
 from jblast.waves import (
     kingery_bulmash_duration,
     kingery_bulmash_pressure,

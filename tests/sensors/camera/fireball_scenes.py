@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jblast.scene import Camera, Charge, Scene, look_at, quaternion_matrix
-from jblast.sensors.camera.rendering.appearance import Appearance
+from jblast.sensors.camera.fireball import Appearance
 
 EYE = np.array([3.0, -60.0, 4.0])
 TARGET = np.array([1.0, 2.0, 5.0])

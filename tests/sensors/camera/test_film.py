@@ -16,14 +16,13 @@ from jblast.sensors.camera import (
     stream_events,
     write_events,
 )
-from jblast.sensors.camera.files.backgrounds import background_frames
-from jblast.sensors.camera.files.png import write_png
+from jblast.sensors.camera.files.images import write_png
+from jblast.sensors.camera.files.recordings import background_frames
 from jblast.sensors.camera.files.views import single_view
 from jblast.sensors.camera.film import Film
-from jblast.sensors.camera.image.grey_composite import LUMINANCE
-from jblast.sensors.camera.rendering.appearance import Appearance
-from jblast.sensors.camera.rendering.render import render
-from jblast.sensors.camera.rendering.visibility import in_view, off_axis
+from jblast.sensors.camera.fireball import Appearance
+from jblast.sensors.camera.image import LUMINANCE
+from jblast.sensors.camera.rendering import in_view, off_axis, render
 
 REFERENCE = os.environ.get("JBLAST_REFERENCE")
 SCENE = Scene(charge=Charge(mass_kg=15.0, position_m=(0.0, 0.0, 1.0)))

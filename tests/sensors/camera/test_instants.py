@@ -7,21 +7,20 @@ import pytest
 
 from jblast.scene import Camera, Charge, Scene
 from jblast.scene.camera import look_at
-from jblast.sensors.camera.events.exact.fireball import render_events
-from jblast.sensors.camera.events.noise import NoiseModel
-from jblast.sensors.camera.events.noisy import noisy_stream
+from jblast.sensors.camera.billboards import Views
+from jblast.sensors.camera.events.noise import NoiseModel, noisy_stream
+from jblast.sensors.camera.events.scene import render_events
 from jblast.sensors.camera.events.stream import stream_events
-from jblast.sensors.camera.files.backgrounds import background_frames
-from jblast.sensors.camera.files.png import write_png
-from jblast.sensors.camera.film import Film
-from jblast.sensors.camera.instants import (
+from jblast.sensors.camera.files.images import write_png
+from jblast.sensors.camera.files.recordings import background_frames
+from jblast.sensors.camera.film import (
     LEFT,
     LIGHT_ERROR,
     STAMP_ERROR,
+    Film,
     first_instants,
     subdivided,
 )
-from jblast.sensors.camera.rendering.billboards import Views
 
 BOTH = (0.2, 0.3)
 KEY = jax.random.key(0)

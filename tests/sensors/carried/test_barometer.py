@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from jblast.scene import Charge, Scene, VehicleSpec
-from jblast.sensors.carried.barometer import (
+from jblast.sensors.flight_sensors import (
     MOST_PA,
     Barometer,
     blast_overpressure,

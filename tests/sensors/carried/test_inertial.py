@@ -7,7 +7,7 @@ import pytest
 
 from jblast.constants import FLIGHT_GRAVITY
 from jblast.scene import Imu
-from jblast.sensors.carried.inertial import (
+from jblast.sensors.flight_sensors import (
     Biases,
     drawn_biases,
     felt_between,

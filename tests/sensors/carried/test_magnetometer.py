@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jblast.sensors.carried.magnetometer import (
+from jblast.sensors.flight_sensors import (
     DIPOLE_GAUSS,
     Magnetometer,
     dipole_field,

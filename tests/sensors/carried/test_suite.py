@@ -9,16 +9,16 @@ import numpy as np
 import pytest
 
 from jblast.scene import Charge, Imu, Scene
-from jblast.sensors.carried.barometer import (
+from jblast.sensors.flight_sensors import (
     MOMENTS,
     Barometer,
+    Gps,
+    Magnetometer,
+    Suite,
     blast_overpressure,
     lagging,
     pressure_at,
 )
-from jblast.sensors.carried.gps import Gps
-from jblast.sensors.carried.magnetometer import Magnetometer
-from jblast.sensors.carried.suite import Suite
 from jblast.vehicle import State, blast_load
 
 FIELD = Magnetometer(jnp.array([0.0, 0.2, -0.4]))

@@ -11,8 +11,8 @@ import pytest
 import jblast
 from jblast.errors import InputError
 from jblast.scene import Air, Charge, Instrument, Scene, Sensor
-from jblast.sensors.arrivals.laws import DEFAULT_RECORD_LAWS
-from jblast.sensors.gauge import anemometer, geophone, pressure_gauge
+from jblast.sensors import anemometer, geophone, pressure_gauge
+from jblast.sensors.wave_paths import DEFAULT_RECORD_LAWS
 from jblast.waves import blast_wind, normally_reflected_pressure
 
 RATE, KEY = 20_000.0, jax.random.key(3)

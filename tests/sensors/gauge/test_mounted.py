@@ -5,7 +5,7 @@ from typing import Any
 import jax
 
 from jblast.scene import Instrument, Sensor
-from jblast.sensors.gauge import mounted
+from jblast.sensors import gauge as mounted
 
 
 def test_another_start_is_no_other_program():

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from jblast.scene import Imu
-from jblast.sensors.imu.errors import read
-from jblast.sensors.imu.motion import Felt
+from jblast.sensors.imu import Felt, read
 
 NOTHING = Felt(jnp.zeros((4000, 3)), jnp.zeros((4000, 3)))
 STILL = {

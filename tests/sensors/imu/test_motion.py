@@ -6,7 +6,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from jblast.constants import FLIGHT_GRAVITY
-from jblast.sensors.imu.motion import felt, rotation_between, rotation_quaternion
+from jblast.sensors.imu import felt, rotation_between, rotation_quaternion
 from jblast.vehicle import Trajectory
 
 LEVEL = jnp.array([0.0, 0.0, 0.0, 1.0])

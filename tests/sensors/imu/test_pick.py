@@ -12,9 +12,7 @@ from calibration.jolts import LEVEL, OFFSET, PERFECT, SAMPLES, scene_of
 from jblast.constants import FLIGHT_GRAVITY
 from jblast.scene import Imu
 from jblast.sensors import planned_layout, record
-from jblast.sensors.imu.errors import read
-from jblast.sensors.imu.motion import Felt, felt
-from jblast.sensors.imu.pick import MODEL_SHARE, JoltPick, pick_jolt
+from jblast.sensors.imu import MODEL_SHARE, Felt, JoltPick, felt, pick_jolt, read
 from jblast.vehicle import blast_load, hold_of, named, simulate, start_of
 
 SCENE = scene_of("hummingbird", 10.0, 15.0)

@@ -4,7 +4,7 @@ import pytest
 from jblast.errors import InputError
 from jblast.observations.records.sound import write_sound
 from jblast.scene import Ambient, Scene, UncertainScene
-from jblast.sensors.listening.ambient import with_ambient
+from jblast.sensors.listening import with_ambient
 
 SOUND = np.stack([np.linspace(-0.5, 0.5, 100), np.ones(100)])
 

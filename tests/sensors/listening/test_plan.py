@@ -15,7 +15,7 @@ from jblast.scene import (
     UncertainScene,
 )
 from jblast.sensors import simulate
-from jblast.sensors.listening.plan import plan, samples_of
+from jblast.sensors.listening import plan, samples_of
 
 NAMES = ("air_arrival_s", "peak_overpressure_pa", "positive_impulse_pa_s")
 RECORDS = tuple((name, 1e-9) for name in NAMES)

@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 
 from jblast.scene import Ambient
-from jblast.sensors.microphone.ambient import (
+from jblast.sensors.microphone import (
     ambient_block,
     ambient_sound,
     ambient_start,
     at_rate,
     seamless,
 )
-from jblast.sensors.signal.blocks import BLOCK, first_samples
+from jblast.sensors.samples import BLOCK, first_samples
 
 
 def played(loop, loop_rate, rate, n):

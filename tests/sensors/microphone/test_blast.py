@@ -12,8 +12,8 @@ import jblast
 from jblast.errors import InputError
 from jblast.scene import Air, Charge, Instrument, Scene, Sensor
 from jblast.sensors import RecordedSound, Track, microphone
-from jblast.sensors.arrivals.laws import DEFAULT_GROUND_LAWS
 from jblast.sensors.microphone import WavePaths
+from jblast.sensors.wave_paths import DEFAULT_GROUND_LAWS
 from jblast.waves.propagation import absorb
 
 RATE, KEY = 20_000.0, jax.random.key(3)

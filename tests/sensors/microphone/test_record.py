@@ -13,8 +13,8 @@ import jblast
 from jblast.errors import InputError
 from jblast.scene import Ambient, Charge, Instrument, Scene, Sensor
 from jblast.sensors import microphone
-from jblast.sensors.arrivals.laws import DEFAULT_RECORD_LAWS
-from jblast.sensors.arrivals.track import Track
+from jblast.sensors.arrivals import Track
+from jblast.sensors.wave_paths import DEFAULT_RECORD_LAWS
 
 RATE, KEY = 20_000.0, jax.random.key(3)
 AIR = microphone.WavePaths(ground=False)

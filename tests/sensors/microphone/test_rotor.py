@@ -7,7 +7,7 @@ import pytest
 from scipy.integrate import cumulative_trapezoid
 
 from jblast.errors import InputError
-from jblast.sensors.microphone.rotor import Rotors, rotor_phase, rotor_tones
+from jblast.sensors.microphone import Rotors, rotor_phase, rotor_tones
 
 RATE = 8000.0
 TIME = np.array([1.0, 1.25, 1.5, 1.75])

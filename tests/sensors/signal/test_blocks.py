@@ -10,14 +10,16 @@ import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
 
-from jblast.sensors.signal.blocks import (
+from jblast.sensors.samples import (
     BLOCK,
     block_start,
+    coloured_noise,
     first_samples,
+    noise_block,
+    noise_start,
     packets,
     sample_count,
 )
-from jblast.sensors.signal.noise import coloured_noise, noise_block, noise_start
 
 RATE = 44_100.0
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.signal import butter, sosfilt
 
-from jblast.sensors.signal.causal_filter import (
+from jblast.sensors.instrument import (
     CHUNK,
     causal_filter,
     filter_block,

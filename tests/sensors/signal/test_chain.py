@@ -7,8 +7,8 @@ import pytest
 from scipy import signal
 
 from jblast.scene import Instrument
-from jblast.sensors.signal.blocks import BLOCK
-from jblast.sensors.signal.chain import chain_block, chain_start, instrument_chain
+from jblast.sensors.instrument import chain_block, chain_start, instrument_chain
+from jblast.sensors.samples import BLOCK
 
 RATE = 10_000.0
 INPUT = np.cumsum(np.random.default_rng(0).normal(size=3 * BLOCK))

@@ -2,7 +2,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jblast.sensors.signal.moving_average import averaged_samples, moving_average
+from jblast.sensors.instrument import averaged_samples, moving_average
 
 
 @pytest.mark.parametrize(

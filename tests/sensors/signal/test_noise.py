@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 from scipy import signal
 
-from jblast.sensors.signal.blocks import BLOCK, first_samples
-from jblast.sensors.signal.noise import (
+from jblast.sensors.samples import (
+    BLOCK,
     coloured_noise,
+    first_samples,
     noise_block,
     noise_start,
     power_spectrum,

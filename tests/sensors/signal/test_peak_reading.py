@@ -7,8 +7,7 @@ import pytest
 
 from jblast.observations import read, write
 from jblast.scene import Instrument, Sensor
-from jblast.sensors.signal.peak_reading import peak_log, peak_reading
-from jblast.sensors.signal.quantise import quantised, saturated
+from jblast.sensors.instrument import peak_log, peak_reading, quantised, saturated
 
 SCALE = 200.0
 CLIP = Instrument(rate=1e3, full_scale=SCALE)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from jblast.scene import Instrument
-from jblast.sensors.signal.quantise import clipping, quantised, saturated
+from jblast.sensors.instrument import clipping, quantised, saturated
 
 SIGNAL = np.array([-np.inf, -1e30, -300.0, -200.0, -1e-3, 0.0, 99.9, 200.0, 1e9])
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, strategies as st
 
-from jblast.sensors.signal.ring import Ring
+from jblast.sensors.samples import Ring
 
 
 @given(st.integers(1, 20), st.lists(st.integers(-20, 20), max_size=40))

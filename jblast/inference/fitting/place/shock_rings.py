@@ -10,9 +10,12 @@ from jblast.constants import STANDARD_PRESSURE
 from jblast.inference.fitting.result import Fit
 from jblast.registry import Law
 from jblast.scene import Scene
-from jblast.sensors.calculator.forward import calculated_laws, evaluate
-from jblast.sensors.calculator.inverse import SCALED_DISTANCES
-from jblast.sensors.calculator.question import scene_path
+from jblast.sensors.calculator import (
+    SCALED_DISTANCES,
+    calculated_laws,
+    evaluate,
+    scene_path,
+)
 
 PEAK = "peak_overpressure_pa"
 LEVELS = (1e3, 5e3, 20e3, 100e3)

@@ -11,8 +11,8 @@ from jblast.inference.many.residuals.row_groups import RowGroup
 from jblast.inference.posterior.parameters import Parameters
 from jblast.scene import with_values
 from jblast.sensors import Layout
-from jblast.sensors.observe import loadings
 from jblast.sensors.record import record, residuals_of, to_error_scale
+from jblast.sensors.simulate import loadings
 
 
 class RowPrograms(NamedTuple):

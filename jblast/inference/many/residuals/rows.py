@@ -21,8 +21,8 @@ from jblast.inference.posterior.parameters import Parameters
 from jblast.observations import CLOCK_TIMES
 from jblast.scene import Free
 from jblast.sensors import Layout
-from jblast.sensors.observe import Noise
 from jblast.sensors.record import clock_offsets, to_error_scale
+from jblast.sensors.simulate import Noise
 
 
 class Miss(NamedTuple):

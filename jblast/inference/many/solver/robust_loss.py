@@ -8,7 +8,7 @@ from jaxtyping import Array, Float
 
 from jblast.inference.posterior.error_density import log_noise, noise_slopes
 from jblast.inference.posterior.fisher_information import information_of_row
-from jblast.sensors.observe import Noise
+from jblast.sensors.simulate import Noise
 
 LEAST_CURVATURE = 0.1
 """A wild reading's cost bends downwards; a step counts it as this much of its weight,

@@ -1,23 +1,39 @@
-"""Blender as another program: found, asked its version, run, and what it died of."""
+"""Blender as another program: found, run, and the settings of its scripts.
+
+The scripts run in Blender's own Python, which has no jblast. Each reads its settings
+from a JSON file.
+"""
 
 import re
 import shutil
 import signal
 import subprocess
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import Any
 
 from jblast.errors import InputError, argument
+from jblast.sensors.camera.bake.recipe import (
+    LIGHT,
+    LOOK,
+    SAMPLES,
+    Directions,
+    Instant,
+    Recipe,
+    anchor_share,
+    azimuth_elevation,
+)
 
-SCRIPTS = Path(__file__).parent / "blender"
+SCRIPTS = Path(__file__).parent
 """Scripts that Blender runs; its Python does not know jblast."""
-
 OLDEST = (3, 4)
 """Version that the scripts are written for."""
-
 LOOK_S = 0.5
 """How often is looked how far Blender is [s]."""
+COLDEST = 0.05
+"""Least heat that is taken for hot: what is left when all has mixed with air glows no
+more [of the simulation's unit]."""
 
 
 def found(program: str | None) -> tuple[str, str]:
@@ -76,7 +92,7 @@ def run(
     Args:
         program: Where Blender is.
         blend: File that it opens; None: its own, as it comes.
-        script: Name of one of `SCRIPTS`.
+        script: Name of a script in `SCRIPTS`, without `blender_`.
         settings: File that the script reads.
         log: What is said is added to this file.
         looked: Called twice a second meanwhile, and once when it is over.
@@ -93,7 +109,7 @@ def run(
         ),
         *([] if blend is None else [str(blend.resolve())]),
         *(_option("factory-startup"), _option("python")),
-        *(str(SCRIPTS / f"{script}.py"), "--", str(settings.resolve())),
+        *(str(SCRIPTS / f"blender_{script}.py"), "--", str(settings.resolve())),
     ]
     with log.open("ab") as said:
         process = subprocess.Popen(
@@ -122,3 +138,71 @@ def run(
 def _option(name: str) -> str:
     """Return an option of Blender's."""
     return f"--{name}"
+
+
+def simulation_settings(
+    recipe: Recipe, instants: Sequence[Instant], work: Path
+) -> dict[str, Any]:
+    """Return what `blender_simulate.py` reads.
+
+    Args:
+        recipe: What the set is made from.
+        instants: Frames of which is to be written down how far they reach.
+        work: Where the cache, the scene and what was found go.
+    """
+    work = work.resolve()
+    return {
+        "physics": recipe.physics,
+        "seed": recipe.seed,
+        "cache": str(work / "cache"),
+        "blend": str(work / "baked.blend"),
+        "baked": str(work / "baked.json"),
+        "frames": [instant.step for instant in instants],
+    }
+
+
+def rendering_settings(
+    recipe: Recipe,
+    instants: Sequence[Instant],
+    hot: Sequence[float],
+    sides: Sequence[float],
+    direction: Directions,
+    folders: dict[int, Path],
+) -> dict[str, Any]:
+    """Return what `blender_render_views.py` reads.
+
+    Args:
+        recipe: What the set is made from.
+        instants: Of the frames.
+        hot: How hot each is.
+        sides: How much of the world each holds [Blender's metre].
+        direction: From where each view of the set sees it.
+        folders: Of the views that are to be rendered, by their number.
+    """
+    azimuth, elevation = (angle.tolist() for angle in azimuth_elevation(direction))
+    return {
+        "engine": recipe.engine,
+        "size": recipe.size,
+        "samples": SAMPLES,
+        "look": LOOK,
+        "light": LIGHT,
+        "frames": [
+            {
+                "frame": instant.step,
+                "hot": max(warmth, COLDEST),
+                "fade": instant.fade,
+                "extinction": LOOK["extinction"],
+                "scale": float(side),
+            }
+            for instant, warmth, side in zip(instants, hot, sides, strict=True)
+        ],
+        "views": [
+            {
+                "folder": str(folder.resolve()),
+                "azimuth": azimuth[number],
+                "elevation": elevation[number],
+                "anchor": anchor_share(elevation[number]),
+            }
+            for number, folder in folders.items()
+        ],
+    }

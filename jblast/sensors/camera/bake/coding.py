@@ -1,39 +1,62 @@
-r"""An explosion's frames as pictures of 8 bits: how hot, what colour, how opaque.
+r"""Rendered frames as pictures of 8 bits: heat, shade and opacity.
+
+Blender renders a frame twice, as OpenEXR files without compression, which are read
+here. From the two follow heat, colour and opacity of each pixel.
 
 Heat $h$ codes light logarithmically, as a temperature does. Fire that is as bright as a
 black body of $T_h = T_a + h\,(T - T_a)$, $T$ the temperature of the fireball's law,
-gives off
+emits
 
 $$\frac{L}{L(T)} = \exp\left[w \left(1 - \frac{T}{T_h}\right)\right], \qquad w =
 \frac{c_2}{\lambda T}$$
 
-(Wien). With the $w$ taken it is a black body's relative luminance within 9 %, from
+(Wien). With the $w$ used it is a black body's relative luminance within 9 %, from
 1100 K to the reference. $h = 0$ is dark, $h = 1$ as bright as the law.
 
 A view's sheet has two halves of the same tiles, one tile a frame, row after row. The
 upper is heat as grey, opaque. The lower is the colour of soot and dust under the sky,
 straight, as sRGB, with the opacity of fire and smoke as alpha.
+
+The visible radius of an explosion in a picture is
+
+$$R = 2\,\sigma_x, \qquad \sigma_x^2 = \frac{\sum_x n_x (x - \bar x)^2}{\sum_x n_x}$$
+
+with $n_x$ the number of pixels of column $x$ that belong to the cloud. It is the radius
+of a disc and of half a disc that stands on the ground: columns of both are as high as
+$\sqrt{R^2 - x^2}$, whose variance is $R^2/4$. A rim, or lobes, matter less than for the
+width of the outline.
 """
 
 import math
+import struct
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float, UInt8
 
-from jblast.sensors.camera.image.compositing import srgb_to_linear
+from jblast.errors import InputError, read_bytes
+from jblast.sensors.camera.image import srgb_to_linear
 
 REFERENCE_TEMPERATURE = 2200.0
 """At which heat is coded [K]: the fireball's at its start."""
-
 AIR_TEMPERATURE = 288.15
 """Of the air around [K]."""
-
 WIEN = 11.12
 r"""$w$ at the reference temperature [-]."""
-
 LEAST = 1.0 / 255.0
 """Opacity below which nothing is there [-]: what 8 bits round to nothing."""
+SMOOTHED = 1.1
+"""Standard deviation of what shade is averaged over [px]: few rays were scattered."""
+LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
+"""Of linear sRGB."""
+MAGIC = b"\x76\x2f\x31\x01"
+TYPES = {1: "<f2", 2: "<f4"}
+"""Of a channel: half and single precision."""
+Channels = dict[str, Float[np.ndarray, "height width"]]
+OPAQUE = 0.5
+"""Opacity from which a pixel belongs to the cloud [-]: dust that is swept over the
+ground is mostly thinner."""
 
 
 class Layers(NamedTuple):
@@ -72,7 +95,7 @@ def sheet(frames: list[Layers], columns: int) -> UInt8[np.ndarray, "height width
         frames: All of one size.
         columns: Tiles in a row.
     """
-    from jblast.sensors.camera.files.png import srgb_bytes
+    from jblast.sensors.camera.files.images import srgb_bytes
 
     heats, shades = [], []
     for heat, shade, alpha in frames:
@@ -126,3 +149,130 @@ def _tiled(tiles: list[np.ndarray], columns: int, blank: np.ndarray) -> np.ndarr
         for start in range(0, len(tiles), columns)
     ]
     return np.concatenate(rows, axis=0)
+
+
+def layers_of(glow: Channels, shade: Channels) -> Layers:
+    """Return a frame's layers.
+
+    Opacity and heat come from the gas that emits and absorbs, which has little noise.
+    The colour under the sky is the other one's light over its own opacity, both
+    averaged over the neighbours.
+
+    Args:
+        glow: Channels R, G, B, A of the gas that glows: premultiplied, linear.
+        shade: The same of the gas that scatters.
+    """
+    alpha = np.clip(glow["A"], 0.0, 1.0)
+    there = np.maximum(alpha, LEAST)
+    light = sum(w * glow[c] for w, c in zip(LUMINANCE, "RGB", strict=True)) / there
+    heat = np.where(alpha > LEAST, heat_of_light(np.asarray(light)), 0.0)
+    opacity = np.maximum(averaged(shade["A"]), 1e-3)
+    colour = np.stack([averaged(shade[c]) / opacity for c in "RGB"], axis=-1)
+    return Layers(heat, np.clip(colour, 0.0, 1.0), alpha)
+
+
+def averaged(
+    image: Float[np.ndarray, "height width"],
+) -> Float[np.ndarray, "height width"]:
+    """Return an image averaged over neighbours by a Gaussian of `SMOOTHED`."""
+    reach = int(np.ceil(3 * SMOOTHED))
+    weights = np.exp(-0.5 * np.square(np.arange(-reach, reach + 1) / SMOOTHED))
+    weights /= weights.sum()
+    for axis in (0, 1):
+        size = image.shape[axis]
+        around = [(reach, reach) if axis == a else (0, 0) for a in (0, 1)]
+        padded = np.pad(image, around)
+        shifted = (
+            np.take(padded, np.arange(start, start + size), axis)
+            for start in range(len(weights))
+        )
+        image = sum(
+            (w * part for w, part in zip(weights, shifted, strict=True)),
+            np.zeros_like(image),
+        )
+    return image
+
+
+def read_exr(path: str | Path) -> Channels:
+    """Return the channels of a file by their names, as `shade.Combined.R`.
+
+    Raises:
+        InputError: It is no such file, or not a whole one; the message names it.
+    """
+    data = read_bytes(path, "an OpenEXR picture")
+    if not data.startswith(MAGIC):
+        raise InputError(f"{path}: expected an OpenEXR picture, got something else")
+    try:
+        return _channels(data)
+    except (struct.error, IndexError, KeyError, ValueError) as error:
+        raise InputError(
+            f"{path}: expected a whole OpenEXR picture of scan lines, uncompressed, "
+            f"but it cannot be read ({error})"
+        ) from None
+
+
+def _channels(data: bytes) -> Channels:
+    attributes, place = _attributes(data)
+    if attributes["compression"] != b"\0":
+        raise ValueError("it is compressed")
+    left, top, right, bottom = struct.unpack("<4i", attributes["dataWindow"])
+    width, height = right - left + 1, bottom - top + 1
+    if not (0 < width < 2**15 and 0 < height < 2**15):
+        raise ValueError(f"{width} x {height} pixels")
+    names = _channel_types(attributes["channels"])
+    line = np.dtype(
+        [("y", "<i4"), ("bytes", "<i4")] + [(n, t, (width,)) for n, t in names]
+    )
+    offsets = np.frombuffer(data, "<u8", height, place)
+    found = {name: np.full((height, width), np.nan, np.float32) for name, _ in names}
+    for offset in offsets.tolist():
+        (row,) = np.frombuffer(data, line, 1, offset)
+        for name in found:
+            found[name][row["y"] - top] = row[name]
+    return found
+
+
+def _attributes(data: bytes) -> tuple[dict[str, bytes], int]:
+    """Return the header's attributes, and where what follows it begins."""
+    found, place = {}, len(MAGIC) + 4
+    while data[place]:
+        name, place = _word(data, place)
+        _, place = _word(data, place)
+        (size,) = struct.unpack_from("<i", data, place)
+        place += 4
+        found[name] = data[place : place + size]
+        place += size
+    return found, place + 1
+
+
+def _channel_types(listed: bytes) -> list[tuple[str, str]]:
+    found, place = [], 0
+    while listed[place]:
+        name, place = _word(listed, place)
+        (kind,) = struct.unpack_from("<i", listed, place)
+        found.append((name, TYPES[kind]))
+        place += 16  # kind, how it was coded, steps across and down
+    return found
+
+
+def _word(data: bytes, place: int) -> tuple[str, int]:
+    end = data.index(b"\0", place)
+    return data[place:end].decode(), end + 1
+
+
+def visible_radius(alpha: Float[np.ndarray, "height width"]) -> float:
+    """Return the radius of a silhouette [px]; 0 if nothing is opaque.
+
+    Pixels are as wide as they are: to the variance of their middles 1/12 is added.
+
+    Args:
+        alpha: Opacity of fire and smoke, 0 to 1.
+    """
+    columns = (alpha > OPAQUE).sum(axis=0).astype(float)
+    total = columns.sum()
+    if total == 0:
+        return 0.0
+    place = np.arange(len(columns))
+    middle = (columns @ place) / total
+    variance = (columns @ np.square(place - middle)) / total
+    return 2.0 * float(np.sqrt(variance + 1.0 / 12.0))

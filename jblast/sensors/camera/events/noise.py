@@ -1,4 +1,7 @@
-"""What a real event camera adds to an ideal one; each can be left out.
+"""Events of an event camera with noise: under jit, or as a stream.
+
+The effects are mismatch of thresholds, a low-pass of the light, shot noise, leak
+events, hot pixels and a refractory period. Each can be left out.
 
 References:
     Hu, Liu and Delbruck (2021), v2e: from video frames to realistic DVS events, for
@@ -6,11 +9,12 @@ References:
     0.2 there, and leak rates are log-normal over 0.1 decades (`emulator.py`). What it
     adds to them from frame to frame averages out as frames become shorter, and is left
     out. Hot pixels are a choice of ours.
-    Rebecq, Gehrig and Scaramuzza (2018), ESIM: what it does in a refractory period,
-    read in the programs (`event_simulator.cpp`; `esim.cpp` of vid2e is the same).
+    Rebecq, Gehrig and Scaramuzza (2018), ESIM: its refractory period, read in the
+    programs (`event_simulator.cpp`; `esim.cpp` of vid2e is the same).
 """
 
 import math
+from collections.abc import Iterable, Iterator
 from typing import Literal, NamedTuple
 
 import jax
@@ -18,8 +22,17 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Float, PRNGKeyArray
 
-from jblast.sensors.camera.events.ideal import Events
-from jblast.sensors.camera.events.pixel import Thresholds
+from jblast.sensors.camera.events.ideal import (
+    DARKEST,
+    Events,
+    Thresholds,
+    continued_events,
+    first_reference,
+    grey_table,
+    log_intensity,
+    reset_events,
+)
+from jblast.sensors.camera.events.stream import Block, stream_events
 from jblast.types import as_float_arrays
 
 
@@ -52,6 +65,285 @@ class NoiseModel(NamedTuple):
     shot_hz: float | None = 0.001
     refractory_s: float | None = 0.5e-3
     refractory: Literal["reset", "esim"] = "reset"
+
+
+def noisy_events(
+    key: PRNGKeyArray,
+    log_frames: Float[Array, "frame height width"],
+    times: Float[Array, " frame"],
+    thresholds: tuple[Float[ArrayLike, "..."], Float[ArrayLike, "..."]],
+    noise: NoiseModel,
+    *,
+    capacity: int,
+) -> Events:
+    """Return what a camera with noise sends; see `ideal_events`.
+
+    Args:
+        key: Of mismatch, hot pixels and noise.
+        log_frames: Logarithm of the light.
+        times: Of the frames [s], rising.
+        thresholds: Positive and negative, as positive numbers.
+        noise: Which effects, and how large.
+        capacity: Room for events, before noise in refractory periods is left out.
+    """
+    shape = log_frames.shape[1], log_frames.shape[2]
+    pixel, hot, shot = jax.random.split(key, 3)
+    if noise.mismatch is not None:
+        thresholds = mismatched(pixel, thresholds, noise.mismatch, shape)
+    if noise.bandwidth_hz is not None:
+        first = log_frames[0]
+        log_frames = low_passed(log_frames, times, noise.bandwidth_hz, first)
+    first = log_frames[0]
+    if _leaks(noise):
+        leak = leaks(hot, shape, noise)
+        positive = jnp.broadcast_to(jnp.asarray(thresholds[0]), shape)
+        first = first - leak.phase * positive
+        log_frames = leaked(log_frames, times - times[0], leak.rate, positive)
+    held = _held(noise)
+    if held is not None:
+        events = reset_events(
+            log_frames, times, thresholds, held, first, capacity=capacity
+        )
+    else:
+        seen = first_reference(first)
+        events, _ = continued_events(
+            log_frames, times, thresholds, seen, capacity=capacity
+        )
+    if noise.shot_hz is not None:
+        span = times[0], times[-1]
+        rate = noise.shot_hz
+        extra = shot_noise(shot, rate, shape, *span, capacity=capacity)
+        events = merged(events, extra, capacity)
+    if noise.refractory_s is not None:
+        never = jnp.full(shape, -jnp.inf, times.dtype)
+        events, _ = rested(events, noise.refractory_s, never)
+    return events
+
+
+def _held(noise: NoiseModel) -> float | None:
+    """Return how long a pixel is held in reset after an event [s], if it is."""
+    return noise.refractory_s if noise.refractory == "reset" else None
+
+
+def _leaks(noise: NoiseModel) -> bool:
+    return (noise.leak_hz, noise.hot_fraction) != (None, None)
+
+
+def noisy_stream(
+    key: PRNGKeyArray,
+    blocks: Iterable[Block],
+    shape: tuple[int, int],
+    thresholds: tuple[Float[ArrayLike, "..."], Float[ArrayLike, "..."]],
+    noise: NoiseModel,
+    *,
+    table: Float[np.ndarray, "256"] | None = None,
+    darkest: float = DARKEST,
+) -> Iterator[Events]:
+    """Return the events of each block of a stream; see `stream_events`.
+
+    Noise is drawn block by block: it depends on the key and on how the stream is cut.
+
+    Args:
+        key: Of mismatch, hot pixels and noise.
+        blocks: Times [s] and frames of linear light, grey of 8 bits or floats.
+        shape: Height and width.
+        thresholds: Positive and negative, as positive numbers.
+        noise: Which effects, and how large.
+        table: Logarithm of the light of each 8-bit value; by default `grey_table()`.
+        darkest: Floor of float frames, as a fraction of full scale.
+    """
+    table = grey_table() if table is None else table
+    pixel, hot, shot = jax.random.split(key, 3)
+    both = thresholds
+    if noise.mismatch is not None:
+        both = mismatched(pixel, thresholds, noise.mismatch, shape)
+    positive, negative = (np.broadcast_to(np.asarray(t), shape) for t in both)
+    spans: list[tuple[float, float]] = []
+    signal = noise.bandwidth_hz is not None or _leaks(noise)
+    begun = np.zeros(shape)
+    blocks = _noted(blocks, spans)
+    if signal:
+        drift = None
+        if _leaks(noise):
+            leak = leaks(hot, shape, noise)
+            drift = leak.rate, jnp.asarray(positive)
+            begun = np.asarray(leak.phase) * positive
+        blocks = _signals(blocks, table, darkest, noise.bandwidth_hz, drift)
+    held = _held(noise)
+    stream = stream_events(
+        blocks,
+        (positive, negative),
+        table=table,
+        in_logarithms=signal,
+        begun=begun,
+        refractory_s=held,
+        darkest=darkest,
+    )
+    last = jnp.full(shape, -jnp.inf)
+    for i, events in enumerate(stream):
+        start, stop = spans[i]
+        extra = None
+        if noise.shot_hz is not None:
+            mean = noise.shot_hz * shape[0] * shape[1] * (stop - start)
+            # ten standard deviations: none is lost
+            room = _room(int(mean + 10.0 * np.sqrt(mean) + 10.0))
+            here = jax.random.fold_in(shot, i)
+            extra = _shot_noise(here, noise.shot_hz, shape, start, stop, capacity=room)
+        if extra is None and (held is not None or noise.refractory_s is None):
+            yield events
+            continue
+        events = _padded(events)
+        if extra is not None:
+            events = _merged(events, extra, len(events.time) + len(extra.time))
+        if noise.refractory_s is not None:
+            events, last = _rested(events, noise.refractory_s, last)
+        yield events
+
+
+def shot_noise(
+    key: PRNGKeyArray,
+    rate_hz: Float[ArrayLike, ""],
+    shape: tuple[int, int],
+    start: Float[ArrayLike, ""],
+    stop: Float[ArrayLike, ""],
+    *,
+    capacity: int,
+) -> Events:
+    """Return events of noise: Poisson in time, at any pixel, of either sign.
+
+    They leave the reference where it is.
+    """
+    number, where, when, which = jax.random.split(key, 4)
+    start, stop = as_float_arrays(start, stop)
+    pixels = shape[0] * shape[1]
+    total = jax.random.poisson(number, rate_hz * pixels * (stop - start))
+    valid = jnp.arange(capacity) < total
+    pixel = jax.random.randint(where, (capacity,), 0, pixels)
+    share = jax.random.uniform(when, (capacity,))
+    sign = 2 * jax.random.bernoulli(which, shape=(capacity,)).astype(pixel.dtype) - 1
+    time = start + share * (stop - start)
+    count = jnp.minimum(total, capacity)
+    x, y = pixel % shape[1], pixel // shape[1]
+    return in_order(Events(x, y, time, sign, count, total - count), valid)
+
+
+_shot_noise = jax.jit(shot_noise, static_argnames=("shape", "capacity"))
+
+
+def merged(first: Events, second: Events, capacity: int) -> Events:
+    """Return the events of two streams as one."""
+    both = jax.tree.map(lambda a, b: jnp.append(a, b.astype(a.dtype)), first, second)
+    count, lost = both.count.sum(), both.lost.sum()
+    events = Events(both.x, both.y, both.time, both.polarity, count, lost)
+    return in_order(events, events.polarity != 0, capacity)
+
+
+_merged = jax.jit(merged, static_argnames="capacity")
+
+
+def rested(
+    events: Events,
+    refractory_s: Float[ArrayLike, ""],
+    last: Float[Array, "height width"],
+) -> tuple[Events, Float[Array, "height width"]]:
+    """Leave out events less than a refractory period after the last one of a pixel.
+
+    Args:
+        events: In order of time.
+        refractory_s: The period [s].
+        last: When each pixel sent its last event before these [s]; -inf if never.
+
+    Returns:
+        The events that are left, and when each pixel sent its last one.
+    """
+    # pixel by pixel, so that the loop carries two numbers and no image
+    pixel = jnp.maximum(events.y * last.shape[1] + events.x, 0)
+    one_by_one = jnp.argsort(pixel, stable=True)
+
+    def step(carry, event):
+        pixel, time, sign, before = event
+        before = jnp.where(pixel == carry[0], carry[1], before)
+        sent = (time - before >= refractory_s) & (sign != 0)
+        return (pixel, jnp.where(sent, time, before)), sent
+
+    fields = pixel, events.time, events.polarity, last.ravel()[pixel]
+    begin = jnp.full_like(pixel[0], -1), jnp.full_like(events.time[0], -jnp.inf)
+    ordered = jax.tree.map(lambda field: field[one_by_one], fields)
+    _, sent = jax.lax.scan(step, begin, ordered)
+    sent = jnp.zeros_like(sent).at[one_by_one].set(sent)
+    when = jnp.where(sent, events.time, -jnp.inf)
+    last = last.ravel().at[pixel].max(when).reshape(last.shape)
+    order = jnp.argsort(~sent, stable=True)
+    kept = sent[order]
+    x, y = (jnp.where(kept, field[order], -1) for field in (events.x, events.y))
+    time = jnp.where(kept, events.time[order], jnp.inf)
+    sign = jnp.where(kept, events.polarity[order], 0)
+    count = kept.sum().astype(events.count.dtype)
+    return Events(x, y, time, sign, count, events.lost), last
+
+
+_rested = jax.jit(rested, donate_argnames="last")
+
+
+def _noted(blocks: Iterable[Block], spans: list) -> Iterator[Block]:
+    """Pass blocks on, and note from when to when each lasts."""
+    begin = None
+    for times, frames in blocks:
+        if len(times):
+            spans.append((times[0] if begin is None else begin, times[-1]))
+            begin = times[-1]
+            yield times, frames
+
+
+def _signals(
+    blocks: Iterable[Block], table, darkest, bandwidth_hz, drift
+) -> Iterator[Block]:
+    """Turn frames of light into the signal of the pixel."""
+    before = signal = start = None
+    for times, frames in blocks:
+        logs = jnp.asarray(
+            table[frames]
+            if frames.dtype == np.uint8
+            else log_intensity(frames.astype(float), darkest)
+        )
+        if before is None or signal is None or start is None:
+            start = times[0]
+            # the first frame before itself: the low-pass is at rest there
+            before, signal = (times[0] - 1.0, logs[0]), logs[0]
+        clock = jnp.asarray(np.append(before[0], times))
+        held = jnp.concatenate([before[1][None], logs])
+        answer, signal = _signal(held, clock, signal, bandwidth_hz, drift, start)
+        before = times[-1], logs[-1]
+        yield times, np.asarray(answer)
+
+
+@jax.jit
+def _signal(logs, times, signal, bandwidth_hz, drift, start):
+    """Return the signal of a block and, before the leak, of its last frame."""
+    if bandwidth_hz is not None:
+        logs = low_passed(logs, times, bandwidth_hz, signal)
+    last = logs[-1]
+    if drift is not None:
+        logs = leaked(logs, times - start, *drift)
+    return logs[1:], last
+
+
+def _room(count: int) -> int:
+    """Return the next power of two, so that few programs are compiled."""
+    return max(256, 1 << (count - 1).bit_length())
+
+
+def _padded(events: Events) -> Events:
+    """Return events on the device, with empty places at the end."""
+    room = [(0, _room(len(events.time)) - len(events.time))]
+    fill = {"x": -1, "y": -1, "time": np.inf, "polarity": 0}
+    fields = {
+        name: jnp.asarray(np.pad(getattr(events, name), room, constant_values=value))
+        for name, value in fill.items()
+    }
+    return Events(
+        **fields, count=jnp.asarray(events.count), lost=jnp.asarray(events.lost)
+    )
 
 
 IDEAL = NoiseModel(
@@ -151,33 +443,6 @@ def leaked(
     return log_frames + since[:, None, None] * (rates * positive)[None]
 
 
-def shot_noise(
-    key: PRNGKeyArray,
-    rate_hz: Float[ArrayLike, ""],
-    shape: tuple[int, int],
-    start: Float[ArrayLike, ""],
-    stop: Float[ArrayLike, ""],
-    *,
-    capacity: int,
-) -> Events:
-    """Return events of noise: Poisson in time, at any pixel, of either sign.
-
-    They leave the reference where it is.
-    """
-    number, where, when, which = jax.random.split(key, 4)
-    start, stop = as_float_arrays(start, stop)
-    pixels = shape[0] * shape[1]
-    total = jax.random.poisson(number, rate_hz * pixels * (stop - start))
-    valid = jnp.arange(capacity) < total
-    pixel = jax.random.randint(where, (capacity,), 0, pixels)
-    share = jax.random.uniform(when, (capacity,))
-    sign = 2 * jax.random.bernoulli(which, shape=(capacity,)).astype(pixel.dtype) - 1
-    time = start + share * (stop - start)
-    count = jnp.minimum(total, capacity)
-    x, y = pixel % shape[1], pixel // shape[1]
-    return in_order(Events(x, y, time, sign, count, total - count), valid)
-
-
 def in_order(events: Events, valid, capacity: int | None = None) -> Events:
     """Return events in order, those that are not valid left out.
 
@@ -194,52 +459,3 @@ def in_order(events: Events, valid, capacity: int | None = None) -> Events:
     count = kept.sum().astype(events.count.dtype)
     out = (valid.sum() - kept.sum()).astype(events.lost.dtype)
     return Events(x, y, time[order], sign, count, events.lost + out)
-
-
-def merged(first: Events, second: Events, capacity: int) -> Events:
-    """Return the events of two streams as one."""
-    both = jax.tree.map(lambda a, b: jnp.append(a, b.astype(a.dtype)), first, second)
-    count, lost = both.count.sum(), both.lost.sum()
-    events = Events(both.x, both.y, both.time, both.polarity, count, lost)
-    return in_order(events, events.polarity != 0, capacity)
-
-
-def rested(
-    events: Events,
-    refractory_s: Float[ArrayLike, ""],
-    last: Float[Array, "height width"],
-) -> tuple[Events, Float[Array, "height width"]]:
-    """Leave out events less than a refractory period after the last one of a pixel.
-
-    Args:
-        events: In order of time.
-        refractory_s: The period [s].
-        last: When each pixel sent its last event before these [s]; -inf if never.
-
-    Returns:
-        The events that are left, and when each pixel sent its last one.
-    """
-    # pixel by pixel, so that the loop carries two numbers and no image
-    pixel = jnp.maximum(events.y * last.shape[1] + events.x, 0)
-    one_by_one = jnp.argsort(pixel, stable=True)
-
-    def step(carry, event):
-        pixel, time, sign, before = event
-        before = jnp.where(pixel == carry[0], carry[1], before)
-        sent = (time - before >= refractory_s) & (sign != 0)
-        return (pixel, jnp.where(sent, time, before)), sent
-
-    fields = pixel, events.time, events.polarity, last.ravel()[pixel]
-    begin = jnp.full_like(pixel[0], -1), jnp.full_like(events.time[0], -jnp.inf)
-    ordered = jax.tree.map(lambda field: field[one_by_one], fields)
-    _, sent = jax.lax.scan(step, begin, ordered)
-    sent = jnp.zeros_like(sent).at[one_by_one].set(sent)
-    when = jnp.where(sent, events.time, -jnp.inf)
-    last = last.ravel().at[pixel].max(when).reshape(last.shape)
-    order = jnp.argsort(~sent, stable=True)
-    kept = sent[order]
-    x, y = (jnp.where(kept, field[order], -1) for field in (events.x, events.y))
-    time = jnp.where(kept, events.time[order], jnp.inf)
-    sign = jnp.where(kept, events.polarity[order], 0)
-    count = kept.sum().astype(events.count.dtype)
-    return Events(x, y, time, sign, count, events.lost), last

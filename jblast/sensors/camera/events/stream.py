@@ -1,33 +1,42 @@
-"""Frames to events for long recordings: block by block, fast, on the host.
+"""Events of long recordings on the host, block by block and strip by strip.
 
-Most pixels of a block of frames cross no threshold. Which ones do is seen by the
-extremes of the block, compared with bounds in the units of the image: no logarithm is
-taken of the others. The few that are left are followed frame by frame. The events are
-those of `ideal_events`, in the same order.
+Most pixels of a block of frames cross no threshold. These are found by the extremes of
+the block, compared with bounds in the units of the image, without a logarithm. The few
+other pixels are followed frame by frame. The events are those of `ideal_events`, in the
+same order. An image is cut into strips of rows, and colour frames are composited over a
+background strip by strip.
 """
 
 import os
 from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from itertools import pairwise
+from typing import NamedTuple
 
+import jax
 import numpy as np
-from jaxtyping import ArrayLike, Float, UInt8
+from jaxtyping import ArrayLike, Float, Int, UInt8
 
 from jblast.errors import InputError
-from jblast.sensors.camera.events.composite_strip import CompositeStrip
-from jblast.sensors.camera.events.ideal import Events
-from jblast.sensors.camera.events.log_intensity import (
+from jblast.sensors.camera.events.ideal import (
     DARKEST,
     EIGHT_BITS,
+    Events,
+    Held,
+    Reference,
+    check_light,
+    check_thresholds,
+    count_events,
     grey_table,
+    reset_runs,
+    rounding,
 )
-from jblast.sensors.camera.events.pixel import check_light, check_thresholds
-from jblast.sensors.camera.events.strip import Found, Strip
+from jblast.sensors.camera.image import grey_composite
 
 # each block has its own number of frames, so no axis has a name
 Frames = UInt8[np.ndarray, "_ _ _ ..."] | Float[np.ndarray, "_ _ _"]
 Block = tuple[Float[np.ndarray, " _"], Frames]
+_composite = jax.jit(grey_composite)
 
 
 def stream_events(
@@ -59,9 +68,9 @@ def stream_events(
         begun: How far the logarithm of the first frame is above a pixel's reference;
             by default nowhere.
         refractory_s: So long a pixel is held in reset after an event [s]; see
-            `reset_pixel`. By default it is not.
+            `reset_events`. By default it is not.
         darkest: Floor of float frames and of RGBA over a background, as a fraction of
-            full scale (`log_intensity.darkest_of`); by default `DARKEST`, and half a
+            full scale (`darkest_of`); by default `DARKEST`, and half a
             step of 8 bits for RGBA. The floor of grey values is that of `table`.
         workers: Threads, each for a strip of rows; by default one a core.
 
@@ -111,6 +120,170 @@ def _check(times, before, frames, shape) -> None:
         )
 
 
+class Found(NamedTuple):
+    """Events in no order.
+
+    Attributes:
+        pixel: Row times width plus column.
+        time: Seconds.
+        sign: +1 brighter, -1 darker.
+    """
+
+    pixel: Int[np.ndarray, " event"]
+    time: Float[np.ndarray, " event"]
+    sign: Int[np.ndarray, " event"]
+
+
+class Strip:
+    """Rows of the image; `advance` takes their next frames."""
+
+    def __init__(
+        self,
+        rows: slice,
+        width: int,
+        thresholds,
+        begun: Float[np.ndarray, "height width"],
+        table: Float[np.ndarray, "256"],
+        in_logarithms: bool,
+        refractory_s: float | None,
+        darkest: float,
+    ):
+        """Take what does not change; see `stream_events`."""
+        self.rows, self.table, self.in_logarithms = rows, table, in_logarithms
+        self.begun, self.refractory_s = begun.ravel(), refractory_s
+        self.darkest = darkest
+        self.offset = rows.start * width
+        self.positive, self.negative = (t.ravel() for t in thresholds)
+        self.last: np.ndarray | None = None
+
+    def start(self, time: float, values: np.ndarray) -> None:
+        """See the first frame: it sets the reference and gives no event."""
+        self.time, self.last = time, values
+        self.first = self.log(values) - self.begun
+        self.until = np.full(values.shape, -np.inf)
+        self.up = np.zeros(values.shape, np.int32)
+        self.down = np.zeros(values.shape, np.int32)
+        self.lowest, self.highest = self.bounds(np.arange(values.size))
+
+    def log(self, values: np.ndarray) -> Float[np.ndarray, "..."]:
+        """Return the logarithm of the light of image values."""
+        if values.dtype == np.uint8:
+            return self.table[values]
+        values = values.astype(float)
+        return (
+            values if self.in_logarithms else np.log(np.maximum(values, self.darkest))
+        )
+
+    def bounds(self, at: Int[np.ndarray, " pixel"]) -> tuple[np.ndarray, np.ndarray]:
+        """Return the least and greatest value at which some pixels surely stay quiet.
+
+        They may be too narrow by rounding: such a pixel is followed for nothing.
+        """
+        assert self.last is not None
+        up, down = self.up[at] * self.positive[at], self.down[at] * self.negative[at]
+        level = self.first[at] + up - down
+        above, below = level + self.positive[at], level - self.negative[at]
+        dtype = self.last.dtype
+        if dtype == np.uint8:
+            slack = rounding(self.table[:1], np)
+            highest = np.searchsorted(self.table, above - slack, side="left") - 1
+            lowest = np.searchsorted(self.table, below + slack, side="right")
+            return lowest.astype(np.uint8), highest.astype(np.uint8)
+        close = 16.0 * np.finfo(dtype).eps * (1.0 + np.abs(level))
+        highest, lowest = above - close, below + close
+        if not self.in_logarithms:
+            # light below the floor is as dark as the floor, and no event
+            floor = np.log(self.darkest)
+            lowest = np.where(below < floor - close, -np.inf, np.exp(lowest))
+            highest = np.exp(highest)
+        return lowest.astype(dtype), highest.astype(dtype)
+
+    def advance(self, times: Float[np.ndarray, " frame"], block: np.ndarray) -> Found:
+        """Return the events of the next frames, each a row of `block`."""
+        if self.last is None:
+            self.start(float(times[0]), self.values(block[0]))
+        assert self.last is not None
+        at, values, last = self.loud(block)
+        logs = self.log(np.vstack([self.last[at], values]))
+        found = self.follow(at, np.append(self.time, times), logs)
+        self.time, self.last = float(times[-1]), last
+        self.lowest[at], self.highest[at] = self.bounds(at)
+        held = at[self.until[at] > self.time]  # followed until the reference is known
+        whole = last.dtype == np.uint8
+        self.lowest[held], self.highest[held] = (255, 0) if whole else (np.inf, -np.inf)
+        return found
+
+    def rows_of(self, frames: np.ndarray) -> np.ndarray:
+        """Return the values of these rows, a row for each frame."""
+        return frames[:, self.rows].reshape(len(frames), -1)
+
+    def values(self, frame: np.ndarray) -> np.ndarray:
+        """Return the image values of the first frame."""
+        return frame.copy()
+
+    def loud(self, block: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return the pixels that may send events, their values, the last of all."""
+        at = np.flatnonzero(self.leaves_bounds(block, slice(None)))
+        return at, block[:, at], block[-1].copy()
+
+    def leaves_bounds(self, values: np.ndarray, at) -> np.ndarray:
+        """Return which of some pixels leave the bounds within which they are quiet."""
+        high, low = values.max(axis=0), values.min(axis=0)
+        return (high > self.highest[at]) | (low < self.lowest[at])
+
+    def follow(self, at, times, logs) -> Found:
+        """Follow some pixels frame by frame, and return their events."""
+        if not len(at):
+            return Found(at, np.empty(0), at)
+        if self.refractory_s is None:
+            interval, lane, crossed, first, pace = self.crossed(at, times, logs)
+        else:
+            interval, lane, crossed, first, pace = self.held(at, times, logs)
+        number = np.abs(crossed)
+        ends = np.cumsum(number)
+        nth = np.arange(number.sum()) - np.repeat(ends - number, number)
+        time = np.repeat(first, number) + nth * np.repeat(pace, number)
+        start, stop = np.repeat(times[interval], number), times[interval + 1]
+        time = np.clip(time, start, np.repeat(stop, number))
+        pixel = np.repeat(at[lane] + self.offset, number)
+        return Found(pixel, time, np.repeat(np.sign(crossed), number))
+
+    def crossed(self, at, times, logs):
+        """Follow pixels that are never held.
+
+        Returns:
+            Intervals and lanes in which there are events, how many of which sign, when
+            the first of them is sent, and the time from one to the next [s].
+        """
+        state = [widened(v[at]) for v in (self.first, self.up, self.down)]
+        steps = [self.positive[at], self.negative[at]]
+        both = [widened(step) for step in steps]
+        with jax.enable_x64(True):
+            answer = _count(widened(logs), both, state)
+            counts, levels, up, down = (np.asarray(v)[..., : len(at)] for v in answer)
+        self.up[at], self.down[at] = up, down
+        interval, lane = np.nonzero(counts)
+        crossed = counts[interval, lane]
+        before, after = logs[interval, lane], logs[interval + 1, lane]
+        pace = (times[interval + 1] - times[interval]) / (after - before)
+        step = np.where(crossed > 0, steps[0][lane], -steps[1][lane])
+        first = times[interval] + (levels[interval, lane] + step - before) * pace
+        return interval, lane, crossed, first, step * pace
+
+    def held(self, at, times, logs):
+        """Follow pixels that are held after an event; returns as `crossed`."""
+        state = [widened(v[at]) for v in (self.first, self.until)]
+        both = [widened(step[at]) for step in (self.positive, self.negative)]
+        with jax.enable_x64(True):
+            answer = _reset(widened(logs), times, both, self.refractory_s, state)
+            runs, state = (
+                [np.asarray(v)[..., : len(at)] for v in part] for part in answer
+            )
+        self.first[at], self.until[at] = state
+        interval, lane = np.nonzero(runs[0])
+        return interval, lane, *(v[interval, lane] for v in runs)
+
+
 def _strips(shape, thresholds, begun, options, background, workers) -> list[Strip]:
     """Cut the image into strips of rows, one a worker."""
     height, width = shape[:2]
@@ -139,3 +312,74 @@ def gathered(found: Sequence[Found], width: int) -> Events:
     y, x = np.divmod(pixel[order], width)
     count, lost = np.asarray(len(order)), np.asarray(0)
     return Events(x, y, time[order], sign[order], count, lost)
+
+
+def widened(values: np.ndarray) -> np.ndarray:
+    """Repeat the last lane until there are 256 or another power of two.
+
+    Few programs are compiled so; and it takes a tenth of the time of `np.pad`.
+    """
+    size = values.shape[-1]
+    wide = np.empty(
+        (*values.shape[:-1], max(256, 1 << (size - 1).bit_length())), values.dtype
+    )
+    wide[..., :size], wide[..., size:] = values, values[..., -1:]
+    return wide
+
+
+@jax.jit
+def _count(logs, thresholds, state):
+    """Count events; see `count_events`."""
+    counts, levels, after = count_events(logs, tuple(thresholds), Reference(*state))
+    return counts, levels, after.up, after.down
+
+
+@jax.jit
+def _reset(logs, times, thresholds, refractory_s, state):
+    """Return events and state of pixels that are held; see `reset_runs`."""
+    held = Held(*state)
+    runs, held = reset_runs(logs, times, tuple(thresholds), refractory_s, held)
+    return (runs.count, runs.first, runs.pace), (held.level, held.until)
+
+
+class CompositeStrip(Strip):
+    """As `Strip`; a frame is one word of RGBA a pixel.
+
+    Only what has another word than in the frame before the block is composited.
+    """
+
+    def __init__(self, *args, background: Float[np.ndarray, "height width"]):
+        """Take what `Strip` takes, and the grey light behind these rows."""
+        super().__init__(*args)
+        self.background = background.ravel()
+
+    def rows_of(self, frames: UInt8[np.ndarray, "frame height width 4"]) -> np.ndarray:
+        """Return one word a pixel, a row for each frame; a view where it can be."""
+        rows = frames[:, self.rows]
+        if rows.strides[-1] != 1:
+            rows = np.ascontiguousarray(rows)
+        return rows.view(np.uint32).reshape(len(rows), -1)
+
+    def values(self, frame: np.ndarray) -> np.ndarray:
+        """Return the grey light of the first frame."""
+        self.words = frame.copy()
+        return self.composited(frame[None], np.arange(frame.size))[0]
+
+    def loud(self, block: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return the pixels that may send events, their values, the last of all."""
+        assert self.last is not None
+        changed = np.flatnonzero((block != self.words).any(axis=0))
+        values = self.composited(block[:, changed], changed)
+        last = self.last.copy()
+        last[changed] = values[-1]
+        self.words = block[-1].copy()
+        loud = self.leaves_bounds(values, changed)
+        return changed[loud], values[:, loud], last
+
+    def composited(self, words: np.ndarray, at: np.ndarray) -> np.ndarray:
+        """Return the grey light of some pixels."""
+        if not at.size:
+            return np.empty((len(words), 0), self.background.dtype)
+        rgba = widened(words)[:, None, :, None].view(np.uint8)
+        light = _composite(rgba, widened(self.background[at])[None])
+        return np.asarray(light)[:, 0, : len(at)]

@@ -13,9 +13,9 @@ import numpy as np
 from jaxtyping import Float, UInt8
 
 from jblast.scene import Camera, Charge, Scene, look_at
-from jblast.sensors.camera.image.grey_composite import luminance
-from jblast.sensors.camera.rendering.baked.explosion_views import ExplosionViews
-from jblast.sensors.camera.rendering.render import render
+from jblast.sensors.camera.baked_explosion import ExplosionViews
+from jblast.sensors.camera.image import luminance
+from jblast.sensors.camera.rendering import render
 from jblast.verification.cases.flash.background import (
     HEIGHT,
     RATE_HZ,

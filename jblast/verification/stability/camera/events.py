@@ -5,10 +5,14 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
-from jblast.sensors.camera.events.exact.crossing_times import frameless_events
-from jblast.sensors.camera.events.ideal import ideal_events
-from jblast.sensors.camera.events.pixel import Reference, count_events, first_reference
-from jblast.sensors.camera.events.soft_counts import smooth_counts
+from jblast.sensors.camera.events.exact import frameless_events
+from jblast.sensors.camera.events.ideal import (
+    Reference,
+    count_events,
+    first_reference,
+    ideal_events,
+    smooth_counts,
+)
 from jblast.sensors.camera.events.stream import stream_events
 from jblast.study.event_inversion.fit_events import STAGES
 from jblast.verification.cases.moving_disc import THRESHOLD, film

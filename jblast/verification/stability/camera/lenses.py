@@ -5,9 +5,7 @@ import numpy as np
 
 from jblast.errors import InputError
 from jblast.scene import Camera
-from jblast.sensors.camera.geometry.distortion import fold_radius
-from jblast.sensors.camera.geometry.projection import project
-from jblast.sensors.camera.geometry.unproject import unproject
+from jblast.sensors.camera.geometry import fold_radius, project, unproject
 from jblast.verification.stability.failure import FailureMode, verified
 
 BARREL = (-0.3, 0.0, 0.0, 0.0, 0.0)

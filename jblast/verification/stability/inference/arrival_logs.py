@@ -17,7 +17,7 @@ from jblast.inference import Solution, solve
 from jblast.observations import Observations
 from jblast.scene import Scene, Sensor, UncertainScene, freed, with_laws, with_values
 from jblast.sensors import simulate
-from jblast.sensors.observe import Noise
+from jblast.sensors.simulate import Noise
 
 SENSORS = 8
 FITS = 400

@@ -9,8 +9,7 @@ from jblast.errors import InputError
 from jblast.observations import observed, resolve_positions
 from jblast.registry import LAWS, call
 from jblast.scene import Charge, Scene
-from jblast.sensors.calculator.forward import calculated_laws
-from jblast.sensors.calculator.question import scene_path, with_rows
+from jblast.sensors.calculator import calculated_laws, scene_path, with_rows
 from jblast.verification.stability.failure import FailureMode, verified
 from jblast.waves import (
     finite_rise_pressure,

@@ -6,7 +6,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
-from jblast.sensors.calculator.combined import COMBINATIONS
+from jblast.sensors.calculator import COMBINATIONS
 from jblast.verification.stability.failure import FailureMode, verified
 from jblast.verification.stability.threshold import crossing
 from jblast.waves import (

@@ -8,7 +8,7 @@ import pytest
 from jsonschema import Draft202012Validator
 
 from docs.generate.answer_schemas import tune
-from jblast.sensors.camera.files.png import write_png
+from jblast.sensors.camera.files.images import write_png
 
 SCENE = """
 [charge]

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from jblast.sensors.camera.files.events.read import read_events
+from jblast.sensors.camera.files.event_files import read_events
 from tests.cli.cli_files import Command
 from tests.sensors.camera.files.video.made import flat, make_video
 

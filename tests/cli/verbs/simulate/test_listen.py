@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 import soundfile
 
-from jblast.sensors.listening import recorders
+from jblast.sensors import listening as recorders
 
 SCENE = """
 [charge]

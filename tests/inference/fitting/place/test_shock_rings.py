@@ -15,8 +15,7 @@ from jblast.inference.fitting.place.shock_rings import (
 )
 from jblast.registry import law_for
 from jblast.scene import Charge, Scene, Sensor
-from jblast.sensors.calculator.inverse import roots
-from jblast.sensors.calculator.question import Question
+from jblast.sensors.calculator import Question, roots
 from jblast.sensors.layout import planned_layout
 from jblast.sensors.record import record
 from tests.report.example import not_identifiable, shock_radius, three_parameters

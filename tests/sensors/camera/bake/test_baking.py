@@ -10,10 +10,9 @@ import pytest
 from jblast.errors import InputError
 from jblast.progress import Listener, heard_by
 from jblast.sensors.camera.bake import blender_program
-from jblast.sensors.camera.bake.baking import WORK, Baking
+from jblast.sensors.camera.bake.baking import WORK, Baking, read_sheet
 from jblast.sensors.camera.bake.coding import frames_of_sheet
 from jblast.sensors.camera.bake.recipe import Recipe
-from jblast.sensors.camera.bake.set_files import read_sheet
 from tests.sensors.camera.bake.exr_file import exr_bytes
 from tests.sensors.camera.bake.fake_blender import ball, installed
 

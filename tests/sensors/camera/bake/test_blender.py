@@ -6,11 +6,10 @@ import tomllib
 import numpy as np
 import pytest
 
-from jblast.sensors.camera.bake.baking import Baking
+from jblast.sensors.camera.bake.baking import Baking, read_sheet
 from jblast.sensors.camera.bake.blender_program import found
 from jblast.sensors.camera.bake.coding import frames_of_sheet
 from jblast.sensors.camera.bake.recipe import PHYSICS, Recipe
-from jblast.sensors.camera.bake.set_files import read_sheet
 
 TINY = {"resolution": 24, "lobes": 8, "puffs": 6, "noise": 0.0}
 

@@ -12,7 +12,7 @@ from jblast.sensors.camera.bake.coding import (
     sheet,
     sheet_layout,
 )
-from jblast.sensors.camera.image.blackbody import blackbody_xyz
+from jblast.sensors.camera.image import blackbody_xyz
 
 
 def drawn(number: int, size: int, seed: int = 0) -> list[Layers]:

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from jblast.errors import InputError
-from jblast.sensors.camera.bake.exr import read_exr
+from jblast.sensors.camera.bake.coding import read_exr
 from tests.sensors.camera.bake.exr_file import exr_bytes
 
 CHANNELS = {

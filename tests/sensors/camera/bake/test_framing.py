@@ -1,7 +1,7 @@
 import numpy as np
 from hypothesis import given, strategies
 
-from jblast.sensors.camera.bake.framing import anchor_px, anchor_share, picture_sides
+from jblast.sensors.camera.bake.recipe import anchor_px, anchor_share, picture_sides
 
 lengths = strategies.lists(strategies.floats(0.01, 5.0), min_size=3, max_size=3)
 

@@ -1,7 +1,6 @@
 import numpy as np
 
-from jblast.sensors.camera.bake.coding import light_of_heat
-from jblast.sensors.camera.bake.passes import averaged, layers_of
+from jblast.sensors.camera.bake.coding import averaged, layers_of, light_of_heat
 
 
 def channels(light, alpha, size=24):

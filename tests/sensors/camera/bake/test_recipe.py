@@ -2,8 +2,13 @@ import numpy as np
 import pytest
 
 from jblast.errors import InputError
-from jblast.sensors.camera.bake.recipe import ENGINES, SAMPLINGS, Recipe, differences
-from jblast.sensors.camera.sampling.packing import packing_distance
+from jblast.sensors.camera.bake.recipe import (
+    ENGINES,
+    SAMPLINGS,
+    Recipe,
+    differences,
+    packing_distance,
+)
 
 
 @pytest.mark.parametrize("sampling", SAMPLINGS)

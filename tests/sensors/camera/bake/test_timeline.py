@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given, strategies
 
 from jblast.errors import InputError
-from jblast.sensors.camera.bake.timeline import LAST, PHASES, timeline
+from jblast.sensors.camera.bake.recipe import LAST, PHASES, timeline
 from jblast.waves.fireball import fireball_duration, fireball_growth_time
 
 

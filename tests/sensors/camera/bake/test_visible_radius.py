@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings, strategies
 
-from jblast.sensors.camera.bake.visible_radius import visible_radius
+from jblast.sensors.camera.bake.coding import visible_radius
 
 
 def disc(size: int, radius: float, x: float, y: float) -> np.ndarray:

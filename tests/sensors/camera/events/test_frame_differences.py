@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from jblast.sensors.camera.events.frame_differences import (
+from jblast.sensors.camera.events.ideal import (
     frame_differences,
     grey_bytes,
 )

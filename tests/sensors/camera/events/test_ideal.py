@@ -6,14 +6,16 @@ from hypothesis import given, settings, strategies as st
 from jax.test_util import check_grads
 
 from jblast.errors import InputError
-from jblast.sensors.camera.events.ideal import Events, continued_events, ideal_events
-from jblast.sensors.camera.events.log_intensity import (
+from jblast.sensors.camera.events.ideal import (
     DARKEST,
+    Events,
+    continued_events,
     darkest_of,
+    first_reference,
     grey_table,
+    ideal_events,
     log_intensity,
 )
-from jblast.sensors.camera.events.pixel import first_reference
 from jblast.verification.cases.moving_disc import (
     THRESHOLD,
     WIDTH,

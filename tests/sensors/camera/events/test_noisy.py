@@ -12,10 +12,11 @@ from jblast.sensors.camera.events.noise import (
     leaks,
     low_passed,
     mismatched,
+    noisy_events,
+    noisy_stream,
     rested,
     shot_noise,
 )
-from jblast.sensors.camera.events.noisy import noisy_events, noisy_stream
 from jblast.verification.cases.moving_disc import HEIGHT, THRESHOLD, WIDTH, film
 
 KEY = jax.random.key(0)

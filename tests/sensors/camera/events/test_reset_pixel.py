@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 from jblast.sensors.camera.events.ideal import ideal_events, reset_events
-from jblast.sensors.camera.events.noise import IDEAL
-from jblast.sensors.camera.events.noisy import noisy_events
+from jblast.sensors.camera.events.noise import IDEAL, noisy_events
 from jblast.sensors.camera.events.stream import stream_events
 from jblast.verification.cases.moving_disc import THRESHOLD, film
 from tests.tools.slopes import check_slopes

@@ -4,8 +4,11 @@ import numpy as np
 import pytest
 from jax.test_util import check_grads
 
-from jblast.sensors.camera.events.pixel import count_events, first_reference
-from jblast.sensors.camera.events.soft_counts import smooth_counts
+from jblast.sensors.camera.events.ideal import (
+    count_events,
+    first_reference,
+    smooth_counts,
+)
 
 BOTH = (jnp.asarray(0.2), jnp.asarray(0.3))
 

@@ -4,11 +4,10 @@ import numpy as np
 import pytest
 
 from jblast.errors import InputError
-from jblast.sensors.camera.events.exact.crossing_times import frameless_events
-from jblast.sensors.camera.events.ideal import ideal_events
-from jblast.sensors.camera.events.log_intensity import grey_table, log_intensity
+from jblast.sensors.camera.events.exact import frameless_events
+from jblast.sensors.camera.events.ideal import grey_table, ideal_events, log_intensity
 from jblast.sensors.camera.events.stream import stream_events
-from jblast.sensors.camera.image.grey_composite import LUMINANCE, grey_composite
+from jblast.sensors.camera.image import LUMINANCE, grey_composite
 from jblast.verification.cases.moving_disc import HEIGHT, THRESHOLD, WIDTH, film
 
 convert = jax.jit(ideal_events, static_argnames="capacity")

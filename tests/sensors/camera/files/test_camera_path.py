@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from jblast.errors import InputError
-from jblast.sensors.camera.files.camera_path import read_camera_path
+from jblast.sensors.camera.files.recordings import read_camera_path
 
 HEAD = "time_s,east_m,north_m,up_m,quaternion_i,quaternion_j,quaternion_k,quaternion_w"
 ROWS = "0,1,2,3,0,0,0,1\n0.5,2,2,3,0,0,0,2\n"

@@ -7,10 +7,10 @@ from PIL import Image
 
 from jblast.errors import InputError
 from jblast.scene import Charge
-from jblast.sensors.camera.files.depth import read_depth
-from jblast.sensors.camera.geometry.pixel_rays import pixel_rays
-from jblast.sensors.camera.rendering.appearance import Appearance
-from jblast.sensors.camera.rendering.render import render
+from jblast.sensors.camera.files.images import read_depth
+from jblast.sensors.camera.fireball import Appearance
+from jblast.sensors.camera.geometry import pixel_rays
+from jblast.sensors.camera.rendering import render
 from tests.sensors.camera.fireball_scenes import one_charge, small_camera
 
 CAMERA = small_camera((0.0, -60.0, 2.0), (0.0, 0.0, 2.0))

@@ -8,11 +8,11 @@ import pytest
 from PIL import Image
 
 from jblast.errors import InputError
-from jblast.sensors.camera.files.explosion_set import (
+from jblast.sensors.camera.files.views import (
     explosion_views,
     is_explosion_set,
+    read_views,
 )
-from jblast.sensors.camera.files.views import read_views
 from tests.sensors.camera.rendering.baked.noise_set import (
     ANCHOR,
     PHASES,

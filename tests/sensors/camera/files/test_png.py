@@ -8,9 +8,14 @@ import pytest
 from PIL import Image
 
 from jblast.errors import InputError
-from jblast.sensors.camera.files import png as png_files
-from jblast.sensors.camera.files.frames import frame_files, read_colours, read_frame
-from jblast.sensors.camera.files.png import read_png, write_png
+from jblast.sensors.camera.files import images as png_files
+from jblast.sensors.camera.files.images import (
+    frame_files,
+    read_colours,
+    read_frame,
+    read_png,
+    write_png,
+)
 
 # by hand from IEC 61966-2-1: 12.92 x below 0.0031308, 1.055 x^(1/2.4) - 0.055 above
 LIGHT = np.array([-1.0, 0.0, 0.001, 0.18, 0.5, 1.0, 7.0])

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from jblast.errors import InputError
-from jblast.sensors.camera.files.png import write_png
+from jblast.sensors.camera.files.images import write_png
 from jblast.sensors.camera.files.recordings import open_recording
 from tests.sensors.camera.files.video.made import flat, make_video
 

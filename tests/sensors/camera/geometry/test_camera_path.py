@@ -5,14 +5,14 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from jblast.scene.camera import FORWARD, quaternion_matrix, quaternion_product
-from jblast.sensors.camera.geometry.camera_path import (
+from jblast.sensors.camera.geometry import (
     CameraPath,
     camera_rays,
     carried_camera,
+    pixel_rays,
     pixels_moved,
     turned_rays,
 )
-from jblast.sensors.camera.geometry.pixel_rays import pixel_rays
 from tests.sensors.camera.fireball_scenes import small_camera
 
 

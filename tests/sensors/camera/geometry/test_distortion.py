@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
 
-from jblast.sensors.camera.geometry.distortion import (
+from jblast.sensors.camera.geometry import (
     distort,
     distortion_jacobian,
     fold_radius,

@@ -10,7 +10,7 @@ from jax.test_util import check_grads
 from scipy.spatial.transform import Rotation
 
 from jblast.scene import Camera, look_at
-from jblast.sensors.camera.geometry import projection
+from jblast.sensors.camera import geometry as projection
 
 TABLE = Path(__file__).with_name("opencv_projections.csv").read_text().splitlines()
 ROWS = list(csv.DictReader(line for line in TABLE if not line.startswith("#")))

@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from jblast.sensors.camera.geometry.pixel_rays import pixel_rays
-from jblast.sensors.camera.geometry.surfaces import surfaces_seen
+from jblast.sensors.camera.geometry import pixel_rays, surfaces_seen
 from tests.sensors.camera.fireball_scenes import small_camera
 
 EYE = np.array([0.0, -20.0, 3.0])

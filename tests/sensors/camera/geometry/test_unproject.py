@@ -10,14 +10,15 @@ from jax.test_util import check_grads
 
 from jblast.errors import InputError
 from jblast.scene import Camera, look_at
-from jblast.sensors.camera.geometry.distortion import (
+from jblast.sensors.camera.geometry import (
     distort,
     distortion_jacobian,
     fold_radius,
+    project,
+    undistort,
     unfolded,
+    unproject,
 )
-from jblast.sensors.camera.geometry.projection import project
-from jblast.sensors.camera.geometry.unproject import undistort, unproject
 from tests.sensors.camera.geometry.lenses import LENS
 
 BARREL = np.array([-0.35, 0.12, 0.01, -0.02, -0.02])

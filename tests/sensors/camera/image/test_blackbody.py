@@ -5,16 +5,16 @@ import pytest
 from jax.test_util import check_grads
 from scipy import constants
 
-from jblast.sensors.camera.image.blackbody import (
+from jblast.sensors.camera.image import (
     FIRST_RADIATION,
     LINEAR_SRGB,
+    LUMINANCE,
     SECOND_RADIATION,
     WAVELENGTHS,
     blackbody_light,
     blackbody_xyz,
     matching_functions,
 )
-from jblast.sensors.camera.image.grey_composite import LUMINANCE
 
 WEIGHTS = np.array(LUMINANCE)
 

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings, strategies as st
 
 from jblast.errors import InputError
-from jblast.sensors.camera.image.bloom import WIDTHS, bloom
+from jblast.sensors.camera.image import WIDTHS, bloom
 
 
 @settings(max_examples=20, deadline=None)

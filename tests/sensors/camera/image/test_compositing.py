@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from jax.test_util import check_grads
 
-from jblast.sensors.camera.image.compositing import (
+from jblast.sensors.camera.image import (
     linear_to_srgb,
     opaque,
     over,

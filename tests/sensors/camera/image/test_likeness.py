@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from jblast.sensors.camera.image.likeness import psnr, ssim, structural_similarity
+from jblast.sensors.camera.image import psnr, ssim, structural_similarity
 
 
 @pytest.fixture

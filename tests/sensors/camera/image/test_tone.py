@@ -6,10 +6,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jblast.sensors.camera.files.png import srgb_bytes
-from jblast.sensors.camera.image.blackbody import blackbody_light
-from jblast.sensors.camera.image.grey_composite import luminance
-from jblast.sensors.camera.image.tone import picture_gain, toned
+from jblast.sensors.camera.files.images import srgb_bytes
+from jblast.sensors.camera.image import blackbody_light, luminance, picture_gain, toned
 
 
 def khronos(colour, start=0.8 - 0.04, desaturation=0.15):

@@ -11,16 +11,13 @@ import pytest
 from jblast.errors import InputError
 from jblast.scene import Charge, Scene
 from jblast.scene.camera import FORWARD, quaternion_product
+from jblast.sensors.camera import rendering as carried_module
 from jblast.sensors.camera.events.stream import stream_events
-from jblast.sensors.camera.film import Film
-from jblast.sensors.camera.geometry.camera_path import CameraPath, carried_camera
-from jblast.sensors.camera.geometry.pixel_rays import pixel_rays
-from jblast.sensors.camera.image.grey_composite import luminance
-from jblast.sensors.camera.instants import subdivided
-from jblast.sensors.camera.rendering import carried as carried_module
-from jblast.sensors.camera.rendering.carried import render_carried
-from jblast.sensors.camera.rendering.landscape import landscape
-from jblast.sensors.camera.rendering.render import render
+from jblast.sensors.camera.film import Film, subdivided
+from jblast.sensors.camera.geometry import CameraPath, carried_camera, pixel_rays
+from jblast.sensors.camera.image import luminance
+from jblast.sensors.camera.rendering import render, render_carried
+from jblast.sensors.camera.surroundings import landscape
 from tests.sensors.camera.fireball_scenes import small_camera
 
 NEVER = Scene(charge=Charge(mass_kg=1.0, time_s=jnp.inf))

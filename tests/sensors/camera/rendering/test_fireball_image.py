@@ -8,10 +8,10 @@ import pytest
 from scipy.integrate import quad
 
 from jblast.scene import Air, Charge, Scene, quaternion_matrix
-from jblast.sensors.camera.geometry.pixel_rays import Rays, pixel_rays
-from jblast.sensors.camera.image.compositing import over
-from jblast.sensors.camera.rendering.fireball_image import cloud, passage
-from jblast.sensors.camera.rendering.render import render
+from jblast.sensors.camera.fireball import cloud, passage
+from jblast.sensors.camera.geometry import Rays, pixel_rays
+from jblast.sensors.camera.image import over
+from jblast.sensors.camera.rendering import render
 from jblast.waves.fireball import fireball, fireball_growth_time
 from tests.sensors.camera.fireball_scenes import (
     EYE,

@@ -9,10 +9,10 @@ import pytest
 
 from jblast.scene import Camera, Charge, Scene, look_at
 from jblast.sensors.camera import Appearance, pixel_rays
-from jblast.sensors.camera.rendering.fireball_image import fireballs_seen
-from jblast.sensors.camera.rendering.fireball_window import (
+from jblast.sensors.camera.fireball import (
     fireballs_in_window,
     fireballs_over,
+    fireballs_seen,
 )
 
 PLACE = np.array([0.0, -60.0, 2.0])

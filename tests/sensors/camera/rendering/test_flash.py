@@ -9,14 +9,11 @@ import numpy as np
 import pytest
 
 from jblast.scene import Charge, Scene
-from jblast.sensors.camera.events.exact.fireball import render_events
-from jblast.sensors.camera.events.scene import events
-from jblast.sensors.camera.geometry.pixel_rays import pixel_rays
-from jblast.sensors.camera.geometry.surfaces import surfaces_seen
-from jblast.sensors.camera.rendering.appearance import Appearance
-from jblast.sensors.camera.rendering.fireball_image import cloud, fireball_layer, glow
-from jblast.sensors.camera.rendering.flash import disc_light, flash
-from jblast.sensors.camera.rendering.render import render
+from jblast.sensors.camera.events.scene import events, render_events
+from jblast.sensors.camera.fireball import Appearance, cloud, fireball_layer, glow
+from jblast.sensors.camera.geometry import pixel_rays, surfaces_seen
+from jblast.sensors.camera.rendering import render
+from jblast.sensors.camera.surroundings import disc_light, flash
 from tests.sensors.camera.fireball_scenes import one_charge, small_camera
 
 TIMES = np.array([0.0, 0.004, 0.02])

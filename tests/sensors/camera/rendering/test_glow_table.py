@@ -4,10 +4,8 @@ import numpy as np
 import pytest
 
 from jblast.scene import Air, Charge, Scene
-from jblast.sensors.camera.image.grey_composite import luminance
-from jblast.sensors.camera.rendering.appearance import Appearance
-from jblast.sensors.camera.rendering.fireball_image import cloud, glow
-from jblast.sensors.camera.rendering.glow_table import glow_table
+from jblast.sensors.camera.fireball import Appearance, cloud, glow, glow_table
+from jblast.sensors.camera.image import luminance
 from jblast.waves.fireball import fireball_duration
 from jblast.waves.propagation import ambient
 

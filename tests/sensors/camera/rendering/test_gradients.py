@@ -8,10 +8,9 @@ import numpy as np
 import pytest
 
 from jblast.scene import Charge, Scene
-from jblast.sensors.camera.events.log_intensity import log_intensity
-from jblast.sensors.camera.events.soft_counts import smooth_counts
-from jblast.sensors.camera.image.grey_composite import LUMINANCE
-from jblast.sensors.camera.rendering.render import render
+from jblast.sensors.camera.events.ideal import log_intensity, smooth_counts
+from jblast.sensors.camera.image import LUMINANCE
+from jblast.sensors.camera.rendering import render
 from tests.sensors.camera.fireball_scenes import one_charge, small_camera
 
 CAMERA = small_camera()

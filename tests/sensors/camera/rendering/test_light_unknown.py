@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from jblast.errors import InputError
-from jblast.sensors.camera.events.exact.crossing_times import frameless_events
-from jblast.sensors.camera.events.exact.fireball import render_events
+from jblast.sensors.camera.events.exact import frameless_events
 from jblast.sensors.camera.events.ideal import ideal_events
+from jblast.sensors.camera.events.scene import render_events
 from jblast.sensors.camera.events.stream import stream_events
 from tests.sensors.camera.fireball_scenes import one_charge, small_camera
 

@@ -8,12 +8,11 @@ import numpy as np
 import pytest
 
 from jblast.scene import Charge, Scene
-from jblast.sensors.camera.events.exact.fireball import pixel_light
-from jblast.sensors.camera.events.scene import events
-from jblast.sensors.camera.geometry.pixel_rays import pixel_rays
-from jblast.sensors.camera.rendering.appearance import Appearance
-from jblast.sensors.camera.rendering.billboards import Views
-from jblast.sensors.camera.rendering.visibility import in_view
+from jblast.sensors.camera.billboards import Views
+from jblast.sensors.camera.events.scene import events, pixel_light
+from jblast.sensors.camera.fireball import Appearance
+from jblast.sensors.camera.geometry import pixel_rays
+from jblast.sensors.camera.rendering import in_view
 from tests.sensors.camera.fireball_scenes import small_camera
 
 CAMERA = small_camera()

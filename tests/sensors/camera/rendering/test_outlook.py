@@ -3,11 +3,9 @@ import numpy as np
 import pytest
 
 from jblast.scene import Camera, Charge, Scene, look_at
-from jblast.sensors.camera.geometry.pixel_rays import pixel_rays
-from jblast.sensors.camera.geometry.surfaces import Surfaces, surfaces_seen
-from jblast.sensors.camera.rendering.appearance import Appearance
-from jblast.sensors.camera.rendering.flash import flash
-from jblast.sensors.camera.rendering.outlook import brightened, lit_rows
+from jblast.sensors.camera.fireball import Appearance
+from jblast.sensors.camera.geometry import Surfaces, pixel_rays, surfaces_seen
+from jblast.sensors.camera.surroundings import brightened, flash, lit_rows
 
 SCENE = Scene(charge=Charge(mass_kg=15.0))
 SIZE = 41, 30

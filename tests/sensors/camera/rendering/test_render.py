@@ -8,11 +8,9 @@ import numpy as np
 import pytest
 
 from jblast.errors import InputError
-from jblast.sensors.camera.image.behind import BACKGROUND
-from jblast.sensors.camera.image.compositing import over
-from jblast.sensors.camera.rendering.appearance import Appearance
-from jblast.sensors.camera.rendering.fireball_image import fireball_layer
-from jblast.sensors.camera.rendering.render import render
+from jblast.sensors.camera.fireball import Appearance, fireball_layer
+from jblast.sensors.camera.image import BACKGROUND, over
+from jblast.sensors.camera.rendering import render
 from tests.sensors.camera.fireball_scenes import EYE, one_charge, single, small_camera
 
 TIMES = np.array([0.0, 0.01, 0.3])

@@ -3,8 +3,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jblast.sensors.camera.geometry.surfaces import Surfaces
-from jblast.sensors.camera.rendering.sphere_factor import sphere_factor
+from jblast.sensors.camera.geometry import Surfaces
+from jblast.sensors.camera.surroundings import sphere_factor
 
 
 @jax.jit

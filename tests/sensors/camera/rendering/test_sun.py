@@ -9,10 +9,8 @@ import pytest
 
 from jblast.errors import InputError
 from jblast.scene import look_at
-from jblast.sensors.camera.geometry.pixel_rays import Rays, pixel_rays
-from jblast.sensors.camera.geometry.projection import project
-from jblast.sensors.camera.rendering.landscape import landscape
-from jblast.sensors.camera.rendering.sun import GLARE, RADIUS, sun_at
+from jblast.sensors.camera.geometry import Rays, pixel_rays, project
+from jblast.sensors.camera.surroundings import GLARE, RADIUS, landscape, sun_at
 from tests.sensors.camera.fireball_scenes import small_camera
 
 

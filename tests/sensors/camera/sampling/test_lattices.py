@@ -5,15 +5,15 @@ import pytest
 from hypothesis import given, settings, strategies
 
 from jblast.errors import InputError
-from jblast.sensors.camera.sampling.lattices import (
+from jblast.sensors.camera.bake.recipe import (
     GOLDEN_ANGLE,
     MOST,
     azimuth_elevation,
     fibonacci_lattice,
     latitude_grid,
+    offset_lattice,
     spiral_lattice,
 )
-from jblast.sensors.camera.sampling.packing import offset_lattice
 
 LATTICES = (fibonacci_lattice, offset_lattice, spiral_lattice, latitude_grid)
 each_lattice = pytest.mark.parametrize("lattice", LATTICES)

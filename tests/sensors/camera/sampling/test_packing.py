@@ -5,18 +5,16 @@ import pytest
 from hypothesis import given, settings, strategies
 
 from jblast.errors import InputError
-from jblast.sensors.camera.sampling.lattices import (
-    fibonacci_lattice,
-    latitude_grid,
-    spiral_lattice,
-)
-from jblast.sensors.camera.sampling.packing import (
+from jblast.sensors.camera.bake.recipe import (
     OFFSETS,
     best_offset,
+    fibonacci_lattice,
     hemisphere_bound,
+    latitude_grid,
     offset_lattice,
     packing_distance,
     sphere_bound,
+    spiral_lattice,
 )
 
 TAU = (1 + math.sqrt(5)) / 2

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from jblast.scene import Charge, Scene
-from jblast.sensors.carried.barometer import blast_overpressure
+from jblast.sensors.flight_sensors import blast_overpressure
 from jblast.vehicle import blast_load
 from jblast.vehicle.loads.blast_wave import arrival_time, wave_at, wind_speed
 from jblast.vehicle.quadrotor import required_body

@@ -4,7 +4,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jblast.sensors.calculator.combined import COMBINATIONS
+from jblast.sensors.calculator import COMBINATIONS
 from jblast.verification.stability.laws.waveforms import (
     closed_form,
     conwep_decay,

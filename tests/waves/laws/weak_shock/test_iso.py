@@ -7,7 +7,7 @@ import pytest
 
 from jblast.registry import call, law_for
 from jblast.scene import Air, Charge, Scene
-from jblast.sensors.calculator.question import scene_path, with_rows
+from jblast.sensors.calculator import scene_path, with_rows
 from jblast.waves.laws.kingery_bulmash import kingery_bulmash_duration
 from jblast.waves.laws.shock_kinematics import front_tail, shock_kinematics_pressure
 from jblast.waves.laws.weak_shock import (

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from jblast.sensors.camera.events.ideal import Events
-from jblast.sensors.camera.files.events.write import write_events
-from jblast.sensors.camera.files.png import write_png
+from jblast.sensors.camera.files.event_files import write_events
+from jblast.sensors.camera.files.images import write_png
 from tests.detect.flash.films import growing
 
 SCENE = """

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from jblast.sensors.camera.files import png as png_files
+from jblast.sensors.camera.files import images as png_files
 from tests.cli.verbs.simulate.render.scenes import (
     AWAY,
     CAMERA,

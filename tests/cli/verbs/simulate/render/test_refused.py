@@ -6,7 +6,7 @@ import pytest
 from PIL import Image
 
 from jblast.sensors.camera import film
-from jblast.sensors.camera.files import png as png_files
+from jblast.sensors.camera.files import images as png_files
 from tests.cli.verbs.simulate.render.scenes import (
     AWAY,
     CAMERA,

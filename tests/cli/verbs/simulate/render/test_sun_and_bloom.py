@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from jblast.sensors.camera import read_events
-from jblast.sensors.camera.files.png import read_png
+from jblast.sensors.camera.files.images import read_png
 from tests.cli.verbs.simulate.render.scenes import refused, rendered
 
 SHORT = ("--times", "2.0:2.006", "--fps", "250", "--force")

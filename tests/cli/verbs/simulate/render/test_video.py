@@ -5,9 +5,9 @@ import json
 import numpy as np
 import pytest
 
-from jblast.sensors.camera.files.events.read import read_events
-from jblast.sensors.camera.files.png import read_png
-from jblast.sensors.camera.files.video.read import open_video
+from jblast.sensors.camera.files.event_files import read_events
+from jblast.sensors.camera.files.images import read_png
+from jblast.sensors.camera.files.video import open_video
 from tests.cli.verbs.simulate.render.scenes import CAMERA, CHARGE, refused, rendered
 
 SHORT = "--seconds", "0.02"

@@ -5,8 +5,7 @@ import pytest
 from hypothesis import given, settings, strategies as st
 
 from jblast.errors import InputError
-from jblast.sensors.camera.events.exact.crossing_times import frameless_events
-from jblast.sensors.camera.events.exact.implicit_gradient import implicit_times
+from jblast.sensors.camera.events.exact import frameless_events, implicit_times
 from jblast.sensors.camera.events.ideal import ideal_events
 from jblast.verification.cases.moving_disc import (
     BRIGHT,

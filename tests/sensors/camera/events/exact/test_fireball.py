@@ -7,16 +7,15 @@ import pytest
 
 from jblast.scene import Camera, Charge, Scene
 from jblast.scene.camera import look_at
-from jblast.sensors.camera.events.exact.fireball import (
+from jblast.sensors.camera.events.exact import implicit_times
+from jblast.sensors.camera.events.ideal import ideal_events, log_intensity
+from jblast.sensors.camera.events.scene import (
     PixelLight,
     pixel_light,
     render_events,
 )
-from jblast.sensors.camera.events.exact.implicit_gradient import implicit_times
-from jblast.sensors.camera.events.ideal import ideal_events
-from jblast.sensors.camera.events.log_intensity import log_intensity
-from jblast.sensors.camera.image.grey_composite import LUMINANCE
-from jblast.sensors.camera.rendering.render import render
+from jblast.sensors.camera.image import LUMINANCE
+from jblast.sensors.camera.rendering import render
 
 pytestmark = pytest.mark.slow  # one program, compiled for half a minute
 

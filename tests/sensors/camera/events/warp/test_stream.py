@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from jblast.errors import InputError
-from jblast.sensors.camera.events.log_intensity import grey_table
+from jblast.sensors.camera.events import warp_stream as event_gpu
+from jblast.sensors.camera.events.ideal import grey_table
 from jblast.sensors.camera.events.noise import IDEAL, leaks
 from jblast.sensors.camera.events.stream import stream_events
-from jblast.sensors.camera.events.warp import stream as event_gpu
-from jblast.sensors.camera.events.warp.stream import EventKernel, kernel_events
+from jblast.sensors.camera.events.warp_stream import EventKernel, kernel_events
 
 SHAPE = (40, 12, 17)
 TIMES = np.arange(SHAPE[0]) / 500.0

@@ -7,9 +7,8 @@ import numpy as np
 import pytest
 
 from jblast.errors import InputError
-from jblast.sensors.camera.files.events.aedat4.write import PACKET
-from jblast.sensors.camera.files.events.read import read_events
-from jblast.sensors.camera.files.events.write import write_events
+from jblast.sensors.camera.files.aedat4 import PACKET
+from jblast.sensors.camera.files.event_files import read_events, write_events
 from tests.sensors.camera.files.events.test_read import events_of
 
 

@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 
 from jblast.errors import InputError
-from jblast.sensors.camera.files.events.evt3.read import BLOCK
-from jblast.sensors.camera.files.events.read import read_events
-from jblast.sensors.camera.files.events.write import write_events
+from jblast.sensors.camera.files.event_files import read_events, write_events
+from jblast.sensors.camera.files.evt3 import BLOCK
 from tests.sensors.camera.files.events.test_read import events_of
 
 HEADER = b"% evt 3.0\n% format EVT3;height=480;width=640\n% end\n"

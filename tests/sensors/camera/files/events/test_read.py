@@ -9,8 +9,7 @@ from hypothesis import given, settings, strategies as st
 
 from jblast.errors import InputError
 from jblast.sensors.camera.events.ideal import Events
-from jblast.sensors.camera.files.events.read import read_events
-from jblast.sensors.camera.files.events.write import WRITERS, write_events
+from jblast.sensors.camera.files.event_files import WRITERS, read_events, write_events
 
 COLUMNS = {"x": [3, 0, 1], "y": [2, 2, 0], "t": [0, 40, 999], "p": [1, 0, 1]}
 

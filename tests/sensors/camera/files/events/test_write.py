@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from jblast.sensors.camera.events.ideal import Events
-from jblast.sensors.camera.files.events.write import write_events
+from jblast.sensors.camera.files.event_files import write_events
 
 X, Y = [3, 0, 7, 7, 1], [2, 2, 0, 5, 4]
 MICROSECONDS, BRIGHTER = [0, 40, 999, 2000, 2001], [1, 0, 1, 1, 1]

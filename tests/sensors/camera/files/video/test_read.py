@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from jblast.errors import InputError
-from jblast.sensors.camera.files.video.read import open_video
-from jblast.sensors.camera.image.grey_composite import luminance
+from jblast.sensors.camera.files.video import open_video
+from jblast.sensors.camera.image import luminance
 from tests.sensors.camera.files.video.made import flat, grey, make_video
 
 BT709, BT601, SRGB = 1, 6, 13

@@ -2,7 +2,7 @@
 
 import pytest
 
-from jblast.sensors.camera.files.explosion_set import explosion_views
+from jblast.sensors.camera.files.views import explosion_views
 from tests.sensors.camera.rendering.baked.noise_set import write_noise_set
 
 

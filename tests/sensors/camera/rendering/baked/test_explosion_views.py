@@ -9,14 +9,12 @@ import numpy as np
 import pytest
 
 from jblast.scene import Air, Camera, Charge, Scene, look_at
-from jblast.sensors.camera.files.explosion_set import explosion_views
-from jblast.sensors.camera.geometry.pixel_rays import pixel_rays
-from jblast.sensors.camera.image.blackbody import blackbody_light
-from jblast.sensors.camera.rendering.appearance import Appearance
-from jblast.sensors.camera.rendering.baked import window
-from jblast.sensors.camera.rendering.fireball_image import cloud
-from jblast.sensors.camera.rendering.render import render
-from jblast.sensors.camera.rendering.visibility import in_view
+from jblast.sensors.camera import fireball as window
+from jblast.sensors.camera.files.views import explosion_views
+from jblast.sensors.camera.fireball import Appearance, cloud
+from jblast.sensors.camera.geometry import pixel_rays
+from jblast.sensors.camera.image import blackbody_light
+from jblast.sensors.camera.rendering import in_view, render
 from jblast.waves.fireball import fireball, fireball_duration
 from tests.sensors.camera.rendering.baked.noise_set import (
     PHASES,

@@ -4,7 +4,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jblast.sensors.camera.rendering.baked.low_pass import low_passed
+from jblast.sensors.camera.baked_explosion import low_passed
 
 
 @pytest.mark.parametrize("pitch", [0.3, 1.0, 1.5, 2.0, 3.3, 8.0])

@@ -3,7 +3,7 @@
 import jax.numpy as jnp
 import numpy as np
 
-from jblast.sensors.camera.rendering.baked.sides import (
+from jblast.sensors.camera.baked_explosion import (
     nearest_side,
     shown_towards,
     three_sides,

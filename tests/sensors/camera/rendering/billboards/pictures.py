@@ -13,10 +13,10 @@ from jblast.scene import (
     matrix_quaternion,
     quaternion_matrix,
 )
-from jblast.sensors.camera.geometry.pixel_rays import pixel_rays
-from jblast.sensors.camera.image.compositing import straight
-from jblast.sensors.camera.rendering.appearance import Appearance
-from jblast.sensors.camera.rendering.billboards import Views
+from jblast.sensors.camera.billboards import Views
+from jblast.sensors.camera.fireball import Appearance
+from jblast.sensors.camera.geometry import pixel_rays
+from jblast.sensors.camera.image import straight
 
 BURST = np.array([3.0, 40.0, 2.0])
 SCALE = 0.1

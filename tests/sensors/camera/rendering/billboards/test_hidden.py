@@ -10,8 +10,8 @@ import pytest
 
 from jblast.scene import Scene
 from jblast.sensors.camera import project
-from jblast.sensors.camera.geometry.pixel_rays import pixel_rays
-from jblast.sensors.camera.rendering.billboards import billboard
+from jblast.sensors.camera.billboards import billboard
+from jblast.sensors.camera.geometry import pixel_rays
 from tests.sensors.camera.rendering.billboards.pictures import (
     BURST,
     SCALE,

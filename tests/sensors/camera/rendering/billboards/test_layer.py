@@ -9,12 +9,12 @@ from jblast.scene import (
     quaternion_matrix,
 )
 from jblast.sensors.camera import project, unproject
-from jblast.sensors.camera.geometry.pixel_rays import Rays, pixel_rays
-from jblast.sensors.camera.image.resampling import resampled
-from jblast.sensors.camera.rendering.billboards import (
+from jblast.sensors.camera.billboards import (
     billboard,
     nearest_view,
 )
+from jblast.sensors.camera.geometry import Rays, pixel_rays
+from jblast.sensors.camera.image import resampled
 from tests.sensors.camera.rendering.billboards.pictures import (
     BURST,
     MASS,

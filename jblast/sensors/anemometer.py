@@ -1,0 +1,221 @@
+r"""Wind recorded by an anemometer: the scene's, and that of every blast that passes.
+
+Behind a front the air moves as in `vehicle/loads/blast/wave.py`: with $x = p/P_0$ at
+each moment, away from the charge (or its image below the ground),
+
+$$u = \frac{5 c_0}{7}\frac{x}{\sqrt{1 + 6x/7}} + \frac{1}{\rho_0 R} \int_0^t p\,dt$$
+
+The first term is Rankine's and Hugoniot's, so the peak is the law `blast_wind_m_s` of
+the record's peak overpressure. The second is the afterflow of a spherical wave. The
+pressure is that of the record at the place, except for its suction, which here lasts
+until the impulse of the whole wave is zero, as for spherical sound: so the wind ends.
+Winds of several waves add.
+"""
+
+from collections.abc import Iterator, Mapping
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, ArrayLike, Float, Int, Key
+
+from jblast.errors import InputError, shown
+from jblast.scene import Scene, Sensor
+from jblast.sensors.arrivals import heard
+from jblast.sensors.gauge import (
+    Mounted,
+    check_kind,
+    edges_of,
+    mounted,
+    rate_of,
+    seen_in_block,
+)
+from jblast.sensors.instrument import chain_block
+from jblast.sensors.samples import BLOCK, Packet, first_samples, packets, sample_count
+from jblast.sensors.wave_paths import Heard
+from jblast.waves.propagation import air_density, ambient, sound_speed_of
+from jblast.waves.pulse import Pulse, pulse_mean
+from jblast.waves.shock import plane_wave_wind
+
+
+class Gust(NamedTuple):
+    """The wind of one wave, along one axis.
+
+    Attributes:
+        pulse: Its pressure, on the common clock; its whole impulse is zero.
+        afterflow: Share of the axis over density and distance [m2/kg].
+        sound_speed: Share of the axis times $c_0$ [m/s].
+        ambient_pressure: $P_0$ [Pa].
+    """
+
+    pulse: Pulse
+    afterflow: Float[Array, ""]
+    sound_speed: Float[Array, ""]
+    ambient_pressure: Float[Array, ""]
+
+
+class Axis(NamedTuple):
+    """One axis of an anemometer in a scene, set up to be sampled.
+
+    Attributes:
+        gauge: Instrument and clock.
+        gusts: Of every wave.
+        wind: The scene's [m/s].
+    """
+
+    gauge: Mounted
+    gusts: tuple[Gust, ...]
+    wind: Float[Array, ""]
+
+
+def record(
+    scene: Scene,
+    anemometer: Sensor,
+    duration_s: float,
+    key: Key[Array, ""],
+    *,
+    start_s: Float[ArrayLike, ""] = 0.0,
+    laws: Mapping[str, str] | None = None,
+) -> Float[Array, "sample 3"]:
+    """Return the wind towards east, north and up that an anemometer records [m/s].
+
+    Each axis goes through the instrument for itself. Pure: for jit, vmap and grad; the
+    duration alone is static.
+
+    Args:
+        scene: What is there.
+        anemometer: Where it is, its clock and its instrument.
+        duration_s: Of the record [s].
+        key: What its noise is drawn from.
+        start_s: When the first sample begins, by its clock [s].
+        laws: By quantity; absent ones as for `sensors.heard`.
+
+    Raises:
+        InputError: The sensor is no anemometer, or underground, or at a charge, or a
+            charge is told by its range alone.
+
+    Example:
+        `anemometer.record(scene, scene.sensors[0], 0.1, jax.random.key(0))`
+    """
+    n = sample_count(duration_s, rate_of(anemometer))
+    axes, states = _start(scene, anemometer, key, start_s, laws)
+    columns = [
+        first_samples(_block, axis, state, n)
+        for axis, state in zip(axes, states, strict=True)
+    ]
+    return jnp.stack(columns, axis=1)
+
+
+def stream(
+    scene: Scene,
+    anemometer: Sensor,
+    key: Key[Array, ""],
+    *,
+    packet_s: float | None = None,
+    packets_hz: float | None = None,
+    start_s: float = 0.0,
+    laws: Mapping[str, str] | None = None,
+) -> Iterator[Packet]:
+    """Yield what an anemometer records in packets, for ever; otherwise as `record`."""
+    axes, states = _start(scene, anemometer, key, start_s, laws)
+    streams = [
+        packets(
+            _block,
+            axis,
+            state,
+            rate_of(anemometer),
+            packet_s=packet_s,
+            packets_hz=packets_hz,
+            start_s=start_s,
+        )
+        for axis, state in zip(axes, states, strict=True)
+    ]
+    return (
+        parts[0]._replace(samples=np.stack([part.samples for part in parts], axis=1))
+        for parts in zip(*streams, strict=True)
+    )
+
+
+def _start(
+    scene: Scene,
+    anemometer: Sensor,
+    key: Key[Array, ""],
+    start_s: Float[ArrayLike, ""],
+    laws: Mapping[str, str] | None,
+) -> tuple[list[Axis], list[Any]]:
+    check_kind(anemometer, "anemometer", above=True)
+    if any(charge.range_m is not None for charge in scene.charges):
+        raise InputError(
+            f"sensor {shown(anemometer.name)}: expected charges that have a place, for "
+            "wind has a direction, got one told by its range"
+        )
+    waves = heard(scene, anemometer.position_m, laws)
+    gusts = _gusts(scene, anemometer.position_m, waves)
+    air = scene.air
+    winds = (air.wind_east, air.wind_north, jnp.zeros_like(air.wind_east))
+    gauges = [mounted(anemometer, one, start_s) for one in jax.random.split(key, 3)]
+    axes = [
+        Axis(gauge, of_axis, wind)
+        for (gauge, _), of_axis, wind in zip(gauges, gusts, winds, strict=True)
+    ]
+    return axes, [state for _, state in gauges]
+
+
+@eqx.filter_jit
+def _gusts(
+    scene: Scene, position: Float[Array, "3"], waves: tuple[Heard, ...]
+) -> tuple[tuple[Gust, ...], ...]:
+    """Return the wind of every wave, by axis."""
+    temperature, pressure = ambient(scene.air)
+    density = air_density(temperature, pressure, scene.air.relative_humidity)
+    axes: list[tuple[Gust, ...]] = [(), (), ()]
+    for wave in waves:
+        charge = scene.charges[wave.shot]
+        up = charge.up if wave.kind == "air" else -charge.up
+        source = jnp.stack([charge.east, charge.north, up])
+        away = (position - source) / wave.distance
+        pulse = wave.pulse
+        still = pulse._replace(arrival_time=jnp.zeros_like(pulse.arrival_time))
+        impulse = pulse.duration * pulse_mean(still, 0.0, pulse.duration)
+        silent = pulse.suction == 0.0  # what is not there, is not reflected
+        lasting = 16.0 / 9.0 * impulse / jnp.where(silent, 1.0, pulse.suction)
+        pulse = pulse._replace(
+            suction_duration=jnp.where(silent, pulse.suction_duration, lasting)
+        )
+        for axis in range(3):
+            share = away[axis]
+            gust = Gust(
+                pulse,
+                share / (density * wave.distance),
+                share * sound_speed_of(scene.air),
+                pressure,
+            )
+            axes[axis] = (*axes[axis], gust)
+    return tuple(axes)
+
+
+def _block(
+    axis: Axis, state: Any, index: Int[Array, ""]
+) -> tuple[Any, Float[Array, " sample"]]:
+    gauge = axis.gauge
+    edges = edges_of(gauge.chain.instrument.rate)
+    wind = jnp.broadcast_to(axis.wind, (BLOCK,))
+    for gust in axis.gusts:
+        pulse = seen_in_block(gust.pulse, gauge, index)
+        x = pulse_mean(pulse, edges[:-1], edges[1:]) / gust.ambient_pressure
+        plane = plane_wave_wind(x, gust.sound_speed)
+        middle = 0.5 * (edges[:-1] + edges[1:]) - pulse.arrival_time
+        wind = wind + plane + gust.afterflow * _impulse_until(pulse, middle)
+    return chain_block(gauge.chain, state, index, wind)
+
+
+def _impulse_until(
+    pulse: Pulse, since: Float[Array, " sample"]
+) -> Float[Array, " sample"]:
+    """Return the impulse from a wave's arrival until some time since it [Pa s]."""
+    still = pulse._replace(arrival_time=jnp.zeros_like(pulse.arrival_time))
+    passed = jnp.where(since > 0, since, 1.0)
+    mean = pulse_mean(still, jnp.zeros_like(passed), passed)
+    return jnp.where(since > 0, passed * mean, 0.0)

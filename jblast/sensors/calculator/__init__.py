@@ -1,1 +1,0 @@
-"""One place asked for its quantities, forward or backward."""

@@ -1,1 +1,0 @@
-"""Scripts that Blender runs, in a Python that does not know jblast."""

@@ -1,1 +1,0 @@
-"""Events of the law's own fireball, solved for, not sampled."""

@@ -1,1 +1,0 @@
-"""Event pixels as Warp kernels, for a GPU."""

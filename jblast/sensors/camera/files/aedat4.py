@@ -1,0 +1,239 @@
+"""AEDAT4, the event files of iniVation's cameras.
+
+A line that names the format; a header (a FlatBuffer) whose text in XML names the
+streams; then packets: stream, length, and a FlatBuffer of events, 16 bytes each.
+
+They are read by dv-processing, which decompresses packets. They are written
+here, uncompressed: dv-processing takes events from Python one at a time.
+
+References:
+    iniVation, AEDAT 4.0 file format; dv-processing, its FlatBuffers schemas.
+"""
+
+from collections.abc import Iterable, Iterator, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from jblast.errors import InputError, needed
+from jblast.sensors.camera.files.recorded_events import (
+    TYPES,
+    Columns,
+    RecordedEvents,
+    recorded,
+)
+
+NAMES = {"x": "x", "y": "y", "t": "timestamp", "p": "polarity"}
+"""What dv-processing calls the columns."""
+LARGEST = 1 << 15
+"""Columns or rows that have a number [px]."""
+EVENT = np.dtype(
+    {
+        "names": ["t", "x", "y", "p"],
+        "formats": ["<i8", "<i2", "<i2", "u1"],
+        "itemsize": 16,
+    }
+)
+"""An event as the schema's struct: the time first, three empty bytes at the end."""
+PACKET = 1 << 16
+"""Events of a packet: a reader holds one at a time."""
+STREAM = 0
+NO_TABLE = -1
+TREE = """<dv version="2.0">
+    <node name="outInfo" path="/outInfo/">
+        <node name="0" path="/outInfo/0/">
+            <attr key="compression" type="string">NONE</attr>
+            <attr key="originalModuleName" type="string">jblast</attr>
+            <attr key="originalOutputName" type="string">events</attr>
+            <attr key="typeDescription" type="string">Array of events.</attr>
+            <attr key="typeIdentifier" type="string">EVTS</attr>
+            <node name="info" path="/outInfo/0/info/">
+                <attr key="sizeX" type="int">{width}</attr>
+                <attr key="sizeY" type="int">{height}</attr>
+                <attr key="source" type="string">jblast</attr>
+            </node>
+        </node>
+    </node>
+</dv>
+"""
+
+
+def read_aedat4(path: Path, size: tuple[int, int] | None) -> RecordedEvents:
+    """Read the stream of events of such a file.
+
+    Raises:
+        InputError: dv-processing is not installed, or makes nothing of the file; it
+            holds no events, or those of several cameras.
+    """
+    dv = needed("dv_processing", "aedat4", path, "AEDAT4 is read")
+    _check_begin(path)
+    try:
+        file = dv.io.MonoCameraRecording(str(path))
+        stream = _stream(path, file)
+        size = file.getEventResolution(stream) or size
+        parts = []
+        while file.isRunning(stream):
+            batch = file.getNextEventBatch(stream)
+            if batch is not None:
+                parts.append(batch.numpy())
+    except IndexError:  # from dv-processing's own empty files, too
+        raise InputError(
+            f"{path}: expected an AEDAT4 file with packets of events, got none"
+        ) from None
+    except RuntimeError as error:
+        raise InputError(
+            f"{path}: expected a whole AEDAT4 file, which dv-processing cannot make "
+            f"of it ({_reason(error)})"
+        ) from None
+    columns = {
+        name: np.concatenate(
+            [np.zeros(0, kind), *(part[NAMES[name]] for part in parts)]
+        )
+        for name, kind in TYPES.items()
+    }
+    return recorded(path, columns, size)
+
+
+def _check_begin(path: Path) -> None:
+    with path.open("rb") as file:
+        begin = file.read(12)
+    if begin != b"#!AER-DAT4.0":
+        raise InputError(f"{path}: expected an AEDAT4 file, got none of that format")
+
+
+def _stream(path: Path, file: Any) -> str:
+    """Return the name of the one stream of events."""
+    names = [name for name in file.getStreamNames() if file.isStreamOfEventType(name)]
+    if len(names) != 1:
+        raise InputError(
+            f"{path}: expected one stream of events, got {len(names)} of "
+            f"{', '.join(file.getStreamNames()) or 'nothing'}"
+        )
+    return names[0]
+
+
+def _reason(error: RuntimeError) -> str:
+    """Return what went wrong, without where in its source."""
+    lines = str(error).splitlines()
+    message = lines[1] if len(lines) > 1 else lines[0]
+    return message.partition(" - Error info")[0]
+
+
+class Packet(NamedTuple):
+    """What the index at the file's end says of a packet.
+
+    Attributes:
+        place: Where its events begin, behind stream and length.
+        length: In bytes.
+        events: How many.
+        first: Time of the first [us].
+        last: Time of the last [us].
+    """
+
+    place: int
+    length: int
+    events: int
+    first: int
+    last: int
+
+
+def write_aedat4(
+    path: Path, blocks: Iterable[Columns], size: tuple[int, int], last_ms: int
+) -> None:
+    """Write columns of events block by block.
+
+    Args:
+        path: An empty file.
+        blocks: Columns of events, none empty.
+        size: Width and height.
+        last_ms: Of no use here.
+    """
+    del last_ms
+    with path.open("wb") as file:
+        file.write(_header(*size, NO_TABLE))
+        packets = []
+        for events in _packets(blocks):
+            data = _packet(events)
+            file.write(np.array([STREAM, len(data)], "<i4").tobytes())
+            times = [int(t) for t in events["t"][[0, -1]]] if len(events) else [0, 0]
+            packets.append(Packet(file.tell(), len(data), len(events), *times))
+            file.write(data)
+        table = file.tell()
+        file.write(_table(packets))
+        file.seek(0)
+        file.write(_header(*size, table))
+
+
+def _packets(blocks: Iterable[Columns]) -> Iterator[np.ndarray]:
+    """Return events as the schema's structs, and an empty packet if there are none."""
+    some = False
+    for block in blocks:
+        some = True
+        events = np.zeros(len(block["t"]), EVENT)
+        for name in EVENT.names or ():
+            events[name] = block[name]
+        for start in range(0, len(events), PACKET):
+            yield events[start : start + PACKET]
+    if not some:  # dv-processing takes no file without packets
+        yield np.zeros(0, EVENT)
+
+
+def _header(width: int, height: int, table: int) -> bytes:
+    """Return the first line and the table IOHeader: where the index is, and the tree.
+
+    Nothing is compressed. The length is the same for every place of the index.
+    """
+    import flatbuffers
+
+    builder = flatbuffers.Builder(4096)
+    tree = builder.CreateString(TREE.format(width=width, height=height))
+    builder.StartObject(3)
+    builder.PrependInt32Slot(0, 0, 1)
+    builder.PrependInt64Slot(1, table, 0)
+    builder.PrependUOffsetTRelativeSlot(2, tree, 0)
+    builder.FinishSizePrefixed(builder.EndObject(), b"IOHE")
+    return b"#!AER-DAT4.0\r\n" + bytes(builder.Output())
+
+
+def _packet(events: np.ndarray) -> bytes:
+    """Return the table EventPacket of some events."""
+    import flatbuffers
+
+    data = events.tobytes()
+    builder = flatbuffers.Builder(len(data) + 256)
+    builder.StartVector(EVENT.itemsize, len(events), 8)
+    builder.head = builder.head - len(data)
+    builder.Bytes[builder.head : builder.head + len(data)] = data
+    vector = builder.EndVector()
+    builder.StartObject(1)
+    builder.PrependUOffsetTRelativeSlot(0, vector, 0)
+    builder.FinishSizePrefixed(builder.EndObject(), b"EVTS")
+    return bytes(builder.Output())
+
+
+def _table(packets: Sequence[Packet]) -> bytes:
+    """Return the table FileDataTable of all packets."""
+    import flatbuffers
+
+    builder = flatbuffers.Builder(64 * len(packets) + 256)
+    entries = []
+    for packet in packets:
+        builder.StartObject(5)
+        builder.PrependInt64Slot(0, packet.place, 0)
+        builder.Prep(4, 8)
+        builder.PrependInt32(packet.length)
+        builder.PrependInt32(STREAM)
+        builder.PrependStructSlot(1, builder.Offset(), 0)
+        builder.PrependInt64Slot(2, packet.events, 0)
+        builder.PrependInt64Slot(3, packet.first, 0)
+        builder.PrependInt64Slot(4, packet.last, 0)
+        entries.append(builder.EndObject())
+    builder.StartVector(4, len(entries), 4)
+    for entry in reversed(entries):
+        builder.PrependUOffsetTRelative(entry)
+    vector = builder.EndVector()
+    builder.StartObject(1)
+    builder.PrependUOffsetTRelativeSlot(0, vector, 0)
+    builder.FinishSizePrefixed(builder.EndObject(), b"FTAB")
+    return bytes(builder.Output())

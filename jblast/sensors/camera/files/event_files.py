@@ -1,0 +1,178 @@
+"""Files of events in the format of their suffix: read whole, written block by block.
+
+A file is written whole or not at all. Only npz is assembled in memory.
+"""
+
+import math
+from collections.abc import Callable, Iterable, Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from jblast.errors import InputError
+from jblast.files import replacing
+from jblast.sensors.camera.events.ideal import Events
+from jblast.sensors.camera.files import evt3
+from jblast.sensors.camera.files.aedat4 import LARGEST, read_aedat4, write_aedat4
+from jblast.sensors.camera.files.evt3 import read_evt3, write_evt3
+from jblast.sensors.camera.files.recorded_events import (
+    TYPES,
+    Columns,
+    RecordedEvents,
+    check_place,
+    check_rising,
+    read_arrays,
+    read_dsec,
+    write_arrays,
+    write_dsec,
+)
+
+READERS = {
+    ".h5": read_dsec,
+    ".hdf5": read_dsec,
+    ".npz": read_arrays,
+    ".raw": read_evt3,
+    ".aedat4": read_aedat4,
+}
+
+
+def read_events(
+    path: str | Path, *, size: tuple[int, int] | None = None
+) -> RecordedEvents:
+    """Read a file of events whole.
+
+    Args:
+        path: Its suffix is one that `write_events` writes.
+        size: Width and height of a file that does not tell them.
+
+    Raises:
+        InputError: There is no such file, its suffix is another one, what reads its
+            format is not installed, it is empty or not whole, tells no size, or holds
+            what cannot be: times that fall, places outside the image.
+    """
+    path = Path(path)
+    suffix = check_suffix(path)
+    if not path.is_file():
+        what = "is a directory" if path.is_dir() else "no such file"
+        raise InputError(f"{path}: {what}; expected a file of events")
+    if not path.stat().st_size:
+        raise InputError(f"{path}: is empty; expected a file of events")
+    return READERS[suffix](path, size)
+
+
+class Format(NamedTuple):
+    """How a file of events is written.
+
+    Attributes:
+        write: Takes an empty file, columns, width and height, and until which
+            millisecond an index is to go.
+        largest: Columns or rows that have a number in it [px].
+    """
+
+    write: Callable[[Path, Iterable[Columns], tuple[int, int], int], None]
+    largest: int
+
+
+WRITERS = {
+    ".h5": Format(write_dsec, 1 << 16),
+    ".hdf5": Format(write_dsec, 1 << 16),
+    ".npz": Format(write_arrays, 1 << 16),
+    ".raw": Format(write_evt3, evt3.LARGEST),
+    ".aedat4": Format(write_aedat4, LARGEST),
+}
+"""By what the file's name ends in."""
+
+
+class Written(NamedTuple):
+    """How many events went into a file, and their signs."""
+
+    events: int
+    brighter: int
+    darker: int
+
+
+def write_events(
+    path: str | Path,
+    blocks: Iterable[Events],
+    width: int,
+    height: int,
+    *,
+    duration_s: float = 0.0,
+) -> Written:
+    """Write a stream of events whole or not at all; the suffix says which format.
+
+    All take them block by block but npz, which is put together in memory.
+
+    Args:
+        path: Ends in one of `WRITERS`; an existing file is replaced.
+        blocks: In order of time, which begins at frame 0.
+        width: Pixels of a row.
+        height: Rows.
+        duration_s: Until when `ms_to_idx` goes at least: the time of the last frame.
+
+    Raises:
+        InputError: The suffix is another one, the image is too large for the format,
+            or an event is outside it, before the one that precedes it, or before 0.
+    """
+    suffix = check_suffix(path)
+    form = WRITERS[suffix]
+    if max(width, height) > form.largest:
+        raise InputError(
+            f"{path}: expected images of at most {form.largest:,} pixels a side, "
+            f"which this format can hold; got {width} x {height}"
+        )
+    last_ms = math.ceil(1e3 * duration_s - 1e-6)  # 8 ms, not 8.0000000001
+    counts = {"events": 0, "brighter": 0}
+    columns = _counted(path, blocks, (width, height), counts)
+    with replacing(path) as temporary:
+        form.write(temporary, columns, (width, height), last_ms)
+    darker = counts["events"] - counts["brighter"]
+    return Written(**counts, darker=darker)
+
+
+def check_suffix(path: str | Path) -> str:
+    """Return the suffix of a file of events.
+
+    Raises:
+        InputError: It is none that we write.
+    """
+    suffix = Path(path).suffix.lower()
+    if suffix not in WRITERS:
+        *some, last = WRITERS
+        raise InputError(
+            f"{path}: expected a name that ends in {', '.join(some)} or {last}"
+        )
+    return suffix
+
+
+def _counted(
+    path: str | Path,
+    blocks: Iterable[Events],
+    size: tuple[int, int],
+    counts: dict[str, int],
+) -> Iterator[Columns]:
+    """Return the columns of each block that holds some, looked at and counted."""
+    last = 0
+    for block in blocks:
+        columns = _columns(block)
+        if not len(columns["t"]):
+            continue
+        for name, limit in zip("xy", size, strict=True):
+            check_place(path, name, columns[name], limit)
+        check_rising(path, columns["t"], last)
+        last = int(columns["t"][-1])
+        counts["events"] += len(columns["t"])
+        counts["brighter"] += int(columns["p"].sum())
+        yield {name: columns[name].astype(dtype) for name, dtype in TYPES.items()}
+
+
+def _columns(events: Events) -> Columns:
+    """Return the events of a block as columns, not yet of a file's types."""
+    count = int(events.count)
+    x, y, time, sign = (
+        np.asarray(field)[:count]
+        for field in (events.x, events.y, events.time, events.polarity)
+    )
+    t = np.rint(1e6 * time).astype(np.int64)
+    return {"x": x, "y": y, "t": t, "p": sign > 0}

@@ -1,1 +1,0 @@
-"""Videos: read as linear light with times, and written; by FFmpeg, through PyAV."""

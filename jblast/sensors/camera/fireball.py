@@ -1,0 +1,687 @@
+r"""The image of a fireball: light, smoke and opacity, in a part of the image.
+
+The cloud is a sphere whose density falls as $1 - r^2/R^2$. A ray passes its centre at
+the distance $b$, at $s_c$; from $s_0$ to $s_1$ on it, $q = (s - s_c)/R$ limited to
+$\pm h$, $h^2 = 1 - b^2/R^2$, the optical depth is
+
+$$\tau = \tfrac34\,\tau_0\,\big[h^2 q - q^3/3\big]_{q_0}^{q_1}, \qquad
+\alpha = 1 - e^{-\tau}$$
+
+and $\tau_0 h^3$ for the whole chord: at the limb its slope is zero, so that gradients
+miss no edge. $s_0$ is the camera, $s_1$ the ground or the surface in front of the
+cloud.
+
+Soot alone has hundreds of optical depths, but is not evenly mixed. With $N$ lumps along
+a diameter the gaps transmit light as if the depth were
+
+$$\tau_0 = N\,(1 - e^{-\tau_s/N})$$
+
+(Natta and Panagia 1984, from memory). A bright fireball still shows its whole disc,
+where little alpha is much light; black smoke has a soft limb.
+
+The light is a black body's, between that of the middle and that of the cooler limb by
+$h^2$: as if the temperature fell with $b^2$. Soot reflects an even sky above and a
+ground a fifth as bright: $0.6 + 0.4\,n_z$, $n$ the normal where the ray enters. The
+wind carries the cloud (`waves/fireball.py`). The light of the fire on its surroundings
+is in `surroundings.py`.
+
+Planck's law is hundreds of exponentials. In one air and appearance the light of limb
+and middle is a smooth function of the fireball's temperature alone. Where it is needed
+a million times, it is tabulated as cubics between values and slopes (Hermite) at
+`KNOTS` temperatures from the air's to that of the burst: its luminance to 1e-9 of its
+value, however long a film is. Colour is tabulated separately from luminance and does
+not affect it: while anything glows it is exact to 1e-9 too, and less exact below that.
+
+Only a part of the image is calculated. A ray meets a fireball of the radius $R$ at the
+distance $d$ if it is less than $\arcsin(R/d)$ off its middle. The rays of a cell are no
+farther from the nearest of its corners than these are from each other. Cells are
+compared by the rays of every sixteenth row and column, and the smallest window of a few
+sizes that contains all cells that may show something is calculated: one program for all
+frames, with a branch for each size. So nothing is missed, and the result is that of
+`fireballs_seen` over the whole image. Pictures of an explosion use the same windows.
+"""
+
+import math
+from collections.abc import Callable, Sequence
+from functools import partial, reduce
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.core import Tracer
+from jaxtyping import Array, ArrayLike, Bool, Float, Int
+
+from jblast.errors import InputError, shown
+from jblast.scene import Camera, Charge, Scene
+from jblast.sensors.camera.geometry import Rays, pixel_rays, pixels
+from jblast.sensors.camera.image import blackbody_light, laid_over, luminance, straight
+from jblast.types import as_float_array, as_optional_float_array
+from jblast.waves.fireball import HOTTEST, fireball
+from jblast.waves.propagation import ambient
+
+WHITE = 3e4
+"""Luminance of a white wall in the sun [cd/m2]: 1e5 lux / pi."""
+LUMPS = 20.0
+"""Lumps of smoke along a diameter [-]. Declared: it makes the limb a twentieth of the
+radius wide, as in pictures of black smoke."""
+RIM = 0.9
+"""Excess of temperature at the limb over that in the middle [-]. Declared."""
+SMOKE = 0.07
+r"""Part of the light that thick soot gives back [-]: $(1 - s)/(1 + s)$, $s^2 = 1 - w$,
+for scattering alike in all directions with the albedo $w = 0.25$ of fresh soot (Bond
+and Bergstrom 2006, from memory: 0.2 to 0.3)."""
+Glow = tuple[Float[Array, "3"], Float[Array, "3"]]
+"""Light of the limb and of the middle of a fireball [cd/m2]."""
+FAINTEST = 1e-30
+"""Light that no float loses [cd/m2]."""
+KNOTS = 4096
+FIREBALL_SIZES = ((0.0, 0.0), (0.4, 0.3), (1.0, 1.0))
+"""Rows and columns of windows: few, as each is compiled for itself."""
+STRIDE = 16
+"""Rows and columns from one corner to the next."""
+WINDOW_SIZES = ((0.125, 0.125), (0.25, 0.25), (0.5, 0.5), (0.75, 0.5), (1.0, 1.0))
+"""Rows and columns of windows, as parts of the image's; each holds the one before. A
+cloud of smoke is higher than wide."""
+SMALL = 64
+"""Images of fewer rows or columns are looked at as a whole."""
+SLACK = 0.1
+"""By how much of a cell a lens may bend what is within it."""
+
+
+class Appearance(eqx.Module):
+    """How a fireball is exposed, and how its smoke is distributed.
+
+    Attributes:
+        white: Luminance that is full scale [cd/m2].
+        lumps: Lumps of smoke along a diameter [-]; many make the smoke even.
+        rim: Excess of temperature over the air at the limb, as a part of that in the
+            middle [-].
+        smoke: Part of the sky's light that thick smoke gives back [-].
+        illuminance: Of a level surface, by sky and sun [lx]: the light in which the
+            background was taken, and that smoke gives back. None: as much as makes a
+            white wall full scale, which is what a picture is exposed for.
+        flash: Whether the fire lights the background (`surroundings.py`).
+
+    Raises:
+        InputError: Outside jit: a number is not positive and finite, or `rim` or
+            `smoke` is above 1.
+    """
+
+    white: Float[Array, ""] = eqx.field(converter=as_float_array, default=WHITE)
+    lumps: Float[Array, ""] = eqx.field(converter=as_float_array, default=LUMPS)
+    rim: Float[Array, ""] = eqx.field(converter=as_float_array, default=RIM)
+    smoke: Float[Array, ""] = eqx.field(converter=as_float_array, default=SMOKE)
+    illuminance: Float[Array, ""] | None = eqx.field(
+        converter=as_optional_float_array, default=None
+    )
+    flash: bool = eqx.field(static=True, default=True)
+
+    @property
+    def daylight(self) -> Float[Array, ""]:
+        """Luminance of a white wall in the light of sky and sun [cd/m2]."""
+        return self.white if self.illuminance is None else self.illuminance / math.pi
+
+    def __check_init__(self):
+        for name in ("white", "lumps", "rim", "smoke", "illuminance"):
+            value = getattr(self, name)
+            if value is None or isinstance(value, Tracer):
+                continue
+            number, part = value.item(), name in ("rim", "smoke")
+            if not 0 < number < math.inf or (part and number > 1):
+                raise InputError(
+                    f"look {name}: expected a number above 0"
+                    f"{', at most 1' if part else ''}, got {shown(number)}"
+                )
+
+
+class Cloud(eqx.Module):
+    """A charge's fireball where it is at an instant.
+
+    Attributes:
+        centre: East, north, up [m].
+        radius: Of the cloud [m].
+        temperature: Of its light [K].
+        optical_depth: Of its soot along a diameter [-].
+        air: Temperature of the air around [K].
+    """
+
+    centre: Float[Array, "3"]
+    radius: Float[Array, ""]
+    temperature: Float[Array, ""]
+    optical_depth: Float[Array, ""]
+    air: Float[Array, ""]
+
+
+def fireball_layer(
+    scene: Scene,
+    camera: Camera,
+    time: Float[ArrayLike, ""],
+    *,
+    depth: Float[Array, "height width"] | None = None,
+    ground: bool = True,
+    supersample: int = 1,
+    appearance: Appearance | None = None,
+) -> Float[Array, "height width 4"]:
+    """Return the fireballs of a scene at an instant, with nothing behind them.
+
+    Args:
+        scene: Charges, each by its position, and air.
+        camera: Who looks.
+        time: On the common clock [s].
+        depth: Distance of the background along each pixel's ray [m]; None is infinite.
+        ground: Whether the plane up = 0 hides what is below it.
+        supersample: Rays along each side of a pixel.
+        appearance: How it is exposed, and how the smoke is distributed.
+
+    Returns:
+        Red, green, blue in linear light, full scale 1, not clipped, and straight alpha.
+    """
+    rays = pixel_rays(camera, depth, supersample=supersample, ground=ground)
+    layer = fireballs_seen(scene, rays, as_float_array(time), appearance)
+    return straight(pixels(layer, supersample))
+
+
+def fireballs_seen(
+    scene: Scene,
+    rays: Rays,
+    time: Float[Array, ""],
+    appearance: Appearance | None = None,
+    shining: Callable[[Cloud], Glow] | None = None,
+) -> Float[Array, "4 row column"]:
+    """Return the light of all fireballs along rays, laid over each other.
+
+    Whichever's centre is farther is behind; where two meet, the nearer hides the other.
+
+    Args:
+        scene: Charges and air.
+        rays: Along which to look.
+        time: On the common clock [s].
+        appearance: How it is exposed, and how the smoke is distributed.
+        shining: Light of limb and middle of a fireball, where it is tabulated; None to
+            take Planck's law.
+
+    Returns:
+        Red, green and blue times alpha, and alpha.
+    """
+    appearance = Appearance() if appearance is None else appearance
+    return laid_over(
+        [
+            _seen(scene, charge, rays, time, appearance, shining)
+            for charge in scene.charges
+        ]
+    )
+
+
+class RayPassage(eqx.Module):
+    """How rays pass a cloud; zero where they miss it.
+
+    Attributes:
+        column: Optical depth over that along a diameter [-], 0 to 1.
+        chord: Square of the half chord over the radius, $h^2$ [-].
+        height: Of the place where the ray enters above the centre, over the radius [-].
+    """
+
+    column: Float[Array, "row column"]
+    chord: Float[Array, "row column"]
+    height: Float[Array, "row column"]
+
+
+def passage(
+    offset: Float[Array, "3"], radius: Float[Array, ""], rays: Rays
+) -> RayPassage:
+    """Return how rays pass a cloud.
+
+    Args:
+        offset: From the camera to the centre: east, north, up [m].
+        radius: Of the cloud [m].
+        rays: Along which to look.
+    """
+    along = jnp.tensordot(offset, rays.direction, 1)
+    aside = offset[:, None, None] - along[None] * rays.direction
+    room = jnp.square(radius) - jnp.sum(jnp.square(aside), axis=0)
+    met = ~(room <= 0)  # so that a radius that is no number is seen, not missed
+    half = jnp.sqrt(jnp.where(met, room, 1.0))
+    begin = jnp.clip(-along, -half, half)
+    end = jnp.clip(rays.farthest - along, -half, half)
+    size = jnp.where(met, radius, 1.0)
+    chord = jnp.where(met, room, 0.0) / jnp.square(size)
+    first, last = begin / size, end / size
+    # the difference of two cubes by its factors: no rounding is left of an empty way
+    cubes = jnp.square(first) + first * last + jnp.square(last)
+    column = 0.75 * (last - first) * jnp.maximum(chord - cubes / 3.0, 0.0)
+    height = (begin * rays.direction[2] - aside[2]) / size
+    return RayPassage(
+        column=jnp.where(met, column, 0.0),
+        chord=chord,
+        height=jnp.where(met, height, 0.0),
+    )
+
+
+def cloud(scene: Scene, charge: Charge, time: Float[Array, ""]) -> Cloud:
+    """Return the fireball of a scene's charge at a time on the common clock [s]."""
+    temperature, _ = ambient(scene.air)
+    mass = charge.tnt_mass("fireball_radius_m")
+    since, growth = charge.since(time), scene.fireball_growth
+    ball = fireball(mass, since, temperature, growth)
+    air = scene.air
+    centre = jnp.stack(
+        [
+            charge.east + ball.drift_time * air.wind_east,
+            charge.north + ball.drift_time * air.wind_north,
+            charge.up + ball.rise,
+        ]
+    )
+    depth = ball.optical_depth
+    return Cloud(centre, ball.radius, ball.temperature, depth, temperature)
+
+
+def glow(
+    temperature: Float[Array, ""], air: Float[Array, ""], appearance: Appearance
+) -> Glow:
+    """Return the light of the limb and of the middle of a fireball [cd/m2].
+
+    Args:
+        temperature: Of its middle [K].
+        air: Temperature of the air around [K].
+        appearance: How much cooler its limb is.
+    """
+    limb = air + appearance.rim * (temperature - air)
+    return blackbody_light(limb), blackbody_light(temperature)
+
+
+def _seen(
+    scene: Scene,
+    charge: Charge,
+    rays: Rays,
+    time: Float[Array, ""],
+    appearance: Appearance,
+    shining: Callable[[Cloud], Glow] | None,
+) -> tuple[Float[Array, "4 row column"], Float[Array, ""]]:
+    """Return the premultiplied light of one charge's fireball, and how far it is."""
+    ball = cloud(scene, charge, time)
+    offset = ball.centre - rays.origin
+    met = passage(offset, ball.radius, rays)
+    alpha = -jnp.expm1(-lumpy_depth(ball, appearance) * met.column)
+    if shining is None:
+        limb, middle = glow(ball.temperature, ball.air, appearance)
+    else:
+        limb, middle = shining(ball)
+    day = appearance.smoke * (0.6 + 0.4 * met.height) * appearance.daylight
+    light = (between(limb, middle, met.chord) + day[None]) / appearance.white
+    layer = jnp.concatenate([alpha[None] * light, alpha[None]])
+    return layer, jnp.sqrt(jnp.sum(jnp.square(offset)))
+
+
+def lumpy_depth(ball: Cloud, appearance: Appearance) -> Float[Array, ""]:
+    r"""Return $\tau_0$: the optical depth along a diameter of smoke that has gaps."""
+    return -appearance.lumps * jnp.expm1(-ball.optical_depth / appearance.lumps)
+
+
+def between(
+    limb: Float[Array, "3"], middle: Float[Array, "3"], part: Float[Array, "row column"]
+) -> Float[Array, "3 row column"]:
+    """Return light between two: a power of both luminances, its colour linear.
+
+    One exponential a pixel, where Planck's law would be hundreds.
+    """
+    lights = jnp.stack([limb, middle]) + FAINTEST
+    brightness = luminance(lights)
+    (low, high), (cool, hot) = jnp.log(brightness), lights / brightness[:, None]
+    colour = cool[:, None, None] + (hot - cool)[:, None, None] * part[None]
+    return jnp.exp(low + (high - low) * part)[None] * colour
+
+
+class GlowTable(eqx.Module):
+    """Light of a fireball's limb and of its middle.
+
+    Attributes:
+        air: Temperature of the air around, to which it cools [K].
+        pace: From one knot to the next [K].
+        knots: Logarithm of luminance [cd/m2] and the light over it, and their change
+            over a pace.
+    """
+
+    air: Float[Array, ""]
+    pace: Float[Array, ""]
+    knots: Float[Array, "knot 2 2 4"]
+
+    def __call__(self, ball: Cloud) -> Glow:
+        """Return the light of limb and middle of a fireball in the table's air."""
+        place = (ball.temperature - self.air) / self.pace
+        before = jnp.clip(place.astype(int), 0, len(self.knots) - 2)
+        u = place - before.astype(place.dtype)
+        (a, rise), (b, leave) = self.knots[before], self.knots[before + 1]
+        square, cube = u * u, u * u * u
+        bend = 3.0 * square - 2.0 * cube
+        slopes = rise * (u - 2.0 * square + cube) + leave * (cube - square)
+        found = a + (b - a) * bend + slopes
+        limb, middle = jnp.exp(found[:, :1]) * found[:, 1:]
+        return limb, middle
+
+
+@partial(jax.jit, static_argnames="knots")
+def glow_table(
+    air: Float[Array, ""], appearance: Appearance, *, knots: int = KNOTS
+) -> GlowTable:
+    """Return the table of fireballs in air of a temperature [K]."""
+    pace = (HOTTEST - air) / (knots - 1)
+    temperatures = air + pace * jnp.arange(knots, dtype=pace.dtype)
+
+    def glowing(temperature):
+        light = jnp.stack(glow(temperature, air, appearance))
+        grey = luminance(light)[:, None]
+        return jnp.concatenate([jnp.log(grey), light / grey], axis=1)
+
+    def knot(temperature):
+        return jnp.stack(jax.jvp(glowing, (temperature,), (pace,)))
+
+    return GlowTable(air, pace, jax.lax.map(knot, temperatures, batch_size=256))
+
+
+def fireballs_in_window(
+    scene: Scene, rays: Rays, time: Float[Array, ""], appearance: Appearance
+) -> Float[Array, "4 row column"]:
+    """Return what `fireballs_seen` does, in less time where fireballs are small.
+
+    Args:
+        scene: Charges and air.
+        rays: Of a whole image, row by row.
+        time: On the common clock [s].
+        appearance: How they are exposed.
+    """
+    cells = cells_touched(scene, corner_rays(rays), time)
+
+    def look(part: Rays) -> Float[Array, "row column 4"]:
+        seen = fireballs_seen(scene, part, time, appearance)
+        return jnp.moveaxis(seen, 0, -1)
+
+    return jnp.moveaxis(in_window(cells, rays, look, FIREBALL_SIZES), -1, 0)
+
+
+def fireballs_over(
+    scene: Scene,
+    rays: Rays,
+    times: Float[Array, " time"],
+    appearance: Appearance,
+    behind: Float[Array, "time row column 3"],
+) -> Float[Array, "time row column 3"]:
+    """Return images with the fireballs in front; no more of them is touched than they.
+
+    Args:
+        scene: Charges and air.
+        rays: One a pixel, row by row.
+        times: Of the images, on the common clock [s].
+        appearance: How they are exposed.
+        behind: The images.
+    """
+    corners = corner_rays(rays)
+    cells = jax.vmap(lambda time: cells_touched(scene, corners, time))(times)
+
+    # for gradients what a window shows is computed again: it would fill the memory
+    @jax.checkpoint
+    def lay(
+        part: Rays, beneath: Float[Array, "row column 3"], time: Float[Array, ""]
+    ) -> Float[Array, "row column 3"]:
+        seen = jnp.moveaxis(fireballs_seen(scene, part, time, appearance), 0, -1)
+        return seen[..., :3] + (1.0 - seen[..., 3:]) * beneath
+
+    dtype = jax.eval_shape(lay, rays, behind[0], times[0]).dtype
+    return laid_in_windows(
+        cells, rays, lay, behind.astype(dtype), times, FIREBALL_SIZES
+    )
+
+
+def cells_touched(
+    scene: Scene, corners: Rays, time: Float[Array, ""]
+) -> Bool[Array, "_ _"]:
+    """Return which cells between corners may show a fireball.
+
+    Args:
+        scene: Charges and air.
+        corners: Rays at the corners of the cells.
+        time: On the common clock [s].
+    """
+    way = corners.direction
+    # no ray of a cell is farther from its nearest corner than half a diagonal
+    slope = _chord(way[:, 1:, 1:], way[:, :-1, :-1])
+    other = _chord(way[:, 1:, :-1], way[:, :-1, 1:])
+    size = (0.5 + SLACK) * jnp.maximum(slope, other)
+    unknown = _any(~(corners.farthest > 0.0))
+    found = [jnp.zeros_like(unknown)]
+    for charge in scene.charges:
+        ball = cloud(scene, charge, time)
+        offset = ball.centre - corners.origin
+        square = jnp.sum(jnp.square(offset))
+        away = jnp.sqrt(jnp.where(square > 0.0, square, 1.0))
+        apart = _chord(way, (offset / away)[:, None, None] + jnp.zeros_like(way))
+        nearest = -_four(-apart, jnp.maximum)
+        sine = ball.radius / away
+        within = ~(sine < 1.0) | ~(square > 0.0)
+        cosine = jnp.sqrt(1.0 - jnp.square(jnp.where(within, 0.0, sine)))
+        # chords obey the triangle's inequality; this is that of the angle arcsin(R/d)
+        seen = ~(nearest > sine * jnp.sqrt(2.0 / (1.0 + cosine)) + size)
+        # a radius that is no number is seen
+        found.append((seen | within | unknown) & ~(ball.radius <= 0.0))
+    return reduce(jnp.logical_or, found)
+
+
+def _chord(a: Float[Array, "3 _ _"], b: Float[Array, "3 _ _"]) -> Float[Array, "_ _"]:
+    square = jnp.sum(jnp.square(a - b), axis=0)
+    some = square > 0.0
+    return jnp.where(some, jnp.sqrt(jnp.where(some, square, 1.0)), 0.0)
+
+
+def _four(values: Array, join: Callable[[Array, Array], Array]) -> Array:
+    across = join(values[:, 1:], values[:, :-1])
+    return join(across[1:], across[:-1])
+
+
+def _any(flags: Bool[Array, "_ _"]) -> Bool[Array, "_ _"]:
+    return _four(flags, jnp.logical_or)
+
+
+def corner_rays(rays: Rays) -> Rays:
+    """Return the rays at the corners of all cells."""
+    rows, columns = (_places(size) for size in rays.farthest.shape)
+    at = np.ix_(rows, columns)
+    return Rays(rays.origin, rays.direction[:, *at], rays.farthest[at])
+
+
+def _places(size: int) -> Int[np.ndarray, " corner"]:
+    before = np.arange(0, size - 1, STRIDE) if size > 1 else np.zeros(1, int)
+    return np.append(before, size - 1)
+
+
+def ray_pitch(
+    x: Float[Array, "row column"],
+    y: Float[Array, "row column"],
+    met: Bool[Array, "row column"],
+    anchor: tuple[Float[Array, ""], Float[Array, ""]],
+    shape: tuple[int, ...],
+) -> Float[Array, ""]:
+    """Return how far a ray is from the next on a picture, at a place of it [px].
+
+    The root of the area, so that it is alike in all directions; taken in the cell
+    beside the corner nearest to the place.
+
+    Args:
+        x: Where rays at corners meet the picture.
+        y: Likewise.
+        met: Whether they do.
+        anchor: The place.
+        shape: Rows and columns of all rays.
+    """
+    away = jnp.square(x - anchor[0]) + jnp.square(y - anchor[1])
+    row, column = jnp.divmod(jnp.argmin(jnp.where(met, away, jnp.inf)), x.shape[1])
+    row = jnp.minimum(row, x.shape[0] - 2)
+    column = jnp.minimum(column, x.shape[1] - 2)
+    down, right = (
+        jnp.asarray(np.maximum(np.diff(_places(size)), 1), x.dtype)[at]
+        for size, at in zip(shape, (row, column), strict=True)
+    )
+    x_down, y_down = (p[row + 1, column] - p[row, column] for p in (x, y))
+    x_right, y_right = (p[row, column + 1] - p[row, column] for p in (x, y))
+    area = jnp.abs(x_right * y_down - x_down * y_right) / (down * right)
+    some = area > 0.0
+    return jnp.where(some, jnp.sqrt(jnp.where(some, area, 1.0)), 1.0)
+
+
+def touched(
+    x: Float[Array, "row column"],
+    y: Float[Array, "row column"],
+    met: Bool[Array, "row column"],
+    unknown: Bool[Array, "row column"],
+    box: Float[Array, "4"],
+) -> Bool[Array, "_ _"]:
+    """Return which cells may show some of a box.
+
+    Args:
+        x: Where rays at corners meet the picture.
+        y: Likewise.
+        met: Whether they do.
+        unknown: Corners without a direction; their cells may show anything.
+        box: First and last x, first and last y.
+    """
+
+    def spans(places, first, last):
+        low = -_most(jnp.where(met, -places, -jnp.inf))
+        high = _most(jnp.where(met, places, -jnp.inf))
+        slack = SLACK * (high - low)
+        return (high + slack >= first) & (low - slack <= last)
+
+    some = ~_all(~met)
+    known = spans(x, box[0], box[1]) & spans(y, box[2], box[3])
+    return some & (known | ~_all(~unknown))
+
+
+def _most(values):
+    across = jnp.maximum(values[:, 1:], values[:, :-1])
+    return jnp.maximum(across[1:], across[:-1])
+
+
+def _all(flags):
+    across = flags[:, 1:] & flags[:, :-1]
+    return across[1:] & across[:-1]
+
+
+def in_window(
+    cells: Bool[Array, "_ _"],
+    rays: Rays,
+    look: Callable[[Rays], Float[Array, "row column 4"]],
+    parts: Sequence[tuple[float, float]] = WINDOW_SIZES,
+) -> Float[Array, "row column 4"]:
+    """Return what is seen along all rays, having looked only where cells are touched.
+
+    Args:
+        cells: Which may show something.
+        rays: Of the whole image.
+        look: What is seen along rays; nothing outside the cells.
+        parts: As in `laid_in_window`.
+    """
+    shape, dtype = rays.farthest.shape, jax.eval_shape(look, rays).dtype
+    nothing = jnp.zeros((*shape, 4), dtype)
+    return laid_in_window(cells, rays, lambda part, _: look(part), nothing, parts)
+
+
+def laid_in_window(
+    cells: Bool[Array, "_ _"],
+    rays: Rays,
+    lay: Callable[[Rays, Float[Array, "row column _"]], Float[Array, "row column _"]],
+    behind: Float[Array, "row column _"],
+    parts: Sequence[tuple[float, float]] = WINDOW_SIZES,
+) -> Float[Array, "row column _"]:
+    """Return an image over which something is laid, only where cells are touched.
+
+    Args:
+        cells: Which may show something.
+        rays: Of the whole image.
+        lay: Lays what is seen along rays over what is behind, which it leaves as it is
+            outside the cells.
+        behind: The whole image.
+        parts: Rows and columns of windows, as parts of the image's; the last is all.
+            Of none nothing is looked at.
+    """
+
+    def over(part: Rays, beneath: Array, _: None) -> Array:
+        return lay(part, beneath)
+
+    return laid_in_windows(cells[None], rays, over, behind[None], None, parts)[0]
+
+
+def laid_in_windows(
+    cells: Bool[Array, "image _ _"],
+    rays: Rays,
+    lay: Callable[[Rays, Array, Any], Array],
+    behind: Float[Array, "image row column _"],
+    each: Any,
+    parts: Sequence[tuple[float, float]] = WINDOW_SIZES,
+) -> Float[Array, "image row column _"]:
+    """Return images over which something is laid, in windows of one size.
+
+    Images are changed where they stand, one after another: none is copied.
+
+    Args:
+        cells: Which are touched, of each image.
+        rays: Of every image.
+        lay: As in `laid_in_window`; also takes what there is for each image.
+        behind: The images.
+        each: Arrays whose first axis are the images; None: nothing.
+        parts: As in `laid_in_window`.
+    """
+    shape = rays.farthest.shape
+    if min(shape) < SMALL:
+        return jax.lax.map(lambda x: lay(rays, *x), (behind, each))
+    sizes = np.ceil(np.array(parts) * np.array(shape)).astype(int)
+    starts, needs = zip(
+        *(
+            jax.vmap(partial(_extent, size=shape[i]))(jnp.any(cells, axis=2 - i))
+            for i in (0, 1)
+        ),
+        strict=True,
+    )
+    needed = jnp.max(jnp.stack(needs), axis=1)
+    which = jnp.sum(jnp.any(needed[None] > sizes[:-1], axis=1))
+
+    def branch(size):
+        rows, columns = (int(n) for n in size)
+
+        def image(images, inputs):
+            number, row, column, own = inputs
+            row = jnp.clip(row, 0, shape[0] - rows)
+            column = jnp.clip(column, 0, shape[1] - columns)
+            part = Rays(
+                rays.origin,
+                jax.lax.dynamic_slice(
+                    rays.direction, (0, row, column), (3, rows, columns)
+                ),
+                jax.lax.dynamic_slice(rays.farthest, (row, column), (rows, columns)),
+            )
+            at = number, row, column, 0
+            beneath = jax.lax.dynamic_slice(
+                images, at, (1, rows, columns, images.shape[3])
+            )
+            laid = lay(part, beneath[0], own)[None]
+            return jax.lax.dynamic_update_slice(images, laid, at), None
+
+        def run():
+            if not rows * columns:
+                return behind
+            inputs = jnp.arange(len(behind)), *starts, each
+            return jax.lax.scan(image, behind, inputs)[0]
+
+        return run
+
+    return jax.lax.switch(which, [branch(size) for size in sizes])
+
+
+def _extent(
+    touched: Bool[Array, " cell"], size: int
+) -> tuple[Int[Array, ""], Int[Array, ""]]:
+    """Return the first row or column of the cells touched, and how many they have."""
+    places = _places(size)
+    first = jnp.asarray(places)[jnp.argmax(touched)]
+    last = jnp.asarray(places)[len(touched) - jnp.argmax(touched[::-1])]
+    count = jnp.where(jnp.any(touched), last - first + 1, 0)
+    return first, count

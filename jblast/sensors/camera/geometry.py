@@ -1,0 +1,532 @@
+r"""Lens and pose of a camera: from a point to a pixel, and from a pixel to a ray.
+
+The lens distorts by Brown and Conrady's radial-tangential model in OpenCV's form
+(Calib3d, "Detailed Description"). For $x$ a point of the plane at distance 1 and
+$r = |x|$:
+
+$$x_d = S x + 2 (p \cdot x)\,x + r^2 p, \quad S = 1 + k_1 r^2 + k_2 r^4 + k_3 r^6, \quad
+p = (p_2, p_1)$$
+
+It is the gradient of a potential, so its Jacobian is symmetric. In the axes $e$ along
+$x$ and $e_\perp$ across, with $a = p \cdot e$ and $b = p \cdot e_\perp$, it is
+
+$$\begin{pmatrix} S_r + 6 r a & 2 r b \\ 2 r b & S + 2 r a \end{pmatrix}, \quad
+S_r = 1 + 3 k_1 r^2 + 5 k_2 r^4 + 7 k_3 r^6$$
+
+At the centre it is the unit matrix. Where its smaller eigenvalue reaches zero on the
+way out, so does its determinant, and the image folds over: one pixel then shows several
+directions, and only those inside the fold are real. Pixels beyond it have no direction.
+
+A ray ends at the ground, or at the surface of a depth image. A camera on a moving body
+has a pose at each time of its path.
+"""
+
+import dataclasses
+from functools import partial
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.core import Tracer
+from jaxtyping import Array, ArrayLike, Bool, Float
+
+from jblast.errors import InputError, shown
+from jblast.scene.camera import Camera, quaternion_matrix, quaternion_product
+from jblast.types import as_float_array
+
+STEEPEST = 1e4
+"""Largest distance from the axis in the plane at 1: 89.994 degrees. Beyond, the sixth
+power and its gradient leave float32."""
+TRIALS = 100
+"""Newton's trials at most."""
+ROUNDING = 16
+"""What may be left of a pixel, in roundings of the distortion's largest term."""
+STEPS = 64
+"""Places on the way out at which the fold is looked for; one that opens and closes
+between two of them is overlooked."""
+HALVINGS = 52
+"""Of a bracket: they leave the last bit of float64."""
+
+
+class Projected(eqx.Module):
+    """Where places of the world appear to a camera.
+
+    Attributes:
+        pixel: (x, y), pixel centres at whole numbers [px]; inside the image or not.
+        depth: Distance along the camera's axis [m]; negative behind it.
+        seen: Whether a lens could show the place: it is ahead of the camera and inside
+            the distortion's first fold. Where not, `pixel` has no meaning.
+    """
+
+    pixel: Float[Array, "... 2"]
+    depth: Float[Array, "..."]
+    seen: Bool[Array, "..."]
+
+    def within(self, camera: Camera) -> Bool[Array, "..."]:
+        """Return whether a place is seen and its pixel is one of the image's."""
+        x, y = self.pixel[..., 0], self.pixel[..., 1]
+        across = (x >= -0.5) & (x < camera.width - 0.5)
+        return self.seen & across & (y >= -0.5) & (y < camera.height - 0.5)
+
+
+def project(camera: Camera, points: Float[ArrayLike, "... 3"]) -> Projected:
+    r"""Project places of the world into the image.
+
+    $$(X, Y, Z) = R^T (P - C), \quad u = f_x x_d + c_x, \quad v = f_y y_d + c_y$$
+
+    with $(x_d, y_d)$ from `distort(X/Z, Y/Z)`, as `cv2.projectPoints`; `seen` marks
+    what no lens would show. Of a place behind the camera, or within 0.006 degrees of
+    its plane, the pixel is the principal point: finite, so that the gradient of what
+    `seen` masks is never NaN.
+
+    Args:
+        camera: Who looks.
+        points: East, north, up [m].
+
+    References:
+        OpenCV 5, Calib3d, "Detailed Description".
+    """
+    x, y, depth = (c[..., 0] for c in jnp.split(to_camera(camera, points), 3, axis=-1))
+    ahead = depth * STEEPEST > jnp.maximum(jnp.abs(x), jnp.abs(y))
+    z = jnp.where(ahead, depth, 1.0)
+    across, down = jnp.where(ahead, x, 0.0) / z, jnp.where(ahead, y, 0.0) / z
+    plane = jnp.stack([across, down], axis=-1)
+    bent = distort(plane, camera.distortion)
+    (fx, fy), (cx, cy) = camera.focal, camera.center
+    pixel = jnp.stack([fx * bent[..., 0] + cx, fy * bent[..., 1] + cy], axis=-1)
+    return Projected(pixel, depth, ahead & unfolded(plane, camera.distortion))
+
+
+def to_camera(
+    camera: Camera, points: Float[ArrayLike, "... 3"]
+) -> Float[Array, "... 3"]:
+    """Return places of the world in the camera's axes: right, down, ahead [m]."""
+    points = as_float_array(points)
+    offset = points - jnp.broadcast_to(camera.position, points.shape)
+    return offset @ quaternion_matrix(camera.quaternion)
+
+
+def unproject(
+    camera: Camera, pixel: Float[ArrayLike, "... 2"]
+) -> Float[Array, "... 3"]:
+    """Direction in the world from which a pixel's light comes.
+
+    Args:
+        camera: Who looks.
+        pixel: (x, y), pixel centres at whole numbers [px]; inside the image or not.
+
+    Returns:
+        East, north, up, of length one. Inside jit, NaN where no direction inside the
+        distortion's first fold shows there.
+
+    Raises:
+        InputError: Outside jit, for the first such pixel.
+    """
+    pixel = as_float_array(pixel)
+    (fx, fy), (cx, cy) = camera.focal, camera.center
+    bent = jnp.stack([(pixel[..., 0] - cx) / fx, (pixel[..., 1] - cy) / fy], axis=-1)
+    plane = undistort(bent, camera.distortion)
+    found = ~jnp.isnan(plane).any(axis=-1, keepdims=True)
+    if not isinstance(found, Tracer) and not found.all():
+        raise InputError(
+            "camera: expected pixels inside the first fold of the distortion "
+            f"{shown(camera.distortion.tolist(), 120)}, got "
+            f"{shown(pixel[~found[..., 0]][0].tolist())}"
+        )
+    plane = jnp.where(found, plane, 0.0)  # the camera's gradients stay finite
+    ray = jnp.concatenate([plane, jnp.ones_like(plane[..., :1])], axis=-1)
+    unit = ray / jnp.sqrt(jnp.sum(jnp.square(ray), axis=-1, keepdims=True))
+    return jnp.where(found, unit @ quaternion_matrix(camera.quaternion).T, jnp.nan)
+
+
+@jax.custom_jvp
+def undistort(
+    bent: Float[Array, "... 2"], distortion: Float[Array, "5"]
+) -> Float[Array, "... 2"]:
+    """Inverse of `distort` inside its first fold; NaN where it has none.
+
+    Newton's method from the centre. A step is halved until it stays inside the fold and
+    comes closer, so that it cannot jump to another branch. A point in a gap between two
+    folds may be lost, never misplaced. Derivatives are those of the implicit function.
+
+    Args:
+        bent: Point of the plane at distance 1, with distortion [-].
+        distortion: k1, k2, p1, p2, k3 [-].
+    """
+
+    def wanted(point, part, left):
+        unsolved = left > _rounding(point, distortion)
+        return unsolved & (part > jnp.sqrt(jnp.finfo(bent.dtype).eps))
+
+    def unsolved(state):
+        trial, *lanes = state
+        return (trial < TRIALS) & jnp.any(wanted(*lanes))
+
+    def newton(state):
+        trial, point, part, left = state
+        step = _solve(point, distortion, bent - distort(point, distortion))
+        there = point + part[..., None] * step
+        left_there = _length(bent - distort(there, distortion))
+        better = wanted(point, part, left) & (left_there < left)
+        better &= unfolded(there, distortion)
+        return (
+            trial + 1,
+            jnp.where(better[..., None], there, point),
+            jnp.where(better, jnp.minimum(2 * part, 1.0), part / 2),
+            jnp.where(better, left_there, left),
+        )
+
+    state = (0, jnp.zeros_like(bent), jnp.ones_like(bent[..., 0]), _length(bent))
+    _, point, _, left = jax.lax.while_loop(unsolved, newton, state)
+    solved = left <= _rounding(point, distortion)
+    return jnp.where(solved[..., None], point, jnp.nan)
+
+
+@undistort.defjvp
+def undistort_jvp(primals, tangents):
+    """J dx = d(bent) - d(distort) at a point that stays."""
+    bent, distortion = primals
+    d_bent, d_distortion = tangents
+    point = undistort(bent, distortion)
+    found = ~jnp.isnan(point)
+    safe = jnp.where(found, point, 0.0)
+    _, moved = jax.jvp(lambda d: distort(safe, d), (distortion,), (d_distortion,))
+    return point, jnp.where(found, _solve(safe, distortion, d_bent - moved), 0.0)
+
+
+def _solve(
+    point: Float[Array, "... 2"],
+    distortion: Float[Array, "5"],
+    right: Float[Array, "... 2"],
+) -> Float[Array, "... 2"]:
+    """Solve J step = right, J the Jacobian of `distort` in a point."""
+    xx, xy, yy = distortion_jacobian(point, distortion)
+    det = xx * yy - xy * xy
+    x, y = right[..., 0], right[..., 1]
+    solved = jnp.stack([yy * x - xy * y, xx * y - xy * x], axis=-1)
+    return solved / det[..., None]
+
+
+def _rounding(
+    point: Float[Array, "... 2"], distortion: Float[Array, "5"]
+) -> Float[Array, "..."]:
+    """Return what `distort` cannot tell from zero: rounding of its largest terms."""
+    terms = _length(distort(jnp.abs(point), jnp.abs(distortion)))
+    return ROUNDING * jnp.finfo(point.dtype).eps * terms
+
+
+def _length(vector: Float[Array, "... 2"]) -> Float[Array, "..."]:
+    return jnp.sqrt(jnp.sum(jnp.square(vector), axis=-1))
+
+
+def distort(
+    point: Float[Array, "... 2"], distortion: Float[Array, "5"]
+) -> Float[Array, "... 2"]:
+    """Where the lens puts a point of the plane at distance 1.
+
+    Args:
+        point: Without distortion: x/z, y/z [-].
+        distortion: k1, k2, p1, p2, k3 [-].
+    """
+    x, y = point[..., 0], point[..., 1]
+    k1, k2, p1, p2, k3 = distortion
+    r2 = x * x + y * y
+    scale = 1 + r2 * (k1 + r2 * (k2 + r2 * k3)) + 2 * (p2 * x + p1 * y)
+    return jnp.stack([scale * x + r2 * p2, scale * y + r2 * p1], axis=-1)
+
+
+@jax.jit
+def distortion_jacobian(
+    point: Float[Array, "... 2"], distortion: Float[Array, "5"]
+) -> tuple[Float[Array, "..."], Float[Array, "..."], Float[Array, "..."]]:
+    """Entries xx, xy and yy of the symmetric Jacobian of `distort` in the point."""
+    x, y = point[..., 0], point[..., 1]
+    k1, k2, p1, p2, k3 = distortion
+    r2 = x * x + y * y
+    scale = 1 + r2 * (k1 + r2 * (k2 + r2 * k3))
+    slope = 2 * k1 + r2 * (4 * k2 + r2 * 6 * k3)
+    return (
+        scale + slope * x * x + 6 * p2 * x + 2 * p1 * y,
+        slope * x * y + 2 * (p1 * x + p2 * y),
+        scale + slope * y * y + 2 * p2 * x + 6 * p1 * y,
+    )
+
+
+def unfolded(
+    point: Float[Array, "... 2"], distortion: Float[Array, "5"]
+) -> Bool[Array, "..."]:
+    """Return whether no fold lies between the centre and a point, nor on it.
+
+    Args:
+        point: Without distortion: x/z, y/z [-].
+        distortion: k1, k2, p1, p2, k3 [-].
+    """
+    point, distortion = jax.lax.stop_gradient((point, distortion))
+
+    def step(n, clear):
+        return clear & _clear(point * ((n + 1) / STEPS), distortion)
+
+    clear = jnp.ones(point.shape[:-1], bool)
+    return jax.lax.fori_loop(0, STEPS, step, clear)
+
+
+@jax.jit
+def fold_radius(
+    distortion: Float[Array, "5"], direction: Float[Array, "... 2"]
+) -> Float[Array, "..."]:
+    """Distance from the centre at which the model first folds over, going one way.
+
+    Found by its sign at 1024 angles from the axis, 0.09 degrees apart, and bisection.
+    It is not differentiated: its gradient is zero.
+
+    Args:
+        distortion: k1, k2, p1, p2, k3 [-].
+        direction: Along which to go; its length does not matter.
+
+    Returns:
+        Radius without distortion, in the plane at distance 1 [-]; infinite where there
+        is no fold.
+    """
+    distortion = jax.lax.stop_gradient(distortion)
+    length = jnp.sqrt(jnp.sum(jnp.square(direction), axis=-1, keepdims=True))
+    unit = jax.lax.stop_gradient(direction / length)
+
+    def clear(radius):
+        return _clear(unit * radius[..., None], distortion)
+
+    def halve(_, bracket):
+        inside, beyond = bracket
+        middle = 0.5 * (inside + beyond)
+        before = clear(middle)
+        return jnp.where(before, middle, inside), jnp.where(before, beyond, middle)
+
+    radii = jnp.asarray(np.tan(np.arange(1024) * (np.pi / 2 / 1024)), unit.dtype)
+    at = jax.vmap(lambda radius: clear(jnp.broadcast_to(radius, unit.shape[:-1])))
+    folded = ~at(radii)  # never at the centre itself
+    first = jnp.argmax(folded, axis=0)
+    bracket = radii[jnp.maximum(first - 1, 0)], radii[first]
+    inside, _ = jax.lax.fori_loop(0, HALVINGS, halve, bracket)
+    return jnp.where(jnp.any(folded, axis=0), inside, jnp.inf)
+
+
+def _clear(
+    point: Float[Array, "... 2"], distortion: Float[Array, "5"]
+) -> Bool[Array, "..."]:
+    """Return whether both eigenvalues of the Jacobian in a point are positive.
+
+    The determinant is compared after division: its products would overflow in float32.
+    """
+    xx, xy, yy = distortion_jacobian(point, distortion)
+    return (xx > 0) & (xy * (xy / jnp.where(xx > 0, xx, 1.0)) < yy)
+
+
+class Rays(eqx.Module):
+    """Straight lines from a camera, one a pixel or several.
+
+    Attributes:
+        origin: East, north, up of all [m].
+        direction: East, north, up, of length one.
+        farthest: Where the ray ends at the background [m]; infinite where nothing ends
+            it, 0 for a pixel that shows no direction.
+    """
+
+    origin: Float[Array, "3"]
+    direction: Float[Array, "3 row column"]
+    farthest: Float[Array, "row column"]
+
+
+@partial(jax.jit, static_argnames=("supersample", "ground"))
+def pixel_rays(
+    camera: Camera,
+    depth: Float[Array, "height width"] | None = None,
+    *,
+    supersample: int = 1,
+    ground: bool = True,
+) -> Rays:
+    """Return the rays of all pixels, row by row.
+
+    Compiled here, where `unproject` marks a pixel without a direction and raises
+    nothing, and where many programs can share it.
+
+    Args:
+        camera: Who looks.
+        depth: Distance of the background along each pixel's ray [m]; None is infinite.
+        supersample: Rays along each side of a pixel, evenly spaced; one goes through
+            its centre.
+        ground: Whether rays end at the plane up = 0.
+    """
+    dtype = camera.position.dtype
+    x, y = (
+        (jnp.arange(size * supersample, dtype=dtype) + 0.5) / supersample - 0.5
+        for size in (camera.width, camera.height)
+    )
+    unit = unproject(camera, jnp.stack(jnp.meshgrid(x, y), axis=-1))
+    unit = jnp.moveaxis(unit, -1, 0)  # whole images of each component: faster
+    shown = ~jnp.isnan(unit[0])
+    unit = jnp.where(shown, unit, 1.0)
+    farthest = jnp.full(shown.shape, jnp.inf, dtype)
+    if depth is not None:
+        farthest = jnp.repeat(depth, supersample, axis=0).astype(dtype)
+        farthest = jnp.repeat(farthest, supersample, axis=1)
+    if ground:
+        down = unit[2] < 0
+        hit = -camera.position[2] / jnp.where(down, unit[2], -1.0)
+        farthest = jnp.minimum(farthest, jnp.where(down, hit, jnp.inf))
+    return Rays(camera.position, unit, jnp.where(shown, farthest, 0.0))
+
+
+def pixels(
+    image: Float[Array, "channel row column"], supersample: int
+) -> Float[Array, "height width channel"]:
+    """Return the mean over each pixel's rays, channels last."""
+    channels, rows, columns = image.shape
+    n = supersample
+    if n > 1:
+        image = image.reshape(channels, rows // n, n, columns // n, n).mean((2, 4))
+    return jnp.moveaxis(image, 0, -1)
+
+
+class Surfaces(eqx.Module):
+    """Places of the background, one a pixel.
+
+    Attributes:
+        place: East, north, up [m]; that of the camera where there is none.
+        normal: Unit vector away from the surface, on the camera's side of it.
+        solid: Whether there is a surface at all; sky has none.
+    """
+
+    place: Float[Array, "3 row column"]
+    normal: Float[Array, "3 row column"]
+    solid: Bool[Array, "row column"]
+
+
+def surfaces_seen(rays: Rays, *, image: bool) -> Surfaces:
+    """Return where rays end.
+
+    On the plane up = 0 the normal is up. Elsewhere it comes from the places of the
+    neighbours, of the nearer one on each axis, so that it does not lean over an edge;
+    a pixel without a neighbour faces the camera.
+
+    Args:
+        rays: One through the centre of each pixel.
+        image: Whether they end at a depth image too, or at the ground alone.
+    """
+    solid = jnp.isfinite(rays.farthest) & (rays.farthest > 0.0)
+    way = jnp.where(solid, rays.farthest, 0.0)[None] * rays.direction
+    place = rays.origin[:, None, None] + way
+    up = jnp.zeros_like(place).at[2].set(1.0)
+    if not image:
+        return Surfaces(place, up, solid)
+    # seven digits of a far place leave the plane by as much
+    height = 16.0 * jnp.finfo(place.dtype).eps * (rays.farthest + rays.origin[2])
+    flat = solid & (jnp.abs(place[2]) <= height)
+    across, along = (_towards_neighbour(place, solid, axis) for axis in (2, 1))
+    normal = jnp.cross(across, along, axis=0)
+    square = jnp.sum(jnp.square(normal), axis=0)
+    leans = square > 0.0
+    length = jnp.sqrt(jnp.where(leans, square, 1.0))[None]
+    normal = jnp.where(leans[None], normal / length, -rays.direction)
+    facing = jnp.sum(normal * rays.direction, axis=0) <= 0.0
+    normal = jnp.where(facing[None], normal, -normal)
+    return Surfaces(place, jnp.where(flat[None], up, normal), solid)
+
+
+def _towards_neighbour(
+    place: Float[Array, "3 row column"], solid: Bool[Array, "row column"], axis: int
+) -> Float[Array, "3 row column"]:
+    """Return the step along an axis to the neighbour that is nearer; zero of none."""
+    if place.shape[axis] == 1:
+        return jnp.zeros_like(place)
+    here, there = (
+        (slice(None),) * axis + (part,) for part in (slice(-1), slice(1, None))
+    )
+    step = place[there] - place[here]
+    known = solid[there[1:]] & solid[here[1:]]
+    square = jnp.where(known, jnp.sum(jnp.square(step), axis=0), jnp.inf)
+    step = jnp.where(known[None], step, 0.0)
+    none = [(0, 0)] * 3
+    none[axis] = (0, 1)
+    ahead = jnp.pad(step, none), jnp.pad(square, none[1:], constant_values=jnp.inf)
+    none[axis] = (1, 0)
+    back = jnp.pad(step, none), jnp.pad(square, none[1:], constant_values=jnp.inf)
+    return jnp.where((ahead[1] <= back[1])[None], ahead[0], back[0])
+
+
+class CameraPath(eqx.Module):
+    """Where what carries a camera is, and how it is turned; between rows linear.
+
+    Attributes:
+        time: Of the rows, on the common clock, rising [s].
+        position: East, north, up [m].
+        quaternion: Body to world (x, y, z, w), of length one.
+    """
+
+    time: Float[Array, " row"]
+    position: Float[Array, "row 3"]
+    quaternion: Float[Array, "row 4"]
+
+    def at(self, time: Float[Array, ""]) -> tuple[Float[Array, "3"], Float[Array, "4"]]:
+        """Return place and turn at a time; before and after the rows, those of the end.
+
+        Args:
+            time: On the common clock [s].
+        """
+        after = jnp.clip(jnp.searchsorted(self.time, time), 1, len(self.time) - 1)
+        begin, end = self.time[after - 1], self.time[after]
+        part = jnp.clip((time - begin) / (end - begin), 0.0, 1.0)
+        place = (1.0 - part) * self.position[after - 1] + part * self.position[after]
+        a, b = self.quaternion[after - 1], self.quaternion[after]
+        b = jnp.where(jnp.dot(a, b) < 0.0, -b, b)  # the same turn, the shorter way
+        turn = (1.0 - part) * a + part * b
+        return place, turn / jnp.sqrt(jnp.sum(jnp.square(turn)))
+
+
+def carried_camera(camera: Camera, path: CameraPath, time: Float[Array, ""]) -> Camera:
+    """Return a camera on a body as it stands in the world at a time [s]."""
+    place, turn = path.at(time)
+    position = place + quaternion_matrix(turn) @ camera.position
+    quaternion = quaternion_product(turn, camera.quaternion)
+    return dataclasses.replace(
+        camera, position=position, quaternion=quaternion, mount=""
+    )
+
+
+@eqx.filter_jit
+def camera_rays(camera: Camera, supersample: int) -> Rays:
+    """Return the rays of a lens in the camera's own axes; nothing ends them."""
+    zero = jnp.zeros_like(camera.position)
+    ahead = jnp.zeros_like(camera.quaternion).at[3].set(1.0)
+    lens = dataclasses.replace(camera, position=zero, quaternion=ahead)
+    return pixel_rays(lens, supersample=supersample, ground=False)
+
+
+def turned_rays(rays: Rays, camera: Camera) -> Rays:
+    """Return rays of a lens for a camera in the world; they end at the plane up = 0.
+
+    Args:
+        rays: As `camera_rays` returns them.
+        camera: Where the camera is, and how it is turned.
+    """
+    matrix = quaternion_matrix(camera.quaternion)
+    x, y, z = rays.direction
+    direction = jnp.stack([row[0] * x + row[1] * y + row[2] * z for row in matrix])
+    down = direction[2] < 0.0
+    hit = -camera.position[2] / jnp.where(down, direction[2], -1.0)
+    farthest = jnp.where(down, jnp.minimum(rays.farthest, hit), rays.farthest)
+    return Rays(camera.position, direction, farthest)
+
+
+def pixels_moved(camera: Camera, path: CameraPath) -> Float[Array, " row"]:
+    """Return how far the picture of the ground has moved since the first row [px].
+
+    At most: by turns, and by the way over the height, as of the ground below.
+    """
+    a, b = path.quaternion[:-1], path.quaternion[1:]
+    # between unit quaternions q and -q, which turn alike
+    apart = jnp.minimum(jnp.sum(jnp.square(a - b), 1), jnp.sum(jnp.square(a + b), 1))
+    turned = 4.0 * jnp.arcsin(jnp.minimum(0.5 * jnp.sqrt(apart), 1.0))
+    way = jnp.sqrt(jnp.sum(jnp.square(jnp.diff(path.position, axis=0)), axis=1))
+    height = jnp.maximum(path.position[1:, 2] + camera.position[2], 0.1)
+    moved = jnp.max(camera.focal) * (turned + way / height)
+    return jnp.concatenate([jnp.zeros_like(moved[:1]), jnp.cumsum(moved)])

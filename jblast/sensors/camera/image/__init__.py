@@ -1,1 +1,0 @@
-"""Light on its way into pixels: black bodies, compositing, grey."""

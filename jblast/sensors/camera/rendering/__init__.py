@@ -1,1 +1,0 @@
-"""The picture of a fireball, as this camera sees it."""

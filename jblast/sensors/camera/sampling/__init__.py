@@ -1,1 +1,0 @@
-"""From where to look: directions spread evenly over the upper hemisphere."""

@@ -1,0 +1,493 @@
+r"""The surroundings of a fireball: landscape, sun, and surfaces lit by the fireball.
+
+Landscape. Where no picture is behind the fire, it is a ground with a texture, and a
+sky. The texture is tiled. It is stored at every size down to one pixel, each half of
+the one before (Williams 1983, "Pyramidal parametrics"), and interpolated between the
+two sizes whose pixels are as large as what a ray covers of the ground: far away it is
+even, and does not flicker when the camera moves. The light of the sky falls from its
+horizon upwards by $e^{-\sin(h)/s}$, $h$ the height.
+
+Sun. Full scale is a white wall in the daylight $E$. A disc of half the angle $r$ that
+alone gives $E$ to a surface facing it is, relative to that wall's $E/\pi$, as bright as
+
+$$L = 1/\sin^2 r$$
+
+A pixel that is wider than the disc sees the same amount of light: the disc is drawn at
+least two pixels wide, and fainter by the same factor. Around it is glare, of lens and
+air, by the law of Stiles and Holladay for the eye, $10\,E/\theta^2$ in cd/m2 at the
+angle $\theta$ in degrees: declared for a camera, and no brighter towards the middle
+than at the limb.
+
+Light of the fireball. A surface of a background is as bright as the light that falls on
+it. By day that is the illuminance $E_0$, under which the background was taken; the
+fireball adds $E$ to it,
+
+$$B = B_0\,(1 + E/E_0), \qquad E = \pi\,\bar L\,F$$
+
+in each of red, green and blue, $E_0$ being white. $\bar L$ is the mean light of the
+fireball's disc as in `fireball.py`. $F$ is the configuration factor: the share of the
+surface's view that a sphere of radius $R$ fills, its centre at the distance $d$ and
+$\beta$ off the surface's normal. $F = (R/d)^2 \cos\beta$ if the surface's own plane
+does not cut the sphere. If it does, $|\cos\beta| < R/d$, the part above the plane makes
+
+$$F = \frac{\cos\beta\,\arccos y - x \sin\beta \sqrt{1 - y^2}}{\pi (d/R)^2}
++ \frac1\pi \arctan\frac{\sin\beta \sqrt{1 - y^2}}{x}, \quad
+x^2 = \frac{d^2}{R^2} - 1,\; y = -x \cot\beta$$
+
+(Howell's catalogue of configuration factors, a planar element and a sphere; from
+memory, tested against the integral). Within the sphere it keeps its value at the
+sphere's surface, $(1 + \cos\beta)/2$. A charge on the ground lights the ground with
+half a ball: far away by the third power of the distance, until it has risen; then by
+the square of the distance and the cosine.
+
+Left out: shadows, light that is reflected more than once, smoke between the fire and
+the surface, the ground's own heat, and the flash of the shock in air before the
+products are visible, which is hotter and shorter than the fireball of the law.
+
+Only the rows of an image that a fire can light are calculated for its light: the sky is
+not lit, and often fills half of the image or more. Images of each component are summed
+one after another, and the arc tangent is a polynomial: with JAX's own functions it
+would take as long as the fireball itself.
+
+References:
+    Holladay (1926), J. Opt. Soc. Am. 12: 271; Stiles (1929), Proc. R. Soc. B 104: 322.
+"""
+
+import math
+from collections.abc import Callable
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.core import Tracer
+from jaxtyping import Array, Float, Int
+
+from jblast.errors import InputError
+from jblast.scene import Camera, Scene
+from jblast.sensors.camera.fireball import (
+    Appearance,
+    Cloud,
+    Glow,
+    between,
+    cloud,
+    glow,
+    lumpy_depth,
+)
+from jblast.sensors.camera.geometry import Rays, Surfaces, pixel_rays, surfaces_seen
+from jblast.types import as_float_array
+
+GROUND = (0.16, 0.14, 0.11)
+"""Light of even ground where nothing is said: dry soil, full scale 1. Declared."""
+HORIZON = (0.55, 0.70, 0.90)
+"""Light of a clear sky above the horizon, full scale 1. Declared."""
+FALL = 0.6
+"""Sine of the height over which the sky's light falls by e [-]. Declared."""
+RADIUS = math.radians(0.53 / 2)
+"""Half the angle of the sun's disc [rad]."""
+GLARE = 10.0 * math.pi
+"""Of Stiles and Holladay, over a white wall's light [deg2]."""
+PARTS = 16
+"""Rows are cut to so many parts of an image's height: each is a program of its own."""
+_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(8)
+"""Of the mean over the disc: it is known to 1e-4."""
+TERMS = {"float64": 13, "float32": 8}
+"""Of the polynomial: the arc tangent to 1e-11 and, where no more can be told, to 1e-7;
+near zero much better."""
+
+
+class Sun(eqx.Module):
+    """A sun without a colour.
+
+    Attributes:
+        direction: East, north, up, of length one.
+    """
+
+    direction: Float[Array, "3"] = eqx.field(converter=as_float_array)
+
+    def light(
+        self, direction: Float[Array, "3 row column"], pixel: Float[Array, ""]
+    ) -> Float[Array, "row column"]:
+        """Return what it adds to the light of the sky, full scale 1.
+
+        Args:
+            direction: Of rays, of length one.
+            pixel: Angle of one [rad].
+        """
+        away = direction - self.direction.astype(direction.dtype)[:, None, None]
+        square = jnp.sum(jnp.square(away), axis=0)
+        # the chord keeps its digits near the middle, where the cosine has none
+        chord = jnp.sqrt(jnp.maximum(square, jnp.finfo(square.dtype).tiny))
+        angle = 2.0 * jnp.arcsin(jnp.minimum(0.5 * chord, 1.0))
+        radius = jnp.maximum(RADIUS, pixel)
+        disc = jnp.clip((radius - angle) / pixel + 0.5, 0.0, 1.0)
+        # over the area of a disc whose edge falls off within a pixel
+        area = jnp.square(radius) + jnp.square(pixel) / 12.0
+        bright = (RADIUS / math.sin(RADIUS)) ** 2 / area
+        limb = math.degrees(RADIUS)
+        apart = jnp.maximum(jnp.degrees(angle), limb)
+        return bright * disc + GLARE / jnp.square(apart)
+
+
+class Landscape(eqx.Module):
+    """Level ground and sky.
+
+    Attributes:
+        texels: Linear light of the texture at all its sizes, row by row, full scale 1.
+        start: Where each size begins.
+        rows: Of each size.
+        columns: Of each size.
+        metres_per_pixel: Of the texture [m/px]; east is to its right, north up, and its
+            middle stands at the origin.
+        horizon: Light of the sky above the horizon.
+        sun: That stands in it; None if there is none.
+    """
+
+    texels: Float[Array, "texel 3"]
+    start: Int[Array, " size"]
+    rows: Int[Array, " size"]
+    columns: Int[Array, " size"]
+    metres_per_pixel: Float[Array, ""]
+    horizon: Float[Array, "3"]
+    sun: Sun | None = None
+
+    def light(
+        self, rays: Rays, pixel: Float[Array, ""]
+    ) -> Float[Array, "3 row column"]:
+        """Return what rays see; black where they show no direction.
+
+        Args:
+            rays: That end at the ground, or nowhere.
+            pixel: Angle of one [rad].
+        """
+        up = rays.direction[2]
+        solid = jnp.isfinite(rays.farthest) & (rays.farthest > 0.0)
+        way = jnp.where(solid, rays.farthest, 0.0)
+        east, north = (
+            (rays.origin[axis] + way * rays.direction[axis]) / self.metres_per_pixel
+            for axis in (0, 1)
+        )
+        covered = way * pixel / self.metres_per_pixel
+        # at a slant a ray covers more along its way than across: the mean of both
+        slant = jnp.sqrt(jnp.maximum(-up, 1e-3))
+        size = jnp.log2(jnp.maximum(covered / slant, 1.0))
+        size = jnp.clip(size, 0.0, len(self.rows) - 1.0)
+        lower = jnp.floor(size).astype(int)
+        part = (size - lower.astype(size.dtype))[None]
+        upper = jnp.minimum(lower + 1, len(self.rows) - 1)
+        fine, coarse = (self._texture(east, north, s) for s in (lower, upper))
+        ground = (1.0 - part) * fine + part * coarse
+        sky = self.horizon[:, None, None] * jnp.exp(-jnp.maximum(up, 0.0) / FALL)[None]
+        if self.sun is not None:
+            sky = sky + self.sun.light(rays.direction, pixel)[None]
+        seen = jnp.where(solid[None], ground, sky)
+        return jnp.where((rays.farthest > 0.0)[None], seen, 0.0)
+
+    def _texture(
+        self,
+        east: Float[Array, "row column"],
+        north: Float[Array, "row column"],
+        size: Int[Array, "row column"],
+    ) -> Float[Array, "3 row column"]:
+        """Return the texture at places [px] and of sizes, between its pixels."""
+        rows, columns, start = self.rows[size], self.columns[size], self.start[size]
+        high, wide = (count.astype(east.dtype) for count in (rows, columns))
+        across, along = (n[0].astype(east.dtype) for n in (self.columns, self.rows))
+        x = (east / across + 0.5) * wide - 0.5
+        y = (0.5 - north / along) * high - 0.5
+        left, top = jnp.floor(x), jnp.floor(y)
+        right, down = (x - left)[None], (y - top)[None]
+        left, top = left.astype(int), top.astype(int)
+
+        def texel(row, column):
+            at = start + (row % rows) * columns + column % columns
+            return jnp.moveaxis(self.texels[at], -1, 0)
+
+        above = (1.0 - right) * texel(top, left) + right * texel(top, left + 1)
+        below = (1.0 - right) * texel(top + 1, left) + right * texel(top + 1, left + 1)
+        return (1.0 - down) * above + down * below
+
+
+def landscape(
+    texture: Float[np.ndarray, "height width 3"] | None = None,
+    metres_per_pixel: float = 1.0,
+    horizon: tuple[float, float, float] = HORIZON,
+    sun: Sun | None = None,
+) -> Landscape:
+    """Return ground with a texture, or even ground, under a clear sky.
+
+    Args:
+        texture: Linear light, full scale 1.
+        metres_per_pixel: Of it [m/px].
+        horizon: Light of the sky above the horizon, full scale 1.
+        sun: That stands in it; None if there is none.
+    """
+    image = np.array([[GROUND]]) if texture is None else np.asarray(texture, float)
+    sizes = [image]
+    while max(sizes[-1].shape[:2]) > 1:
+        sizes.append(_halved(sizes[-1]))
+    counts = [size.shape[0] * size.shape[1] for size in sizes]
+    return Landscape(
+        jnp.asarray(np.concatenate([size.reshape(-1, 3) for size in sizes])),
+        jnp.asarray(np.cumsum([0, *counts[:-1]])),
+        jnp.asarray([size.shape[0] for size in sizes]),
+        jnp.asarray([size.shape[1] for size in sizes]),
+        jnp.asarray(float(metres_per_pixel)),
+        jnp.asarray(horizon),
+        sun,
+    )
+
+
+def _halved(image: np.ndarray) -> np.ndarray:
+    """Return an image of half the size; an odd row is shared out."""
+    for axis in (0, 1):
+        size = image.shape[axis]
+        if size > 1:
+            edges = np.arange(size // 2 + 1) * (size / (size // 2))
+            whole = np.concatenate(
+                [np.zeros_like(image.take([0], axis)), np.cumsum(image, axis)], axis
+            )
+            low = np.floor(edges).astype(int)
+            part = edges - low
+            shape = [1, 1, 1]
+            shape[axis] = -1
+            part = part.reshape(shape)
+            high = np.minimum(low + 1, size)
+            ends = (1 - part) * whole.take(low, axis) + part * whole.take(high, axis)
+            image = np.diff(ends, axis=axis) * (size // 2 / size)
+    return image
+
+
+def sun_at(azimuth_deg: float, elevation_deg: float) -> Sun:
+    """Return the sun at an azimuth, clockwise from north, and at a height [deg].
+
+    Raises:
+        InputError: It is below the horizon or past the zenith, or a number is none.
+    """
+    if not math.isfinite(azimuth_deg):
+        raise InputError(f"sun: expected an azimuth in degrees, got {azimuth_deg!r}")
+    if not 0.0 <= elevation_deg <= 90.0:
+        raise InputError(
+            f"sun: expected an elevation from 0 to 90 degrees, got {elevation_deg!r}"
+        )
+    azimuth, elevation = math.radians(azimuth_deg), math.radians(elevation_deg)
+    level = math.cos(elevation)
+    return Sun(
+        jnp.array(
+            [
+                level * math.sin(azimuth),
+                level * math.cos(azimuth),
+                math.sin(elevation),
+            ]
+        )
+    )
+
+
+class LitRows(eqx.Module):
+    """Surfaces of some rows of an image; the others have none.
+
+    Attributes:
+        surfaces: Of these rows.
+        first: The first of them.
+    """
+
+    surfaces: Surfaces
+    first: Int[Array, ""]
+
+
+class Outlook(eqx.Module):
+    """The rays of an image, and what there is for a fire to light.
+
+    Attributes:
+        rays: One a pixel, or several.
+        lit: Surfaces of the background; None: nothing is lit.
+        supersample: Rays along each side of a pixel.
+    """
+
+    rays: Rays
+    lit: LitRows | None
+    supersample: int = eqx.field(static=True)
+
+
+def outlook_of(
+    camera: Camera,
+    depth: Float[Array, "height width"] | None = None,
+    *,
+    ground: bool = True,
+    supersample: int = 1,
+    lit: bool = True,
+    lit_ground: bool | None = None,
+) -> Outlook:
+    """Return the outlook of a camera.
+
+    Args:
+        camera: Who looks.
+        depth: Distance of the background along each pixel's ray [m]; None is infinite.
+        ground: Whether the plane up = 0 hides what is below it.
+        supersample: Rays along each side of a pixel.
+        lit: Whether the fire lights what is there.
+        lit_ground: Whether it lights the plane up = 0; by default where that hides.
+    """
+    surfaces = None
+    if lit:
+        plane = ground if lit_ground is None else lit_ground
+        ends = pixel_rays(camera, depth, ground=plane)
+        surfaces = lit_rows(surfaces_seen(ends, image=depth is not None))
+    rays = pixel_rays(camera, depth, supersample=supersample, ground=ground)
+    return Outlook(rays, surfaces, supersample)
+
+
+def lit_rows(surfaces: Surfaces) -> LitRows:
+    """Return the rows in which there is a surface; all of them where it is not known.
+
+    Args:
+        surfaces: Of a whole image.
+    """
+    height = surfaces.solid.shape[0]
+    first, count = 0, height
+    if not isinstance(surfaces.solid, Tracer):
+        rows = np.flatnonzero(np.asarray(surfaces.solid).any(axis=1))
+        rows = rows if len(rows) else np.zeros(1, int)
+        step = -(-height // PARTS)
+        count = min(-(-int(rows[-1] + 1 - rows[0]) // step) * step, height)
+        first = min(int(rows[0]), height - count)
+    part = jax.tree.map(lambda a: a[..., first : first + count, :], surfaces)
+    return LitRows(part, jnp.asarray(first))
+
+
+def brightened(
+    behind: Float[Array, "height width 3"],
+    lit: LitRows,
+    scene: Scene,
+    time: Float[Array, ""],
+    appearance: Appearance,
+) -> Float[Array, "height width 3"]:
+    """Return a background in the light of the fire.
+
+    Args:
+        behind: As the day lights it.
+        lit: What there is to be lit.
+        scene: Charges and air.
+        time: On the common clock [s].
+        appearance: How bright the day is.
+    """
+    gained = jnp.moveaxis(flash(scene, lit.surfaces, time, appearance), 0, -1)
+    if gained.shape[0] == behind.shape[0]:
+        return behind * (1.0 + gained)
+    at = lit.first, 0, 0
+    part = jax.lax.dynamic_slice(behind, at, (gained.shape[0], *behind.shape[1:]))
+    lighter = (part * (1.0 + gained)).astype(behind.dtype)
+    return jax.lax.dynamic_update_slice(behind, lighter, at)
+
+
+def flash(
+    scene: Scene,
+    surfaces: Surfaces,
+    time: Float[Array, ""],
+    appearance: Appearance,
+    shining: Callable[[Cloud], Glow] | None = None,
+) -> Float[Array, "3 row column"]:
+    r"""Return $E/E_0$: the fireballs' light on surfaces over that of the day.
+
+    Args:
+        scene: Charges and air.
+        surfaces: Of the background.
+        time: On the common clock [s].
+        appearance: How bright the day is, and how the smoke is distributed.
+        shining: Light of limb and middle of a fireball, where it is tabulated.
+
+    Returns:
+        Of red, green and blue; zero before detonation and where nothing is lit.
+    """
+    total = jnp.zeros((), surfaces.place.dtype)
+    for charge in scene.charges:
+        ball = cloud(scene, charge, time)
+        if shining is None:
+            ends = glow(ball.temperature, ball.air, appearance)
+        else:
+            ends = shining(ball)
+        light = disc_light(ball, ends, appearance) / appearance.daylight
+        factor = sphere_factor(ball.centre, ball.radius, surfaces)
+        total = total + light[:, None, None] * factor[None]
+    return total
+
+
+def disc_light(ball: Cloud, ends: Glow, appearance: Appearance) -> Float[Array, "3"]:
+    r"""Return $\bar L$: the mean light of a fireball's disc, its own alone [cd/m2].
+
+    $\int_0^1 (1 - e^{-\tau h^3})\,L(h^2)\,2h\,dh$ by Gauss and Legendre.
+
+    Args:
+        ball: The fireball.
+        ends: Light of its limb and of its middle [cd/m2].
+        appearance: How its smoke is distributed.
+    """
+    h = jnp.asarray(0.5 * (1.0 + _NODES), ball.radius.dtype)[None]
+    weight = jnp.asarray(_WEIGHTS, h.dtype)[None] * h
+    alpha = -jnp.expm1(-lumpy_depth(ball, appearance) * h**3)
+    light = between(*ends, jnp.square(h))
+    return jnp.sum((weight * alpha)[None] * light, axis=(1, 2))
+
+
+def _arctan_series(terms: int) -> list[float]:
+    """Return the polynomial of (arctan(z) / z - 1) / z^2 in z^2, for z from 0 to 1."""
+
+    def ratio(square):
+        root = np.sqrt(square)
+        return (np.arctan(root) / root - 1.0) / square
+
+    ends = np.polynomial.Chebyshev.interpolate(ratio, terms - 1, [0.0, 1.0])
+    return ends.convert(kind=np.polynomial.Polynomial).coef.tolist()
+
+
+_ARCTAN = {dtype: _arctan_series(terms) for dtype, terms in TERMS.items()}
+
+
+def sphere_factor(
+    centre: Float[Array, "3"], radius: Float[Array, ""], surfaces: Surfaces
+) -> Float[Array, "row column"]:
+    r"""Return $F$: the part that a sphere has of what surfaces see; 0 of no surface.
+
+    Args:
+        centre: Of the sphere: east, north, up [m].
+        radius: Of the sphere [m]; none of it is seen if it is 0.
+        surfaces: Where they are, and which way they face.
+    """
+    begun = ~(radius <= 0.0)  # a radius that is no number is seen
+    lit = surfaces.solid & begun
+    square = along = jnp.zeros((), radius.dtype)
+    for axis in range(3):
+        part = centre[axis] - surfaces.place[axis]
+        square = square + part * part
+        along = along + part * surfaces.normal[axis]
+    apart = square > 0.0
+    square = jnp.where(apart, square, 1.0)
+    cosine = jnp.where(apart, along, 0.0) / jnp.sqrt(square)
+    near = jnp.where(apart, jnp.minimum(jnp.square(radius) / square, 1.0), 1.0)
+    near = jnp.where(lit, near, 0.5)  # (R/d)^2
+    whole = near * jnp.maximum(cosine, 0.0)
+    # sine and cosine of arccos y are `across` and -x cos(beta), over sin(beta)
+    cut = jnp.square(cosine) < near
+    slant = jnp.where(cut, cosine, 0.0)
+    outside = near < 1.0
+    x = jnp.where(outside, jnp.sqrt(jnp.where(outside, 1.0 / near - 1.0, 1.0)), 0.0)
+    rest = 1.0 - jnp.square(slant) / near
+    above = rest > 0.0
+    across = jnp.where(above, jnp.sqrt(jnp.where(above, rest, 1.0)), 0.0)
+    angles = _angle(across, -x * slant), _angle(across, x)
+    part = near * (slant * angles[0] - x * across) + angles[1]
+    return jnp.where(lit, jnp.where(cut, part / jnp.pi, whole), 0.0)
+
+
+def _angle(y: Float[Array, "..."], x: Float[Array, "..."]) -> Float[Array, "..."]:
+    """Return the angle of a place from the x axis, y not negative; not both are 0."""
+    aside = jnp.abs(x)
+    steep = y > aside
+    tangent = jnp.minimum(y, aside) / jnp.maximum(y, aside)
+    series = _ARCTAN[jnp.dtype(tangent.dtype).name]
+    square, rest = jnp.square(tangent), series[-1]
+    for term in series[-2::-1]:
+        rest = rest * square + term
+    angle = tangent + tangent * square * rest
+    angle = jnp.where(steep, 0.5 * jnp.pi - angle, angle)
+    return jnp.where(x < 0.0, jnp.pi - angle, angle)

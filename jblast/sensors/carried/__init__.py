@@ -1,1 +1,0 @@
-"""Sensors that a vehicle flies by: inertial, of air, satellites and field."""

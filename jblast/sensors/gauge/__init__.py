@@ -1,1 +1,0 @@
-"""Gauges that write down pressure, wind and the motion of the ground over time."""

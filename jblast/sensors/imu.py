@@ -1,0 +1,436 @@
+r"""The inertial measurement unit of a vehicle: its samples, and a jolt in them.
+
+A sample is the mean over its time, from its stamp on. With the velocity at the
+instrument's position $r$, $v_p = v + R(\omega\times r)$,
+
+$$\bar f = S^T R_m^T\,(\Delta v_p/\Delta t + g\,\hat z), \qquad
+\bar\omega = S^T \ln(q_0^{-1} q_1)/\Delta t$$
+
+in the instrument's axes ($S$ rotates them to the body's, $R_m$ the body's to the
+world's in the middle of the sample): the specific force, which is without gravity, and
+the rate that turns the attitude at one end of the sample into that at the other. So the
+samples of a flight sum to its change of velocity, whatever happens within one. The unit
+adds a bias, which walks, white noise, a range and bits.
+
+A jolt is found from the part of the specific force that the vehicle's own air does not
+explain. That air follows from the attitude by the gyroscope, the velocity by the
+accelerometer, the rotor speeds from telemetry, and the equations of flight. The rest,
+
+$$r = f - \tfrac1m F_{air}(v, q, \omega, \Omega) - b,$$
+
+is due to the blast, with the bias $b$ estimated from the first tenth of the samples.
+The jolt is $\int R\,r\,dt$ from where $r$ leaves the noise to where it stays within it
+for a while. The position controller's reaction to the jolt is part of $F_{air}$ and so
+is removed.
+"""
+
+import math
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, PRNGKeyArray
+
+from jblast.constants import FLIGHT_GRAVITY
+from jblast.kept_programs import kept
+from jblast.scene import Imu, quaternion_matrix
+from jblast.scene.camera import quaternion_product
+from jblast.vehicle import State, Trajectory, Vehicle
+from jblast.vehicle.dynamics import air_wrench
+from jblast.vehicle.state import components
+
+BASE, FEWEST = 0.1, 20
+"""Of a stretch, and samples at least, before a jolt: for bias."""
+FOUND, OVER = 6.0, 4.0
+"""Standard deviations that a sample is off where a jolt begins; and fewer than which,
+over `SMOOTH_S`, it is not any more."""
+SMOOTH_S, QUIET_S = 0.005, 0.03
+CLIPPED_SHARE = 0.02
+"""Of the largest, below which a clipped jolt is over: it leaves a velocity that nobody
+knows, and what that gives is no jolt."""
+FLOOR_M_S2 = 1e-3
+"""Of noise: what straight lines between the rows of a flight leave."""
+MODEL_SHARE = 0.03
+"""What the forward model is off by, of the jolt, one standard deviation:
+`calibration.jolts`."""
+ATTITUDE_RAD = 0.01
+"""How well the vehicle knows its attitude where the stretch begins, likewise."""
+
+
+class Felt(NamedTuple):
+    """Samples of an inertial measurement unit.
+
+    Attributes:
+        force: Specific force along its axes [m/s2].
+        rate: About its axes [rad/s].
+    """
+
+    force: Float[Array, "sample 3"]
+    rate: Float[Array, "sample 3"]
+
+
+def felt(
+    flight: Trajectory,
+    edges_s: Float[Array, " edge"],
+    offset_m: Float[Array, "3"],
+    quaternion: Float[Array, "4"],
+) -> Felt:
+    """Return what is felt between times, straight lines between the flight's rows.
+
+    Before and after the flight the vehicle stays as it is at its ends.
+
+    Args:
+        flight: Of one vehicle, all rows finite.
+        edges_s: Where samples begin and end, on the flight's clock; one more than they.
+        offset_m: Of the instrument from the centre of mass, body axes.
+        quaternion: Instrument to body (x, y, z, w).
+    """
+    velocity, rate, attitude = (
+        _at(edges_s, flight.time_s, rows)
+        for rows in (flight.velocity_m_s, flight.body_rate_rad_s, flight.quaternion)
+    )
+    turned = jax.vmap(quaternion_matrix)(attitude)
+    lever = jnp.cross(rate, jnp.broadcast_to(offset_m, rate.shape))
+    place_velocity = velocity + jnp.einsum("nij,nj->ni", turned, lever)
+    step = jnp.diff(edges_s)[:, None]
+    gained = jnp.diff(place_velocity, axis=0) / step
+    gained = gained + jnp.array([[0.0, 0.0, FLIGHT_GRAVITY]])
+    turn = jax.vmap(rotation_between)(attitude[:-1], attitude[1:])
+    # attitude in the middle of a sample: half of its turn on
+    half = jax.vmap(_half_on)(attitude[:-1], turn)
+    to_world = jax.vmap(quaternion_matrix)(half)
+    force = jnp.einsum("nji,nj->ni", to_world, gained)
+    to_body = quaternion_matrix(quaternion)
+    return Felt(force @ to_body, turn / step @ to_body)
+
+
+def rotation_between(
+    first: Float[Array, "4"], last: Float[Array, "4"]
+) -> Float[Array, "3"]:
+    """Return the rotation vector, body axes, from one attitude to another [rad]."""
+    back = first * jnp.array([-1.0, -1.0, -1.0, 1.0])
+    q = quaternion_product(back, last)
+    q = jnp.where(q[3] < 0, -q, q)  # the short way
+    square = jnp.sum(jnp.square(q[:3]))
+    turns = square > 0
+    sine = jnp.sqrt(jnp.where(turns, square, 1.0))
+    scale = jnp.where(turns, 2 * jnp.arctan2(sine, q[3]) / sine, 2.0)
+    return scale * q[:3]
+
+
+def rotation_quaternion(vector: Float[Array, "3"]) -> Float[Array, "4"]:
+    """Return the quaternion (x, y, z, w) of a rotation vector [rad]."""
+    square = jnp.sum(jnp.square(vector))
+    turns = square > 0
+    angle = jnp.sqrt(jnp.where(turns, square, 1.0))
+    scale = jnp.where(turns, jnp.sin(angle / 2) / angle, 0.5)
+    cosine = jnp.where(turns, jnp.cos(angle / 2), 1.0)
+    return jnp.append(scale * vector, cosine)
+
+
+def _half_on(attitude: Float[Array, "4"], turn: Float[Array, "3"]) -> Float[Array, "4"]:
+    return quaternion_product(attitude, rotation_quaternion(turn / 2))
+
+
+def _at(
+    when: Float[Array, " edge"],
+    times: Float[Array, " row"],
+    rows: Float[Array, "row axis"],
+) -> Float[Array, "edge axis"]:
+    """Return columns between their rows."""
+    return jax.vmap(jnp.interp, (None, None, 1), 1)(when, times, rows)
+
+
+def read(key: PRNGKeyArray, imu: Imu, true: Felt) -> Felt:
+    """Return samples as they are written down.
+
+    Args:
+        key: Of bias, walk and noise.
+        imu: What it does to them.
+        true: What it feels.
+    """
+    noise = imu.sample_noise()
+    force, rate = jax.random.split(key)
+    return Felt(
+        _axes(
+            *(force, true.force, imu, noise[0]),
+            *(imu.accelerometer_bias, imu.accelerometer_walk, imu.accelerometer_range),
+        ),
+        _axes(
+            *(rate, true.rate, imu, noise[1]),
+            *(imu.gyroscope_bias, imu.gyroscope_walk, imu.gyroscope_range),
+        ),
+    )
+
+
+def _axes(
+    key: PRNGKeyArray,
+    true: Float[Array, "sample 3"],
+    imu: Imu,
+    noise: Float[Array, ""],
+    bias: Float[Array, ""],
+    walk: Float[Array, ""],
+    full_scale: Float[Array, ""],
+) -> Float[Array, "sample 3"]:
+    """Return the samples of one instrument."""
+    of_bias, of_walk, of_noise = jax.random.split(key, 3)
+    step = walk * math.sqrt(1 / imu.rate)
+    off = bias * jax.random.normal(of_bias, (3,))
+    walked = step * jnp.cumsum(jax.random.normal(of_walk, true.shape), axis=0)
+    read = (
+        true + off[None, :] + walked + noise * jax.random.normal(of_noise, true.shape)
+    )
+    if imu.bits is None:
+        return jnp.clip(read, -full_scale, full_scale)
+    smallest = full_scale / 2.0 ** (imu.bits - 1)
+    whole = jnp.round(read / smallest) * smallest
+    return jnp.clip(whole, -full_scale, full_scale - smallest)
+
+
+class JoltPick(NamedTuple):
+    """A jolt, or none.
+
+    Attributes:
+        found: Whether there is one, that begins and ends within the stretch.
+        why: If not, why.
+        onset: Number of the first sample that it is in.
+        velocity_m_s: Change of velocity, world.
+        sd_m_s: Of each of its components, of noise and bias.
+        clipped: Whether a sample stood at the end of its range: it is a lower bound.
+    """
+
+    found: bool
+    why: str
+    onset: int
+    velocity_m_s: Float[np.ndarray, "3"]
+    sd_m_s: float
+    clipped: bool
+
+    @property
+    def speed_m_s(self) -> tuple[float, float]:
+        """Its size and sd, what the forward model leaves out among it."""
+        size = float(np.linalg.norm(self.velocity_m_s))
+        return size, math.hypot(self.sd_m_s, MODEL_SHARE * size)
+
+    @property
+    def bearing_rad(self) -> tuple[float, float]:
+        """Whereto, clockwise from north, and sd; an infinite one of none."""
+        east, north, _ = self.velocity_m_s
+        level = math.hypot(east, north)
+        sd = math.hypot(self.sd_m_s / level, ATTITUDE_RAD) if level else math.inf
+        return math.atan2(east, north) % (2 * math.pi), sd
+
+    @property
+    def elevation_rad(self) -> tuple[float, float]:
+        """How steeply up, and sd."""
+        east, north, up = self.velocity_m_s
+        size = float(np.linalg.norm(self.velocity_m_s))
+        own = math.hypot(ATTITUDE_RAD, MODEL_SHARE)
+        sd = math.hypot(self.sd_m_s / size, own) if size else math.inf
+        return math.atan2(up, math.hypot(east, north)), sd
+
+
+def base_of(count: int) -> int:
+    """Return how many samples of a stretch are taken to come before a jolt."""
+    return max(FEWEST, round(BASE * count))
+
+
+def pick_jolt(
+    samples: Felt,
+    imu: Imu,
+    vehicle: Vehicle,
+    start: State,
+    rotor_speed_rad_s: Float[Array, "sample 4"],
+    offset_m: Float[Array, "3"],
+    quaternion: Float[Array, "4"],
+    *,
+    wind_m_s: Float[Array, "3"] | None = None,
+) -> JoltPick:
+    """Return the first jolt in a stretch of samples.
+
+    Args:
+        samples: The stretch.
+        imu: What wrote them.
+        vehicle: What it is on.
+        start: Its motion where the stretch begins, as it knows it.
+        rotor_speed_rad_s: In the middle of each sample.
+        offset_m: Of the instrument, body axes.
+        quaternion: Instrument to body (x, y, z, w).
+        wind_m_s: Of the air, as far as it is known; None: still.
+    """
+    count = len(samples.force)
+    base = base_of(count)
+    if count < 2 * base:
+        return _none(f"{count} samples are too few")
+    wind = jnp.zeros(3) if wind_m_s is None else wind_m_s
+    left, world = (
+        np.asarray(x)
+        for x in beyond(
+            *(samples, 1 / imu.rate, base, vehicle, start, rotor_speed_rad_s),
+            *(offset_m, quaternion, wind),
+        )
+    )
+    if not np.isfinite(left).all():
+        return _none("the vehicle was lost")
+    noise = _Noise.of(imu, offset_m)
+    if left[:base].std() > OVER * noise.of_one:
+        return _none("the stretch begins within a jolt")
+    size = np.linalg.norm(left, axis=1)
+    above = np.flatnonzero(size > FOUND * noise.of_one)
+    if not above.size or above[0] < base:
+        return _none("no jolt leaves the noise")
+    onset = int(above[0])
+    top = float(imu.accelerometer_range) * (1 - 2.0 ** (1 - (imu.bits or 53)))
+    at_end = np.abs(np.asarray(samples.force)) >= top * (1 - 1e-9)
+    clipped = bool(at_end[onset - 1 :].any())
+    last = _end(left, onset, noise, imu.rate, CLIPPED_SHARE if clipped else 0.0)
+    if last is None:
+        return _none("the jolt is not over within the stretch")
+    # the front may have stood in the sample before, below what is found
+    first = onset - 1
+    jolt = world[first:last].sum(axis=0) / imu.rate
+    walked = float(imu.accelerometer_walk) * math.sqrt((last - base / 2) / imu.rate)
+    off = math.hypot(noise.white / math.sqrt(base), walked) * (last - first)
+    of_sum = math.sqrt(last - first) * noise.white
+    sd = math.hypot(of_sum, off, math.sqrt(2.0) * noise.lever) / imu.rate
+    if np.linalg.norm(jolt) < FOUND * sd:
+        return _none("the jolt is lost in the noise")
+    return JoltPick(True, "", onset, jolt, sd, clipped)
+
+
+class _Noise(NamedTuple):
+    """What is left of a sample without a jolt, sd [m/s2].
+
+    Attributes:
+        white: Of the accelerometer, and of its bits.
+        lever: Of the gyroscope, by whose changes the instrument's own way is taken
+            off: all but the ends of it cancel in a sum.
+    """
+
+    white: float
+    lever: float
+
+    @classmethod
+    def of(cls, imu: Imu, offset_m: Float[Array, "3"]) -> "_Noise":
+        """Return that of an instrument at a place."""
+        force, rate = map(float, imu.sample_noise())
+        if imu.bits is not None:
+            share = 2.0 ** (1 - imu.bits) / math.sqrt(12.0)
+            force = math.hypot(force, share * float(imu.accelerometer_range))
+            rate = math.hypot(rate, share * float(imu.gyroscope_range))
+        arm = float(jnp.linalg.norm(offset_m))
+        return cls(max(force, FLOOR_M_S2), rate / math.sqrt(2.0) * arm * imu.rate)
+
+    @property
+    def of_one(self) -> float:
+        return math.hypot(self.white, self.lever)
+
+    def of_mean(self, width: int) -> float:
+        """Return that of a mean over several."""
+        return math.hypot(self.white / math.sqrt(width), self.lever / width)
+
+
+def _end(
+    left: Float[np.ndarray, "sample 3"],
+    onset: int,
+    noise: _Noise,
+    rate_hz: float,
+    share: float,
+) -> int | None:
+    """Return the sample after which it is quiet; None if it is so nowhere.
+
+    Args:
+        left: What is left of the samples.
+        onset: Where the jolt begins.
+        noise: Of them.
+        rate_hz: Of them.
+        share: Of the largest, below which it is quiet in any case.
+    """
+    width = max(1, round(SMOOTH_S * rate_hz))
+    quiet = max(2, round(QUIET_S * rate_hz))
+    kernel = np.ones(width) / width
+    smooth = np.stack([np.convolve(axis, kernel, "valid") for axis in left.T], axis=1)
+    size = np.linalg.norm(smooth, axis=1)
+    loud = size > max(OVER * noise.of_mean(width), share * size.max())
+    since = 0
+    for n in range(onset, len(loud)):
+        since = 0 if loud[n] else since + 1
+        if since >= quiet:
+            return n - quiet + width
+    return None
+
+
+def _none(why: str) -> JoltPick:
+    return JoltPick(False, why, -1, np.full(3, np.nan), math.inf, False)
+
+
+@kept
+def beyond(
+    samples: Felt,
+    step_s: Float[Array, ""] | float,
+    base: int,
+    vehicle: Vehicle,
+    start: State,
+    rotor_speed: Float[Array, "sample 4"],
+    offset_m: Float[Array, "3"],
+    quaternion: Float[Array, "4"],
+    wind: Float[Array, "3"],
+) -> tuple[Float[Array, "sample 3"], Float[Array, "sample 3"]]:
+    """Return what the accelerometer reads beyond the vehicle's own air [m/s2].
+
+    Args:
+        samples: The stretch.
+        step_s: Time of a sample.
+        base: Of how many samples the mean is nothing: their bias is taken off.
+        vehicle: What it is on.
+        start: Its motion where the stretch begins.
+        rotor_speed: In the middle of each sample [rad/s].
+        offset_m: Of the instrument, body axes.
+        quaternion: Instrument to body.
+        wind: Of the air [m/s].
+
+    Returns:
+        Along body axes, and along the world's.
+    """
+    to_body = quaternion_matrix(quaternion)
+    force, rate = samples.force @ to_body.T, samples.rate @ to_body.T
+    turns = jax.vmap(rotation_quaternion)(rate * step_s)
+    halves = jax.vmap(rotation_quaternion)(rate * step_s / 2)
+
+    def turn(attitude, both):
+        whole, half = both
+        return quaternion_product(attitude, whole), quaternion_product(attitude, half)
+
+    _, attitude = jax.lax.scan(turn, start.quaternion, (turns, halves))
+    # the instrument's place is thrown as the vehicle turns, and it is not
+    edges = jnp.concatenate([rate[:1], (rate[1:] + rate[:-1]) / 2, rate[-1:]])
+    thrown = jnp.diff(_cross(edges, offset_m), axis=0) / step_s
+    thrown = thrown + jnp.cross(rate, _cross(rate, offset_m))
+    centre = force - thrown
+    to_world = jax.vmap(quaternion_matrix)(attitude)
+    gravity = jnp.array([[0.0, 0.0, FLIGHT_GRAVITY]])
+
+    def left(bias):
+        gained = jnp.einsum("nij,nj->ni", to_world, centre - bias[None]) - gravity
+        after = start.velocity_m_s[None] + jnp.cumsum(gained, axis=0) * step_s
+        velocity = after - gained * step_s / 2
+
+        def of(velocity, attitude, rate, speeds):
+            state = State(jnp.zeros(3), velocity, attitude, rate, speeds)
+            return jnp.stack(air_wrench(vehicle, components(state), tuple(wind))[0])
+
+        own = jax.vmap(of)(velocity, attitude, rate, rotor_speed) / vehicle.mass_kg
+        return centre - own - bias[None]
+
+    bias = jnp.zeros(3)
+    for _ in range(2):  # by the first an own velocity that drifts with the bias
+        bias = bias + left(bias)[:base].mean(axis=0)
+    found = left(bias)
+    return found, jnp.einsum("nij,nj->ni", to_world, found)
+
+
+def _cross(
+    rates: Float[Array, "row 3"], arm: Float[Array, "3"]
+) -> Float[Array, "row 3"]:
+    return jnp.cross(rates, jnp.broadcast_to(arm, rates.shape))

@@ -1,1 +1,0 @@
-"""Samples of a signal: blocks, streams, noise, filters, bits; shared by instruments."""

@@ -1,0 +1,415 @@
+r"""Waves at a place: their paths through air and ground, arrivals and pulses.
+
+Air. Arrival, peak, duration and impulse are those of `sensors.record` for the same
+scene and laws. Two numbers are not a law's to choose: the suction is that of
+`waves.blast_pulse`, and smaller by the same factor where a law has less pressure than
+`shock_kinematics`; the rise time is that of a weak shock
+(`waves/waveform/rise_time.py`).
+
+The reflection comes from the image of the charge below a flat ground. It exists for
+charges whose curves are those of free air (the curves of a surface burst contain the
+ground) and for places above the ground. It is a wave of its own by the same laws at the
+longer distance, its pressure times the coefficient of the ground, 1 for a rigid one.
+This is the regular reflection of sound. Where the direct wave is strong the true
+reflection is stronger, and past the triple point the two waves are one.
+
+Ground. Arrival, displacement and velocity are those of `sensors.record` for the same
+scene and laws; the path of the arrival is that of `ground.path`. The motion is that of
+the ground below the place. The ground is a piston to the air above it,
+$p = \rho c\,v$: a plane wave that goes up without attenuation.
+"""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any, Literal, NamedTuple
+
+import jax.numpy as jnp
+import numpy as np
+from jax.core import Tracer
+from jaxtyping import Array, Bool, Float
+
+from jblast.errors import InputError, nearest
+from jblast.registry import call, is_law, law_for, names_for
+from jblast.scene import Air, Charge, Scene
+from jblast.sensors.layout import Layout
+from jblast.sensors.record import path_to, record
+from jblast.waves.laws.shock_kinematics import shock_kinematics_pressure
+from jblast.waves.paths import Path, slant_range
+from jblast.waves.propagation import air_density, ambient, sound_speed_of
+from jblast.waves.pulse import GroundPulse, ground_pulse_of, pulse_of
+from jblast.waves.waveform import suction_of, weak_shock_rise_time
+
+Way = Literal["air", "reflected", "ground"]
+AIR_QUANTITIES = (
+    "air_arrival_s",
+    "peak_overpressure_pa",
+    "positive_duration_s",
+    "positive_impulse_pa_s",
+)
+"""What decides a wave in air."""
+DEFAULT_RECORD_LAWS: dict[str, str] = dict.fromkeys(AIR_QUANTITIES, "shock_kinematics")
+"""One picture from the charge to Z = 1e4, so that nothing has to be chosen inside jit.
+"""
+DEFAULT_GROUND_LAWS: dict[str, str] = {
+    "ground_arrival_s": "wu_hao",
+    "ground_displacement_m": "ground_motion",
+    "ground_peak_velocity_m_s": "ground_motion",
+}
+"""What decides a wave in the ground, and the laws where nothing is said."""
+
+
+class Heard(NamedTuple):
+    """One wave that comes to a place.
+
+    Attributes:
+        pulse: Its pressure over time, on the common clock: a `Pulse`.
+        kind: "air" from the charge itself, "reflected" by the ground, or "ground": of
+            the moving ground, a `GroundPulse` in pascals (its displacement is then the
+            integral of the pressure [Pa s]).
+        shot: Which of the scene's charges it is of.
+        distance: That it came [m].
+        absorbed: Whether the air's absorption acts on it, which its law does not know:
+            where the law of the peak does not hold, or the scene says so. Never on
+            that of the ground.
+    """
+
+    pulse: Any  # Pulse, or GroundPulse: a union would ask every reader which
+    kind: Way
+    shot: int
+    distance: Float[Array, ""]
+    absorbed: Bool[Array, ""]
+
+
+def waves_at(
+    scene: Scene,
+    position: Float[Array, "3"],
+    laws: Mapping[str, str],
+    reflection: float | Float[Array, ""],
+    ground: bool,
+) -> tuple[Heard, ...]:
+    """Return every wave that comes to a place.
+
+    Of a charge that never happens it arrives never, with no pressure. Pure: for jit,
+    vmap and grad.
+
+    Args:
+        scene: What is there.
+        position: East, north, up [m].
+        laws: By quantity, all that the ways need.
+        reflection: Coefficient of the ground; a plain 0 leaves reflections out.
+        ground: Whether the moving ground is heard, too.
+    """
+    return tuple(
+        wave_at(scene, position, laws, shot, way, reflection)
+        for shot, way in ways(scene, reflection, ground)
+    )
+
+
+def wave_at(
+    scene: Scene,
+    position: Float[Array, "3"],
+    laws: Mapping[str, str],
+    shot: int,
+    way: Way,
+    reflection: float | Float[Array, ""],
+) -> Heard:
+    """Return one wave at a place; what is not there arrives never.
+
+    Args:
+        scene: What is there.
+        position: East, north, up [m].
+        laws: By quantity.
+        shot: Which of the scene's charges it is of.
+        way: How it comes.
+        reflection: Coefficient of the ground.
+    """
+    if way != "ground":
+        return air_wave(scene, position, laws, shot, way, reflection)
+    seen, place = as_seen(scene, position, shot, way)
+    (motion,) = ground_waves(seen, place, laws)
+    there = is_there(scene, position, shot, way)
+    loudness = jnp.where(there, pressure_of_velocity(scene.air), 0.0)
+    pulse = motion._replace(
+        arrival_time=jnp.where(there, motion.arrival_time, jnp.inf),
+        amplitude=loudness * motion.amplitude,
+    )
+    charge = seen.charge
+    source = jnp.stack(charge.position_m)
+    distance = slant_range(source, place)
+    if charge.range_m is not None:
+        distance = charge.range_m
+    return Heard(pulse, way, shot, distance, jnp.zeros((), bool))
+
+
+def air_wave(
+    scene: Scene,
+    position: Float[Array, "3"],
+    laws: Mapping[str, str],
+    shot: int,
+    way: Way,
+    reflection: float | Float[Array, ""] = 1.0,
+) -> Heard:
+    """Return one wave at a place; what is not there arrives never.
+
+    Args:
+        scene: What is there.
+        position: East, north, up [m].
+        laws: By quantity, all of `AIR_QUANTITIES`.
+        shot: Which of the scene's charges it is of.
+        way: How it comes.
+        reflection: Coefficient of the ground.
+    """
+    seen, place = as_seen(scene, position, shot, way)
+    layout = rows_of_place(place, AIR_QUANTITIES)
+    arrival, peak, duration, impulse = record(seen, layout, laws).value
+    path = replace(
+        path_to(seen, layout.only(np.array([1]))),
+        charge_mass=seen.charge.tnt_mass("peak_overpressure_pa"),
+    )
+    rise = weak_shock_rise_time(peak, impulse, duration)
+    suction = _suction(path, peak)
+    pulse = pulse_of(arrival, peak, impulse, duration, rise, *suction)
+    there = is_there(scene, position, shot, way)
+    factor = jnp.where(there, 1.0 if way == "air" else reflection, 0.0)
+    pulse = pulse._replace(
+        arrival_time=jnp.where(there, arrival, jnp.inf),
+        peak=factor * pulse.peak,
+        suction=factor * pulse.suction,
+    )
+    law = law_for("peak_overpressure_pa", laws["peak_overpressure_pa"])
+    holds = jnp.broadcast_to(call(law.valid, path), (1,))[0]
+    absorbed = ~holds | scene.air.absorption
+    return Heard(pulse, way, shot, path.slant_range[0], absorbed)
+
+
+def peak_at(
+    scene: Scene, distance: Float[Array, ""], laws: Mapping[str, str], wave: Heard
+) -> Float[Array, ""]:
+    """Return the peak of a wave's charge at another distance, by the same law [Pa]."""
+    nowhere = jnp.zeros(3, jnp.result_type(distance))
+    seen, place = as_seen(scene, nowhere, wave.shot, wave.kind)
+    layout = rows_of_place(place, ("peak_overpressure_pa",))
+    layout = replace(layout, slant_range=jnp.reshape(distance, (1,)))
+    return record(seen, layout, laws).value[0]
+
+
+def _suction(
+    path: Path, peak: Float[Array, ""]
+) -> tuple[Float[Array, ""], Float[Array, ""]]:
+    """Return greatest underpressure and its impulse, less where a law says less."""
+
+    def by_burst(way: Path):
+        burst = way.one_burst()
+        air = (way.slant_range, way.charge_mass, way.ambient_pressure)
+        known = shock_kinematics_pressure(*air, burst)
+        low, impulse = suction_of(*air, way.sound_speed, burst)
+        share = jnp.minimum(peak / known, 1.0)
+        return share * low, share * impulse
+
+    low, impulse = path.by_height(by_burst) if path.burst is None else by_burst(path)
+    return low[0], impulse[0]
+
+
+def ground_waves(
+    scene: Scene, position: Float[Array, "3"], laws: Mapping[str, str]
+) -> tuple[GroundPulse, ...]:
+    """Return the wave in the ground of every charge, on the common clock.
+
+    That of a charge that never happens comes never. Pure: for jit, vmap and grad.
+
+    Args:
+        scene: What is there.
+        position: East, north, up [m]; in the ground, or above the ground it is felt by.
+        laws: By quantity, all of `DEFAULT_GROUND_LAWS`.
+    """
+    below = position.at[2].min(0.0)
+    shots = len(scene.charges)
+    quantities = tuple(DEFAULT_GROUND_LAWS)
+    n = shots * len(quantities)
+    layout = Layout(
+        quantity=quantities * shots,
+        position=jnp.stack([position, below, below] * shots),
+        slant_range=jnp.full(n, jnp.nan),
+        time=jnp.full(n, jnp.nan),
+        group=(0,) * n,
+        shot=tuple(shot for shot in range(shots) for _ in quantities),
+        clock=("",) * n,
+    )
+    value = record(scene, layout, laws).value.reshape(shots, len(quantities))
+    return tuple(ground_pulse_of(*value[shot]) for shot in range(shots))
+
+
+def pressure_of_velocity(air: Air) -> Float[Array, ""]:
+    r"""Return the pressure above ground that moves, over its velocity: $\rho c$."""
+    density = air_density(*ambient(air), air.relative_humidity)
+    return density * sound_speed_of(air)
+
+
+def ways(
+    scene: Scene, reflection: float | Float[Array, ""], ground: bool
+) -> tuple[tuple[int, Way], ...]:
+    """Return by which ways waves of which charge may come to a place.
+
+    Args:
+        scene: What is there.
+        reflection: Coefficient of the ground; a plain 0 leaves reflections out.
+        ground: Whether the moving ground is heard, too.
+    """
+    off = not isinstance(reflection, Tracer) and not np.any(reflection)
+    found: list[tuple[int, Way]] = []
+    for shot, charge in enumerate(scene.charges):
+        found.append((shot, "air"))
+        if not off and _may_be_high(charge):
+            found.append((shot, "reflected"))
+        if ground:
+            found.append((shot, "ground"))
+    return tuple(found)
+
+
+def arrival_time(
+    scene: Scene,
+    position: Float[Array, "3"],
+    laws: Mapping[str, str],
+    shot: int,
+    way: Way,
+) -> Float[Array, ""]:
+    """Return when one wave comes to a place, on the common clock [s].
+
+    Of a charge that never happens, as if it did at time 0.
+    """
+    seen, place = as_seen(scene, position, shot, way)
+    quantity = "ground_arrival_s" if way == "ground" else "air_arrival_s"
+    return record(seen, rows_of_place(place, (quantity,)), laws).value[0]
+
+
+def _may_be_high(charge: Charge) -> bool:
+    """Whether a charge may stand above the ground and be taken by free-air curves."""
+    if charge.range_m is not None or charge.burst == "surface":
+        return False
+    return not _stands_low(charge)
+
+
+def _stands_low(charge: Charge) -> bool:
+    """Whether a charge is known to stand on the ground or in it."""
+    return not isinstance(charge.up, Tracer) and bool(
+        np.all(np.asarray(charge.up) <= 0)
+    )
+
+
+def low_charges_settled(scene: Scene) -> Scene:
+    """Return the scene with surface curves where a height on the ground leaves them.
+
+    Outside jit, where heights are known: half of the program.
+    """
+    charges = [
+        replace(charge, burst="surface", by_height=True)
+        if charge.burst is None and _stands_low(charge)
+        else charge
+        for charge in scene.charges
+    ]
+    return replace(scene, charge=charges[0], others=tuple(charges[1:]))
+
+
+def alone(scene: Scene, shot: int) -> Scene:
+    """Return a scene with one of its charges, and with nobody: one program for all.
+
+    A program is compiled anew for another count, name or order of what a scene holds.
+    """
+    return replace(
+        scene,
+        charge=replace(scene.charges[shot], name=""),
+        others=(),
+        sensors=(),
+        camera=None,
+        vehicle=None,
+        ambient=None,
+        clocks=(),
+    )
+
+
+def as_seen(
+    scene: Scene, position: Float[Array, "3"], shot: int, way: Way
+) -> tuple[Scene, Float[Array, "3"]]:
+    """Return the scene with one charge, and the place as the wave of a way sees it.
+
+    Mirrored at the ground it is as far from the charge as the place from the image, and
+    as far upwind.
+    """
+    charge = scene.charges[shot].as_if_at_zero()
+    if way != "reflected":
+        return replace(scene, charge=charge, others=()), position
+    charge = replace(charge, burst="free-air")
+    mirror = jnp.array([1.0, 1.0, -1.0], position.dtype)
+    return replace(scene, charge=charge, others=()), position * mirror
+
+
+def is_there(
+    scene: Scene, position: Float[Array, "3"], shot: int, way: Way
+) -> Bool[Array, ""]:
+    """Return whether there is a wave of a way at a place."""
+    charge = scene.charges[shot]
+    if way != "reflected":
+        return ~charge.never
+    above = (charge.up > 0) & (position[2] > 0)
+    if charge.burst is None:
+        seen, _ = as_seen(scene, position, shot, "air")
+        path = path_to(seen, rows_of_place(position, ("peak_overpressure_pa",)))
+        above = above & jnp.asarray(path.free_air)[0]
+    return above & ~charge.never
+
+
+def rows_of_place(place: Float[Array, "3"], quantities: tuple[str, ...]) -> Layout:
+    """Return the rows of a place, one a quantity, on the common clock."""
+    n = len(quantities)
+    return Layout(
+        quantity=quantities,
+        position=jnp.broadcast_to(place, (n, 3)),
+        slant_range=jnp.full(n, jnp.nan),
+        time=jnp.full(n, jnp.nan),
+        group=(0,) * n,
+        shot=(0,) * n,
+        clock=("",) * n,
+    )
+
+
+def record_laws(
+    scene: Scene, laws: Mapping[str, str] | None = None, *, ground: bool = False
+) -> dict[str, str]:
+    """Return the law of each quantity: as told, else as the scene says, else these.
+
+    Args:
+        scene: Its `law`; "auto" there leaves a quantity to `DEFAULT_RECORD_LAWS`.
+        laws: By quantity; quantities that no record needs are not looked at.
+        ground: Whether waves in the ground are recorded, too: with `ground_laws`.
+
+    Raises:
+        InputError: A law of that name does not give its quantity.
+    """
+    named = _named(scene, laws, DEFAULT_RECORD_LAWS)
+    return named | ground_laws(scene, laws) if ground else named
+
+
+def ground_laws(scene: Scene, laws: Mapping[str, str] | None = None) -> dict[str, str]:
+    """Return the same of waves in the ground, by `DEFAULT_GROUND_LAWS`."""
+    return _named(scene, laws, DEFAULT_GROUND_LAWS)
+
+
+def _named(
+    scene: Scene, laws: Mapping[str, str] | None, defaults: Mapping[str, str]
+) -> dict[str, str]:
+    """Return the law of each quantity that has a default."""
+    chosen = {**dict(scene.law), **(laws or {})}
+    found = {
+        quantity: chosen[quantity]
+        if chosen.get(quantity, "auto") != "auto"
+        else default
+        for quantity, default in defaults.items()
+    }
+    for quantity, name in found.items():
+        if not is_law(quantity, name):
+            known = names_for(quantity)
+            raise InputError(
+                f"law of {quantity}: expected one of {', '.join(known)}, got "
+                f"{name!r}{nearest(name, known)}"
+            )
+    return found
